@@ -1,0 +1,1 @@
+"""Floor 9: the commands; no logic of their own."""

@@ -1,0 +1,1 @@
+"""Floor 3: the Gymnasium face: observation, reward terms, termination, rendering."""

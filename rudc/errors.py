@@ -1,0 +1,44 @@
+"""Every exception that RUDC raises on purpose; no solver's, SUMO's or pydantic's exception leaks to a user.
+
+`exit_code` is what the command line leaves with: 2 when the input was wrong, 1 when the work failed.
+"""
+
+
+class RudcError(Exception):
+    """Base of all of them. Its text is one clear message: what is wrong, where, and what to do."""
+
+    exit_code = 1
+
+
+class InputError(RudcError):
+    """What the user gave is wrong: a file, a name, a value."""
+
+    exit_code = 2
+
+
+class ScenarioError(InputError):
+    """A scenario file is wrong; the text lists every problem, one `FILE:LINE:COLUMN: key.path: what` a line."""
+
+
+class NetworkError(InputError):
+    """A road network cannot be used; the text says what is missing."""
+
+
+class AgentError(InputError):
+    """No such agent or checkpoint, or it does not fit."""
+
+
+class SweepError(InputError):
+    """A sweep cannot start or resume; the text says what differs."""
+
+
+class SimulationError(RudcError):
+    """SUMO failed, or an episode could not be set up as its scenario asks."""
+
+
+class WorldBusyError(RudcError):
+    """A second world was asked for in one process (libsumo would silently destroy the first)."""
+
+
+class SolverError(RudcError):
+    """A QP was refused (input not finite) or its solver is not installed."""

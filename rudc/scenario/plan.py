@@ -1,0 +1,77 @@
+"""`EpisodePlan`: one episode made concrete, every distribution that describes it as a whole already drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from rudc.scenario.distributions import Distribution
+    from rudc.scenario.events import Event
+
+Turn = Literal["left", "straight", "right"]
+
+
+@dataclass(frozen=True, slots=True)
+class EgoPlan:
+    """Where the ego starts and where it goes; what is None the world draws from the network."""
+
+    origin: str | None
+    """arm (compass name) or edge id it comes from"""
+    turn: Turn | None
+    destination: str | None
+    """arm or edge id it leaves by"""
+    speed_mps: float
+    distance_m: float
+    """before the stop line"""
+    destination_m: float
+    """beyond the junction's exit, where the episode succeeds"""
+
+
+@dataclass(frozen=True, slots=True)
+class TrafficPlan:
+    """Surrounding vehicles (SVs). Distributions left here are drawn anew for each SV."""
+
+    density: float
+    """veh/km of two-way road"""
+    speed: Distribution
+    """m/s, initial"""
+    mix: Mapping[str, float]
+    """share of each vehicle type: car, truck, bus, motorcycle, bicycle"""
+    impatience: float
+    """SUMO's `impatience`, 0 to 1"""
+    minor_gap_s: float
+    """s, SUMO's `jmTimegapMinor`: the gap that suffices on the minor road"""
+    headway_s: Distribution
+    """s, IDM's desired time headway"""
+    min_gap_m: Distribution
+    """m, IDM's standstill distance"""
+    accel: Distribution
+    """m/s2, IDM's acceleration"""
+    decel: Distribution
+    """m/s2, IDM's comfortable deceleration"""
+    speed_factor: Distribution
+    """desired speed over the limit"""
+    warm_up_s: float
+    """s simulated before the ego appears"""
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodePlan:
+    """Everything the world needs to set up and run one episode."""
+
+    scenario: str
+    network: str
+    """name of a shipped network or absolute path of a .net.xml"""
+    junction: str | None
+    seed: int
+    attempt: int
+    """how often the seed was redrawn because the ego could not start safely"""
+    world_seed: tuple[int, ...]
+    """entropy of the world's own generator: numpy.random.default_rng(world_seed)"""
+    ego: EgoPlan
+    traffic: TrafficPlan
+    events: tuple[Event, ...]
+    """in file order, numbers drawn; events whose `probability` failed are absent"""
+    timeout_s: float

@@ -1,0 +1,126 @@
+"""`Scene`: the world at one instant, as arrays. What agents, filter, observation and reward see of the world.
+
+World frame: x east, y north, heading psi counter-clockwise from x. SI units, radians. Positions are those of
+a vehicle's centre; the ego's centre of gravity is the centre of its rectangle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from rudc.world.network import Network, Route
+
+Array = NDArray[np.float64]
+
+
+class Kind(IntEnum):
+    """What a road user or obstacle is."""
+
+    CAR = 0
+    TRUCK = 1
+    BUS = 2
+    MOTORCYCLE = 3
+    BICYCLE = 4
+    PEDESTRIAN = 5
+    OBSTACLE = 6
+
+
+@dataclass(frozen=True, slots=True)
+class EgoVehicle:
+    """The ego vehicle's body and limits."""
+
+    length: float = 5.0
+    """m"""
+    width: float = 1.8
+    """m"""
+    wheelbase: float = 2.8
+    """m"""
+    cg_to_rear: float = 1.4
+    """m, centre of gravity to rear axle"""
+    a_min: float = -6.0
+    """m/s2, hardest braking"""
+    a_max: float = 3.0
+    """m/s2"""
+    delta_max: float = 0.6
+    """rad, largest front-wheel angle to either side"""
+    v_max: float = 15.0
+    """m/s"""
+
+
+@dataclass(frozen=True, slots=True)
+class EgoState:
+    """State of the ego vehicle's plant."""
+
+    x: float
+    """m, centre of gravity"""
+    y: float
+    """m"""
+    psi: float
+    """rad, heading of the body"""
+    v: float
+    """m/s, speed of the centre of gravity, never negative"""
+    slip: float
+    """rad, angle from the body's axis to the velocity"""
+    yaw_rate: float
+    """rad/s"""
+    acceleration: float
+    """m/s2, realised (after lag, delay and friction)"""
+    steering: float
+    """rad, realised front-wheel angle"""
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """The world at one instant. N counts surrounding vehicles, pedestrians and obstacles, nearest first."""
+
+    time_s: float
+    """s since the episode began"""
+    timeout_s: float
+    """s, the episode's time limit"""
+    ego: EgoState
+    vehicle: EgoVehicle
+    route: Route
+    """the ego's route, with its reference path"""
+    ego_s: float
+    """m, arc length of the ego's projection on `route.path`"""
+    ego_offset: float
+    """m, lateral offset from `route.path`, positive to its left"""
+    waited_s: float
+    """s the ego has been standing (below 0.5 m/s) without a break"""
+    last_u: Array
+    """(2,) the action applied before this instant: acceleration m/s2, front-wheel angle rad"""
+    network: Network
+    ids: tuple[str, ...]
+    """names of the N others"""
+    position: Array
+    """(N, 2) m, centres"""
+    heading: Array
+    """(N,) rad"""
+    velocity: Array
+    """(N, 2) m/s, world frame"""
+    acceleration: Array
+    """(N,) m/s2, longitudinal"""
+    size: Array
+    """(N, 2) m, length and width"""
+    kind: NDArray[np.int64]
+    """(N,) `Kind`"""
+    path: NDArray[np.int64]
+    """(N,) row of `network.paths` along which each drives, -1 for none (obstacle, pedestrian, wrong way)"""
+    path_s: Array
+    """(N,) m, arc length of each one's centre along that path"""
+
+    @property
+    def count(self) -> int:
+        """N."""
+        return len(self.ids)
+
+    @property
+    def ego_position(self) -> Array:
+        """(2,) m."""
+        return np.array([self.ego.x, self.ego.y])
