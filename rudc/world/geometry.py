@@ -1,7 +1,7 @@
 """Oriented rectangles: their corners, the gap between two of them, and whether they overlap. Vectorised.
 
-The plane is taken as the complex numbers: a rectangle is a centre c, a direction e^(i psi), half sizes (l, w).
-Seen from rectangle A, rectangle B lies at z = (c_B - c_A) e^(-i psi_A), turned by r = e^(i (psi_B - psi_A)).
+The plane is the complex numbers: a rectangle is a centre c, a direction e^(i psi) and half sizes (l, w). Seen
+from rectangle A, rectangle B lies at z = (c_B - c_A) e^(-i psi_A), turned by r = e^(i (psi_B - psi_A)).
 
 Overlap (separating axes): two rectangles are apart if and only if one of their four side directions separates
 them. Along A's length that is |Re z| > l_A + l_B |Re r| + w_B |Im r|; the other three read alike.
