@@ -6,7 +6,8 @@ a vehicle's centre; the ego's centre of gravity is the centre of its rectangle.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, fields
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
@@ -75,7 +76,7 @@ class EgoState:
     """rad, realised front-wheel angle"""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Scene:
     """The world at one instant. N counts surrounding vehicles, pedestrians and obstacles, nearest first."""
 
@@ -114,6 +115,17 @@ class Scene:
     """(N,) row of `network.paths` along which each drives, -1 for none (obstacle, pedestrian, wrong way)"""
     path_s: Array
     """(N,) m, arc length of each one's centre along that path"""
+    destination_s: float = math.inf
+    """m, arc length on `route.path` where the episode succeeds; where the path ends if that comes first"""
+
+    def __eq__(self, other: object) -> bool:
+        """Whether both show the same instant, number for number (network and route: by identity)."""
+        if not isinstance(other, Scene):
+            return NotImplemented
+        pairs = ((getattr(self, field.name), getattr(other, field.name)) for field in fields(self))
+        return all(
+            a is b or (np.array_equal(a, b) if isinstance(a, np.ndarray) else a == b) for a, b in pairs
+        )
 
     @property
     def count(self) -> int:
