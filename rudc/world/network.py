@@ -1,0 +1,261 @@
+"""`Network`: a junction with its arms, lanes, movements, paths, right of way and drivable area, read from a .net.xml.
+
+World frame: x east, y north, as in the file; angles counter-clockwise from x; SI units. Nothing here knows any
+particular junction. Numbering of lanes is SUMO's: 0 is the rightmost in driving direction.
+
+Right of way is SUMO's request matrix, as netconvert computed it from the node's type: at an all-way stop or any other
+equal right of way by arrival, both of two crossing ways must yield to each other, and no arm is major.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from rudc.data import data_folder
+from rudc.errors import NetworkError
+from rudc.world import network_assembly as assembly
+from rudc.world import network_reader as reader
+from rudc.world.conflicts import conflict_table
+from rudc.world.paths import PathTable
+from rudc.world.polyline import Array, resample, without_repeats
+from rudc.world.road import Arm, Lane, Movement, Turn
+from rudc.world.route import ReferencePath, Route
+from rudc.world.route_builder import build_route
+from rudc.world.surface import Surface
+
+__all__ = [
+    "Arm",
+    "Lane",
+    "Movement",
+    "Network",
+    "ReferencePath",
+    "Route",
+    "Turn",
+    "load_network",
+    "shipped_networks",
+]
+
+
+class Network:
+    """One junction and its arms. Immutable; routes and conflict tables are computed once and kept."""
+
+    def __init__(self, path: Path, junction: str | None = None) -> None:
+        """Reads the .net.xml at `path`; `junction` names the node (or a node of the roundabout) if there are several."""
+        net = reader.read_net(path)
+        chosen = reader.choose_junction(net, junction, path)
+        raw_arms = reader.find_arms(chosen)
+        self.path = path
+        """the .net.xml"""
+        self.name = path.name.removesuffix(".gz").removesuffix(".net.xml").removesuffix(".xml")
+        """file name without its endings"""
+        self.nodes: tuple[str, ...] = tuple(node.getID() for node in chosen.nodes)
+        """SUMO nodes of the junction: one, or all of a roundabout"""
+        self.center: Array = assembly.centre_of(chosen)
+        """(2,) m, what positions in scenario files are relative to"""
+        ways = reader.find_ways(chosen, raw_arms)
+        lanes = assembly.make_lanes(chosen, raw_arms, ways)
+        raw_arms, arms = _sorted_arms(raw_arms, assembly.make_arms(raw_arms, lanes, self.center))
+        ways = reader.find_ways(chosen, raw_arms)
+        if not ways:
+            raise NetworkError(f"{path}: no connection leads through the junction {self.nodes[0]!r}")
+        yields = reader.right_of_way(chosen, ways)
+        self.arms: tuple[Arm, ...] = tuple(assembly.decide_major(arms, ways, yields))
+        """counter-clockwise from the east"""
+        self.road_km = sum(arm.length for arm in self.arms) / 1000.0
+        """km of two-way road on the arms: density is vehicles / road_km"""
+        self.lanes: dict[str, Lane] = lanes
+        """all lanes by SUMO's id: arms, ring, and inside the nodes"""
+        self.movements: tuple[Movement, ...] = tuple(assembly.make_movements(self.arms, ways, yields))
+        """permitted ways between arms"""
+        edges: dict[str, list[str]] = {}
+        for lane in lanes.values():
+            edges.setdefault(lane.edge, []).append(lane.id)
+        sources = [way.source for way in ways]
+        self.paths = PathTable(sources, [arm.name for arm in self.arms], edges, yields)
+        """all lane-to-lane ways"""
+        self._sources = sources
+        outside = [(lane.xy, lane.polygon) for lane in lanes.values() if not lane.internal]
+        self.node_polygons: tuple[Array, ...] = tuple(reader.shape_of(node) for node in chosen.nodes)
+        """(K, 2) m each, shapes of the junction's nodes"""
+        self.surface = Surface(assembly.drivable_polygons(chosen, raw_arms, lanes), outside)
+        """the drivable area"""
+        self.ring_edges: frozenset[str] = chosen.ring
+        """edges of a roundabout's ring"""
+        self._routes: dict[tuple[str, str, int | None], Route] = {}
+        self._conflicts: dict[int, tuple[ReferencePath, Array]] = {}
+        self.center.flags.writeable = False
+
+    def __repr__(self) -> str:
+        return f"Network({self.name!r}, arms={[arm.name for arm in self.arms]})"
+
+    @property
+    def half_extent(self) -> float:
+        """m, half the side of the square about the centre that holds all arms."""
+        return float(max(np.abs(lane.xy - self.center).max() for lane in self.lanes.values()))
+
+    def arm(self, name: str) -> Arm:
+        """The arm of that name; also found by the id of one of its edges."""
+        for arm in self.arms:
+            if name == arm.name or name in arm.in_edges or name in arm.out_edges:
+                return arm
+        raise NetworkError(
+            _unknown(f"no arm {name!r} in network {self.name}", name, [arm.name for arm in self.arms])
+        )
+
+    def lane(self, name: str) -> Lane:
+        """The lane with a scenario's name (`west_in_0`, `west_out_1`) or SUMO's id."""
+        named = self.lane_names
+        lane_id = named.get(name, name)
+        if lane_id in self.lanes:
+            return self.lanes[lane_id]
+        raise NetworkError(_unknown(f"no lane {name!r} in network {self.name}", name, named))
+
+    @property
+    def lane_names(self) -> dict[str, str]:
+        """Scenario names of the arms' lanes -> SUMO's ids."""
+        names = {}
+        for arm in self.arms:
+            for way, lane_ids in (("in", arm.in_lanes), ("out", arm.out_lanes)):
+                names.update({f"{arm.name}_{way}_{self.lanes[i].index}": i for i in lane_ids})
+        return names
+
+    def place_on_lane(
+        self, lane_name: str, at_m_from_junction: float, lateral: float = 0.0, heading_offset_rad: float = 0.0
+    ) -> tuple[float, float, float]:
+        """x m, y m and heading rad of a place on an arm's lane, `lateral` m to the left of its centre line.
+
+        `at_m_from_junction` runs outwards from the stop line (inbound) or the junction's exit (outbound).
+        """
+        lane = self.lane(lane_name)
+        arm = next((arm for arm in self.arms if lane.id in (*arm.in_lanes, *arm.out_lanes)), None)
+        if arm is None:
+            raise NetworkError(f"lane {lane_name!r} of network {self.name} is not next to the junction")
+        line, s = self._measured_outwards(lane, inbound=lane.id in arm.in_lanes, at=at_m_from_junction)
+        if not 0.0 <= s <= ReferencePath(line).length + 1.0:
+            raise NetworkError(
+                f"{at_m_from_junction:g} m from the junction is not on lane {lane_name!r} of network {self.name} "
+                f"(the arm is {arm.length:.0f} m long)"
+            )
+        x, y, psi = (float(v) for v in ReferencePath(line).pose(s))
+        return x - lateral * np.sin(psi), y + lateral * np.cos(psi), psi + heading_offset_rad
+
+    def movement(self, origin: str, towards: str) -> Movement:
+        """The movement from an arm to another (arm name or edge id), or by its turn (left, straight, right, u_turn)."""
+        start = self.arm(origin).name
+        options = [m for m in self.movements if m.origin == start]
+        if towards in ("left", "straight", "right", "u_turn"):
+            found = [m for m in options if m.turn == towards]
+        else:
+            end = self.arm(towards).name
+            found = [m for m in options if m.destination == end]
+        if len(found) == 1:
+            return found[0]
+        known = ", ".join(f"{m.destination} ({m.turn})" for m in options) or "nowhere"
+        problem = (
+            f"leads {towards} to several arms; name the one meant"
+            if found
+            else f"does not lead to {towards!r}"
+        )
+        raise NetworkError(f"network {self.name}: arm {start!r} {problem}; from there one gets to {known}")
+
+    def route(self, origin: str, towards: str, lane: int | None = None) -> Route:
+        """The ego's route from an arm to another arm, or by its turn; `lane` is the index of the inbound lane.
+
+        Without `lane`, left turns start on the leftmost lane that permits them, all others on the rightmost.
+        """
+        movement = self.movement(origin, towards)
+        key = (movement.origin, movement.destination, lane)
+        if key not in self._routes:
+            allowed = sorted({self.inbound_lane(row).index for row in movement.rows})
+            if lane is not None and lane not in allowed:
+                raise NetworkError(
+                    f"network {self.name}: {movement.turn} from {movement.origin!r} is not permitted from lane {lane}, "
+                    f"only from {', '.join(map(str, allowed))}"
+                )
+            self._routes[key] = build_route(self, movement, lane)
+        return self._routes[key]
+
+    def conflict(self, path: ReferencePath | Route) -> Array:
+        """(P, 4) m: s_ego_in, s_ego_out, s_sv_in, s_sv_out of the path's conflict with each row of `paths`.
+
+        From the first to the last place at which the two centre lines are closer than 2.2 m; nan where they never are.
+        """
+        line = path.path if isinstance(path, Route) else path
+        known = self._conflicts.get(id(line))
+        if known is None:
+            known = (line, conflict_table(line, self.paths))
+            known[1].flags.writeable = False
+            self._conflicts[id(line)] = known
+        return known[1]
+
+    def inbound_lane(self, row: int) -> Lane:
+        """The last lane before the junction of a row of `paths`."""
+        return self.lanes[self._sources[row].lane_ids[self._sources[row].before_junction - 1]]
+
+    def outbound_lane(self, row: int) -> Lane:
+        """The first lane after the junction of a row of `paths`."""
+        return self.lanes[self._sources[row].lane_ids[-self._sources[row].after_junction]]
+
+    def centre_line(self, row: int) -> Array:
+        """(K, 2) m, the lanes' centre lines of a row of `paths`, joined."""
+        return without_repeats(np.concatenate(self._sources[row].shapes))
+
+    def carriageway(self, movement: Movement) -> list[Array]:
+        """Polygons (K, 2) m that a movement's traffic may use: all lanes of its edges, and the junction."""
+        edges = set(movement.edges)
+        lanes = [
+            lane.polygon
+            for lane in self.lanes.values()
+            if lane.internal or lane.edge in edges | self.ring_edges
+        ]
+        return [*lanes, *self.node_polygons]
+
+    def _measured_outwards(self, lane: Lane, *, inbound: bool, at: float) -> tuple[Array, float]:
+        """The line that the lane belongs to and the arc length on it of a place `at` m from the junction."""
+        for row, source in enumerate(self._sources):
+            if lane.id in (self.inbound_lane(row).id if inbound else self.outbound_lane(row).id,):
+                stop, end = float(self.paths.stop_s[row]), float(self.paths.exit_s[row])
+                return np.concatenate(source.shapes), stop - at if inbound else end + at
+        length = ReferencePath(lane.xy).length
+        return lane.xy, length - at if inbound else at
+
+
+def _sorted_arms(raw: list[reader.RawArm], arms: list[Arm]) -> tuple[list[reader.RawArm], list[Arm]]:
+    """Both lists counter-clockwise from the east."""
+    order = sorted(range(len(arms)), key=lambda k: round((arms[k].bearing + 1e-3) % (2 * np.pi), 6))
+    return [raw[k] for k in order], [arms[k] for k in order]
+
+
+def _unknown(problem: str, given: str, known: Iterable[str]) -> str:
+    names = list(known)
+    close = difflib.get_close_matches(given, names, n=1)
+    hint = f" (did you mean {close[0]!r}?)" if close else ""
+    return f"{problem}{hint}; there are: {', '.join(names)}"
+
+
+def shipped_networks() -> dict[str, Path]:
+    """Name -> .net.xml of the networks that come with RUDC."""
+    folder = data_folder("sumo_networks")
+    return {path.name.removesuffix(".net.xml"): path for path in sorted(folder.glob("*/*.net.xml"))}
+
+
+def load_network(source: str | Path, junction: str | None = None) -> Network:
+    """A shipped network by name, or any .net.xml by its path; read once per process."""
+    shipped = shipped_networks()
+    path = shipped.get(str(source))
+    if path is None:
+        path = Path(source)
+        if not path.is_file():
+            known = _unknown(f"no network {str(source)!r}, neither shipped nor a file", str(source), shipped)
+            raise NetworkError(known)
+    return _load(path.resolve(), junction, path.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=32)
+def _load(path: Path, junction: str | None, _modified: int) -> Network:
+    return Network(path, junction)

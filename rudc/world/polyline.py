@@ -1,0 +1,124 @@
+"""Plane geometry of polylines and polygons, on numpy arrays: lengths in m, angles in rad."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def wrap(angle: Array | float) -> Array:
+    """Angle(s) in rad brought to [-pi, pi)."""
+    return (np.asarray(angle) + np.pi) % (2 * np.pi) - np.pi
+
+
+def arc_length(xy: Array) -> Array:
+    """(K,) m, distance along the polyline xy (K, 2) to each of its points."""
+    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])
+
+
+def without_repeats(xy: Array, tolerance: float = 1e-3) -> Array:
+    """The polyline xy (K, 2) without points that lie within `tolerance` m of the one before."""
+    keep = np.concatenate([[True], np.hypot(*np.diff(xy, axis=0).T) > tolerance])
+    return xy[keep]
+
+
+def resample(xy: Array, s: Array) -> Array:
+    """(M, 2) m, points of the polyline xy (K, 2) at arc lengths s (M,), straight on beyond both ends."""
+    at = arc_length(xy)
+    i = np.clip(np.searchsorted(at, s, side="right") - 1, 0, len(xy) - 2)
+    t = (s - at[i]) / (at[i + 1] - at[i])
+    return xy[i] + t[:, None] * (xy[i + 1] - xy[i])
+
+
+def headings(xy: Array) -> Array:
+    """(K,) rad, unwrapped, direction of the polyline xy (K, 2) at its points, by central differences."""
+    d = np.gradient(xy, axis=0)
+    return np.unwrap(np.arctan2(d[:, 1], d[:, 0]))
+
+
+def smooth(xy: Array, step: float, window: float) -> Array:
+    """Moving average over `window` m of xy (K, 2), sampled every `step` m; both ends stay, straight beyond them.
+
+    An arc of curvature k moves inwards by k window^2 / 24 and its curvature's jumps become ramps `window` long.
+    """
+    n = max(1, round(window / step / 2))
+    steps = np.arange(n, 0, -1)[:, None]
+    before = xy[0] - steps * (xy[1] - xy[0])
+    after = xy[-1] + steps[::-1] * (xy[-1] - xy[-2])
+    padded = np.vstack([before, xy, after])
+    total = np.cumsum(np.vstack([np.zeros((1, 2)), padded]), axis=0)
+    return (total[2 * n + 1 :] - total[: -2 * n - 1]) / (2 * n + 1)
+
+
+def offset_polyline(xy: Array, distance: float) -> Array:
+    """(K, 2) m, the polyline xy (K, 2) moved `distance` m to its left, corners mitred (at most threefold)."""
+    d = np.diff(xy, axis=0)
+    d /= np.hypot(*d.T)[:, None]
+    normal = np.column_stack([-d[:, 1], d[:, 0]])
+    first, last = np.vstack([normal[:1], normal]), np.vstack([normal, normal[-1:]])
+    bisector = first + last
+    scale = np.maximum(np.sum(bisector * first, axis=1), 1.0 / 3.0)
+    return xy + distance * bisector / scale[:, None]
+
+
+def strip(xy: Array, width: float) -> Array:
+    """(2K, 2) m, the polygon (counter-clockwise) that a band of `width` m along xy (K, 2) covers."""
+    return np.vstack([offset_polyline(xy, -width / 2), offset_polyline(xy, width / 2)[::-1]])
+
+
+def inside(polygon: Array, xy: Array) -> NDArray[np.bool_]:
+    """(N,) whether points xy (N, 2) lie in the polygon (K, 2), by the even-odd rule."""
+    result = np.zeros(len(xy), dtype=bool)
+    low, high = polygon.min(axis=0), polygon.max(axis=0)
+    near = np.flatnonzero(np.all((xy >= low) & (xy <= high), axis=1))
+    if not len(near):
+        return result
+    x, y = xy[near].T
+    odd = np.zeros(len(near), dtype=bool)
+    for (x0, y0), (x1, y1) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        if y0 == y1:
+            continue
+        crosses = (y0 > y) != (y1 > y)
+        odd ^= crosses & (x < x0 + (y - y0) * (x1 - x0) / (y1 - y0))
+    result[near] = odd
+    return result
+
+
+def in_any(polygons: list[Array] | tuple[Array, ...], xy: Array) -> NDArray[np.bool_]:
+    """(N,) whether points xy (N, 2) lie in at least one of the polygons."""
+    result = np.zeros(len(xy), dtype=bool)
+    for polygon in polygons:
+        result |= inside(polygon, xy)
+    return result
+
+
+def signed_area(polygon: Array) -> float:
+    """m2, positive when the polygon (K, 2) runs counter-clockwise."""
+    x, y = polygon.T
+    return 0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
+
+
+def union_boundary(polygons: list[Array] | tuple[Array, ...], piece: float = 0.25) -> Array:
+    """(B, 2, 2) m, boundary of the polygons' union in straight pieces of at most `piece` m.
+
+    A piece of some polygon's edge is on the boundary when a point 4 cm outside of its middle is in no polygon:
+    lanes that share an edge (to the centimetre that SUMO writes) so count as one surface.
+    """
+    pieces = []
+    for polygon in polygons:
+        ring = polygon if signed_area(polygon) > 0 else polygon[::-1]
+        start, end = ring, np.roll(ring, -1, axis=0)
+        count = np.maximum(np.ceil(np.hypot(*(end - start).T) / piece).astype(int), 1)
+        edge = np.repeat(np.arange(len(ring)), count)
+        part = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
+        step = ((end - start) / count[:, None])[edge]
+        a = start[edge] + part[:, None] * step
+        pieces.append(np.stack([a, a + step], axis=1))
+    segments = np.concatenate(pieces)
+    d = segments[:, 1] - segments[:, 0]
+    length = np.hypot(*d.T)
+    segments, d, length = segments[length > 1e-6], d[length > 1e-6], length[length > 1e-6]
+    outwards = np.column_stack([d[:, 1], -d[:, 0]]) / length[:, None]
+    return segments[~in_any(polygons, segments.mean(axis=1) + 0.04 * outwards)]

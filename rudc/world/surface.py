@@ -1,0 +1,121 @@
+"""The drivable area as rasters: signed distance to its edge and direction of travel.
+
+The area is the union of polygons (lanes and junctions). Each raster point within `BAND` m of the area holds its exact
+distance to the union's boundary, d > 0 inside; farther out the distance is that of the Euclidean distance transform.
+Between raster points d is interpolated bilinearly, which is exact where the edge is straight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+from scipy.spatial import cKDTree
+
+from rudc.world.polyline import headings, in_any, inside, resample, union_boundary
+
+Array = NDArray[np.float64]
+
+CELL = 0.25
+"""m, spacing of the raster points"""
+BAND = 5.0
+"""m around the area in which the distance is exact"""
+MARGIN = 12.0
+"""m of raster beyond the area's extent"""
+
+
+class Surface:
+    """Drivable area of a network. Immutable."""
+
+    def __init__(self, polygons: Sequence[Array], lanes: Sequence[tuple[Array, Array]]) -> None:
+        """`polygons`: (K, 2) m each, their union is drivable; `lanes`: (centre line (K, 2), polygon) outside the junction."""
+        corners = np.concatenate(list(polygons))
+        self.polygons = tuple(polygons)
+        self.boundary = union_boundary(self.polygons)
+        """(B, 2, 2) m, the edge in short straight pieces"""
+        self.origin = np.floor(corners.min(axis=0) - MARGIN)
+        """(2,) m, raster point [0, 0]"""
+        self.shape = tuple(int(n) for n in np.ceil((corners.max(axis=0) + MARGIN - self.origin) / CELL) + 1)
+        """raster points along x and y"""
+        self._x0, self._y0 = (float(v) for v in self.origin)
+        self._start = self.boundary[:, 0]
+        self._step = self.boundary[:, 1] - self.boundary[:, 0]
+        self._tree = cKDTree(self.boundary.mean(axis=1))
+        self._distance = self._build_distance()
+        self._direction = self._build_direction(lanes)
+        self._last = np.array([self.shape[0] - 1.001, self.shape[1] - 1.001])
+        for array in (self.boundary, self._distance, self._direction, self.origin):
+            array.flags.writeable = False
+
+    def signed_distance(self, xy: Array) -> Array:
+        """(...) m, distance from xy (..., 2) to the edge of the drivable area, positive inside."""
+        cell = (np.asarray(xy) - self.origin) * (1.0 / CELL)
+        cell = np.minimum(np.maximum(cell, 0.0), self._last)
+        low = cell.astype(np.int64)
+        t = cell - low
+        columns = self.shape[1]
+        at = low[..., 0] * columns + low[..., 1]
+        flat = self._distance
+        ty = t[..., 1]
+        near = flat[at] + ty * (flat[at + 1] - flat[at])
+        far = flat[at + columns]
+        far = far + ty * (flat[at + columns + 1] - far)
+        return near + t[..., 0] * (far - near)
+
+    def project(self, xy: Array) -> Array:
+        """(..., 2) m, the point of the edge nearest to xy (..., 2)."""
+        points = np.asarray(xy, dtype=float)
+        flat = points.reshape(-1, 2)
+        return self._nearest(flat).reshape(points.shape)
+
+    def lane_direction(self, xy: Array) -> Array:
+        """(...) rad, direction of travel of the lane under xy (..., 2); nan in the junction and off the road."""
+        cell = (np.asarray(xy) - self.origin) * (1.0 / CELL) + 0.5
+        cell = np.minimum(np.maximum(cell, 0.0), self._last).astype(np.int64)
+        return self._direction[cell[..., 0] * self.shape[1] + cell[..., 1]]
+
+    def _nearest(self, points: Array) -> Array:
+        """(N, 2) m, nearest point of the edge to points (N, 2): the best of the pieces whose middles are nearest."""
+        _, index = self._tree.query(points, k=min(4, len(self._start)))
+        start, step = self._start[index], self._step[index]
+        along = np.sum((points[:, None] - start) * step, axis=-1) / np.sum(step * step, axis=-1)
+        candidates = start + np.clip(along, 0.0, 1.0)[..., None] * step
+        best = np.argmin(np.sum((candidates - points[:, None]) ** 2, axis=-1), axis=1)
+        return candidates[np.arange(len(points)), best]
+
+    def _window(self, polygon: Array) -> tuple[NDArray[np.int64], Array]:
+        """Flat indices and positions (N, 2) m of the raster points in the polygon's bounding box."""
+        low = np.floor((polygon.min(axis=0) - self.origin) / CELL).astype(int)
+        high = np.ceil((polygon.max(axis=0) - self.origin) / CELL).astype(int) + 1
+        i, j = np.meshgrid(np.arange(low[0], high[0]), np.arange(low[1], high[1]), indexing="ij")
+        index = (i * self.shape[1] + j).ravel()
+        return index, self.origin + CELL * np.column_stack([i.ravel(), j.ravel()])
+
+    def _build_distance(self) -> Array:
+        """(X * Y,) m, signed distance at the raster points."""
+        drivable = np.zeros(self.shape[0] * self.shape[1], dtype=bool)
+        for polygon in self.polygons:
+            index, xy = self._window(polygon)
+            drivable[index] |= inside(polygon, xy)
+        outside = np.asarray(distance_transform_edt(~drivable.reshape(self.shape))).ravel() * CELL
+        distance = -outside
+        near = np.flatnonzero(outside < BAND)
+        xy = self.origin + CELL * np.column_stack(np.divmod(near, self.shape[1]))
+        gap = np.hypot(*(self._nearest(xy) - xy).T)
+        distance[near] = np.where(drivable[near], gap, -gap)
+        return distance
+
+    def _build_direction(self, lanes: Sequence[tuple[Array, Array]]) -> Array:
+        """(X * Y,) rad, direction of travel at the raster points."""
+        direction = np.full(self.shape[0] * self.shape[1], np.nan)
+        for line, polygon in lanes:
+            index, xy = self._window(polygon)
+            hit = in_any((polygon,), xy)
+            index, xy = index[hit], xy[hit]
+            length = float(np.sum(np.hypot(*np.diff(line, axis=0).T)))
+            dense = resample(line, np.linspace(0.0, length, max(2, round(length / 0.5) + 1)))
+            _, nearest = cKDTree(dense).query(xy)
+            direction[index] = headings(dense)[nearest]
+        return direction
