@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
+
+from rudc.errors import SimulationError
 
 if TYPE_CHECKING:
     from rudc.scenario.distributions import Distribution
     from rudc.scenario.events import Event
+    from rudc.scenario.model import Scenario
 
 Turn = Literal["left", "straight", "right"]
 
@@ -75,3 +78,11 @@ class EpisodePlan:
     events: tuple[Event, ...]
     """in file order, numbers drawn; events whose `probability` failed are absent"""
     timeout_s: float
+    source: Scenario | None = field(default=None, repr=False, compare=False)
+    """what it was drawn from"""
+
+    def redrawn(self) -> EpisodePlan:
+        """The same episode drawn once more, for when the ego cannot start safely in this one."""
+        if self.source is None:
+            raise SimulationError("this plan was not drawn from a scenario and cannot be drawn again")
+        return self.source.plan(self.seed, self.attempt + 1)

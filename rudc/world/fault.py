@@ -1,0 +1,59 @@
+"""Whose fault a collision of the ego is, by a rule that can be stated in a sentence each; the first that fits decides.
+
+1. The other stands, or is a pedestrian: the ego's.
+2. The ego stands (below 0.5 m/s) on its reference path, before it has passed the point where it could still wait or
+   with the other behind it: the other's.
+3. The two head the same way (within 45 degrees): the one behind is at fault; side by side, shared.
+4. The other drives against its lane or scripted out of its right of way: the other's.
+5. One had to yield to the other by the junction's right of way: that one's.
+6. Otherwise shared.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, NamedTuple
+
+from rudc.world.scene import Kind, Scene
+
+Fault = Literal["ego", "other", "shared"]
+STANDS = 0.5
+"""m/s, below which a vehicle counts as standing"""
+
+
+class Collision(NamedTuple):
+    """The ego's contact with something."""
+
+    other: str
+    kind: Kind
+    fault: Fault
+
+
+def judge(scene: Scene, index: int, unlawful: bool) -> Fault:
+    """Fault of a contact between the ego and the scene's vehicle `index`; unlawful says an event has it break the rules."""
+    ego = scene.ego
+    dx, dy = scene.position[index] - (ego.x, ego.y)
+    other_speed = math.hypot(*scene.velocity[index])
+    if scene.kind[index] == Kind.PEDESTRIAN or other_speed < STANDS:
+        return "ego" if ego.v >= STANDS else "shared"
+    turn = math.cos(scene.heading[index] - ego.psi)
+    ahead = dx * math.cos(ego.psi) + dy * math.sin(ego.psi)
+    if ego.v < STANDS and abs(scene.ego_offset) < 1.0 and (_may_wait(scene) or (turn > math.cos(math.pi / 4) and ahead < 0)):
+        return "other"
+    if turn > math.cos(math.pi / 4):
+        reach = 0.25 * (scene.vehicle.length + scene.size[index, 0])
+        if abs(ahead) < reach:
+            return "shared"
+        return "ego" if ahead > 0 else "other"
+    if unlawful or scene.path[index] < 0:
+        return "other"
+    yields = scene.network.paths.yields
+    row, own = int(scene.path[index]), scene.route.row
+    if yields[own, row] != yields[row, own]:
+        return "ego" if yields[own, row] else "other"
+    return "shared"
+
+
+def _may_wait(scene: Scene) -> bool:
+    front = scene.ego_s + 0.5 * scene.vehicle.length
+    return front <= max(scene.route.stop_line_s, scene.route.waiting_s + 0.5 * scene.vehicle.length) + 0.5

@@ -1,0 +1,100 @@
+"""What the ego's sensors give of the world: occlusion by opaque boxes, Gaussian noise, missed detections, limited range."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rudc.world.scene import Array, Scene
+
+
+@dataclass(slots=True)
+class Sensors:
+    """Flaws of the ego's perception; none by default."""
+
+    occluders: Array
+    """(K, 5) opaque boxes: centre x, y (m), heading (rad), length, width (m)"""
+    position_std: float = 0.0
+    """m"""
+    speed_std: float = 0.0
+    """m/s"""
+    heading_std: float = 0.0
+    """rad"""
+    miss: float = 0.0
+    """probability that a vehicle goes unseen at one decision"""
+    range_m: float = np.inf
+
+    @property
+    def perfect(self) -> bool:
+        """Whether perception equals truth."""
+        flawless = self.position_std == self.speed_std == self.heading_std == self.miss == 0
+        return flawless and not len(self.occluders) and self.range_m == np.inf
+
+    def perceive(self, scene: Scene, rng: np.random.Generator) -> Scene:
+        """The scene as the ego sees it."""
+        if self.perfect or scene.count == 0:
+            return scene
+        seen = rng.random(scene.count) >= self.miss
+        offset = scene.position - (scene.ego.x, scene.ego.y)
+        seen &= np.hypot(offset[:, 0], offset[:, 1]) <= self.range_m
+        if len(self.occluders):
+            seen &= visible(scene, self.occluders)
+        return self._noisy(_only(scene, np.flatnonzero(seen)), rng)
+
+    def _noisy(self, scene: Scene, rng: np.random.Generator) -> Scene:
+        n = scene.count
+        shift = self.position_std * rng.standard_normal((n, 2))
+        turn = self.heading_std * rng.standard_normal(n)
+        faster = self.speed_std * rng.standard_normal(n)
+        along = np.stack([np.cos(scene.heading), np.sin(scene.heading)], axis=1)
+        return replace(
+            scene,
+            position=scene.position + shift,
+            heading=scene.heading + turn,
+            velocity=scene.velocity + faster[:, None] * along,
+            path_s=scene.path_s + np.einsum("ij,ij->i", shift, along),
+        )
+
+
+def _only(scene: Scene, index: np.ndarray) -> Scene:
+    if len(index) == scene.count:
+        return scene
+    return replace(
+        scene,
+        ids=tuple(scene.ids[i] for i in index),
+        position=scene.position[index],
+        heading=scene.heading[index],
+        velocity=scene.velocity[index],
+        acceleration=scene.acceleration[index],
+        size=scene.size[index],
+        kind=scene.kind[index],
+        path=scene.path[index],
+        path_s=scene.path_s[index],
+    )
+
+
+def visible(scene: Scene, occluders: Array) -> np.ndarray:
+    """(N,) whether some line of sight from the ego's centre to a vehicle's centre or corners clears all boxes (K, 5)."""
+    along = 0.5 * scene.size[:, :1] * np.stack([np.cos(scene.heading), np.sin(scene.heading)], axis=1)
+    across = 0.5 * scene.size[:, 1:] * np.stack([-np.sin(scene.heading), np.cos(scene.heading)], axis=1)
+    signs = np.array([(0, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)])
+    points = scene.position[:, None] + signs[:, :1] * along[:, None] + signs[:, 1:] * across[:, None]
+    start = np.array([scene.ego.x, scene.ego.y])
+    clear = np.ones(points.shape[:2], dtype=bool)
+    for x, y, heading, length, width in occluders:
+        rotation = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
+        a = rotation @ (start - (x, y))
+        b = (points - (x, y)) @ rotation.T
+        clear &= ~_segment_meets_box(a, b, 0.5 * np.array([length, width]))
+    return clear.any(axis=1)
+
+
+def _segment_meets_box(a: Array, b: Array, half: Array) -> np.ndarray:
+    """Whether segments from a (2,) to b (..., 2) meet the box |x| <= half[0], |y| <= half[1] (slab method)."""
+    step = b - a
+    step = np.where(np.abs(step) < 1e-12, 1e-12, step)
+    first, second = (-half - a) / step, (half - a) / step
+    enter = np.minimum(first, second).max(axis=-1)
+    leave = np.maximum(first, second).min(axis=-1)
+    return (enter <= leave) & (leave >= 0) & (enter <= 1)

@@ -1,0 +1,67 @@
+"""Where the ego starts: its route drawn from the network, and whether the start leaves everybody a way out."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rudc.errors import NetworkError
+from rudc.world.geometry import rectangle_gaps
+from rudc.world.scene import Scene
+
+if TYPE_CHECKING:
+    from rudc.scenario.plan import EgoPlan
+    from rudc.world.network import Network, Route
+
+MARGIN_M = 2.0
+"""m, least gap between the ego and anything at the start"""
+REACTION_S = 0.5
+"""s, after which the one behind brakes"""
+BRAKING = 4.0
+"""m/s2, with which the one behind can brake; the one ahead is taken to brake as hard"""
+
+
+def draw_route(network: Network, plan: EgoPlan, rng: np.random.Generator) -> Route:
+    """The plan's route; what it leaves open is drawn evenly, first the arm, then the movement. Raises NetworkError."""
+    movements = [m for m in network.movements if m.turn != "u_turn"]
+    if plan.origin is not None:
+        wanted = network.arm(plan.origin).name
+        movements = [m for m in movements if m.origin == wanted]
+    if plan.turn is not None:
+        movements = [m for m in movements if m.turn == plan.turn]
+    if plan.destination is not None:
+        wanted = network.arm(plan.destination).name
+        movements = [m for m in movements if m.destination == wanted]
+    if not movements:
+        asked = f"from {plan.origin or 'any arm'}, turn {plan.turn or 'any'}, to {plan.destination or 'any arm'}"
+        known = ", ".join(f"{m.origin}>{m.destination} ({m.turn})" for m in network.movements)
+        raise NetworkError(f"network {network.name} has no movement {asked}; it has {known}")
+    origins = sorted({m.origin for m in movements})
+    origin = origins[rng.integers(len(origins))]
+    choices = [m for m in movements if m.origin == origin]
+    movement = choices[rng.integers(len(choices))]
+    return network.route(movement.origin, movement.destination)
+
+
+def safe_to_start(scene: Scene) -> bool:
+    """Whether the ego keeps a margin to all and can stop behind its leader, and its follower behind it.
+
+    Both brake at 4 m/s2, the one behind 0.5 s later.
+    """
+    ego, body = scene.ego, scene.vehicle
+    if scene.count == 0:
+        return True
+    gaps = rectangle_gaps(ego.x, ego.y, ego.psi, body.length, body.width, scene.position, scene.heading, scene.size)
+    if gaps.min() < MARGIN_M:
+        return False
+    away = scene.position - (ego.x, ego.y)
+    ahead = away @ (np.cos(ego.psi), np.sin(ego.psi))
+    aside = away @ (-np.sin(ego.psi), np.cos(ego.psi))
+    same_way = np.cos(scene.heading - ego.psi) > 0.7
+    in_lane = (np.abs(aside) < 0.5 * (body.width + scene.size[:, 1])) & same_way & (np.abs(ahead) < 60)
+    speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
+    behind = np.where(ahead > 0, ego.v, speed)
+    front = np.where(ahead > 0, speed, ego.v)
+    needed = MARGIN_M + REACTION_S * behind + (behind**2 - front**2) / (2 * BRAKING)
+    return bool(np.all(gaps[in_lane] >= needed[in_lane]))

@@ -1,0 +1,206 @@
+"""The one file that imports libsumo, and the one that converts SUMO's conventions to ours.
+
+SUMO measures angles in degrees clockwise from north and places a vehicle by the centre of its front bumper; all that
+leaves this file is in radians counter-clockwise from east and placed by the vehicle's centre.
+
+libsumo holds one simulation per process: a second `start` would silently destroy the first, so it is refused.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rudc.errors import SimulationError, WorldBusyError
+
+try:
+    import libsumo
+except ImportError as error:  # pragma: no cover - only on a machine without it
+    raise SimulationError(f"libsumo cannot be imported ({error}); install it with: pip install libsumo") from error
+
+Array = NDArray[np.float64]
+
+OWN_SPEED = 31
+"""SUMO's speed mode with every check on"""
+HEEDLESS = 55
+"""safe speed kept, right of way ignored before and inside a junction"""
+BRAKE_HARD = 27
+"""as OWN_SPEED, but braking may exceed the comfortable deceleration"""
+OBEDIENT = 0
+"""no check at all: the speed that is set is the speed that is driven"""
+
+_OPTIONS = (
+    "--no-step-log", "--no-warnings", "--time-to-teleport", "-1", "--collision.check-junctions",
+    "--collision.action", "warn", "--collision.stoptime", "0", "--insertion-checks", "collision",
+    "--default.speeddev", "0",
+)  # fmt: skip
+
+_owner: int | None = None
+
+
+class Motion(NamedTuple):
+    """Where n vehicles are and how they move."""
+
+    position: Array
+    """(n, 2) m, centres"""
+    heading: Array
+    """(n,) rad"""
+    speed: Array
+    """(n,) m/s"""
+    acceleration: Array
+    """(n,) m/s2"""
+    lane: list[str]
+    """ids of the lanes their front bumpers are on"""
+    lane_pos: Array
+    """(n,) m, front bumper along its lane"""
+
+
+def _sumo_angle(psi: float) -> float:
+    return (90.0 - math.degrees(psi)) % 360.0
+
+
+class Sumo:
+    """A running simulation of one road network.
+
+    Raises WorldBusyError when this process already runs one.
+    """
+
+    def __init__(self, net_file: Path, step_s: float, options: Sequence[str] = ()) -> None:
+        global _owner
+        if _owner == os.getpid():
+            raise WorldBusyError(
+                "this process already runs a world, and libsumo holds only one; close it first, "
+                "or run the second in a process of its own"
+            )
+        self._arguments = ["--net-file", str(net_file), "--step-length", f"{step_s:g}", *_OPTIONS, *options]
+        self._started = False
+        _owner = os.getpid()
+
+    def close(self) -> None:
+        """End the simulation; a world may then be made anew in this process."""
+        global _owner
+        if self._started:
+            libsumo.close()
+            self._started = False
+        if _owner == os.getpid():
+            _owner = None
+
+    def load(self, seed: int, additional: Path, options: Sequence[str] = ()) -> None:
+        """Begin anew: empty roads, the vehicle types of the additional file, SUMO's generator seeded."""
+        arguments = [*self._arguments, "--seed", str(seed), "--additional-files", str(additional), *options]
+        try:
+            if self._started:
+                libsumo.load(arguments)
+            else:
+                libsumo.start(["sumo", *arguments])
+                self._started = True
+        except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
+            self._started = False
+            raise SimulationError(f"SUMO could not load the network: {error}") from error
+
+    def step(self) -> None:
+        """Advance by one simulation step."""
+        try:
+            libsumo.simulationStep()
+        except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
+            raise SimulationError(f"SUMO failed: {error}") from error
+
+    def time(self) -> float:
+        """s since `load`."""
+        return libsumo.simulation.getTime()
+
+    def add_route(self, name: str, edges: Sequence[str]) -> None:
+        """Name a sequence of edges."""
+        libsumo.route.add(name, list(edges))
+
+    def add(self, vehicle: str, route: str, kind: str, lane: int, front: float, speed: float) -> None:
+        """Ask for a vehicle on lane index `lane` of its route's first edge, front bumper at `front` m, at speed m/s."""
+        libsumo.vehicle.add(
+            vehicle, route, typeID=kind, departLane=str(lane), departPos=f"{front:.3f}", departSpeed=f"{speed:.3f}"
+        )  # fmt: skip
+
+    def remove(self, vehicle: str) -> None:
+        """Take a vehicle off the road."""
+        libsumo.vehicle.remove(vehicle)
+
+    def vehicles(self) -> tuple[str, ...]:
+        """Names of the vehicles on the road."""
+        return libsumo.vehicle.getIDList()
+
+    def motion(self, vehicles: Sequence[str], lengths: Array) -> Motion:
+        """Read n vehicles at once; lengths is (n,) m."""
+        get = libsumo.vehicle
+        count = len(vehicles)
+        front = np.array([get.getPosition(v) for v in vehicles]).reshape(count, 2)
+        heading = np.radians(90.0 - np.array([get.getAngle(v) for v in vehicles]))
+        half = 0.5 * lengths
+        position = front - np.stack([half * np.cos(heading), half * np.sin(heading)], axis=1)
+        return Motion(
+            position,
+            heading,
+            np.array([get.getSpeed(v) for v in vehicles]),
+            np.array([get.getAcceleration(v) for v in vehicles]),
+            [get.getLaneID(v) for v in vehicles],
+            np.array([get.getLanePosition(v) for v in vehicles]),
+        )
+
+    def poses(self, vehicles: Sequence[str], lengths: Array) -> tuple[Array, Array]:
+        """Centres (n, 2) m and headings (n,) rad of n vehicles."""
+        get = libsumo.vehicle
+        front = np.array([get.getPosition(v) for v in vehicles]).reshape(len(vehicles), 2)
+        heading = np.radians(90.0 - np.array([get.getAngle(v) for v in vehicles]))
+        half = 0.5 * lengths
+        return front - np.stack([half * np.cos(heading), half * np.sin(heading)], axis=1), heading
+
+    def place(self, vehicle: str, x: float, y: float, psi: float, v: float, length: float) -> None:
+        """Put a vehicle's centre at (x, y) m, heading psi rad, speed v m/s, whatever its lane."""
+        front_x = x + 0.5 * length * math.cos(psi)
+        front_y = y + 0.5 * length * math.sin(psi)
+        libsumo.vehicle.moveToXY(vehicle, "", -1, front_x, front_y, angle=_sumo_angle(psi), keepRoute=2)
+        libsumo.vehicle.setSpeed(vehicle, v)
+
+    def block(self, vehicle: str, edge: str, lane: int, start: float, end: float) -> None:
+        """Have something stand for good on a lane of an edge, from start to end m."""
+        self.add_route(vehicle, [edge])
+        self.add(vehicle, vehicle, "car", lane, end, 0.0)
+        libsumo.vehicle.setLength(vehicle, end - start)
+        libsumo.vehicle.setLaneChangeMode(vehicle, 0)
+        libsumo.vehicle.setStop(vehicle, edge, end, lane, 1e6)
+
+    def take_over(self, vehicle: str) -> None:
+        """From now on `place` alone moves this vehicle."""
+        libsumo.vehicle.setSpeedMode(vehicle, OBEDIENT)
+        libsumo.vehicle.setLaneChangeMode(vehicle, 0)
+
+    def personality(self, vehicle: str, **values: float) -> None:
+        """Set a driver's `tau` s, `min_gap` m, `accel` and `decel` m/s2, `speed_factor`."""
+        setters = {
+            "tau": libsumo.vehicle.setTau,
+            "min_gap": libsumo.vehicle.setMinGap,
+            "accel": libsumo.vehicle.setAccel,
+            "decel": libsumo.vehicle.setDecel,
+            "emergency_decel": libsumo.vehicle.setEmergencyDecel,
+            "speed_factor": libsumo.vehicle.setSpeedFactor,
+        }
+        for name, value in values.items():
+            setters[name](vehicle, value)
+
+    def command_speed(self, vehicle: str, speed: float, mode: int = OWN_SPEED) -> None:
+        """Hold a vehicle at a speed (m/s) until released; `mode` says which of SUMO's own checks still hold."""
+        libsumo.vehicle.setSpeedMode(vehicle, mode)
+        libsumo.vehicle.setSpeed(vehicle, speed)
+
+    def release(self, vehicle: str, mode: int = OWN_SPEED) -> None:
+        """Give a vehicle's speed back to SUMO."""
+        libsumo.vehicle.setSpeed(vehicle, -1)
+        libsumo.vehicle.setSpeedMode(vehicle, mode)
+
+    def limit_speed(self, vehicle: str, speed: float) -> None:
+        """Set the fastest a vehicle can go, m/s."""
+        libsumo.vehicle.setMaxSpeed(vehicle, speed)

@@ -1,0 +1,219 @@
+"""Surrounding vehicles (SVs): who they are, how many there are, and where they come from.
+
+Density counts vehicles per km of two-way road. It is held: each SV that leaves at the end of an arm is replaced by one that
+enters at the start of an arm whose entry is free, so that the count stays at round(density * road_km) while there is room.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rudc.world.scene import Kind
+from rudc.world.sumo import OWN_SPEED, Motion, Sumo
+
+if TYPE_CHECKING:
+    from rudc.scenario.plan import TrafficPlan
+    from rudc.world.network import Movement, Network
+    from rudc.world.scene import EgoVehicle
+
+EGO = "ego"
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleType:
+    """A class of road users; sizes in m, speed in m/s."""
+
+    kind: Kind
+    vclass: str
+    length: float
+    width: float
+    max_speed: float
+
+
+VEHICLE_TYPES = {
+    "car": VehicleType(Kind.CAR, "passenger", 5.0, 1.8, 30.0),
+    "truck": VehicleType(Kind.TRUCK, "truck", 7.5, 2.4, 22.0),
+    "bus": VehicleType(Kind.BUS, "bus", 12.0, 2.5, 20.0),
+    "motorcycle": VehicleType(Kind.MOTORCYCLE, "motorcycle", 2.2, 0.9, 30.0),
+    "bicycle": VehicleType(Kind.BICYCLE, "bicycle", 1.8, 0.65, 5.5),
+}
+
+
+@dataclass(slots=True)
+class Driver:
+    """One SV: its body, its movement, and what is known of its mood."""
+
+    type: VehicleType
+    origin: str
+    destination: str
+    decel: float
+    """m/s2, comfortable"""
+    mode: int = OWN_SPEED
+    """SUMO speed mode when nothing of ours commands it"""
+    scripted: bool = False
+    """whether an event holds its speed at present"""
+
+
+def type_file(plan: TrafficPlan, ego: EgoVehicle) -> str:
+    """SUMO's additional file: one vehicle type a class, and the ego's."""
+    common = (
+        f'carFollowModel="IDM" speedDev="0" impatience="{plan.impatience:g}" jmTimegapMinor="{plan.minor_gap_s:g}" '
+        f'tau="{plan.headway_s.mean:g}" minGap="{plan.min_gap_m.mean:g}" '
+        f'accel="{plan.accel.mean:g}" decel="{plan.decel.mean:g}" emergencyDecel="9"'
+    )
+    rows = [
+        f'<vType id="{name}" vClass="{t.vclass}" length="{t.length}" width="{t.width}" maxSpeed="{t.max_speed}" {common}/>'
+        for name, t in VEHICLE_TYPES.items()
+    ]
+    rows.append(
+        f'<vType id="{EGO}" vClass="passenger" length="{ego.length}" width="{ego.width}" maxSpeed="{ego.v_max}" {common}/>'
+    )
+    return "<additional>\n" + "\n".join(rows) + "\n</additional>\n"
+
+
+class Traffic:
+    """Keeps the SVs of one episode at their density.
+
+    `density` (veh/km) may be changed at any time; a surplus drains by itself. `grip` (m/s2) bounds how hard an SV brakes
+    and accelerates.
+    """
+
+    def __init__(self, sumo: Sumo, network: Network) -> None:
+        self._sumo = sumo
+        self._network = network
+        self._movements: dict[str, list[Movement]] = {}
+        for movement in network.movements:
+            if movement.turn != "u_turn":
+                self._movements.setdefault(movement.origin, []).append(movement)
+        self._arms = {arm.name: arm for arm in network.arms}
+        self.drivers: dict[str, Driver] = {}
+        self._waiting: set[str] = set()
+
+    def begin(self, plan: TrafficPlan, rng: np.random.Generator) -> None:
+        """Forget the last episode; the roads stay empty until `populate`."""
+        self._plan = plan
+        self._rng = rng
+        self._occupied: dict[str, list[tuple[float, float]]] = {}
+        self.grip = math.inf
+        self._count = 0
+        self.drivers = {}
+        self._waiting = set()
+        names = sorted(plan.mix)
+        weights = np.array([plan.mix[name] for name in names], dtype=float)
+        self._mix = names, weights / weights.sum()
+        self.density = plan.density
+        for movements in self._movements.values():
+            for movement in movements:
+                self._sumo.add_route(_route(movement), movement.edges)
+        for arm in self._arms.values():
+            if arm.out_edge is not None:
+                self._sumo.add_route(f"leave:{arm.name}", [arm.out_edge])
+
+    def reserve(self, lane: str, start: float, end: float) -> None:
+        """Keep a stretch (m, m) of a lane free when the roads are populated."""
+        self._occupied.setdefault(lane, []).append((start, end))
+
+    def populate(self) -> None:
+        """Fill the roads to the density, in- and outbound."""
+        for _ in range(self.target):
+            self._place_somewhere(self._occupied)
+
+    @property
+    def target(self) -> int:
+        """How many SVs the density asks for."""
+        return round(self.density * self._network.road_km)
+
+    def refill(self, motion: Motion, lengths: np.ndarray) -> None:
+        """Let new SVs enter where there is room, up to the target."""
+        missing = self.target - len(self.drivers)
+        if missing <= 0:
+            return
+        entry: dict[str, tuple[float, float]] = {}
+        rears = motion.lane_pos - lengths
+        for lane, rear, speed in zip(motion.lane, rears, motion.speed, strict=True):
+            if rear < entry.get(lane, (math.inf, 0.0))[0]:
+                entry[lane] = (float(rear), float(speed))
+        for _ in range(missing):
+            self._enter(entry)
+
+    def forget(self, active: tuple[str, ...]) -> None:
+        """Drop the SVs that have left; those asked for and not yet on the road are kept."""
+        present = set(active)
+        self._waiting -= present
+        for name in self.drivers.keys() - present - self._waiting:
+            del self.drivers[name]
+    def _draw_movement(self) -> Movement:
+        arms = sorted(self._movements)
+        lanes = np.array([len(self._arms[name].in_lanes) for name in arms], dtype=float)
+        arm = arms[self._rng.choice(len(arms), p=lanes / lanes.sum())]
+        choices = self._movements[arm]
+        return choices[self._rng.integers(len(choices))]
+
+    def _draw_type(self) -> str:
+        names, weights = self._mix
+        return names[0] if len(names) == 1 else names[self._rng.choice(len(names), p=weights)]
+
+    def _add(self, movement: Movement, route: str, kind: str, lane: int, front: float, speed: float) -> None:
+        name = f"sv{self._count}"
+        self._count += 1
+        plan, rng = self._plan, self._rng
+        decel = min(plan.decel.sample(rng), self.grip)
+        self._sumo.add(name, route, kind, lane, front, speed)
+        self._sumo.personality(
+            name,
+            tau=plan.headway_s.sample(rng),
+            min_gap=plan.min_gap_m.sample(rng),
+            accel=min(plan.accel.sample(rng), self.grip),
+            decel=decel,
+            emergency_decel=max(min(9.0, self.grip), decel),
+            speed_factor=plan.speed_factor.sample(rng),
+        )
+        self.drivers[name] = Driver(VEHICLE_TYPES[kind], movement.origin, movement.destination, decel)
+        self._waiting.add(name)
+
+    def _place_somewhere(self, occupied: dict[str, list[tuple[float, float]]]) -> None:
+        for _ in range(40):
+            movement, kind = self._draw_movement(), self._draw_type()
+            inbound = self._rng.random() < 0.5
+            arm = self._arms[movement.origin if inbound else movement.destination]
+            lanes = self._entry_lanes(movement) if inbound else arm.out_lanes
+            lane = self._network.lanes[lanes[self._rng.integers(len(lanes))]]
+            length = VEHICLE_TYPES[kind].length
+            front = self._rng.uniform(length + 1.0, max(lane.length - 1.0, length + 1.5))
+            speed = self._plan.speed.sample(self._rng)
+            to_stop = lane.length - front if inbound else math.inf
+            speed = min(speed, VEHICLE_TYPES[kind].max_speed, math.sqrt(1.6 * self._plan.decel.mean * max(to_stop, 0.1)))
+            room = 4.0 + 0.7 * speed
+            if all(front < r - room or front - length > f + room for r, f in occupied.get(lane.id, [])):
+                occupied.setdefault(lane.id, []).append((front - length, front))
+                route = _route(movement) if inbound else f"leave:{arm.name}"
+                self._add(movement, route, kind, lane.index, front, speed)
+                return
+
+    def _entry_lanes(self, movement: Movement) -> list[str]:
+        return sorted({self._network.paths.lane_ids[row][0] for row in movement.rows})
+
+    def _enter(self, entry: dict[str, tuple[float, float]]) -> None:
+        for _ in range(8):
+            movement, kind = self._draw_movement(), self._draw_type()
+            lanes = self._entry_lanes(movement)
+            lane = self._network.lanes[lanes[self._rng.integers(len(lanes))]]
+            length = VEHICLE_TYPES[kind].length
+            rear, leader_speed = entry.get(lane.id, (math.inf, 0.0))
+            room = rear - length - 2.0
+            if room < 4.0:
+                continue
+            speed = min(self._plan.speed.sample(self._rng), VEHICLE_TYPES[kind].max_speed)
+            if room < math.inf:
+                speed = min(speed, math.sqrt(leader_speed**2 + 2 * 0.5 * self._plan.decel.mean * room))
+            self._add(movement, _route(movement), kind, lane.index, length + 0.1, speed)
+            entry[lane.id] = (0.1, speed)
+            return
+
+
+def _route(movement: Movement) -> str:
+    return f"{movement.origin}>{movement.destination}"
