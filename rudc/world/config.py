@@ -27,4 +27,6 @@ class WorldConfig:
     def __post_init__(self) -> None:
         ratio = self.decision_s / self.substep_s
         if self.substep_s <= 0 or abs(ratio - round(ratio)) > 1e-9 or round(ratio) < 1:
-            raise ValueError(f"decision_s={self.decision_s} must be a whole multiple of substep_s={self.substep_s}")
+            raise ValueError(
+                f"decision_s={self.decision_s} must be a whole multiple of substep_s={self.substep_s}"
+            )

@@ -98,7 +98,9 @@ class EgoPlant:
         left = math.sqrt(max(limit**2 - lateral**2, 0.0))
         return min(max(a, -left), left), delta
 
-    def _integrate(self, a: float, delta: float, a0: float, delta0: float, dt: float) -> tuple[float, float, float]:
+    def _integrate(
+        self, a: float, delta: float, a0: float, delta0: float, dt: float
+    ) -> tuple[float, float, float]:
         old, body, lag = self.state, self.vehicle, self.actuation.lag_s
         ratio, rear, v_max = body.cg_to_rear / body.wheelbase, body.cg_to_rear, body.v_max
 

@@ -38,7 +38,11 @@ def judge(scene: Scene, index: int, unlawful: bool) -> Fault:
         return "ego" if ego.v >= STANDS else "shared"
     turn = math.cos(scene.heading[index] - ego.psi)
     ahead = dx * math.cos(ego.psi) + dy * math.sin(ego.psi)
-    if ego.v < STANDS and abs(scene.ego_offset) < 1.0 and (_may_wait(scene) or (turn > math.cos(math.pi / 4) and ahead < 0)):
+    if (
+        ego.v < STANDS
+        and abs(scene.ego_offset) < 1.0
+        and (_may_wait(scene) or (turn > math.cos(math.pi / 4) and ahead < 0))
+    ):
         return "other"
     if turn > math.cos(math.pi / 4):
         reach = 0.25 * (scene.vehicle.length + scene.size[index, 0])

@@ -34,7 +34,9 @@ def draw_route(network: Network, plan: EgoPlan, rng: np.random.Generator) -> Rou
         wanted = network.arm(plan.destination).name
         movements = [m for m in movements if m.destination == wanted]
     if not movements:
-        asked = f"from {plan.origin or 'any arm'}, turn {plan.turn or 'any'}, to {plan.destination or 'any arm'}"
+        asked = (
+            f"from {plan.origin or 'any arm'}, turn {plan.turn or 'any'}, to {plan.destination or 'any arm'}"
+        )
         known = ", ".join(f"{m.origin}>{m.destination} ({m.turn})" for m in network.movements)
         raise NetworkError(f"network {network.name} has no movement {asked}; it has {known}")
     origins = sorted({m.origin for m in movements})
@@ -52,7 +54,9 @@ def safe_to_start(scene: Scene) -> bool:
     ego, body = scene.ego, scene.vehicle
     if scene.count == 0:
         return True
-    gaps = rectangle_gaps(ego.x, ego.y, ego.psi, body.length, body.width, scene.position, scene.heading, scene.size)
+    gaps = rectangle_gaps(
+        ego.x, ego.y, ego.psi, body.length, body.width, scene.position, scene.heading, scene.size
+    )
     if gaps.min() < MARGIN_M:
         return False
     away = scene.position - (ego.x, ego.y)

@@ -22,7 +22,9 @@ from rudc.errors import SimulationError, WorldBusyError
 try:
     import libsumo
 except ImportError as error:  # pragma: no cover - only on a machine without it
-    raise SimulationError(f"libsumo cannot be imported ({error}); install it with: pip install libsumo") from error
+    raise SimulationError(
+        f"libsumo cannot be imported ({error}); install it with: pip install libsumo"
+    ) from error
 
 Array = NDArray[np.float64]
 

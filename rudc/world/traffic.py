@@ -146,6 +146,7 @@ class Traffic:
         self._waiting -= present
         for name in self.drivers.keys() - present - self._waiting:
             del self.drivers[name]
+
     def _draw_movement(self) -> Movement:
         arms = sorted(self._movements)
         lanes = np.array([len(self._arms[name].in_lanes) for name in arms], dtype=float)
@@ -186,7 +187,11 @@ class Traffic:
             front = self._rng.uniform(length + 1.0, max(lane.length - 1.0, length + 1.5))
             speed = self._plan.speed.sample(self._rng)
             to_stop = lane.length - front if inbound else math.inf
-            speed = min(speed, VEHICLE_TYPES[kind].max_speed, math.sqrt(1.6 * self._plan.decel.mean * max(to_stop, 0.1)))
+            speed = min(
+                speed,
+                VEHICLE_TYPES[kind].max_speed,
+                math.sqrt(1.6 * self._plan.decel.mean * max(to_stop, 0.1)),
+            )
             room = 4.0 + 0.7 * speed
             if all(front < r - room or front - length > f + room for r, f in occupied.get(lane.id, [])):
                 occupied.setdefault(lane.id, []).append((front - length, front))

@@ -15,6 +15,7 @@ from __future__ import annotations
 import hashlib
 import math
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Literal, NamedTuple
@@ -24,7 +25,7 @@ import numpy as np
 from rudc.errors import SimulationError
 from rudc.world.config import WorldConfig
 from rudc.world.ego import EgoPlant
-from rudc.world.events import Stage, Script
+from rudc.world.events import Script, Stage
 from rudc.world.fault import Collision, judge
 from rudc.world.geometry import overlapping_pairs, rectangle_corners, rectangle_gaps
 from rudc.world.perception import Sensors
@@ -40,6 +41,8 @@ if TYPE_CHECKING:
 
 REDRAWS = 30
 """how often an unsafe start is drawn again before giving up"""
+MEET_M = 20.0
+"""m between centres, beyond which nothing can touch the ego within a decision"""
 OFF_ROAD_M = 0.3
 """m a corner of the ego may stick out of the drivable area"""
 
@@ -73,7 +76,9 @@ class World:
     def __enter__(self) -> World:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.close()
 
     def close(self) -> None:
@@ -82,7 +87,11 @@ class World:
         self._folder.cleanup()
 
     def reset(
-        self, plan: EpisodePlan, *, ego_driver: Literal["agent", "sumo"] = "agent", options: tuple[str, ...] = ()
+        self,
+        plan: EpisodePlan,
+        *,
+        ego_driver: Literal["agent", "sumo"] = "agent",
+        options: tuple[str, ...] = (),
     ) -> Scene:
         """Set up an episode and return its first scene.
 
@@ -116,19 +125,28 @@ class World:
         """Apply u = (acceleration m/s2, front-wheel angle rad) for one decision, or up to the first violation."""
         scene = self.scene()
         self._script.step(scene)
-        self._brake(scene)
-        collision, off_road, wrong_way, min_dtc = None, False, False, math.inf
-        for last in self._substeps():
-            self._move(u)
-            gap, collision = self._contact()
-            min_dtc = min(min_dtc, gap)
-            off_road, wrong_way = self._leaves_road()
-            if collision or off_road or wrong_way or last:
-                break
+        self._decisions += 1
+        if self._decisions % 2:
+            self._brake(scene, 2 * self.config.decision_s)
         self._last_u = np.array(u, dtype=float)
-        self._refresh()
+        close = self._close(scene)
+        hit, min_dtc = None, math.inf
+        for final in self._substeps():
+            self._move(u)
+            if final:
+                self._refresh()
+                now = self._scene
+                gap, hit = self._nearest(now.ids, now.position, now.heading, now.size)
+            else:
+                gap, hit = self._nearest(*self._poses(close))
+            min_dtc = min(min_dtc, gap)
+            if hit is not None:
+                break
+        if hit is not None and not final:
+            self._refresh()
+        off_road, wrong_way = self._leaves_road()
         density = len(self._names) / self.network.road_km
-        return Advance(collision, off_road, wrong_way, min_dtc, self._sv_collisions(), density)
+        return Advance(self._collision(hit), off_road, wrong_way, min_dtc, self._sv_collisions(), density)
 
     # ---- one episode's set-up
 
@@ -144,6 +162,7 @@ class World:
         self._time0 = 0.0
         self._waited = 0.0
         self._last_u = np.zeros(2)
+        self._decisions = 0
         self._ego_inside = False
         s = self.route.stop_line_s - plan.ego.distance_m - 0.5 * config.vehicle.length
         if s < 0.5 * config.vehicle.length:
@@ -152,11 +171,13 @@ class World:
                 f"{self.route.origin}, which has {self.route.stop_line_s:.1f} m before its stop line"
             )
         self._ego_s = s
+        end = self.route.length - 0.5 * config.vehicle.length - 1.0
+        self._destination_s = min(self.route.exit_s + plan.ego.destination_m, end)
         x, y, psi = (float(value) for value in self.route.path.pose(s))
         self._plant.reset(x, y, psi, plan.ego.speed_mps)
         self.stage = Stage(
             self._sumo, self.network, self.traffic, self._plant, self.route, event_rng,
-            Sensors(np.zeros((0, 5))), config.decision_s,
+            Sensors(np.zeros((0, 5))), config.decision_s, s,
         )  # fmt: skip
         self.traffic.begin(plan.traffic, traffic_rng)
         self._script = Script(plan.events, self.stage)
@@ -180,7 +201,8 @@ class World:
                 self._sumo.step()
                 self._move_props()
             self._refresh()
-            self._brake(self.scene())
+            if self.stage.props:
+                self._brake(self.scene(), self.config.decision_s)
 
     def _enter_ego(self) -> bool:
         plan, body = self.plan, self.config.vehicle
@@ -201,7 +223,8 @@ class World:
             self._sumo.place(EGO, state.x, state.y, state.psi, state.v, body.length)
         self._time0 = self._sumo.time()
         self._refresh()
-        return bool(np.all(self._gaps(self.scene()) > 0))
+        now = self.scene()
+        return self._nearest(now.ids, now.position, now.heading, now.size)[1] is None
 
     # ---- one sub-step
 
@@ -235,26 +258,64 @@ class World:
         old = self._plant.state
         turned = (psi - old.psi + math.pi) % (2 * math.pi) - math.pi
         self._plant.state = EgoState(
-            float(x), float(y), psi, v, 0.0, turned / self.config.substep_s, float(motion.acceleration[0]), 0.0
+            float(x),
+            float(y),
+            psi,
+            v,
+            0.0,
+            turned / self.config.substep_s,
+            float(motion.acceleration[0]),
+            0.0,
         )
 
-    def _contact(self) -> tuple[float, Collision | None]:
-        """Smallest gap (m) to anything at this sub-step, and the collision if there is none."""
-        self._read()
-        scene = self._compose()
-        gaps = self._gaps(scene)
-        if gaps.size == 0:
-            return math.inf, None
-        nearest = int(np.argmin(gaps))
-        if gaps[nearest] > 0:
-            return float(gaps[nearest]), None
-        name = scene.ids[nearest]
-        fault = judge(scene, nearest, name in self.stage.unlawful)
-        return 0.0, Collision(name, Kind(scene.kind[nearest]), fault)
+    def _close(self, scene: Scene) -> tuple[list[str], Array]:
+        """Names of the SVs that can be met within a decision, and their sizes (n, 2) m."""
+        away = scene.position - (scene.ego.x, scene.ego.y)
+        reach = np.flatnonzero((np.hypot(away[:, 0], away[:, 1]) < MEET_M) & (scene.path >= 0))
+        return [scene.ids[i] for i in reach], scene.size[reach]
 
-    def _gaps(self, scene: Scene) -> Array:
-        ego, body = scene.ego, scene.vehicle
-        return rectangle_gaps(ego.x, ego.y, ego.psi, body.length, body.width, scene.position, scene.heading, scene.size)
+    def _poses(self, close: tuple[list[str], Array]) -> tuple[list[str], Array, Array, Array]:
+        """Names, centres (n, 2) m, headings (n,) rad and sizes (n, 2) m of those close by and of the props, now."""
+        names, sizes = close
+        present = set(self._sumo.vehicles())
+        if not present.issuperset(names):
+            stay = [i for i, name in enumerate(names) if name in present]
+            names, sizes = [names[i] for i in stay], sizes[stay]
+        position, heading = self._sumo.poses(names, sizes[:, 0])
+        props = self.stage.props
+        if props:
+            poses = np.array([prop.pose() for prop in props])
+            position, heading = (
+                np.concatenate([position, poses[:, :2]]),
+                np.concatenate([heading, poses[:, 2]]),
+            )
+            sizes = np.concatenate([sizes, [(prop.length, prop.width) for prop in props]])
+            names = names + [prop.name for prop in props]
+        return names, position, heading, sizes
+
+    def _nearest(
+        self, names: Sequence[str], position: Array, heading: Array, size: Array
+    ) -> tuple[float, str | None]:
+        """Smallest gap (m) between the ego and n rectangles, and the name of the one it touches, if any."""
+        if not len(names):
+            return math.inf, None
+        ego, body = self._plant.state, self.config.vehicle
+        distance = np.hypot(position[:, 0] - ego.x, position[:, 1] - ego.y)
+        radius = 0.5 * (np.hypot(size[:, 0], size[:, 1]) + math.hypot(body.length, body.width))
+        rows = np.flatnonzero(distance - radius <= distance.min())
+        gaps = rectangle_gaps(
+            ego.x, ego.y, ego.psi, body.length, body.width, position[rows], heading[rows], size[rows]
+        )
+        nearest = int(np.argmin(gaps))
+        gap = float(gaps[nearest])
+        return gap, None if gap > 0 else names[rows[nearest]]
+
+    def _collision(self, hit: str | None) -> Collision | None:
+        scene = self.scene()
+        if hit is None or hit not in scene.ids:
+            return None
+        index = scene.ids.index(hit)
+        return Collision(hit, Kind(scene.kind[index]), judge(scene, index, hit in self.stage.unlawful))
 
     def _leaves_road(self) -> tuple[bool, bool]:
         state, body = self._plant.state, self.config.vehicle
@@ -320,11 +381,11 @@ class World:
         return Scene(
             self._sumo.time() - self._time0, self.plan.timeout_s, state, self.config.vehicle, route, self._ego_s, offset,
             self._waited, self._last_u, self.network, tuple([names[i] for i in order]), position[order], heading[order],
-            velocity[order], acceleration[order], size[order], kind[order], path[order], path_s[order],
+            velocity[order], acceleration[order], size[order], kind[order], path[order], path_s[order], self._destination_s,
         )  # fmt: skip
 
-    def _brake(self, scene: Scene) -> None:
-        """Let the yielding layer brake the SVs that must, and release the others."""
+    def _brake(self, scene: Scene, duration_s: float) -> None:
+        """Let the yielding layer brake the SVs that must for the next duration_s, and release the others."""
         if not self.config.yielding:
             return
         braking, drivers = must_yield(scene, ego_present=self._ego_inside), self.traffic.drivers
@@ -334,7 +395,7 @@ class World:
             if drivers[name].scripted:
                 continue
             speed = math.hypot(*scene.velocity[index])
-            self._sumo.command_speed(name, max(speed - deceleration * self.config.decision_s, 0.0), BRAKE_HARD)
+            self._sumo.command_speed(name, max(speed - deceleration * duration_s, 0.0), BRAKE_HARD)
             held.add(name)
         for name in self._held - held:
             if name in drivers and not drivers[name].scripted:
@@ -342,7 +403,9 @@ class World:
         self._held = held
 
     def _sv_collisions(self) -> int:
-        """New overlaps between SVs since the last decision."""
+        """New overlaps between SVs since last looked at, every second decision."""
+        if self._decisions % 2:
+            return 0
         pairs = overlapping_pairs(self._motion.position, self._motion.heading, self._sizes)
         now = {frozenset((self._names[i], self._names[j])) for i, j in pairs}
         new = len(now - self._overlapping)

@@ -134,7 +134,9 @@ def _heeds_prediction(scene: Scene, rows: np.ndarray) -> np.ndarray:
     return scene.network.paths.yields[scene.path[rows], route.row]
 
 
-def boxes_overlap(a: tuple[Array, Array, Array], half_a: Array, b: tuple[Array, Array, Array], half_b: Array) -> np.ndarray:
+def boxes_overlap(
+    a: tuple[Array, Array, Array], half_a: Array, b: tuple[Array, Array, Array], half_b: Array
+) -> np.ndarray:
     """Whether rectangles overlap, by separating axes; a and b are x, y (m) and heading (rad), half sizes (..., 2) m, all broadcast."""
     dx, dy = b[0] - a[0], b[1] - a[1]
     cos_a, sin_a = np.cos(a[2]), np.sin(a[2])

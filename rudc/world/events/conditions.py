@@ -1,20 +1,95 @@
-"""Whether an event's trigger holds, by ASAM OpenSCENARIO's conditions (simulation_time, traveled_distance, ...)."""
+"""Whether an event's trigger holds: one function a condition, named as in `rudc.scenario.triggers`."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rudc.world.events.stage import pick
 from rudc.world.geometry import rectangle_gaps
-from rudc.world.scene import Scene
+from rudc.world.scene import Array, Scene
 
 if TYPE_CHECKING:
     from rudc.scenario.triggers import Trigger
+    from rudc.world.events.stage import Stage
 
 
-def holds(trigger: Trigger, scene: Scene, rng: np.random.Generator) -> bool:
-    """Whether every condition of a trigger holds in this scene."""
-    return True
+def holds(trigger: Trigger, scene: Scene, stage: Stage) -> bool:
+    """Whether all conditions of a trigger hold in this scene."""
+    return all(_CONDITIONS[name](condition, scene, stage) for name, condition in trigger.conditions.items())
+
+
+def _simulation_time(condition: Any, scene: Scene, stage: Stage) -> bool:
+    return condition.holds(scene.time_s)
+
+
+def _traveled_distance(condition: Any, scene: Scene, stage: Stage) -> bool:
+    return condition.holds(scene.ego_s - stage.start_s)
+
+
+def _speed(condition: Any, scene: Scene, stage: Stage) -> bool:
+    return condition.holds(scene.ego.v)
+
+
+def _ego_distance_to_junction(condition: Any, scene: Scene, stage: Stage) -> bool:
+    return condition.holds(scene.route.stop_line_s - scene.ego_s - 0.5 * scene.vehicle.length)
+
+
+def _reach_position(condition: Any, scene: Scene, stage: Stage) -> bool:
+    x, y = (float(value) for value in condition.position)
+    away = math.hypot(scene.ego.x - scene.network.center[0] - x, scene.ego.y - scene.network.center[1] - y)
+    return away < float(condition.tolerance)
+
+
+def _relative_distance(condition: Any, scene: Scene, stage: Stage) -> bool:
+    rows = pick(scene, condition.vehicle, stage.rng)
+    away = scene.position[rows] - (scene.ego.x, scene.ego.y)
+    return any(condition.holds(float(distance)) for distance in np.hypot(away[:, 0], away[:, 1]))
+
+
+def _time_headway(condition: Any, scene: Scene, stage: Stage) -> bool:
+    gaps = _gaps(scene, pick(scene, condition.vehicle, stage.rng))
+    return any(condition.holds(float(gap) / max(scene.ego.v, 1e-6)) for gap in gaps)
+
+
+def _time_to_collision(condition: Any, scene: Scene, stage: Stage) -> bool:
+    """By the gap and the speed at which the centres approach; never, when they do not."""
+    rows = pick(scene, condition.vehicle, stage.rng)
+    ego = scene.ego
+    course = ego.psi + ego.slip
+    away = scene.position[rows] - (ego.x, ego.y)
+    relative = scene.velocity[rows] - (ego.v * math.cos(course), ego.v * math.sin(course))
+    closing = -np.einsum("ij,ij->i", away, relative) / np.maximum(np.hypot(away[:, 0], away[:, 1]), 1e-6)
+    gaps = _gaps(scene, rows)
+    return any(
+        condition.holds(float(gap / speed)) for gap, speed in zip(gaps, closing, strict=True) if speed > 0
+    )
+
+
+def _gaps(scene: Scene, rows: list[int]) -> Array:
+    ego, body = scene.ego, scene.vehicle
+    return rectangle_gaps(
+        ego.x,
+        ego.y,
+        ego.psi,
+        body.length,
+        body.width,
+        scene.position[rows],
+        scene.heading[rows],
+        scene.size[rows],
+    )
+
+
+_CONDITIONS: dict[str, Callable[[Any, Scene, Stage], bool]] = {
+    "simulation_time": _simulation_time,
+    "traveled_distance": _traveled_distance,
+    "speed": _speed,
+    "ego_distance_to_junction": _ego_distance_to_junction,
+    "reach_position": _reach_position,
+    "relative_distance": _relative_distance,
+    "time_headway": _time_headway,
+    "time_to_collision": _time_to_collision,
+}

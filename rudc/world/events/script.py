@@ -75,7 +75,7 @@ class Script:
                 self._active.remove((effect, until))
             else:
                 effect.step(self._stage, scene)
-        due = [e for e in self._waiting if e.event.when is None or holds(e.event.when, scene, self._stage.rng)]
+        due = [e for e in self._waiting if e.event.when is None or holds(e.event.when, scene, self._stage)]
         self._begin(due, scene)
 
     def _begin(self, effects: list[Effect], scene: Scene | None) -> None:

@@ -37,6 +37,8 @@ class Stage:
     rng: np.random.Generator
     sensors: Sensors
     decision_s: float
+    start_s: float
+    """m, where on its path the ego starts"""
     props: list[Prop] = field(default_factory=list)
     unlawful: set[str] = field(default_factory=set)
     """names of vehicles that an event has break the rules, at fault when they hit the ego"""

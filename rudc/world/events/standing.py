@@ -45,7 +45,9 @@ class AccidentEffect(Effect["Accident"]):
         for i, placement in enumerate(self.event.vehicles):
             x, y, heading = _pose(stage, placement)
             body = VEHICLE_TYPES[placement.type]
-            stage.add_obstacle(standing(f"{self.name}:{i}", body.kind, x, y, heading, body.length, body.width))
+            stage.add_obstacle(
+                standing(f"{self.name}:{i}", body.kind, x, y, heading, body.length, body.width)
+            )
         return True
 
 
@@ -120,7 +122,9 @@ class WrongWayEffect(Effect["WrongWay"]):
         way = np.vstack([start, ahead])
         direction = (way[-1] - way[-2]) / np.linalg.norm(way[-1] - way[-2])
         way = np.vstack([way, way[-1] + 80.0 * direction])
-        stage.props.append(Prop(f"{self.name}:0", body.kind, body.length, body.width, way, 0.0, float(event.speed)))
+        stage.props.append(
+            Prop(f"{self.name}:0", body.kind, body.length, body.width, way, 0.0, float(event.speed))
+        )
         stage.unlawful.add(f"{self.name}:0")
         return True
 
