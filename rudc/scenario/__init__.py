@@ -1,1 +1,1 @@
-"""Floor 1: YAML file -> validated frozen `Scenario` -> (seed) -> concrete `EpisodePlan`. Knows nothing of SUMO."""
+"""Floor 1: YAML file -> validated `Scenario` -> (seed) -> concrete `EpisodePlan`. Knows nothing of SUMO."""

@@ -1,0 +1,362 @@
+"""Numbers in a scenario: fixed ones, and ones drawn at random.
+
+A file writes a plain number, `{uniform: [low, high]}`, `{normal: {mean: m, std: s}}` or `{choice: [a, b, c]}`.
+Normals are truncated, to their own `low` and `high` and otherwise to what is physically sane where they stand.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import Annotated, Any, cast
+
+import numpy as np
+from pydantic import (
+    Discriminator,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    Tag,
+    TypeAdapter,
+    model_serializer,
+    model_validator,
+)
+from pydantic_core import CoreSchema, core_schema
+
+from rudc.scenario.base import FileModel, Number, refuse
+
+FORMS = "a number, {uniform: [low, high]}, {normal: {mean: m, std: s}} or {choice: [a, b, ...]}"
+
+
+class Distribution(FileModel):
+    """A number that is fixed or drawn at random. `float(d)` gives the value of a fixed one."""
+
+    def sample(self, rng: np.random.Generator) -> float:
+        """Draw one value; a fixed number leaves the generator untouched."""
+        raise NotImplementedError(f"{type(self).__name__} must say how it is drawn")
+
+    @property
+    def mean(self) -> float:
+        """Its expectation."""
+        raise NotImplementedError(f"{type(self).__name__} must say its mean")
+
+    @property
+    def support(self) -> tuple[float, float]:
+        """Least and greatest value it can take."""
+        raise NotImplementedError(f"{type(self).__name__} must say its support")
+
+    def drawn(self, rng: np.random.Generator) -> Constant:
+        """A fixed number in its place."""
+        return Constant(value=self.sample(rng))
+
+    def __float__(self) -> float:
+        raise TypeError(f"{self!r} is not fixed; draw from it with `sample`")
+
+    def __index__(self) -> int:
+        value = float(self)
+        if not value.is_integer():
+            raise TypeError(f"{value} is not a whole number")
+        return int(value)
+
+
+class Constant(Distribution):
+    """A plain number."""
+
+    value: Number
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_number(cls, data: Any) -> Any:
+        return data if isinstance(data, Mapping) else {"value": data}
+
+    @model_serializer
+    def _to_number(self) -> float:
+        return self.value
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {"type": "number"}
+
+    def sample(self, rng: np.random.Generator) -> float:
+        """The number itself."""
+        return self.value
+
+    @property
+    def mean(self) -> float:
+        """The number itself."""
+        return self.value
+
+    @property
+    def support(self) -> tuple[float, float]:
+        """The number itself, twice."""
+        return self.value, self.value
+
+    def __float__(self) -> float:
+        return self.value
+
+
+class Uniform(Distribution):
+    """Every value between two is as likely."""
+
+    uniform: tuple[Number, Number]
+    """[low, high]"""
+
+    @model_validator(mode="after")
+    def _check(self) -> Uniform:
+        low, high = self.uniform
+        if low > high:
+            refuse(f"low {low:g} is above high {high:g} (swap them?)", "uniform", 0)
+        return self
+
+    def sample(self, rng: np.random.Generator) -> float:
+        """Draw one value."""
+        return float(rng.uniform(*self.uniform))
+
+    @property
+    def mean(self) -> float:
+        """The middle."""
+        return 0.5 * (self.uniform[0] + self.uniform[1])
+
+    @property
+    def support(self) -> tuple[float, float]:
+        """Low and high."""
+        return self.uniform
+
+
+class NormalParameters(FileModel):
+    """Mean, standard deviation and limits of a normal distribution."""
+
+    mean: Number
+    """before truncation"""
+    std: Number
+    """standard deviation before truncation"""
+    low: Number | None = None
+    """no value below this; by default the least sane one"""
+    high: Number | None = None
+    """no value above this; by default the greatest sane one"""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_pair(cls, data: Any) -> Any:
+        if not isinstance(data, list | tuple):
+            return data
+        if len(data) != 2:
+            refuse(
+                f"expected [mean, std], got {len(data)} values (limits: {{mean: m, std: s, low: a, high: b}})"
+            )
+        return dict(zip(("mean", "std"), data, strict=True))
+
+    @model_validator(mode="after")
+    def _check(self) -> NormalParameters:
+        if self.std <= 0:
+            refuse(
+                f"must be above 0, got {self.std:g} (without spread, write the number itself)",
+                "std",
+            )
+        if self.low is not None and self.mean < self.low:
+            refuse(f"low {self.low:g} is above the mean {self.mean:g}", "low")
+        if self.high is not None and self.mean > self.high:
+            refuse(f"high {self.high:g} is below the mean {self.mean:g}", "high")
+        return self
+
+
+class Normal(Distribution):
+    """A truncated normal distribution."""
+
+    normal: NormalParameters
+    """mean and std, and low and high where it is truncated; or [mean, std]"""
+
+    def sample(self, rng: np.random.Generator) -> float:
+        """Draw one value by inverting the distribution function, so that one draw always suffices."""
+        curve, low, high = self._curve
+        share = rng.uniform(curve.cdf(low), curve.cdf(high))
+        # The tails' ends have no finite inverse.
+        value = curve.inv_cdf(min(max(share, 1e-12), 1.0 - 1e-12))
+        return min(max(value, low), high)
+
+    @property
+    def mean(self) -> float:
+        """Mean of the truncated distribution."""
+        curve, low, high = self._curve
+        height = sum(sign * curve.pdf(end) for sign, end in ((1, low), (-1, high)) if math.isfinite(end))
+        return curve.mean + curve.variance * height / (curve.cdf(high) - curve.cdf(low))
+
+    @property
+    def support(self) -> tuple[float, float]:
+        """Where it is truncated."""
+        low, high = self.normal.low, self.normal.high
+        return (-math.inf if low is None else low), (math.inf if high is None else high)
+
+    @property
+    def _curve(self) -> tuple[NormalDist, float, float]:
+        return NormalDist(self.normal.mean, self.normal.std), *self.support
+
+
+class ChoiceParameters(FileModel):
+    """Values and how likely each is."""
+
+    values: tuple[Number, ...]
+    """one of these"""
+    weights: tuple[Number, ...] | None = None
+    """relative weight of each value; by default all equal"""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_list(cls, data: Any) -> Any:
+        return {"values": data} if isinstance(data, list | tuple) else data
+
+    @model_validator(mode="after")
+    def _check(self) -> ChoiceParameters:
+        if not self.values:
+            refuse("there is nothing to choose from", "values")
+        if self.weights is None:
+            return self
+        if len(self.weights) != len(self.values):
+            refuse(f"{len(self.weights)} weights for {len(self.values)} values", "weights")
+        for i, weight in enumerate(self.weights):
+            if weight < 0:
+                refuse(f"a weight cannot be negative, got {weight:g}", "weights", i)
+        if sum(self.weights) <= 0:
+            refuse("one weight at least must be above 0", "weights")
+        return self
+
+
+class Choice(Distribution):
+    """One of several values."""
+
+    choice: ChoiceParameters
+    """the values; or {values: [...], weights: [...]}"""
+
+    def sample(self, rng: np.random.Generator) -> float:
+        """Draw one value."""
+        return float(rng.choice(self.choice.values, p=self._shares))
+
+    @property
+    def mean(self) -> float:
+        """Weighted mean of the values."""
+        return float(np.average(self.choice.values, weights=self._shares))
+
+    @property
+    def support(self) -> tuple[float, float]:
+        """Least and greatest value."""
+        return min(self.choice.values), max(self.choice.values)
+
+    @property
+    def _shares(self) -> list[float]:
+        weights = self.choice.weights or (1.0,) * len(self.choice.values)
+        return [weight / sum(weights) for weight in weights]
+
+
+def _form(value: Any) -> str | None:
+    """Tag of the form a value is written in; tags carry brackets so that none reads like a key."""
+    if isinstance(value, Distribution):
+        return f"<{type(value).__name__.lower()}>"
+    if not isinstance(value, Mapping):
+        return "<constant>" if not isinstance(value, list | tuple) else None
+    forms = [form for form in ("uniform", "normal", "choice") if form in value]
+    return f"<{forms[0]}>" if len(forms) == 1 else None
+
+
+AnyDistribution = Annotated[
+    Annotated[Constant, Tag("<constant>")]
+    | Annotated[Uniform, Tag("<uniform>")]
+    | Annotated[Normal, Tag("<normal>")]
+    | Annotated[Choice, Tag("<choice>")],
+    Discriminator(
+        _form, custom_error_type="distribution", custom_error_message="expected " + FORMS.replace("{", "{{")
+    ),
+]
+"""What may stand wherever a number may."""
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Within which values a number or distribution is physically sane."""
+
+    low: float
+    high: float
+    unit: str = ""
+    above: bool = False
+    """whether `low` itself is excluded"""
+    whole: bool = False
+    """whether only whole numbers will do"""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_after_validator_function(self.check, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        described = dict(handler(schema))
+        forms = described.pop("oneOf")
+        number = {
+            "type": "integer" if self.whole else "number",
+            "exclusiveMinimum" if self.above else "minimum": self.low,
+            "maximum": self.high,
+        }
+        return {**described, "anyOf": [number, *(form for form in forms if form.get("type") != "number")]}
+
+    def check(self, value: Distribution) -> Distribution:
+        """The same distribution, a normal one truncated to the bounds; refuses what reaches beyond them."""
+        for where, number in _numbers(value):
+            if number > self.high or number < self.low or (self.above and number == self.low):
+                refuse(f"{number:g}{self._unit} is not {self._range}", *where)
+            if self.whole and not number.is_integer():
+                refuse(f"expected a whole number, got {number:g}", *where)
+        if self.whole and not isinstance(value, Constant | Choice):
+            refuse("expected a whole number or {choice: [...]} of whole numbers")
+        if not isinstance(value, Normal):
+            return value
+        limits = value.normal
+        low = float(self.low) if limits.low is None else limits.low
+        high = float(self.high) if limits.high is None else limits.high
+        return Normal(normal=limits.model_copy(update={"low": low, "high": high}))
+
+    @property
+    def _unit(self) -> str:
+        return f" {self.unit}" if self.unit else ""
+
+    @property
+    def _range(self) -> str:
+        if self.above:
+            return f"above {self.low:g} and at most {self.high:g}{self._unit}"
+        return f"between {self.low:g} and {self.high:g}{self._unit}"
+
+
+def _numbers(value: Distribution) -> list[tuple[tuple[str | int, ...], float]]:
+    """Every value that the bounds must hold, with the key it stands at."""
+    match value:
+        case Constant():
+            return [((), value.value)]
+        case Uniform():
+            return [(("uniform", i), end) for i, end in enumerate(value.uniform)]
+        case Choice():
+            return [(("choice", "values", i), end) for i, end in enumerate(value.choice.values)]
+        case Normal(normal=limits):
+            named = (("mean", limits.mean), ("low", limits.low), ("high", limits.high))
+            return [(("normal", name), end) for name, end in named if end is not None]
+    raise NotImplementedError(f"{type(value).__name__} must say which of its numbers are bounded")
+
+
+_ADAPTER: TypeAdapter[Distribution] = TypeAdapter(AnyDistribution)
+
+
+def distribution(value: float | Mapping[str, object] | Distribution) -> Distribution:
+    """A distribution from what a file would say: `distribution(7)`, `distribution({"uniform": [6, 10]})`."""
+    return cast(Distribution, _ADAPTER.validate_python(value))
+
+
+def draw(value: Any, rng: np.random.Generator) -> Any:
+    """The same model, or tuple of them, with every distribution drawn, in field order."""
+    if isinstance(value, Distribution):
+        return value.drawn(rng)
+    if isinstance(value, tuple):
+        return tuple(draw(item, rng) for item in value)
+    if isinstance(value, FileModel):
+        return value.model_copy(
+            update={name: draw(getattr(value, name), rng) for name in type(value).model_fields}
+        )
+    return value

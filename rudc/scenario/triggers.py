@@ -1,0 +1,158 @@
+"""When an event happens: conditions named as in ASAM OpenSCENARIO where it has one.
+
+All conditions of one `when` must hold at once; then the event happens, once. They speak of the ego.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import model_validator
+
+from rudc.scenario.base import FileModel, refuse
+from rudc.scenario.distributions import AnyDistribution, Bounds, Constant, Distribution
+
+Selector = Literal["leader", "follower", "oncoming", "crossing", "nearest", "random", "all"]
+"""Which surrounding vehicle, seen from the ego at the moment it is asked."""
+
+Second = Annotated[AnyDistribution, Bounds(0, 600, "s")]
+Metre = Annotated[AnyDistribution, Bounds(0, 1000, "m")]
+Position = tuple[
+    Annotated[AnyDistribution, Bounds(-2000, 2000, "m")], Annotated[AnyDistribution, Bounds(-2000, 2000, "m")]
+]
+"""[x, y] in m east and north of the junction's centre."""
+
+
+class Threshold(FileModel):
+    """Holds while a quantity is above one value, below another, or both."""
+
+    above: AnyDistribution | None = None
+    """holds when the quantity is greater"""
+    below: AnyDistribution | None = None
+    """holds when the quantity is smaller"""
+
+    @model_validator(mode="after")
+    def _check(self) -> Threshold:
+        if self.above is None and self.below is None:
+            refuse("expected {above: x}, {below: x} or both")
+        if (
+            self.above is not None
+            and self.below is not None
+            and self.above.support[0] >= self.below.support[1]
+        ):
+            refuse("can never hold: `above` is not smaller than `below`", "above")
+        return self
+
+    def holds(self, value: float) -> bool:
+        """Whether the quantity satisfies it, once its numbers are drawn; not a number satisfies nothing."""
+        return (
+            (self.above is None or value > float(self.above))
+            and (self.below is None or value < float(self.below))
+            and value == value
+        )
+
+
+class TimeThreshold(Threshold):
+    """A time in s, above one value, below another, or both."""
+
+    above: Second | None = None
+    """s; holds when it is longer"""
+    below: Second | None = None
+    """s; holds when it is shorter"""
+
+
+class DistanceThreshold(Threshold):
+    """A distance in m, above one value, below another, or both."""
+
+    above: Metre | None = None
+    """m; holds when it is longer"""
+    below: Metre | None = None
+    """m; holds when it is shorter"""
+
+
+class SpeedThreshold(Threshold):
+    """A speed in m/s, above one value, below another, or both."""
+
+    above: Annotated[AnyDistribution, Bounds(0, 60, "m/s")] | None = None
+    """m/s; holds when it is faster"""
+    below: Annotated[AnyDistribution, Bounds(0, 60, "m/s")] | None = None
+    """m/s; holds when it is slower"""
+
+
+class JunctionThreshold(Threshold):
+    """A distance in m to the stop line, negative once past it."""
+
+    above: Annotated[AnyDistribution, Bounds(-1000, 1000, "m")] | None = None
+    """m; holds when it is farther"""
+    below: Annotated[AnyDistribution, Bounds(-1000, 1000, "m")] | None = None
+    """m; holds when it is nearer"""
+
+
+class RelativeDistance(DistanceThreshold):
+    """The distance in m between the ego's centre and a vehicle's."""
+
+    vehicle: Selector = "nearest"
+    """towards which vehicle"""
+
+
+class TimeHeadway(TimeThreshold):
+    """The time in s that the ego needs at its present speed for the gap to a vehicle."""
+
+    vehicle: Selector = "leader"
+    """towards which vehicle"""
+
+
+class TimeToCollision(TimeThreshold):
+    """The time in s in which the gap between the ego and a vehicle closes at their present velocities."""
+
+    vehicle: Selector = "nearest"
+    """towards which vehicle"""
+
+
+class ReachPosition(FileModel):
+    """The ego is near a place."""
+
+    position: Position
+    """[x, y] in m east and north of the junction's centre"""
+    tolerance: Annotated[AnyDistribution, Bounds(0, 200, "m", above=True)] = Constant(value=2.0)
+    """m, how near counts as there"""
+
+
+class Trigger(FileModel):
+    """Conditions that must all hold at once for the event to happen."""
+
+    simulation_time: TimeThreshold | None = None
+    """s since the episode began"""
+    traveled_distance: DistanceThreshold | None = None
+    """m the ego has driven since the episode began"""
+    relative_distance: RelativeDistance | None = None
+    """m between the ego and a surrounding vehicle"""
+    time_headway: TimeHeadway | None = None
+    """s of headway to a surrounding vehicle, by default the leader"""
+    time_to_collision: TimeToCollision | None = None
+    """s to a collision with a surrounding vehicle, by default the nearest"""
+    reach_position: ReachPosition | None = None
+    """the ego is near a place"""
+    speed: SpeedThreshold | None = None
+    """the ego's speed, m/s"""
+    ego_distance_to_junction: JunctionThreshold | None = None
+    """m from the ego to its stop line, negative past it"""
+    probability: Annotated[AnyDistribution, Bounds(0, 1)] | None = None
+    """whether the event happens in this episode at all; drawn once per episode"""
+
+    @model_validator(mode="after")
+    def _check(self) -> Trigger:
+        if not self.model_fields_set:
+            refuse(f"no condition given; expected one or more of {', '.join(type(self).model_fields)}")
+        return self
+
+    @property
+    def conditions(self) -> dict[str, FileModel]:
+        """Name -> condition, of those given; `probability` is not among them."""
+        named = {name: getattr(self, name) for name in type(self).model_fields if name != "probability"}
+        return {name: condition for name, condition in named.items() if condition is not None}
+
+    @property
+    def chance(self) -> Distribution:
+        """Probability that the event happens at all."""
+        return Constant(value=1.0) if self.probability is None else self.probability
