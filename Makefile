@@ -1,0 +1,63 @@
+# make sweep | test | check | bench: each sets up what it needs first. Paths are relative, so spaces above do no harm.
+PYTHON ?= python3
+PY := .venv/bin/python
+PIP := $(PY) -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+EPISODES ?= 20
+WORKERS ?= $(shell nproc 2>/dev/null || echo 2)
+OUT ?= out/sweep
+
+.PHONY: help setup sweep test lint types contracts check format bench clean
+
+help:
+	@echo "make sweep   sweep the shipped scenarios with the shipped agents: $(OUT)/metrics.csv and a table"
+	@echo "make test    run the tests"
+	@echo "make check   tests, lint, types, import contracts"
+	@echo "make bench   the benchmarks, as ratios"
+
+setup: .venv/.core
+
+.venv/.made:
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] < (3, 14))' || \
+		{ echo "RUDC needs Python 3.11, 3.12 or 3.13; name one: make PYTHON=python3.12 $(MAKECMDGOALS)" >&2; exit 2; }
+	$(PYTHON) -m venv .venv
+	@touch $@
+
+.venv/.core: .venv/.made pyproject.toml constraints.txt
+	$(PIP) --editable .
+	@touch $@
+
+.venv/.dev: .venv/.core
+	$(PIP) --editable ".[dev]"
+	@touch $@
+
+.venv/.bench: .venv/.dev
+	$(PIP) --editable ".[bench]"
+	@touch $@
+
+sweep: .venv/.core
+	$(PY) -m rudc sweep --shipped --episodes $(EPISODES) --seed 0 --workers $(WORKERS) --out $(OUT) --resume
+
+test: .venv/.dev
+	$(PY) -m pytest -n $(WORKERS)
+
+lint: .venv/.dev
+	$(PY) -m ruff format --check .
+	$(PY) -m ruff check .
+
+types: .venv/.dev
+	$(PY) -m pyright
+
+contracts: .venv/.dev
+	$(PY) -c "from importlinter.cli import lint_imports_command; lint_imports_command()"
+
+check: lint types contracts test
+
+format: .venv/.dev
+	$(PY) -m ruff format .
+	$(PY) -m ruff check --fix .
+
+bench: .venv/.bench
+	$(PY) -m tests.benchmarks
+
+clean:
+	rm -rf .venv out build dist
