@@ -60,4 +60,4 @@ def judge(scene: Scene, index: int, unlawful: bool) -> Fault:
 
 def _may_wait(scene: Scene) -> bool:
     front = scene.ego_s + 0.5 * scene.vehicle.length
-    return front <= max(scene.route.stop_line_s, scene.route.waiting_s + 0.5 * scene.vehicle.length) + 0.5
+    return front <= scene.route.waiting_s + 0.5

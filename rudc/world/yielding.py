@@ -126,8 +126,7 @@ def _heeds_prediction(scene: Scene, rows: np.ndarray) -> np.ndarray:
     """(n,) whether each SV heeds where the ego will be, not only where it is."""
     route = scene.route
     front = scene.ego_s + 0.5 * scene.vehicle.length
-    waits_at = max(route.stop_line_s, route.waiting_s + 0.5 * scene.vehicle.length)
-    if off_path(scene) or (front > waits_at + 1.0 and scene.ego.v > 0.5):
+    if off_path(scene) or (front > route.waiting_s + 1.0 and scene.ego.v > 0.5):
         return np.ones(rows.size, dtype=bool)
     if route.row < 0:
         return np.zeros(rows.size, dtype=bool)
