@@ -52,21 +52,18 @@ def rectangle_gaps(
     The others have centres `position` (N, 2) m, headings (N,) rad and `size` (N, 2) m, length and width.
     """
     z, r = _seen_from(x, y, psi, position, heading)
-    half = 0.5 * np.asarray(size)
-    l_a, w_a = 0.5 * length, 0.5 * width
-    r_back = r.conj()
-    z_back = z * r_back
-    apart = _separated(z, z_back, r, l_a, w_a, half[:, 0], half[:, 1])
+    return _gaps(z, r, np.array([0.5 * length, 0.5 * width]), 0.5 * np.asarray(size))
 
-    corners = np.empty((2, len(z), 4), dtype=np.complex128)
-    corners[0] = z[:, None] + r[:, None] * _offsets(half)
-    corners[1] = r_back[:, None] * (l_a * _ALONG + w_a * _ACROSS) - z_back[:, None]
-    beyond = np.abs(corners.view(np.float64).reshape(2, len(z), 4, 2))
-    beyond[0] -= (l_a, w_a)
-    beyond[1] -= half[:, None, :]
-    np.maximum(beyond, 0.0, out=beyond)
-    squares = np.einsum("ijkl,ijkl->jik", beyond, beyond).reshape(len(z), 8)
-    return np.sqrt(squares.min(axis=1, initial=np.inf)) * apart
+
+def gaps_between(
+    position_a: Array, heading_a: Array, size_a: Array, position_b: Array, heading_b: Array, size_b: Array
+) -> Array:
+    """Gaps (N,) m of N pairs of rectangles: centres (N, 2) m, headings (N,) rad, sizes (N, 2) or (2,) m."""
+    turned = np.exp(-1j * heading_a)
+    away = position_b - position_a
+    z = (away[:, 0] + 1j * away[:, 1]) * turned
+    half_b = np.broadcast_to(0.5 * np.asarray(size_b), (len(z), 2))
+    return _gaps(z, np.exp(1j * heading_b) * turned, 0.5 * np.asarray(size_a), half_b)
 
 
 def rectangles_overlap(
@@ -81,8 +78,7 @@ def rectangles_overlap(
 ) -> NDArray[np.bool_]:
     """Which (N,) of N rectangles overlap or touch the one given first; arguments as in `rectangle_gaps`."""
     z, r = _seen_from(x, y, psi, position, heading)
-    half = 0.5 * np.asarray(size)
-    return ~_separated(z, z * r.conj(), r, 0.5 * length, 0.5 * width, half[:, 0], half[:, 1])
+    return ~_separated(z, z * r.conj(), r, np.array([0.5 * length, 0.5 * width]), 0.5 * np.asarray(size))
 
 
 def overlapping_pairs(position: Array, heading: Array, size: Array) -> NDArray[np.int64]:
@@ -101,8 +97,7 @@ def overlapping_pairs(position: Array, heading: Array, size: Array) -> NDArray[n
     turn = np.exp(1j * heading)
     z = (centre[second] - centre[first]) * turn[first].conj()
     r = turn[second] * turn[first].conj()
-    a, b = half[first], half[second]
-    hit = ~_separated(z, z * r.conj(), r, a[:, 0], a[:, 1], b[:, 0], b[:, 1])
+    hit = ~_separated(z, z * r.conj(), r, half[first], half[second])
     return np.stack([first[hit], second[hit]], axis=1)
 
 
@@ -113,25 +108,36 @@ def _seen_from(x: float, y: float, psi: float, position: Array, heading: Array) 
     return z, np.exp(1j * heading) * turned
 
 
+def _gaps(z: Complex, r: Complex, half_a: Array, half_b: Array) -> Array:
+    """Gaps (N,) m: z, r (N,) are B seen from A, half sizes (N, 2) or (2,) m of A and (N, 2) m of B."""
+    n, r_back = len(z), r.conj()
+    z_back = z * r_back
+    corners = np.empty((2, n, 4), dtype=np.complex128)
+    corners[0] = z[:, None] + r[:, None] * _offsets(half_b)
+    corners[1] = r_back[:, None] * _offsets(half_a) - z_back[:, None]
+    beyond = np.abs(corners.view(np.float64).reshape(2, n, 4, 2))
+    beyond[0] -= half_a[..., None, :]
+    beyond[1] -= half_b[:, None, :]
+    np.maximum(beyond, 0.0, out=beyond)
+    beyond *= beyond
+    squares = beyond[..., 0] + beyond[..., 1]
+    return np.sqrt(np.minimum(squares[0], squares[1]).min(axis=1)) * _separated(z, z_back, r, half_a, half_b)
+
+
 def _offsets(half: Array) -> Complex:
     """Corners (..., 4) m of rectangles of half sizes (..., 2) m about their centres, in their frames."""
     return half[..., :1] * _ALONG + half[..., 1:] * _ACROSS
 
 
-def _separated(
-    z: Complex,
-    z_back: Complex,
-    r: Complex,
-    l_a: float | Array,
-    w_a: float | Array,
-    l_b: Array,
-    w_b: Array,
-) -> NDArray[np.bool_]:
-    """Whether a side direction of A or of B separates them; z_back is z in B's frame, up to its sign."""
-    cos, sin = np.abs(r.real), np.abs(r.imag)
-    return (
-        (np.abs(z.real) > l_a + l_b * cos + w_b * sin)
-        | (np.abs(z.imag) > w_a + l_b * sin + w_b * cos)
-        | (np.abs(z_back.real) > l_b + l_a * cos + w_a * sin)
-        | (np.abs(z_back.imag) > w_b + l_a * sin + w_a * cos)
+def _separated(z: Complex, z_back: Complex, r: Complex, half_a: Array, half_b: Array) -> NDArray[np.bool_]:
+    """Whether (N,) a side direction of A or of B separates them.
+
+    z (N,) is B's centre and r (N,) B's direction seen from A, z_back (N,) is z in B's frame, up to its sign.
+    """
+    turn = np.abs(r.view(np.float64)).reshape(-1, 2)
+    cos, sin = turn[:, :1], turn[:, 1:]
+    in_a, in_b = np.abs(z.view(np.float64)).reshape(-1, 2), np.abs(z_back.view(np.float64)).reshape(-1, 2)
+    apart = (in_a > half_a + half_b * cos + half_b[:, ::-1] * sin) | (
+        in_b > half_b + half_a * cos + half_a[..., ::-1] * sin
     )
+    return apart[:, 0] | apart[:, 1]

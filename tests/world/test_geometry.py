@@ -6,7 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from rudc.world.geometry import overlapping_pairs, rectangle_corners, rectangle_gaps, rectangles_overlap
+from rudc.world.geometry import (
+    gaps_between,
+    overlapping_pairs,
+    rectangle_corners,
+    rectangle_gaps,
+    rectangles_overlap,
+)
 
 coordinate = st.floats(-12, 12)
 angle = st.floats(-7, 7)
@@ -134,3 +140,25 @@ def test_overlapping_pairs_are_those_with_gap_zero():
 def test_corners():
     corners = rectangle_corners(np.array([[1.0, 2.0]]), np.array([np.pi / 2]), np.array([[4.0, 2.0]]))
     np.testing.assert_allclose(corners[0], [[0, 4], [0, 0], [2, 0], [2, 4]], atol=1e-12)
+
+
+def test_gaps_between_pairs_equal_one_against_many():
+    rng = np.random.default_rng(2)
+    position, heading, size = (
+        rng.uniform(-6, 6, (2, 50, 2)),
+        rng.uniform(-4, 4, (2, 50)),
+        rng.uniform(1, 6, (2, 50, 2)),
+    )
+    pairs = gaps_between(position[0], heading[0], size[0], position[1], heading[1], size[1])
+    single = [
+        gap((*p, h, *s), (*q, g, *t))
+        for p, h, s, q, g, t in zip(
+            position[0], heading[0], size[0], position[1], heading[1], size[1], strict=True
+        )
+    ]
+    np.testing.assert_allclose(pairs, single, atol=1e-12)
+    assert 0 < np.count_nonzero(pairs) < 50
+    alike = gaps_between(position[0], heading[0], size[0, 0], position[1], heading[1], size[1, 0])
+    assert alike[7] == gap(
+        (*position[0, 7], heading[0, 7], *size[0, 0]), (*position[1, 7], heading[1, 7], *size[1, 0])
+    )
