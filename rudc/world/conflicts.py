@@ -1,6 +1,6 @@
 """Where two ways through the junction come too close: the conflict table, zones and waiting positions.
 
-Two centre lines are in conflict where they come closer than CONFLICT_WIDTH: two cars of 1.8 m with 0.4 m between.
+Two centre lines are in conflict where they come closer than CONFLICT_WIDTH: two cars of 1.8 m, 0.4 m between.
 Arc lengths in the table are those of vehicles' centres; half lengths are the reader's to add.
 """
 
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from rudc.world.paths import SPACING, PathTable
 from rudc.world.polyline import Array
@@ -25,9 +25,10 @@ HALF_WIDTH = 0.9
 
 
 def conflict_table(path: ReferencePath, paths: PathTable) -> Array:
-    """(P, 4) m: s_ego_in, s_ego_out, s_sv_in, s_sv_out of the path's conflict with each row; nan where there is none."""
+    """(P, 4) m: s_ego_in, s_ego_out, s_sv_in, s_sv_out of the path's conflict with each row; nan if there is
+    none."""
     table = np.full((paths.count, 4), np.nan)
-    tree = cKDTree(path.xy)
+    tree = KDTree(path.xy)
     for row in range(paths.count):
         s = SPACING * np.arange(int(paths.length[row] / SPACING) + 1)
         xy = paths.xy[row, : len(s)]
@@ -35,14 +36,15 @@ def conflict_table(path: ReferencePath, paths: PathTable) -> Array:
         theirs = np.flatnonzero(np.isfinite(gap))
         if not len(theirs):
             continue
-        gap, _ = cKDTree(xy[theirs]).query(path.xy, distance_upper_bound=CONFLICT_WIDTH)
+        gap, _ = KDTree(xy[theirs]).query(path.xy, distance_upper_bound=CONFLICT_WIDTH)
         ours = np.flatnonzero(np.isfinite(gap))
         table[row] = path.s[ours[0]], path.s[ours[-1]], s[theirs[0]], s[theirs[-1]]
     return table
 
 
 def waiting_bumper(path: ReferencePath, paths: PathTable, row: int, stop: float, exit_s: float) -> float:
-    """m, farthest arc length of the front bumper clear of the swept paths of all rows to which `row` yields."""
+    """m, farthest arc length of the front bumper clear of the swept paths of the rows to which `row`
+    yields."""
     rivals = np.flatnonzero(paths.yields[row] & (paths.origin != paths.origin[row]))
     if not len(rivals):
         return stop
@@ -53,7 +55,7 @@ def waiting_bumper(path: ReferencePath, paths: PathTable, row: int, stop: float,
     corners = (
         np.stack([x, y], axis=-1)[None] + np.array([-HALF_WIDTH, 0.0, HALF_WIDTH])[:, None, None] * normal
     )
-    tree = cKDTree(np.concatenate([_beyond_stop(paths, int(rival)) for rival in rivals]))
+    tree = KDTree(np.concatenate([_beyond_stop(paths, int(rival)) for rival in rivals]))
     gap, _ = tree.query(corners)
     clear = gap.min(axis=0) >= SWEPT_HALF_WIDTH + WAITING_GAP
     blocked = np.flatnonzero(~clear)

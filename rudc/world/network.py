@@ -1,10 +1,12 @@
-"""`Network`: a junction with its arms, lanes, movements, paths, right of way and drivable area, read from a .net.xml.
+"""`Network`: a junction with its arms, lanes, movements, paths, right of way and drivable area, from a
+.net.xml.
 
-World frame: x east, y north, as in the file; angles counter-clockwise from x; SI units. Nothing here knows any
-particular junction. Numbering of lanes is SUMO's: 0 is the rightmost in driving direction.
+World frame: x east, y north, as in the file; angles counter-clockwise from x; SI units. Nothing here knows
+any particular junction. Lanes are numbered as in SUMO: 0 is the rightmost in driving direction.
 
-Right of way is SUMO's request matrix, as netconvert computed it from the node's type: at an all-way stop or any other
-equal right of way by arrival, both of two crossing ways must yield to each other, and no arm is major.
+Right of way is SUMO's request matrix, as netconvert computed it from the node's type. Where it is equal
+(all-way stop), that matrix says of any two crossing ways that each must yield to the other, and no arm is
+major.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ from rudc.world import network_assembly as assembly
 from rudc.world import network_reader as reader
 from rudc.world.conflicts import conflict_table
 from rudc.world.paths import PathTable
-from rudc.world.polyline import Array, resample, without_repeats
+from rudc.world.polyline import Array, without_repeats
 from rudc.world.road import Arm, Lane, Movement, Turn
 from rudc.world.route import ReferencePath, Route
 from rudc.world.route_builder import build_route
@@ -45,7 +47,8 @@ class Network:
     """One junction and its arms. Immutable; routes and conflict tables are computed once and kept."""
 
     def __init__(self, path: Path, junction: str | None = None) -> None:
-        """Reads the .net.xml at `path`; `junction` names the node (or a node of the roundabout) if there are several."""
+        """Reads the .net.xml at `path`; `junction` names the node (or one of the roundabout's) if there are
+        several."""
         net = reader.read_net(path)
         chosen = reader.choose_junction(net, junction, path)
         raw_arms = reader.find_arms(chosen)
@@ -55,6 +58,10 @@ class Network:
         """file name without its endings"""
         self.nodes: tuple[str, ...] = tuple(node.getID() for node in chosen.nodes)
         """SUMO nodes of the junction: one, or all of a roundabout"""
+        self.node_type = str(chosen.nodes[0].getType())
+        """SUMO's type of the junction's (first) node: priority, allway_stop, ..."""
+        self.is_roundabout = chosen.is_roundabout
+        """whether the junction is a whole roundabout"""
         self.center: Array = assembly.centre_of(chosen)
         """(2,) m, what positions in scenario files are relative to"""
         ways = reader.find_ways(chosen, raw_arms)
@@ -138,14 +145,15 @@ class Network:
         line, s = self._measured_outwards(lane, inbound=lane.id in arm.in_lanes, at=at_m_from_junction)
         if not 0.0 <= s <= ReferencePath(line).length + 1.0:
             raise NetworkError(
-                f"{at_m_from_junction:g} m from the junction is not on lane {lane_name!r} of network {self.name} "
-                f"(the arm is {arm.length:.0f} m long)"
+                f"{at_m_from_junction:g} m from the junction is not on lane {lane_name!r} of network "
+                f"{self.name} (the arm is {arm.length:.0f} m long)"
             )
         x, y, psi = (float(v) for v in ReferencePath(line).pose(s))
         return x - lateral * np.sin(psi), y + lateral * np.cos(psi), psi + heading_offset_rad
 
     def movement(self, origin: str, towards: str) -> Movement:
-        """The movement from an arm to another (arm name or edge id), or by its turn (left, straight, right, u_turn)."""
+        """The movement from an arm to another (by name or edge id), or by its turn: left, straight, right,
+        u_turn."""
         start = self.arm(origin).name
         options = [m for m in self.movements if m.origin == start]
         if towards in ("left", "straight", "right", "u_turn"):
@@ -164,7 +172,7 @@ class Network:
         raise NetworkError(f"network {self.name}: arm {start!r} {problem}; from there one gets to {known}")
 
     def route(self, origin: str, towards: str, lane: int | None = None) -> Route:
-        """The ego's route from an arm to another arm, or by its turn; `lane` is the index of the inbound lane.
+        """The ego's route from an arm to another, or by its turn; `lane` is the index of the inbound lane.
 
         Without `lane`, left turns start on the leftmost lane that permits them, all others on the rightmost.
         """
@@ -174,8 +182,8 @@ class Network:
             allowed = sorted({self.inbound_lane(row).index for row in movement.rows})
             if lane is not None and lane not in allowed:
                 raise NetworkError(
-                    f"network {self.name}: {movement.turn} from {movement.origin!r} is not permitted from lane {lane}, "
-                    f"only from {', '.join(map(str, allowed))}"
+                    f"network {self.name}: {movement.turn} from {movement.origin!r} is not permitted from "
+                    f"lane {lane}, only from {', '.join(map(str, allowed))}"
                 )
             self._routes[key] = build_route(self, movement, lane)
         return self._routes[key]
@@ -183,7 +191,8 @@ class Network:
     def conflict(self, path: ReferencePath | Route) -> Array:
         """(P, 4) m: s_ego_in, s_ego_out, s_sv_in, s_sv_out of the path's conflict with each row of `paths`.
 
-        From the first to the last place at which the two centre lines are closer than 2.2 m; nan where they never are.
+        From the first to the last place where the two centre lines are closer than 2.2 m; nan where they
+        never are.
         """
         line = path.path if isinstance(path, Route) else path
         known = self._conflicts.get(id(line))
@@ -207,11 +216,9 @@ class Network:
 
     def carriageway(self, movement: Movement) -> list[Array]:
         """Polygons (K, 2) m that a movement's traffic may use: all lanes of its edges, and the junction."""
-        edges = set(movement.edges)
+        edges = {*movement.edges, *self.ring_edges}
         lanes = [
-            lane.polygon
-            for lane in self.lanes.values()
-            if lane.internal or lane.edge in edges | self.ring_edges
+            assembly.lane_area(lane) for lane in self.lanes.values() if lane.internal or lane.edge in edges
         ]
         return [*lanes, *self.node_polygons]
 

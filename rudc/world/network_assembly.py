@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rudc.world.network_reader import Junction, RawArm, Way, shape_of
+from rudc.world.network_reader import VEHICLE_CLASS, Junction, RawArm, Way, shape_of
 from rudc.world.polyline import (
     Array,
     arc_length,
@@ -20,7 +20,7 @@ from rudc.world.polyline import (
     without_repeats,
     wrap,
 )
-from rudc.world.road import COMPASS, Arm, Lane, Movement, Turn
+from rudc.world.road import COMPASS, ROAD_USERS, Arm, Lane, Movement, Turn
 
 STRAIGHT = np.radians(30.0)
 """rad, a smaller change of heading than this is no turn"""
@@ -28,6 +28,10 @@ LOOK_OUT = 20.0
 """m of an arm next to the junction over which its direction is taken"""
 OVERHANG = 10.0
 """m that the drivable area reaches beyond the outer end of an arm, so that the end is no edge of the road"""
+OVERLAP = 0.5
+"""m that each lane's area reaches beyond its ends, so that lanes and nodes join without gaps"""
+SWEPT = 2.6
+"""m, widest strip that counts as drivable along a lane inside a node (the node's own shape says the rest)"""
 
 
 def make_lane(raw: Any) -> Lane:
@@ -45,6 +49,7 @@ def make_lane(raw: Any) -> Lane:
         heading=headings(xy),
         polygon=strip(xy, float(raw.getWidth())),
         internal=edge.getFunction() != "",
+        refuses=tuple(user for user in ROAD_USERS if not raw.allows(user)),
     )
     for array in (lane.xy, lane.heading, lane.polygon):
         array.flags.writeable = False
@@ -56,7 +61,7 @@ def make_lanes(junction: Junction, arms: Sequence[RawArm], ways: Sequence[Way]) 
     net = junction.net
     edges = [edge for arm in arms for edge in (*arm.inbound, *arm.outbound)]
     edges += [net.getEdge(edge) for edge in sorted(junction.ring)]
-    raw = {lane.getID(): lane for edge in edges for lane in edge.getLanes() if lane.allows("passenger")}
+    raw = {lane.getID(): lane for edge in edges for lane in edge.getLanes() if lane.allows(VEHICLE_CLASS)}
     for way in ways:
         raw.update((lane_id, net.getLane(lane_id)) for lane_id in way.source.lane_ids)
     return {lane_id: make_lane(lane) for lane_id, lane in raw.items()}
@@ -170,18 +175,30 @@ def _edges(origin: Arm, destination: Arm, way: Way) -> tuple[str, ...]:
 
 def drivable_polygons(junction: Junction, arms: Sequence[RawArm], lanes: dict[str, Lane]) -> list[Array]:
     """Polygons (K, 2) m whose union is the drivable area: lanes, nodes, and an overhang where arms end."""
-    polygons = [lane.polygon for lane in lanes.values()]
+    outer = {lane for arm in arms for lane in _lane_ids(arm.inbound[:1], lanes)}
+    outer_ends = {lane for arm in arms for lane in _lane_ids(arm.outbound[-1:], lanes)}
+    polygons = [
+        lane_area(
+            lane, OVERHANG if lane.id in outer else OVERLAP, OVERHANG if lane.id in outer_ends else OVERLAP
+        )
+        for lane in lanes.values()
+    ]
     nodes = {node.getID(): node for node in junction.nodes}
     for arm in arms:
         for edge in (*arm.inbound, *arm.outbound):
             nodes.update((node.getID(), node) for node in (edge.getFromNode(), edge.getToNode()))
-        for edges, end in ((arm.inbound[:1], 0), (arm.outbound[-1:], -1)):
-            polygons += [_overhang(lanes[lane], end) for lane in _lane_ids(edges, lanes)]
     shapes = [shape_of(node) for node in nodes.values()]
     return polygons + [shape for shape in shapes if len(shape) >= 3 and abs(signed_area(shape)) > 1.0]
 
 
-def _overhang(lane: Lane, end: int) -> Array:
-    tip, inner = (lane.xy[0], lane.xy[1]) if end == 0 else (lane.xy[-1], lane.xy[-2])
-    out = (tip - inner) / np.hypot(*(tip - inner))
-    return strip(np.array([tip, tip + OVERHANG * out]), lane.width)
+def lane_area(lane: Lane, before: float = OVERLAP, after: float = OVERLAP) -> Array:
+    """(2K, 2) m, the polygon that a lane covers, reaching `before` and `after` m straight on beyond its
+    ends."""
+    xy = np.array(lane.xy)
+    xy[0] -= before * _unit(xy[1] - xy[0])
+    xy[-1] += after * _unit(xy[-1] - xy[-2])
+    return strip(xy, min(lane.width, SWEPT) if lane.internal else lane.width)
+
+
+def _unit(d: Array) -> Array:
+    return d / np.hypot(*d)

@@ -1,8 +1,9 @@
-"""Reads a SUMO network file: which junction, which arms, which lane-to-lane ways lead through it, who yields to whom.
+"""Reads a SUMO network file: which junction, which arms, which lane-to-lane ways lead through it, who yields.
 
-Everything comes from the .net.xml by sumolib. A "junction" is one node, or all nodes of a roundabout with the ring
-between them. An arm is the road from the junction out to the next real junction or dead end; nodes on the way at
-which the road merely changes (lanes, speed, direction) are passed through. Only lanes that cars may use count.
+Everything comes from the .net.xml by sumolib. A "junction" is one node, or all nodes of a roundabout with the
+ring between them. An arm is the road from the junction out to the next real junction or dead end; nodes on
+the way at which the road merely changes (lanes, speed, direction) are passed through. Only lanes for cars
+count.
 """
 
 from __future__ import annotations
@@ -10,7 +11,8 @@ from __future__ import annotations
 import gzip
 import xml.sax
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -44,18 +46,26 @@ class Way:
     """(node, link index) of each connection of the chain at a node of the junction"""
 
 
-@dataclass
+@dataclass(frozen=True)
 class Junction:
     """The chosen junction and what leads to and from it."""
 
     net: Any
     nodes: tuple[Any, ...]
-    ring: frozenset[str] = field(default_factory=frozenset)
+    ring: frozenset[str]
     """ids of the edges between the junction's own nodes (a roundabout's ring)"""
+    alias: dict[str, str]
+    """node -> name of the roundabout it belongs to, over the whole file"""
 
     @property
     def node_ids(self) -> set[str]:
+        """Ids of its nodes."""
         return {node.getID() for node in self.nodes}
+
+    @property
+    def is_roundabout(self) -> bool:
+        """Whether it is a ring of nodes."""
+        return len(self.nodes) > 1
 
 
 def read_net(path: Path) -> Any:
@@ -81,55 +91,63 @@ def read_net(path: Path) -> Any:
 
 def choose_junction(net: Any, wanted: str | None, path: Path) -> Junction:
     """The junction named `wanted` (a node, or any node of a roundabout), or the only one there is."""
-    groups = _junction_groups(net)
+    alias = _roundabout_alias(net)
+    groups = _junction_groups(net, alias)
     names = sorted(groups)
     if wanted is not None:
         for nodes in groups.values():
             if wanted in {node.getID() for node in nodes}:
-                return _junction(net, nodes)
+                return _junction(net, nodes, alias)
         raise NetworkError(
             f"{path}: no junction {wanted!r} in this network; there are: {', '.join(names) or 'none'}"
         )
     if len(groups) == 1:
-        return _junction(net, groups[names[0]])
+        return _junction(net, groups[names[0]], alias)
     if not groups:
         raise NetworkError(f"{path}: no junction with at least three arms in this network")
     shown = ", ".join(names[:12]) + (f", ... ({len(names)} in all)" if len(names) > 12 else "")
     raise NetworkError(f"{path}: several junctions in this network; choose one by `junction: ID`: {shown}")
 
 
-def _junction(net: Any, nodes: tuple[Any, ...]) -> Junction:
+def _junction(net: Any, nodes: tuple[Any, ...], alias: dict[str, str]) -> Junction:
     ids = {node.getID() for node in nodes}
     ring = frozenset(
         edge.getID()
         for edge in net.getEdges(withInternal=False)
         if edge.getFromNode().getID() in ids and edge.getToNode().getID() in ids
     )
-    return Junction(net, nodes, ring)
+    return Junction(net, nodes, ring, alias)
 
 
-def _junction_groups(net: Any) -> dict[str, tuple[Any, ...]]:
-    """Real junctions by name (a roundabout by its first node): nodes at which at least three roads meet."""
-    groups: dict[str, tuple[Any, ...]] = {}
-    grouped: set[str] = set()
+def _roundabout_alias(net: Any) -> dict[str, str]:
+    """Node -> first node of the roundabout it belongs to, by which the roundabout goes."""
+    alias = {}
     for roundabout in net.getRoundabouts():
-        ids = [node if isinstance(node, str) else node.getID() for node in roundabout.getNodes()]
-        groups[ids[0]] = tuple(net.getNode(node) for node in ids)
-        grouped.update(ids)
+        ids = list(roundabout.getNodes())
+        alias.update(dict.fromkeys(ids, ids[0]))
+    return alias
+
+
+def _junction_groups(net: Any, alias: dict[str, str]) -> dict[str, tuple[Any, ...]]:
+    """Real junctions by name: roundabouts, and nodes at which at least three roads meet."""
+    groups: dict[str, tuple[Any, ...]] = {}
+    for name in dict.fromkeys(alias.values()):
+        groups[name] = tuple(net.getNode(node) for node, owner in alias.items() if owner == name)
     for node in net.getNodes():
-        if node.getID() not in grouped and not _is_passed_through(node) and _neighbours(node):
+        if node.getID() not in alias and not _is_passed_through(node, alias):
             groups[node.getID()] = (node,)
     return groups
 
 
-def _neighbours(node: Any) -> set[str]:
+def _is_passed_through(node: Any, alias: dict[str, str]) -> bool:
+    """Whether at most two roads meet at the node: a dead end, or a road that only changes.
+
+    A roundabout counts as one neighbour, so that the node at which its entry and its exit part is no
+    junction.
+    """
     ids = {edge.getFromNode().getID() for edge in usable(node.getIncoming())}
-    return ids | {edge.getToNode().getID() for edge in usable(node.getOutgoing())}
-
-
-def _is_passed_through(node: Any) -> bool:
-    """Whether at most two roads meet at the node: a dead end, or a road that only changes."""
-    return len(_neighbours(node) - {node.getID()}) <= 2
+    ids |= {edge.getToNode().getID() for edge in usable(node.getOutgoing())}
+    return node.getID() not in alias and len({alias.get(i, i) for i in ids} - {node.getID()}) <= 2
 
 
 def usable(edges: Iterable[Any]) -> list[Any]:
@@ -138,39 +156,37 @@ def usable(edges: Iterable[Any]) -> list[Any]:
 
 
 def find_arms(junction: Junction) -> list[RawArm]:
-    """The roads at the junction; edges from and to the same neighbour are one road."""
-    ids = junction.node_ids
-    towards, away = {}, {}
+    """The roads at the junction; an edge from a neighbour and one to the same neighbour are one road."""
+    towards: dict[str, list[Any]] = {}
+    away: dict[str, list[Any]] = {}
     for node in junction.nodes:
         for edge in usable(node.getIncoming()):
             if edge.getID() not in junction.ring:
-                towards.setdefault((node.getID(), edge.getFromNode().getID()), []).append(edge)
+                towards.setdefault(edge.getFromNode().getID(), []).append(edge)
         for edge in usable(node.getOutgoing()):
             if edge.getID() not in junction.ring:
-                away.setdefault((node.getID(), edge.getToNode().getID()), []).append(edge)
+                away.setdefault(edge.getToNode().getID(), []).append(edge)
     arms = []
-    for key in dict.fromkeys([*towards, *away]):
-        inbound, outbound = towards.get(key, []), away.get(key, [])
-        for k in range(max(len(inbound), len(outbound))):
-            arms.append(
-                RawArm(
-                    _extend(inbound[k], ids, back=True) if k < len(inbound) else (),
-                    _extend(outbound[k], ids, back=False) if k < len(outbound) else (),
-                )
-            )
+    for neighbour in dict.fromkeys([*towards, *away]):
+        pairs = zip_longest(towards.get(neighbour, []), away.get(neighbour, []))
+        for inbound, outbound in pairs:
+            before = _extend(inbound, junction, back=True) if inbound is not None else ()
+            after = _extend(outbound, junction, back=False) if outbound is not None else ()
+            arms.append(RawArm(before, after))
     return arms
 
 
-def _extend(edge: Any, stop: set[str], *, back: bool) -> tuple[Any, ...]:
+def _extend(edge: Any, junction: Junction, *, back: bool) -> tuple[Any, ...]:
     """The edge and those that continue it outwards, in driving order."""
     chain = [edge]
     while True:
         node = chain[-1].getFromNode() if back else chain[-1].getToNode()
-        if node.getID() in stop or not _is_passed_through(node):
+        if not _is_passed_through(node, junction.alias):
             break
-        other = chain[-1].getToNode() if back else chain[-1].getFromNode()
+        inner = chain[-1].getToNode() if back else chain[-1].getFromNode()
+        own = junction.node_ids | {inner.getID()}
         further = usable(node.getIncoming() if back else node.getOutgoing())
-        ends = [e for e in further if (e.getFromNode() if back else e.getToNode()).getID() != other.getID()]
+        ends = [e for e in further if (e.getFromNode() if back else e.getToNode()).getID() not in own]
         if len(ends) != 1 or ends[0] in chain:
             break
         chain.append(ends[0])
@@ -194,7 +210,7 @@ def find_ways(junction: Junction, arms: list[RawArm]) -> list[Way]:
 def _chains(
     junction: Junction, lane: Any, targets: dict[str, int], so_far: tuple
 ) -> Iterator[tuple[Any, ...]]:
-    """Sequences of connections from the lane to a lane of an outbound edge, over the ring at most once round."""
+    """Sequences of connections from the lane to a lane of an outbound edge, at most once round the ring."""
     seen = {connection.getTo().getID() for connection in so_far}
     for connection in lane.getOutgoing():
         edge = connection.getTo()
@@ -237,14 +253,15 @@ def _internal_lanes(net: Any, connection: Any) -> list[Any]:
         via = next((c.getViaLaneID() for c in lanes[-1].getOutgoing()), "")
     if not lanes:
         raise NetworkError(
-            f"the way from lane {connection.getFromLane().getID()} to {connection.getToLane().getID()} has no lane "
-            "inside the junction: build the network with internal links (netconvert without --no-internal-links)"
+            f"no lane inside the junction leads from {connection.getFromLane().getID()} to "
+            f"{connection.getToLane().getID()}: build the network with internal links"
         )
     return lanes
 
 
 def _follow(net: Any, lane: Any, edges: tuple[Any, ...], *, back: bool) -> list[Any]:
-    """The lane and those that continue it outwards on the arm's edges, with the lanes inside the nodes between."""
+    """The lane and those that continue it outwards on the arm's edges, with the lanes inside nodes
+    between."""
     ids = {edge.getID() for edge in edges}
     chain = [lane]
     while True:

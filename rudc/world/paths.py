@@ -1,8 +1,9 @@
-"""`PathTable`: every lane-to-lane way through the junction, as padded arrays that answer for many vehicles at once.
+"""`PathTable`: every lane-to-lane way through the junction, as padded arrays that answer for many vehicles.
 
-A row is a chain of lanes from the outer end of one arm, over the junction, to the outer end of another. Its arc
-length s is measured along the lanes' centre lines as SUMO draws them, so that a SUMO vehicle's lane and position on
-it translate exactly: s = (arc length at the lane's start) + (position on the lane) * (drawn / stated length).
+A row is a chain of lanes from the outer end of one arm, over the junction, to the outer end of another. Its
+arc length s is measured along the lanes' centre lines as SUMO draws them, so that a SUMO vehicle's lane and
+position on it translate exactly: s = (arc length at the lane's start) + (position on the lane) * (drawn /
+stated length).
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ class PathSource:
 
 
 class PathTable:
-    """P ways through the junction, sampled at a common spacing, padded straight on to M stations. Immutable."""
+    """P ways through the junction, sampled every `ds` m, padded straight on to M stations. Immutable."""
 
     ds = SPACING
 
@@ -56,7 +57,7 @@ class PathTable:
         self.length: Array = np.array([arc_length(line)[-1] for line in lines])
         """(P,) m"""
         stations = int(np.ceil(self.length.max() / SPACING)) + 2
-        s = SPACING * np.arange(stations)
+        s: Array = np.arange(stations, dtype=np.float64) * SPACING
         self.xy: Array = np.stack([resample(line, s) for line in lines])
         """(P, M, 2) m"""
         self.heading: Array = np.stack([headings(xy) for xy in self.xy])
@@ -93,7 +94,8 @@ class PathTable:
         return len(self.length)
 
     def pose(self, rows: NDArray[np.int64], s: Array) -> tuple[Array, Array, Array]:
-        """x m, y m and heading rad, each (...), of arc length s (...) m on rows (...); straight on beyond the ends."""
+        """x m, y m and heading rad, each (...), at arc length s (...) m on rows (...); straight on beyond the
+        ends."""
         at = np.asarray(s) * (1.0 / SPACING)
         i = np.minimum(np.maximum(at, 0.0), self._stations - 2.0).astype(np.int64)
         t = (at - i)[..., None]
@@ -117,8 +119,9 @@ class PathTable:
 def _spans(shapes: Sequence[Array]) -> Array:
     """(L, 2) m, arc lengths at which each of the L lanes begins and ends."""
     along = arc_length(np.concatenate(shapes))
-    ends = np.cumsum([len(shape) for shape in shapes])
-    return np.column_stack([along[ends - [len(shape) for shape in shapes]], along[ends - 1]])
+    counts = np.array([len(shape) for shape in shapes])
+    ends = np.cumsum(counts)
+    return np.column_stack([along[ends - counts], along[ends - 1]])
 
 
 Where = dict[tuple[str, str, str], tuple[int, float, float]]

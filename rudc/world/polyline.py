@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -39,9 +41,9 @@ def headings(xy: Array) -> Array:
 
 
 def smooth(xy: Array, step: float, window: float) -> Array:
-    """Moving average over `window` m of xy (K, 2), sampled every `step` m; both ends stay, straight beyond them.
+    """Moving average over `window` m of xy (K, 2), sampled every `step` m; both ends stay where they are.
 
-    An arc of curvature k moves inwards by k window^2 / 24 and its curvature's jumps become ramps `window` long.
+    An arc of curvature k moves inwards by k window^2 / 24; jumps of curvature become ramps `window` m long.
     """
     n = max(1, round(window / step / 2))
     steps = np.arange(n, 0, -1)[:, None]
@@ -86,7 +88,7 @@ def inside(polygon: Array, xy: Array) -> NDArray[np.bool_]:
     return result
 
 
-def in_any(polygons: list[Array] | tuple[Array, ...], xy: Array) -> NDArray[np.bool_]:
+def in_any(polygons: Sequence[Array], xy: Array) -> NDArray[np.bool_]:
     """(N,) whether points xy (N, 2) lie in at least one of the polygons."""
     result = np.zeros(len(xy), dtype=bool)
     for polygon in polygons:
@@ -100,11 +102,11 @@ def signed_area(polygon: Array) -> float:
     return 0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
 
 
-def union_boundary(polygons: list[Array] | tuple[Array, ...], piece: float = 0.25) -> Array:
+def union_boundary(polygons: Sequence[Array], piece: float = 0.25) -> Array:
     """(B, 2, 2) m, boundary of the polygons' union in straight pieces of at most `piece` m.
 
-    A piece of some polygon's edge is on the boundary when a point 4 cm outside of its middle is in no polygon:
-    lanes that share an edge (to the centimetre that SUMO writes) so count as one surface.
+    A piece of some polygon's edge is on the boundary when a point 4 cm outside of its middle is in no
+    polygon: lanes that share an edge (to the centimetre that SUMO writes) so count as one surface.
     """
     pieces = []
     for polygon in polygons:

@@ -1,4 +1,5 @@
-"""The parts of a road network as plain data: lanes, arms, movements. Angles counter-clockwise from x (east), SI units."""
+"""The parts of a road network as plain data: lanes, arms, movements. Angles counter-clockwise from x (east),
+SI units."""
 
 from __future__ import annotations
 
@@ -11,6 +12,10 @@ Turn = Literal["left", "straight", "right", "u_turn"]
 
 COMPASS = ("east", "northeast", "north", "northwest", "west", "southwest", "south", "southeast")
 """names of arms, one for each 45 degrees of bearing"""
+
+
+ROAD_USERS = ("passenger", "truck", "bus", "motorcycle", "bicycle")
+"""SUMO's vehicle classes that traffic is made of"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +42,8 @@ class Lane:
     """(2K, 2) m, what it covers"""
     internal: bool
     """whether it lies inside a node"""
+    refuses: tuple[str, ...]
+    """kinds of road users (SUMO's vehicle classes) that may not use it, of `ROAD_USERS`"""
 
 
 @dataclass(frozen=True)
@@ -44,7 +51,8 @@ class Arm:
     """One road at the junction, from the junction out to the next real junction or dead end."""
 
     name: str
-    """compass word of its bearing as seen from the junction; with its edge's id appended where two share one"""
+    """compass word of its bearing as seen from the junction; with its edge's id appended where two share
+    one"""
     in_edge: str | None
     """edge that enters the junction, None where the arm is one-way outwards"""
     out_edge: str | None

@@ -17,7 +17,7 @@ class ReferencePath:
         """`xy`: (K, 2) m, a fine polyline (closer points than the stations to be)."""
         line = without_repeats(xy)
         count = int(arc_length(line)[-1] / SPACING) + 1
-        self.s: Array = SPACING * np.arange(count)
+        self.s: Array = np.arange(count, dtype=np.float64) * SPACING
         """(M,) m, arc length of the stations"""
         self.xy: Array = resample(line, self.s)
         """(M, 2) m"""
@@ -46,8 +46,9 @@ class ReferencePath:
     def project(self, x: float, y: float, near: float | None = None) -> tuple[float, float]:
         """Arc length (m) of the nearest point of the path to (x, y) and the offset (m) to the path's left.
 
-        With `near`, an arc length not far from the result, the search walks downhill from there (a few microseconds);
-        without, all stations are looked at. Negative, or above `length`, before or beyond the path's ends.
+        With `near`, an arc length not far from the result, the search walks downhill from there (a few
+        microseconds); without, all stations are looked at. Negative, or above `length`, before or beyond the
+        path's ends.
         """
         last = len(self._x) - 2
         if near is None:
@@ -62,7 +63,7 @@ class ReferencePath:
             squared = dx * dx + dy * dy
             t = ((x - x0) * dx + (y - y0) * dy) / squared
             following = i + 1 if t > 1.0 and i < last else i - 1 if t < 0.0 and i > 0 else i
-            if following == i or following == came_from:
+            if following in (i, came_from):
                 break
             came_from, i = i, following
         offset = (dx * (y - y0) - dy * (x - x0)) / squared**0.5
@@ -98,9 +99,11 @@ class Route:
     stop_line_s: float
     """m, arc length of the stop line (the front bumper stops there)"""
     waiting_s: float
-    """m, farthest arc length of the front bumper clear of all traffic it must yield to; at least `stop_line_s`"""
+    """m, farthest arc length of the front bumper clear of all traffic it must yield to; at least
+    `stop_line_s`"""
     zone_start_s: float
-    """m, arc length of the centre where conflict with traffic from other arms begins (see `Network.conflict`)"""
+    """m, arc length of the centre where conflict with traffic from other arms begins (see
+    `Network.conflict`)"""
     zone_end_s: float
     """m, arc length of the centre where the last such conflict in the junction ends, at most `exit_s`"""
     exit_s: float
@@ -120,4 +123,5 @@ class Route:
     right_width: Array
     """(M,) m from the path to `right_edge`"""
     canonical_angle: float
-    """rad, turning the world by its negative brings the origin arm to the south (entering traffic heads north)"""
+    """rad, turning the world by its negative brings the origin arm to the south (entering traffic heads
+    north)"""

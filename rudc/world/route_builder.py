@@ -1,10 +1,11 @@
-"""Builds `Route`: the ego's smooth reference path over a movement, its alternatives, and the road's edges beside it.
+"""Builds `Route`: the ego's smooth reference path over a movement, its alternatives, and the road's edges
+beside it.
 
-Turns are drawn as one circular arc (fillet) between the centre lines of the inbound and the outbound lane, extended
-straight into the junction: left turns with radius LEFT_RADIUS, which begins the turn as late as such an arc can (two
-opposing left-turners then wait without overlapping), right turns with the widest arc that fits. Where no arc fits
-between stop line and exit, or a car on it would leave the road, the lanes' own shapes serve. All lines are smoothed
-by a moving average of SMOOTHING m, so that curvature is continuous.
+Turns are drawn as one circular arc (fillet) between the centre lines of the inbound and the outbound lane,
+extended straight into the junction: left turns with radius LEFT_RADIUS, which begins the turn as late as such
+an arc can (two opposing left-turners then wait without overlapping), right turns with the widest arc that
+fits. Where no arc fits between stop line and exit, or a car on it would leave the road, the lanes' own shapes
+serve. All lines are smoothed by a moving average of SMOOTHING m, so that curvature is continuous.
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rudc.world.conflicts import waiting_bumper
-from rudc.world.paths import SPACING
-from rudc.world.polyline import Array, arc_length, resample, smooth, union_boundary, without_repeats, wrap
+from rudc.world.polyline import Array, arc_length, resample, smooth, without_repeats, wrap
+from rudc.world.road_edges import edge_widths
 from rudc.world.route import ReferencePath, Route
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ LEFT_RADIUS = 10.5
 """m, arc of the ego's left turns"""
 RIGHT_RADIUS = 15.0
 """m, widest arc of the ego's right turns"""
-LEAST_RADIUS = 6.0
+LEAST_RADIUS = 5.2
 """m, no fillet tighter than this"""
 STRAIGHT_ON = np.radians(15.0)
 """rad, a movement that turns less follows the lanes' own shapes"""
@@ -36,18 +37,15 @@ FINE = 0.05
 """m, spacing at which lines are drawn before they are sampled"""
 BODY = (2.5, 0.9)
 """m, half length and half width of the car that must stay on the road"""
-EDGE_REACH = 6.0
-"""m, edges farther from the path than this are taken to be this far"""
-EDGE_SLOPE = 0.5
-"""m of width per m of path that an edge may come or go"""
 TASKS = {"left": 0, "u_turn": 0, "straight": 1, "right": 2}
 
 
 def build_route(network: Network, movement: Movement, lane: int | None) -> Route:
-    """The ego's route over a movement, from inbound lane index `lane` (None: left turns from the leftmost lane that
-    permits the movement, all others from the rightmost)."""
+    """The ego's route over a movement, from inbound lane index `lane` (None: left turns from the leftmost
+    lane that permits the movement, all others from the rightmost)."""
     paths = network.paths
     row = _choose_row(network, movement, lane)
+    arm = network.arm(movement.origin)
     line = network.centre_line(row)
     stop, exit_s = float(paths.stop_s[row]), float(paths.exit_s[row])
     path = _reference(network, line, stop, exit_s, movement)
@@ -60,9 +58,8 @@ def build_route(network: Network, movement: Movement, lane: int | None) -> Route
     stop_line_s = _station_of(path, resample(line, np.array([stop]))[0], stop)
     exit_line_s = _station_of(path, resample(line, np.array([exit_s]))[0], exit_s)
     crossing = table[(paths.origin != paths.origin[row]) & np.isfinite(table[:, 0])]
-    left, right = edge_widths(network, movement, path)
-    x, y, psi = path.pose(path.s)
-    normal = np.column_stack([-np.sin(psi), np.cos(psi)])
+    left, right = edge_widths(network.carriageway(movement), path)
+    normal = np.column_stack([-np.sin(path.heading), np.cos(path.heading)])
     return Route(
         origin=movement.origin,
         destination=movement.destination,
@@ -78,13 +75,13 @@ def build_route(network: Network, movement: Movement, lane: int | None) -> Route
         zone_end_s=min(float(crossing[:, 1].max()), exit_line_s) if len(crossing) else stop_line_s,
         exit_s=exit_line_s,
         length=path.length,
-        major=network.arm(movement.origin).major,
+        major=arm.major,
         speed_limit=float(paths.speed_limit[row]),
         left_edge=path.xy + left[:, None] * normal,
         right_edge=path.xy - right[:, None] * normal,
         left_width=left,
         right_width=right,
-        canonical_angle=float(wrap(path.heading[int(stop_line_s / SPACING)] - np.pi / 2)),
+        canonical_angle=float(wrap(arm.heading_in - np.pi / 2)),
     )
 
 
@@ -115,7 +112,7 @@ def _reference(
     network: Network, line: Array, stop: float, exit_s: float, movement: Movement
 ) -> ReferencePath:
     """The path over a row: with a fillet if one fits and stays on the road, else along the lanes."""
-    if abs(movement.angle) > STRAIGHT_ON and len(network.nodes) == 1:
+    if abs(movement.angle) > STRAIGHT_ON and not network.is_roundabout:
         joined = _join(line, stop, line, exit_s, movement.angle)
         if joined is not None and fits(network, path := ReferencePath(joined)):
             return path
@@ -124,9 +121,11 @@ def _reference(
 
 
 def _join(before: Array, stop: float, after: Array, exit_s: float, angle: float) -> Array | None:
-    """(K, 2) m, smoothed: `before` up to its arc length stop, over the junction, `after` from its exit_s; None if not.
+    """(K, 2) m, smoothed: `before` up to its arc length stop, over the junction, `after` from its exit_s;
+    None if not.
 
-    Over the junction: an arc between the two tangents, or, nearly straight on, a cubic that shifts from lane to lane.
+    Over the junction: an arc between the two tangents, or, nearly straight on, a cubic that shifts from lane
+    to lane.
     """
     head = resample(before, np.arange(0.0, stop, FINE))
     tail = resample(after, np.arange(exit_s, arc_length(after)[-1], FINE))
@@ -187,47 +186,3 @@ def fits(network: Network, path: ReferencePath, margin: float = 0.1) -> bool:
             if network.surface.signed_distance(xy + along * forward + across * left).min() < margin:
                 return False
     return True
-
-
-def edge_widths(network: Network, movement: Movement, path: ReferencePath) -> tuple[Array, Array]:
-    """(M,), (M,) m from the path to the left and right edge of the ego's carriageway, square to the path.
-
-    The carriageway is what the movement's own edges and the junction cover: beside the arms its left edge is the
-    divider to oncoming lanes, in the junction it is the kerb and the mouths of the other arms. Edges farther off than
-    EDGE_REACH count as that far, and widths change by at most EDGE_SLOPE along the path, so that edges are lines.
-    """
-    pieces = union_boundary(network.carriageway(movement))
-    normal = np.column_stack([-np.sin(path.heading), np.cos(path.heading)])
-    bend = np.abs(path.curvature)
-    reach = np.minimum(EDGE_REACH, 0.8 / np.maximum(bend, 1e-3))
-    widths = []
-    for side in (1.0, -1.0):
-        width = _cast(path.xy, side * normal, pieces)
-        limit = np.where(np.sign(path.curvature) == side, reach, EDGE_REACH)
-        width = np.minimum(np.where(np.isfinite(width), width, EDGE_REACH), limit)
-        for k in range(1, len(width)):
-            width[k] = min(width[k], width[k - 1] + EDGE_SLOPE * SPACING)
-        for k in range(len(width) - 2, -1, -1):
-            width[k] = min(width[k], width[k + 1] + EDGE_SLOPE * SPACING)
-        widths.append(width)
-    return widths[0], widths[1]
-
-
-def _cast(start: Array, direction: Array, pieces: Array) -> Array:
-    """(M,) m along rays (M, 2) from start to the first of the boundary pieces (B, 2, 2); inf where none is hit."""
-    result = np.full(len(start), np.inf)
-    d = pieces[:, 1] - pieces[:, 0]
-    for k, (p, u) in enumerate(zip(start, direction, strict=True)):
-        w = pieces[:, 0] - p
-        near = np.flatnonzero(np.abs(w).max(axis=1) < EDGE_REACH + 1.0)
-        if not len(near):
-            continue
-        dn, wn = d[near], w[near]
-        cross = u[0] * dn[:, 1] - u[1] * dn[:, 0]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            along = (wn[:, 0] * dn[:, 1] - wn[:, 1] * dn[:, 0]) / cross
-            part = (wn[:, 0] * u[1] - wn[:, 1] * u[0]) / cross
-        hit = along[(along >= 0) & (part >= -1e-6) & (part <= 1 + 1e-6)]
-        if len(hit):
-            result[k] = hit.min()
-    return result

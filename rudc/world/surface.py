@@ -1,8 +1,9 @@
 """The drivable area as rasters: signed distance to its edge and direction of travel.
 
-The area is the union of polygons (lanes and junctions). Each raster point within `BAND` m of the area holds its exact
-distance to the union's boundary, d > 0 inside; farther out the distance is that of the Euclidean distance transform.
-Between raster points d is interpolated bilinearly, which is exact where the edge is straight.
+The area is the union of polygons (lanes and junctions). Each raster point within BAND m of the area holds its
+exact distance to the union's boundary, d > 0 inside; farther out the distance is that of the Euclidean
+distance transform. Between raster points d is interpolated bilinearly, which is exact where the edge is
+straight.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from rudc.world.polyline import headings, in_any, inside, resample, union_boundary
 
@@ -30,7 +31,8 @@ class Surface:
     """Drivable area of a network. Immutable."""
 
     def __init__(self, polygons: Sequence[Array], lanes: Sequence[tuple[Array, Array]]) -> None:
-        """`polygons`: (K, 2) m each, their union is drivable; `lanes`: (centre line (K, 2), polygon) outside the junction."""
+        """`polygons`: (K, 2) m each, whose union is drivable; `lanes`: (centre line (K, 2) m, polygon) of
+        each lane that gives a direction of travel."""
         corners = np.concatenate(list(polygons))
         self.polygons = tuple(polygons)
         self.boundary = union_boundary(self.polygons)
@@ -42,7 +44,7 @@ class Surface:
         self._x0, self._y0 = (float(v) for v in self.origin)
         self._start = self.boundary[:, 0]
         self._step = self.boundary[:, 1] - self.boundary[:, 0]
-        self._tree = cKDTree(self.boundary.mean(axis=1))
+        self._tree = KDTree(self.boundary.mean(axis=1))
         self._distance = self._build_distance()
         self._direction = self._build_direction(lanes)
         self._last = np.array([self.shape[0] - 1.001, self.shape[1] - 1.001])
@@ -71,13 +73,14 @@ class Surface:
         return self._nearest(flat).reshape(points.shape)
 
     def lane_direction(self, xy: Array) -> Array:
-        """(...) rad, direction of travel of the lane under xy (..., 2); nan in the junction and off the road."""
+        """(...) rad, direction of travel of the lane under xy (..., 2); nan inside nodes and off the road."""
         cell = (np.asarray(xy) - self.origin) * (1.0 / CELL) + 0.5
         cell = np.minimum(np.maximum(cell, 0.0), self._last).astype(np.int64)
         return self._direction[cell[..., 0] * self.shape[1] + cell[..., 1]]
 
     def _nearest(self, points: Array) -> Array:
-        """(N, 2) m, nearest point of the edge to points (N, 2): the best of the pieces whose middles are nearest."""
+        """(N, 2) m, nearest point of the edge to points (N, 2): the best on the pieces with the nearest
+        middles."""
         _, index = self._tree.query(points, k=min(4, len(self._start)))
         start, step = self._start[index], self._step[index]
         along = np.sum((points[:, None] - start) * step, axis=-1) / np.sum(step * step, axis=-1)
@@ -116,6 +119,6 @@ class Surface:
             index, xy = index[hit], xy[hit]
             length = float(np.sum(np.hypot(*np.diff(line, axis=0).T)))
             dense = resample(line, np.linspace(0.0, length, max(2, round(length / 0.5) + 1)))
-            _, nearest = cKDTree(dense).query(xy)
+            _, nearest = KDTree(dense).query(xy)
             direction[index] = headings(dense)[nearest]
         return direction
