@@ -178,7 +178,7 @@ def _draw_labels(axes: Axes, network: Network, reach: float) -> None:
 
 
 def _label_side(network: Network, arm: Arm, away: float, reach: float) -> Array:
-    """(2,) m from a point `away` m out on the arm's axis to where its name clears the road, on the axis' left."""
+    """(2,) m from a point `away` m out on the arm's axis, to its left, to where its name clears the road."""
     out = np.array([np.cos(arm.bearing), np.sin(arm.bearing)])
     side = np.array([-out[1], out[0]])
     half_text = reach * (0.035 + 0.11 * abs(side[0]))

@@ -1,0 +1,84 @@
+"""Builds a .net.xml from plain sources with SUMO's netconvert: the same sources always give the same file."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+
+from rudc.errors import NetworkError
+
+SOURCES = {".nod.xml": "--node-files", ".edg.xml": "--edge-files"}
+"""files that a network needs, with netconvert's option for each"""
+MORE_SOURCES = {".con.xml": "--connection-files", ".typ.xml": "--type-files", ".tll.xml": "--tllogic-files"}
+"""files that it may have"""
+OPTIONS = (
+    "--offset.disable-normalization",  # coordinates stay those of the sources
+    "--no-turnarounds",
+    "--junctions.corner-detail=10",  # points per rounded kerb
+    "--junctions.internal-link-detail=15",  # points per lane inside a node
+    "--xml-validation=never",  # schemas would be fetched from the network
+)
+
+
+def build_network(folder: str | Path, out: str | Path | None = None) -> Path:
+    """Builds NAME.net.xml from NAME.nod.xml, NAME.edg.xml (and NAME.con.xml, NAME.typ.xml) in a folder.
+
+    `out`: the file to write, by default beside the sources. It holds no date and no path of this machine.
+    """
+    source = Path(folder)
+    name, arguments = _arguments(source)
+    target = Path(out) if out is not None else source / f"{name}.net.xml"
+    with tempfile.TemporaryDirectory() as scratch:
+        built = Path(scratch) / "net.xml"
+        command = [str(find_netconvert()), *arguments, *OPTIONS, f"--output-file={built}"]
+        result = subprocess.run(command, cwd=source, capture_output=True, text=True, check=False)
+        if result.returncode != 0 or not built.is_file():
+            said = (result.stderr.strip() or result.stdout.strip()).replace("\n", "\n  ")
+            raise NetworkError(f"{source}: netconvert failed:\n  {said}")
+        text = re.sub(r"<!--.*?-->\s*", "", built.read_text(encoding="utf-8"), flags=re.DOTALL)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    partial = target.with_name(f".{target.name}.{os.getpid()}")
+    partial.write_text(text, encoding="utf-8", newline="\n")
+    partial.replace(target)
+    return target
+
+
+def find_netconvert() -> Path:
+    """SUMO's netconvert, from the Python package `eclipse-sumo`, from SUMO_HOME or from the PATH."""
+    homes = []
+    spec = importlib.util.find_spec("sumo")
+    if spec is not None and spec.submodule_search_locations:
+        homes += list(spec.submodule_search_locations)
+    if "SUMO_HOME" in os.environ:
+        homes.append(os.environ["SUMO_HOME"])
+    for home in homes:
+        found = shutil.which("netconvert", path=str(Path(home) / "bin"))
+        if found:
+            return Path(found)
+    found = shutil.which("netconvert")
+    if found:
+        return Path(found)
+    raise NetworkError(
+        "netconvert, which builds networks, is not installed: pip install 'rudc[networks]' (or eclipse-sumo)"
+    )
+
+
+def _arguments(folder: Path) -> tuple[str, list[str]]:
+    """The network's name and netconvert's arguments for the sources in the folder."""
+    if not folder.is_dir():
+        raise NetworkError(f"{folder}: no such folder")
+    nodes = sorted(folder.glob("*.nod.xml"))
+    if len(nodes) != 1:
+        found = ", ".join(path.name for path in nodes) or "none"
+        raise NetworkError(f"{folder}: exactly one NAME.nod.xml is needed here, found {found}")
+    name = nodes[0].name.removesuffix(".nod.xml")
+    missing = [name + ending for ending in SOURCES if not (folder / (name + ending)).is_file()]
+    if missing:
+        raise NetworkError(f"{folder}: {', '.join(missing)} is missing")
+    present = {e: option for e, option in (SOURCES | MORE_SOURCES).items() if (folder / (name + e)).is_file()}
+    return name, [f"{option}={name}{ending}" for ending, option in present.items()]
