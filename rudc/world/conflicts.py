@@ -13,6 +13,7 @@ from scipy.spatial import KDTree
 from rudc.world.paths import SPACING, PathTable
 from rudc.world.polyline import Array
 from rudc.world.route import ReferencePath
+from rudc.world.scene import EgoVehicle
 
 CONFLICT_WIDTH = 2.2
 """m between centre lines below which they are in conflict"""
@@ -20,7 +21,7 @@ SWEPT_HALF_WIDTH = 1.0
 """m to each side of a lane's centre line that its traffic sweeps"""
 WAITING_GAP = 0.75
 """m that a waiting vehicle keeps from the swept paths of traffic it must yield to"""
-HALF_WIDTH = 0.9
+HALF_WIDTH = EgoVehicle().width / 2
 """m, of the waiting vehicle"""
 
 

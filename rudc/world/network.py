@@ -12,9 +12,10 @@ major.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import lru_cache
 from pathlib import Path
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -49,11 +50,11 @@ class Network:
     def __init__(self, path: Path, junction: str | None = None) -> None:
         """Reads the .net.xml at `path`; `junction` names the node (or one of the roundabout's) if there are
         several."""
-        net = reader.read_net(path)
-        chosen = reader.choose_junction(net, junction, path)
-        raw_arms = reader.find_arms(chosen)
+        chosen = reader.choose_junction(reader.read_net(path), junction, path)
         self.path = path
         """the .net.xml"""
+        self.junction = junction
+        """what was asked for"""
         self.name = path.name.removesuffix(".gz").removesuffix(".net.xml").removesuffix(".xml")
         """file name without its endings"""
         self.nodes: tuple[str, ...] = tuple(node.getID() for node in chosen.nodes)
@@ -62,40 +63,42 @@ class Network:
         """SUMO's type of the junction's (first) node: priority, allway_stop, ..."""
         self.is_roundabout = chosen.is_roundabout
         """whether the junction is a whole roundabout"""
+        self.ring_edges: frozenset[str] = chosen.ring
+        """edges of a roundabout's ring"""
         self.center: Array = assembly.centre_of(chosen)
         """(2,) m, what positions in scenario files are relative to"""
-        ways = reader.find_ways(chosen, raw_arms)
-        lanes = assembly.make_lanes(chosen, raw_arms, ways)
-        raw_arms, arms = _sorted_arms(raw_arms, assembly.make_arms(raw_arms, lanes, self.center))
+        raw_arms = assembly.in_order(reader.find_arms(chosen), self.center)
         ways = reader.find_ways(chosen, raw_arms)
         if not ways:
             raise NetworkError(f"{path}: no connection leads through the junction {self.nodes[0]!r}")
         yields = reader.right_of_way(chosen, ways)
+        self.lanes: dict[str, Lane] = assembly.make_lanes(chosen, raw_arms, ways)
+        """all lanes by SUMO's id: of the arms, of the ring, and inside the nodes"""
+        arms = assembly.make_arms(raw_arms, self.lanes, self.center)
         self.arms: tuple[Arm, ...] = tuple(assembly.decide_major(arms, ways, yields))
         """counter-clockwise from the east"""
         self.road_km = sum(arm.length for arm in self.arms) / 1000.0
         """km of two-way road on the arms: density is vehicles / road_km"""
-        self.lanes: dict[str, Lane] = lanes
-        """all lanes by SUMO's id: arms, ring, and inside the nodes"""
         self.movements: tuple[Movement, ...] = tuple(assembly.make_movements(self.arms, ways, yields))
         """permitted ways between arms"""
+        self._sources = [way.source for way in ways]
         edges: dict[str, list[str]] = {}
-        for lane in lanes.values():
+        for lane in self.lanes.values():
             edges.setdefault(lane.edge, []).append(lane.id)
-        sources = [way.source for way in ways]
-        self.paths = PathTable(sources, [arm.name for arm in self.arms], edges, yields)
+        self.paths = PathTable(self._sources, [arm.name for arm in self.arms], edges, yields)
         """all lane-to-lane ways"""
-        self._sources = sources
-        outside = [(lane.xy, lane.polygon) for lane in lanes.values() if not lane.internal]
         self.node_polygons: tuple[Array, ...] = tuple(reader.shape_of(node) for node in chosen.nodes)
         """(K, 2) m each, shapes of the junction's nodes"""
-        self.surface = Surface(assembly.drivable_polygons(chosen, raw_arms, lanes), outside)
+        directed = [(lane.xy, lane.polygon) for lane in self.lanes.values() if not lane.internal]
+        self.surface = Surface(assembly.drivable_polygons(chosen, raw_arms, self.lanes), directed)
         """the drivable area"""
-        self.ring_edges: frozenset[str] = chosen.ring
-        """edges of a roundabout's ring"""
         self._routes: dict[tuple[str, str, int | None], Route] = {}
-        self._conflicts: dict[int, tuple[ReferencePath, Array]] = {}
+        self._conflicts: WeakKeyDictionary[ReferencePath, Array] = WeakKeyDictionary()
         self.center.flags.writeable = False
+
+    def __reduce__(self) -> tuple[Callable[..., Network], tuple[Path, str | None]]:
+        """Pickled as the file it comes from: a `Scene` that crosses to another process carries no rasters."""
+        return load_network, (self.path, self.junction)
 
     def __repr__(self) -> str:
         return f"Network({self.name!r}, arms={[arm.name for arm in self.arms]})"
@@ -195,12 +198,11 @@ class Network:
         never are.
         """
         line = path.path if isinstance(path, Route) else path
-        known = self._conflicts.get(id(line))
-        if known is None:
-            known = (line, conflict_table(line, self.paths))
-            known[1].flags.writeable = False
-            self._conflicts[id(line)] = known
-        return known[1]
+        if line not in self._conflicts:
+            table = conflict_table(line, self.paths)
+            table.flags.writeable = False
+            self._conflicts[line] = table
+        return self._conflicts[line]
 
     def inbound_lane(self, row: int) -> Lane:
         """The last lane before the junction of a row of `paths`."""
@@ -230,12 +232,6 @@ class Network:
                 return np.concatenate(source.shapes), stop - at if inbound else end + at
         length = ReferencePath(lane.xy).length
         return lane.xy, length - at if inbound else at
-
-
-def _sorted_arms(raw: list[reader.RawArm], arms: list[Arm]) -> tuple[list[reader.RawArm], list[Arm]]:
-    """Both lists counter-clockwise from the east."""
-    order = sorted(range(len(arms)), key=lambda k: round((arms[k].bearing + 1e-3) % (2 * np.pi), 6))
-    return [raw[k] for k in order], [arms[k] for k in order]
 
 
 def _unknown(problem: str, given: str, known: Iterable[str]) -> str:

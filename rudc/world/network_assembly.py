@@ -64,12 +64,34 @@ def make_lanes(junction: Junction, arms: Sequence[RawArm], ways: Sequence[Way]) 
     raw = {lane.getID(): lane for edge in edges for lane in edge.getLanes() if lane.allows(VEHICLE_CLASS)}
     for way in ways:
         raw.update((lane_id, net.getLane(lane_id)) for lane_id in way.source.lane_ids)
-    return {lane_id: make_lane(lane) for lane_id, lane in raw.items()}
+    drawn = {lane_id: lane for lane_id, lane in raw.items() if len(without_repeats(shape_of(lane))) > 1}
+    return {lane_id: make_lane(lane) for lane_id, lane in drawn.items()}
 
 
 def centre_of(junction: Junction) -> Array:
     """(2,) m, the node's place, or the mean of the nodes' of a roundabout."""
     return np.mean([node.getCoord() for node in junction.nodes], axis=0)
+
+
+def in_order(raw: Sequence[RawArm], centre: Array) -> list[RawArm]:
+    """The arms counter-clockwise from the east."""
+    bearings = [_bearing(_axis(arm)[1], centre) for arm in raw]
+    order = sorted(range(len(raw)), key=lambda k: round((bearings[k] + 1e-3) % (2 * np.pi), 6))
+    return [raw[k] for k in order]
+
+
+def _axis(raw: RawArm) -> tuple[Array, Array]:
+    """(2,), (2,) m, the arm's middle next to the junction and LOOK_OUT m out."""
+    lines = [shape_of(lane)[::-1] for edge in raw.inbound[-1:] for lane in edge.getLanes()]
+    lines += [shape_of(lane) for edge in raw.outbound[:1] for lane in edge.getLanes()]
+    lines = [without_repeats(line) for line in lines]
+    far = [resample(line, np.array([min(LOOK_OUT, arc_length(line)[-1])]))[0] for line in lines]
+    return np.mean([line[0] for line in lines], axis=0), np.mean(far, axis=0)
+
+
+def _bearing(far: Array, centre: Array) -> float:
+    """rad, direction from the junction's centre."""
+    return float(np.arctan2(*(far - centre)[::-1]))
 
 
 def make_arms(raw: Sequence[RawArm], lanes: dict[str, Lane], centre: Array) -> list[Arm]:
@@ -83,20 +105,9 @@ def make_arms(raw: Sequence[RawArm], lanes: dict[str, Lane], centre: Array) -> l
 
 
 def _make_arm(raw: RawArm, lanes: dict[str, Lane], centre: Array) -> Arm:
-    in_lanes = _lane_ids(raw.inbound[-1:], lanes)
-    out_lanes = _lane_ids(raw.outbound[:1], lanes)
-    near, far = [], []
-    for lane_id in in_lanes:
-        xy = lanes[lane_id].xy[::-1]
-        near.append(xy[0])
-        far.append(resample(xy, np.array([min(LOOK_OUT, arc_length(xy)[-1])]))[0])
-    for lane_id in out_lanes:
-        xy = lanes[lane_id].xy
-        near.append(xy[0])
-        far.append(resample(xy, np.array([min(LOOK_OUT, arc_length(xy)[-1])]))[0])
-    outwards = np.mean(far, axis=0) - centre
-    inwards = np.mean(near, axis=0) - np.mean(far, axis=0)
-    bearing = float(np.arctan2(outwards[1], outwards[0]))
+    near, far = _axis(raw)
+    bearing = _bearing(far, centre)
+    inwards = near - far
     one_way = [sum(float(edge.getLength()) for edge in edges) for edges in (raw.inbound, raw.outbound)]
     return Arm(
         name=COMPASS[round(bearing / (np.pi / 4)) % 8],
@@ -107,8 +118,8 @@ def _make_arm(raw: RawArm, lanes: dict[str, Lane], centre: Array) -> Arm:
         bearing=bearing,
         heading_in=float(np.arctan2(inwards[1], inwards[0])),
         length=sum(one_way) / 2,
-        in_lanes=in_lanes,
-        out_lanes=out_lanes,
+        in_lanes=_lane_ids(raw.inbound[-1:], lanes),
+        out_lanes=_lane_ids(raw.outbound[:1], lanes),
         major=False,
     )
 

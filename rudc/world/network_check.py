@@ -14,6 +14,7 @@ from rudc.world.network import Network, load_network
 from rudc.world.road import Arm, Movement
 from rudc.world.route import Route
 from rudc.world.route_builder import fits
+from rudc.world.scene import EgoVehicle
 
 SHORT_ARM = 60.0
 """m: less leaves no room to start, follow and brake"""
@@ -21,9 +22,9 @@ NARROW_LANE = 2.6
 """m: less leaves a car of 1.8 m no margin"""
 FAST = 15.0
 """m/s: the ego drives no faster"""
-LEAST_RADIUS = 2.8 / float(np.tan(0.5))
+LEAST_RADIUS = EgoVehicle().wheelbase / float(np.tan(0.5))
 """m, tightest bend that the ego's path should have: its turning circle at 0.5 rad of steering"""
-CAR = (5.0, 1.8)
+CAR = (EgoVehicle().length, EgoVehicle().width)
 """m, length and width of a waiting car"""
 
 

@@ -72,7 +72,15 @@ def read_net(path: Path) -> Any:
     """The sumolib network of a .net.xml (or .net.xml.gz) file."""
     from sumolib.net import NetReader
 
-    reader = NetReader(withInternal=True)
+    class Reader(NetReader):
+        """sumolib's reader, which does not look at the side on which traffic drives."""
+
+        def startElement(self, name: str, attrs: Any) -> None:
+            if name == "net" and attrs.get("lefthand", "false") in ("true", "1"):
+                raise NetworkError(f"{path}: left-hand traffic is not supported")
+            super().startElement(name, attrs)
+
+    reader = Reader(withInternal=True)
     opener = gzip.open if path.suffix == ".gz" else open
     try:
         with opener(path, "rb") as file:
@@ -152,7 +160,12 @@ def _is_passed_through(node: Any, alias: dict[str, str]) -> bool:
 
 def usable(edges: Iterable[Any]) -> list[Any]:
     """The normal edges that cars may use."""
-    return [edge for edge in edges if edge.getFunction() == "" and edge.allows(VEHICLE_CLASS)]
+    return [edge for edge in edges if edge.getFunction() == "" and _is_usable(edge)]
+
+
+def _is_usable(element: Any) -> bool:
+    """Whether cars may use an edge, a lane or a connection."""
+    return element.allows(VEHICLE_CLASS)
 
 
 def find_arms(junction: Junction) -> list[RawArm]:
@@ -200,7 +213,7 @@ def find_ways(junction: Junction, arms: list[RawArm]) -> list[Way]:
     for origin, arm in enumerate(arms):
         if not arm.inbound:
             continue
-        for lane in arm.inbound[-1].getLanes():
+        for lane in filter(_is_usable, arm.inbound[-1].getLanes()):
             for connections in _chains(junction, lane, targets, ()):
                 destination = targets[connections[-1].getTo().getID()]
                 ways.append(_way(junction, arms, origin, destination, connections))
@@ -214,7 +227,7 @@ def _chains(
     seen = {connection.getTo().getID() for connection in so_far}
     for connection in lane.getOutgoing():
         edge = connection.getTo()
-        if not (connection.allows(VEHICLE_CLASS) and connection.getToLane().allows(VEHICLE_CLASS)):
+        if not (_is_usable(connection) and _is_usable(connection.getToLane())):
             continue
         if edge.getID() in targets:
             yield (*so_far, connection)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -76,6 +78,22 @@ class ReferencePath:
         return (i + t) * SPACING, offset
 
 
+@dataclass(frozen=True)
+class RouteKey:
+    """What a route can be found again by."""
+
+    network: Path
+    """the .net.xml"""
+    junction: str | None
+    """which of its junctions was asked for"""
+    origin: str
+    """arm"""
+    destination: str
+    """arm"""
+    lane: int | None
+    """inbound lane asked for"""
+
+
 @dataclass(frozen=True, eq=False)
 class Route:
     """One movement of the ego: reference path, where to stop and wait, the road's edges beside it."""
@@ -125,3 +143,16 @@ class Route:
     canonical_angle: float
     """rad, turning the world by its negative brings the origin arm to the south (entering traffic heads
     north)"""
+    key: RouteKey
+    """what it can be found again by"""
+
+    def __reduce__(self) -> tuple[Callable[[RouteKey], Route], tuple[RouteKey]]:
+        """Pickled as its key: a `Scene` that crosses to another process carries no polylines."""
+        return find_route, (self.key,)
+
+
+def find_route(key: RouteKey) -> Route:
+    """The route of that key, from its network (read if need be)."""
+    from rudc.world.network import load_network
+
+    return load_network(key.network, key.junction).route(key.origin, key.destination, key.lane)

@@ -17,7 +17,8 @@ import numpy as np
 from rudc.world.conflicts import waiting_bumper
 from rudc.world.polyline import Array, arc_length, resample, smooth, without_repeats, wrap
 from rudc.world.road_edges import edge_widths
-from rudc.world.route import ReferencePath, Route
+from rudc.world.route import ReferencePath, Route, RouteKey
+from rudc.world.scene import EgoVehicle
 
 if TYPE_CHECKING:
     from rudc.world.network import Network
@@ -35,8 +36,8 @@ SMOOTHING = 4.0
 """m, window of the moving average"""
 FINE = 0.05
 """m, spacing at which lines are drawn before they are sampled"""
-BODY = (2.5, 0.9)
-"""m, half length and half width of the car that must stay on the road"""
+BODY = EgoVehicle()
+"""the car that must stay on the road"""
 TASKS = {"left": 0, "u_turn": 0, "straight": 1, "right": 2}
 
 
@@ -82,6 +83,7 @@ def build_route(network: Network, movement: Movement, lane: int | None) -> Route
         left_width=left,
         right_width=right,
         canonical_angle=float(wrap(arm.heading_in - np.pi / 2)),
+        key=RouteKey(network.path, network.junction, movement.origin, movement.destination, lane),
     )
 
 
@@ -181,8 +183,8 @@ def fits(network: Network, path: ReferencePath, margin: float = 0.1) -> bool:
     forward = np.column_stack([np.cos(psi), np.sin(psi)])
     left = np.column_stack([-np.sin(psi), np.cos(psi)])
     xy = np.column_stack([x, y])
-    for along in (-BODY[0], 0.0, BODY[0]):
-        for across in (-BODY[1], BODY[1]):
+    for along in (-BODY.length / 2, 0.0, BODY.length / 2):
+        for across in (-BODY.width / 2, BODY.width / 2):
             if network.surface.signed_distance(xy + along * forward + across * left).min() < margin:
                 return False
     return True
