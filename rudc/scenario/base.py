@@ -2,10 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, NoReturn
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, NoReturn, Self, get_args
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, StringConstraints
-from pydantic_core import PydanticCustomError
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ModelWrapValidatorHandler,
+    StringConstraints,
+    ValidationError,
+    model_validator,
+)
+from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
+from pydantic_core.core_schema import ErrorType
+
+ERROR_TYPES = frozenset(get_args(ErrorType))
+"""kinds of error that are pydantic's own"""
 
 
 class FileModel(BaseModel, frozen=True):
@@ -15,11 +29,50 @@ class FileModel(BaseModel, frozen=True):
         extra="forbid", use_attribute_docstrings=True, validate_by_name=True, validate_by_alias=True
     )
 
+    @classmethod
+    def misfits(cls, given: Mapping[str, Any]) -> Iterator[tuple[str, str | None]]:
+        """What is wrong about which keys are given together, and the key to blame if it is one."""
+        return iter(())
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _every_problem(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        # Checked beside the fields, not after them: a file's problems come all at once.
+        misfits = list(cls.misfits(data)) if isinstance(data, Mapping) else []
+        if not misfits:
+            return handler(data)
+        problems = [_detail(message, () if key is None else (key,), data) for message, key in misfits]
+        try:
+            handler(data)
+        except ValidationError as error:
+            problems = [*(_again(known) for known in error.errors(include_url=False)), *problems]
+        raise ValidationError.from_exception_data(cls.__name__, problems)
+
+
+def refusal(message: str, *at: str | int, on_key: bool = False) -> PydanticCustomError:
+    """What is wrong, about the value at `at` below the one being checked, or about its very key."""
+    # The message travels as a value, so that braces in it are not taken for placeholders.
+    return PydanticCustomError("refused", "{message}", {"message": message, "at": at, "on_key": on_key})
+
 
 def refuse(message: str, *at: str | int) -> NoReturn:
     """Say from inside a validator what is wrong, about the key `at` below the value being checked."""
-    # The message travels as a value, so that braces in it are not taken for placeholders.
-    raise PydanticCustomError("refused", "{message}", {"message": message, "at": at})
+    raise refusal(message, *at)
+
+
+def _detail(message: str, loc: tuple[str | int, ...], data: Any) -> InitErrorDetails:
+    return InitErrorDetails(type=refusal(message, *loc, on_key=True), loc=(), input=data)
+
+
+def _again(error: ErrorDetails) -> InitErrorDetails:
+    """An error that pydantic has reported, to be reported once more."""
+    kind, context = error["type"], error.get("ctx", {})
+    if kind in ERROR_TYPES:
+        return InitErrorDetails(type=kind, loc=error["loc"], input=error["input"], ctx=context)
+    template = "{message}" if "message" in context else error["msg"]
+    # The texts are constants of this package, though no longer known as such here.
+    again = PydanticCustomError(kind, template, context)  # pyright: ignore[reportArgumentType]
+    return InitErrorDetails(type=again, loc=error["loc"], input=error["input"])
 
 
 def _as_text(value: Any) -> Any:

@@ -1,7 +1,7 @@
 """Numbers in a scenario: fixed ones, and ones drawn at random.
 
-A file writes a plain number, `{uniform: [low, high]}`, `{normal: {mean: m, std: s}}` or `{choice: [a, b, c]}`.
-Normals are truncated, to their own `low` and `high` and otherwise to what is physically sane where they stand.
+A file writes a number, `{uniform: [low, high]}`, `{normal: {mean: m, std: s}}` or `{choice: [a, b, c]}`.
+Normals are truncated, to their own `low` and `high` and else to what is physically sane where they stand.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from rudc.scenario.base import FileModel, Number, refuse
 FORMS = "a number, {uniform: [low, high]}, {normal: {mean: m, std: s}} or {choice: [a, b, ...]}"
 
 
-class Distribution(FileModel):
+class Distribution(FileModel, frozen=True):
     """A number that is fixed or drawn at random. `float(d)` gives the value of a fixed one."""
 
     def sample(self, rng: np.random.Generator) -> float:
@@ -60,7 +60,7 @@ class Distribution(FileModel):
         return int(value)
 
 
-class Constant(Distribution):
+class Constant(Distribution, frozen=True):
     """A plain number."""
 
     value: Number
@@ -98,7 +98,7 @@ class Constant(Distribution):
         return self.value
 
 
-class Uniform(Distribution):
+class Uniform(Distribution, frozen=True):
     """Every value between two is as likely."""
 
     uniform: tuple[Number, Number]
@@ -126,7 +126,7 @@ class Uniform(Distribution):
         return self.uniform
 
 
-class NormalParameters(FileModel):
+class NormalParameters(FileModel, frozen=True):
     """Mean, standard deviation and limits of a normal distribution."""
 
     mean: Number
@@ -137,6 +137,13 @@ class NormalParameters(FileModel):
     """no value below this; by default the least sane one"""
     high: Number | None = None
     """no value above this; by default the greatest sane one"""
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        pair = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
+        return {"anyOf": [pair, handler.resolve_ref_schema(handler(schema))]}
 
     @model_validator(mode="before")
     @classmethod
@@ -163,7 +170,7 @@ class NormalParameters(FileModel):
         return self
 
 
-class Normal(Distribution):
+class Normal(Distribution, frozen=True):
     """A truncated normal distribution."""
 
     normal: NormalParameters
@@ -195,13 +202,20 @@ class Normal(Distribution):
         return NormalDist(self.normal.mean, self.normal.std), *self.support
 
 
-class ChoiceParameters(FileModel):
+class ChoiceParameters(FileModel, frozen=True):
     """Values and how likely each is."""
 
     values: tuple[Number, ...]
     """one of these"""
     weights: tuple[Number, ...] | None = None
     """relative weight of each value; by default all equal"""
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        values = {"type": "array", "items": {"type": "number"}, "minItems": 1}
+        return {"anyOf": [values, handler.resolve_ref_schema(handler(schema))]}
 
     @model_validator(mode="before")
     @classmethod
@@ -224,7 +238,7 @@ class ChoiceParameters(FileModel):
         return self
 
 
-class Choice(Distribution):
+class Choice(Distribution, frozen=True):
     """One of several values."""
 
     choice: ChoiceParameters
@@ -266,7 +280,7 @@ AnyDistribution = Annotated[
     | Annotated[Normal, Tag("<normal>")]
     | Annotated[Choice, Tag("<choice>")],
     Discriminator(
-        _form, custom_error_type="distribution", custom_error_message="expected " + FORMS.replace("{", "{{")
+        _form, custom_error_type="distribution", custom_error_message="expected a number or a distribution"
     ),
 ]
 """What may stand wherever a number may."""
@@ -292,12 +306,13 @@ class Bounds:
     ) -> dict[str, Any]:
         described = dict(handler(schema))
         forms = described.pop("oneOf")
+        random = [form for form in forms if handler.resolve_ref_schema(form).get("type") != "number"]
         number = {
             "type": "integer" if self.whole else "number",
             "exclusiveMinimum" if self.above else "minimum": self.low,
             "maximum": self.high,
         }
-        return {**described, "anyOf": [number, *(form for form in forms if form.get("type") != "number")]}
+        return {**described, "anyOf": [number, *random]}
 
     def check(self, value: Distribution) -> Distribution:
         """The same distribution, a normal one truncated to the bounds; refuses what reaches beyond them."""

@@ -1,34 +1,31 @@
 """What happens in an episode besides ordinary traffic: one pydantic model a kind.
 
-A new kind is one model here, listed in `AnyEvent`, and one effect in `rudc.world.events`. Positions are in m east
-and north of the junction's centre; lanes are named `ARM_in_INDEX` and `ARM_out_INDEX` (0 = rightmost) or by SUMO's
-id; `at` is in m outwards from the stop line, or on an outbound lane from the junction's exit. Files give angles in
-degrees, and the properties ending in `_rad` give radians.
+A new kind is one model here, listed in `AnyEvent`, and one effect in `rudc.world.events`. Positions are in m
+east and north of the junction's centre; lanes are named `ARM_in_INDEX` and `ARM_out_INDEX` (0 = rightmost) or
+by SUMO's id; `at` is in m outwards from the stop line, or on an outbound lane from the junction's exit. Files
+give angles in degrees, and the properties ending in `_rad` give radians.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Discriminator, Tag, model_validator
+from pydantic import Discriminator, SerializerFunctionWrapHandler, Tag, model_serializer, model_validator
 
 from rudc.scenario.base import FileModel, Identifier, refuse
 from rudc.scenario.distributions import AnyDistribution, Bounds, Constant, draw
-from rudc.scenario.triggers import Metre, Position, Selector, Trigger
+from rudc.scenario.poses import OpaqueBox, Placement, VehicleType
+from rudc.scenario.triggers import Metre, Selector, Trigger
 
-VehicleType = Literal["car", "truck", "bus", "motorcycle", "bicycle"]
-
-Degree = Annotated[AnyDistribution, Bounds(-360, 360, "deg")]
 Duration = Annotated[AnyDistribution, Bounds(0, 600, "s", above=True)]
 Speed = Annotated[AnyDistribution, Bounds(0, 40, "m/s")]
 MovingSpeed = Annotated[AnyDistribution, Bounds(0, 40, "m/s", above=True)]
-Lateral = Annotated[AnyDistribution, Bounds(-50, 50, "m")]
-BoxSide = Annotated[AnyDistribution, Bounds(0, 200, "m", above=True)]
 
 
-class Event(FileModel):
+class Event(FileModel, frozen=True):
     """Something that happens in an episode."""
 
     kind: str
@@ -51,65 +48,7 @@ class Event(FileModel):
         return event.model_copy(update={"when": when})
 
 
-class Pose(FileModel):
-    """A place on the plane, by position and heading or by lane."""
-
-    position: Position | None = None
-    """[x, y] of the centre, m east and north of the junction's centre"""
-    heading: Degree = Constant(value=0.0)
-    """deg, counter-clockwise from east; with `position`"""
-    lane: Identifier | None = None
-    """lane it stands on, such as west_out_1"""
-    at: Metre | None = None
-    """m from the junction along `lane`"""
-    heading_offset: Degree = Constant(value=0.0)
-    """deg, counter-clockwise from the lane's direction; with `lane`"""
-    lateral: Lateral = Constant(value=0.0)
-    """m to the left of the lane's centre line; with `lane`"""
-
-    @model_validator(mode="after")
-    def _check(self) -> Pose:
-        if (self.position is None) == (self.lane is None):
-            refuse("expected either `position` (and `heading`) or `lane` and `at`")
-        if self.lane is not None and self.at is None:
-            refuse("`lane` needs `at`, the distance from the junction in m", "lane")
-        others = ("heading",) if self.position is None else ("at", "heading_offset", "lateral")
-        for name in others:
-            if name in self.model_fields_set:
-                partner = "position" if self.position is None else "lane"
-                meant = {
-                    "heading": "; beside `lane` it is `heading_offset`",
-                    "heading_offset": "; here it is `heading`",
-                }
-                refuse(f"goes with `{partner}` only{meant.get(name, '')}", name)
-        return self
-
-    @property
-    def heading_rad(self) -> float:
-        """rad, counter-clockwise from east."""
-        return math.radians(float(self.heading))
-
-    @property
-    def heading_offset_rad(self) -> float:
-        """rad, counter-clockwise from the lane's direction."""
-        return math.radians(float(self.heading_offset))
-
-
-class Placement(Pose):
-    """A stationary vehicle at any pose."""
-
-    type: VehicleType = "car"
-    """what vehicle"""
-
-
-class OpaqueBox(Pose):
-    """A rectangle that cannot be seen through, such as a building or a hedge."""
-
-    size: tuple[BoxSide, BoxSide]
-    """[length, width] in m, length along the heading"""
-
-
-class Accident(Event):
+class Accident(Event, frozen=True):
     """Stationary vehicles anywhere, at any heading."""
 
     kind: Literal["accident"]
@@ -124,7 +63,7 @@ class Accident(Event):
         return self
 
 
-class StalledVehicle(Event):
+class StalledVehicle(Event, frozen=True):
     """A vehicle that stands still in its lane: a new one, or a surrounding vehicle that stops."""
 
     kind: Literal["stalled_vehicle"]
@@ -140,19 +79,26 @@ class StalledVehicle(Event):
     duration: Duration | None = None
     """s it stands; by default for good"""
 
-    @model_validator(mode="after")
-    def _check(self) -> StalledVehicle:
-        if (self.lane is None) == (self.vehicle is None):
-            refuse("expected either `lane` and `at` or `vehicle`")
-        if self.lane is not None and self.at is None:
-            refuse("`lane` needs `at`, the distance from the junction in m", "lane")
-        for name in ("at", "type"):
-            if self.vehicle is not None and name in self.model_fields_set:
-                refuse("goes with `lane` only", name)
-        return self
+    @classmethod
+    def misfits(cls, given: Mapping[str, Any]) -> Iterator[tuple[str, str | None]]:
+        """Either a lane and a place on it, or a surrounding vehicle."""
+        if ("lane" in given) == ("vehicle" in given):
+            if set(given) <= set(cls.model_fields):
+                yield "expected either `lane` and `at` or `vehicle`", None
+        elif "lane" in given and "at" not in given:
+            yield "needs `at`, the distance from the junction in m", "lane"
+        elif "vehicle" in given:
+            for name in ("at", "type"):
+                if name in given:
+                    yield "goes with `lane` only", name
+
+    @model_serializer(mode="wrap")
+    def _without_idle_type(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data = handler(self)
+        return data if self.lane is not None else {key: value for key, value in data.items() if key != "type"}
 
 
-class LaneClosure(Event):
+class LaneClosure(Event, frozen=True):
     """A stretch of a lane that is closed by an obstacle."""
 
     kind: Literal["lane_closure"]
@@ -165,7 +111,7 @@ class LaneClosure(Event):
     """m, away from the junction"""
 
 
-class HardBrake(Event):
+class HardBrake(Event, frozen=True):
     """A surrounding vehicle brakes hard for no visible reason."""
 
     kind: Literal["hard_brake"]
@@ -178,7 +124,7 @@ class HardBrake(Event):
     """s; it stands once it has stopped, until then"""
 
 
-class PriorityViolation(Event):
+class PriorityViolation(Event, frozen=True):
     """A surrounding vehicle disregards the right of way."""
 
     kind: Literal["priority_violation"]
@@ -189,7 +135,7 @@ class PriorityViolation(Event):
     """s; by default for good"""
 
 
-class Speeding(Event):
+class Speeding(Event, frozen=True):
     """A surrounding vehicle drives above the limit."""
 
     kind: Literal["speeding"]
@@ -202,7 +148,7 @@ class Speeding(Event):
     """s; by default for good"""
 
 
-class SlowVehicle(Event):
+class SlowVehicle(Event, frozen=True):
     """A surrounding vehicle crawls."""
 
     kind: Literal["slow_vehicle"]
@@ -215,7 +161,7 @@ class SlowVehicle(Event):
     """s; by default for good"""
 
 
-class WrongWay(Event):
+class WrongWay(Event, frozen=True):
     """A vehicle drives along a lane against its direction."""
 
     kind: Literal["wrong_way"]
@@ -230,7 +176,7 @@ class WrongWay(Event):
     """what vehicle"""
 
 
-class DensitySurge(Event):
+class DensitySurge(Event, frozen=True):
     """Traffic density changes during the episode."""
 
     kind: Literal["density_surge"]
@@ -241,7 +187,7 @@ class DensitySurge(Event):
     """s; by default for good"""
 
 
-class PedestrianCrossing(Event):
+class PedestrianCrossing(Event, frozen=True):
     """Pedestrians walk across an arm in front of traffic."""
 
     kind: Literal["pedestrian_crossing"]
@@ -258,7 +204,7 @@ class PedestrianCrossing(Event):
     """side they start from, as seen going towards the junction"""
 
 
-class Occlusion(Event):
+class Occlusion(Event, frozen=True):
     """Boxes that hide what is behind them from the ego; nothing collides with them."""
 
     kind: Literal["occlusion"]
@@ -273,7 +219,7 @@ class Occlusion(Event):
         return self
 
 
-class SensorNoise(Event):
+class SensorNoise(Event, frozen=True):
     """Gaussian errors of what the ego perceives of others."""
 
     kind: Literal["sensor_noise"]
@@ -285,11 +231,11 @@ class SensorNoise(Event):
     heading: Annotated[AnyDistribution, Bounds(0, 180, "deg")] = Constant(value=0.0)
     """deg, standard deviation"""
 
-    @model_validator(mode="after")
-    def _check(self) -> SensorNoise:
-        if not {"position", "speed", "heading"} & self.model_fields_set:
-            refuse("expected one or more of `position`, `speed` and `heading` (standard deviations)")
-        return self
+    @classmethod
+    def misfits(cls, given: Mapping[str, Any]) -> Iterator[tuple[str, str | None]]:
+        """One of its numbers at least."""
+        if not {"position", "speed", "heading"} & set(given) and set(given) <= set(cls.model_fields):
+            yield "expected one or more of `position`, `speed` and `heading` (standard deviations)", None
 
     @property
     def heading_rad(self) -> float:
@@ -297,7 +243,7 @@ class SensorNoise(Event):
         return math.radians(float(self.heading))
 
 
-class SensorDropout(Event):
+class SensorDropout(Event, frozen=True):
     """The ego misses others at random, and beyond a range."""
 
     kind: Literal["sensor_dropout"]
@@ -307,14 +253,14 @@ class SensorDropout(Event):
     range: Annotated[AnyDistribution, Bounds(0, 1000, "m", above=True)] | None = None
     """m beyond which nothing is seen; by default no limit"""
 
-    @model_validator(mode="after")
-    def _check(self) -> SensorDropout:
-        if not {"probability", "range"} & self.model_fields_set:
-            refuse("expected `probability`, `range` or both")
-        return self
+    @classmethod
+    def misfits(cls, given: Mapping[str, Any]) -> Iterator[tuple[str, str | None]]:
+        """One of its numbers at least."""
+        if not {"probability", "range"} & set(given) and set(given) <= set(cls.model_fields):
+            yield "expected `probability`, `range` or both", None
 
 
-class LowFriction(Event):
+class LowFriction(Event, frozen=True):
     """A slippery road."""
 
     kind: Literal["low_friction"]
@@ -323,7 +269,7 @@ class LowFriction(Event):
     """coefficient of friction: 0.9 dry, 0.5 wet, 0.3 snow, 0.1 ice"""
 
 
-class ActuatorDelay(Event):
+class ActuatorDelay(Event, frozen=True):
     """The ego's commands take effect late."""
 
     kind: Literal["actuator_delay"]
@@ -333,11 +279,11 @@ class ActuatorDelay(Event):
     lag: Annotated[AnyDistribution, Bounds(0, 3, "s")] = Constant(value=0.0)
     """s, time constant of a first-order lag"""
 
-    @model_validator(mode="after")
-    def _check(self) -> ActuatorDelay:
-        if not {"delay", "lag"} & self.model_fields_set:
-            refuse("expected `delay`, `lag` or both")
-        return self
+    @classmethod
+    def misfits(cls, given: Mapping[str, Any]) -> Iterator[tuple[str, str | None]]:
+        """One of its numbers at least."""
+        if not {"delay", "lag"} & set(given) and set(given) <= set(cls.model_fields):
+            yield "expected `delay`, `lag` or both", None
 
 
 EVENT_KINDS: dict[str, type[Event]] = {

@@ -23,7 +23,7 @@ Position = tuple[
 """[x, y] in m east and north of the junction's centre."""
 
 
-class Threshold(FileModel):
+class Threshold(FileModel, frozen=True):
     """Holds while a quantity is above one value, below another, or both."""
 
     above: AnyDistribution | None = None
@@ -52,7 +52,7 @@ class Threshold(FileModel):
         )
 
 
-class TimeThreshold(Threshold):
+class TimeThreshold(Threshold, frozen=True):
     """A time in s, above one value, below another, or both."""
 
     above: Second | None = None
@@ -61,7 +61,7 @@ class TimeThreshold(Threshold):
     """s; holds when it is shorter"""
 
 
-class DistanceThreshold(Threshold):
+class DistanceThreshold(Threshold, frozen=True):
     """A distance in m, above one value, below another, or both."""
 
     above: Metre | None = None
@@ -70,7 +70,7 @@ class DistanceThreshold(Threshold):
     """m; holds when it is shorter"""
 
 
-class SpeedThreshold(Threshold):
+class SpeedThreshold(Threshold, frozen=True):
     """A speed in m/s, above one value, below another, or both."""
 
     above: Annotated[AnyDistribution, Bounds(0, 60, "m/s")] | None = None
@@ -79,7 +79,7 @@ class SpeedThreshold(Threshold):
     """m/s; holds when it is slower"""
 
 
-class JunctionThreshold(Threshold):
+class JunctionThreshold(Threshold, frozen=True):
     """A distance in m to the stop line, negative once past it."""
 
     above: Annotated[AnyDistribution, Bounds(-1000, 1000, "m")] | None = None
@@ -88,28 +88,28 @@ class JunctionThreshold(Threshold):
     """m; holds when it is nearer"""
 
 
-class RelativeDistance(DistanceThreshold):
+class RelativeDistance(DistanceThreshold, frozen=True):
     """The distance in m between the ego's centre and a vehicle's."""
 
     vehicle: Selector = "nearest"
     """towards which vehicle"""
 
 
-class TimeHeadway(TimeThreshold):
+class TimeHeadway(TimeThreshold, frozen=True):
     """The time in s that the ego needs at its present speed for the gap to a vehicle."""
 
     vehicle: Selector = "leader"
     """towards which vehicle"""
 
 
-class TimeToCollision(TimeThreshold):
+class TimeToCollision(TimeThreshold, frozen=True):
     """The time in s in which the gap between the ego and a vehicle closes at their present velocities."""
 
     vehicle: Selector = "nearest"
     """towards which vehicle"""
 
 
-class ReachPosition(FileModel):
+class ReachPosition(FileModel, frozen=True):
     """The ego is near a place."""
 
     position: Position
@@ -118,7 +118,7 @@ class ReachPosition(FileModel):
     """m, how near counts as there"""
 
 
-class Trigger(FileModel):
+class Trigger(FileModel, frozen=True):
     """Conditions that must all hold at once for the event to happen."""
 
     simulation_time: TimeThreshold | None = None

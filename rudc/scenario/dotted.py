@@ -1,0 +1,54 @@
+"""Values named by dotted keys, as in `traffic.density` or `events.0.deceleration`."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from typing import Any
+
+Path = tuple[str | int, ...]
+"""keys and list indices from the top of a file down to a value"""
+
+
+class DottedKeyError(Exception):
+    """A dotted key leads nowhere; caught before it leaves the package."""
+
+
+def with_value(data: dict[str, Any], key: str, value: Any) -> tuple[dict[str, Any], Path]:
+    """The same data with another value at a dotted key, and the path to it.
+
+    Sections that are missing are made. Raises DottedKeyError.
+    """
+    parts = key.split(".")
+    if not all(parts):
+        raise DottedKeyError("expected a dotted key, such as traffic.density")
+    changed = deepcopy(data)
+    here: Any = changed
+    path: Path = ()
+    for i, part in enumerate(parts):
+        step = _step(here, part, ".".join(parts[:i]))
+        path = (*path, step)
+        if i == len(parts) - 1:
+            here[step] = deepcopy(value)
+        elif isinstance(step, str):
+            here = here.setdefault(step, {})
+        else:
+            here = here[step]
+    return changed, path
+
+
+def _step(here: Any, part: str, before: str) -> str | int:
+    if isinstance(here, dict):
+        return part
+    if not isinstance(here, list):
+        raise DottedKeyError(f"{before} is {here!r}, which has no part {part!r}")
+    if not part.isdecimal() or int(part) >= len(here):
+        numbers = f"0 to {len(here) - 1}" if here else "none, it is empty"
+        raise DottedKeyError(
+            f"{before} is a list whose entries are numbered ({numbers}); there is no {part!r}"
+        )
+    return int(part)
+
+
+def dotted(path: Path) -> str:
+    """The dotted key of a path."""
+    return ".".join(str(part) for part in path)

@@ -1,0 +1,55 @@
+"""`extends`: what a file says on top of what its parent says.
+
+Sections are merged key by key; every other value (list, route, mix, distribution, sweep) is replaced whole.
+An empty value (`sweep:` or `junction: null`) takes back what the parent says. A scenario's name and remarks
+are its own.
+"""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from typing import Any
+
+from rudc.scenario.dotted import Path, dotted
+from rudc.scenario.yaml_text import Mark, Sheet
+
+SECTIONS: frozenset[Path] = frozenset({(), ("ego",), ("traffic",), ("traffic", "idm"), ("episode",)})
+"""mappings that are merged rather than replaced"""
+OWN = ("name", "description", "out_of_distribution", "extends")
+"""keys that are not inherited"""
+
+
+def inherit(child: Sheet, parent: Sheet) -> tuple[Sheet, tuple[str, ...]]:
+    """Both together, and the dotted keys in which the child differs from its parent."""
+    kept = {key: value for key, value in parent.data.items() if key not in OWN}
+    marks = {path: mark for path, mark in parent.marks.items() if path and path[0] not in OWN}
+    merged = Sheet(deepcopy(kept), {**marks, (): child.marks[()]})
+    differing: list[str] = []
+    _merge(child.data, child.marks, merged.data, merged.marks, (), differing)
+    return merged, tuple(differing)
+
+
+def _merge(
+    child: dict[str, Any],
+    child_marks: dict[Path, Mark],
+    here: dict[str, Any],
+    marks: dict[Path, Mark],
+    path: Path,
+    differing: list[str],
+) -> None:
+    for key, value in child.items():
+        below = (*path, key)
+        inherited = key in here
+        if below in SECTIONS and isinstance(value, dict) and isinstance(here.get(key), dict):
+            marks[below] = child_marks[below]
+            _merge(value, child_marks, here[key], marks, below, differing)
+            continue
+        if key not in OWN and not (inherited and here[key] == value):
+            differing.append(dotted(below))
+        for known in [known for known in marks if known[: len(below)] == below]:
+            del marks[known]
+        if value is None and inherited:
+            del here[key]
+            continue
+        here[key] = deepcopy(value)
+        marks.update({known: mark for known, mark in child_marks.items() if known[: len(below)] == below})

@@ -1,0 +1,97 @@
+"""Finding scenario files: shipped ones by name, others by path or pattern."""
+
+from __future__ import annotations
+
+import glob
+from collections.abc import Sequence
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+from rudc.data import data_folder
+from rudc.errors import ScenarioError
+from rudc.scenario.problems import suggestion
+
+SUFFIXES = (".yaml", ".yml")
+
+
+def shipped_scenarios() -> dict[str, Path]:
+    """Name -> file of every scenario that comes with the package, sorted by name."""
+    return {path.stem: path for path in sorted(data_folder("scenarios").glob("*.yaml"))}
+
+
+def find_file(source: str | Path) -> Path:
+    """The file of a scenario that is given by its shipped name or by a path. Raises ScenarioError."""
+    shipped = shipped_scenarios()
+    if isinstance(source, str) and source in shipped:
+        return shipped[source]
+    path = Path(source).expanduser()
+    if path.is_file():
+        return path
+    if path.is_dir():
+        raise ScenarioError(
+            f"{source}: is a folder; a scenario is a file ({path / '*.yaml'} would take all of them)"
+        )
+    if _is_path(source):
+        beside = [other.name for other in path.parent.glob("*") if other.suffix in SUFFIXES]
+        near = suggestion(path.name, beside) or suggestion(path.stem, list(shipped))
+        raise ScenarioError(f"{source}: no such file{near}")
+    near = suggestion(source, list(shipped)) or f"; shipped ones: {', '.join(shipped)}"
+    raise ScenarioError(f"{source}: no shipped scenario of this name, and no such file{near}")
+
+
+def find_files(patterns: Sequence[str]) -> list[Path]:
+    """Files of the scenarios that names, paths and globs stand for, each once, in the order given.
+
+    A pattern without a suffix or folder (`*left*`) is one of shipped names. Raises ScenarioError with a line
+    for each that fits nothing.
+    """
+    found: dict[Path, Path] = {}
+    missing: list[str] = []
+    for pattern in patterns:
+        try:
+            paths = _matching(pattern) if glob.has_magic(pattern) else [find_file(pattern)]
+        except ScenarioError as error:
+            missing.append(str(error))
+            continue
+        if not paths:
+            missing.append(f"{pattern}: no scenario fits this pattern")
+        for path in paths:
+            found.setdefault(path.resolve(), path)
+    if missing:
+        raise ScenarioError("\n".join(missing))
+    return list(found.values())
+
+
+def find_parent(name: str, child: Path) -> Path | None:
+    """The file that a scenario's `extends` means: a file beside it, or else a shipped one; never itself."""
+    beside = [child.parent / name, *(child.parent / f"{name}{suffix}" for suffix in SUFFIXES)]
+    shipped = shipped_scenarios().get(name)
+    options = [path for path in (*beside, shipped) if path is not None and path.is_file()]
+    return next((path for path in options if path.resolve() != child.resolve()), None)
+
+
+def parents_known(child: Path) -> list[str]:
+    """Names that a scenario's `extends` could have."""
+    beside = [
+        path.stem for path in sorted(child.parent.glob("*")) if path.suffix in SUFFIXES and path != child
+    ]
+    return list(dict.fromkeys([*beside, *shipped_scenarios()]))
+
+
+def shown(path: Path) -> str:
+    """A path as a message gives it: relative where it lies in the working folder."""
+    try:
+        return str(path.absolute().relative_to(Path.cwd()))
+    except ValueError:
+        return str(path)
+
+
+def _is_path(source: str | Path) -> bool:
+    return isinstance(source, Path) or "/" in source or "\\" in source or source.endswith(SUFFIXES)
+
+
+def _matching(pattern: str) -> list[Path]:
+    if not _is_path(pattern):
+        return [path for name, path in shipped_scenarios().items() if fnmatchcase(name, pattern)]
+    paths = [Path(path) for path in sorted(glob.glob(str(Path(pattern).expanduser()), recursive=True))]
+    return [path for path in paths if path.is_file()]

@@ -1,0 +1,159 @@
+"""Scenario files -> checked `Scenario`s, with every problem of a file at once and where it stands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path as File
+from typing import Any
+
+from pydantic import ValidationError
+
+from rudc.errors import ScenarioError
+from rudc.scenario.dotted import DottedKeyError, Path, with_value
+from rudc.scenario.inheritance import inherit
+from rudc.scenario.library import find_file, find_files, find_parent, parents_known, shown
+from rudc.scenario.model import Scenario
+from rudc.scenario.networks import is_network_path
+from rudc.scenario.problems import describe, suggestion
+from rudc.scenario.sweep_check import sweep_reports
+from rudc.scenario.yaml_text import Mark, Report, Sheet, read_yaml
+
+
+def load_scenario(source: str | File, overrides: Mapping[str, object] | None = None) -> Scenario:
+    """The scenario of a shipped name or a file, with other values at some dotted keys.
+
+    Raises ScenarioError, one line for every problem.
+    """
+    path = find_file(source)
+    sheet, overridden, reports = _read(path, ())
+    if sheet is None:
+        raise _error(reports)
+    for key, value in (overrides or {}).items():
+        reports += _override(sheet, key, value)
+    scenario, more = _checked(sheet, {report.path for report in reports}, sweeps=not reports)
+    reports += more
+    if reports or scenario is None:
+        raise _error(reports)
+    return scenario.read_from(path.absolute(), overridden)
+
+
+def find_scenarios(patterns: Sequence[str]) -> list[Scenario]:
+    """The scenarios that shipped names, paths and globs stand for, each once, in the order given.
+
+    Raises ScenarioError with every problem of every file, and when two files have the same `name`.
+    """
+    found: dict[str, Scenario] = {}
+    failures: list[str] = []
+    for path in find_files(patterns):
+        try:
+            scenario = load_scenario(path)
+        except ScenarioError as error:
+            failures.append(str(error))
+            continue
+        other = found.setdefault(scenario.name, scenario)
+        if other is not scenario:
+            first = shown(other.path) if other.path else other.name
+            failures.append(
+                f"{shown(path)}: name: {scenario.name!r} is also the name of {first}; results would mix"
+            )
+    if failures:
+        raise ScenarioError("\n".join(failures))
+    return list(found.values())
+
+
+def _error(reports: list[Report]) -> ScenarioError:
+    files = list(dict.fromkeys(report.file for report in reports))
+    ordered = sorted(reports, key=lambda report: (files.index(report.file), report.line, report.column))
+    return ScenarioError("\n".join(dict.fromkeys(str(report) for report in ordered)))
+
+
+def _read(path: File, children: tuple[File, ...]) -> tuple[Sheet | None, tuple[str, ...], list[Report]]:
+    """What a file and those it extends say together, the keys in which it differs from them, and problems."""
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = error.object[: error.start].count(b"\n") + 1
+        column = error.start - error.object.rfind(b"\n", 0, error.start)
+        return None, (), [Report(shown(path), line, column, (), "not valid UTF-8 text")]
+    except OSError as error:
+        raise ScenarioError(f"{shown(path)}: cannot be read: {error.strerror}") from None
+    sheet, reports = read_yaml(text, shown(path))
+    if sheet is None:
+        return None, (), reports
+    _anchor_networks(sheet, path.parent)
+    parent_name = sheet.data.get("extends")
+    if not isinstance(parent_name, str) or not parent_name.strip():
+        return sheet, (), reports
+    parent = find_parent(parent_name, path)
+    chain = (*children, path.resolve())
+    if parent is None:
+        near = suggestion(parent_name, parents_known(path))
+        text = f"no scenario {parent_name!r} beside this file, and none shipped{near}"
+        return sheet, (), [*reports, sheet.report(("extends",), text)]
+    if parent.resolve() in chain:
+        ring = " -> ".join(file.name for file in (*chain[chain.index(parent.resolve()) :], parent))
+        return sheet, (), [*reports, sheet.report(("extends",), f"goes round in a circle: {ring}")]
+    parent_sheet, _, parent_reports = _read(parent, chain)
+    reports += parent_reports
+    if parent_sheet is None:
+        return sheet, (), reports
+    merged, overridden = inherit(sheet, parent_sheet)
+    return merged, overridden, reports
+
+
+def _anchor_networks(sheet: Sheet, folder: File) -> None:
+    """Make paths to networks absolute: they are meant as seen from the file that names them."""
+    if is_network_path(sheet.data.get("network")):
+        sheet.data["network"] = str((folder / sheet.data["network"]).absolute())
+    sweep = sheet.data.get("sweep")
+    values = sweep.get("network") if isinstance(sweep, dict) else None
+    if isinstance(values, list):
+        values[:] = [
+            str((folder / value).absolute()) if is_network_path(value) else value for value in values
+        ]
+
+
+def _override(sheet: Sheet, key: str, value: object) -> list[Report]:
+    """Put a value at a dotted key of a sheet."""
+    try:
+        sheet.data, path = with_value(sheet.data, key, value)
+    except DottedKeyError as error:
+        return [Report("override", 0, 0, tuple(key.split(".")), str(error))]
+    sheet.marks = {known: mark for known, mark in sheet.marks.items() if known[: len(path)] != path}
+    sheet.marks[path] = Mark("override", 0, 0, 0, 0)
+    return []
+
+
+def _checked(sheet: Sheet, known: set[Path], sweeps: bool) -> tuple[Scenario | None, list[Report]]:
+    """The scenario that a sheet describes, or what is wrong with it; `known` are paths reported already."""
+    empty = [path for path in _empty(sheet.data, ()) if path not in known]
+    text = "no value given; without one, leave the key out"
+    reports = [sheet.report(path, text) for path in empty]
+    data = _without_empty(sheet.data)
+    scenario, problems = None, []
+    try:
+        scenario = Scenario.model_validate(data)
+    except ValidationError as error:
+        problems = [p for p in describe(error, Scenario, data) if p.path not in known and p.path not in empty]
+    reports += [sheet.report(problem.path, problem.text, problem.on_key) for problem in problems]
+    if sweeps:
+        reports += sweep_reports(sheet, data, {(problem.path, problem.text) for problem in problems})
+    return scenario, reports
+
+
+def _empty(data: Any, path: Path) -> list[Path]:
+    """Paths of the keys that have no value."""
+    if isinstance(data, dict):
+        here = [(*path, key) for key, value in data.items() if value is None]
+        return here + [found for key, value in data.items() for found in _empty(value, (*path, key))]
+    if isinstance(data, list):
+        return [found for i, value in enumerate(data) for found in _empty(value, (*path, i))]
+    return []
+
+
+def _without_empty(data: Any) -> Any:
+    if isinstance(data, dict):
+        return {key: _without_empty(value) for key, value in data.items() if value is not None}
+    if isinstance(data, list):
+        return [_without_empty(value) for value in data]
+    return data

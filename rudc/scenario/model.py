@@ -1,0 +1,174 @@
+"""`Scenario`: what a file says, checked and complete; it draws an `EpisodePlan` for every seed.
+
+Random numbers come from one generator a section, `default_rng((seed, attempt, SECTION))`, so that a change in
+one section leaves the draws of the others as they were.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import re
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import yaml
+from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, ValidationError
+
+from rudc.errors import InputError, ScenarioError
+from rudc.scenario.base import FileModel, Identifier, NonEmpty, refuse
+from rudc.scenario.dotted import DottedKeyError, dotted, with_value
+from rudc.scenario.events import AnyEvent
+from rudc.scenario.networks import existing_network, is_network_path
+from rudc.scenario.plan import EpisodePlan
+from rudc.scenario.problems import describe
+from rudc.scenario.sections import Ego, Episode, Traffic
+from rudc.scenario.yaml_text import YamlDumper
+
+_EGO, _TRAFFIC, _EPISODE, _WORLD, _FIRST_EVENT = 1, 2, 3, 4, 16
+GRID_LIMIT = 10_000
+"""points of a `sweep` beyond which it is taken for a mistake"""
+
+Scalar = float | int | str
+
+
+def _plain_name(name: str) -> str:
+    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]*", name):
+        refuse(f"expected a name of letters, digits, '_', '-' and '.'; got {name!r}")
+    return name
+
+
+def _scalar(value: Any) -> Any:
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        refuse("a swept value is a number or a name")
+    return value
+
+
+def _content(network: Scalar) -> Scalar:
+    """A shipped network's name, or what is in the file of any other, wherever it lies."""
+    if not is_network_path(network):
+        return network
+    return hashlib.sha256(Path(str(network)).read_bytes()).hexdigest()
+
+
+class Scenario(FileModel, frozen=True):
+    """A scenario: a network, an ego with a task, traffic, and what goes wrong."""
+
+    name: Annotated[NonEmpty, AfterValidator(_plain_name)]
+    """its name in tables"""
+    description: str = ""
+    """what happens, in a sentence"""
+    out_of_distribution: NonEmpty | None = None
+    """why it lies outside what an agent is trained on, in a line; absent if it does not"""
+    extends: Identifier | None = None
+    """scenario (a file beside this one, or a shipped one) whose values hold where this file says nothing"""
+    network: Annotated[NonEmpty, AfterValidator(existing_network)] = "four_way"
+    """a shipped network, or a path to a .net.xml seen from this file"""
+    junction: Identifier | None = None
+    """which junction, in a network with several"""
+    ego: Ego = Ego()
+    """the ego's task and start"""
+    traffic: Traffic = Traffic()
+    """surrounding vehicles"""
+    events: tuple[AnyEvent, ...] = ()
+    """what happens besides"""
+    episode: Episode = Episode()
+    """when it ends by itself"""
+    sweep: dict[str, tuple[Annotated[Scalar, BeforeValidator(_scalar)], ...]] = Field(default_factory=dict)
+    """dotted key -> list of values; every combination is run"""
+
+    _overridden: tuple[str, ...] = PrivateAttr(default=())
+    _path: Path | None = PrivateAttr(default=None)
+
+    @property
+    def overridden(self) -> tuple[str, ...]:
+        """Dotted keys in which this file differs from the scenario it extends."""
+        return self._overridden
+
+    @property
+    def path(self) -> Path | None:
+        """The file it was read from."""
+        return self._path
+
+    def data(self) -> dict[str, Any]:
+        """What a file would say, defaults and inherited values included, `extends` resolved."""
+        data = self.model_dump(mode="json", by_alias=True, exclude_none=True, exclude={"extends"})
+        return {key: value for key, value in data.items() if value not in ("", {}, [])}
+
+    def to_yaml(self) -> str:
+        """The same as the text of a scenario file."""
+        return yaml.dump(self.data(), Dumper=YamlDumper, sort_keys=False, allow_unicode=True, width=100)
+
+    @cached_property
+    def digest(self) -> str:
+        """16 hexadecimal digits that change when anything changes that an episode depends on."""
+        data = self.data()
+        for remark in ("description", "out_of_distribution"):
+            data.pop(remark, None)
+        data["network"] = _content(self.network)
+        if "network" in self.sweep:
+            data["sweep"]["network"] = [_content(network) for network in self.sweep["network"]]
+        text = json.dumps(data, sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    def points(self) -> list[dict[str, Scalar]]:
+        """Every combination of the swept values, the last key varying fastest; [{}] if nothing is swept."""
+        return [
+            dict(zip(self.sweep, values, strict=True)) for values in itertools.product(*self.sweep.values())
+        ]
+
+    def grid(self) -> list[tuple[dict[str, Scalar], Scenario]]:
+        """Each combination of swept values and its scenario; [({}, self)] if nothing is swept."""
+        if not self.sweep:
+            return [({}, self)]
+        return [(point, self.varied(point)) for point in self.points()]
+
+    def varied(self, values: dict[str, Scalar]) -> Scenario:
+        """The same scenario without a sweep, other values at some dotted keys. Raises ScenarioError."""
+        data: dict[str, Any] = {key: value for key, value in self.data().items() if key != "sweep"}
+        try:
+            for key, value in values.items():
+                data, _ = with_value(data, key, value)
+            scenario = Scenario.model_validate(data)
+        except DottedKeyError as error:
+            raise ScenarioError(f"{self.name}: {error}") from None
+        except ValidationError as error:
+            problems = describe(error, Scenario, data)
+            raise ScenarioError(
+                "\n".join(f"{self.name}: {dotted(p.path)}: {p.text}" for p in problems)
+            ) from None
+        return scenario.read_from(self._path, self._overridden)
+
+    def read_from(self, path: Path | None, overridden: tuple[str, ...]) -> Scenario:
+        """The same scenario, which knows its file and in which keys it differs from what it extends."""
+        known = self.model_copy()
+        # A frozen model's private attributes may be set all the same.
+        known._path = path  # pyright: ignore[reportAttributeAccessIssue]
+        known._overridden = overridden  # pyright: ignore[reportAttributeAccessIssue]
+        return known
+
+    def plan(self, seed: int, attempt: int = 0) -> EpisodePlan:
+        """One episode, the same for the same seed and attempt, with its numbers drawn."""
+        if seed < 0 or attempt < 0:
+            raise InputError(f"a seed cannot be negative, got {seed}")
+
+        def generator(section: int) -> np.random.Generator:
+            return np.random.default_rng((seed, attempt, section))
+
+        drawn = [event.drawn(generator(_FIRST_EVENT + i)) for i, event in enumerate(self.events)]
+        return EpisodePlan(
+            scenario=self.name,
+            network=self.network,
+            junction=self.junction,
+            seed=seed,
+            attempt=attempt,
+            world_seed=(seed, attempt, _WORLD),
+            ego=self.ego.plan(generator(_EGO)),
+            traffic=self.traffic.plan(generator(_TRAFFIC)),
+            events=tuple(event for event in drawn if event is not None),
+            timeout_s=self.episode.timeout.sample(generator(_EPISODE)),
+            source=self,
+        )

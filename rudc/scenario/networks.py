@@ -1,0 +1,39 @@
+"""Which road networks a scenario may name; what is in them is the world's business."""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+from pathlib import Path
+
+from rudc.data import data_folder
+from rudc.scenario.base import refuse
+
+NETWORK_SUFFIXES = (".net.xml", ".net.xml.gz")
+
+
+def shipped_networks() -> tuple[str, ...]:
+    """Names of the networks that come with the package, sorted."""
+    folder = data_folder("sumo_networks")
+    return tuple(sorted(path.parent.name for path in folder.glob("*/*.net.xml")))
+
+
+def is_network_path(value: object) -> bool:
+    """Whether a scenario's `network` is a path rather than a shipped name."""
+    return isinstance(value, str) and value.endswith(NETWORK_SUFFIXES)
+
+
+def existing_network(value: str) -> str:
+    """The value itself, or the path made absolute; refuses what does not exist."""
+    if is_network_path(value):
+        path = Path(value)
+        if not path.is_file():
+            refuse(f"no such file: {value}")
+        return str(path.absolute())
+    known = shipped_networks()
+    if value not in known:
+        near = get_close_matches(value, known, n=1)
+        meant = f"did you mean {near[0]!r}?" if near else f"shipped ones: {', '.join(known)}"
+        refuse(
+            f"no shipped network {value!r} ({meant}); a network of your own is a path that ends in .net.xml"
+        )
+    return value

@@ -1,0 +1,201 @@
+"""What is wrong with a scenario and where, in words that someone who writes YAML understands."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import Any, get_args
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from rudc.scenario.base import FileModel
+from rudc.scenario.distributions import FORMS, Choice, Constant, Normal, Uniform
+from rudc.scenario.dotted import Path
+from rudc.scenario.events import EVENT_KINDS
+
+_TAGS: dict[str, type[FileModel]] = {
+    **{f"<{kind}>": model for kind, model in EVENT_KINDS.items()},
+    **{f"<{model.__name__.lower()}>": model for model in (Constant, Uniform, Normal, Choice)},
+}
+_PAIR = {"mean": 0, "std": 1}
+"""places in [mean, std]"""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing that is wrong."""
+
+    path: Path
+    """the key it is about, which is not in the data where it is missing"""
+    text: str
+    """what is wrong"""
+    on_key: bool = False
+    """whether the key itself is wrong rather than its value"""
+
+
+def describe(error: ValidationError, model: type[FileModel], data: Any) -> list[Problem]:
+    """Every problem that pydantic found in data."""
+    details = error.errors(include_url=False)
+    problems = [_describe(detail, model, data) for detail in details]
+    misspelt = {
+        (problem.path[:-1], near)
+        for problem, detail in zip(problems, details, strict=True)
+        if detail["type"] == "extra_forbidden" and (near := nearest(problem.path[-1], _known(detail, model)))
+    }
+    # A required key that is there but misspelt is one problem, not two.
+    return [
+        problem
+        for problem, detail in zip(problems, details, strict=True)
+        if not (detail["type"] == "missing" and (problem.path[:-1], problem.path[-1]) in misspelt)
+    ]
+
+
+def nearest(word: object, known: Sequence[str]) -> str | None:
+    """The known word that is most likely meant."""
+    return next(iter(get_close_matches(str(word), known, n=1)), None)
+
+
+def suggestion(word: object, known: Sequence[str]) -> str:
+    """` (did you mean 'x'?)`, or nothing."""
+    near = nearest(word, known)
+    return f" (did you mean {near!r}?)" if near else ""
+
+
+def got(value: Any) -> str:
+    """What a file has in a place, in words."""
+    match value:
+        case None:
+            return "nothing"
+        case bool():
+            return f"the truth value {str(value).lower()}"
+        case str():
+            return f"the text {value[:57] + '...' if len(value) > 60 else value!r}"
+        case int() | float():
+            return f"the number {value}"
+        case Mapping():
+            return "a mapping"
+        case _:
+            return "a list"
+
+
+def _describe(detail: ErrorDetails, model: type[FileModel], data: Any) -> Problem:
+    loc, value, kind = detail["loc"], detail["input"], detail["type"]
+    context = detail.get("ctx", {})
+    path = _path((*loc, *context.get("at", ())), data)
+    match kind:
+        case "refused":
+            return Problem(path, context["message"], on_key=context["on_key"])
+        case "missing" if isinstance(loc[-1], int):
+            return Problem(_path(loc[:-1], data), f"expected 2 values, got {loc[-1]}")
+        case "missing":
+            return Problem((*_path(loc[:-1], data), loc[-1]), "is missing, and it is required")
+        case "extra_forbidden":
+            return Problem((*_path(loc[:-1], data), loc[-1]), _unknown(detail, model), on_key=True)
+        case "distribution":
+            return _not_a_distribution(path, value)
+        case "event_kind":
+            return _not_an_event(path, value)
+        case "model_type" | "model_attributes_type" | "dict_type":
+            keys = ", ".join(_keys(_model_at(loc, model)))
+            return Problem(path, f"expected a mapping{f' (keys: {keys})' if keys else ''}, got {got(value)}")
+    return Problem(path, _in_words(kind, value, context, detail["msg"], in_number="<constant>" in loc))
+
+
+def _in_words(kind: str, value: Any, context: dict[str, Any], message: str, in_number: bool) -> str:
+    match kind:
+        case "float_type" | "float_parsing":
+            return f"expected {FORMS if in_number else 'a number'}; got {got(value)}"
+        case "finite_number":
+            return f"expected a finite number, got {value}"
+        case "string_type":
+            return f"expected text, got {got(value)}"
+        case "string_too_short":
+            return "must not be empty"
+        case "literal_error":
+            options = re.findall(r"'([^']*)'", context["expected"])
+            near = suggestion(value, options) if isinstance(value, str) else ""
+            return f"expected one of {', '.join(options)}; got {got(value)}{near}"
+        case "tuple_type" | "list_type":
+            return f"expected a list, got {got(value)}"
+        case "too_long":
+            return f"expected {context['max_length']} values, got {context['actual_length']}"
+    return message
+
+
+def _unknown(detail: ErrorDetails, model: type[FileModel]) -> str:
+    key, known = detail["loc"][-1], _known(detail, model)
+    if key == "<<":
+        return "YAML's merge key is not understood here; use `extends`"
+    return "unknown key" + (suggestion(key, known) or f"; known here: {', '.join(known)}")
+
+
+def _not_a_distribution(path: Path, value: Any) -> Problem:
+    forms = ("uniform", "normal", "choice")
+    if isinstance(value, Mapping) and len(value) == 1 and (near := suggestion(next(iter(value)), forms)):
+        return Problem((*path, next(iter(value))), f"unknown distribution{near}", on_key=True)
+    given = [form for form in forms if isinstance(value, Mapping) and form in value]
+    return Problem(path, f"expected {FORMS}; got {' and '.join(given) or got(value)}")
+
+
+def _not_an_event(path: Path, value: Any) -> Problem:
+    if not isinstance(value, Mapping):
+        return Problem(
+            path, f"expected an event, such as {{kind: hard_brake, vehicle: leader}}; got {got(value)}"
+        )
+    if "kind" not in value:
+        near = nearest("kind", [key for key in value if isinstance(key, str)])
+        if near:
+            return Problem((*path, near), "unknown key (did you mean 'kind'?)", on_key=True)
+        return Problem((*path, "kind"), f"is missing, and it is required; one of {', '.join(EVENT_KINDS)}")
+    kind = value["kind"]
+    if not isinstance(kind, str):
+        return Problem((*path, "kind"), f"expected a kind of event, got {got(kind)}")
+    meant = suggestion(kind, list(EVENT_KINDS)) or f"; there are {', '.join(EVENT_KINDS)}"
+    return Problem((*path, "kind"), f"unknown kind of event {kind!r}{meant}")
+
+
+def _path(loc: Sequence[str | int], data: Any) -> Path:
+    """Where in the data an error is; what else pydantic's location has (tags, short forms) is passed over."""
+    path: Path = ()
+    here = data
+    for part in loc:
+        if isinstance(here, list) and part in _PAIR:
+            part = _PAIR[str(part)]
+        inside = isinstance(here, Mapping) and part in here
+        if inside or (isinstance(here, list) and isinstance(part, int) and part < len(here)):
+            here = here[part]  # pyright: ignore[reportCallIssue, reportArgumentType] - the key fits, see above
+            path = (*path, part)
+    return path
+
+
+def _known(detail: ErrorDetails, model: type[FileModel]) -> list[str]:
+    """Keys that would have been understood where an unknown one stands."""
+    return _keys(_model_at(detail["loc"][:-1], model))
+
+
+def _keys(model: type[FileModel] | None) -> list[str]:
+    return [] if model is None else [field.alias or name for name, field in model.model_fields.items()]
+
+
+def _model_at(loc: Sequence[str | int], model: type[FileModel]) -> type[FileModel] | None:
+    """What the mapping at an error's location is made of."""
+    here: type[FileModel] | None = model
+    for part in loc:
+        if part in _TAGS:
+            here = _TAGS[str(part)]
+        elif isinstance(part, str) and here is not None:
+            named = {field.alias or name: field for name, field in here.model_fields.items()}
+            here = _model_in(named[part].annotation) if part in named else None
+    return here
+
+
+def _model_in(annotation: Any) -> type[FileModel] | None:
+    """The model that values of an annotated field are made of."""
+    if inspect.isclass(annotation) and issubclass(annotation, FileModel):
+        return annotation
+    found = (_model_in(argument) for argument in get_args(annotation))
+    return next((model for model in found if model is not None), None)

@@ -1,0 +1,178 @@
+"""The parts of a scenario besides its events: the ego, the traffic around it, and when an episode ends."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import (
+    Field,
+    GetJsonSchemaHandler,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)
+from pydantic_core import CoreSchema
+
+from rudc.errors import InputError
+from rudc.scenario.base import FileModel, Identifier, refuse
+from rudc.scenario.distributions import AnyDistribution, Bounds, Constant, Normal, NormalParameters, Uniform
+from rudc.scenario.events import Speed
+from rudc.scenario.plan import EgoPlan, TrafficPlan
+
+Share = Annotated[AnyDistribution, Bounds(0, 1e6)]
+
+
+class EgoRoute(FileModel, frozen=True):
+    """Where the ego comes from and goes: `random`, {from: ARM, turn: TURN} or {from: EDGE, to: EDGE}."""
+
+    origin: Identifier = Field(default="random", alias="from")
+    """arm (compass name) or edge it comes from, or random"""
+    turn: Literal["left", "straight", "right", "random"] = "random"
+    """where it turns"""
+    to: Identifier | None = None
+    """arm or edge it leaves by, instead of `turn`"""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_word(cls, data: Any) -> Any:
+        if isinstance(data, str):
+            if data != "random":
+                refuse(
+                    f"expected random, {{from: ARM, turn: TURN}} or {{from: EDGE, to: EDGE}}; got {data!r}"
+                )
+            return {}
+        return data
+
+    @classmethod
+    def misfits(cls, given: Mapping[str, Any]) -> Iterator[tuple[str, str | None]]:
+        """Where it goes is said by a turn or by an end, and an end needs a beginning."""
+        if "to" in given and "turn" in given:
+            yield "does not go with `turn`: give one of the two", "to"
+        if "to" in given and given.get("from", given.get("origin", "random")) == "random":
+            yield "needs `from`, the arm or edge it comes from", "to"
+
+    @model_serializer(mode="wrap")
+    def _without_idle_turn(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data = handler(self)
+        return data if self.to is None else {key: value for key, value in data.items() if key != "turn"}
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {"anyOf": [{"const": "random"}, handler.resolve_ref_schema(handler(schema))]}
+
+
+class Ego(FileModel, frozen=True):
+    """The ego's task and start."""
+
+    route: EgoRoute = EgoRoute()
+    """random, {from: ARM, turn: TURN} or {from: EDGE, to: EDGE}"""
+    speed: Speed = Uniform(uniform=(6.0, 10.0))
+    """m/s, at the start"""
+    distance: Annotated[AnyDistribution, Bounds(0, 1000, "m", above=True)] = Uniform(uniform=(35.0, 45.0))
+    """m from its front to the stop line, at the start"""
+    destination: Annotated[AnyDistribution, Bounds(0, 1000, "m", above=True)] = Constant(value=30.0)
+    """m beyond the junction's exit, where it has arrived"""
+
+    def plan(self, rng: np.random.Generator) -> EgoPlan:
+        """The ego of one episode."""
+        route = self.route
+        return EgoPlan(
+            origin=None if route.origin == "random" else route.origin,
+            turn=None if route.turn == "random" else route.turn,
+            destination=route.to,
+            speed_mps=self.speed.sample(rng),
+            distance_m=self.distance.sample(rng),
+            destination_m=self.destination.sample(rng),
+        )
+
+
+class Idm(FileModel, frozen=True):
+    """Parameters of the Intelligent Driver Model, drawn anew for each surrounding vehicle."""
+
+    headway: Annotated[AnyDistribution, Bounds(0, 10, "s", above=True)] = Constant(value=1.0)
+    """s, desired time headway"""
+    min_gap: Annotated[AnyDistribution, Bounds(0, 20, "m", above=True)] = Constant(value=2.5)
+    """m, gap at standstill"""
+    accel: Annotated[AnyDistribution, Bounds(0, 10, "m/s2", above=True)] = Constant(value=2.6)
+    """m/s2, greatest acceleration"""
+    decel: Annotated[AnyDistribution, Bounds(0, 10, "m/s2", above=True)] = Constant(value=4.5)
+    """m/s2, comfortable deceleration"""
+
+
+class Mix(FileModel, frozen=True):
+    """Relative shares of the types of surrounding vehicles."""
+
+    car: Share = Constant(value=0.0)
+    """share of cars"""
+    truck: Share = Constant(value=0.0)
+    """share of trucks"""
+    bus: Share = Constant(value=0.0)
+    """share of buses"""
+    motorcycle: Share = Constant(value=0.0)
+    """share of motorcycles"""
+    bicycle: Share = Constant(value=0.0)
+    """share of bicycles"""
+
+    @model_validator(mode="after")
+    def _check(self) -> Mix:
+        if all(getattr(self, name).support[1] == 0 for name in type(self).model_fields):
+            refuse("one share at least must be above 0, as in {car: 0.8, truck: 0.2}")
+        return self
+
+    def shares(self, rng: np.random.Generator) -> dict[str, float]:
+        """Type -> share, of those above 0; together 1."""
+        drawn = {name: getattr(self, name).sample(rng) for name in type(self).model_fields}
+        total = sum(drawn.values())
+        if total == 0:
+            raise InputError("traffic.mix: every share was drawn as 0")
+        return {name: share / total for name, share in drawn.items() if share > 0}
+
+
+class Traffic(FileModel, frozen=True):
+    """Surrounding vehicles."""
+
+    density: Annotated[AnyDistribution, Bounds(0, 150, "veh/km")] = Constant(value=20.0)
+    """veh/km of two-way road, held throughout the episode"""
+    speed: Speed = Uniform(uniform=(6.0, 10.0))
+    """m/s, at the start; drawn anew for each vehicle"""
+    mix: Mix = Mix(car=Constant(value=1.0))
+    """relative share of each type of vehicle"""
+    impatience: Annotated[AnyDistribution, Bounds(0, 1)] = Constant(value=0.6)
+    """how far they trust others to brake for them, 0 to 1 (SUMO's `impatience`, there 0)"""
+    minor_gap: Annotated[AnyDistribution, Bounds(0, 20, "s")] = Constant(value=0.6)
+    """s, gap that suffices them on the minor road (SUMO's `jmTimegapMinor`, there 1)"""
+    idm: Idm = Idm()
+    """how they follow each other"""
+    speed_factor: Annotated[AnyDistribution, Bounds(0.1, 3)] = Normal(
+        normal=NormalParameters(mean=1.0, std=0.1, low=0.8, high=1.2)
+    )
+    """desired speed over the limit; drawn anew for each vehicle"""
+    warm_up: Annotated[AnyDistribution, Bounds(0, 300, "s")] = Constant(value=5.0)
+    """s simulated before the ego appears"""
+
+    def plan(self, rng: np.random.Generator) -> TrafficPlan:
+        """The traffic of one episode; what differs from vehicle to vehicle stays a distribution."""
+        return TrafficPlan(
+            density=self.density.sample(rng),
+            speed=self.speed,
+            mix=self.mix.shares(rng),
+            impatience=self.impatience.sample(rng),
+            minor_gap_s=self.minor_gap.sample(rng),
+            headway_s=self.idm.headway,
+            min_gap_m=self.idm.min_gap,
+            accel=self.idm.accel,
+            decel=self.idm.decel,
+            speed_factor=self.speed_factor,
+            warm_up_s=self.warm_up.sample(rng),
+        )
+
+
+class Episode(FileModel, frozen=True):
+    """When an episode ends by itself."""
+
+    timeout: Annotated[AnyDistribution, Bounds(0, 3600, "s", above=True)] = Constant(value=40.0)
+    """s after which the ego counts as frozen"""

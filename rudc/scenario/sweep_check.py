@@ -1,0 +1,84 @@
+"""Whether every point of a file's `sweep` is a scenario, and if not, which value is to blame."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import Any
+
+from pydantic import ValidationError
+
+from rudc.scenario.dotted import DottedKeyError, Path, dotted, with_value
+from rudc.scenario.model import GRID_LIMIT, Scenario
+from rudc.scenario.problems import Problem, describe
+from rudc.scenario.yaml_text import Report, Sheet
+
+FIXED = ("name", "description", "out_of_distribution", "extends", "sweep")
+"""keys that cannot be swept"""
+
+
+def sweep_reports(sheet: Sheet, data: dict[str, Any], known: set[tuple[Path, str]]) -> list[Report]:
+    """Problems of the sweep that are not problems (`known`) of the scenario itself."""
+    sweep = data.get("sweep")
+    if not isinstance(sweep, dict) or any(path[:1] == ("sweep",) for path, _ in known):
+        return []
+    base = {key: value for key, value in data.items() if key != "sweep"}
+    reports = [report for key, values in sweep.items() for report in _axis_reports(sheet, base, key, values)]
+    size = math.prod(len(values) for values in sweep.values())
+    if size > GRID_LIMIT:
+        reports.append(sheet.report(("sweep",), f"has {size} combinations; {GRID_LIMIT} at most are allowed"))
+    if reports:
+        return reports
+    for choice in itertools.product(*(range(len(values)) for values in sweep.values())):
+        reports += _point_reports(sheet, base, sweep, dict(zip(sweep, choice, strict=True)), known)
+    return list(dict.fromkeys(reports))
+
+
+def _axis_reports(sheet: Sheet, base: dict[str, Any], key: str, values: list[Any]) -> list[Report]:
+    """Problems of one swept key by itself."""
+    path: Path = ("sweep", key)
+    if key.split(".")[0] in FIXED:
+        return [sheet.report(path, "cannot be swept", on_key=True)]
+    if not values:
+        return [sheet.report(path, "there is no value to sweep over")]
+    twice = [i for i, value in enumerate(values) if value in values[:i]]
+    if twice:
+        return [sheet.report((*path, i), f"{values[i]!r} is given twice") for i in twice]
+    try:
+        with_value(base, key, values[0])
+    except DottedKeyError as error:
+        return [sheet.report(path, str(error), on_key=True)]
+    return []
+
+
+def _point_reports(
+    sheet: Sheet,
+    base: dict[str, Any],
+    sweep: dict[str, list[Any]],
+    choice: dict[str, int],
+    known: set[tuple[Path, str]],
+) -> list[Report]:
+    """Problems of one combination, each laid on the value that causes it."""
+    data, paths = base, {}
+    try:
+        for key, i in choice.items():
+            data, paths[key] = with_value(data, key, sweep[key][i])
+        Scenario.model_validate(data)
+    except DottedKeyError as error:
+        first = next(iter(choice))
+        return [sheet.report(("sweep", first, choice[first]), str(error))]
+    except ValidationError as error:
+        problems = [p for p in describe(error, Scenario, data) if (p.path, p.text) not in known]
+        return [_blamed(sheet, problem, paths, choice) for problem in problems]
+    return []
+
+
+def _blamed(sheet: Sheet, problem: Problem, paths: dict[str, Path], choice: dict[str, int]) -> Report:
+    for key, path in paths.items():
+        shared = min(len(path), len(problem.path))
+        if path[:shared] == problem.path[:shared]:
+            about = ("sweep", key) if problem.on_key else ("sweep", key, choice[key])
+            where = "" if problem.path == path else f"{dotted(problem.path)}: "
+            return sheet.report(about, where + problem.text, on_key=problem.on_key)
+    key = next(iter(choice))
+    return sheet.report(("sweep", key, choice[key]), f"{dotted(problem.path)}: {problem.text}")
