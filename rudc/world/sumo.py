@@ -110,7 +110,11 @@ class Sumo:
         """Advance by one simulation step."""
         try:
             libsumo.simulationStep()
-        except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
+        except libsumo.FatalTraCIError as error:
+            # SUMO has ended the simulation; the next load starts it anew.
+            self._started = False
+            raise SimulationError(f"SUMO ended the simulation: {error}") from error
+        except libsumo.TraCIException as error:
             raise SimulationError(f"SUMO failed: {error}") from error
 
     def time(self) -> float:
@@ -170,7 +174,7 @@ class Sumo:
     def block(self, vehicle: str, edge: str, lane: int, start: float, end: float) -> None:
         """Have something stand for good on a lane of an edge, from start to end m."""
         self.add_route(vehicle, [edge])
-        self.add(vehicle, vehicle, "car", lane, end, 0.0)
+        self.add(vehicle, vehicle, "car", lane, end - 0.1, 0.0)
         libsumo.vehicle.setLength(vehicle, end - start)
         libsumo.vehicle.setLaneChangeMode(vehicle, 0)
         libsumo.vehicle.setStop(vehicle, edge, end, lane, 1e6)

@@ -17,7 +17,7 @@ from rudc.world.sumo import OWN_SPEED, Motion, Sumo
 
 if TYPE_CHECKING:
     from rudc.scenario.plan import TrafficPlan
-    from rudc.world.network import Movement, Network
+    from rudc.world.network import Lane, Movement, Network
     from rudc.world.scene import EgoVehicle
 
 EGO = "ego"
@@ -158,12 +158,15 @@ class Traffic:
         names, weights = self._mix
         return names[0] if len(names) == 1 else names[self._rng.choice(len(names), p=weights)]
 
-    def _add(self, movement: Movement, route: str, kind: str, lane: int, front: float, speed: float) -> None:
+    def _add(self, movement: Movement, route: str, kind: str, lane: Lane, front: float, speed: float) -> None:
         name = f"sv{self._count}"
         self._count += 1
         plan, rng = self._plan, self._rng
         decel = min(plan.decel.sample(rng), self.grip)
-        self._sumo.add(name, route, kind, lane, front, speed)
+        speed_factor = plan.speed_factor.sample(rng)
+        # SUMO ends the simulation over a vehicle that departs faster than it would ever drive on its lane.
+        speed = min(speed, 0.99 * speed_factor * lane.speed, VEHICLE_TYPES[kind].max_speed)
+        self._sumo.add(name, route, kind, lane.index, front, speed)
         self._sumo.personality(
             name,
             tau=plan.headway_s.sample(rng),
@@ -171,7 +174,7 @@ class Traffic:
             accel=min(plan.accel.sample(rng), self.grip),
             decel=decel,
             emergency_decel=max(min(9.0, self.grip), decel),
-            speed_factor=plan.speed_factor.sample(rng),
+            speed_factor=speed_factor,
         )
         self.drivers[name] = Driver(VEHICLE_TYPES[kind], movement.origin, movement.destination, decel)
         self._waiting.add(name)
@@ -196,7 +199,7 @@ class Traffic:
             if all(front < r - room or front - length > f + room for r, f in occupied.get(lane.id, [])):
                 occupied.setdefault(lane.id, []).append((front - length, front))
                 route = _route(movement) if inbound else f"leave:{arm.name}"
-                self._add(movement, route, kind, lane.index, front, speed)
+                self._add(movement, route, kind, lane, front, speed)
                 return
 
     def _entry_lanes(self, movement: Movement) -> list[str]:
@@ -215,7 +218,7 @@ class Traffic:
             speed = min(self._plan.speed.sample(self._rng), VEHICLE_TYPES[kind].max_speed)
             if room < math.inf:
                 speed = min(speed, math.sqrt(leader_speed**2 + 2 * 0.5 * self._plan.decel.mean * room))
-            self._add(movement, _route(movement), kind, lane.index, length + 0.1, speed)
+            self._add(movement, _route(movement), kind, lane, length + 0.1, speed)
             entry[lane.id] = (0.1, speed)
             return
 

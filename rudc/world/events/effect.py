@@ -39,6 +39,10 @@ class Effect(Generic[E]):
 class Held(Effect[E]):
     """An effect that commands the vehicles it selected when it began."""
 
+    def __init__(self, event: E, name: str) -> None:
+        super().__init__(event, name)
+        self.held: list[str] = []
+
     def begin(self, stage: Stage, scene: Scene | None) -> bool:
         assert scene is not None, "a selector needs a scene"
         self.held = [scene.ids[i] for i in pick(scene, self.event.vehicle, stage.rng)]
