@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+GAP = 0.04
+"""m, polygons closer than this touch"""
+
 
 def wrap(angle: Array | float) -> Array:
     """Angle(s) in rad brought to [-pi, pi)."""
@@ -41,9 +44,10 @@ def headings(xy: Array) -> Array:
 
 
 def smooth(xy: Array, step: float, window: float) -> Array:
-    """Moving average over `window` m of xy (K, 2), sampled every `step` m; both ends stay where they are.
+    """Moving average over `window` m of xy (K, 2), sampled every `step` m.
 
     An arc of curvature k moves inwards by k window^2 / 24; jumps of curvature become ramps `window` m long.
+    Ends stay where they are if they are straight for half a window.
     """
     n = max(1, round(window / step / 2))
     steps = np.arange(n, 0, -1)[:, None]
@@ -105,7 +109,7 @@ def signed_area(polygon: Array) -> float:
 def union_boundary(polygons: Sequence[Array], piece: float = 0.25) -> Array:
     """(B, 2, 2) m, boundary of the polygons' union in straight pieces of at most `piece` m.
 
-    A piece of some polygon's edge is on the boundary when a point 4 cm outside of its middle is in no
+    A piece of some polygon's edge is on the boundary when a point GAP outside of its middle is in no
     polygon: lanes that share an edge (to the centimetre that SUMO writes) so count as one surface.
     """
     pieces = []
@@ -123,4 +127,4 @@ def union_boundary(polygons: Sequence[Array], piece: float = 0.25) -> Array:
     length = np.hypot(*d.T)
     segments, d, length = segments[length > 1e-6], d[length > 1e-6], length[length > 1e-6]
     outwards = np.column_stack([d[:, 1], -d[:, 0]]) / length[:, None]
-    return segments[~in_any(polygons, segments.mean(axis=1) + 0.04 * outwards)]
+    return segments[~in_any(polygons, segments.mean(axis=1) + GAP * outwards)]

@@ -2,8 +2,8 @@
 
 The area is the union of polygons (lanes and junctions). Each raster point within BAND m of the area holds its
 exact distance to the union's boundary, d > 0 inside; farther out the distance is that of the Euclidean
-distance transform. Between raster points d is interpolated bilinearly, which is exact where the edge is
-straight.
+distance transform, and beyond MARGIN m around the area's extent it stays what it is there. Between raster
+points d is interpolated bilinearly, which is exact where the edge is straight.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
+from scipy.ndimage import binary_dilation, distance_transform_edt
 from scipy.spatial import KDTree
 
-from rudc.world.polyline import headings, in_any, inside, resample, union_boundary
+from rudc.world.polyline import GAP, headings, in_any, inside, resample, union_boundary
 
 Array = NDArray[np.float64]
 
@@ -102,13 +102,27 @@ class Surface:
         for polygon in self.polygons:
             index, xy = self._window(polygon)
             drivable[index] |= inside(polygon, xy)
+        self._close_seams(drivable)
         outside = np.asarray(distance_transform_edt(~drivable.reshape(self.shape))).ravel() * CELL
         distance = -outside
-        near = np.flatnonzero(outside < BAND)
+        near = np.flatnonzero(outside < BAND + 2 * CELL)
         xy = self.origin + CELL * np.column_stack(np.divmod(near, self.shape[1]))
         gap = np.hypot(*(self._nearest(xy) - xy).T)
         distance[near] = np.where(drivable[near], gap, -gap)
         return distance
+
+    def _close_seams(self, drivable: NDArray[np.bool_]) -> None:
+        """Marks raster points in a seam between lanes as drivable (files state corners to the centimetre).
+
+        A seam is what has the area on both sides within GAP, as for `union_boundary`.
+        """
+        grid = drivable.reshape(self.shape)
+        beside = np.flatnonzero(np.asarray(binary_dilation(grid, iterations=2), dtype=bool) & ~grid)
+        xy = self.origin + CELL * np.column_stack(np.divmod(beside, self.shape[1]))
+        for angle in np.arange(0.0, np.pi, np.pi / 4):
+            step = GAP * np.array([np.cos(angle), np.sin(angle)])
+            between = in_any(self.polygons, xy + step) & in_any(self.polygons, xy - step)
+            drivable[beside[between]] = True
 
     def _build_direction(self, lanes: Sequence[tuple[Array, Array]]) -> Array:
         """(X * Y,) rad, direction of travel at the raster points."""
