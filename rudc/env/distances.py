@@ -1,0 +1,42 @@
+"""The distances that observation, reward and cost share (paper, Sec. "MDP Formulation").
+
+d_veh   gap between the rectangles of the ego and of the nearest other road user or obstacle, inf when alone
+d_road  from the ego's centre of gravity to the nearest edge of the drivable area, negative off the road
+d_des   along the reference path to the destination, never negative
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from rudc.world.geometry import rectangle_gaps
+from rudc.world.scene import Scene
+
+
+class Distances(NamedTuple):
+    """d_veh, d_road and d_des of one scene."""
+
+    vehicle_m: float
+    road_m: float
+    destination_m: float
+
+
+def measure(scene: Scene) -> Distances:
+    """The distances of a scene."""
+    ego, body = scene.ego, scene.vehicle
+    nearest = math.inf
+    if scene.count:
+        gaps = rectangle_gaps(
+            ego.x, ego.y, ego.psi, body.length, body.width, scene.position, scene.heading, scene.size
+        )
+        nearest = float(gaps.min())
+    road = float(scene.network.surface.signed_distance(np.array([ego.x, ego.y])))
+    return Distances(nearest, road, max(destination_s(scene) - scene.ego_s, 0.0))
+
+
+def destination_s(scene: Scene) -> float:
+    """m, arc length on the route's path at which the episode succeeds."""
+    return min(scene.destination_s, scene.route.length)

@@ -1,0 +1,226 @@
+"""`Episode`: one drive through the junction, decision by decision: reward, cost, outcome, metrics.
+
+Every episode ends in exactly one outcome; where several hold at once, the first of:
+
+    collision   the ego's rectangle touches anything
+    off_road    it leaves the drivable area
+    wrong_way   it drives against a lane's direction
+    success     its centre has reached the destination along the path, not farther than 6 m beside it
+    frozen      the time limit has passed (a truncation, not an end, for whoever learns from it)
+
+Used by the Gymnasium environment and by evaluation alike, so that both mean the same by every word.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+from rudc.env.distances import Distances, destination_s, measure
+from rudc.env.reward import reward_terms, step_cost
+from rudc.errors import SimulationError
+from rudc.world.scene import Array, Scene
+
+if TYPE_CHECKING:
+    from rudc.scenario.plan import EpisodePlan
+    from rudc.world.world import Advance, World
+
+BESIDE_M = 6.0
+"""m from the path up to which the destination counts as reached: in the lane beside it, not on another arm"""
+
+
+class Outcome(StrEnum):
+    """How an episode ended."""
+
+    SUCCESS = "success"
+    FROZEN = "frozen"
+    COLLISION = "collision"
+    OFF_ROAD = "off_road"
+    WRONG_WAY = "wrong_way"
+
+    @property
+    def is_violation(self) -> bool:
+        """Whether it counts in the violation rate."""
+        return self in (Outcome.COLLISION, Outcome.OFF_ROAD, Outcome.WRONG_WAY)
+
+
+class StepResult(NamedTuple):
+    """What one decision led to."""
+
+    scene: Scene
+    """what the ego's sensors show now"""
+    terms: dict[str, float]
+    """the reward's terms, see rudc/env/reward.py"""
+    reward: float
+    """their sum"""
+    cost: float
+    """the unified step-wise cost"""
+    outcome: Outcome | None
+    """how the episode ended; None while it goes on"""
+    violation: str | None
+    """`collision`, `off_road` or `wrong_way` if it ended in one"""
+    advance: Advance
+    """what the world says about the decision"""
+    distances: Distances
+    """of the world as it is now"""
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeMetrics:
+    """What is known of an episode so far, or of all of it once it has an outcome."""
+
+    outcome: str
+    """see `Outcome`; empty while the episode goes on"""
+    violation: str
+    """the outcome if it is a violation, else empty"""
+    fault: str
+    """whose a collision was: ego, other or shared; else empty"""
+    hit: str
+    """what a collision was with (car, pedestrian, ...); else empty"""
+    steps: int
+    """decisions taken"""
+    duration_s: float
+    """s of simulated time"""
+    route_completion: float
+    """share of the way along the reference path from start to destination, 0 to 1"""
+    mean_speed_mps: float
+    """m/s, mean of the ego's speed after each decision"""
+    episode_reward: float
+    """sum of the rewards"""
+    episode_cost: float
+    """sum of the costs"""
+    min_dtc_m: float
+    """m, smallest gap between the ego and anything so far; inf while there was nothing"""
+    sv_collisions: int
+    """pairs of surrounding vehicles that came to overlap"""
+    density: float
+    """veh/km on the road, mean over the decisions; nan before the first"""
+    redraws: int
+    """how often the episode was drawn again because the ego could not start safely"""
+
+
+class Episode:
+    """Runs one episode after another in a world. The world stays its owner's, to close."""
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self._truth: Scene | None = None
+        self._outcome: Outcome | None = None
+
+    def reset(
+        self,
+        plan: EpisodePlan,
+        *,
+        ego_driver: Literal["agent", "sumo"] = "agent",
+        options: tuple[str, ...] = (),
+    ) -> Scene:
+        """Begin an episode; returns what the ego's sensors show. Arguments and errors: `World.reset`'s."""
+        self._begin(self.world.reset(plan, ego_driver=ego_driver, options=options))
+        return self.world.perceived()
+
+    @property
+    def truth(self) -> Scene:
+        """The world as it is, without the sensors' flaws."""
+        if self._truth is None:
+            raise SimulationError("there is no episode yet; call reset(plan) first")
+        return self._truth
+
+    @property
+    def distances(self) -> Distances:
+        """Of the world as it is."""
+        return self._distances
+
+    @property
+    def outcome(self) -> Outcome | None:
+        """How the episode ended; None while it goes on."""
+        return self._outcome
+
+    def step(self, u: Array) -> StepResult:
+        """Apply u = (acceleration m/s2, front-wheel angle rad) for one decision."""
+        before = self.truth
+        if self._outcome is not None:
+            raise SimulationError(f"the episode is over ({self._outcome}); call reset(plan) for another")
+        advance = self.world.advance(u)
+        after = self.world.scene()
+        distances = measure(after)
+        outcome = _judge(after, advance)
+        collided = outcome is Outcome.COLLISION
+        broke_rule = outcome in (Outcome.OFF_ROAD, Outcome.WRONG_WAY)
+        terms = reward_terms(
+            before,
+            after,
+            distances,
+            collided=collided,
+            broke_rule=broke_rule,
+            arrived=outcome is Outcome.SUCCESS,
+        )
+        reward = sum(terms.values())
+        cost = step_cost(distances, collided=collided, broke_rule=broke_rule)
+        self._truth, self._distances, self._outcome = after, distances, outcome
+        self._count(advance, reward, cost)
+        violation = str(outcome) if outcome is not None and outcome.is_violation else None
+        perceived = self.world.perceived()
+        return StepResult(perceived, terms, reward, cost, outcome, violation, advance, distances)
+
+    def metrics(self) -> EpisodeMetrics:
+        """The episode's metrics up to now."""
+        truth, outcome, steps = self.truth, self._outcome, self._steps
+        violated = outcome is not None and outcome.is_violation
+        hit = self._last.collision if self._last else None
+        whole = max(destination_s(truth) - self._start_s, 1e-9)
+        done = 1.0 if outcome is Outcome.SUCCESS else (self._farthest_s - self._start_s) / whole
+        return EpisodeMetrics(
+            outcome=str(outcome) if outcome else "",
+            violation=str(outcome) if outcome and violated else "",
+            fault=hit.fault if hit else "",
+            hit=hit.kind.name.lower() if hit else "",
+            steps=steps,
+            duration_s=truth.time_s,
+            route_completion=min(max(done, 0.0), 1.0),
+            mean_speed_mps=self._speeds / steps if steps else truth.ego.v,
+            episode_reward=self._reward,
+            episode_cost=self._cost,
+            min_dtc_m=self._min_dtc,
+            sv_collisions=self._sv_collisions,
+            density=self._densities / steps if steps else math.nan,
+            redraws=self.world.plan.attempt,
+        )
+
+    def _begin(self, scene: Scene) -> None:
+        self._truth = scene
+        self._distances = measure(scene)
+        self._outcome = None
+        self._last: Advance | None = None
+        self._start_s = self._farthest_s = scene.ego_s
+        self._min_dtc = self._distances.vehicle_m
+        self._steps = self._sv_collisions = 0
+        self._speeds = self._reward = self._cost = self._densities = 0.0
+
+    def _count(self, advance: Advance, reward: float, cost: float) -> None:
+        scene = self.truth
+        self._last = advance
+        self._steps += 1
+        self._speeds += scene.ego.v
+        self._reward += reward
+        self._cost += cost
+        self._densities += advance.density
+        self._sv_collisions += advance.sv_collisions
+        self._min_dtc = min(self._min_dtc, advance.min_dtc_m, self._distances.vehicle_m)
+        if abs(scene.ego_offset) <= BESIDE_M:
+            self._farthest_s = max(self._farthest_s, scene.ego_s)
+
+
+def _judge(scene: Scene, advance: Advance) -> Outcome | None:
+    if advance.collision is not None:
+        return Outcome.COLLISION
+    if advance.off_road:
+        return Outcome.OFF_ROAD
+    if advance.wrong_way:
+        return Outcome.WRONG_WAY
+    if scene.ego_s >= destination_s(scene) and abs(scene.ego_offset) <= BESIDE_M:
+        return Outcome.SUCCESS
+    if scene.time_s >= scene.timeout_s - 1e-6:
+        return Outcome.FROZEN
+    return None

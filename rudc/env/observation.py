@@ -1,0 +1,175 @@
+"""What the agent sees: the paper's observation, and the same with predicted conflicts added.
+
+Paper, Sec. "Observation and Action Spaces": S = [S_EV, S_SV, S_wp, S_task]. Kind `paper` is exactly that:
+
+    ego        (10,)    validity (1), x, y, v_x, v_y, phi, omega, d_veh, d_road, d_des
+    others     (12, 6)  validity, dx, dy, dv_x, dv_y, dphi of the 12 nearest, nearest first, zeros for none
+    waypoints  (10, 2)  dx, dy of the reference path's points 3, 6, ... 30 m ahead of the ego
+    task       (3,)     one-hot: left, straight, right
+
+105 numbers. Kind `conflict` appends `conflict` (41,), see rudc/env/conflict.py: 146 numbers.
+
+Frames: x, y and phi of the ego stand in the frame of its arm: about the junction's centre, turned so that the
+ego comes from the south heading north. dx, dy, dv_x, dv_y and the waypoints stand in the ego's body frame (x
+ahead, y to the left); v_x, v_y are the ego's velocity there; dv is the difference of velocities over ground.
+Distances are those of rudc/env/distances.py.
+
+Scales: each number is divided by the unit below and cut to [-3, 3]:
+
+    positions, d_des   50 m         headings   pi rad (wrapped to [-1, 1])
+    velocities         10 m/s       yaw rate   1 rad/s
+    d_veh              20 m         d_road     5 m          waypoints   30 m
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Literal, get_args
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from rudc.env.conflict import FEATURES as CONFLICT_FEATURES
+from rudc.env.conflict import conflict_features
+from rudc.env.distances import Distances, measure
+from rudc.env.remembered import Remembered
+from rudc.errors import InputError
+from rudc.world.network import ReferencePath
+from rudc.world.paths import SPACING as STATION
+from rudc.world.scene import Array, Scene
+
+Kind = Literal["paper", "conflict"]
+Floats = NDArray[np.float32]
+
+OTHERS = 12
+"""N_SV, surrounding vehicles observed"""
+WAYPOINTS = 10
+"""N_wp, reference points observed"""
+SPACING = 3.0
+"""m between two reference points"""
+LIMIT = 3.0
+"""largest magnitude of an observed number"""
+
+POSITION, VELOCITY, YAW_RATE, TO_VEHICLE, TO_ROAD, TO_WAYPOINT = 50.0, 10.0, 1.0, 20.0, 5.0, 30.0
+"""m, m/s, rad/s, m, m, m: the units in which numbers are observed"""
+
+PARTS: dict[str, tuple[int, ...]] = {
+    "ego": (10,),
+    "others": (OTHERS, 6),
+    "waypoints": (WAYPOINTS, 2),
+    "task": (3,),
+    "conflict": (len(CONFLICT_FEATURES),),
+}
+"""shape of each part, in the order of the flat observation"""
+
+_STRIDE = round(SPACING / STATION)
+_SPAN = WAYPOINTS * _STRIDE + 1
+
+_lines: Remembered[ReferencePath, Array] = Remembered()
+
+
+def parts(kind: Kind) -> tuple[str, ...]:
+    """Names of the parts of a kind of observation, in order. Raises InputError for an unknown kind."""
+    if kind not in get_args(Kind):
+        raise InputError(f"observation {kind!r} is not known; there are {', '.join(get_args(Kind))}")
+    return tuple(PARTS) if kind == "conflict" else tuple(name for name in PARTS if name != "conflict")
+
+
+def observation_size(kind: Kind) -> int:
+    """How many numbers an observation has."""
+    return sum(math.prod(PARTS[name]) for name in parts(kind))
+
+
+def observation_space(kind: Kind, as_dict: bool = False) -> spaces.Box | spaces.Dict:
+    """Gymnasium space of the flat observation, or of the Dict of its parts."""
+    if not as_dict:
+        return spaces.Box(-LIMIT, LIMIT, (observation_size(kind),), np.float32)
+    return spaces.Dict({name: spaces.Box(-LIMIT, LIMIT, PARTS[name], np.float32) for name in parts(kind)})
+
+
+def observe(scene: Scene, kind: Kind, distances: Distances | None = None) -> dict[str, Floats]:
+    """The observation's parts by name. `distances`: those of this scene, where they are known already."""
+    return unflatten(observe_flat(scene, kind, distances), kind)
+
+
+def observe_flat(scene: Scene, kind: Kind, distances: Distances | None = None) -> Floats:
+    """The observation as one array of float32, the parts one after another, freshly allocated."""
+    result = np.zeros(observation_size(kind))
+    cos, sin = math.cos(scene.ego.psi), math.sin(scene.ego.psi)
+    to_body = np.array([[cos, -sin], [sin, cos]])  # row vectors times this are in the body frame
+    result[0:10] = _ego(scene, distances or measure(scene))
+    _others(scene, to_body, result[10 : 10 + 6 * OTHERS].reshape(OTHERS, 6))
+    at = 10 + 6 * OTHERS
+    result[at : at + 2 * WAYPOINTS] = _waypoints(scene, to_body)
+    result[at + 2 * WAYPOINTS + scene.route.task] = 1.0
+    if kind == "conflict":
+        result[-len(CONFLICT_FEATURES) :] = conflict_features(scene)
+    return np.minimum(np.maximum(result, -LIMIT), LIMIT).astype(np.float32)
+
+
+def flatten(observation: Mapping[str, Floats]) -> Floats:
+    """One array from the parts."""
+    return np.concatenate([observation[name].ravel() for name in PARTS if name in observation])
+
+
+def unflatten(flat: Floats, kind: Kind) -> dict[str, Floats]:
+    """The parts of a flat observation, as views of it."""
+    result, start = {}, 0
+    for name in parts(kind):
+        end = start + math.prod(PARTS[name])
+        result[name] = flat[start:end].reshape(PARTS[name])
+        start = end
+    return result
+
+
+def _ego(scene: Scene, distances: Distances) -> tuple[float, ...]:
+    ego, centre = scene.ego, scene.network.center
+    turn = scene.route.canonical_angle
+    cos, sin = math.cos(turn), math.sin(turn)
+    east, north = ego.x - float(centre[0]), ego.y - float(centre[1])
+    return (
+        1.0,
+        (cos * east + sin * north) / POSITION,
+        (cos * north - sin * east) / POSITION,
+        ego.v * math.cos(ego.slip) / VELOCITY,
+        ego.v * math.sin(ego.slip) / VELOCITY,
+        math.remainder(ego.psi - turn, 2 * math.pi) / math.pi,
+        ego.yaw_rate / YAW_RATE,
+        distances.vehicle_m / TO_VEHICLE,
+        distances.road_m / TO_ROAD,
+        distances.destination_m / POSITION,
+    )
+
+
+def _others(scene: Scene, to_body: Array, out: Array) -> None:
+    """Write the nearest others' rows into out (OTHERS, 6)."""
+    ego, n = scene.ego, min(scene.count, OTHERS)
+    if n == 0:
+        return
+    course = ego.psi + ego.slip
+    velocity = (ego.v * math.cos(course), ego.v * math.sin(course))
+    out[:n, 0] = 1.0
+    out[:n, 1:3] = (scene.position[:n] - (ego.x, ego.y)) @ (to_body / POSITION)
+    out[:n, 3:5] = (scene.velocity[:n] - velocity) @ (to_body / VELOCITY)
+    turned = (scene.heading[:n] - ego.psi) / math.pi
+    out[:n, 5] = turned - 2.0 * np.rint(0.5 * turned)
+
+
+def _waypoints(scene: Scene, to_body: Array) -> Array:
+    """(2 WAYPOINTS,) dx, dy of the reference points ahead."""
+    path = scene.route.path
+    line = _lines.get(path, lambda: _prolonged(path))
+    at = min(max(scene.ego_s / STATION, 0.0), len(line) - _SPAN - 1.0)
+    i = int(at)
+    low = line[i + _STRIDE : i + _SPAN : _STRIDE]
+    points = low + (at - i) * (line[i + _STRIDE + 1 : i + _SPAN + 1 : _STRIDE] - low)
+    points -= (scene.ego.x, scene.ego.y)
+    return (points @ (to_body / TO_WAYPOINT)).ravel()
+
+
+def _prolonged(path: ReferencePath) -> Array:
+    """(M, 2) m, the path every 0.5 m and straight on to where no waypoint of an ego on it can lie."""
+    x, y, _ = path.pose(STATION * np.arange(len(path.s) + 2 * _SPAN, dtype=np.float64))
+    return np.stack([x, y], axis=1)
