@@ -40,9 +40,9 @@ def _merge(
     for key, value in child.items():
         below = (*path, key)
         inherited = key in here
-        if below in SECTIONS and isinstance(value, dict) and isinstance(here.get(key), dict):
+        if below in SECTIONS and isinstance(value, dict) and isinstance(here.get(key, {}), dict):
             marks[below] = child_marks[below]
-            _merge(value, child_marks, here[key], marks, below, differing)
+            _merge(value, child_marks, here.setdefault(key, {}), marks, below, differing)
             continue
         if key not in OWN and not (inherited and here[key] == value):
             differing.append(dotted(below))

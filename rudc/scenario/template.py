@@ -20,6 +20,6 @@ events:
 
 
 def scenario_template(name: str, schema: str | None = None) -> str:
-    """Text of a new scenario file; `schema` is the path of a JSON Schema file for editors, where there is one."""
+    """Text of a new scenario file; `schema` is the path of a JSON Schema file for editors, if any."""
     line = "" if schema is None else f"# yaml-language-server: $schema={schema}\n"
     return _TEMPLATE.format(name=name, schema_line=line)
