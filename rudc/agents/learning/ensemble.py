@@ -1,0 +1,141 @@
+"""Ensemble of quantile critics with randomised priors, and their targets (paper, "Ensemble Learning").
+
+Eq. (fpn): the return of member n is that of a trained network O and a frozen one F of the same architecture,
+
+    Z_n = (O_n + rho F_n) / (1 + rho).
+
+Taken literally, returns of 100 ask outputs of 1,100 of O at rho = 10, whose gradient is 11 times smaller than
+without prior: an optimiser with steps of a fixed size, as Adam's, gets there 11 times later. So O and F are
+networks with fixed gains at their heads, in units of reward (o and f are the bare networks, outputs of order
+one):
+
+    O_n = (1 + rho) V o_n      V = value_scale, the order of the returns
+    F_n = P f_n                P = prior_scale, the wanted spread of the priors
+    Z_n = V o_n + rho / (1 + rho) P f_n
+
+Eq. (fpn) holds as it stands; o_n has to learn returns of order one whatever rho; and rho decides how much of
+the prior is seen. With P much smaller than the returns priors would tell nothing, with P larger they drown
+them.
+
+Targets (Eq. (td_ensemble)): all members learn the same target, the mean over the target members of each
+quantile. The prior belongs to the target too. Targets and priors are one frozen stack [targets, priors],
+evaluated together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import torch
+from torch import Tensor
+
+from rudc.agents.learning.config import LearnerConfig
+from rudc.agents.learning.networks import Stack
+from rudc.agents.learning.parameters import PRIOR_GAIN, Arrays, initial, shapes
+
+CRITIC, PRIOR, POLICY = 1, 2, 3
+"""tags that keep the generators of the three apart"""
+
+
+def critic_arrays(config: LearnerConfig) -> Arrays:
+    """Initial weights of the trained networks o_n."""
+    maps = shapes(config.layout, config.critic, config.actions, config.quantiles)
+    return initial(maps, config.members, (config.seed, CRITIC))
+
+
+def prior_arrays(config: LearnerConfig) -> Arrays:
+    """Weights of the frozen networks f_n, rebuilt from the seed; none if rho is 0."""
+    if config.prior_factor == 0:
+        return {}
+    maps = shapes(config.layout, config.critic, config.actions, config.quantiles)
+    return initial(maps, config.members, (config.seed, PRIOR), PRIOR_GAIN)
+
+
+def prior_share(config: LearnerConfig) -> float:
+    """What one unit of f_n adds to Z_n, reward units: rho / (1 + rho) P."""
+    return config.prior_factor / (1 + config.prior_factor) * config.prior_scale
+
+
+class CriticEnsemble:
+    """N critics, their targets and priors. Quantiles are (N, B, N_q) in reward units."""
+
+    def __init__(self, config: LearnerConfig, device: str | torch.device = "cpu") -> None:
+        self.config = config
+        self.stack = Stack(config.layout, config.critic)
+        trained, prior = critic_arrays(config), prior_arrays(config)
+        self.trained = {k: torch.tensor(v, device=device, requires_grad=True) for k, v in trained.items()}
+        parts = {k: torch.tensor(v, device=device) for k, v in trained.items()}
+        if prior:
+            parts = {k: torch.cat([v, torch.tensor(prior[k], device=device)]) for k, v in parts.items()}
+        self._frozen = parts
+        """[targets, priors]"""
+        self.target = {k: v[: config.members] for k, v in parts.items()}
+        self.prior = {k: v[config.members :] for k, v in parts.items()}
+        self._share = prior_share(config)
+
+    @property
+    def has_prior(self) -> bool:
+        """Whether there are priors (rho > 0)."""
+        return self.config.prior_factor > 0
+
+    def combine(self, trained: Tensor, prior: Tensor | None) -> Tensor:
+        """Eq. (fpn) from the outputs of the bare networks o and f."""
+        z = self.config.value_scale * trained
+        return z if prior is None else z + self._share * prior
+
+    @torch.no_grad()
+    def prior_latent(self, observation: Tensor) -> Tensor | None:
+        """Latents of the priors, (N, B, hidden)."""
+        return self.stack.encode(self.prior, observation) if self.has_prior else None
+
+    def quantiles(self, latent: Tensor, prior_latent: Tensor | None, action: Tensor) -> Tensor:
+        """Z_n at (latents, actions); gradients reach the trained weights only."""
+        prior = None
+        if prior_latent is not None:
+            with torch.no_grad():
+                prior = self.stack.decode(self.prior, prior_latent, action)
+        return self.combine(self.stack.decode(self.trained, latent, action), prior)
+
+    def mean_objective(
+        self, latent: Tensor, prior_latent: Tensor | None, action: Tensor, weights: Tensor
+    ) -> Tensor:
+        """Mean over members of sum_i weights_i Z_n,i, (B,); gradients reach the action only.
+
+        The weighted sum is linear in the outputs, so it is taken on the last map's weights: one output
+        instead of N_q.
+        """
+        z = self.combine(
+            self.stack.decode(_collapsed(self.trained, weights), latent.detach(), action),
+            None
+            if prior_latent is None
+            else self.stack.decode(_collapsed(self.prior, weights), prior_latent, action),
+        )
+        return z.mean(dim=0)[:, 0]
+
+    @torch.no_grad()
+    def mean_target(self, observation: Tensor, action: Tensor) -> Tensor:
+        """Mean over the target members of each quantile, (B, N_q) (Eq. (td_ensemble))."""
+        outputs = self.stack.decode(self._frozen, self.stack.encode(self._frozen, observation), action)
+        members = self.config.members
+        prior = outputs[members:].mean(dim=0) if self.has_prior else None
+        return self.combine(outputs[:members].mean(dim=0), prior)
+
+    @torch.no_grad()
+    def evaluate(self, observation: Tensor, action: Tensor) -> Tensor:
+        """Quantiles of the trained critics, without gradients."""
+        latent = self.stack.encode(self.trained, observation)
+        return self.quantiles(latent, self.prior_latent(observation), action)
+
+    @torch.no_grad()
+    def follow(self) -> None:
+        """Let the targets go a step towards the trained networks (Polyak; a rate of 1 copies)."""
+        for name, target in self.target.items():
+            target.lerp_(self.trained[name], self.config.target_rate)
+
+
+def _collapsed(weights: Mapping[str, Tensor], by: Tensor) -> dict[str, Tensor]:
+    """The same networks with one output, the sum of their outputs weighted `by` (N_q,); detached."""
+    result = {name: value.detach() for name, value in weights.items()}
+    result["out.weight"] = result["out.weight"] @ by[:, None]
+    result["out.bias"] = result["out.bias"] @ by[:, None]
+    return result

@@ -1,0 +1,181 @@
+"""The learner's update as one writes it down: separate modules, a loop over the critics, autograd for
+everything.
+
+Yardstick for tests/benchmarks/critic_update.py and for the tests of agreement. The maths are those of
+rudc/agents/learning/sac.py, networks and weights are the same; nothing is shared between critics, computed
+once for several uses, or left out. `lean` is the same loop with the two economies a careful author makes at
+once: the critics' weights get no gradient in the policy's loss, and optimisers are fused.
+"""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import gelu, huber_loss, softplus
+
+from rudc.agents.learning.batch import Batch
+from rudc.agents.learning.config import LearnerConfig, NetworkConfig, ObservationLayout
+from rudc.agents.learning.ensemble import critic_arrays, prior_arrays
+from rudc.agents.learning.parameters import Arrays, waypoint_positions
+from rudc.agents.learning.policy import policy_arrays
+
+
+def _linear(arrays: Arrays, name: str, member: int) -> nn.Linear:
+    weight = arrays[f"{name}.weight"][member]
+    bias = arrays.get(f"{name}.bias")
+    linear = nn.Linear(*weight.shape, bias=bias is not None)
+    with torch.no_grad():
+        linear.weight.copy_(torch.from_numpy(weight.T.copy()))
+        if bias is not None:
+            linear.bias.copy_(torch.from_numpy(bias[member, 0]))
+    return linear
+
+
+class Network(nn.Module):
+    """One network of the paper's architecture; latent and outputs as in networks.py."""
+
+    def __init__(
+        self, layout: ObservationLayout, network: NetworkConfig, arrays: Arrays, member: int
+    ) -> None:
+        super().__init__()
+        self.layout, self.network = layout, network
+        names = {name.split(".")[0] for name in arrays} - {"attention_to_waypoints"}
+        self.maps = nn.ModuleDict({name: _linear(arrays, name, member) for name in sorted(names)})
+        if network.encoder == "attention":
+            importance = arrays["attention_to_waypoints.weight"][member, 0]
+            self.importance = nn.Parameter(torch.from_numpy(importance))
+            self.positions = torch.from_numpy(
+                waypoint_positions(layout.waypoints, network.waypoint_embedding)
+            )
+
+    def forward(self, observation: Tensor, action: Tensor | None = None) -> Tensor:
+        maps, layout = self.maps, self.layout
+        if self.network.encoder == "mlp":
+            latent = maps["fuse"](observation)
+        else:
+            ego = torch.cat([observation[:, : layout.ego], observation[:, layout.task_at]], 1)
+            vehicles = observation[:, layout.vehicles_at].reshape(-1, layout.vehicles, layout.vehicle)
+            waypoints = observation[:, layout.waypoints_at].reshape(-1, layout.waypoints, layout.waypoint)
+            seen = gelu(maps["ego"](ego))
+            x = vehicles
+            for layer in range(self.network.vehicle_layers):
+                x = gelu(maps[f"vehicle{layer}"](x))
+            for hop in range(self.network.hops):
+                query = maps[f"look{hop}"](seen).unflatten(1, (self.network.heads, -1))
+                scores = query @ x.transpose(1, 2) / math.sqrt(x.shape[-1])
+                scores = scores.masked_fill(vehicles[:, None, :, 0] < 0.5, -math.inf)
+                scores = torch.cat([scores, torch.zeros_like(scores[..., :1])], -1)
+                seen = seen + gelu(maps[f"take{hop}"]((scores.softmax(-1)[..., :-1] @ x).flatten(1)))
+            placed = gelu(maps["waypoint"](waypoints) + self.positions)
+            parts = [seen, (self.importance.softmax(0)[:, None] * placed).sum(1)]
+            if layout.conflict:
+                parts.append(gelu(maps["conflict"](observation[:, layout.conflict_at])))
+            latent = maps["fuse"](torch.cat(parts, 1))
+        if action is not None:
+            latent = latent + maps["action"](action)
+        return maps["out"](gelu(maps["hidden"](gelu(latent))))
+
+
+class LoopLearner:
+    """The update of RudcLearner in plain form."""
+
+    def __init__(self, config: LearnerConfig, lean: bool = False) -> None:
+        self.config, self.lean = config, lean
+
+        def critics(arrays: Arrays) -> list[Network]:
+            return [Network(config.layout, config.critic, arrays, n) for n in range(config.members)]
+
+        self.critics, self.targets = critics(critic_arrays(config)), critics(critic_arrays(config))
+        self.priors = critics(prior_arrays(config))
+        self.policy, self.target_policy = (
+            Network(config.layout, config.policy, policy_arrays(config), 0) for _ in range(2)
+        )
+        for network in (*self.priors, *self.targets, self.target_policy):
+            network.requires_grad_(False)
+        self.log_alpha = torch.tensor([math.log(config.temperature)], requires_grad=True)
+        self.generator = torch.Generator().manual_seed(config.seed)
+        critic_rate, actor_rate = config.critic_rate[0], config.actor_rate[0]
+        self.critic_adams = [torch.optim.Adam(c.parameters(), critic_rate, fused=lean) for c in self.critics]
+        self.policy_adam = torch.optim.Adam(self.policy.parameters(), actor_rate, fused=lean)
+        self.alpha_adam = torch.optim.Adam([self.log_alpha], config.temperature_rate)
+
+    def combined(self, network: Network, prior: Network, observation: Tensor, action: Tensor) -> Tensor:
+        """Eq. (fpn) for one member, (B, N_q)."""
+        rho = self.config.prior_factor
+        trained = (1 + rho) * self.config.value_scale * network(observation, action)
+        return (trained + rho * self.config.prior_scale * prior(observation, action)) / (1 + rho)
+
+    def draw(self, policy: Network, observation: Tensor) -> tuple[Tensor, Tensor]:
+        """Actions and the logarithms of their probability."""
+        noise = torch.randn(len(observation), self.config.actions, generator=self.generator)
+        mean, log_std = policy(observation).chunk(2, 1)
+        log_std = log_std.clamp(*self.config.log_std)
+        u = mean + log_std.exp() * noise
+        log_normal = -0.5 * noise**2 - log_std - 0.5 * math.log(2 * math.pi)
+        return u.tanh(), (log_normal - 2 * (math.log(2) - u - softplus(-2 * u))).sum(1)
+
+    def quantile_huber(self, predicted: Tensor, target: Tensor) -> Tensor:
+        """(B,) from (B, N_q) and (B, N_q), pair by pair."""
+        count, kappa = predicted.shape[1], self.config.kappa
+        tau = (torch.arange(count) + 0.5) / count
+        pairs = predicted[:, :, None].expand(-1, -1, count)
+        targets = target[:, None, :].expand(-1, count, -1)
+        huber = huber_loss(pairs, targets, reduction="none", delta=kappa) / kappa
+        below = (targets - pairs.detach() < 0).float()
+        return ((tau[:, None] - below).abs() * huber).mean(2).sum(1)
+
+    def update(self, batch: Batch) -> dict[str, float]:
+        """One update."""
+        observation, action, _, reward, discount, after, terminal, mask = map(torch.from_numpy, batch)
+        alpha = self.log_alpha.detach().exp()
+        with torch.no_grad():
+            next_action, log_p = self.draw(self.target_policy, after)
+            z = [
+                self.combined(*pair, after, next_action)
+                for pair in zip(self.targets, self.priors, strict=True)
+            ]
+            future = torch.stack(z).mean(0) - (alpha * log_p)[:, None]
+            target = reward[:, None] + (discount * ~terminal)[:, None] * future
+
+        policy_loss, log_p = self.policy_step(observation, alpha)
+        losses = []
+        for n, (critic, prior, adam) in enumerate(
+            zip(self.critics, self.priors, self.critic_adams, strict=True)
+        ):
+            z = self.combined(critic, prior, observation, action)
+            loss = (mask[:, n] * self.quantile_huber(z, target)).mean()
+            adam.zero_grad()
+            (loss / self.config.value_scale).backward()
+            nn.utils.clip_grad_norm_(critic.parameters(), self.config.max_gradient)
+            losses.append(float(loss.detach()))
+        for adam in (*self.critic_adams, self.policy_adam):
+            adam.step()
+        self.alpha_adam.zero_grad()
+        (-self.log_alpha * (log_p.detach().mean() - self.config.actions)).sum().backward()
+        self.alpha_adam.step()
+        with torch.no_grad():
+            pairs = zip((*self.targets, self.target_policy), (*self.critics, self.policy), strict=True)
+            for follower, leader in pairs:
+                for slow, fast in zip(follower.parameters(), leader.parameters(), strict=True):
+                    slow.lerp_(fast, self.config.target_rate)
+        return {"critic_loss": sum(losses) / len(losses), "policy_loss": policy_loss}
+
+    def policy_step(self, observation: Tensor, alpha: Tensor) -> tuple[float, Tensor]:
+        """Set the policy's gradient."""
+        for critic in self.critics if self.lean else ():
+            critic.requires_grad_(False)
+        action, log_p = self.draw(self.policy, observation)
+        weights = torch.tensor(self.config.risk().weights(self.config.quantiles), dtype=torch.float32)
+        values = [
+            (self.combined(*pair, observation, action) * weights).sum(1)
+            for pair in zip(self.critics, self.priors, strict=True)
+        ]
+        loss = (alpha * log_p - torch.stack(values).mean(0)).mean()
+        self.policy_adam.zero_grad()
+        (loss / self.config.value_scale).backward()
+        nn.utils.clip_grad_norm_(self.policy.parameters(), self.config.max_gradient)
+        for critic in self.critics if self.lean else ():
+            critic.requires_grad_(True)
+        return float(loss.detach()), log_p
