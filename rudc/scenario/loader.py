@@ -27,13 +27,13 @@ def load_scenario(source: str | File, overrides: Mapping[str, object] | None = N
     path = find_file(source)
     sheet, overridden, reports = _read(path, ())
     if sheet is None:
-        raise _error(reports)
+        raise _error(reports, path)
     for key, value in (overrides or {}).items():
         reports += _override(sheet, key, value)
     scenario, more = _checked(sheet, {report.path for report in reports}, sweeps=not reports)
     reports += more
     if reports or scenario is None:
-        raise _error(reports)
+        raise _error(reports, path)
     return scenario.read_from(path.absolute(), overridden)
 
 
@@ -61,9 +61,11 @@ def find_scenarios(patterns: Sequence[str]) -> list[Scenario]:
     return list(found.values())
 
 
-def _error(reports: list[Report]) -> ScenarioError:
-    files = list(dict.fromkeys(report.file for report in reports))
-    ordered = sorted(reports, key=lambda report: (files.index(report.file), report.line, report.column))
+def _error(reports: list[Report], path: File) -> ScenarioError:
+    """All reports: first of the file itself, then of those it extends, then of overrides."""
+    files = list(dict.fromkeys([shown(path), *(report.file for report in reports if report.line)]))
+    places = {file: place for place, file in enumerate(files)}
+    ordered = sorted(reports, key=lambda r: (places.get(r.file, len(files)), r.line, r.column))
     return ScenarioError("\n".join(dict.fromkeys(str(report) for report in ordered)))
 
 

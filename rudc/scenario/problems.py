@@ -56,7 +56,7 @@ def describe(error: ValidationError, model: type[FileModel], data: Any) -> list[
 
 def nearest(word: object, known: Sequence[str]) -> str | None:
     """The known word that is most likely meant."""
-    return next(iter(get_close_matches(str(word), known, n=1)), None)
+    return next(iter(get_close_matches(str(word), known, n=1, cutoff=0.7)), None)
 
 
 def suggestion(word: object, known: Sequence[str]) -> str:

@@ -1,0 +1,157 @@
+"""`sweep`: its grid, and which value is blamed for a point that is no scenario."""
+
+import textwrap
+
+import pytest
+
+from rudc.errors import ScenarioError
+from rudc.scenario import load_scenario
+
+
+def load(tmp_path, text):
+    (tmp_path / "s.yaml").write_text(textwrap.dedent(text).lstrip("\n"))
+    return load_scenario(tmp_path / "s.yaml")
+
+
+def problems(tmp_path, text):
+    with pytest.raises(ScenarioError) as caught:
+        load(tmp_path, text)
+    return [line.split("s.yaml:", 1)[1] for line in str(caught.value).splitlines()]
+
+
+def test_every_combination_in_order(tmp_path):
+    scenario = load(
+        tmp_path,
+        """
+        name: grid
+        events: [{kind: hard_brake}]
+        sweep:
+          traffic.density: [10, 20.5]
+          events.0.deceleration: [3, 4]
+          network: [four_way, t_junction]
+        """,
+    )
+    grid = scenario.grid()
+    assert [tuple(point.values()) for point, _ in grid] == [
+        (10, 3, "four_way"), (10, 3, "t_junction"), (10, 4, "four_way"), (10, 4, "t_junction"),
+        (20.5, 3, "four_way"), (20.5, 3, "t_junction"), (20.5, 4, "four_way"), (20.5, 4, "t_junction"),
+    ]  # fmt: skip
+    assert scenario.points() == [point for point, _ in grid]
+    point, at = grid[5]
+    assert list(point) == ["traffic.density", "events.0.deceleration", "network"]
+    assert (float(at.traffic.density), float(at.events[0].deceleration), at.network) == (
+        20.5,
+        3,
+        "t_junction",
+    )
+    assert at.sweep == {}
+    assert at.name == "grid"
+    assert len({entry.digest for _, entry in grid}) == len(grid)
+    # The scenario itself is as it was.
+    assert float(scenario.traffic.density) == 20
+
+
+def test_whole_numbers_stay_whole(tmp_path):
+    scenario = load(tmp_path, "name: a\nsweep: {traffic.density: [10]}\n")
+    assert repr(scenario.points()) == "[{'traffic.density': 10}]"
+
+
+def test_without_a_sweep_the_grid_is_the_scenario(tmp_path):
+    scenario = load(tmp_path, "name: a\n")
+    assert scenario.grid() == [({}, scenario)]
+    assert scenario.grid()[0][1] is scenario
+
+
+def test_other_draws_stay_the_same_along_a_sweep():
+    plans = [scenario.plan(3) for _, scenario in load_scenario("density_sweep").grid()]
+    assert [plan.traffic.density for plan in plans] == [10, 20, 30, 40, 50]
+    assert len({plan.ego for plan in plans}) == 1
+
+
+def test_a_part_of_a_distribution_can_be_swept(tmp_path):
+    scenario = load(
+        tmp_path, "name: a\nego: {speed: {uniform: [1, 2]}}\nsweep: {ego.speed.uniform.1: [3, 5]}\n"
+    )
+    assert [at.ego.speed.uniform for _, at in scenario.grid()] == [(1, 3), (1, 5)]
+
+
+@pytest.mark.parametrize(
+    ("sweep", "expected"),
+    [
+        ("{traffic.densty: [1, 2]}", "2:9: sweep.traffic.densty: unknown key (did you mean 'density'?)"),
+        ("{trafic.density: [1]}", "2:9: sweep.trafic.density: trafic: unknown key (did you mean 'traffic'?)"),
+        (
+            "{traffic.density: [10, 500]}",
+            "2:31: sweep.traffic.density.1: 500 veh/km is not between 0 and 150 veh/km",
+        ),
+        ("{traffic.density: [10, many]}", "2:31: sweep.traffic.density.1: expected a number"),
+        ("{traffic.density: []}", "2:26: sweep.traffic.density: there is no value to sweep over"),
+        ("{traffic.density: 10}", "2:26: sweep.traffic.density: expected a list, got the number 10"),
+        ("{traffic.density: [1, 2, 1]}", "2:33: sweep.traffic.density.2: 1 is given twice"),
+        (
+            "{traffic.density: [{uniform: [1, 2]}]}",
+            "2:27: sweep.traffic.density.0: a swept value is a number or a name",
+        ),
+        ("{traffic.density: [true]}", "2:27: sweep.traffic.density.0: a swept value is a number or a name"),
+        ("{name: [b]}", "2:9: sweep.name: cannot be swept"),
+        (
+            "{network.x: [1]}",
+            "2:9: sweep.network.x: network is 'four_way', which has no part 'x'",
+        ),
+        (
+            "{events.1.friction: [1]}",
+            "2:9: sweep.events.1.friction: events is a list whose entries are numbered",
+        ),
+        (
+            "{network: [four_way, five_way]}",
+            "2:29: sweep.network.1: no shipped network 'five_way' (did you mean 'four_way'?)",
+        ),
+        (
+            "{events.0.kind: [low_friction, hard_brake]}",
+            "2:39: sweep.events.0.kind.1: events.0.friction: unknown",
+        ),
+        ("{..: [1]}", "2:9: sweep...: expected a dotted key"),
+    ],
+)
+def test_wrong_sweeps(tmp_path, sweep, expected):
+    text = f"name: a\nsweep: {sweep}\nnetwork: four_way\nevents: [{{kind: low_friction, friction: 0.5}}]\n"
+    found = problems(tmp_path, text)
+    assert len(found) == 1, found
+    assert found[0].startswith(expected), found
+
+
+def test_every_wrong_value_is_reported_once_though_it_has_many_points(tmp_path):
+    found = problems(
+        tmp_path, "name: a\nsweep: {traffic.density: [10, -1, -2], ego.speed: [5, 6, 99]}\nego: {sped: 3}\n"
+    )
+    assert [line.split(":")[:3] for line in found] == [
+        ["2", "31", " sweep.traffic.density.1"],
+        ["2", "35", " sweep.traffic.density.2"],
+        ["2", "58", " sweep.ego.speed.2"],
+        ["3", "7", " ego.sped"],
+    ]
+
+
+def test_only_a_combination_may_be_wrong(tmp_path):
+    found = problems(
+        tmp_path,
+        """
+        name: a
+        ego: {speed: {uniform: [1, 2]}}
+        sweep: {ego.speed.uniform.0: [1, 4], ego.speed.uniform.1: [3, 5]}
+        """,
+    )
+    assert found == ["3:34: sweep.ego.speed.uniform.0.1: low 4 is above high 3 (swap them?)"]
+
+
+def test_a_grid_without_end_is_refused(tmp_path):
+    values = list(range(1, 150))
+    found = problems(tmp_path, f"name: a\nsweep: {{traffic.density: {values}, episode.timeout: {values}}}\n")
+    assert found == ["2:8: sweep: has 22201 combinations; 10000 at most are allowed"]
+
+
+def test_varied_says_what_is_wrong():
+    with pytest.raises(ScenarioError, match=r"random_destination: traffic\.densty: unknown key"):
+        load_scenario("random_destination").varied({"traffic.densty": 3})
+    with pytest.raises(ScenarioError, match="no part 'x'"):
+        load_scenario("random_destination").varied({"network.x": 3})
