@@ -65,6 +65,7 @@ def draw_network(
     axes.set_ylim(network.center[1] - reach, network.center[1] + reach)
     axes.set_xticks([])
     axes.set_yticks([])
+    axes.spines[:].set_visible(False)
     if labels:
         _draw_labels(axes, network, reach)
     return axes

@@ -12,6 +12,7 @@ major.
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Callable, Iterable
 from functools import lru_cache
 from pathlib import Path
@@ -145,14 +146,26 @@ class Network:
         arm = next((arm for arm in self.arms if lane.id in (*arm.in_lanes, *arm.out_lanes)), None)
         if arm is None:
             raise NetworkError(f"lane {lane_name!r} of network {self.name} is not next to the junction")
-        line, s = self._measured_outwards(lane, inbound=lane.id in arm.in_lanes, at=at_m_from_junction)
-        if not 0.0 <= s <= ReferencePath(line).length + 1.0:
+        inbound = lane.id in arm.in_lanes
+        row = self._row_through(lane, inbound=inbound)
+        if row is None:
+            line = ReferencePath(lane.xy)
+            start, length = line.length if inbound else 0.0, line.length
+        else:
+            line = None
+            start, length = (
+                float((self.paths.stop_s if inbound else self.paths.exit_s)[row]),
+                self.paths.length[row],
+            )
+        s = start - at_m_from_junction if inbound else start + at_m_from_junction
+        if at_m_from_junction < 0.0 or not 0.0 <= s <= length:
             raise NetworkError(
                 f"{at_m_from_junction:g} m from the junction is not on lane {lane_name!r} of network "
                 f"{self.name} (the arm is {arm.length:.0f} m long)"
             )
-        x, y, psi = (float(v) for v in ReferencePath(line).pose(s))
-        return x - lateral * np.sin(psi), y + lateral * np.cos(psi), psi + heading_offset_rad
+        pose = line.pose(s) if line is not None else self.paths.pose(np.array(row), np.array(s))
+        x, y, psi = (float(v) for v in pose)
+        return x - lateral * math.sin(psi), y + lateral * math.cos(psi), psi + heading_offset_rad
 
     def movement(self, origin: str, towards: str) -> Movement:
         """The movement from an arm to another (by name or edge id), or by its turn: left, straight, right,
@@ -224,14 +237,10 @@ class Network:
         ]
         return [*lanes, *self.node_polygons]
 
-    def _measured_outwards(self, lane: Lane, *, inbound: bool, at: float) -> tuple[Array, float]:
-        """The line that the lane belongs to and the arc length on it of a place `at` m from the junction."""
-        for row, source in enumerate(self._sources):
-            if lane.id in (self.inbound_lane(row).id if inbound else self.outbound_lane(row).id,):
-                stop, end = float(self.paths.stop_s[row]), float(self.paths.exit_s[row])
-                return np.concatenate(source.shapes), stop - at if inbound else end + at
-        length = ReferencePath(lane.xy).length
-        return lane.xy, length - at if inbound else at
+    def _row_through(self, lane: Lane, *, inbound: bool) -> int | None:
+        """A row of `paths` that enters (or leaves) the junction by the lane, if there is one."""
+        end = self.inbound_lane if inbound else self.outbound_lane
+        return next((row for row in range(self.paths.count) if end(row) is lane), None)
 
 
 def _unknown(problem: str, given: str, known: Iterable[str]) -> str:

@@ -103,7 +103,7 @@ def check_network(source: str | Path, junction: str | None = None) -> NetworkRep
         *(text for arm in network.arms for text in _arm_warnings(network, arm)),
         *_movement_warnings(network),
         *(text for route in routes.values() for text in _route_warnings(network, route)),
-        *_waiting_warnings(list(routes.values())),
+        *waiting_warnings(list(routes.values())),
     ]
     return NetworkReport(
         network=network,
@@ -201,7 +201,7 @@ def _route_warnings(network: Network, route: Route) -> Iterator[str]:
         yield f"{way} leaves the road with a corner of the car"
 
 
-def _waiting_warnings(routes: list[Route]) -> Iterator[str]:
+def waiting_warnings(routes: list[Route]) -> Iterator[str]:
     """Two cars from different arms that wait where each of them may, and overlap."""
     waiting = [route for route in routes if route.waiting_s > route.stop_line_s and route.turn != "u_turn"]
     for a, b in combinations(waiting, 2):

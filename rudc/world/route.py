@@ -52,6 +52,7 @@ class ReferencePath:
         microseconds); without, all stations are looked at. Negative, or above `length`, before or beyond the
         path's ends.
         """
+        x, y = float(x), float(y)
         last = len(self._x) - 2
         if near is None:
             i = int(np.argmin((self.xy[:, 0] - x) ** 2 + (self.xy[:, 1] - y) ** 2))

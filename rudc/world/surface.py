@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 CELL = 0.25
 """m, spacing of the raster points"""
-BAND = 5.0
+BAND = 2.0
 """m around the area in which the distance is exact"""
 MARGIN = 12.0
 """m of raster beyond the area's extent"""
@@ -81,7 +81,7 @@ class Surface:
     def _nearest(self, points: Array) -> Array:
         """(N, 2) m, nearest point of the edge to points (N, 2): the best on the pieces with the nearest
         middles."""
-        _, index = self._tree.query(points, k=min(4, len(self._start)))
+        _, index = self._tree.query(points, k=min(3, len(self._start)))
         start, step = self._start[index], self._step[index]
         along = np.sum((points[:, None] - start) * step, axis=-1) / np.sum(step * step, axis=-1)
         candidates = start + np.clip(along, 0.0, 1.0)[..., None] * step
