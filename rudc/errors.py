@@ -17,7 +17,7 @@ class InputError(RudcError):
 
 
 class ScenarioError(InputError):
-    """A scenario file is wrong; the text lists every problem, one `FILE:LINE:COLUMN: key.path: what` a line."""
+    """A scenario file is wrong; the text has a line `FILE:LINE:COLUMN: key.path: what` for each problem."""
 
 
 class NetworkError(InputError):
@@ -42,3 +42,7 @@ class WorldBusyError(RudcError):
 
 class SolverError(RudcError):
     """A QP was refused (input not finite) or its solver is not installed."""
+
+
+class StorageError(RudcError):
+    """Results could not be written: a full disk, a folder without permission."""

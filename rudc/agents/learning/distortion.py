@@ -3,8 +3,9 @@
 Paper, Eq. (risk_sensitive_policy): a distortion zeta maps [0, 1] onto [0, 1], never falling, and the
 distorted expectation of Z is
 
-    Xi(Z) = int_0^1 F_Z^-1(tau) d zeta(tau)  ~  sum_i w_i Z_i,   Z_i at the midpoint (tau_i + tau_{i+1}) / 2,
-    tau_i = i / N_q.
+    Xi(Z) = int_0^1 F_Z^-1(tau) d zeta(tau)  ~  sum_i w_i Z_i,
+
+Z_i at the midpoint (tau_i + tau_{i+1}) / 2 and tau_i = i / N_q.
 
 The paper writes w_i = (tau_{i+1} - tau_i) zeta'(midpoint). Here zeta is integrated over the bin exactly,
 w_i = zeta(tau_{i+1}) - zeta(tau_i): the weights then sum to one for every distortion and every N_q, also
@@ -14,8 +15,7 @@ each bin both are the same: CVaR at beta = 0.25 of 32 quantiles is the mean of t
     expectation  zeta(tau) = tau
     CVaR         zeta(tau) = min(tau / beta, 1)                                   Eq. (cvar)
     Wang         zeta(tau) = Phi(Phi^-1(tau) + eta), eta > 0 averse to risk
-    CPW          zeta(tau) = tau^eta / (tau^eta + (1 - tau)^eta)^(1 / eta)        (cumulative prospect
-    weighting)
+    CPW          zeta(tau) = tau^eta / (tau^eta + (1 - tau)^eta)^(1 / eta)        cumulative prospect weights
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The policy: a Gaussian squashed into [-1, 1] (soft actor-critic).
 
 u ~ N(mean(s), std(s)^2),  a = tanh(u)
-log pi(a|s) = sum_k [ log N(u_k) - log(1 - tanh(u_k)^2) ],   log(1 - tanh(u)^2) = 2 (log 2 - u - softplus(-2
-u))
+log pi(a|s) = sum_k [ log N(u_k) - log(1 - tanh(u_k)^2) ],
+              log(1 - tanh(u)^2) = 2 (log 2 - u - softplus(-2 u))
 """
 
 from __future__ import annotations

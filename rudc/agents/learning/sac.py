@@ -3,10 +3,12 @@
 Paper, Sec. "Uncertainty-aware Risk-sensitive Reinforcement Learning". With a batch of transitions (s, a, r,
 gamma^k, s'):
 
-    target   y_i = r + gamma^k [ mean_n Z_n,i(s', a'; targets) - alpha log pi_target(a'|s') ]        Eq.
-    (td_ensemble) critics  L_n = mean_B m_n sum_j (1 / N_q) sum_i rho_j(y_i - Z_n,j(s, a))
-    Eq. (ensemble_huber_loss) policy   L = mean_B [ alpha log pi(a_pi|s) - mean_n Xi(Z_n(s, a_pi)) ] Eq.
-    (actor_loss_ensemble) alpha    L = -log alpha mean_B [ log pi(a_pi|s) + target entropy ]
+    target   y_i = r + gamma^k [ mean_n Z_n,i(s', a'; targets) - alpha log pi_target(a'|s') ]
+    critics  L_n = mean_B m_n sum_j (1 / N_q) sum_i rho_j(y_i - Z_n,j(s, a))
+    policy   L = mean_B [ alpha log pi(a_pi|s) - mean_n Xi(Z_n(s, a_pi)) ]
+    alpha    L = -log alpha mean_B [ log pi(a_pi|s) + target entropy ]
+
+which are Eqs. (td_ensemble), (ensemble_huber_loss) and (actor_loss_ensemble) for the first three.
 
 Xi is the distorted expectation (CVaR_beta). The gradients of critics and policy are taken at the same
 weights, and then all step: the states' latents, which do not depend on the action, are computed once for

@@ -4,9 +4,9 @@ percentiles.
 Paper, Sec. "Ensemble Learning and Uncertainty Quantification": with Z_n the quantiles of member n and tail =
 Z_n below its beta quantile,
 
-    sigma_epi   = sqrt( Var_n( E[Z_n | tail] ) )          members disagree about the tail's expectation,
-    CVaR_beta sigma_ale   = sqrt( mean_n( Var[Z_n | tail] ) )       spread within the tail of each sigma_total
-    = sqrt( sigma_epi^2 + sigma_ale^2 )       law of total variance, taken within the tail
+    sigma_epi   = sqrt( Var_n( E[Z_n | tail] ) )       members disagree about the tail's mean, CVaR_beta
+    sigma_ale   = sqrt( mean_n( Var[Z_n | tail] ) )    spread within the tail of each
+    sigma_total = sqrt( sigma_epi^2 + sigma_ale^2 )    law of total variance, taken within the tail
 
 Var_n is the variance of the N members themselves (division by N), as the law of total variance has it, and a
 quantile counts with its share of the tail (CVaR's weight), so that beta need not be a multiple of 1 / N_q.
