@@ -50,11 +50,6 @@ def build_route(network: Network, movement: Movement, lane: int | None) -> Route
     line = network.centre_line(row)
     stop, exit_s = float(paths.stop_s[row]), float(paths.exit_s[row])
     path = _reference(network, line, stop, exit_s, movement)
-    alternatives = []
-    for other in _other_exits(network, movement, row):
-        joined = _join(line, stop, network.centre_line(other), float(paths.exit_s[other]), movement.angle)
-        if joined is not None and fits(network, candidate := ReferencePath(joined)):
-            alternatives.append(candidate)
     table = network.conflict(path)
     stop_line_s = _station_of(path, resample(line, np.array([stop]))[0], stop)
     exit_line_s = _station_of(path, resample(line, np.array([exit_s]))[0], exit_s)
@@ -69,7 +64,7 @@ def build_route(network: Network, movement: Movement, lane: int | None) -> Route
         edges=movement.edges,
         row=row,
         path=path,
-        alternatives=tuple(alternatives),
+        alternatives=_alternatives(network, movement, row),
         stop_line_s=stop_line_s,
         waiting_s=waiting_bumper(path, paths, row, stop_line_s, exit_line_s),
         zone_start_s=float(crossing[:, 0].min()) if len(crossing) else stop_line_s,
@@ -97,6 +92,18 @@ def _choose_row(network: Network, movement: Movement, lane: int | None) -> int:
     if lane is None:
         lane = max(indices) if movement.turn in ("left", "u_turn") else min(indices)
     return rows[indices.index(lane)]
+
+
+def _alternatives(network: Network, movement: Movement, row: int) -> tuple[ReferencePath, ...]:
+    """Lines from the row's inbound lane to the other outbound lanes, where a car on them stays on the road."""
+    line, stop = network.centre_line(row), float(network.paths.stop_s[row])
+    candidates = []
+    for other in _other_exits(network, movement, row):
+        exit_s = float(network.paths.exit_s[other])
+        joined = _join(line, stop, network.centre_line(other), exit_s, movement.angle)
+        if joined is not None:
+            candidates.append(ReferencePath(joined))
+    return tuple(path for path in candidates if fits(network, path))
 
 
 def _other_exits(network: Network, movement: Movement, row: int) -> list[int]:
