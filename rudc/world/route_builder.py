@@ -95,7 +95,7 @@ def _choose_row(network: Network, movement: Movement, lane: int | None) -> int:
 
 
 def _alternatives(network: Network, movement: Movement, row: int) -> tuple[ReferencePath, ...]:
-    """Lines from the row's inbound lane to the other outbound lanes, where a car on them stays on the road."""
+    """Lines from the row's inbound lane to the other outbound lanes, where a car stays on the road."""
     line, stop = network.centre_line(row), float(network.paths.stop_s[row])
     candidates = []
     for other in _other_exits(network, movement, row):
