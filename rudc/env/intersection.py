@@ -1,0 +1,274 @@
+"""The Gymnasium environment `rudc/Intersection-v0`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from gymnasium.utils import EzPickle
+
+from rudc.env.action import to_physical
+from rudc.env.distances import Distances
+from rudc.env.episode import Episode, Outcome
+from rudc.env.observation import Kind, observation_space, observe_flat, unflatten
+from rudc.env.rendering import Frame, Renderer
+from rudc.env.window import Window
+from rudc.errors import InputError
+from rudc.scenario import EpisodePlan, Scenario, load_scenario
+from rudc.world.config import WorldConfig
+from rudc.world.network import load_network
+from rudc.world.scene import Array, Scene
+from rudc.world.world import World
+
+Observation = np.ndarray | dict[str, np.ndarray]
+OPTIONS = ("scenario", "plan")
+"""what `reset(options=...)` takes"""
+
+
+class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
+    """
+    ## Description
+
+    One ego vehicle (EV) crosses an unsignalized junction among IDM-driven surrounding vehicles (SVs) in SUMO.
+    It is controlled by longitudinal acceleration and front-wheel steering, ten times a second. Scenario files
+    say where it starts, where it goes, how dense the traffic is, and what goes wrong.
+
+    ```python
+    import gymnasium, rudc.env
+    env = gymnasium.make("rudc/Intersection-v0", scenario="dense_left_turn")
+    observation, info = env.reset(seed=0)
+    observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
+    ```
+
+    ## Action Space
+
+    `Box(-1, 1, (2,), float32)`, mapped affinely; actions beyond are cut.
+
+    | Num | Action                              | Min        | Max       | Unit |
+    |-----|-------------------------------------|------------|-----------|------|
+    | 0   | longitudinal acceleration           | a_min (-6) | a_max (3) | m/s2 |
+    | 1   | front-wheel angle, left is positive | -0.6       | 0.6       | rad  |
+
+    ## Observation Space
+
+    `Box(-3, 3, (105,), float32)` for `observation="paper"`, the paper's observation, and `Box(-3, 3, (146,),
+    float32)` for `observation="conflict"`, the same and 41 features that predict conflicts; with
+    `as_dict=True` a `Dict` of the parts. Numbers are divided by their unit and cut to [-3, 3]; the range given
+    is what is not cut.
+
+    | Num     | Part        | Observation                                         | Unit    | Range       |
+    |---------|-------------|-----------------------------------------------------|---------|-------------|
+    | 0       | `ego`       | validity                                            |         | 1           |
+    | 1-2     |             | x, y about the junction, the EV's arm to the south  | 50 m    | +-150 m     |
+    | 3-4     |             | longitudinal and lateral velocity                   | 10 m/s  | +-30 m/s    |
+    | 5       |             | heading in that frame, counter-clockwise from x     | pi rad  | +-pi rad    |
+    | 6       |             | yaw rate                                            | 1 rad/s | +-3 rad/s   |
+    | 7       |             | d_veh, gap to the nearest vehicle (alone: 3)        | 20 m    | 0 to 60 m   |
+    | 8       |             | d_road, centre of gravity to the road's edge        | 5 m     | +-15 m      |
+    | 9       |             | d_des, along the path to the destination            | 50 m    | 0 to 150 m  |
+    | 10-81   | `others`    | for each of the 12 nearest, nearest first:          |         |             |
+    |         |             | - validity; 0 for none, then all is 0               |         | 0 or 1      |
+    |         |             | - x ahead, y left of the EV                         | 50 m    | +-150 m     |
+    |         |             | - velocity less the EV's, in the EV's frame         | 10 m/s  | +-30 m/s    |
+    |         |             | - heading less the EV's                             | pi rad  | +-pi rad    |
+    | 82-101  | `waypoints` | the path 3, 6, ... 30 m on: x ahead, y left         | 30 m    | +-90 m      |
+    | 102-104 | `task`      | one-hot: left, straight, right                      |         | 0 or 1      |
+    | 105-145 | `conflict`  | see `rudc/env/conflict.py`, names in `FEATURES`     |         | about +-1   |
+
+    ## Rewards
+
+    The sum of `info["reward_terms"]`; formulas and the units chosen for them are in `rudc/env/reward.py`.
+
+    | Term             | Value                                                            |
+    |------------------|------------------------------------------------------------------|
+    | `collision`      | -50 when the EV hits anything                                    |
+    | `rule_violation` | -50 when it leaves the road or drives against a lane's direction |
+    | `arrive_goal`    | +50 at the destination                                           |
+    | `reference`      | 0 to 1: position, speed and heading on the best reference path   |
+    | `action`         | -0.57 to 0: size and change of the controls                      |
+    | `progress`       | -0.02 (d_des / 10 m)^2 / 3                                       |
+    | `safe`           | -1 to 0: gaps below 2 m                                          |
+
+    `info["cost"]` is the paper's unified step-wise cost for constrained learning.
+
+    ## Starting State
+
+    Drawn from the scenario with the seed of the episode: `reset(seed=s)` plays the scenario's episode s, the
+    one that `rudc run SCENARIO --seed s` shows; a `reset()` after it draws the next seed from the generator
+    so seeded. An EV that could not start safely is drawn again (`redraws` in the metrics says how often).
+
+    ## Episode End
+
+    Terminated: collision, off the road, wrong way (violations), or arrival at the destination (success).
+    Truncated: the scenario's time limit has passed (frozen). `info["outcome"]` says which.
+
+    `info` carries `scene` (the `Scene` that the EV's sensors show) and `seed` (the episode's); after a step
+    also `reward_terms`, `cost` and `outcome` (empty while the episode goes on); at the end `metrics`, the
+    fields of `rudc.env.episode.EpisodeMetrics`.
+
+    ## Arguments
+
+    | Parameter     | Default                | Description                                                   |
+    |---------------|------------------------|---------------------------------------------------------------|
+    | `scenario`    | `"random_destination"` | name of a shipped scenario, path of a file, or a `Scenario`   |
+    | `network`     | `None`                 | name or path of a network to play it on instead of its own    |
+    | `overrides`   | `None`                 | other values in it, by dotted keys: `{"traffic.density": 30}` |
+    | `observation` | `"paper"`              | `"paper"` or `"conflict"`                                     |
+    | `as_dict`     | `False`                | observations as a `Dict` of their parts                       |
+    | `config`      | `None`                 | `WorldConfig`: time steps, the EV's body, the yielding layer  |
+    | `render_mode` | `None`                 | `"rgb_array"` (no display needed) or `"human"` (with pygame)  |
+
+    `reset(options={"scenario": ...})` plays another scenario this once, `{"plan": ...}` a given plan.
+    SUMO runs one simulation per process, so only one environment may have an episode; others are refused
+    until it is closed. For several at once take `AsyncVectorEnv`. To mark a safety filter's active
+    constraints in the next frame, set `env.unwrapped.active_constraints`.
+
+    ## Version History
+
+    * v0: first version
+    """
+
+    metadata: dict[str, Any] = {  # noqa: RUF012  # declared so by gymnasium, which reads it off the class
+        "render_modes": ["rgb_array", "human"],
+        "render_fps": 10,
+    }
+
+    def __init__(
+        self,
+        scenario: str | Path | Scenario = "random_destination",
+        network: str | Path | None = None,
+        overrides: Mapping[str, object] | None = None,
+        observation: Kind = "paper",
+        as_dict: bool = False,
+        config: WorldConfig | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        EzPickle.__init__(self, scenario, network, overrides, observation, as_dict, config, render_mode)
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise InputError(f"render_mode {render_mode!r} is not one of {self.metadata['render_modes']}")
+        self.render_mode = render_mode
+        self._changes = {**(overrides or {}), **({} if network is None else {"network": str(network)})}
+        self._scenario = self._find(scenario)
+        self._config = config or WorldConfig()
+        self._kind: Kind = observation
+        self._as_dict = as_dict
+        self.observation_space = observation_space(observation, as_dict)
+        self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
+        self.active_constraints: tuple[str, ...] = ()
+        """names of the safety filter's active constraints, to be marked in frames"""
+        self._episode: Episode | None = None
+        self._renderer: Renderer | None = None
+        self._window: Window | None = None
+
+    @property
+    def episode(self) -> Episode:
+        """The episode being played. Raises InputError before the first `reset`."""
+        if self._episode is None:
+            raise InputError("the environment has no episode yet; call reset() first")
+        return self._episode
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Begin an episode. Raises SimulationError if it cannot be set up as its scenario asks."""
+        super().reset(seed=seed)
+        plan = self._plan(seed, options or {})
+        episode = self._episode_on(plan)
+        scene = episode.reset(plan)
+        self.active_constraints = ()
+        if self.render_mode == "human":
+            self._show()
+        return self._observe(scene, episode.distances), {"scene": scene, "seed": plan.seed}
+
+    def step(self, action: np.ndarray) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Apply an action for one decision (0.1 s)."""
+        if not np.isfinite(action).all():
+            raise InputError(f"action {action} is not finite")
+        return self.step_physical(to_physical(action, self._config.vehicle))
+
+    def step_physical(self, u: Array) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """As `step`, with u (2,) in physical units: acceleration m/s2, front-wheel angle rad."""
+        result = self.episode.step(u)
+        ended = result.outcome
+        info: dict[str, Any] = {
+            "scene": result.scene,
+            "seed": self.episode.world.plan.seed,
+            "reward_terms": result.terms,
+            "cost": result.cost,
+            "outcome": str(ended) if ended else "",
+        }
+        if ended:
+            info["metrics"] = asdict(self.episode.metrics())
+        if self.render_mode == "human":
+            self._show()
+        terminated = ended is not None and ended is not Outcome.FROZEN
+        observation = self._observe(result.scene, result.distances)
+        return observation, result.reward, terminated, ended is Outcome.FROZEN, info
+
+    def render(self) -> Any:
+        """The frame, (600, 600, 3) uint8, in render mode `rgb_array`; in `human` None: the window has it."""
+        return self._frame() if self.render_mode == "rgb_array" else None
+
+    def close(self) -> None:
+        """End the simulation and close the window. The environment may be reset again."""
+        if self._episode is not None:
+            self._episode.world.close()
+            self._episode = None
+        if self._window is not None:
+            self._window.close()
+            self._window = None
+
+    def _find(self, scenario: str | Path | Scenario) -> Scenario:
+        if isinstance(scenario, Scenario) and not self._changes:
+            return scenario
+        if isinstance(scenario, Scenario):
+            raise InputError("network and overrides change a scenario read by name or path, not a `Scenario`")
+        return load_scenario(scenario, self._changes)
+
+    def _plan(self, seed: int | None, options: dict[str, Any]) -> EpisodePlan:
+        unknown = sorted(set(options) - set(OPTIONS))
+        if unknown:
+            raise InputError(f"reset(options) knows {', '.join(OPTIONS)}, not {', '.join(unknown)}")
+        if "plan" in options:
+            return options["plan"]
+        drawn = seed if seed is not None else int(self.np_random.integers(2**31 - 1))
+        scenario = self._find(options["scenario"]) if "scenario" in options else self._scenario
+        return scenario.plan(drawn)
+
+    def _episode_on(self, plan: EpisodePlan) -> Episode:
+        """The episode of the world that the plan needs; another network takes another world."""
+        network = load_network(plan.network, plan.junction)
+        if self._episode is not None and self._episode.world.network is not network:
+            self._episode.world.close()
+            self._episode = None
+        if self._episode is None:
+            self._episode = Episode(World(network, self._config))
+            self._renderer = None
+        return self._episode
+
+    def _observe(self, scene: Scene, distances: Distances) -> Observation:
+        """`distances` are the world's own; those of a scene that sensors spoil are measured anew."""
+        known = distances if scene is self.episode.truth else None
+        flat = observe_flat(scene, self._kind, known)
+        return unflatten(flat, self._kind) if self._as_dict else flat
+
+    def _frame(self) -> Frame:
+        episode = self.episode
+        if self._renderer is None:
+            self._renderer = Renderer(episode.world.network)
+        return self._renderer.frame(
+            episode.truth,
+            active=self.active_constraints,
+            seen=set(episode.world.perceived().ids),
+            outcome=episode.outcome,
+        )
+
+    def _show(self) -> None:
+        if self._window is None:
+            self._window = Window("RUDC", self.metadata["render_fps"])
+        self._window.show(self._frame())
