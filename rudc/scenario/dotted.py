@@ -51,4 +51,4 @@ def _step(here: Any, part: str, before: str) -> str | int:
 
 def dotted(path: Path) -> str:
     """The dotted key of a path."""
-    return ".".join(str(part) for part in path)
+    return ".".join(part if isinstance(part, str) and part.isprintable() else repr(part) for part in path)

@@ -143,6 +143,7 @@ def test_a_byte_order_mark_is_no_problem(tmp_path):
         ("name:\n", ["1:6: name: no value given; without one, leave the key out"]),
         ("network: four_way\n", ["1:1: name: is missing, and it is required"]),
         ("nane: a\n", ["1:1: nane: unknown key (did you mean 'name'?)"]),
+        ('"na\\nme": a\nname: b\n', ["1:1: 'na\\nme': unknown key (did you mean 'name'?)"]),
         ("name: 3\n", ["1:7: name: expected text, got the number 3"]),
         ("name: on\ndescription: yes\n", None),
         ("name: a/b\n", ["1:7: name: expected a name of letters, ...; got 'a/b'"]),

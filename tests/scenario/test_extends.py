@@ -125,7 +125,7 @@ def test_problems_of_the_parent_are_laid_on_the_parent(write):
     with pytest.raises(ScenarioError) as caught:
         load_scenario(write("child.yaml", "name: child\nextends: bad\nego: {distance: 30, destination: 0}\n"))
     assert str(caught.value).splitlines() == [
-        "child.yaml:3:33: ego.destination: 0 m is not above 0 and at most 1000 m",
+        "child.yaml:3:34: ego.destination: 0 m is not above 0 and at most 1000 m",
         "bad.yaml:3:10: ego.speed: -1 m/s is not between 0 and 40 m/s",
         "bad.yaml:5:11: traffic.densty: unknown key (did you mean 'density'?)",
     ]
