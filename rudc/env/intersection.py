@@ -58,15 +58,15 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
 
     `Box(-3, 3, (105,), float32)` for `observation="paper"`, the paper's observation, and `Box(-3, 3, (146,),
     float32)` for `observation="conflict"`, the same and 41 features that predict conflicts; with
-    `as_dict=True` a `Dict` of the parts. Numbers are divided by their unit and cut to [-3, 3]; the range given
-    is what is not cut.
+    `as_dict=True` a `Dict` of the parts. Each number is divided by its unit and cut to [-3, 3]; the range is
+    what is not cut.
 
     | Num     | Part        | Observation                                         | Unit    | Range       |
     |---------|-------------|-----------------------------------------------------|---------|-------------|
     | 0       | `ego`       | validity                                            |         | 1           |
     | 1-2     |             | x, y about the junction, the EV's arm to the south  | 50 m    | +-150 m     |
     | 3-4     |             | longitudinal and lateral velocity                   | 10 m/s  | +-30 m/s    |
-    | 5       |             | heading in that frame, counter-clockwise from x     | pi rad  | +-pi rad    |
+    | 5       |             | heading in that frame, counter-clockwise from x     | pi rad  | -0.5 to 1.5 |
     | 6       |             | yaw rate                                            | 1 rad/s | +-3 rad/s   |
     | 7       |             | d_veh, gap to the nearest vehicle (alone: 3)        | 20 m    | 0 to 60 m   |
     | 8       |             | d_road, centre of gravity to the road's edge        | 5 m     | +-15 m      |
@@ -75,7 +75,7 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
     |         |             | - validity; 0 for none, then all is 0               |         | 0 or 1      |
     |         |             | - x ahead, y left of the EV                         | 50 m    | +-150 m     |
     |         |             | - velocity less the EV's, in the EV's frame         | 10 m/s  | +-30 m/s    |
-    |         |             | - heading less the EV's                             | pi rad  | +-pi rad    |
+    |         |             | - heading less the EV's                             | pi rad  | -0.75, 1.25 |
     | 82-101  | `waypoints` | the path 3, 6, ... 30 m on: x ahead, y left         | 30 m    | +-90 m      |
     | 102-104 | `task`      | one-hot: left, straight, right                      |         | 0 or 1      |
     | 105-145 | `conflict`  | see `rudc/env/conflict.py`, names in `FEATURES`     |         | about +-1   |

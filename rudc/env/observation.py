@@ -16,9 +16,12 @@ Distances are those of rudc/env/distances.py.
 
 Scales: each number is divided by the unit below and cut to [-3, 3]:
 
-    positions, d_des   50 m         headings   pi rad (wrapped to [-1, 1])
-    velocities         10 m/s       yaw rate   1 rad/s
-    d_veh              20 m         d_road     5 m          waypoints   30 m
+    positions, d_des   50 m         headings    pi rad
+    velocities         10 m/s       yaw rate    1 rad/s
+    d_veh              20 m         d_road      5 m          waypoints   30 m
+
+Headings jump by 2 pi where few are: the ego's in (-0.5, 1.5] pi (it never heads back to where it came from,
+and after a left turn heads at pi), the others' in (-0.75, 1.25] pi (oncoming traffic heads at pi).
 """
 
 from __future__ import annotations
@@ -54,6 +57,9 @@ LIMIT = 3.0
 
 POSITION, VELOCITY, YAW_RATE, TO_VEHICLE, TO_ROAD, TO_WAYPOINT = 50.0, 10.0, 1.0, 20.0, 5.0, 30.0
 """m, m/s, rad/s, m, m, m: the units in which numbers are observed"""
+
+EGO_CUT, OTHERS_CUT = 1.5, 1.25
+"""pi rad, where headings of the ego and of the others jump by 2 pi"""
 
 PARTS: dict[str, tuple[int, ...]] = {
     "ego": (10,),
@@ -128,6 +134,7 @@ def _ego(scene: Scene, distances: Distances) -> tuple[float, ...]:
     ego, centre = scene.ego, scene.network.center
     turn = scene.route.canonical_angle
     cos, sin = math.cos(turn), math.sin(turn)
+    heading = (ego.psi - turn) / math.pi
     east, north = ego.x - float(centre[0]), ego.y - float(centre[1])
     return (
         1.0,
@@ -135,7 +142,7 @@ def _ego(scene: Scene, distances: Distances) -> tuple[float, ...]:
         (cos * north - sin * east) / POSITION,
         ego.v * math.cos(ego.slip) / VELOCITY,
         ego.v * math.sin(ego.slip) / VELOCITY,
-        math.remainder(ego.psi - turn, 2 * math.pi) / math.pi,
+        heading - 2.0 * math.ceil(0.5 * (heading - EGO_CUT)),
         ego.yaw_rate / YAW_RATE,
         distances.vehicle_m / TO_VEHICLE,
         distances.road_m / TO_ROAD,
@@ -154,7 +161,7 @@ def _others(scene: Scene, to_body: Array, out: Array) -> None:
     out[:n, 1:3] = (scene.position[:n] - (ego.x, ego.y)) @ (to_body / POSITION)
     out[:n, 3:5] = (scene.velocity[:n] - velocity) @ (to_body / VELOCITY)
     turned = (scene.heading[:n] - ego.psi) / math.pi
-    out[:n, 5] = turned - 2.0 * np.rint(0.5 * turned)
+    out[:n, 5] = turned - 2.0 * np.ceil(0.5 * (turned - OTHERS_CUT))
 
 
 def _waypoints(scene: Scene, to_body: Array) -> Array:
