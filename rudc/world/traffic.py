@@ -165,7 +165,7 @@ class Traffic:
         decel = min(plan.decel.sample(rng), self.grip)
         speed_factor = plan.speed_factor.sample(rng)
         # SUMO ends the simulation over a vehicle that departs faster than it would ever drive on its lane.
-        speed = min(speed, 0.99 * speed_factor * lane.speed, VEHICLE_TYPES[kind].max_speed)
+        speed = min(speed, 0.99 * speed_factor * min(lane.speed, VEHICLE_TYPES[kind].max_speed))
         self._sumo.add(name, route, kind, lane.index, front, speed)
         self._sumo.personality(
             name,
