@@ -1,0 +1,62 @@
+"""What every driver of the ego vehicle is: `Agent`, and what it answers: `Decision`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
+
+import numpy as np
+
+from rudc.world.scene import Array, Scene
+
+if TYPE_CHECKING:
+    from rudc.safety.filter import Filtered
+
+EgoDriver = Literal["agent", "sumo"]
+
+
+class Decision(NamedTuple):
+    """One decision, and what is known about how it came to be."""
+
+    u: Array
+    """(2,) what is applied: acceleration m/s2, front-wheel angle rad"""
+    u_rl: Array
+    """(2,) what the driver itself proposed, before any filter, in the same units"""
+    sigma: float = math.nan
+    """total uncertainty of the proposal; nan for drivers that have none"""
+    filtered: Filtered | None = None
+    """what the safety filter says about its work; None without a filter"""
+    timing_ms: Mapping[str, float] = MappingProxyType({})
+    """ms spent in each part (`policy`, `critic`, `filter`)"""
+
+
+def unfiltered(acceleration: float, steering: float) -> Decision:
+    """The decision of a driver without uncertainty and without filter, in m/s2 and rad."""
+    u = np.array([acceleration, steering])
+    return Decision(u, u)
+
+
+class Agent(Protocol):
+    """A driver of the ego vehicle. Keeps nothing from one episode to the next."""
+
+    @property
+    def name(self) -> str:
+        """As in tables and in `rudc sweep --agent NAME`."""
+        ...
+
+    @property
+    def ego_driver(self) -> EgoDriver:
+        """`sumo`: SUMO itself drives, and `act` is not listened to."""
+        ...
+
+    def reset(self, scene: Scene, seed: int) -> None:
+        """Forget the last episode and prepare for one that begins with `scene`; all randomness comes from
+        `seed`.
+        """
+        ...
+
+    def act(self, scene: Scene) -> Decision:
+        """What to do for the next 0.1 s, given what the ego's sensors show."""
+        ...

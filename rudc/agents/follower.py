@@ -1,0 +1,28 @@
+"""A driver that follows its path at 8 m/s and looks at nobody: the yardstick for what recklessness costs."""
+
+from __future__ import annotations
+
+from rudc.agents.base import Decision, EgoDriver, unfiltered
+from rudc.agents.tracking import acceleration_towards, speed_allowed, speeds_in_bends, steering
+from rudc.world.scene import Scene
+
+CRUISE = 8.0
+"""m/s"""
+ACCELERATION = 2.0
+"""m/s2"""
+
+
+class Follower:
+    """Follows the reference path at 8 m/s, slower in bends, and ignores traffic."""
+
+    name = "follower"
+    ego_driver: EgoDriver = "agent"
+
+    def reset(self, scene: Scene, seed: int) -> None:
+        """Work out how fast the bends of the route can be taken."""
+        self._profile = speeds_in_bends(scene.route.path)
+
+    def act(self, scene: Scene) -> Decision:
+        """Steer along the path and hold the speed."""
+        speed = speed_allowed(scene, self._profile, CRUISE)
+        return unfiltered(acceleration_towards(speed, scene, ACCELERATION), steering(scene))

@@ -1,0 +1,71 @@
+"""Following a reference path: steering by feed-forward and feedback, and the speed that its bends allow.
+
+Steering. With e the offset to the path's left and theta the angle from the path to the direction of travel
+(psi + slip), motion along the path at curvature c is, to first order and for any speed,
+    de/ds = theta,    dtheta/ds = c - c_path
+so that
+    c = c_path - 2 theta / L - e / L^2
+brings the vehicle back critically damped within a few L metres. The front wheels that turn the plant of
+rudc/world/ego.py at curvature c stand at
+    slip = asin(l_r c),    delta = atan(wheelbase / l_r * tan(slip)).
+Decisions last 0.1 s, so c_path is read where the vehicle will be half a decision later.
+
+Speed. v(s)^2 <= LATERAL / |c_path(s)| everywhere, reached by braking at COMFORT at most:
+    v(s)^2 <= v(s + ds)^2 + 2 COMFORT ds.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rudc.world.paths import SPACING
+from rudc.world.route import ReferencePath
+from rudc.world.scene import Array, Scene
+
+LATERAL = 3.0
+"""m/s2, lateral acceleration accepted in bends"""
+COMFORT = 2.0
+"""m/s2, deceleration planned with"""
+RETURN_M = 4.0
+"""m, L above"""
+PREVIEW_S = 0.05
+"""s, half a decision"""
+RESPONSE_S = 0.4
+"""s in which a difference in speed is made up"""
+
+
+def steering(scene: Scene) -> float:
+    """rad, front-wheel angle that follows `scene.route.path`."""
+    ego, body, path = scene.ego, scene.vehicle, scene.route.path
+    index = min(max(int(scene.ego_s / SPACING), 0), len(path.heading) - 1)
+    ahead = min(max(int((scene.ego_s + PREVIEW_S * ego.v) / SPACING), 0), len(path.curvature) - 1)
+    bend = float(path.curvature[ahead])
+    slip = math.asin(min(max(body.cg_to_rear * bend, -0.9), 0.9))
+    astray = math.remainder(ego.psi + slip - float(path.heading[index]), 2 * math.pi)
+    astray = min(max(astray, -1.0), 1.0)
+    offset = min(max(scene.ego_offset, -2.0), 2.0)
+    wanted = bend - 2.0 * astray / RETURN_M - offset / RETURN_M**2
+    slip = math.asin(min(max(body.cg_to_rear * wanted, -0.9), 0.9))
+    delta = math.atan(body.wheelbase / body.cg_to_rear * math.tan(slip))
+    return min(max(delta, -body.delta_max), body.delta_max)
+
+
+def speeds_in_bends(path: ReferencePath) -> Array:
+    """(M,) m/s, highest speed at each station of a path from which all bends ahead can be taken."""
+    squared = (LATERAL / np.maximum(np.abs(path.curvature), 1e-4)).tolist()
+    for i in range(len(squared) - 2, -1, -1):
+        squared[i] = min(squared[i], squared[i + 1] + 2 * COMFORT * SPACING)
+    return np.sqrt(squared)
+
+
+def speed_allowed(scene: Scene, profile: Array, cruise: float) -> float:
+    """m/s, `cruise` or what `profile` (`speeds_in_bends` of the ego's path) allows here."""
+    index = min(max(int(scene.ego_s / SPACING), 0), len(profile) - 1)
+    return min(cruise, float(profile[index]))
+
+
+def acceleration_towards(speed: float, scene: Scene, at_most: float) -> float:
+    """m/s2 that brings the ego to `speed` m/s, at most `at_most`, at least what its brakes give."""
+    return min(max((speed - scene.ego.v) / RESPONSE_S, scene.vehicle.a_min), at_most)

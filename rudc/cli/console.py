@@ -1,0 +1,129 @@
+"""What the commands share for talking to a user: consoles, tables, progress.
+
+Results go to stdout, everything else to stderr.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.table import Table
+
+if TYPE_CHECKING:
+    from rudc.evaluation.record import EpisodeRecord
+    from rudc.evaluation.tasks import Task
+
+FAILURES_NAMED = 5
+"""failed episodes named while a sweep runs"""
+WIDE = 200
+"""columns assumed where there is no terminal: nothing is cut off in a log"""
+
+
+def console(*, to_stderr: bool = False) -> Console:
+    """A console as wide as the terminal, or wide enough for anything."""
+    stream = sys.stderr if to_stderr else sys.stdout
+    return Console(file=stream, width=None if stream.isatty() else WIDE, highlight=False)
+
+
+def note(text: str) -> None:
+    """A line for the user that is not a result."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def print_table(headings: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[int] = ()) -> None:
+    """A plain table; `right`: indices of the columns aligned to the right."""
+    grid = Table(box=None, pad_edge=False, header_style="bold")
+    for k, heading in enumerate(headings):
+        grid.add_column(heading, justify="right" if k in right else "left", overflow="fold")
+    for row in rows:
+        grid.add_row(*row)
+    console().print(grid)
+
+
+def sweep_progress() -> SweepBar | SweepLines:
+    """A bar on a terminal, a line now and then elsewhere."""
+    return SweepBar() if sys.stderr.isatty() else SweepLines()
+
+
+class SweepLines:
+    """Says how far a sweep is: at each tenth, and at least every 30 s."""
+
+    def begin(self, total: int, finished: int, warnings: Sequence[str]) -> None:
+        """Say what there is to do."""
+        self._total, self._done, self._first, self._failed = total, finished, finished, 0
+        self._start = self._last = time.monotonic()
+        _begin_notes(total, finished, warnings)
+
+    def advance(self, task: Task, record: EpisodeRecord) -> None:
+        """Count an episode."""
+        self._done += 1
+        self._failed += bool(record.error)
+        if record.error:
+            _note_failure(self._failed, task, record)
+        now = time.monotonic()
+        tenth = 10 * self._done // self._total > 10 * (self._done - 1) // self._total
+        if tenth or now - self._last > 30.0:
+            self._last = now
+            rate = (self._done - self._first) / max(now - self._start, 1e-9)
+            left = (self._total - self._done) / rate
+            failed = f", {self._failed} failed" if self._failed else ""
+            note(f"{self._done}/{self._total} episodes{failed}, {rate:.1f}/s, about {left:.0f} s left")
+
+    def close(self) -> None:
+        """Nothing to tidy up."""
+
+
+class SweepBar:
+    """A bar that shows how far a sweep is and what it is doing."""
+
+    def __init__(self) -> None:
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+        columns: list[Any] = [
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(),
+            TextColumn("{task.description}"),
+        ]
+        self._progress = Progress(*columns, console=console(to_stderr=True), transient=True)
+        self._failed = 0
+
+    def begin(self, total: int, finished: int, warnings: Sequence[str]) -> None:
+        """Show the bar."""
+        _begin_notes(total, finished, warnings)
+        self._id = self._progress.add_task("", total=total, completed=finished)
+        if finished < total:
+            self._progress.start()
+
+    def advance(self, task: Task, record: EpisodeRecord) -> None:
+        """Move it."""
+        if record.error:
+            self._failed += 1
+            _note_failure(self._failed, task, record, self._progress.console)
+        failed = f"{self._failed} failed, " if self._failed else ""
+        self._progress.update(self._id, advance=1, description=f"{failed}{task.scenario.name}, {task.agent}")
+
+    def close(self) -> None:
+        """Take it away."""
+        self._progress.stop()
+
+
+def _note_failure(count: int, task: Task, record: EpisodeRecord, on: Console | None = None) -> None:
+    """Name the first failures, and say where the others stand."""
+    if count > FAILURES_NAMED + 1:
+        return
+    text = f"failed: {task}: {record.error}"
+    if count > FAILURES_NAMED:
+        text = "failed: more; see the column `error` of episodes.csv"
+    (on or console(to_stderr=True)).print(text, markup=False)
+
+
+def _begin_notes(total: int, finished: int, warnings: Sequence[str]) -> None:
+    for warning in warnings:
+        note(f"warning: {warning}")
+    there = f", {finished} of them finished already" if finished else ""
+    note(f"{total} episodes{there}")

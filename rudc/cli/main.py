@@ -1,0 +1,61 @@
+"""The command `rudc`: its commands put together, and errors turned into one message and an exit status.
+
+0 done, 1 the work failed, 2 the input was wrong, 130 interrupted. Commands import what they need when they
+run.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import Annotated
+
+import typer
+
+import rudc
+from rudc.cli import agent, network, run, scenario, sweep, table
+from rudc.errors import RudcError
+
+app = typer.Typer(
+    name="rudc",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="A SUMO-backed testbed for safe decision-making at unsignalized intersections.",
+)
+app.command("sweep")(sweep.sweep)
+app.command("run")(run.run)
+app.command("table")(table.table)
+app.add_typer(scenario.app, name="scenario")
+app.add_typer(network.app, name="network")
+app.add_typer(agent.app, name="agent")
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(rudc.__version__)
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    """A SUMO-backed testbed for safe decision-making at unsignalized intersections."""
+
+
+def main() -> None:
+    """Run the command line and leave with its exit status."""
+    try:
+        app()
+    except RudcError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(error.exit_code)
+    except KeyboardInterrupt:
+        sys.exit(130)
+    except BrokenPipeError:  # whoever read our output has had enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)

@@ -1,0 +1,120 @@
+"""`rudc network`: list, check, build."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rudc.cli.console import note, print_table
+
+app = typer.Typer(
+    no_args_is_help=True, help="Road networks: what is there, what is understood of yours, building one."
+)
+
+
+@app.command("list")
+def list_() -> None:
+    """The shipped networks."""
+    from rudc.world.network import shipped_networks
+    from rudc.world.network_check import check_network
+
+    rows = []
+    for name in shipped_networks():
+        report = check_network(name)
+        arms = ", ".join(arm.name + (" (major)" if arm.major else "") for arm in report.arms)
+        lanes = max(arm.in_lanes for arm in report.arms)
+        rows.append([name, report.kind, arms, str(lanes), f"{1000 * report.road_km:.0f}"])
+    print_table(["name", "kind", "arms", "lanes in", "road (m)"], rows, right=(3, 4))
+
+
+@app.command()
+def check(
+    source: Annotated[
+        str, typer.Argument(metavar="FILE", help="A .net.xml, or the name of a shipped network.")
+    ],
+    junction: Annotated[str | None, typer.Option(help="Which junction, where there are several.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="F.png", help="Draw what was understood.")
+    ] = None,
+) -> None:
+    """Say what is understood of a network: arms, lanes, movements, right of way; and what will be trouble.
+
+    **Example**: `rudc network check town.net.xml --junction J12 --out town.png`
+    """
+    from rudc.world.network_check import check_network
+
+    report = check_network(source, junction)
+    road = f"{report.road_km:.3f} km of two-way road"
+    typer.echo(f"{report.name}: junction {report.junction} ({report.kind}), {road}\n")
+    arms = [
+        [a.name, f"{a.bearing_deg:.0f}", f"{a.length_m:.0f}", str(a.in_lanes), str(a.out_lanes),
+         f"{a.lane_width_m:.1f}", f"{a.speed_mps:.1f}", "major" if a.major else "minor"]
+        for a in report.arms
+    ]  # fmt: skip
+    headings = [
+        "arm",
+        "bearing (deg)",
+        "length (m)",
+        "lanes in",
+        "out",
+        "width (m)",
+        "limit (m/s)",
+        "priority",
+    ]
+    print_table(headings, arms, right=range(1, 7))
+    typer.echo()
+    movements = [
+        [m.origin, m.destination, m.turn, " ".join(map(str, m.lanes)), "yields" if m.yields else "",
+         f"{m.length_m:.0f}", _radius(m.least_radius_m), f"{m.waiting_m:.1f}"]
+        for m in report.movements
+    ]  # fmt: skip
+    print_table(
+        ["from", "to", "turn", "from lanes", "", "length (m)", "radius (m)", "waits inside (m)"],
+        movements,
+        right=(5, 6, 7),
+    )
+    for warning in report.warnings:
+        note(f"warning: {warning}")
+    if out is not None:
+        _draw(report.network, out)
+        typer.echo(f"\n{out}")
+
+
+@app.command()
+def build(
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Folder with NAME.nod.xml, NAME.edg.xml, ...")
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="F.net.xml", help="Default: NAME.net.xml beside the sources."),
+    ] = None,
+) -> None:
+    """Build a .net.xml from plain sources with SUMO's netconvert (extra `networks`).
+
+    **Example**: `rudc network build my_networks/ring`
+    """
+    from rudc.world.network_build import build_network
+
+    typer.echo(build_network(folder, out))
+
+
+def _radius(radius_m: float) -> str:
+    return "straight" if radius_m > 1e3 else f"{radius_m:.1f}"
+
+
+def _draw(network: object, out: Path) -> None:
+    from rudc.errors import StorageError
+    from rudc.world.draw import draw_network, draw_route, save
+    from rudc.world.network import Network
+
+    assert isinstance(network, Network)
+    axes = draw_network(network)
+    for movement in network.movements:
+        draw_route(axes, network.route(movement.origin, movement.destination), edges=False)
+    try:
+        save(axes, out)
+    except (OSError, ValueError) as error:
+        raise StorageError(f"cannot write {out}: {error}") from None

@@ -1,0 +1,157 @@
+"""`rudc scenario`: list, new, validate, preview, schema."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rudc.cli.console import note, print_table
+from rudc.errors import InputError, RudcError, ScenarioError
+
+app = typer.Typer(no_args_is_help=True, help="Scenario files: find, write, check and draw them.")
+
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Another value at a dotted key; repeat for several."),
+]
+
+
+@app.command("list")
+def list_(
+    patterns: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[PATTERN]...", help="Names, files, patterns; all shipped by default."),
+    ] = None,
+) -> None:
+    """The scenarios, what happens in them, and why they are out of distribution (those that are)."""
+    from rudc.scenario import find_scenarios, shipped_scenarios
+
+    found = find_scenarios(patterns or list(shipped_scenarios()))
+    rows = []
+    for scenario in found:
+        swept = "; ".join(f"{key}: {', '.join(map(str, values))}" for key, values in scenario.sweep.items())
+        extra = f"\nsweep of {swept}" if swept else ""
+        why = f"\n[dim]OOD: {scenario.out_of_distribution}[/dim]" if scenario.out_of_distribution else ""
+        rows.append([scenario.name, scenario.network, f"{scenario.description}{extra}{why}"])
+    print_table(["name", "network", "what happens"], rows)
+
+
+@app.command()
+def new(
+    name: Annotated[str, typer.Argument(help="Name of the scenario; the file is NAME.yaml.")],
+    folder: Annotated[Path, typer.Option("--in", metavar="DIR", help="Folder for the file.")] = Path("."),
+) -> None:
+    """Write a scenario to start from, with its JSON Schema beside it so that editors complete and check.
+
+    **Example**: `rudc scenario new my_junction`, then edit `my_junction.yaml`
+    """
+    from rudc.evaluation.store import write_atomically
+    from rudc.scenario import json_schema, load_scenario, scenario_template
+
+    path = folder / f"{name}.yaml"
+    if path.exists():
+        raise InputError(f"{path} is there already; choose another name, or delete it")
+    _make_folder(folder)
+    schema = folder / "rudc-scenario.schema.json"
+    write_atomically(schema, json.dumps(json_schema(), indent=2) + "\n")
+    write_atomically(path, scenario_template(name, schema.name))
+    try:
+        load_scenario(path)
+    except ScenarioError:
+        path.unlink()
+        raise
+    note(f"{path} written; next: rudc scenario preview {path}, and rudc run {path} --agent gap-acceptance")
+
+
+@app.command()
+def validate(
+    files: Annotated[list[str], typer.Argument(metavar="FILE...", help="Files, shipped names, or patterns.")],
+) -> None:
+    """Check scenario files, and that each fits its network and can be set up (first seed, each swept value).
+
+    Every problem reads `FILE:LINE:COLUMN: key.path: what is wrong`, all of them at once.
+
+    **Example**: `rudc scenario validate my_scenarios/*.yaml`
+    """
+    from rudc.evaluation.preflight import try_out
+    from rudc.scenario import find_scenarios
+
+    problems = []
+    found = find_scenarios(files)
+    for scenario in found:
+        wrong = try_out(scenario)
+        problems += wrong
+        if not wrong:
+            points = len(scenario.points())
+            swept = f", {points} swept points" if scenario.sweep else ""
+            typer.echo(f"{scenario.name}: ok ({len(scenario.events)} events{swept})")
+    if problems:
+        raise ScenarioError("\n".join(problems))
+
+
+@app.command()
+def preview(
+    source: Annotated[str, typer.Argument(metavar="FILE", help="File or shipped name.")],
+    seed: Annotated[int, typer.Option(min=0, help="Which episode is shown.")] = 0,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="F.png", help="Image. Default: NAME.png.")
+    ] = None,
+    overrides: Overrides = None,
+) -> None:
+    """Draw a scenario: the road, the ego (yellow) and its path, events (red), and traffic as one seed has it.
+
+    **Example**: `rudc scenario preview blocked_left_turn --seed 3 --out blocked.png`
+    """
+    from rudc.evaluation.preview import draw_preview
+    from rudc.scenario import load_scenario
+
+    scenario = load_scenario(source, parse_overrides(overrides))
+    typer.echo(draw_preview(scenario, seed, out or Path(f"{scenario.name}.png")))
+
+
+@app.command()
+def schema(
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="F.json", help="File. Default: to the screen.")
+    ] = None,
+) -> None:
+    """The JSON Schema of scenario files, for editors: they complete keys and underline mistakes.
+
+    **Example**: `rudc scenario schema --out scenario.schema.json`, and as a file's first line
+    `# yaml-language-server: $schema=scenario.schema.json`
+    """
+    from rudc.evaluation.store import write_atomically
+    from rudc.scenario import json_schema
+
+    text = json.dumps(json_schema(), indent=2) + "\n"
+    if out is None:
+        typer.echo(text, nl=False)
+    else:
+        _make_folder(out.parent)
+        write_atomically(out, text)
+
+
+def parse_overrides(given: list[str] | None) -> dict[str, object]:
+    """`KEY=VALUE` texts as a dictionary; values are YAML. Raises InputError."""
+    import yaml
+
+    found: dict[str, object] = {}
+    for text in given or []:
+        key, equals, value = text.partition("=")
+        if not equals or not key.strip():
+            raise InputError(f"--set {text!r}: expected KEY=VALUE, such as traffic.density=30")
+        try:
+            found[key.strip()] = yaml.safe_load(value)
+        except yaml.YAMLError:
+            raise InputError(f"--set {text!r}: {value!r} is not a value as in a YAML file") from None
+    return found
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RudcError(f"cannot make the folder {folder}: {error.strerror}") from None

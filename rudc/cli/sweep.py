@@ -1,0 +1,145 @@
+"""`rudc sweep`."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from rudc.cli.console import note, sweep_progress
+from rudc.errors import InputError
+
+if TYPE_CHECKING:
+    from rudc.evaluation.sweep import SweepResult
+    from rudc.evaluation.tasks import SweepPlan
+
+SHIPPED_AGENTS = ("sumo", "follower", "gap-acceptance", "gap-acceptance+ttcbf", "gap-acceptance+ecbf")
+"""drivers of `--shipped` when none are named"""
+
+
+def sweep(
+    scenarios: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="SCENARIO...", help="Shipped names, files, or patterns of either."),
+    ] = None,
+    agents: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--agent", "-a", metavar="NAME", help="A driver; repeat for several. See `rudc agent list`."
+        ),
+    ] = None,
+    episodes: Annotated[
+        int,
+        typer.Option("--episodes", "-n", min=1, help="Episodes for each scenario, swept value and agent."),
+    ] = 100,
+    seed: Annotated[
+        int,
+        typer.Option(min=0, help="Seed of the first episode; the others follow, the same for each agent."),
+    ] = 0,
+    workers: Annotated[
+        int | None,
+        typer.Option("--workers", "-w", min=1, help="Processes, a world each. Default: one a core."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder for the results.")
+    ] = None,
+    engine: Annotated[
+        Literal["local", "ray"], typer.Option(help="Processes on this machine, or actors of a ray cluster.")
+    ] = "local",
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Finish the sweep in DIR; start it if there is none.")
+    ] = False,
+    shipped: Annotated[
+        bool,
+        typer.Option("--shipped", help="All shipped scenarios; with all kinds of drivers if none are named."),
+    ] = False,
+    limit: Annotated[
+        float,
+        typer.Option(
+            "--episode-limit", min=1.0, metavar="S", help="Wall time after which an episode is given up."
+        ),
+    ] = 300.0,
+) -> None:
+    """Run scenarios x agents x seeds in parallel, into a folder of CSV files.
+
+    DIR gets `episodes.csv` (a row an episode, written as each ends), `conditions.csv` (arm, turn, priority,
+    density), `metrics.csv` (a row for each scenario, agent and swept value) and `manifest.json`. The rows
+    depend neither on the number of workers nor on the engine. Ctrl-C keeps everything finished; `--resume`
+    goes on from there, after any kill.
+
+    **Examples**
+
+    `rudc sweep dense_left_turn --agent gap-acceptance --episodes 20 --out out/first`
+
+    `rudc sweep random_destination '*left*' my.yaml -a sumo -a gap-acceptance+ttcbf -w 8 -o out/all --resume`
+    """
+    from rudc.evaluation.runner import EpisodeRunner
+    from rudc.evaluation.sweep import run_sweep
+
+    plan = _plan(scenarios or [], agents or [], shipped, episodes, seed)
+    if out is None:
+        raise InputError("where to? give a folder for the results: --out DIR")
+    progress = sweep_progress()
+    try:
+        result = run_sweep(
+            plan,
+            out,
+            EpisodeRunner,
+            workers=workers or _cores(),
+            engine=engine,
+            resume=resume,
+            limit_s=limit,
+            progress=progress,
+        )
+    except KeyboardInterrupt:
+        progress.close()
+        note(f"interrupted; what is finished is kept in {out}: add --resume to go on")
+        raise typer.Exit(130) from None
+    finally:
+        progress.close()
+    _report(result)
+
+
+def _cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _plan(scenarios: list[str], agents: list[str], shipped: bool, episodes: int, seed: int) -> SweepPlan:
+    from rudc.agents.registry import make_agent
+    from rudc.evaluation.preflight import check_scenarios
+    from rudc.evaluation.tasks import SweepPlan
+    from rudc.scenario import find_scenarios, shipped_scenarios
+
+    if shipped:
+        scenarios = [*shipped_scenarios(), *scenarios]
+        agents = agents or list(SHIPPED_AGENTS)
+    if not scenarios:
+        raise InputError(
+            "which scenarios? give names, files or patterns, or --shipped; see `rudc scenario list`"
+        )
+    if not agents:
+        raise InputError("which agents? give at least one --agent NAME; see `rudc agent list`")
+    for name in agents:
+        make_agent(name)
+    plan = SweepPlan(tuple(find_scenarios(scenarios)), tuple(dict.fromkeys(agents)), episodes, seed)
+    check_scenarios(plan.scenarios, seed)
+    return plan
+
+
+def _report(result: SweepResult) -> None:
+    from rudc.cli.table import print_metrics
+
+    by = ["scenario", *result.parameters, "agent"]
+    print_metrics(result.rows, by)
+    note(f"in {result.folder}: episodes.csv, conditions.csv, metrics.csv, manifest.json")
+    if result.errors:
+        kinds = dict.fromkeys(row["error"] for row in result.errors)
+        note(
+            f"{len(result.errors)} of {len(result.rows)} episodes failed, in {len(kinds)} way(s); the first:"
+        )
+        note(f"  {next(iter(kinds))}")
+        note("--resume tries them again")
+        raise typer.Exit(1)

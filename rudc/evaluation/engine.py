@@ -1,0 +1,221 @@
+"""The local engine: worker processes with a world each, fed one episode at a time.
+
+Workers are spawned, not forked: each starts from a clean interpreter, without the parent's threads and
+handlers and without a libsumo that is already in use, and it does so on every platform. That costs about a
+second a worker, once.
+
+    parent                                    worker
+    starts it                            ->   makes its runner, says "ready"
+    sends a task                         ->   runs it, sends the record back
+    closes the pipe                      ->   ends; the pipe closes by itself when the parent dies
+
+A worker that dies or takes too long for an episode is replaced, and its episode tried once more; then it is
+recorded with its error. Workers ignore Ctrl-C: the parent decides.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+
+from rudc.errors import SimulationError
+from rudc.evaluation.record import EpisodeRecord
+from rudc.evaluation.tasks import Task
+
+Runner = Callable[[Task], EpisodeRecord]
+RunnerFactory = Callable[[], Runner]
+Result = tuple[Task, EpisodeRecord]
+
+START_LIMIT_S = 120.0
+"""s in which a worker must have started"""
+START_FAILURES = 3
+"""workers in a row that may fail to start"""
+TRIES = 2
+"""how often an episode is given to a worker that then dies"""
+SINGLE_THREADED = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""set to 1 for workers: their arrays are small, and they share the cores already"""
+
+
+@dataclass(eq=False)
+class _Worker:
+    """A worker process and what it is doing."""
+
+    process: BaseProcess
+    pipe: Connection
+    ready: bool = False
+    task: Task | None = None
+    since: float = field(default_factory=time.monotonic)
+    """s, when it was started or given its task"""
+
+
+def run_local(
+    tasks: Sequence[Task], workers: int, limit_s: float, make_runner: RunnerFactory
+) -> Iterator[Result]:
+    """Run the tasks on worker processes and yield each record as its episode ends, in any order.
+
+    Closing the iterator ends the workers. Raises SimulationError when no worker can be started.
+    """
+    pool = _Pool(tasks, limit_s, make_runner)
+    try:
+        yield from pool.run(min(workers, len(tasks)))
+    finally:
+        pool.end()
+
+
+class _Pool:
+    def __init__(self, tasks: Sequence[Task], limit_s: float, make_runner: RunnerFactory) -> None:
+        self._pending = deque(tasks)
+        self._deaths: dict[int, int] = {}
+        self._limit_s = limit_s
+        self._make_runner = make_runner
+        self._workers: list[_Worker] = []
+        self._failed_starts = 0
+
+    def run(self, workers: int) -> Iterator[Result]:
+        self._workers = [self._start() for _ in range(workers)]
+        self._assign()
+        while self._pending or any(worker.task for worker in self._workers):
+            results = [result for worker in self._await() if (result := self._attend(worker))]
+            self._assign()  # before yielding: no worker waits while a row is written
+            yield from results
+
+    def end(self) -> None:
+        """End all workers: idle ones by closing their pipe, busy ones by a signal, stubborn ones by force."""
+        for worker in self._workers:
+            worker.pipe.close()
+            if worker.task is not None or not worker.ready:
+                worker.process.terminate()
+        for worker in self._workers:
+            worker.process.join(5.0)
+            if worker.process.is_alive():
+                worker.process.kill()
+                worker.process.join()
+        self._workers = []
+
+    def _start(self) -> _Worker:
+        context = multiprocessing.get_context("spawn")
+        ours, theirs = context.Pipe()
+        process = context.Process(target=serve, args=(theirs, self._make_runner), daemon=True)
+        with _quiet_start():
+            process.start()
+        theirs.close()
+        return _Worker(process, ours)
+
+    def _assign(self) -> None:
+        for worker in self._workers:
+            if self._pending and worker.ready and worker.task is None:
+                worker.task, worker.since = self._pending.popleft(), time.monotonic()
+                with contextlib.suppress(BrokenPipeError):  # it died just now: noticed when next awaited
+                    worker.pipe.send(worker.task)
+
+    def _await(self) -> list[_Worker]:
+        """Workers that have something to say, have died, or have run out of time."""
+        now = time.monotonic()
+        active = [worker for worker in self._workers if worker.task is not None or not worker.ready]
+        patience = min((self._deadline(worker) - now for worker in active), default=1.0)
+        by_handle: dict[object, _Worker] = {}
+        for worker in self._workers:
+            by_handle[worker.pipe] = by_handle[worker.process.sentinel] = worker
+        heard = wait(list(by_handle), max(patience, 0.0))  # pyright: ignore[reportArgumentType] - handles of both kinds
+        found = {id(by_handle[handle]): by_handle[handle] for handle in heard}
+        late = [worker for worker in active if time.monotonic() > self._deadline(worker)]
+        return list({**found, **{id(worker): worker for worker in late}}.values())
+
+    def _deadline(self, worker: _Worker) -> float:
+        return worker.since + (self._limit_s if worker.ready else START_LIMIT_S)
+
+    def _attend(self, worker: _Worker) -> Result | None:
+        try:
+            message = worker.pipe.recv() if worker.pipe.poll() else None
+        except (EOFError, OSError):
+            return self._replace(worker, "")
+        if message is None:
+            if time.monotonic() > self._deadline(worker):
+                return self._replace(worker, f"no result within {self._limit_s:g} s")
+            return self._replace(worker, "") if not worker.process.is_alive() else None
+        if isinstance(message, EpisodeRecord) and worker.task is not None:
+            task, worker.task = worker.task, None
+            return task, message
+        if message != "ready":
+            raise SimulationError(f"a worker cannot start: {message}")
+        worker.ready, self._failed_starts = True, 0
+        return None
+
+    def _replace(self, worker: _Worker, reason: str) -> Result | None:
+        """Replace a dead or late worker; its episode is tried once more, or given up."""
+        if not reason:
+            worker.process.join(5.0)
+        worker.process.kill()
+        worker.process.join()
+        worker.pipe.close()
+        reason = reason or _cause(worker.process.exitcode)
+        if not worker.ready:
+            self._failed_starts += 1
+            if self._failed_starts >= START_FAILURES:
+                raise SimulationError(f"workers cannot start: {reason}")
+        self._workers[self._workers.index(worker)] = self._start()
+        task = worker.task
+        if task is None:
+            return None
+        self._deaths[id(task)] = self._deaths.get(id(task), 0) + 1
+        if self._deaths[id(task)] < TRIES:
+            self._pending.appendleft(task)
+            return None
+        return task, EpisodeRecord.failed(
+            task.scenario.name, task.agent, task.seed, f"the worker failed {TRIES} times: {reason}"
+        )
+
+
+def serve(pipe: Connection, make_runner: RunnerFactory) -> None:
+    """What a worker process does. Ends when the pipe closes or at SIGTERM."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    try:
+        run = make_runner()
+    except Exception as error:
+        pipe.send(f"{type(error).__name__}: {error}")
+        return
+    pipe.send("ready")
+    with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
+        while True:
+            pipe.send(run(pipe.recv()))
+
+
+@contextlib.contextmanager
+def _quiet_start() -> Iterator[None]:
+    """What a child inherits: Ctrl-C ignored from its first instruction, one thread in its linear algebra."""
+    before = {name: os.environ.get(name) for name in SINGLE_THREADED}
+    os.environ.update(dict.fromkeys(SINGLE_THREADED, "1"))
+    in_main = threading.current_thread() is threading.main_thread()
+    handler = signal.signal(signal.SIGINT, signal.SIG_IGN) if in_main else None
+    try:
+        yield
+    finally:
+        if in_main:
+            signal.signal(signal.SIGINT, handler)
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def _cause(exit_code: int | None) -> str:
+    """Why a process ended, in words."""
+    if exit_code is not None and exit_code < 0:
+        name = (
+            signal.Signals(-exit_code).name if -exit_code in set(signal.Signals) else f"signal {-exit_code}"
+        )
+        hint = " (out of memory?)" if name == "SIGKILL" else ""
+        return f"it was ended by {name}{hint}"
+    return f"it ended with exit code {exit_code}"

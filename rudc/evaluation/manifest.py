@@ -1,0 +1,114 @@
+"""`manifest.json`: what a sweep's rows were made from. No time stamps: the same inputs give the same file."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import platform
+import shutil
+import subprocess
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import rudc
+from rudc.agents.registry import agent_settings
+from rudc.errors import SweepError
+from rudc.evaluation.tasks import SweepPlan
+
+PACKAGES = ("libsumo", "sumolib", "numpy", "scipy", "qpsolvers", "piqp", "gymnasium", "pydantic")
+"""whose versions can change a row"""
+
+
+def code_version() -> str:
+    """`git describe` of the checkout that RUDC runs from, or the version of the installed package."""
+    root = Path(rudc.__file__).resolve().parent.parent
+    git = shutil.which("git")
+    if git is None or not (root / ".git").exists() or not (root / "pyproject.toml").exists():
+        return rudc.__version__
+    command = [git, "-C", str(root), "describe", "--always", "--dirty", "--tags"]
+    found = subprocess.run(command, capture_output=True, text=True, check=False)
+    return found.stdout.strip() or rudc.__version__
+
+
+def versions() -> dict[str, str]:
+    """Versions of everything that can change a row."""
+    found = {"rudc": rudc.__version__, "code": code_version(), "python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            found[package] = "not installed"
+    return found
+
+
+def configuration(plan: SweepPlan) -> dict[str, Any]:
+    """Everything that decides the rows of a sweep."""
+    return {
+        "scenarios": {s.name: {"digest": s.digest, "values": s.data()} for s in plan.scenarios},
+        "agents": {name: agent_settings(name) for name in plan.agents},
+        "episodes": plan.episodes,
+        "seed": plan.seed,
+    }
+
+
+def manifest(plan: SweepPlan) -> dict[str, Any]:
+    """The content of `manifest.json`."""
+    return {"format": 1, "configuration": configuration(plan), "versions": versions()}
+
+
+def as_json(content: Mapping[str, Any]) -> str:
+    """The manifest as text."""
+    return json.dumps(content, indent=2) + "\n"
+
+
+def resumed(old: Mapping[str, Any], new: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """The manifest of a sweep that goes on: the old one; where versions changed meanwhile, it says to which.
+
+    Raises SweepError when the configuration is another one, saying what differs.
+    """
+    fresh = json.loads(json.dumps(new))
+    differences = list(_differences(old.get("configuration", {}), fresh["configuration"]))
+    if differences:
+        shown = "\n".join(f"  {line}" for line in differences[:12])
+        more = f"\n  and {len(differences) - 12} more" if len(differences) > 12 else ""
+        raise SweepError(
+            f"{folder} holds another sweep; it differs in\n{shown}{more}\n"
+            "Give the same command as before to resume it, or another --out to start anew"
+        )
+    result = dict(old)
+    known = [old.get("versions"), *old.get("resumed_with", [])]
+    if fresh["versions"] not in known:
+        result["resumed_with"] = [*old.get("resumed_with", []), fresh["versions"]]
+    return result
+
+
+def version_changes(content: Mapping[str, Any]) -> list[str]:
+    """What changed between the versions that a resumed sweep's rows were made with: `name old -> new`."""
+    first, last = content["versions"], content.get("resumed_with", [content["versions"]])[-1]
+    return [f"{name} {first.get(name)} -> {last[name]}" for name in last if first.get(name) != last[name]]
+
+
+def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:
+    """One line for each thing that differs, in words."""
+    flat_old, flat_new = dict(_flat(old)), dict(_flat(new))
+    for key in dict.fromkeys([*flat_old, *flat_new]):
+        was, now = flat_old.get(key, "absent"), flat_new.get(key, "absent")
+        if was != now and not key.endswith(".digest"):
+            yield f"{key}: {was} there, {now} here"
+    if flat_old.keys() == flat_new.keys() and all(
+        flat_old[key] == flat_new[key] for key in flat_new if not key.endswith(".digest")
+    ):
+        changed = [key for key in flat_new if flat_old[key] != flat_new[key]]
+        yield from (f"{key}: a file that the scenario names has changed" for key in changed)
+
+
+def _flat(value: Any, prefix: str = "") -> Iterator[tuple[str, str]]:
+    """Dotted key -> text of every leaf."""
+    if isinstance(value, Mapping) and value:
+        for key, inner in value.items():
+            yield from _flat(inner, f"{prefix}.{key}" if prefix else str(key))
+    elif isinstance(value, Mapping):
+        yield prefix, "{}"
+    else:
+        yield prefix, json.dumps(value)

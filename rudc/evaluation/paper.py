@@ -1,0 +1,48 @@
+"""What the paper reports (Tab. "Performance comparison", Tab. "Ablation study"): mean (standard deviation).
+
+The numbers stand in `paper.csv` as printed. They come from another simulator; the spread of rates there is
+over training runs, ours over episodes.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from rudc.errors import InputError
+from rudc.evaluation.metrics import METRICS, Group
+from rudc.evaluation.statistics import Summary
+
+TABLES: dict[str, tuple[str, ...]] = {
+    "comparison": ("comparison",),
+    "ablation": ("ablation",),
+    "paper": ("comparison", "ablation"),
+}
+"""what `--against` may name -> tables of the paper"""
+_MARK = " (paper)"
+
+
+def is_from_paper(group: Group) -> bool:
+    """Whether a group stands for what the paper reports."""
+    return any(value.endswith(_MARK) for value in group.key)
+
+
+def paper_groups(table: str, by: Sequence[str]) -> list[Group]:
+    """The paper's rows, keyed like groups by these columns. Raises InputError for an unknown table."""
+    if table not in TABLES:
+        raise InputError(f"the paper has no table {table!r}; there are: {', '.join(TABLES)}")
+    text = Path(__file__).with_name("paper.csv").read_text(encoding="utf-8")
+    found: dict[tuple[str, ...], Group] = {}
+    for row in csv.DictReader(text.splitlines()):
+        if row["table"] in TABLES[table]:
+            known = {"scenario": row["scenario"], "agent": row["agent"] + _MARK}
+            key = tuple(known.get(name, "") for name in by)
+            metrics = {m.name: _summary(row, m.name) for m in METRICS}
+            found.setdefault(key, Group(key, 0, 0, metrics, math.nan))
+    return list(found.values())
+
+
+def _summary(row: dict[str, str], name: str) -> Summary:
+    return Summary(float(row[f"{name}_mean"]), float(row[f"{name}_std"]), math.nan, math.nan)

@@ -1,0 +1,119 @@
+"""A sweep's rows on disk: appended as episodes end, readable at any moment, sorted when all are there.
+
+Only the sweep's own process writes. A row goes out in a single write and is flushed to the disk; what a kill
+or a full disk leaves of a row is cut off. A row never spans lines, so a file is whole up to its last line
+break. Rewriting (dropping rows, sorting) goes to a file beside it that then replaces it.
+"""
+
+from __future__ import annotations
+
+import csv
+import errno
+import io
+import os
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import NoReturn
+
+from rudc.errors import StorageError, SweepError
+
+Rows = list[list[str]]
+
+
+def format_row(cells: Sequence[str]) -> str:
+    """One line of CSV, its line break included."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerow([" ".join(cell.split()) for cell in cells])
+    return text.getvalue()
+
+
+def write_atomically(path: Path, text: str) -> None:
+    """Replace a file's content; a kill leaves the old content or the new, never a mixture."""
+    draft = path.with_name(f".{path.name}.new")
+    try:
+        with open(draft, "w", encoding="utf-8", newline="") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(draft, path)
+    except OSError as error:
+        draft.unlink(missing_ok=True)
+        explain(path, error)
+
+
+def explain(path: Path, error: OSError) -> NoReturn:
+    """Raise the StorageError that says what became of the results."""
+    full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+    reason = "the disk is full" if full else (error.strerror or str(error))
+    raise StorageError(
+        f"cannot write {path}: {reason}. All rows written before are kept; "
+        "make room and run the same command with --resume"
+    ) from error
+
+
+class RowFile:
+    """A CSV file that grows by whole rows."""
+
+    def __init__(self, path: Path, header: Sequence[str]) -> None:
+        self.path = path
+        self.header = list(header)
+        self._descriptor: int | None = None
+
+    def read(self) -> Rows:
+        """The whole rows of the file, in its order; none if there is no file. A torn last line is left out.
+
+        Raises SweepError when it is the file of another sweep.
+        """
+        if not self.path.exists():
+            return []
+        data = self.path.read_bytes()
+        text = data[: data.rfind(b"\n") + 1].decode("utf-8", errors="replace")
+        lines = list(csv.reader(io.StringIO(text)))
+        if lines and lines[0] != self.header:
+            raise SweepError(
+                f"{self.path} has other columns than this sweep writes; use another folder, or delete it"
+            )
+        return [line for line in lines[1:] if len(line) == len(self.header)]
+
+    def rewrite(self, rows: Iterable[Sequence[str]]) -> None:
+        """Replace the content by the header and these rows."""
+        self.close()
+        write_atomically(self.path, format_row(self.header) + "".join(map(format_row, rows)))
+
+    def append(self, row: Sequence[str]) -> None:
+        """Add a row; raises StorageError, the file as it was before, when it cannot be written."""
+        try:
+            if self._descriptor is None:
+                self._descriptor = os.open(self.path, os.O_WRONLY | os.O_APPEND)
+            size = os.fstat(self._descriptor).st_size
+            try:
+                self._write(format_row(row).encode())
+            except OSError:
+                os.ftruncate(self._descriptor, size)
+                raise
+        except OSError as error:
+            explain(self.path, error)
+
+    def _write(self, data: bytes) -> None:
+        assert self._descriptor is not None
+        written = os.write(self._descriptor, data)
+        if written < len(data):  # a full disk takes a part and says so at the next write
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        os.fsync(self._descriptor)
+
+    def close(self) -> None:
+        """Close the file; `append` opens it again."""
+        if self._descriptor is not None:
+            os.close(self._descriptor)
+            self._descriptor = None
+
+
+def read_table(path: Path) -> list[dict[str, str]]:
+    """The whole rows of a CSV file as dictionaries. Raises SweepError when there is none."""
+    if not path.is_file():
+        raise SweepError(f"no {path.name} in {path.parent}; is it the folder of a sweep?")
+    data = path.read_bytes()
+    text = data[: data.rfind(b"\n") + 1].decode("utf-8", errors="replace")
+    lines = csv.reader(io.StringIO(text))
+    header = next(lines, [])
+    return [dict(zip(header, line, strict=True)) for line in lines if len(line) == len(header)]

@@ -1,0 +1,93 @@
+"""A sweep: scenarios x swept values x agents x seeds, run by an engine into a folder, resumable."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, Protocol
+
+from rudc.errors import SweepError
+from rudc.evaluation.engine import Result, RunnerFactory, run_local
+from rudc.evaluation.folder import SweepFolder
+from rudc.evaluation.ray_engine import run_ray
+from rudc.evaluation.record import EpisodeRecord
+from rudc.evaluation.tasks import SweepPlan, Task
+
+EngineName = Literal["local", "ray"]
+Engine = Callable[[Sequence[Task], int, float, RunnerFactory], Iterator[Result]]
+ENGINES: dict[EngineName, Engine] = {"local": run_local, "ray": run_ray}
+
+EPISODE_LIMIT_S = 300.0
+"""s of wall time after which an episode is given up"""
+
+
+class Progress(Protocol):
+    """Is told how a sweep goes."""
+
+    def begin(self, total: int, finished: int, warnings: Sequence[str]) -> None:
+        """Before the first episode; `finished` of `total` are there already."""
+        ...
+
+    def advance(self, task: Task, record: EpisodeRecord) -> None:
+        """An episode has ended and its row is on the disk."""
+        ...
+
+
+class Silent:
+    """Shows nothing."""
+
+    def begin(self, total: int, finished: int, warnings: Sequence[str]) -> None:
+        """Nothing."""
+
+    def advance(self, task: Task, record: EpisodeRecord) -> None:
+        """Nothing."""
+
+
+@dataclass(frozen=True)
+class SweepResult:
+    """What a finished sweep left."""
+
+    folder: Path
+    rows: list[dict[str, str]]
+    """of `episodes.csv`, in canonical order"""
+    parameters: tuple[str, ...]
+    """dotted keys that were swept"""
+
+    @property
+    def errors(self) -> list[dict[str, str]]:
+        """Rows of the episodes that could not be run."""
+        return [row for row in self.rows if row["error"]]
+
+
+def run_sweep(
+    plan: SweepPlan,
+    out: Path,
+    make_runner: RunnerFactory,
+    *,
+    workers: int = 1,
+    engine: EngineName = "local",
+    resume: bool = False,
+    limit_s: float = EPISODE_LIMIT_S,
+    progress: Progress | None = None,
+) -> SweepResult:
+    """Run what is not finished yet, and write episodes, conditions, metrics and manifest to `out`.
+
+    make_runner is called once in each worker (`EpisodeRunner`); it must be importable there. Raises
+    SweepError when the folder holds something else, StorageError when it cannot be written. Whatever ends a
+    sweep early (Ctrl-C included), all rows of finished episodes are kept.
+    """
+    if workers < 1:
+        raise SweepError(f"a sweep needs at least one worker, not {workers}")
+    progress = progress or Silent()
+    with SweepFolder(out, plan) as folder:
+        folder.open(resume)
+        todo = [task for task in folder.tasks if task.key(folder.parameters) not in folder.finished]
+        progress.begin(len(folder.tasks), len(folder.finished), folder.warnings)
+        if todo:
+            with closing(ENGINES[engine](todo, workers, limit_s, make_runner)) as results:  # pyright: ignore
+                for task, record in results:
+                    folder.add(task, record)
+                    progress.advance(task, record)
+        return SweepResult(out, folder.complete(), folder.parameters)

@@ -1,0 +1,82 @@
+"""What a sweep consists of: one task an episode, in one order that depends on nothing but the inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rudc.errors import SweepError
+from rudc.evaluation.record import as_text
+
+if TYPE_CHECKING:
+    from rudc.scenario.model import Scalar, Scenario
+
+Key = tuple[str, ...]
+"""what tells one episode of a sweep from the others, as text: scenario, agent, seed, swept values"""
+
+
+@dataclass(frozen=True)
+class Task:
+    """One episode to be run."""
+
+    scenario: Scenario
+    """with the swept values in it"""
+    swept: Mapping[str, Scalar]
+    """dotted key -> value, of its scenario's `sweep`"""
+    agent: str
+    seed: int
+
+    def cells(self, parameters: Sequence[str]) -> list[str]:
+        """Its swept values as text, one for each of the sweep's parameters, empty for those it has not."""
+        return [as_text(self.swept.get(name)) for name in parameters]
+
+    def key(self, parameters: Sequence[str]) -> Key:
+        """What tells it from the sweep's other tasks."""
+        return (self.scenario.name, self.agent, str(self.seed), *self.cells(parameters))
+
+    def __str__(self) -> str:
+        values = "".join(f", {name}={value}" for name, value in self.swept.items())
+        return f"{self.scenario.name}{values}, {self.agent}, seed {self.seed}"
+
+
+@dataclass(frozen=True)
+class SweepPlan:
+    """Everything that decides a sweep's rows."""
+
+    scenarios: tuple[Scenario, ...]
+    agents: tuple[str, ...]
+    episodes: int
+    """for each scenario, swept value and agent"""
+    seed: int
+    """of the first episode; the others follow, the same for each agent, so that agents compare in pairs"""
+
+    def __post_init__(self) -> None:
+        for what, names in (
+            ("scenario", [s.name for s in self.scenarios]),
+            ("agent", list(self.agents)),
+        ):
+            if not names:
+                raise SweepError(f"a sweep needs at least one {what}")
+            twice = sorted({name for name in names if names.count(name) > 1})
+            if twice:
+                raise SweepError(f"{what} {twice[0]!r} is given more than once; give each a name of its own")
+        if self.episodes < 1:
+            raise SweepError(f"a sweep needs at least one episode, not {self.episodes}")
+        if self.seed < 0:
+            raise SweepError(f"a seed cannot be negative, got {self.seed}")
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Dotted keys that any of the scenarios sweeps, in order of first appearance."""
+        return tuple(dict.fromkeys(key for scenario in self.scenarios for key in scenario.sweep))
+
+    def tasks(self) -> list[Task]:
+        """All episodes in the canonical order: scenario, swept values, agent, seed."""
+        return [
+            Task(scenario, swept, agent, self.seed + i)
+            for family in self.scenarios
+            for swept, scenario in family.grid()
+            for agent in self.agents
+            for i in range(self.episodes)
+        ]

@@ -1,0 +1,66 @@
+"""Every decision of an episode as a row of a CSV file: what was proposed, what was done, what it led to."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rudc.evaluation.record import as_text
+from rudc.evaluation.store import format_row, write_atomically
+
+if TYPE_CHECKING:
+    from rudc.agents.base import Decision
+    from rudc.env.episode import StepResult
+    from rudc.world.scene import Scene
+
+
+class Trace:
+    """Keeps the decisions of one episode; `watch` is for `run_episode`."""
+
+    def __init__(self) -> None:
+        self._rows: list[dict[str, object]] = []
+
+    def watch(self, scene: Scene, decision: Decision, result: StepResult) -> None:
+        """Keep a decision: the scene it was taken in, and what came of it."""
+        ego, filtered = scene.ego, decision.filtered
+        row: dict[str, object] = {
+            "time_s": scene.time_s,
+            "x_m": ego.x,
+            "y_m": ego.y,
+            "heading_rad": ego.psi,
+            "speed_mps": ego.v,
+            "route_s_m": scene.ego_s,
+            "route_offset_m": scene.ego_offset,
+            "proposed_acceleration_mps2": decision.u_rl[0],
+            "proposed_steering_rad": decision.u_rl[1],
+            "acceleration_mps2": decision.u[0],
+            "steering_rad": decision.u[1],
+            "sigma": decision.sigma,
+            "filter_status": filtered.status if filtered else "",
+            "filter_active": " ".join(filtered.active) if filtered else "",
+            "filter_least_h_m2": float(np.min(filtered.h)) if filtered and len(filtered.h) else math.nan,
+            "filter_slack": filtered.slack_used if filtered else math.nan,
+            "filter_residual": filtered.residual if filtered else math.nan,
+            "filter_ms": filtered.solve_ms if filtered else math.nan,
+            "gap_m": result.advance.min_dtc_m,
+            "reward": result.reward,
+            "cost": result.cost,
+        }
+        row |= {f"reward_{name}": value for name, value in result.terms.items()}
+        self._rows.append(row)
+
+    def save(self, path: Path) -> None:
+        """Write the rows. Raises StorageError."""
+        columns = list(dict.fromkeys(name for row in self._rows for name in row))
+        lines = [columns, *([_cell(row.get(name)) for name in columns] for row in self._rows)]
+        write_atomically(path, "".join(map(format_row, lines)))
+
+
+def _cell(value: object) -> str:
+    """A number to six decimals, anything else as text."""
+    if isinstance(value, float):
+        return as_text(round(float(value), 6)) if math.isfinite(value) else ""
+    return as_text(value)
