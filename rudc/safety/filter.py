@@ -1,0 +1,249 @@
+"""`SafetyFilter`: the least change to an action that keeps every barrier's condition.
+
+Paper, Sec. "Safety Correction Formulation": with rows A u >= b from `rows`, u = (a, z) and
+z = tan(delta_f),
+
+    minimise  w_a (a - a_rl)^2 / 2 + w_z (z - z_rl)^2 / 2
+    subject to  A u >= b,   a_low <= a <= a_max,
+                |z - z_rl| <= max_steering_correction,   |z| <= tan(delta_max)
+
+and delta_f = atan(z). a_low = max(a_min, -v / dt): the model would drive backwards where the vehicle
+stands, and a row that holds only by driving backwards does not hold. A nominal action that brakes
+harder than that counts as a_low and is passed on unchanged.
+
+What comes out, by `Filtered.status`:
+
+    nominal   the action satisfies all rows (or there are none): it is the solution, nothing is solved
+    solved    the QP's solution, certified (see `qp`)
+    relaxed   no action satisfies all rows; the one that violates them least, slack s >= 0 for each row,
+              minimise ... + sum_i r_i s_i^2 / 2,  A u + s >= b,  r of vehicles a thousand times r of the road
+    braking   not even that could be solved: full braking, steering as proposed
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rudc.errors import SolverError
+from rudc.safety.barrier import Array, Constraints, barrier_terms
+from rudc.safety.config import FilterConfig
+from rudc.safety.constraints import ConstraintBuilder
+from rudc.safety.qp import Problem, Solution, make_solver
+from rudc.safety.rows import affine_rows, per_row
+from rudc.world.scene import EgoVehicle, Scene
+
+__all__ = ["FilterConfig", "Filtered", "SafetyFilter", "Status"]
+
+Status = Literal["nominal", "solved", "relaxed", "braking"]
+
+PUSHING = 1e-6
+"""multiplier (cost per m2) above which a row counts as active"""
+
+
+class Filtered(NamedTuple):
+    """What the filter did with one action."""
+
+    u: Array
+    """(2,) safe action: acceleration m/s2, front-wheel angle rad"""
+    correction: Array
+    """(2,) u minus the nominal action, m/s2 and rad"""
+    status: Status
+    """how it came about"""
+    active: tuple[str, ...]
+    """names of the constraints that hold the solution where it is, or that had to be violated"""
+    h: Array
+    """(K,) m2, barrier values of all constraints"""
+    names: tuple[str, ...]
+    """(K,) their names"""
+    slack_used: float
+    """m2 per step, largest violation of a row in a `relaxed` solution; inf when braking"""
+    residual: float
+    """largest violation of the optimality conditions; 0 where nothing was solved, inf when braking"""
+    solve_ms: float
+    """ms in QP solvers"""
+    infeasible: bool
+    """whether no action within bounds satisfied all rows, as far as the solver could tell"""
+
+
+class _Bounds(NamedTuple):
+    """The nominal action within limits, and the box around it, in (a, z)."""
+
+    nominal: Array
+    """(2,)"""
+    lower: Array
+    """(2,)"""
+    upper: Array
+    """(2,)"""
+
+
+class SafetyFilter:
+    """Corrects actions, one decision after the other."""
+
+    def __init__(self, config: FilterConfig | None = None) -> None:
+        """Raises SolverError if the configured solver is not installed."""
+        self.config = config = config or FilterConfig()
+        self.counts: dict[Status, int] = {}
+        """how often each status came out since the last `reset`"""
+        self.last_problem: Problem | None = None
+        """the QP of the last decision, solved or not; None if it had no constraints"""
+        self._weights = config.row_weights(road=False), config.row_weights(road=True)
+        self._builder = ConstraintBuilder(config)
+        self._solver = make_solver(config.solver)
+        self._cost = np.diag([config.acceleration_weight, config.steering_weight])
+        self._seen: tuple[Scene, Constraints] | None = None
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin a new episode."""
+        self.counts = dict.fromkeys(("nominal", "solved", "relaxed", "braking"), 0)
+        self.last_problem = None
+        self._seen = None
+
+    def constraints(self, scene: Scene) -> Constraints:
+        """What `filter` will constrain in this scene, in the order of its rows; `residual` follows it."""
+        if self._seen is None or self._seen[0] is not scene:
+            _refuse_unknown_world(scene)
+            self._seen = scene, self._builder.build(scene)
+        return self._seen[1]
+
+    def filter(
+        self, scene: Scene, u_rl: Array, slack: float = 0.0, residual: Array | None = None
+    ) -> Filtered:
+        """The safe action for a nominal one `u_rl` (2,): acceleration m/s2, front-wheel angle rad.
+
+        `slack`: delta(sigma), m2 per step, for all rows. `residual`: (K,) m2 per step, predicted h(x_next)
+        minus the model's, in the order of `constraints(scene)`. Both as in `rows`, whichever kind of barrier.
+        Raises SolverError if anything is not finite.
+        """
+        proposed = np.array([float(u_rl[0]), float(u_rl[1])])
+        if not (math.isfinite(proposed[0]) and math.isfinite(proposed[1]) and math.isfinite(slack)):
+            raise SolverError(
+                f"the filter was given an action or slack that is not finite: {proposed}, {slack}"
+            )
+        constraints = self.constraints(scene)
+        bounds = self._bounds(scene, proposed)
+        if not constraints.count:
+            self.last_problem = None
+            return self._passed(scene, proposed, np.zeros(0), ())
+        h, rows, b = self._rows(scene, constraints, bounds.nominal, slack, residual)
+        q = -self._cost.diagonal() * bounds.nominal
+        problem = self.last_problem = Problem(self._cost, q, rows, b, bounds.lower, bounds.upper)
+        if (rows @ bounds.nominal - b).min() >= 0.0:
+            return self._passed(scene, proposed, h, constraints.names)
+        status, solution, kept = self._solve(problem, constraints)
+        self.counts[status] += 1
+        u, slack = self._action(status, scene.vehicle, proposed, bounds, solution)
+        pushing = kept[solution.multipliers > PUSHING].tolist()
+        return Filtered(
+            u=u,
+            correction=u - proposed,
+            status=status,
+            active=tuple([constraints.names[i] for i in pushing]),
+            h=h,
+            names=constraints.names,
+            slack_used=slack,
+            residual=solution.residual,
+            solve_ms=solution.solve_ms,
+            infeasible=status != "solved",
+        )
+
+    def _bounds(self, scene: Scene, proposed: Array) -> _Bounds:
+        body, most = scene.vehicle, self.config.max_steering_correction
+        a_low = min(max(body.a_min, -scene.ego.v / self.config.dt), body.a_max)
+        z_max = math.tan(body.delta_max)
+        a = min(max(proposed[0], a_low), body.a_max)
+        z = math.tan(min(max(proposed[1], -body.delta_max), body.delta_max))
+        return _Bounds(
+            nominal=np.array([a, z]),
+            lower=np.array([a_low, max(z - most, -z_max)]),
+            upper=np.array([body.a_max, min(z + most, z_max)]),
+        )
+
+    def _rows(
+        self, scene: Scene, constraints: Constraints, nominal: Array, slack: float, residual: Array | None
+    ) -> tuple[Array, Array, Array]:
+        """h (K,), A (K, 2) and b (K,)."""
+        ego = scene.ego
+        heading = complex(math.cos(ego.psi), math.sin(ego.psi))
+        terms = barrier_terms(complex(ego.x, ego.y), heading, ego.v, scene.vehicle.wheelbase, constraints)
+        if residual is not None and np.shape(residual) != (constraints.count,):
+            raise SolverError(
+                f"the filter has {constraints.count} constraints, but the residuals' shape is {np.shape(residual)}"
+            )
+        relief = slack if residual is None else slack + residual
+        weights = per_row(*self._weights, constraints.mode)
+        rows, b = affine_rows(terms, weights, float(nominal[0]), float(nominal[1]), relief)
+        if not math.isfinite(rows.sum() + b.sum()):
+            bad = ~(np.isfinite(rows).all(axis=1) & np.isfinite(b))
+            names = ", ".join(name for name, wrong in zip(constraints.names, bad, strict=True) if wrong)
+            raise SolverError(f"the filter's rows are not finite for {names}")
+        return terms.h, rows, b
+
+    def _solve(
+        self, problem: Problem, constraints: Constraints
+    ) -> tuple[Status, Solution, NDArray[np.int64]]:
+        """Status, solution, and the indices (k,) of the rows that the solution has multipliers of."""
+        cost, q, rows, b, lower, upper = problem
+        worst = rows @ (0.5 * (lower + upper)) - np.abs(rows) @ (0.5 * (upper - lower))
+        kept = np.flatnonzero(worst < b)  # the other rows hold everywhere between the bounds
+        problem = Problem(cost, q, np.asfortranarray(rows[kept]), b[kept], lower, upper)
+        solution = self._solver.solve(problem)
+        if solution.found:
+            return "solved", solution, kept
+        relaxed = self._solver.solve(self._relaxed(problem, constraints.mode[kept]))
+        relaxed = relaxed._replace(solve_ms=relaxed.solve_ms + solution.solve_ms)
+        return ("relaxed" if relaxed.found else "braking"), relaxed, kept
+
+    def _relaxed(self, problem: Problem, mode: Array) -> Problem:
+        """The same problem with a slack for every row, in (a, z, s_1 .. s_k); s < 0 is never worth it."""
+        cost, q, rows, b, lower, upper = problem
+        k, road = len(b), self.config.road_slack_weight
+        weights = road + mode * (self.config.vehicle_slack_weight - road)
+        open_end = np.full(k, np.inf)
+        return Problem(
+            P=np.diag(np.concatenate([cost.diagonal(), weights])),
+            q=np.concatenate([q, np.zeros(k)]),
+            A=np.hstack([rows, np.eye(k)]),
+            b=b,
+            lower=np.concatenate([lower, -open_end]),
+            upper=np.concatenate([upper, open_end]),
+        )
+
+    def _passed(self, scene: Scene, proposed: Array, h: Array, names: tuple[str, ...]) -> Filtered:
+        """The nominal action itself."""
+        self.counts["nominal"] += 1
+        u = _within(scene.vehicle, proposed)
+        return Filtered(u, u - proposed, "nominal", (), h, names, 0.0, 0.0, 0.0, infeasible=False)
+
+    def _action(
+        self, status: Status, body: EgoVehicle, proposed: Array, bounds: _Bounds, solution: Solution
+    ) -> tuple[Array, float]:
+        """The action (m/s2, rad) that a solution stands for, and the slack used (m2 per step)."""
+        if status == "braking":  # whatever the solver left is not looked at
+            return np.array([body.a_min, _within(body, proposed)[1]]), math.inf
+        a, z = np.clip(solution.x[:2], bounds.lower, bounds.upper)
+        if a <= bounds.lower[0] + 1e-6:  # as good as standing still: brake as hard as was proposed
+            a = min(a, max(proposed[0], body.a_min))
+        slack = max(float(solution.x[2:].max()), 0.0) if status == "relaxed" else 0.0
+        return _within(body, np.array([a, math.atan(z)])), slack
+
+
+def _within(body: EgoVehicle, u: Array) -> Array:
+    """(2,) the action (m/s2, rad) clipped to the vehicle's limits."""
+    a = min(max(u[0], body.a_min), body.a_max)
+    return np.array([a, min(max(u[1], -body.delta_max), body.delta_max)])
+
+
+def _refuse_unknown_world(scene: Scene) -> None:
+    """Raise SolverError where the scene is not finite; sums of squares see it at one call an array."""
+    ego = scene.ego
+    if not math.isfinite(ego.x + ego.y + ego.psi + ego.v + scene.ego_s):
+        raise SolverError(f"the filter was given an ego state that is not finite: {ego}")
+    for name in ("position", "heading", "velocity", "size", "path_s"):
+        values = getattr(scene, name).ravel()
+        if not math.isfinite(values.dot(values)):
+            raise SolverError(f"the filter was given a scene whose {name} is not finite")

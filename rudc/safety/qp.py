@@ -1,0 +1,180 @@
+"""Small convex quadratic programmes, solved and certified.
+
+    minimise 1/2 x' P x + q' x    subject to    A x >= b,    lower <= x <= upper
+
+No solver's word is taken for it: each answer comes with the largest violation of the optimality
+conditions, computed here from the solver's x and multipliers y, y_lower, y_upper (y without sign: taken
+as zero where negative),
+
+    primal          max(b - A x, lower - x, x - upper, 0)
+    stationarity    max |P x + q - A' y - y_lower + y_upper| / (1 + max(|q|, y))
+    complementarity max |y (A x - b)|, |y_lower (x - lower)|, |y_upper (upper - x)| / (1 + max(|q|, y))
+
+and is `found` only if that is below TOLERANCE. piqp leaves whatever it has in x when it finds nothing;
+daqp and quadprog return x for an input with NaN in it.
+"""
+
+from __future__ import annotations
+
+import time
+import warnings
+from typing import NamedTuple, Protocol
+
+import numpy as np
+import piqp
+
+from rudc.errors import SolverError
+from rudc.safety.barrier import Array
+
+TOLERANCE = 1e-6
+"""largest violation of an optimality condition that is accepted"""
+MOST_ITERATIONS = 60
+"""of piqp; solvable problems take about ten"""
+ACCURATE = {"osqp": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 50_000}}
+"""settings of solvers whose own are too loose for TOLERANCE"""
+UNBOUNDED = 1e30
+"""stands for inf in the distance to a bound, where 0 * inf would not be 0"""
+
+
+class Problem(NamedTuple):
+    """A quadratic programme with n variables and m rows."""
+
+    P: Array
+    """(n, n), symmetric and positive definite"""
+    q: Array
+    """(n,)"""
+    A: Array
+    """(m, n)"""
+    b: Array
+    """(m,)"""
+    lower: Array
+    """(n,), -inf for none"""
+    upper: Array
+    """(n,), inf for none"""
+
+
+class Solution(NamedTuple):
+    """What a solver answered."""
+
+    x: Array
+    """(n,), of no meaning unless `found`"""
+    found: bool
+    """whether the solver says so and the residual is below TOLERANCE"""
+    residual: float
+    """largest violation of the optimality conditions; inf if the solver found nothing"""
+    multipliers: Array
+    """(m,) of the rows, not negative; zeros unless `found`"""
+    solve_ms: float
+    """ms"""
+
+
+class Solver(Protocol):
+    """Solves problems one after the other."""
+
+    def solve(self, problem: Problem) -> Solution:
+        """The problem's solution; its inputs must be finite."""
+        ...
+
+
+class PiqpSolver:
+    """piqp by its own interface: one dense solver for each shape of problem, updated in place."""
+
+    def __init__(self) -> None:
+        self._solvers: dict[tuple[int, int], piqp.DenseSolver] = {}
+
+    def solve(self, problem: Problem) -> Solution:
+        """The problem's solution."""
+        began = time.perf_counter()
+        solver = self._solvers.get(problem.A.shape)
+        if solver is None:
+            solver = self._solvers[problem.A.shape] = piqp.DenseSolver()
+            solver.settings.max_iter = MOST_ITERATIONS
+            open_above = np.full(len(problem.b), np.inf)
+            solver.setup(
+                problem.P,
+                problem.q,
+                None,
+                None,
+                problem.A,
+                problem.b,
+                open_above,
+                problem.lower,
+                problem.upper,
+            )
+        else:
+            solver.update(
+                P=problem.P, c=problem.q, G=problem.A, h_l=problem.b, x_l=problem.lower, x_u=problem.upper
+            )
+        status = solver.solve()
+        spent = 1e3 * (time.perf_counter() - began)
+        if status != piqp.PIQP_SOLVED:
+            return _nothing(problem, spent)
+        result = solver.result
+        return certified(problem, result.x, result.z_l, result.z_bl, result.z_bu, spent)
+
+
+class NamedSolver:
+    """Any solver that qpsolvers knows and that is installed."""
+
+    def __init__(self, name: str) -> None:
+        """Raises SolverError if there is no such solver."""
+        import qpsolvers
+
+        if name not in qpsolvers.available_solvers:
+            known = ", ".join(sorted(qpsolvers.available_solvers))
+            raise SolverError(f"QP solver {name!r} is not installed; there are: {known}")
+        self._name = name
+        self._settings = ACCURATE.get(name, {})
+        self._qpsolvers = qpsolvers
+
+    def solve(self, problem: Problem) -> Solution:
+        """The problem's solution."""
+        began = time.perf_counter()
+        m, bounded_below, bounded_above = len(problem.b), *map(np.isfinite, (problem.lower, problem.upper))
+        identity = np.eye(len(problem.q))
+        above, below = identity[bounded_below], identity[bounded_above]
+        G = np.vstack([-problem.A, -above, below])
+        h = np.concatenate([-problem.b, -problem.lower[bounded_below], problem.upper[bounded_above]])
+        stated = self._qpsolvers.Problem(problem.P, problem.q, G, h)
+        try:
+            with warnings.catch_warnings():  # they are about speed, and about what is checked below
+                warnings.simplefilter("ignore")
+                answer = self._qpsolvers.solve_problem(stated, solver=self._name, **self._settings)
+        except (self._qpsolvers.exceptions.QPError, ValueError, ArithmeticError):
+            answer = None
+        spent = 1e3 * (time.perf_counter() - began)
+        if answer is None or not answer.found or answer.x is None:
+            return _nothing(problem, spent)
+        y = answer.z if answer.z is not None else np.zeros(len(h))
+        y_lower, y_upper = y[m : m + len(above)] @ above, y[m + len(above) :] @ below
+        return certified(problem, answer.x, y[:m], y_lower, y_upper, spent)
+
+
+def make_solver(name: str) -> Solver:
+    """The solver of that name."""
+    return PiqpSolver() if name == "piqp" else NamedSolver(name)
+
+
+def certified(
+    problem: Problem, x: Array, y: Array, y_lower: Array, y_upper: Array, spent_ms: float
+) -> Solution:
+    """`x` with the residual of the optimality conditions, given the multipliers of rows and bounds."""
+    P, q, A, b, lower, upper = problem
+    excess = A @ x - b
+    above, below = np.minimum(x - lower, UNBOUNDED), np.minimum(upper - x, UNBOUNDED)
+    y = np.maximum(y, 0.0)
+    scale = 1.0 / (1.0 + max(float(np.abs(q).max()), float(y.max(initial=0.0))))
+    stationarity = P @ x + q - y @ A - y_lower + y_upper
+    optimality = np.concatenate([stationarity, y * excess, y_lower * above, y_upper * below])
+    residual = max(
+        float(np.abs(optimality).max()) * scale,
+        -float(excess.min(initial=0.0)),
+        -float(above.min()),
+        -float(below.min()),
+    )
+    found = residual <= TOLERANCE
+    return Solution(x, found, residual, y if found else np.zeros(len(b)), spent_ms)
+
+
+def _nothing(problem: Problem, spent_ms: float) -> Solution:
+    return Solution(np.zeros(len(problem.q)), False, np.inf, np.zeros(len(problem.b)), spent_ms)
