@@ -94,6 +94,8 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
     | `progress`       | -0.02 (d_des / 10 m)^2 / 3                                       |
     | `safe`           | -1 to 0: gaps below 2 m                                          |
 
+    A mean episode of random_destination earns 110 when good (gap acceptance, arrived), 97 when reckless
+    (traffic ignored), -34 when it ends in a collision, and -22 when it waits at the stop line to the end.
     `info["cost"]` is the paper's unified step-wise cost for constrained learning.
 
     ## Starting State
@@ -265,6 +267,7 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
             episode.truth,
             active=self.active_constraints,
             seen=set(episode.world.perceived().ids),
+            occluders=episode.world.stage.sensors.occluders,
             outcome=episode.outcome,
         )
 

@@ -18,10 +18,11 @@ from rudc.env.canvas import BODY, HALO, SHAPES, Canvas, Colour, cut, placed
 from rudc.env.distances import destination_s
 from rudc.env.remembered import Remembered
 from rudc.env.road_picture import RoadPicture, draw_road
+from rudc.world.geometry import rectangle_corners
 from rudc.world.network import Network
 from rudc.world.paths import SPACING
 from rudc.world.polyline import strip
-from rudc.world.scene import Kind, Scene
+from rudc.world.scene import Array, Kind, Scene
 
 Frame = NDArray[np.uint8]
 
@@ -32,6 +33,7 @@ SHADOW: Colour = (20, 24, 30, 70)
 ALARM: Colour = (235, 64, 52)
 ALARM_FAINT: Colour = (235, 64, 52, 110)
 PANEL: Colour = (24, 28, 34, 190)
+OCCLUDER: Colour = (70, 62, 54, 170)
 TEXT: Colour = (240, 242, 245)
 KINDS: dict[Kind, Colour] = {
     Kind.CAR: (130, 170, 222),
@@ -40,7 +42,7 @@ KINDS: dict[Kind, Colour] = {
     Kind.MOTORCYCLE: (178, 140, 214),
     Kind.BICYCLE: (178, 140, 214),
     Kind.PEDESTRIAN: (250, 150, 90),
-    Kind.OBSTACLE: (120, 60, 60),
+    Kind.OBSTACLE: (206, 96, 40),
 }
 BANNERS: dict[str, tuple[str, Colour]] = {
     "success": ("arrived", (24, 158, 116)),
@@ -80,6 +82,7 @@ class Renderer:
         *,
         active: Sequence[str] = (),
         seen: Collection[str] | None = None,
+        occluders: Array | None = None,
         outcome: str | None = None,
         notes: Sequence[str] = (),
     ) -> Frame:
@@ -87,6 +90,7 @@ class Renderer:
 
         `active`: names of the safety filter's active constraints (`veh:ID`, `road:left:PLACE`), to be marked.
         `seen`: names of those whom the ego's sensors show, None for all; the others are drawn faintly.
+        `occluders`: (K, 5) opaque boxes, x, y (m), heading (rad), length, width (m).
         `outcome`: how the episode ended, as a banner. `notes`: further lines of text.
         """
         canvas = self._view_of_road(scene).copy()
@@ -94,6 +98,10 @@ class Renderer:
         _draw_road_alarm(canvas, scene, active)
         threats = {name.removeprefix("veh:") for name in active if name.startswith("veh:")}
         _draw_road_users(canvas, scene, threats, seen)
+        if occluders is not None and len(occluders):
+            for corners in rectangle_corners(occluders[:, :2], occluders[:, 2], occluders[:, 3:]):
+                canvas.area(corners, OCCLUDER)
+                canvas.outline(corners, OCCLUDER, 0.3)
         picture = canvas.image.reduce(FINE)
         self._write(picture, scene, active, notes)
         if outcome:

@@ -22,6 +22,14 @@ The dense terms are divided by 3, so that a step on the line at full speed near 
 r_collision is the paper's only penalty. Leaving the road or entering an opposing lane ends the episode as a
 violation too, and costs as much; the term is kept apart so that the paper's own stays visible.
 
+Measured with tests/benchmarks/reward_scale.py, mean reward of an episode of 100 seeds in
+random_destination and dense_left_turn:
+
+    good      gap acceptance, arrived                        110    100
+    reckless  a path follower that ignores traffic            97     72    (arrived 113, 110)
+    crashed   those of the reckless that collided            -34    -35
+    frozen    waits at the stop line for all of 40 s         -22    -37
+
 Cost (paper, appendix "Safe Reinforcement Learning", unified step-wise cost):
 
     C = w_d c_dist + w_c I_col + w_c I_road,   w_d = 1, w_c = 5
@@ -29,8 +37,7 @@ Cost (paper, appendix "Safe Reinforcement Learning", unified step-wise cost):
     c_dist = (z_veh^2 + z_road^2) / 2
 
 How c_dist comes from the z_q is not said. We square, as d_road is measured from the centre of gravity, 1.75 m
-in the middle of an outer lane: plain z would be 0.63 there all the time. I_road also
-covers wrong-way driving.
+in the middle of an outer lane: plain z would be 0.63 there all the time. I_road covers wrong-way driving too.
 """
 
 from __future__ import annotations
