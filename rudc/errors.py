@@ -46,3 +46,7 @@ class SolverError(RudcError):
 
 class StorageError(RudcError):
     """Results could not be written: a full disk, a folder without permission."""
+
+
+class TrainingError(RudcError):
+    """Training went astray, or lost a worker; the last good checkpoint is kept."""

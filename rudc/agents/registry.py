@@ -1,12 +1,18 @@
-"""Names of drivers and what they stand for: `sumo`, `follower`, `gap-acceptance`, and `NAME+FILTER`."""
+"""Names of drivers and what they stand for: `sumo`, `follower`, `gap-acceptance`, a checkpoint's folder, and
+`NAME+FILTER`.
+
+Learnt agents need torch, which is imported when one is made.
+"""
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from rudc.agents.base import Agent
+from rudc.agents.checkpoint import find_checkpoint, learnt_settings, learnt_summary
 from rudc.agents.filtered import FILTERS, FilteredAgent, filter_settings
 from rudc.agents.follower import Follower
 from rudc.agents.gap_acceptance import GapAcceptance
@@ -27,23 +33,53 @@ def agent_names() -> tuple[str, ...]:
 
 
 def make_agent(name: str) -> Agent:
-    """The driver of that name, new. Raises AgentError, with a suggestion, when there is none."""
-    base, _, suffix = _checked(name).partition("+")
-    driver = _DRIVERS[base]()
+    """The driver of that name, or of the checkpoint in that folder, new. Raises AgentError, with a
+    suggestion, when there is none.
+    """
+    base, suffix = _parts(name)
+    driver = _DRIVERS[base]() if base in _DRIVERS else _learnt(base)
     return FilteredAgent(driver, suffix) if suffix else driver
 
 
 def agent_summary(name: str) -> str:
     """What a driver does, in a sentence."""
-    base, _, suffix = _checked(name).partition("+")
-    summary = (_DRIVERS[base].__doc__ or "").partition("\n")[0]
+    base, suffix = _parts(name)
+    if base in _DRIVERS:
+        summary = (_DRIVERS[base].__doc__ or "").partition("\n")[0]
+    else:
+        summary = learnt_summary(_folder(base))
     return f"{summary} {FILTERS[suffix]}" if suffix else summary
 
 
 def agent_settings(name: str) -> dict[str, Any]:
     """Everything besides its name that decides what a driver does; of what can be written as JSON."""
+    base, suffix = _parts(name)
+    driver = {"driver": base} if base in _DRIVERS else learnt_settings(_folder(base))
+    return {**driver, **({"filter": filter_settings(suffix)} if suffix else {})}
+
+
+def _learnt(name: str) -> Agent:
+    from rudc.agents.learned import load_learned
+
+    return load_learned(name, _folder(name))
+
+
+def _folder(name: str) -> Path:
+    folder = find_checkpoint(name)
+    if folder is None:
+        raise AgentError(f"no checkpoint in {name}")
+    return folder
+
+
+def _parts(name: str) -> tuple[str, str]:
+    """Driver or folder, and suffix of the filter behind it (empty for none)."""
+    if find_checkpoint(name) is not None:
+        return name, ""
+    base, _, suffix = name.rpartition("+")
+    if suffix in FILTERS and find_checkpoint(base) is not None:
+        return base, suffix
     base, _, suffix = _checked(name).partition("+")
-    return {"driver": base, **({"filter": filter_settings(suffix)} if suffix else {})}
+    return base, suffix
 
 
 def _checked(name: str) -> str:

@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 
 import rudc
-from rudc.cli import agent, network, run, scenario, sweep, table
+from rudc.cli import agent, network, run, scenario, sweep, table, train
 from rudc.errors import RudcError
 
 app = typer.Typer(
@@ -27,6 +27,7 @@ app = typer.Typer(
 app.command("sweep")(sweep.sweep)
 app.command("run")(run.run)
 app.command("table")(table.table)
+app.command("train")(train.train)
 app.add_typer(scenario.app, name="scenario")
 app.add_typer(network.app, name="network")
 app.add_typer(agent.app, name="agent")

@@ -1,0 +1,150 @@
+"""`rudc train`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from rudc.cli.console import console, note
+from rudc.errors import InputError
+
+if TYPE_CHECKING:
+    from rudc.training.config import TrainConfig
+
+
+def train(
+    algorithm: Annotated[
+        str | None,
+        typer.Argument(metavar="ALGORITHM", help="rudc-t, rudc-e or rudc-wo-cbf; may be left out to resume."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder for agent and logs.")
+    ] = None,
+    scenario: Annotated[
+        str | None,
+        typer.Option(metavar="SCENARIO", help="Train on this as it is, instead of on the curriculum."),
+    ] = None,
+    steps: Annotated[int | None, typer.Option(min=1, help="Decisions. Default: 100000.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Of everything that is drawn. Default: 0.")] = None,
+    device: Annotated[
+        str | None, typer.Option(help="Where the learner computes: cpu, cuda, ... Default: cpu.")
+    ] = None,
+    envs: Annotated[
+        int | None, typer.Option(min=1, help="Worlds, each in a process of its own. Default: 2.")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with the training in DIR; start it if there is none.")
+    ] = False,
+) -> None:
+    """Train an agent from nothing.
+
+    DIR gets `checkpoint/` (the agent, which every `--agent` takes as `--agent DIR`, and what resuming needs),
+    `progress.csv`, `evaluation.csv` (held-out episodes as training goes) and `config.json`. Ctrl-C keeps the
+    last checkpoint, and `--resume` goes on from there to the same numbers as without a stop.
+
+    **Examples**
+
+    `rudc train rudc-wo-cbf --steps 20000 --out out/first`
+
+    `rudc sweep dense_left_turn --agent out/first --episodes 100 --out out/first-sweep`
+    """
+    from rudc.training.trainer import train as run
+
+    if out is None:
+        raise InputError("where to? give a folder for the agent: --out DIR")
+    given = {"scenario": scenario, "steps": steps, "seed": seed, "device": device, "envs": envs}
+    config = _config(algorithm, {k: v for k, v in given.items() if v is not None}, out, resume)
+    watcher = TrainBar(config) if sys.stderr.isatty() else TrainLines(config)
+    try:
+        done = run(config, out, watcher, resume=resume)
+    finally:
+        watcher.close()
+    if not done:
+        note(f"interrupted; the last checkpoint is kept in {out}: add --resume to go on from there")
+        raise typer.Exit(130)
+    note(f"done: rudc sweep SCENARIO --agent {out} --out DIR")
+
+
+def _config(algorithm: str | None, given: dict[str, Any], out: Path, resume: bool) -> TrainConfig:
+    from rudc.training.config import TrainConfig
+    from rudc.training.trainer import stored_config
+
+    stored = stored_config(out) if resume else None
+    if stored is None:
+        if algorithm is None:
+            raise InputError("which algorithm? give rudc-t, rudc-e or rudc-wo-cbf")
+        if "scenario" in given:
+            given["curriculum"] = None
+        return TrainConfig.default(algorithm, **given)
+    wanted = {**given, **({"algorithm": algorithm} if algorithm else {})}
+    there = {**stored.model_dump(), "algorithm": stored.driver.algorithm}
+    for name, value in wanted.items():
+        if there[name] != value:
+            raise InputError(
+                f"{out} holds a training with {name} {there[name]}, not {value}: resume it as it is"
+            )
+    return stored
+
+
+class TrainLines:
+    """A line for each row of progress.csv."""
+
+    def __init__(self, config: TrainConfig) -> None:
+        self._config = config
+
+    def advance(self, steps: int) -> None:
+        """Nothing to show."""
+
+    def progress(self, row: Mapping[str, Any]) -> None:
+        """The row in short."""
+        note(f"{row['steps']}/{self._config.steps} steps, {_shown(row)}, {row['wall_s']:.0f} s")
+
+    def note(self, text: str) -> None:
+        """A line of its own."""
+        note(text)
+
+    def close(self) -> None:
+        """Nothing to tidy up."""
+
+
+class TrainBar:
+    """A bar that shows how far training is and how it goes."""
+
+    def __init__(self, config: TrainConfig) -> None:
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+        columns: list[Any] = [
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(),
+            TextColumn("{task.description}"),
+        ]
+        self._progress = Progress(*columns, console=console(to_stderr=True), transient=True)
+        self._id = self._progress.add_task("starting", total=config.steps + config.seed_steps)
+        self._progress.start()
+
+    def advance(self, steps: int) -> None:
+        """Move the bar."""
+        self._progress.update(self._id, completed=steps)
+
+    def progress(self, row: Mapping[str, Any]) -> None:
+        """How it goes, beside the bar."""
+        self._progress.update(self._id, description=_shown(row))
+
+    def note(self, text: str) -> None:
+        """A line above the bar."""
+        self._progress.console.print(text, markup=False)
+
+    def close(self) -> None:
+        """Take it away."""
+        self._progress.stop()
+
+
+def _shown(row: Mapping[str, Any]) -> str:
+    if not row["episodes"]:
+        return "no episode ended"
+    return f"{row['success']:.0%} success, reward {row['episode_reward']:.0f}"

@@ -1,0 +1,1 @@
+"""Learns to drive: collection from parallel worlds, replay, trainer, logs. Imports torch."""

@@ -1,0 +1,115 @@
+"""Every choice in training, one stated option each."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from rudc.agents.algorithms import ALGORITHMS, DriverConfig, observation_layout
+from rudc.agents.learning.config import LearnerConfig
+from rudc.errors import InputError
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+
+
+class Curriculum(_Model):
+    """Starts and traffic drawn anew for each training episode, instead of the scenario's own."""
+
+    minor_share: float = Field(default=0.65, ge=0, le=1)
+    """share of episodes that start on an arm which has to yield"""
+    left_share: float = Field(default=0.35, ge=0, le=1)
+    """share of left turns among those of an arm; its other turns share the rest equally"""
+    density: tuple[float, float] = (10.0, 35.0)
+    """veh/km of two-way road, uniform"""
+    distance: tuple[float, float] = (25.0, 45.0)
+    """m before the stop line, uniform"""
+
+
+class TrainConfig(_Model):
+    """How an agent is trained."""
+
+    driver: DriverConfig = DriverConfig()
+    """what is trained: observation, action, filter, networks, objective"""
+    scenario: str = "random_destination"
+    """shipped name or file"""
+    curriculum: Curriculum | None = Curriculum()
+    """what replaces the scenario's start and traffic; None keeps them"""
+    collision_reward: float = Field(default=-75.0, le=0)
+    """replaces the reward's collision term (the paper's is -50), in learning only"""
+    steps: int = Field(default=100_000, ge=1)
+    """decisions taken by the policy"""
+    seed_steps: int = Field(default=8_000, ge=0)
+    """decisions of the gap-acceptance driver that the replay starts with"""
+    seed_noise: float = Field(default=0.1, ge=0)
+    """standard deviation of what is added to its actions, in [-1, 1], so that neighbouring ones are known"""
+    envs: int = Field(default=2, ge=1)
+    """worlds, each in a process of its own"""
+    round_steps: int = Field(default=200, ge=1)
+    """decisions of all worlds together between two exchanges of weights and transitions"""
+    update_every: int = Field(default=4, ge=1)
+    """decisions for each gradient step"""
+    replay_size: int = Field(default=100_000, ge=1)
+    """transitions kept"""
+    seed: int = Field(default=0, ge=0)
+    """of everything drawn: episodes, exploration, batches, masks, initial weights"""
+    device: str = "cpu"
+    """where the learner computes: cpu, cuda, cuda:1, ..."""
+    log_every: int = Field(default=1_000, ge=1)
+    """decisions for each row of progress.csv; a multiple of round_steps"""
+    checkpoint_every: int = Field(default=5_000, ge=1)
+    """decisions between checkpoints, where all worlds begin a new episode; a multiple of log_every"""
+    evaluate_every: int = Field(default=10_000, ge=1)
+    """decisions between evaluations; a multiple of checkpoint_every"""
+    evaluate_on: tuple[str, ...] = ("random_destination", "dense_left_turn")
+    """scenarios"""
+    evaluation_episodes: int = Field(default=20, ge=0)
+    """for each of them, always the same held-out seeds; 0 for no evaluation"""
+    loss_limit: float = Field(default=1e6, gt=0)
+    """largest magnitude of a loss or a value, reward units, beyond which training is stopped as failed"""
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.round_steps % self.envs:
+            raise ValueError(f"round_steps {self.round_steps} must be a multiple of envs {self.envs}")
+        if self.round_steps // self.envs < self.driver.learner.n_step:
+            raise ValueError("a round must give each world n_step decisions at least")
+        steps = ("round_steps", "log_every", "checkpoint_every", "evaluate_every")
+        for low, high in itertools.pairwise(steps):
+            if getattr(self, high) % getattr(self, low):
+                raise ValueError(f"{high} must be a multiple of {low}, {getattr(self, low)}")
+        for name in ("steps", "seed_steps"):
+            if getattr(self, name) % self.round_steps:
+                raise ValueError(f"{name} must be a multiple of round_steps, {self.round_steps}")
+        if self.driver.learner.seed != self.seed:
+            raise ValueError("the learner's seed must be the same as that of training")
+        return self
+
+    @classmethod
+    def default(
+        cls, algorithm: str = "rudc-wo-cbf", *, learner: dict[str, Any] | None = None, **changes: Any
+    ) -> Self:
+        """The shipped configuration of an algorithm. `changes`: fields of this class, or of `DriverConfig`;
+        `learner`: fields of `LearnerConfig`. Raises InputError.
+        """
+        if algorithm not in ALGORITHMS:
+            raise InputError(f"no algorithm {algorithm!r}; there are {', '.join(ALGORITHMS)}")
+        of_driver = {k: changes.pop(k) for k in tuple(changes) if k in DriverConfig.model_fields}
+        steps, seed = changes.get("steps", cls.model_fields["steps"].default), changes.get("seed", 0)
+        every = changes.get("update_every", cls.model_fields["update_every"].default)
+        try:
+            core = LearnerConfig.quick(
+                observation_layout(of_driver.get("observation", "conflict")),
+                **{"seed": seed, "schedule_updates": max(steps // every, 1)} | (learner or {}),
+            )
+            driver = DriverConfig(algorithm=algorithm, learner=core, **of_driver)
+            return cls(driver=driver, **changes)
+        except ValidationError as error:
+            problems = "; ".join(
+                f"{'.'.join(map(str, e['loc'])) or 'configuration'}: {e['msg'].removeprefix('Value error, ')}"
+                for e in error.errors()
+            )
+            raise InputError(f"training: {problems}") from None

@@ -1,0 +1,177 @@
+"""What training writes as it goes: `progress.csv`, `evaluation.csv`, TensorBoard's files if it is installed.
+
+Rows carry the number of decisions taken. On resuming, rows beyond the checkpoint are taken out, so that the
+files of a training that was stopped are those of one that was not (but for wall times).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import io
+import math
+import os
+from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Protocol
+
+from rudc.errors import StorageError
+from rudc.evaluation.record import EpisodeRecord
+from rudc.training.collect import Finished
+
+OUTCOMES = ("success", "frozen", "collision", "off_road", "wrong_way")
+LOSSES = (
+    "critic_loss",
+    "policy_loss",
+    "value",
+    "target",
+    "entropy",
+    "temperature",
+    "critic_gradient",
+    "policy_gradient",
+)
+PROGRESS = (
+    "steps",
+    "updates",
+    "episodes",
+    *OUTCOMES,
+    "episode_reward",
+    "episode_steps",
+    *LOSSES,
+    "sigma_l",
+    "sigma_h",
+    "wall_s",
+)
+"""columns of progress.csv; outcomes are shares of the episodes that ended since the last row"""
+EVALUATION = (
+    "steps",
+    "scenario",
+    "priority",
+    "episodes",
+    *OUTCOMES,
+    "episode_reward",
+    "mean_speed_mps",
+    "duration_s",
+)
+"""columns of evaluation.csv; `priority`: all, or the arms that are major or minor"""
+
+
+class Watcher(Protocol):
+    """Is told how a training goes, for the user's eyes."""
+
+    def progress(self, row: Mapping[str, Any]) -> None:
+        """A new row of progress.csv."""
+        ...
+
+    def advance(self, steps: int) -> None:
+        """So many decisions were taken, in all."""
+        ...
+
+    def note(self, text: str) -> None:
+        """Something worth a line."""
+        ...
+
+
+class Log:
+    """The files in a training's folder."""
+
+    def __init__(self, folder: Path, from_step: int) -> None:
+        """Rows beyond `from_step` of files that are there already are removed."""
+        self._files = {"progress": PROGRESS, "evaluation": EVALUATION}
+        self._folder = folder
+        for name, columns in self._files.items():
+            _cut(folder / f"{name}.csv", columns, from_step)
+        self._board: Any = None
+        if find_spec("tensorboard") is not None:
+            from torch.utils.tensorboard.writer import SummaryWriter
+
+            self._board = SummaryWriter(str(folder / "tensorboard"), purge_step=from_step + 1)
+
+    def write(self, name: str, row: Mapping[str, Any]) -> None:
+        """Append a row to `progress` or `evaluation`."""
+        columns = self._files[name]
+        text = io.StringIO()
+        csv.writer(text, lineterminator="\n").writerow([_shown(row[column]) for column in columns])
+        try:
+            with open(self._folder / f"{name}.csv", "a", encoding="utf-8") as file:
+                file.write(text.getvalue())
+        except OSError as error:
+            raise StorageError(f"{self._folder}: the log could not be written: {error}") from error
+        if self._board is not None:
+            head = "/".join(str(row[c]) for c in columns if isinstance(row[c], str)) or "train"
+            for column in columns:
+                if isinstance(row[column], int | float) and math.isfinite(row[column]):
+                    self._board.add_scalar(f"{name}/{head}/{column}", row[column], row["steps"])
+
+    def close(self) -> None:
+        """Write out what is not yet on disk."""
+        if self._board is not None:
+            self._board.close()
+
+
+def episode_columns(finished: Sequence[Finished]) -> dict[str, float]:
+    """Columns of progress.csv about the episodes that ended."""
+    count = len(finished)
+    row: dict[str, float] = {"episodes": count}
+    for outcome in OUTCOMES:
+        row[outcome] = _mean([episode.outcome == outcome for episode in finished])
+    row["episode_reward"] = _mean([episode.reward for episode in finished])
+    row["episode_steps"] = _mean([episode.steps for episode in finished])
+    return row
+
+
+def evaluation_rows(steps: int, records: Sequence[EpisodeRecord]) -> list[dict[str, Any]]:
+    """Rows of evaluation.csv: each scenario as a whole, its major and its minor arms."""
+    rows = []
+    for scenario in dict.fromkeys(record.scenario for record in records):
+        for priority in ("all", "major", "minor"):
+            chosen = [
+                r
+                for r in records
+                if r.scenario == scenario and priority in ("all", r.conditions and r.conditions.priority)
+            ]
+            if chosen:
+                rows.append(_evaluation_row(steps, scenario, priority, chosen))
+    return rows
+
+
+def _evaluation_row(
+    steps: int, scenario: str, priority: str, records: Sequence[EpisodeRecord]
+) -> dict[str, Any]:
+    row: dict[str, Any] = {
+        "steps": steps,
+        "scenario": scenario,
+        "priority": priority,
+        "episodes": len(records),
+    }
+    for outcome in OUTCOMES:
+        row[outcome] = _mean([record.outcome == outcome for record in records])
+    for column in ("episode_reward", "mean_speed_mps", "duration_s"):
+        row[column] = _mean([getattr(record, column) for record in records])
+    return row
+
+
+def _mean(values: Sequence[float]) -> float:
+    return math.fsum(values) / len(values) if values else math.nan
+
+
+def _shown(value: Any) -> Any:
+    if isinstance(value, float):
+        return "" if math.isnan(value) else f"{value:.6g}"
+    return value
+
+
+def _cut(path: Path, columns: Sequence[str], step: int) -> None:
+    """Leave in a file only its heading and the rows up to `step`; make it if there is none."""
+    rows: list[list[str]] = []
+    with contextlib.suppress(FileNotFoundError), open(path, encoding="utf-8", newline="") as file:
+        whole = [row for row in csv.reader(file) if len(row) == len(columns)]
+        rows = [row for row in whole[1:] if int(row[0]) <= step]
+    new = path.with_name(path.name + ".new")
+    try:
+        with open(new, "w", encoding="utf-8", newline="") as file:
+            csv.writer(file, lineterminator="\n").writerows([columns, *rows])
+        os.replace(new, path)
+    except OSError as error:
+        raise StorageError(f"{path} could not be written: {error}") from error

@@ -1,0 +1,290 @@
+"""Training: rounds in which worlds collect while the learner learns from what they had collected before.
+
+In round r
+
+    workers  take `round_steps` decisions with the policy as it was at the end of round r-1
+    learner  takes round_steps / update_every gradient steps on the replay as it was then
+    then     what was collected goes into the replay, in the order of the workers
+
+Both sides only depend on the end of the round before, so they run at once and the numbers do not depend on
+who is faster. Every random number comes from a generator made from (seed, purpose, round), and every
+checkpoint falls on a round after which all worlds begin new episodes: a training that is stopped and resumed
+goes the same way as one that is not.
+
+The first `seed_steps` decisions are those of the gap-acceptance driver, since a policy that starts from
+nothing meets the far side of the junction too rarely to learn what lies there.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from safetensors.numpy import load_file, save_file
+
+from rudc.agents.checkpoint import LATEST, Checkpoint, aside_of, replace_folder, save_agent
+from rudc.agents.learning.sac import RudcLearner
+from rudc.agents.learning.uncertainty import RunningPercentiles, uncertainty
+from rudc.errors import AgentError, InputError, StorageError, TrainingError
+from rudc.training.buffer import Replay
+from rudc.training.collect import Finished, Transitions
+from rudc.training.config import TrainConfig
+from rudc.training.curriculum import HELD_OUT_SEED
+from rudc.training.log import LOSSES, Log, Watcher, episode_columns, evaluation_rows
+from rudc.training.workers import WorkerPool
+
+CONFIG, STATE, COUNTERS = "config.json", "training.safetensors", "training.json"
+_BATCHES, _MASKS = 2, 3
+"""purposes of generators; 1 is the worlds' (collect.py)"""
+SIGMA_ROWS = 64
+"""decisions of each round whose uncertainty goes into the percentiles"""
+
+
+class Trainer:
+    """Trains one agent into a folder."""
+
+    def __init__(self, config: TrainConfig, folder: Path, watcher: Watcher) -> None:
+        """Start afresh, or where the checkpoint in the folder stands."""
+        self._config, self._folder, self._watcher = config, folder, watcher
+        torch.set_num_threads(max(torch.get_num_threads() - config.envs, 1))
+        try:
+            self._learner = RudcLearner(config.driver.learner, config.device)
+        except (RuntimeError, AssertionError) as error:
+            raise InputError(f"device {config.device!r} cannot be used: {error}") from error
+        self._replay = Replay(config.replay_size, config.driver.learner)
+        self._sigmas = RunningPercentiles()
+        self._round = 0
+        self._finished: list[Finished] = []
+        self._losses: list[dict[str, float]] = []
+        self._wall_s = 0.0
+        self._stop = False
+        self._restore()
+        self._log = Log(folder, self.steps)
+
+    @property
+    def steps(self) -> int:
+        """Decisions taken by the policy."""
+        return max(self._round * self._config.round_steps - self._config.seed_steps, 0)
+
+    def run(self) -> bool:
+        """Train to the end. False if interrupted (Ctrl-C), which leaves the last checkpoint."""
+        self._since = time.monotonic()
+        if self.steps >= self._config.steps:
+            return True
+        self._pool = WorkerPool(self._config)
+        try:
+            with self._interruptible():
+                while self.steps < self._config.steps and not self._stop:
+                    self._one_round()
+                    self._milestones()
+        finally:
+            self._pool.close()
+            self._log.close()
+        return not self._stop
+
+    # ---- a round
+
+    def _one_round(self) -> None:
+        config = self._config
+        seeding = self._round * config.round_steps < config.seed_steps
+        self._pool.load(self._learner.arrays(), self._percentiles())
+        self._pool.start(
+            self._round, "reference" if seeding else "policy", drop=self._at(config.checkpoint_every, 1)
+        )
+        self._learn()
+        collected = self._pool.finish()
+        rng = np.random.default_rng((config.seed, _MASKS, self._round))
+        for part in collected:
+            self._replay.add(part.transitions, rng)
+            self._finished += part.finished
+        if not seeding:
+            self._measure(collected[0].transitions)
+        self._round += 1
+        self._watcher.advance(self._round * config.round_steps)
+
+    def _learn(self) -> None:
+        config, rows = self._config, self._config.driver.learner.batch_size
+        if len(self._replay) < rows:
+            return
+        rng = np.random.default_rng((config.seed, _BATCHES, self._round))
+        for _ in range(config.round_steps // config.update_every):
+            losses = self._learner.update(self._replay.sample(rows, rng))
+            worst = max(abs(losses[name]) for name in ("critic_loss", "policy_loss", "value", "target"))
+            if not worst <= config.loss_limit:  # also where it is nan
+                raise TrainingError(
+                    f"training went astray at step {self.steps}: "
+                    + ", ".join(f"{name} {value:.3g}" for name, value in losses.items())
+                    + f"; {self._kept()}"
+                )
+            self._losses.append(losses)
+
+    def _measure(self, new: Transitions) -> None:
+        """Take in how uncertain the critics are about decisions of this round."""
+        learner = self._learner
+        rows = slice(0, SIGMA_ROWS)
+        seen, action = (torch.from_numpy(x[rows]).to(learner.device) for x in (new.observation, new.nominal))
+        if len(seen):
+            quantiles = learner.critics.evaluate(seen, action).cpu().numpy()
+            self._sigmas.add(uncertainty(quantiles, self._config.driver.learner.beta).total)
+
+    # ---- milestones
+
+    def _at(self, every: int, ahead: int = 0) -> bool:
+        """Whether the decisions taken after so many more rounds are a multiple, or all that there are."""
+        taken = (self._round + ahead) * self._config.round_steps - self._config.seed_steps
+        return taken >= 0 and (taken % every == 0 or taken == self._config.steps)
+
+    def _milestones(self) -> None:
+        config = self._config
+        if self.steps and self._at(config.log_every):
+            self._write_progress()
+        if self._at(config.checkpoint_every):
+            self._save()
+        if self.steps and self._at(config.evaluate_every) and config.evaluation_episodes:
+            self._evaluate()
+
+    def _write_progress(self) -> None:
+        row: dict[str, Any] = {
+            "steps": self.steps,
+            "updates": self._learner.updates,
+            **episode_columns(self._finished),
+        }
+        for name in LOSSES:
+            row[name] = (
+                float(np.mean([losses[name] for losses in self._losses])) if self._losses else math.nan
+            )
+        row["sigma_l"], row["sigma_h"] = self._sigmas.values()
+        row["wall_s"] = round(self._elapsed(), 1)
+        self._log.write("progress", row)
+        self._watcher.progress(row)
+        self._finished, self._losses = [], []
+
+    def _evaluate(self) -> None:
+        config = self._config
+        seeds = range(HELD_OUT_SEED, HELD_OUT_SEED + config.evaluation_episodes)
+        self._pool.load(self._learner.arrays(), self._percentiles())
+        records = self._pool.evaluate([(name, seed) for name in config.evaluate_on for seed in seeds])
+        for row in evaluation_rows(self.steps, records):
+            self._log.write("evaluation", row)
+            if row["priority"] == "all":
+                rates = ", ".join(f"{k} {row[k]:.0%}" for k in ("success", "frozen", "collision"))
+                self._watcher.note(f"step {self.steps}, {row['scenario']}: {rates}")
+
+    def _percentiles(self) -> tuple[float, float] | None:
+        low, high = self._sigmas.values()
+        return (low, high) if math.isfinite(low) else None
+
+    def _elapsed(self) -> float:
+        return self._wall_s + time.monotonic() - self._since
+
+    # ---- checkpoints
+
+    @property
+    def _latest(self) -> Path:
+        return self._folder / LATEST
+
+    def _kept(self) -> str:
+        if not (self._latest / COUNTERS).is_file():
+            return "there is no checkpoint yet"
+        return f"the last checkpoint is kept in {self._latest}"
+
+    def _save(self) -> None:
+        new = self._latest.with_name(LATEST + ".new")
+        shutil.rmtree(new, ignore_errors=True)
+        summary = {
+            "steps": self.steps,
+            "updates": self._learner.updates,
+            "seed": self._config.seed,
+            "configuration": self._config.model_dump(mode="json", exclude={"driver"}),
+        }
+        save_agent(new, Checkpoint(self._config.driver, self._learner.arrays(), self._percentiles(), summary))
+        state = {f"learner/{k}": v for k, v in self._learner.state().items()}
+        state |= self._replay.state()
+        state |= {f"sigma/{k}": v for k, v in self._sigmas.state().items()}
+        counters = {"round": self._round, "wall_s": self._elapsed()}
+        try:
+            save_file({k: np.ascontiguousarray(v) for k, v in state.items()}, new / STATE)
+            (new / COUNTERS).write_text(json.dumps(counters) + "\n", encoding="utf-8")
+        except OSError as error:
+            raise StorageError(f"{new}: the checkpoint could not be written: {error}") from error
+        replace_folder(new, self._latest)
+
+    def _restore(self) -> None:
+        source = next((f for f in (self._latest, aside_of(self._latest)) if (f / COUNTERS).is_file()), None)
+        if source is None:
+            return
+        try:
+            counters = json.loads((source / COUNTERS).read_text(encoding="utf-8"))
+            state = load_file(source / STATE)
+            self._round, self._wall_s = int(counters["round"]), float(counters["wall_s"])
+            self._learner.load(_below(state, "learner/"))
+            self._replay.load(state)
+            self._sigmas.load(_below(state, "sigma/"))
+        except (OSError, ValueError, KeyError) as error:
+            raise AgentError(f"{source}: training cannot be resumed from it: {error}") from error
+
+    # ---- Ctrl-C
+
+    @contextmanager
+    def _interruptible(self) -> Iterator[None]:
+        """Ctrl-C ends the training after the round; a second one at once."""
+        if threading.current_thread() is not threading.main_thread():
+            yield
+            return
+
+        def stop(*_: object) -> None:
+            if self._stop:
+                raise KeyboardInterrupt
+            self._stop = True
+            self._watcher.note("interrupted, finishing this round")
+
+        before = signal.signal(signal.SIGINT, stop)
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGINT, before)
+
+
+def _below(state: dict[str, NDArray], prefix: str) -> dict[str, NDArray]:
+    return {key[len(prefix) :]: value for key, value in state.items() if key.startswith(prefix)}
+
+
+def train(config: TrainConfig, folder: Path, watcher: Watcher, *, resume: bool = False) -> bool:
+    """Train into a folder; see `Trainer.run`. Raises InputError if the folder holds another training."""
+    path = folder / CONFIG
+    text = config.model_dump_json(indent=2) + "\n"
+    if path.exists():
+        if not resume:
+            raise InputError(
+                f"{folder} holds a training already: resume it with --resume, or give another folder"
+            )
+        if path.read_text(encoding="utf-8") != text:
+            raise InputError(f"{folder} holds a training with other settings, see {path}")
+    else:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise StorageError(f"{folder}: {error}") from error
+    return Trainer(config, folder, watcher).run()
+
+
+def stored_config(folder: Path) -> TrainConfig | None:
+    """The configuration of the training that a folder holds; None if it holds none."""
+    try:
+        return TrainConfig.model_validate_json((folder / CONFIG).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{folder / CONFIG} cannot be read: {error}") from error

@@ -1,0 +1,130 @@
+"""Worker processes, one `Collector` each, that work while the learner learns.
+
+They are spawned, since torch's threads do not survive a fork, compute in one thread each, and leave Ctrl-C to
+the main process, which ends them. A worker that dies takes the training down with a message.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import signal
+from collections.abc import Mapping, Sequence
+from multiprocessing.connection import Connection
+from typing import Any
+
+from rudc.errors import RudcError, TrainingError
+from rudc.evaluation.record import EpisodeRecord
+from rudc.training.collect import By, Collected, Collector
+from rudc.training.config import TrainConfig
+
+Percentiles = tuple[float, float] | None
+
+
+class WorkerPool:
+    """`config.envs` workers; requests go to all of them, answers come in their order."""
+
+    def __init__(self, config: TrainConfig) -> None:
+        self._share = config.round_steps // config.envs
+        context = multiprocessing.get_context("spawn")
+        self._workers: list[tuple[Any, Connection]] = []
+        for index in range(config.envs):
+            ours, theirs = context.Pipe()
+            process = context.Process(
+                target=_work, args=(theirs, config, index), name=f"rudc-worker-{index}", daemon=True
+            )
+            process.start()
+            theirs.close()
+            self._workers.append((process, ours))
+        self.needs: tuple[str, ...] = self._answers()[0]
+        """prefixes of the weights that workers read"""
+
+    def load(self, arrays: Mapping[str, Any], percentiles: Percentiles) -> None:
+        """Give all workers these weights and percentiles of sigma."""
+        wanted = {k: v for k, v in arrays.items() if k.partition("/")[0] in self.needs}
+        self._ask([("load", (wanted, percentiles))] * len(self._workers))
+        self._answers()
+
+    def start(self, round_: int, by: By, *, drop: bool) -> None:
+        """Let all workers collect a round; `finish` fetches what they got."""
+        self._ask([("collect", (round_, self._share, by, drop))] * len(self._workers))
+
+    def finish(self) -> list[Collected]:
+        """What each worker collected."""
+        return self._answers()
+
+    def evaluate(self, tasks: Sequence[tuple[str, int]]) -> list[EpisodeRecord]:
+        """Drive held-out episodes (scenario, seed); records in the order of the tasks."""
+        count = len(self._workers)
+        self._ask([("evaluate", (tuple(tasks[index::count]),)) for index in range(count)])
+        parts = self._answers()
+        return [parts[k % count][k // count] for k in range(len(tasks))]
+
+    def close(self) -> None:
+        """End the workers."""
+        for process, pipe in self._workers:
+            with contextlib.suppress(OSError):
+                pipe.send(None)
+            pipe.close()
+            process.join(timeout=5.0)
+            if process.is_alive():
+                process.terminate()
+                process.join()
+
+    def _ask(self, requests: Sequence[tuple[str, tuple[Any, ...]]]) -> None:
+        for (process, pipe), request in zip(self._workers, requests, strict=True):
+            try:
+                pipe.send(request)
+            except OSError:
+                raise TrainingError(f"{process.name} has died (exit code {process.exitcode})") from None
+
+    def _answers(self) -> list[Any]:
+        results = []
+        for process, pipe in self._workers:
+            try:
+                answer = pipe.recv()
+            except (EOFError, OSError):
+                process.join(timeout=1.0)
+                raise TrainingError(f"{process.name} has died (exit code {process.exitcode})") from None
+            if isinstance(answer, _Failure):
+                raise TrainingError(f"{process.name}: {answer.reason}")
+            results.append(answer)
+        return results
+
+
+class _Failure:
+    """An answer that says why there is none."""
+
+    def __init__(self, reason: str) -> None:
+        self.reason = reason
+
+
+def _work(pipe: Connection, config: TrainConfig, index: int) -> None:
+    """What a worker process does."""
+    import torch
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    torch.set_num_threads(1)
+    try:
+        collector = Collector(config, index)
+        pipe.send(collector.needs)
+        while (request := pipe.recv()) is not None:
+            pipe.send(_answer(collector, *request))
+        collector.close()
+    except (EOFError, BrokenPipeError, ConnectionResetError):
+        pass  # the main process is gone
+    except RudcError as error:
+        pipe.send(_Failure(str(error)))
+    except Exception as error:
+        import traceback
+
+        pipe.send(_Failure(f"{type(error).__name__}: {error}\n{traceback.format_exc()}"))
+
+
+def _answer(collector: Collector, request: str, arguments: tuple[Any, ...]) -> Any:
+    if request == "load":
+        return collector.load(*arguments)
+    if request == "evaluate":
+        return collector.evaluate(*arguments)
+    round_, decisions, by, drop = arguments
+    return collector.collect(round_, decisions, by, drop=drop)

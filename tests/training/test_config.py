@@ -1,0 +1,71 @@
+"""Training's configuration refuses what cannot work; the curriculum draws what it says."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from rudc.agents.algorithms import ALGORITHMS
+from rudc.errors import InputError
+from rudc.training.config import Curriculum, TrainConfig
+from rudc.training.curriculum import FIRST_SEED, HELD_OUT_SEED, make_mixture
+from rudc.world.network import load_network
+
+
+@pytest.mark.parametrize("algorithm", list(ALGORITHMS))
+def test_every_algorithm_has_a_default(algorithm: str):
+    config = TrainConfig.default(algorithm, seed=3, steps=20_000)
+    assert config.driver.algorithm == algorithm
+    assert config.driver.learner.seed == 3
+    assert config.driver.learner.schedule_updates == 5_000
+    assert TrainConfig.model_validate_json(config.model_dump_json()) == config
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"algorithm": "sac2"}, "no algorithm 'sac2'"),
+        ({"envs": 3}, "multiple of envs"),
+        ({"log_every": 300}, "log_every must be a multiple of round_steps, 200"),
+        ({"steps": 150}, "steps must be a multiple of round_steps"),
+        ({"slack_gain": 1.0}, "needs a filter"),
+        ({"learner": {"seed": 1}}, "seed"),
+        ({"learner": {"n_step": 200}}, "n_step"),
+        ({"speed": 3}, "speed"),
+        ({"observation": "all"}, "observation"),
+    ],
+)
+def test_wrong_settings_are_refused_in_words(wrong: dict, said: str):
+    with pytest.raises(InputError, match=said):
+        TrainConfig.default(**wrong)
+
+
+def test_observation_decides_what_the_networks_see():
+    assert TrainConfig.default(observation="paper").driver.learner.layout.size == 105
+    assert TrainConfig.default().driver.learner.layout.size == 146
+
+
+def test_curriculum_draws_arms_turns_traffic_and_starts_as_it_says():
+    mixture = make_mixture("random_destination", Curriculum())
+    rng = np.random.default_rng(1)
+    plans = [mixture.draw(rng) for _ in range(2000)]
+    arms = {arm.name: arm.major for arm in load_network("four_way").arms}
+    minor = np.mean([not arms[plan.ego.origin or ""] for plan in plans])
+    assert minor == pytest.approx(0.65, abs=0.04)
+    turns = Counter(plan.ego.turn for plan in plans)
+    assert turns["left"] / 2000 == pytest.approx(0.35, abs=0.04)
+    assert turns["right"] / 2000 == pytest.approx(0.325, abs=0.04)
+    density = [plan.traffic.density for plan in plans]
+    distance = [plan.ego.distance_m for plan in plans]
+    assert 10 <= min(density) < 11 < 34 < max(density) <= 35
+    assert 25 <= min(distance) < 26 < 44 < max(distance) <= 45
+    assert min(plan.seed for plan in plans) >= FIRST_SEED > HELD_OUT_SEED + 10_000
+
+
+def test_without_curriculum_the_scenario_is_kept():
+    mixture = make_mixture("dense_left_turn", None)
+    plan = mixture.draw(np.random.default_rng(0))
+    assert (plan.traffic.density, plan.ego.turn, len(mixture.scenarios)) == (30.0, "left", 1)
+    swept = make_mixture("density_sweep", None)
+    assert len(swept.scenarios) == 5
+    assert sum(swept.chances) == pytest.approx(1)
