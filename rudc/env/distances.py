@@ -10,8 +10,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from rudc.world.geometry import rectangle_gaps
 from rudc.world.scene import Scene
 
@@ -24,16 +22,16 @@ class Distances(NamedTuple):
     destination_m: float
 
 
-def measure(scene: Scene) -> Distances:
-    """The distances of a scene."""
+def measure(scene: Scene, vehicle_m: float | None = None) -> Distances:
+    """The distances of a scene; `vehicle_m` is d_veh where it is known already."""
     ego, body = scene.ego, scene.vehicle
-    nearest = math.inf
-    if scene.count:
+    nearest = math.inf if vehicle_m is None else vehicle_m
+    if scene.count and vehicle_m is None:
         gaps = rectangle_gaps(
             ego.x, ego.y, ego.psi, body.length, body.width, scene.position, scene.heading, scene.size
         )
         nearest = float(gaps.min())
-    road = float(scene.network.surface.signed_distance(np.array([ego.x, ego.y])))
+    road = scene.network.surface.depth(ego.x, ego.y)
     return Distances(nearest, road, max(destination_s(scene) - scene.ego_s, 0.0))
 
 

@@ -144,7 +144,7 @@ class Episode:
             raise SimulationError(f"the episode is over ({self._outcome}); call reset(plan) for another")
         advance = self.world.advance(u)
         after = self.world.scene()
-        distances = measure(after)
+        distances = measure(after, advance.gap_m)
         outcome = _judge(after, advance)
         collided = outcome is Outcome.COLLISION
         broke_rule = outcome in (Outcome.OFF_ROAD, Outcome.WRONG_WAY)

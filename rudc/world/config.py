@@ -1,6 +1,6 @@
 """How the world is simulated; the same for every scenario unless a study says otherwise."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from rudc.world.scene import EgoVehicle
 
@@ -13,9 +13,10 @@ class WorldConfig:
     """s between two decisions (the paper: 10 Hz)"""
     substep_s: float = 0.05
     """s between two simulation steps (the paper: 15 Hz; 20 Hz divides the decision evenly)"""
-    vehicle: EgoVehicle = EgoVehicle()
+    vehicle: EgoVehicle = field(default_factory=EgoVehicle)
     yielding: bool = True
-    """whether surrounding vehicles look 2 s ahead for what SUMO does not see (Sec. "Simulation Environment")"""
+    """whether surrounding vehicles look 2 s ahead for what SUMO does not see (Sec. "Simulation
+    Environment")"""
     sumo_options: tuple[str, ...] = ()
     """further options of the SUMO command line, for studies"""
 

@@ -1,20 +1,21 @@
 """The ego vehicle's plant: a kinematic bicycle about the centre of gravity, with slip angle.
 
-    beta = atan(l_r / L * tan(delta))            slip angle, l_r = centre of gravity to rear axle, L = wheelbase
+    beta = atan(l_r / L * tan(delta))       slip angle, l_r = centre of gravity to rear axle, L = wheelbase
     x'   = v cos(psi + beta)
     y'   = v sin(psi + beta)
     psi' = v sin(beta) / l_r
     v'   = a,  0 <= v <= v_max
 
-The safety filter's model (paper, Sec. "Safety Correction Formulation") is simpler on purpose: no slip, yaw rate
-v tan(delta) / L. The difference is what the residual predictor learns.
+The safety filter's model (paper, Sec. "Safety Correction Formulation") is simpler on purpose: no slip, yaw
+rate v tan(delta) / L. The difference is what the residual predictor learns.
 
 Actuators: a command may arrive late (dead time) and is followed with a first-order lag,
     a(t) = a_cmd + (a_0 - a_cmd) exp(-t / T),     the same for delta.
-Friction: lateral acceleration v^2 sin(beta) / l_r stays below mu g (the wheels turn in, the car does not), and
-longitudinal acceleration within what the friction circle leaves.
+Friction: lateral acceleration v^2 sin(beta) / l_r stays below mu g (the wheels turn in, the car does not),
+and longitudinal acceleration within what the friction circle leaves.
 
-v is integrated in closed form; x, y and psi by a fourth-order Runge-Kutta step, cut where the vehicle comes to a stop.
+v is integrated in closed form; x, y and psi by a fourth-order Runge-Kutta step, cut where the vehicle comes
+to a stop.
 """
 
 from __future__ import annotations
@@ -57,7 +58,8 @@ class EgoPlant:
         self.state = EgoState(x, y, psi, min(max(v, 0.0), self.vehicle.v_max), 0.0, 0.0, 0.0, 0.0)
 
     def step(self, a: float, delta: float, dt: float) -> EgoState:
-        """Advance by dt (s) under the commands a (m/s2) and delta (rad), each clipped to the vehicle's limits."""
+        """Advance by dt (s) under the commands a (m/s2) and delta (rad), each clipped to the vehicle's
+        limits."""
         body = self.vehicle
         a = min(max(a, body.a_min), body.a_max)
         delta = min(max(delta, -body.delta_max), body.delta_max)

@@ -1,10 +1,11 @@
-"""Whose fault a collision of the ego is, by a rule that can be stated in a sentence each; the first that fits decides.
+"""Whose fault a collision of the ego is, by a rule that can be stated in a sentence each; the first that fits
+decides.
 
-1. The other stands, or is a pedestrian: the ego's.
-2. The ego stands (below 0.5 m/s) on its reference path, before it has passed the point where it could still wait or
+1. The other stands or is a pedestrian: the ego's if it drove, else shared.
+2. The ego stands (below 0.5 m/s) on its reference path, either before the point up to which it may wait or
    with the other behind it: the other's.
 3. The two head the same way (within 45 degrees): the one behind is at fault; side by side, shared.
-4. The other drives against its lane or scripted out of its right of way: the other's.
+4. The other drives against its lane, or an event has it break the rules: the other's.
 5. One had to yield to the other by the junction's right of way: that one's.
 6. Otherwise shared.
 """
@@ -30,7 +31,8 @@ class Collision(NamedTuple):
 
 
 def judge(scene: Scene, index: int, unlawful: bool) -> Fault:
-    """Fault of a contact between the ego and the scene's vehicle `index`; unlawful says an event has it break the rules."""
+    """Fault of a contact between the ego and the scene's vehicle `index`; unlawful says an event has it break
+    the rules."""
     ego = scene.ego
     dx, dy = scene.position[index] - (ego.x, ego.y)
     other_speed = math.hypot(*scene.velocity[index])

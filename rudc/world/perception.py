@@ -1,10 +1,12 @@
-"""What the ego's sensors give of the world: occlusion by opaque boxes, Gaussian noise, missed detections, limited range."""
+"""What the ego's sensors give of the world: occlusion by opaque boxes, Gaussian noise, missed detections,
+limited range."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rudc.world.scene import Array, Scene
 
@@ -74,8 +76,9 @@ def _only(scene: Scene, index: np.ndarray) -> Scene:
     )
 
 
-def visible(scene: Scene, occluders: Array) -> np.ndarray:
-    """(N,) whether some line of sight from the ego's centre to a vehicle's centre or corners clears all boxes (K, 5)."""
+def visible(scene: Scene, occluders: Array) -> NDArray[np.bool_]:
+    """(N,) whether some line of sight from the ego's centre to a vehicle's centre or corners clears all boxes
+    (K, 5)."""
     along = 0.5 * scene.size[:, :1] * np.stack([np.cos(scene.heading), np.sin(scene.heading)], axis=1)
     across = 0.5 * scene.size[:, 1:] * np.stack([-np.sin(scene.heading), np.cos(scene.heading)], axis=1)
     signs = np.array([(0, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)])
@@ -87,14 +90,15 @@ def visible(scene: Scene, occluders: Array) -> np.ndarray:
         a = rotation @ (start - (x, y))
         b = (points - (x, y)) @ rotation.T
         clear &= ~_segment_meets_box(a, b, 0.5 * np.array([length, width]))
-    return clear.any(axis=1)
+    return np.any(clear, axis=1)
 
 
-def _segment_meets_box(a: Array, b: Array, half: Array) -> np.ndarray:
-    """Whether segments from a (2,) to b (..., 2) meet the box |x| <= half[0], |y| <= half[1] (slab method)."""
+def _segment_meets_box(a: Array, b: Array, half: Array) -> NDArray[np.bool_]:
+    """Whether segments from a (2,) to b (..., 2) meet the box |x| <= half[0], |y| <= half[1] (slab
+    method)."""
     step = b - a
     step = np.where(np.abs(step) < 1e-12, 1e-12, step)
     first, second = (-half - a) / step, (half - a) / step
     enter = np.minimum(first, second).max(axis=-1)
     leave = np.maximum(first, second).min(axis=-1)
-    return (enter <= leave) & (leave >= 0) & (enter <= 1)
+    return np.logical_and.reduce([enter <= leave, leave >= 0, enter <= 1])

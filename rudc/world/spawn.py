@@ -1,4 +1,5 @@
-"""Where the ego starts: its route drawn from the network, and whether the start leaves everybody a way out."""
+"""Where the ego starts: its route drawn from the network, and whether the start leaves everybody a way
+out."""
 
 from __future__ import annotations
 
@@ -23,7 +24,8 @@ BRAKING = 4.0
 
 
 def draw_route(network: Network, plan: EgoPlan, rng: np.random.Generator) -> Route:
-    """The plan's route; what it leaves open is drawn evenly, first the arm, then the movement. Raises NetworkError."""
+    """The plan's route; what it leaves open is drawn evenly, first the arm, then the movement. Raises
+    NetworkError."""
     movements = [m for m in network.movements if m.turn != "u_turn"]
     if plan.origin is not None:
         wanted = network.arm(plan.origin).name

@@ -1,7 +1,7 @@
 """The one file that imports libsumo, and the one that converts SUMO's conventions to ours.
 
-SUMO measures angles in degrees clockwise from north and places a vehicle by the centre of its front bumper; all that
-leaves this file is in radians counter-clockwise from east and placed by the vehicle's centre.
+SUMO measures angles in degrees clockwise from north and places a vehicle by the centre of its front bumper;
+all that leaves this file is in radians counter-clockwise from east and placed by the vehicle's centre.
 
 libsumo holds one simulation per process: a second `start` would silently destroy the first, so it is refused.
 """
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -28,12 +28,10 @@ except ImportError as error:  # pragma: no cover - only on a machine without it
 
 Array = NDArray[np.float64]
 
-OWN_SPEED = 31
-"""SUMO's speed mode with every check on"""
-HEEDLESS = 55
-"""safe speed kept, right of way ignored before and inside a junction"""
-BRAKE_HARD = 27
-"""as OWN_SPEED, but braking may exceed the comfortable deceleration"""
+OWN_SPEED = 27
+"""SUMO's speed mode with every check on, save that a command may brake harder than is comfortable"""
+HEEDLESS = 51
+"""as OWN_SPEED, but right of way is ignored, before and inside a junction"""
 OBEDIENT = 0
 """no check at all: the speed that is set is the speed that is driven"""
 
@@ -42,6 +40,12 @@ _OPTIONS = (
     "--collision.action", "warn", "--collision.stoptime", "0", "--insertion-checks", "collision",
     "--default.speeddev", "0",
 )  # fmt: skip
+
+_QUARTER = math.pi / 2
+_RADIAN = math.pi / 180
+MATCH_M = 10.0
+"""m within which SUMO looks for the lane under a vehicle that is placed; it searches them all, so not
+wider"""
 
 _owner: int | None = None
 
@@ -53,6 +57,8 @@ class Motion(NamedTuple):
     """(n, 2) m, centres"""
     heading: Array
     """(n,) rad"""
+    course: Array
+    """(n, 2), unit vectors of the headings"""
     speed: Array
     """(n,) m/s"""
     acceleration: Array
@@ -126,10 +132,17 @@ class Sumo:
         libsumo.route.add(name, list(edges))
 
     def add(self, vehicle: str, route: str, kind: str, lane: int, front: float, speed: float) -> None:
-        """Ask for a vehicle on lane index `lane` of its route's first edge, front bumper at `front` m, at speed m/s."""
+        """Ask for a vehicle on lane index `lane` of its route's first edge, front bumper at `front` m, at
+        speed m/s."""
         libsumo.vehicle.add(
-            vehicle, route, typeID=kind, departLane=str(lane), departPos=f"{front:.3f}", departSpeed=f"{speed:.3f}"
-        )  # fmt: skip
+            vehicle,
+            route,
+            typeID=kind,
+            departLane=str(lane),
+            departPos=f"{front:.3f}",
+            departSpeed=f"{speed:.3f}",
+        )
+        libsumo.vehicle.setSpeedMode(vehicle, OWN_SPEED)
 
     def remove(self, vehicle: str) -> None:
         """Take a vehicle off the road."""
@@ -141,34 +154,38 @@ class Sumo:
 
     def motion(self, vehicles: Sequence[str], lengths: Array) -> Motion:
         """Read n vehicles at once; lengths is (n,) m."""
-        get = libsumo.vehicle
-        count = len(vehicles)
-        front = np.array([get.getPosition(v) for v in vehicles]).reshape(count, 2)
-        heading = np.radians(90.0 - np.array([get.getAngle(v) for v in vehicles]))
-        half = 0.5 * lengths
-        position = front - np.stack([half * np.cos(heading), half * np.sin(heading)], axis=1)
-        return Motion(
-            position,
-            heading,
-            np.array([get.getSpeed(v) for v in vehicles]),
-            np.array([get.getAcceleration(v) for v in vehicles]),
-            [get.getLaneID(v) for v in vehicles],
-            np.array([get.getLanePosition(v) for v in vehicles]),
-        )
+        place, angle, speed = libsumo.vehicle.getPosition, libsumo.vehicle.getAngle, libsumo.vehicle.getSpeed
+        pull, along, lane = (
+            libsumo.vehicle.getAcceleration, libsumo.vehicle.getLanePosition, libsumo.vehicle.getLaneID,
+        )  # fmt: skip
+        numbers = [x for v in vehicles for x in (*place(v), angle(v), speed(v), pull(v), along(v))]
+        table = np.array(numbers).reshape(-1, 6)
+        heading = _QUARTER - table[:, 2] * _RADIAN
+        course = np.empty((len(table), 2))
+        course[:, 0], course[:, 1] = np.cos(heading), np.sin(heading)
+        position = table[:, :2] - (0.5 * lengths)[:, None] * course
+        lanes = [lane(v) for v in vehicles]
+        return Motion(position, heading, course, table[:, 3], table[:, 4], lanes, table[:, 5])
 
-    def poses(self, vehicles: Sequence[str], lengths: Array) -> tuple[Array, Array]:
-        """Centres (n, 2) m and headings (n,) rad of n vehicles."""
-        get = libsumo.vehicle
-        front = np.array([get.getPosition(v) for v in vehicles]).reshape(len(vehicles), 2)
-        heading = np.radians(90.0 - np.array([get.getAngle(v) for v in vehicles]))
-        half = 0.5 * lengths
-        return front - np.stack([half * np.cos(heading), half * np.sin(heading)], axis=1), heading
+    def pose(self, vehicle: str, length: float) -> tuple[float, float, float]:
+        """Centre (m, m) and heading (rad) of a vehicle `length` m long."""
+        x, y = libsumo.vehicle.getPosition(vehicle)
+        psi = _QUARTER - libsumo.vehicle.getAngle(vehicle) * _RADIAN
+        return x - 0.5 * length * math.cos(psi), y - 0.5 * length * math.sin(psi), psi
+
+    def drive(self, vehicle: str) -> tuple[float, float]:
+        """Speed m/s and acceleration m/s2 of a vehicle."""
+        return libsumo.vehicle.getSpeed(vehicle), libsumo.vehicle.getAcceleration(vehicle)
+
+    def lane_place(self, vehicle: str) -> tuple[str, float]:
+        """Lane of a vehicle, and where its front bumper is on it, m."""
+        return libsumo.vehicle.getLaneID(vehicle), libsumo.vehicle.getLanePosition(vehicle)
 
     def place(self, vehicle: str, x: float, y: float, psi: float, v: float, length: float) -> None:
         """Put a vehicle's centre at (x, y) m, heading psi rad, speed v m/s, whatever its lane."""
         front_x = x + 0.5 * length * math.cos(psi)
         front_y = y + 0.5 * length * math.sin(psi)
-        libsumo.vehicle.moveToXY(vehicle, "", -1, front_x, front_y, angle=_sumo_angle(psi), keepRoute=2)
+        libsumo.vehicle.moveToXY(vehicle, "", -1, front_x, front_y, _sumo_angle(psi), 2, MATCH_M)
         libsumo.vehicle.setSpeed(vehicle, v)
 
     def block(self, vehicle: str, edge: str, lane: int, start: float, end: float) -> None:
@@ -197,14 +214,12 @@ class Sumo:
         for name, value in values.items():
             setters[name](vehicle, value)
 
-    def command_speed(self, vehicle: str, speed: float, mode: int = OWN_SPEED) -> None:
-        """Hold a vehicle at a speed (m/s) until released; `mode` says which of SUMO's own checks still hold."""
-        libsumo.vehicle.setSpeedMode(vehicle, mode)
-        libsumo.vehicle.setSpeed(vehicle, speed)
+    def slow_down(self, vehicle: str, speed: float, duration: float) -> None:
+        """Bring a vehicle to a speed (m/s) evenly within duration s; then it is SUMO's again."""
+        libsumo.vehicle.slowDown(vehicle, speed, duration)
 
-    def release(self, vehicle: str, mode: int = OWN_SPEED) -> None:
-        """Give a vehicle's speed back to SUMO."""
-        libsumo.vehicle.setSpeed(vehicle, -1)
+    def set_mode(self, vehicle: str, mode: int) -> None:
+        """Which of SUMO's checks hold for a vehicle's speed."""
         libsumo.vehicle.setSpeedMode(vehicle, mode)
 
     def limit_speed(self, vehicle: str, speed: float) -> None:

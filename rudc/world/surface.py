@@ -78,6 +78,22 @@ class Surface:
         cell = np.minimum(np.maximum(cell, 0.0), self._last).astype(np.int64)
         return self._direction[cell[..., 0] * self.shape[1] + cell[..., 1]]
 
+    def depth(self, x: float, y: float) -> float:
+        """`signed_distance` (m) of one point (m, m), in plain arithmetic: ten times as fast for so few."""
+        u = min(max((x - self._x0) / CELL, 0.0), self.shape[0] - 1.001)
+        v = min(max((y - self._y0) / CELL, 0.0), self.shape[1] - 1.001)
+        i, j, columns, value = int(u), int(v), self.shape[1], self._distance.item
+        u, v, at = u - i, v - j, i * columns + j
+        near = value(at) * (1 - v) + value(at + 1) * v
+        far = value(at + columns) * (1 - v) + value(at + columns + 1) * v
+        return near * (1 - u) + far * u
+
+    def direction(self, x: float, y: float) -> float:
+        """`lane_direction` (rad) at one point (m, m)."""
+        i = int(min(max((x - self._x0) / CELL + 0.5, 0.0), self.shape[0] - 1.001))
+        j = int(min(max((y - self._y0) / CELL + 0.5, 0.0), self.shape[1] - 1.001))
+        return self._direction.item(i * self.shape[1] + j)
+
     def _nearest(self, points: Array) -> Array:
         """(N, 2) m, nearest point of the edge to points (N, 2): the best on the pieces with the nearest
         middles."""

@@ -1,7 +1,8 @@
 """Surrounding vehicles (SVs): who they are, how many there are, and where they come from.
 
-Density counts vehicles per km of two-way road. It is held: each SV that leaves at the end of an arm is replaced by one that
-enters at the start of an arm whose entry is free, so that the count stays at round(density * road_km) while there is room.
+Density counts vehicles per km of two-way road. It is held: each SV that leaves at the end of an arm is
+replaced by one that enters at the start of an arm whose entry is free, so that the count stays at
+round(density * road_km) while there is room.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rudc.world.scene import Kind
-from rudc.world.sumo import OWN_SPEED, Motion, Sumo
+from rudc.world.sumo import Motion, Sumo
 
 if TYPE_CHECKING:
     from rudc.scenario.plan import TrafficPlan
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from rudc.world.scene import EgoVehicle
 
 EGO = "ego"
+EMERGENCY_DECEL = 9.0
+"""m/s2, hardest braking of an SV on a dry road"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,36 +53,38 @@ class Driver:
     type: VehicleType
     origin: str
     destination: str
+    accel: float
+    """m/s2, on a dry road"""
     decel: float
-    """m/s2, comfortable"""
-    mode: int = OWN_SPEED
-    """SUMO speed mode when nothing of ours commands it"""
-    scripted: bool = False
-    """whether an event holds its speed at present"""
+    """m/s2, comfortable on a dry road"""
+    speed_factor: float
+    """desired speed over the limit"""
+    overridden: int = 0
+    """how many events command its speed at present, so that the yielding layer does not"""
 
 
 def type_file(plan: TrafficPlan, ego: EgoVehicle) -> str:
     """SUMO's additional file: one vehicle type a class, and the ego's."""
     common = (
-        f'carFollowModel="IDM" speedDev="0" impatience="{plan.impatience:g}" jmTimegapMinor="{plan.minor_gap_s:g}" '
+        f'carFollowModel="IDM" speedDev="0" '
+        f'impatience="{plan.impatience:g}" jmTimegapMinor="{plan.minor_gap_s:g}" '
         f'tau="{plan.headway_s.mean:g}" minGap="{plan.min_gap_m.mean:g}" '
-        f'accel="{plan.accel.mean:g}" decel="{plan.decel.mean:g}" emergencyDecel="9"'
+        f'accel="{plan.accel.mean:g}" decel="{plan.decel.mean:g}" emergencyDecel="{EMERGENCY_DECEL:g}"'
     )
+    bodies = {name: (t.vclass, t.length, t.width, t.max_speed) for name, t in VEHICLE_TYPES.items()}
+    bodies[EGO] = ("passenger", ego.length, ego.width, ego.v_max)
     rows = [
-        f'<vType id="{name}" vClass="{t.vclass}" length="{t.length}" width="{t.width}" maxSpeed="{t.max_speed}" {common}/>'
-        for name, t in VEHICLE_TYPES.items()
+        f'<vType id="{name}" vClass="{vclass}" '
+        f'length="{length}" width="{width}" maxSpeed="{speed}" {common}/>'
+        for name, (vclass, length, width, speed) in bodies.items()
     ]
-    rows.append(
-        f'<vType id="{EGO}" vClass="passenger" length="{ego.length}" width="{ego.width}" maxSpeed="{ego.v_max}" {common}/>'
-    )
     return "<additional>\n" + "\n".join(rows) + "\n</additional>\n"
 
 
 class Traffic:
     """Keeps the SVs of one episode at their density.
 
-    `density` (veh/km) may be changed at any time; a surplus drains by itself. `grip` (m/s2) bounds how hard an SV brakes
-    and accelerates.
+    `density` (veh/km) may be changed at any time; a surplus drains by itself.
     """
 
     def __init__(self, sumo: Sumo, network: Network) -> None:
@@ -99,6 +104,7 @@ class Traffic:
         self._rng = rng
         self._occupied: dict[str, list[tuple[float, float]]] = {}
         self.grip = math.inf
+        """m/s2, how hard the road lets an SV brake and accelerate"""
         self._count = 0
         self.drivers = {}
         self._waiting = set()
@@ -140,6 +146,22 @@ class Traffic:
         for _ in range(missing):
             self._enter(entry)
 
+    def lose_grip(self, limit: float) -> None:
+        """From now on no SV brakes or accelerates harder than limit m/s2."""
+        self.grip = limit
+        for name in self.drivers:
+            self._slip(name)
+
+    def _slip(self, name: str) -> None:
+        driver = self.drivers[name]
+        if self.grip < max(EMERGENCY_DECEL, driver.accel, driver.decel):
+            self._sumo.personality(
+                name,
+                accel=min(driver.accel, self.grip),
+                decel=min(driver.decel, self.grip),
+                emergency_decel=min(EMERGENCY_DECEL, self.grip),
+            )
+
     def forget(self, active: tuple[str, ...]) -> None:
         """Drop the SVs that have left; those asked for and not yet on the road are kept."""
         present = set(active)
@@ -162,21 +184,31 @@ class Traffic:
         name = f"sv{self._count}"
         self._count += 1
         plan, rng = self._plan, self._rng
-        decel = min(plan.decel.sample(rng), self.grip)
-        speed_factor = plan.speed_factor.sample(rng)
-        # SUMO ends the simulation over a vehicle that departs faster than it would ever drive on its lane.
-        speed = min(speed, 0.99 * speed_factor * min(lane.speed, VEHICLE_TYPES[kind].max_speed))
-        self._sumo.add(name, route, kind, lane.index, front, speed)
-        self._sumo.personality(
-            name,
-            tau=plan.headway_s.sample(rng),
-            min_gap=plan.min_gap_m.sample(rng),
-            accel=min(plan.accel.sample(rng), self.grip),
-            decel=decel,
-            emergency_decel=max(min(9.0, self.grip), decel),
-            speed_factor=speed_factor,
+        driver = Driver(
+            VEHICLE_TYPES[kind],
+            movement.origin,
+            movement.destination,
+            plan.accel.sample(rng),
+            plan.decel.sample(rng),
+            plan.speed_factor.sample(rng),
         )
-        self.drivers[name] = Driver(VEHICLE_TYPES[kind], movement.origin, movement.destination, decel)
+        # SUMO ends the simulation over a vehicle that departs faster than it would ever drive on its lane.
+        speed = min(speed, 0.99 * driver.speed_factor * min(lane.speed, driver.type.max_speed))
+        self._sumo.add(name, route, kind, lane.index, front, speed)
+        character = {
+            "tau": (plan.headway_s.sample(rng), plan.headway_s.mean),
+            "min_gap": (plan.min_gap_m.sample(rng), plan.min_gap_m.mean),
+            "accel": (driver.accel, plan.accel.mean),
+            "decel": (driver.decel, plan.decel.mean),
+            "speed_factor": (driver.speed_factor, 1.0),
+        }
+        # What its type already says need not be said again: each vehicle that differs costs SUMO a type of
+        # its own.
+        self._sumo.personality(
+            name, **{trait: own for trait, (own, usual) in character.items() if own != usual}
+        )
+        self.drivers[name] = driver
+        self._slip(name)
         self._waiting.add(name)
 
     def _place_somewhere(self, occupied: dict[str, list[tuple[float, float]]]) -> None:

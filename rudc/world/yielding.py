@@ -1,142 +1,225 @@
 """A predictive yielding layer: surrounding vehicles (SVs) look 2 s ahead for what SUMO does not see.
 
-Paper, Sec. "Simulation Environment": each SV predicts heading and position for the next 2 s and yields to potential collisions
-according to road priority. Among SVs, SUMO's right of way already does this, so the layer looks only at pairs of an SV and
+Paper, Sec. "Simulation Environment": each SV predicts heading and position for the next 2 s and yields to
+potential collisions according to road priority. Among SVs, SUMO's right of way already does this, so the
+layer looks only at pairs of an SV and
 
-    an obstacle (accident, pedestrian, wrong-way driver): always yielded to;
-    the ego where it stands in the SV's way now, whoever has priority;
-    the ego's predicted path, if the SV has the lower priority, or if the ego has left its lane or its heading,
+    an obstacle (accident, pedestrian, wrong-way driver): always yielded to; the ego where it stands in the
+    SV's way now, whoever has priority; the ego's predicted path, if the SV has the lower priority, or if the
+    ego has left its lane or its heading,
         or if the ego is committed: its front is past the point where it could still wait.
 
-An ego that waits where it should (before its stop line, or at its waiting point inside the junction) is in none of these cases.
+An ego that waits where it should (before its stop line, or at its waiting point inside the junction) is in
+none of these cases.
 
-SVs are predicted along their own lanes at constant speed, the ego along its reference path (straight ahead when off it), each at
-0.25 s steps, as slightly enlarged rectangles. An SV that must yield brakes with b = v^2 / (2 d), d the way it can go before the
-first overlap, once b exceeds a threshold; it is released as soon as no overlap is predicted.
+SVs are predicted along their own lanes at constant speed, the ego along its reference path (straight ahead
+when off it), each at 0.25 s steps, as slightly enlarged rectangles. An SV that must yield brakes with b = v^2
+/ (2 d), d the way it can go before the first overlap, once b exceeds a threshold; it is released as soon as
+no overlap is predicted.
 """
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from rudc.world.paths import SPACING
 from rudc.world.scene import Array, Scene
 
-HORIZON_S = 0.25 * np.arange(9)
+HORIZON_S = 0.25 * np.arange(9.0)
 """(9,) s, the instants looked at; the first is now"""
-GROW_LENGTH = 1.0
-"""m, added to an SV's length"""
-GROW_WIDTH = 0.4
-"""m, added to an SV's width"""
+GROW = np.array([1.0, 0.4])
+"""(2,) m, added to an SV's length and width"""
 BRAKE_FROM = 1.5
 """m/s2, needed deceleration at which an SV begins to brake"""
 BRAKE_MOST = 9.0
-"""m/s2"""
+"""m/s2, on a dry road"""
 CREEP = 1.0
 """m/s, speed at which a standing SV is taken to set off"""
 STANDING = 1.0
 """m/s, below which the ego counts as standing in the way"""
-REACH = 30.0
-"""m, SVs farther from the ego and from every obstacle need not be looked at"""
+NEAR_M = 10.0
+"""m between centres beyond what both cover in the horizon, within which bodies may come to overlap"""
+
+
+_COS_OFF = math.cos(math.pi / 6)
 
 
 class Yielding(NamedTuple):
     """What m of the scene's vehicles must do."""
 
-    index: np.ndarray
+    rows: list[int]
     """(m,) rows of the scene"""
-    deceleration: Array
+    deceleration: list[float]
     """(m,) m/s2, positive"""
 
 
-NOBODY = Yielding(np.zeros(0, dtype=int), np.zeros(0))
+NOBODY = Yielding([], [])
 
 
-def must_yield(scene: Scene, *, ego_present: bool = True) -> Yielding:
-    """Which SVs must brake, and how hard. Before the ego is on the road, only obstacles count."""
+class _Threats(NamedTuple):
+    """What k SVs look out for: t things, each over the horizon, and which SV heeds which."""
+
+    x: Array
+    """(t, 9) m"""
+    y: Array
+    """(t, 9) m"""
+    psi: Array
+    """(t, 9) rad"""
+    half: Array
+    """(t, 2) m, half sizes"""
+    heeded: np.ndarray
+    """(k, t)"""
+
+
+def must_yield(scene: Scene, *, ego_present: bool = True, brake_most: float = BRAKE_MOST) -> Yielding:
+    """Which SVs must brake, and how hard, at most brake_most m/s2. Without the ego on the road, only
+    obstacles count."""
+    speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
     driven = scene.path >= 0
-    obstacles = np.flatnonzero(~driven)
-    near = _near(scene, obstacles, ego_present) & driven
-    rows = np.flatnonzero(near)
-    if rows.size == 0:
+    heeds_ego = _heeding_ego(scene, speed, driven) if ego_present else np.zeros_like(driven)
+    heeds_obstacles = None if driven.all() else _near_obstacles(scene, speed, driven)
+    rows = (heeds_ego if heeds_obstacles is None else heeds_ego | heeds_obstacles.any(axis=1)).nonzero()[0]
+    if not len(rows):
         return NOBODY
-    speed = np.maximum(np.hypot(*scene.velocity[rows].T), CREEP)
-    ahead = scene.path_s[rows, None] + speed[:, None] * HORIZON_S
-    x, y, psi = scene.network.paths.pose(scene.path[rows, None], ahead)
-    others_x, others_y, others_psi, others_size = _others(scene, obstacles)
+    threats = _threats(scene, rows, heeds_ego, heeds_obstacles)
+    speed = np.maximum(speed[rows], CREEP)
+    x, y, psi = _ahead(scene, rows, speed)
     overlap = boxes_overlap(
         (x[:, None], y[:, None], psi[:, None]),
-        0.5 * (scene.size[rows] + [GROW_LENGTH, GROW_WIDTH])[:, None, None],
-        (others_x, others_y, others_psi),
-        0.5 * others_size[:, None],
+        0.5 * (scene.size[rows] + GROW)[:, None, None],
+        (threats.x, threats.y, threats.psi),
+        threats.half[:, None],
     )
-    overlap[:, 0] &= ego_present and scene.ego.v < STANDING
-    overlap[:, 1] &= (_heeds_prediction(scene, rows) & ego_present)[:, None]
-    hit = overlap.any(axis=1)
+    hit = np.any(overlap & threats.heeded[:, :, None], axis=1)
+    if not hit.any():
+        return NOBODY
+    return _braking(rows, speed, hit, brake_most)
+
+
+def ego_must_yield(scene: Scene, path: int, path_s: float) -> float:
+    """How hard, in m/s2, a SUMO-driven ego on row `path` at path_s m must brake for obstacles, as an SV
+    would; 0 for not."""
+    obstacles = (scene.path < 0).nonzero()[0]
+    ego, body = scene.ego, scene.vehicle
+    course = np.array([math.cos(ego.psi), math.sin(ego.psi)])
+    alone = replace(
+        scene,
+        ids=("", *(scene.ids[i] for i in obstacles)),
+        position=np.vstack([(ego.x, ego.y), scene.position[obstacles]]),
+        heading=np.append(ego.psi, scene.heading[obstacles]),
+        velocity=np.vstack([ego.v * course, scene.velocity[obstacles]]),
+        size=np.vstack([(body.length, body.width), scene.size[obstacles]]),
+        path=np.append(path, scene.path[obstacles]),
+        path_s=np.append(path_s, scene.path_s[obstacles]),
+    )
+    return sum(must_yield(alone, ego_present=False).deceleration)
+
+
+def _ahead(scene: Scene, rows: np.ndarray, speed: Array) -> tuple[Array, Array, Array]:
+    """Poses (k, 9) of SVs over the horizon: along their paths, as far beside them as they are now.
+
+    A vehicle that passes an obstacle on a lane without a way to its destination is such a one.
+    """
+    s = scene.path_s[rows, None] + speed[:, None] * HORIZON_S
+    x, y, psi = scene.network.paths.pose(scene.path[rows, None], s)
+    sin, cos = np.sin(psi), np.cos(psi)
+    away_x, away_y = scene.position[rows, 0] - x[:, 0], scene.position[rows, 1] - y[:, 0]
+    beside = (away_y * cos[:, 0] - away_x * sin[:, 0])[:, None]
+    return x - beside * sin, y + beside * cos, psi
+
+
+def _braking(rows: np.ndarray, speed: Array, hit: np.ndarray, brake_most: float) -> Yielding:
+    """From who overlaps what when, hit (k, 9), to who brakes how hard."""
+    later = hit[:, 1:]
+    first = np.argmax(later, axis=1) + 1
     # An overlap that is there already cannot be braked away, and the SV may be driving out of it.
-    first = np.argmax(hit[:, 1:], axis=1) + 1
-    yields = hit[:, 1:].any(axis=1) & ~(hit[:, 0] & ~hit[:, 1:].all(axis=1))
+    yields = later.any(axis=1) & ~(hit[:, 0] & ~hit.all(axis=1))
     free = np.maximum(speed * HORIZON_S[first - 1] - 0.3, 0.05)
     need = speed**2 / (2 * free)
     chosen = yields & ((need > BRAKE_FROM) | (first <= 2))
-    return Yielding(rows[chosen], np.minimum(need[chosen], BRAKE_MOST))
+    return Yielding(rows[chosen].tolist(), np.minimum(need[chosen], brake_most).tolist())
 
 
-def _near(scene: Scene, obstacles: np.ndarray, ego_present: bool) -> np.ndarray:
-    """(N,) whether an SV is within reach of the ego or of an obstacle."""
-    gap = scene.position - (scene.ego.x, scene.ego.y)
-    near = (np.einsum("ij,ij->i", gap, gap) < REACH**2) & ego_present
-    if obstacles.size:
-        gaps = scene.position[:, None] - scene.position[obstacles]
-        near |= (np.einsum("ijk,ijk->ij", gaps, gaps) < REACH**2).any(axis=1)
-    return near
-
-
-def _others(scene: Scene, obstacles: np.ndarray) -> tuple[Array, Array, Array, Array]:
-    """Poses over the horizon, (2 + m, 9) each, and sizes (2 + m, 2): the ego now, the ego predicted, m obstacles."""
+def _heeding_ego(scene: Scene, speed: Array, driven: np.ndarray) -> np.ndarray:
+    """(N,) which SVs have the ego to look out for: it lies ahead, within reach, and is theirs to yield to."""
     ego = scene.ego
-    steps = HORIZON_S.size
-    x = np.empty((2 + obstacles.size, steps))
-    y, psi = np.empty_like(x), np.empty_like(x)
-    x[0], y[0], psi[0] = ego.x, ego.y, ego.psi
-    if off_path(scene):
-        course = ego.psi + ego.slip
-        x[1] = ego.x + ego.v * np.cos(course) * HORIZON_S
-        y[1] = ego.y + ego.v * np.sin(course) * HORIZON_S
-        psi[1] = ego.psi
-    else:
-        x[1], y[1], psi[1] = scene.route.path.pose(scene.ego_s + ego.v * HORIZON_S)
-    x[2:] = scene.position[obstacles, 0, None] + scene.velocity[obstacles, 0, None] * HORIZON_S
-    y[2:] = scene.position[obstacles, 1, None] + scene.velocity[obstacles, 1, None] * HORIZON_S
-    psi[2:] = scene.heading[obstacles, None]
-    size = np.concatenate([[(scene.vehicle.length, scene.vehicle.width)] * 2, scene.size[obstacles]])
-    return x, y, psi, size
+    away = (ego.x, ego.y) - scene.position
+    horizon = HORIZON_S[-1]
+    near = np.hypot(away[:, 0], away[:, 1]) < horizon * (speed + ego.v) + NEAR_M
+    ahead = (
+        np.cos(scene.heading) * away[:, 0] + np.sin(scene.heading) * away[:, 1]
+        > -0.5 * scene.size[:, 0] - 3.0
+    )
+    concerned = driven & near & ahead
+    if ego.v < STANDING or _unpredictable(scene):
+        return concerned
+    if scene.route.row < 0:
+        return np.zeros_like(driven)
+    return concerned & scene.network.paths.yields[scene.path, scene.route.row]
+
+
+def _near_obstacles(scene: Scene, speed: Array, driven: np.ndarray) -> np.ndarray:
+    """(N, m) which SVs are within reach of which of the m obstacles."""
+    obstacles = (~driven).nonzero()[0]
+    gap = scene.position[:, None] - scene.position[obstacles]
+    reach = HORIZON_S[-1] * (speed[:, None] + speed[obstacles]) + NEAR_M + scene.size[obstacles, 0]
+    return driven[:, None] & (np.hypot(gap[..., 0], gap[..., 1]) < reach)
+
+
+def _threats(
+    scene: Scene, rows: np.ndarray, heeds_ego: np.ndarray, heeds_obstacles: np.ndarray | None
+) -> _Threats:
+    """The ego, where it stands or will be, and the obstacles."""
+    body, track = scene.vehicle, _predicted(scene)
+    if heeds_obstacles is None:
+        half = np.array([[0.5 * body.length, 0.5 * body.width]])
+        return _Threats(track[:1], track[1:2], track[2:], half, heeds_ego[rows, None])
+    obstacles = (scene.path < 0).nonzero()[0]
+    position, velocity = scene.position[obstacles], scene.velocity[obstacles]
+    return _Threats(
+        np.vstack([track[0], position[:, :1] + velocity[:, :1] * HORIZON_S]),
+        np.vstack([track[1], position[:, 1:] + velocity[:, 1:] * HORIZON_S]),
+        np.vstack([track[2], np.repeat(scene.heading[obstacles, None], len(HORIZON_S), axis=1)]),
+        0.5 * np.vstack([(body.length, body.width), scene.size[obstacles]]),
+        np.column_stack([heeds_ego[rows], heeds_obstacles[rows]]),
+    )
+
+
+def _predicted(scene: Scene) -> Array:
+    """(3, 9) x m, y m, heading rad of the ego over the horizon: standing, along its path, or straight on when
+    off it."""
+    ego = scene.ego
+    if ego.v >= STANDING and not off_path(scene):
+        return np.array(scene.route.path.pose(scene.ego_s + ego.v * HORIZON_S))
+    course = ego.psi + ego.slip
+    way = HORIZON_S * (ego.v if ego.v >= STANDING else 0.0)
+    return np.array(
+        [ego.x + way * math.cos(course), ego.y + way * math.sin(course), np.full(len(way), ego.psi)]
+    )
 
 
 def off_path(scene: Scene) -> bool:
-    """Whether the ego is more than 1 m or 30 degrees off its reference path, so that its route says little of its future."""
-    if abs(scene.ego_offset) > 1.0:
-        return True
-    along = scene.route.path.pose(scene.ego_s)[2]
-    return bool(np.cos(scene.ego.psi - along) < np.cos(np.pi / 6))
+    """Whether the ego is more than 1 m or 30 degrees off its reference path, so that its route says little of
+    its future."""
+    heading = scene.route.path.heading
+    along = heading.item(min(max(int(scene.ego_s / SPACING), 0), len(heading) - 1))
+    return abs(scene.ego_offset) > 1.0 or math.cos(scene.ego.psi - along) < _COS_OFF
 
 
-def _heeds_prediction(scene: Scene, rows: np.ndarray) -> np.ndarray:
-    """(n,) whether each SV heeds where the ego will be, not only where it is."""
-    route = scene.route
-    front = scene.ego_s + 0.5 * scene.vehicle.length
-    if off_path(scene) or (front > route.waiting_s + 1.0 and scene.ego.v > 0.5):
-        return np.ones(rows.size, dtype=bool)
-    if route.row < 0:
-        return np.zeros(rows.size, dtype=bool)
-    return scene.network.paths.yields[scene.path[rows], route.row]
+def _unpredictable(scene: Scene) -> bool:
+    """Whether every SV must heed where the ego will be: it is off its path, or committed to the junction."""
+    return off_path(scene) or scene.ego_s + 0.5 * scene.vehicle.length > scene.route.waiting_s + 1.0
 
 
 def boxes_overlap(
     a: tuple[Array, Array, Array], half_a: Array, b: tuple[Array, Array, Array], half_b: Array
 ) -> np.ndarray:
-    """Whether rectangles overlap, by separating axes; a and b are x, y (m) and heading (rad), half sizes (..., 2) m, all broadcast."""
+    """Whether rectangles overlap, by separating axes; a and b are x, y (m) and heading (rad), half sizes
+    (..., 2) m, all broadcast."""
     dx, dy = b[0] - a[0], b[1] - a[1]
     cos_a, sin_a = np.cos(a[2]), np.sin(a[2])
     cos_b, sin_b = np.cos(b[2]), np.sin(b[2])

@@ -1,77 +1,65 @@
-"""Events that change how SVs drive, or how many: hard_brake, priority_violation, speeding, slow_vehicle, density_surge."""
+"""Events that change how SVs drive, or how many: hard_brake, priority_violation, speeding, slow_vehicle,
+density_surge."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from rudc.scenario.events import DensitySurge, HardBrake, PriorityViolation, SlowVehicle, Speeding
 from rudc.world.events.effect import Effect, Held
 from rudc.world.scene import Scene
-from rudc.world.sumo import HEEDLESS, OBEDIENT, OWN_SPEED
+from rudc.world.sumo import HEEDLESS, OWN_SPEED
 
 if TYPE_CHECKING:
-    from rudc.scenario.events import DensitySurge, HardBrake, PriorityViolation, SlowVehicle, Speeding
     from rudc.world.events.stage import Stage
 
 
-class HardBrakeEffect(Held["HardBrake"]):
+class HardBrakeEffect(Held[HardBrake]):
     """A vehicle brakes for no reason the ego can see; it drives on when the event's duration has passed."""
 
     def command(self, stage: Stage, name: str, speed: float) -> None:
         slower = speed - float(self.event.deceleration) * stage.decision_s
-        stage.sumo.command_speed(name, max(slower, 0.0), OBEDIENT)
+        stage.sumo.slow_down(name, max(slower, 0.0), stage.decision_s)
 
 
-class PriorityViolationEffect(Held["PriorityViolation"]):
-    """A vehicle that takes no notice of who has the right of way; it still keeps its distance to its leader."""
+class PriorityViolationEffect(Held[PriorityViolation]):
+    """A vehicle that takes no notice of who has the right of way; it still keeps its distance to its
+    leader."""
 
-    def begin(self, stage: Stage, scene: Scene | None) -> bool:
-        begun = super().begin(stage, scene)
-        for name in self.held:
-            stage.traffic.drivers[name].mode = HEEDLESS
-            stage.sumo.release(name, HEEDLESS)
-            stage.unlawful.add(name)
-        return begun
+    def hold(self, stage: Stage, name: str) -> None:
+        stage.sumo.set_mode(name, HEEDLESS)
+        stage.unlawful.add(name)
 
-    def end(self, stage: Stage) -> None:
-        _lawful_again(self.held, stage)
-        super().end(stage)
+    def let_go(self, stage: Stage, name: str) -> None:
+        stage.sumo.set_mode(name, OWN_SPEED)
+        stage.unlawful.discard(name)
 
 
-class SpeedingEffect(Held["Speeding"]):
+class SpeedingEffect(Held[Speeding]):
     """A vehicle that wants a multiple of the limit."""
 
-    def begin(self, stage: Stage, scene: Scene | None) -> bool:
-        begun = super().begin(stage, scene)
-        for name in self.held:
-            stage.sumo.personality(name, speed_factor=float(self.event.factor))
-            stage.traffic.drivers[name].scripted = False
-        return begun
+    overrides = False
 
-    def end(self, stage: Stage) -> None:
-        for name in self.held:
-            if name in stage.traffic.drivers:
-                stage.sumo.personality(name, speed_factor=1.0)
-        super().end(stage)
+    def hold(self, stage: Stage, name: str) -> None:
+        stage.sumo.personality(name, speed_factor=float(self.event.factor))
+
+    def let_go(self, stage: Stage, name: str) -> None:
+        stage.sumo.personality(name, speed_factor=stage.traffic.drivers[name].speed_factor)
 
 
-class SlowVehicleEffect(Held["SlowVehicle"]):
+class SlowVehicleEffect(Held[SlowVehicle]):
     """A vehicle that goes no faster than a given speed."""
 
-    def begin(self, stage: Stage, scene: Scene | None) -> bool:
-        begun = super().begin(stage, scene)
-        for name in self.held:
-            stage.sumo.limit_speed(name, float(self.event.speed))
-            stage.traffic.drivers[name].scripted = False
-        return begun
+    overrides = False
 
-    def end(self, stage: Stage) -> None:
-        for name in self.held:
-            if name in stage.traffic.drivers:
-                stage.sumo.limit_speed(name, stage.traffic.drivers[name].type.max_speed)
-        super().end(stage)
+    def hold(self, stage: Stage, name: str) -> None:
+        stage.sumo.limit_speed(name, float(self.event.speed))
+
+    def let_go(self, stage: Stage, name: str) -> None:
+        stage.sumo.limit_speed(name, stage.traffic.drivers[name].type.max_speed)
 
 
-class DensitySurgeEffect(Effect["DensitySurge"]):
+class DensitySurgeEffect(Effect[DensitySurge]):
     """Another density, held by inflow from now on."""
 
     def begin(self, stage: Stage, scene: Scene | None) -> bool:
@@ -81,10 +69,3 @@ class DensitySurgeEffect(Effect["DensitySurge"]):
 
     def end(self, stage: Stage) -> None:
         stage.traffic.density = self._before
-
-
-def _lawful_again(names: list[str], stage: Stage) -> None:
-    for name in names:
-        stage.unlawful.discard(name)
-        if name in stage.traffic.drivers:
-            stage.traffic.drivers[name].mode = OWN_SPEED

@@ -5,14 +5,22 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Generic, TypeVar
 
+from rudc.scenario.events import (
+    Event,
+    HardBrake,
+    PriorityViolation,
+    SlowVehicle,
+    Speeding,
+    StalledVehicle,
+)
 from rudc.world.events.stage import pick
 from rudc.world.scene import Scene
 
 if TYPE_CHECKING:
-    from rudc.scenario.events import Event
     from rudc.world.events.stage import Stage
 
-E = TypeVar("E", bound="Event")
+E = TypeVar("E", bound=Event)
+H = TypeVar("H", HardBrake, PriorityViolation, Speeding, SlowVehicle, StalledVehicle)
 
 
 class Effect(Generic[E]):
@@ -26,7 +34,8 @@ class Effect(Generic[E]):
         self.name = name
 
     def begin(self, stage: Stage, scene: Scene | None) -> bool:
-        """Take effect; False when there is nothing to act on yet, and the event waits. No scene before the warm-up."""
+        """Take effect; False when there is nothing to act on yet, and the event waits. No scene before the
+        warm-up."""
         raise NotImplementedError(f"{type(self).__name__} must say how it begins")
 
     def step(self, stage: Stage, scene: Scene) -> None:
@@ -36,18 +45,23 @@ class Effect(Generic[E]):
         """Stop, when the event's duration has passed."""
 
 
-class Held(Effect[E]):
-    """An effect that commands the vehicles it selected when it began."""
+class Held(Effect[H]):
+    """An effect on the vehicles it selected when it began."""
 
-    def __init__(self, event: E, name: str) -> None:
+    overrides = True
+    """whether the yielding layer leaves the held vehicles alone"""
+
+    def __init__(self, event: H, name: str) -> None:
         super().__init__(event, name)
         self.held: list[str] = []
 
     def begin(self, stage: Stage, scene: Scene | None) -> bool:
-        assert scene is not None, "a selector needs a scene"
+        if scene is None or self.event.vehicle is None:
+            return False
         self.held = [scene.ids[i] for i in pick(scene, self.event.vehicle, stage.rng)]
         for name in self.held:
-            stage.traffic.drivers[name].scripted = True
+            stage.traffic.drivers[name].overridden += self.overrides
+            self.hold(stage, name)
         self.step(stage, scene)
         return bool(self.held)
 
@@ -57,11 +71,17 @@ class Held(Effect[E]):
         for name in self.held:
             self.command(stage, name, math.hypot(*scene.velocity[rows[name]]))
 
-    def command(self, stage: Stage, name: str, speed: float) -> None:
-        """Do to one held vehicle, now at `speed` m/s, what the event says."""
-
     def end(self, stage: Stage) -> None:
         for name in self.held:
             if name in stage.traffic.drivers:
-                stage.traffic.drivers[name].scripted = False
-                stage.sumo.release(name, stage.traffic.drivers[name].mode)
+                stage.traffic.drivers[name].overridden -= self.overrides
+                self.let_go(stage, name)
+
+    def hold(self, stage: Stage, name: str) -> None:
+        """Do to one vehicle, once, what the event says."""
+
+    def command(self, stage: Stage, name: str, speed: float) -> None:
+        """Do to one held vehicle, now at `speed` m/s, what the event says at every decision."""
+
+    def let_go(self, stage: Stage, name: str) -> None:
+        """Undo what `hold` did to a vehicle that is still there."""

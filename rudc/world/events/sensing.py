@@ -6,16 +6,16 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from rudc.scenario.events import ActuatorDelay, LowFriction, SensorDropout, SensorNoise
 from rudc.world.ego import GRAVITY
 from rudc.world.events.effect import Effect
 from rudc.world.scene import Scene
 
 if TYPE_CHECKING:
-    from rudc.scenario.events import ActuatorDelay, LowFriction, SensorDropout, SensorNoise
     from rudc.world.events.stage import Stage
 
 
-class SensorNoiseEffect(Effect["SensorNoise"]):
+class SensorNoiseEffect(Effect[SensorNoise]):
     """Gaussian errors on what the ego sees of others."""
 
     from_the_start = True
@@ -27,7 +27,7 @@ class SensorNoiseEffect(Effect["SensorNoise"]):
         return True
 
 
-class SensorDropoutEffect(Effect["SensorDropout"]):
+class SensorDropoutEffect(Effect[SensorDropout]):
     """Others go unseen at random, and beyond a range."""
 
     from_the_start = True
@@ -38,7 +38,7 @@ class SensorDropoutEffect(Effect["SensorDropout"]):
         return True
 
 
-class LowFrictionEffect(Effect["LowFriction"]):
+class LowFrictionEffect(Effect[LowFriction]):
     """A slippery road, for the ego and for SVs: nobody brakes, accelerates or turns harder than mu g."""
 
     from_the_start = True
@@ -46,11 +46,11 @@ class LowFrictionEffect(Effect["LowFriction"]):
     def begin(self, stage: Stage, scene: Scene | None) -> bool:
         mu = float(self.event.friction)
         stage.plant.actuation = replace(stage.plant.actuation, friction=mu)
-        stage.traffic.grip = mu * GRAVITY
+        stage.traffic.lose_grip(mu * GRAVITY)
         return True
 
 
-class ActuatorDelayEffect(Effect["ActuatorDelay"]):
+class ActuatorDelayEffect(Effect[ActuatorDelay]):
     """The ego's commands arrive late and are followed with a lag."""
 
     from_the_start = True

@@ -47,7 +47,8 @@ class Stage:
     def add_obstacle(self, prop: Prop) -> None:
         """Put a standing prop on the road, and in SUMO's eyes on every lane of an arm that it obstructs.
 
-        There SVs queue behind it or change lanes around it; inside the junction the yielding layer alone sees it.
+        There SVs queue behind it or change lanes around it; inside the junction the yielding layer alone sees
+        it.
         """
         self.props.append(prop)
         x, y, heading = prop.pose()
@@ -71,7 +72,8 @@ class Stage:
 
 
 def _obstructed(lane: Lane, corners: Array) -> tuple[float, float] | None:
-    """Stretch (m, m) of a lane that a rectangle with these corners (4, 2) leaves too narrow to drive, if any."""
+    """Stretch (m, m) of a lane that a rectangle with these corners (4, 2) leaves too narrow to drive, if
+    any."""
     start, end = lane.xy[0], lane.xy[-1]
     along = (end - start) / np.linalg.norm(end - start)
     s = (corners - start) @ along
@@ -85,8 +87,9 @@ def _obstructed(lane: Lane, corners: Array) -> tuple[float, float] | None:
 def pick(scene: Scene, selector: str, rng: np.random.Generator) -> list[int]:
     """Rows of the scene's SVs that a selector names; empty when there is none such now.
 
-    leader: the nearest ahead on the ego's path; follower: the nearest behind in its lane; oncoming and crossing: the one that
-    reaches the junction first among those from the opposite arm, or from the arms to the sides; nearest; random; all.
+    leader: the nearest ahead on the ego's path; follower: the nearest behind in its lane; oncoming and
+    crossing: the one that reaches the junction first among those from the opposite arm, or from the arms to
+    the sides; nearest; random; all.
     """
     svs = np.flatnonzero(scene.path >= 0)
     if selector == "all" or svs.size == 0:
@@ -101,7 +104,7 @@ def pick(scene: Scene, selector: str, rng: np.random.Generator) -> list[int]:
 
 
 def _in_line(scene: Scene, svs: np.ndarray, ahead: bool) -> list[int]:
-    near = [scene.route.path.project(*scene.position[i], None) for i in svs]
+    near = [scene.route.path.project(x, y) for x, y in scene.position[svs].tolist()]
     best, which = np.inf, -1
     for i, (s, offset) in zip(svs, near, strict=True):
         gap = s - scene.ego_s if ahead else scene.ego_s - s

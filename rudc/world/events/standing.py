@@ -1,4 +1,5 @@
-"""Events that put something on or beside the road: accident, stalled_vehicle, lane_closure, occlusion, wrong_way, pedestrian_crossing."""
+"""Events that put something on or beside the road: accident, stalled_vehicle, lane_closure, occlusion,
+wrong_way, pedestrian_crossing."""
 
 from __future__ import annotations
 
@@ -7,23 +8,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rudc.errors import SimulationError
+from rudc.scenario.events import (
+    Accident,
+    LaneClosure,
+    Occlusion,
+    PedestrianCrossing,
+    StalledVehicle,
+    WrongWay,
+)
+from rudc.scenario.poses import Pose
 from rudc.world.events.effect import Effect, Held
 from rudc.world.geometry import rectangle_corners
 from rudc.world.props import Prop, standing
 from rudc.world.scene import Array, Kind, Scene
-from rudc.world.sumo import BRAKE_HARD
 from rudc.world.traffic import VEHICLE_TYPES
 
 if TYPE_CHECKING:
-    from rudc.scenario.events import (
-        Accident,
-        LaneClosure,
-        Occlusion,
-        PedestrianCrossing,
-        Placement,
-        StalledVehicle,
-        WrongWay,
-    )
     from rudc.world.events.stage import Stage
 
 PEDESTRIAN_M = 0.5
@@ -36,7 +36,7 @@ FOLLOWING_S = 1.2
 """s between one pedestrian and the next"""
 
 
-class AccidentEffect(Effect["Accident"]):
+class AccidentEffect(Effect[Accident]):
     """Stationary vehicles at any pose."""
 
     from_the_start = True
@@ -51,7 +51,7 @@ class AccidentEffect(Effect["Accident"]):
         return True
 
 
-class StalledVehicleEffect(Held["StalledVehicle"]):
+class StalledVehicleEffect(Held[StalledVehicle]):
     """A vehicle that stands on a lane, or an SV that stops where it is."""
 
     @property
@@ -59,7 +59,7 @@ class StalledVehicleEffect(Held["StalledVehicle"]):
         return self.event.lane is not None
 
     def begin(self, stage: Stage, scene: Scene | None) -> bool:
-        if self.event.lane is None:
+        if self.event.lane is None or self.event.at is None:
             return super().begin(stage, scene)
         body = VEHICLE_TYPES[self.event.type]
         x, y, psi = stage.network.place_on_lane(self.event.lane, float(self.event.at), 0.0, 0.0)
@@ -67,14 +67,14 @@ class StalledVehicleEffect(Held["StalledVehicle"]):
         return True
 
     def command(self, stage: Stage, name: str, speed: float) -> None:
-        stage.sumo.command_speed(name, max(speed - STALL_DECEL * stage.decision_s, 0.0), BRAKE_HARD)
+        stage.sumo.slow_down(name, max(speed - STALL_DECEL * stage.decision_s, 0.0), stage.decision_s)
 
     def end(self, stage: Stage) -> None:
         stage.remove_obstacles(f"{self.name}:")
         super().end(stage)
 
 
-class LaneClosureEffect(Effect["LaneClosure"]):
+class LaneClosureEffect(Effect[LaneClosure]):
     """A barrier over a stretch of one lane."""
 
     from_the_start = True
@@ -88,7 +88,7 @@ class LaneClosureEffect(Effect["LaneClosure"]):
         return True
 
 
-class OcclusionEffect(Effect["Occlusion"]):
+class OcclusionEffect(Effect[Occlusion]):
     """Opaque boxes beside the road; they hide, they do not hinder."""
 
     from_the_start = True
@@ -101,15 +101,15 @@ class OcclusionEffect(Effect["Occlusion"]):
             corners = rectangle_corners(np.array([x, y]), np.array(heading), np.array([length, width]))
             if stage.network.surface.signed_distance(np.vstack([corners, [(x, y)]])).max() > 0:
                 raise SimulationError(
-                    f"an occlusion box at ({x:.1f}, {y:.1f}) m reaches onto the road; move it beside the road, "
-                    "or use `accident` for what stands on it"
+                    f"an occlusion box at ({x:.1f}, {y:.1f}) m reaches onto the road; "
+                    "move it beside the road, or use `accident` for what stands on it"
                 )
             boxes.append((x, y, heading, length, width))
         stage.sensors.occluders = np.vstack([stage.sensors.occluders, boxes])
         return True
 
 
-class WrongWayEffect(Effect["WrongWay"]):
+class WrongWayEffect(Effect[WrongWay]):
     """A vehicle that drives a lane against its direction, and straight on through the junction."""
 
     def begin(self, stage: Stage, scene: Scene | None) -> bool:
@@ -123,13 +123,13 @@ class WrongWayEffect(Effect["WrongWay"]):
         direction = (way[-1] - way[-2]) / np.linalg.norm(way[-1] - way[-2])
         way = np.vstack([way, way[-1] + 80.0 * direction])
         stage.props.append(
-            Prop(f"{self.name}:0", body.kind, body.length, body.width, way, 0.0, float(event.speed))
+            Prop(f"{self.name}:0", body.kind, (body.length, body.width), way, wanted=float(event.speed))
         )
         stage.unlawful.add(f"{self.name}:0")
         return True
 
 
-class PedestrianCrossingEffect(Effect["PedestrianCrossing"]):
+class PedestrianCrossingEffect(Effect[PedestrianCrossing]):
     """Pedestrians who walk across an arm, one behind the other."""
 
     def begin(self, stage: Stage, scene: Scene | None) -> bool:
@@ -139,7 +139,8 @@ class PedestrianCrossingEffect(Effect["PedestrianCrossing"]):
             way = way[::-1]
         for i in range(event.count):
             speed = float(event.speed)
-            prop = Prop(f"{self.name}:{i}", Kind.PEDESTRIAN, PEDESTRIAN_M, PEDESTRIAN_M, way, 0.0, speed)
+            size = (PEDESTRIAN_M, PEDESTRIAN_M)
+            prop = Prop(f"{self.name}:{i}", Kind.PEDESTRIAN, size, way, wanted=speed)
             prop.travelled = -i * FOLLOWING_S * speed
             stage.props.append(prop)
         return True
@@ -157,9 +158,10 @@ def _walkway(stage: Stage, arm_name: str, at: float) -> Array:
     return np.array(ends)
 
 
-def _pose(stage: Stage, placement: Placement) -> tuple[float, float, float]:
+def _pose(stage: Stage, placement: Pose) -> tuple[float, float, float]:
     """Centre (m, m) and heading (rad) in the world of something a file places by position or by lane."""
-    if placement.position is not None:
+    if placement.lane is None or placement.at is None:
+        assert placement.position is not None, "checked by the scenario"
         x, y = (float(value) for value in placement.position)
         return x + stage.network.center[0], y + stage.network.center[1], placement.heading_rad
     return stage.network.place_on_lane(

@@ -1,0 +1,142 @@
+"""Reads the surrounding vehicles (SVs) off the road and composes scenes.
+
+What changes only when somebody enters or leaves (sizes, kinds) or comes to another lane (path) is kept from
+one decision to the next.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from rudc.world.geometry import overlapping_pairs
+from rudc.world.scene import Array, EgoState, EgoVehicle, Scene
+from rudc.world.sumo import Motion, Sumo
+from rudc.world.traffic import EGO, Traffic
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rudc.world.network import Network, Route
+    from rudc.world.props import Prop
+
+
+class EgoView(NamedTuple):
+    """The part of a scene that is about the ego; fields as in `Scene`, in its order save the last."""
+
+    time_s: float
+    timeout_s: float
+    state: EgoState
+    vehicle: EgoVehicle
+    route: Route
+    s: float
+    offset: float
+    waited_s: float
+    last_u: Array
+    destination_s: float
+
+
+class Reader:
+    """Reads the road of one episode."""
+
+    def __init__(self, sumo: Sumo, network: Network, traffic: Traffic) -> None:
+        self._sumo = sumo
+        self._network = network
+        self._traffic = traffic
+        self._met: set[tuple[str, str]] = set()
+        self._list(())
+
+    def read(self) -> Motion:
+        """Where all SVs are now."""
+        active = self._sumo.vehicles()
+        if active != self.active:
+            self._list(active)
+        self.motion = self._sumo.motion(self.names, self.lengths)
+        if self.motion.lane != self._lanes:
+            self._locate()
+        return self.motion
+
+    def _list(self, active: tuple[str, ...]) -> None:
+        drivers = self._traffic.drivers
+        self.active = active
+        """names of all that SUMO moves, the ego and obstacles' stand-ins included"""
+        self.names = [name for name in active if name in drivers]
+        """of the n SVs on the road"""
+        types = [drivers[name].type for name in self.names]
+        self._sizes = np.array([(t.length, t.width) for t in types]).reshape(-1, 2)
+        self.lengths = self._sizes[:, 0].copy()
+        """(n,) m"""
+        self._kinds = np.array([int(t.kind) for t in types], dtype=np.int64)
+        self._lanes: list[str] = []
+        self._path, self._start, self._scale = np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0)
+
+    def _locate(self) -> None:
+        """Row of `network.paths` of each SV, and how its position on its lane becomes an arc length there."""
+        locate, drivers = self._network.paths.locate, self._traffic.drivers
+        self._lanes = self.motion.lane
+        rows, starts, scales = [], [], []
+        for name, lane in zip(self.names, self._lanes, strict=True):
+            driver = drivers[name]
+            row, start = locate(driver.origin, driver.destination, lane, 0.0)
+            rows.append(row)
+            starts.append(start)
+            scales.append(locate(driver.origin, driver.destination, lane, 1.0)[1] - start)
+        self._path = np.array(rows, dtype=np.int64)
+        self._start, self._scale = np.array(starts), np.array(scales)
+
+    def scene(self, ego: EgoView, props: Sequence[Prop]) -> Scene:
+        """The world as last read: SVs and props, nearest to the ego first."""
+        motion = self.motion
+        ids, position, heading = self.names, motion.position, motion.heading
+        velocity = motion.speed[:, None] * motion.course
+        acceleration, size, kind, path = motion.acceleration, self._sizes, self._kinds, self._path
+        path_s = self._start + self._scale * motion.lane_pos - 0.5 * self.lengths
+        if props:
+            ids = ids + [prop.name for prop in props]
+            poses = np.array([prop.pose() for prop in props])
+            course = np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
+            none = np.zeros(len(props))
+            position = np.concatenate([position, poses[:, :2]])
+            heading = np.concatenate([heading, poses[:, 2]])
+            velocity = np.concatenate([velocity, np.array([[prop.speed] for prop in props]) * course])
+            acceleration = np.concatenate([acceleration, none])
+            size = np.concatenate([size, [(prop.length, prop.width) for prop in props]])
+            kind = np.concatenate([kind, [int(prop.kind) for prop in props]])
+            path = np.concatenate([path, np.full(len(props), -1)])
+            path_s = np.concatenate([path_s, none])
+        away = position - (ego.state.x, ego.state.y)
+        order = np.hypot(away[:, 0], away[:, 1]).argsort()
+        return Scene(
+            *ego[:-1],
+            self._network,
+            tuple([ids[i] for i in order.tolist()]),
+            position.take(order, 0),
+            heading.take(order),
+            velocity.take(order, 0),
+            acceleration.take(order),
+            size.take(order, 0),
+            kind.take(order),
+            path.take(order),
+            path_s.take(order),
+            ego.destination_s,
+        )
+
+    def locate_ego(self, route: Route, length: float) -> tuple[int, float]:
+        """Row of `network.paths` and arc length (m) there of a SUMO-driven ego's centre; row -1 when
+        unknown."""
+        lane, front = self._sumo.lane_place(EGO)
+        row, s = self._network.paths.locate(route.origin, route.destination, lane, front)
+        return row, s - 0.5 * length
+
+    def new_overlaps(self, scene: Scene) -> int:
+        """Pairs that overlap in the scene and have not before: two SVs, or an SV and something on the
+        road."""
+        pairs = overlapping_pairs(scene.position, scene.heading, scene.size)
+        if not len(pairs):
+            return 0
+        driven = scene.path >= 0
+        found = {(scene.ids[i], scene.ids[j]) for i, j in pairs if driven[i] or driven[j]}
+        new = {tuple(sorted(pair)) for pair in found} - self._met
+        self._met |= new
+        return len(new)
