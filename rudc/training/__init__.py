@@ -1,1 +1,1 @@
-"""Learns to drive: collection from parallel worlds, replay, trainer, logs. Imports torch."""
+"""Training: replay, collection from parallel worlds, trainer, logging."""

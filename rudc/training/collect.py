@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rudc.agents.gap_acceptance import GapAcceptance
-from rudc.agents.learned import Choice, LearnedAgent
+from rudc.agents.learned import Choice, untrained
 from rudc.env.episode import Episode, Outcome, StepResult
 from rudc.env.observation import Kind, observe_flat
 from rudc.evaluation.record import EpisodeRecord
@@ -145,14 +145,9 @@ class Collector:
         self._kind: Kind = config.driver.observation
         self._seen: Floats = np.empty(0, np.float32)
         self._reference = GapAcceptance()
-        self._agent = LearnedAgent("learning", config.driver, critics=False)
+        self._agent = untrained(config.driver)
         learner = config.driver.learner
         self._steps = StepsAhead(learner.n_step, learner.discount)
-
-    @property
-    def needs(self) -> tuple[str, ...]:
-        """Prefixes of the weights that this collector's agent reads."""
-        return self._agent.needs
 
     def load(self, arrays: Mapping[str, Floats], percentiles: tuple[float, float] | None) -> None:
         """Drive with these weights from now on."""
@@ -207,12 +202,11 @@ class Collector:
             self._world, self._at = World(load_network(network, junction)), (network, junction)
 
     def _choose(self, scene: Scene, by: By, rng: np.random.Generator) -> Choice:
-        noise = rng.standard_normal(2)
         if by == "policy":
-            return self._agent.choose(scene, noise, self._seen)
+            return self._agent.choose(scene, rng, self._seen)
         driver = self._config.driver
         proposed = self._reference.act(scene)
-        action = driver.normalised(proposed.u, scene) + self._config.seed_noise * noise
+        action = driver.normalised(proposed.u, scene) + self._config.seed_noise * rng.standard_normal(2)
         action = np.clip(action, -1.0, 1.0).astype(np.float32)  # as it will be learnt from
         decision = proposed._replace(u=driver.physical(action, scene))
         return Choice(decision, self._seen, action, action)

@@ -214,7 +214,7 @@ class Trainer:
         state |= {f"sigma/{k}": v for k, v in self._sigmas.state().items()}
         counters = {"round": self._round, "wall_s": self._elapsed()}
         try:
-            save_file({k: np.ascontiguousarray(v) for k, v in state.items()}, new / STATE)
+            save_file({k: np.asarray(v, order="C") for k, v in state.items()}, new / STATE)
             (new / COUNTERS).write_text(json.dumps(counters) + "\n", encoding="utf-8")
         except OSError as error:
             raise StorageError(f"{new}: the checkpoint could not be written: {error}") from error

@@ -1,6 +1,6 @@
 """Worker processes, one `Collector` each, that work while the learner learns.
 
-They are spawned, since torch's threads do not survive a fork, compute in one thread each, and leave Ctrl-C to
+They are spawned, since torch's threads do not survive a fork, need no torch themselves, and leave Ctrl-C to
 the main process, which ends them. A worker that dies takes the training down with a message.
 """
 
@@ -36,12 +36,12 @@ class WorkerPool:
             process.start()
             theirs.close()
             self._workers.append((process, ours))
-        self.needs: tuple[str, ...] = self._answers()[0]
-        """prefixes of the weights that workers read"""
+        self._critics = config.driver.slack_gain > 0
+        self._answers()
 
     def load(self, arrays: Mapping[str, Any], percentiles: Percentiles) -> None:
-        """Give all workers these weights and percentiles of sigma."""
-        wanted = {k: v for k, v in arrays.items() if k.partition("/")[0] in self.needs}
+        """Give all workers these weights and percentiles of sigma; critics only where the slack needs them."""
+        wanted = {k: v for k, v in arrays.items() if self._critics or k.startswith("policy/")}
         self._ask([("load", (wanted, percentiles))] * len(self._workers))
         self._answers()
 
@@ -101,13 +101,10 @@ class _Failure:
 
 def _work(pipe: Connection, config: TrainConfig, index: int) -> None:
     """What a worker process does."""
-    import torch
-
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    torch.set_num_threads(1)
     try:
         collector = Collector(config, index)
-        pipe.send(collector.needs)
+        pipe.send("ready")
         while (request := pipe.recv()) is not None:
             pipe.send(_answer(collector, *request))
         collector.close()

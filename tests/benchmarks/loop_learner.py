@@ -17,9 +17,13 @@ from torch.nn.functional import gelu, huber_loss, softplus
 
 from rudc.agents.learning.batch import Batch
 from rudc.agents.learning.config import LearnerConfig, NetworkConfig, ObservationLayout
-from rudc.agents.learning.ensemble import critic_arrays, prior_arrays
-from rudc.agents.learning.parameters import Arrays, waypoint_positions
-from rudc.agents.learning.policy import policy_arrays
+from rudc.agents.learning.parameters import (
+    Arrays,
+    critic_arrays,
+    policy_arrays,
+    prior_arrays,
+    waypoint_positions,
+)
 
 
 def _linear(arrays: Arrays, name: str, member: int) -> nn.Linear:
@@ -41,11 +45,10 @@ class Network(nn.Module):
     ) -> None:
         super().__init__()
         self.layout, self.network = layout, network
-        names = {name.split(".")[0] for name in arrays} - {"attention_to_waypoints"}
+        names = {name.split(".")[0] for name in arrays} - {"importance"}
         self.maps = nn.ModuleDict({name: _linear(arrays, name, member) for name in sorted(names)})
         if network.encoder == "attention":
-            importance = arrays["attention_to_waypoints.weight"][member, 0]
-            self.importance = nn.Parameter(torch.from_numpy(importance))
+            self.importance = nn.Parameter(torch.from_numpy(arrays["importance.weight"][member].copy()))
             self.positions = torch.from_numpy(
                 waypoint_positions(layout.waypoints, network.waypoint_embedding)
             )
@@ -68,8 +71,8 @@ class Network(nn.Module):
                 scores = scores.masked_fill(vehicles[:, None, :, 0] < 0.5, -math.inf)
                 scores = torch.cat([scores, torch.zeros_like(scores[..., :1])], -1)
                 seen = seen + gelu(maps[f"take{hop}"]((scores.softmax(-1)[..., :-1] @ x).flatten(1)))
-            placed = gelu(maps["waypoint"](waypoints) + self.positions)
-            parts = [seen, (self.importance.softmax(0)[:, None] * placed).sum(1)]
+            placed = maps["waypoint"](waypoints) + self.positions
+            parts = [seen, gelu((self.importance * placed).sum(1))]
             if layout.conflict:
                 parts.append(gelu(maps["conflict"](observation[:, layout.conflict_at])))
             latent = maps["fuse"](torch.cat(parts, 1))

@@ -20,19 +20,19 @@ class _Model(BaseModel):
 class ObservationLayout(_Model):
     """Where each part stands in the flat observation: ego, vehicles row by row, waypoints, task, conflict."""
 
-    ego: int = Field(10, ge=1)
+    ego: int = Field(default=10, ge=1)
     """numbers about the ego"""
-    vehicles: int = Field(12, ge=0)
+    vehicles: int = Field(default=12, ge=0)
     """rows of surrounding vehicles (SVs)"""
-    vehicle: int = Field(6, ge=1)
+    vehicle: int = Field(default=6, ge=1)
     """numbers in each row; the first is its validity, 1 or 0"""
-    waypoints: int = Field(10, ge=0)
+    waypoints: int = Field(default=10, ge=0)
     """reference points"""
-    waypoint: int = Field(2, ge=1)
+    waypoint: int = Field(default=2, ge=1)
     """numbers for each of them"""
-    task: int = Field(3, ge=0)
+    task: int = Field(default=3, ge=0)
     """length of the one-hot task"""
-    conflict: int = Field(0, ge=0)
+    conflict: int = Field(default=0, ge=0)
     """numbers about predicted conflicts; 0 for the paper's observation"""
 
     @property
@@ -69,17 +69,17 @@ class NetworkConfig(_Model):
 
     encoder: Literal["attention", "mlp"] = "attention"
     """`attention`: the paper's embeddings and attention over SVs; `mlp`: the flat observation as it is"""
-    hidden: int = Field(256, ge=1)
+    hidden: int = Field(default=256, ge=1)
     """width of the fused latent and of the hidden layers"""
-    embedding: int = Field(64, ge=1)
+    embedding: int = Field(default=64, ge=1)
     """width of the EV's, the SVs' and the conflict embedding"""
-    waypoint_embedding: int = Field(32, ge=2)
-    """width of a waypoint's embedding"""
-    vehicle_layers: int = Field(1, ge=1)
+    waypoint_embedding: int = Field(default=64, ge=2)
+    """width of the waypoints' embedding"""
+    vehicle_layers: int = Field(default=1, ge=1)
     """layers of an SV's embedding"""
-    heads: int = Field(2, ge=1)
+    heads: int = Field(default=2, ge=1)
     """attention heads a hop"""
-    hops: int = Field(2, ge=1)
+    hops: int = Field(default=2, ge=1)
     """times the EV looks over the SVs, each time with what it saw before"""
 
 
@@ -88,61 +88,61 @@ class LearnerConfig(_Model):
 
     layout: ObservationLayout = ObservationLayout()
     """what is observed"""
-    actions: int = Field(2, ge=1)
+    actions: int = Field(default=2, ge=1)
     """numbers in an action, each in [-1, 1]"""
     policy: NetworkConfig = NetworkConfig()
     """the policy's network"""
     critic: NetworkConfig = NetworkConfig()
     """the network of each critic, of its target and of its prior"""
-    members: int = Field(5, ge=1)
+    members: int = Field(default=5, ge=1)
     """N_ens, critics"""
-    quantiles: int = Field(32, ge=1)
+    quantiles: int = Field(default=32, ge=1)
     """N_q, fixed quantile midpoints"""
-    prior_factor: float = Field(10.0, ge=0)
+    prior_factor: float = Field(default=10.0, ge=0)
     """rho of Eq. (fpn); 0 leaves the priors out"""
-    prior_scale: float = Field(20.0, gt=0)
+    prior_scale: float = Field(default=10.0, gt=0)
     """reward units, about the standard deviation of a prior's output over inputs and members"""
-    value_scale: float = Field(50.0, gt=0)
+    value_scale: float = Field(default=50.0, gt=0)
     """reward units, what one unit of a critic's raw output is worth: the order of the returns"""
-    mask_probability: float = Field(0.9, gt=0, le=1)
+    mask_probability: float = Field(default=0.9, gt=0, le=1)
     """p, chance that a critic learns from a transition"""
-    kappa: float = Field(1.0, gt=0)
+    kappa: float = Field(default=1.0, gt=0)
     """reward units, where the quantile Huber loss turns linear"""
     distortion: Literal["expectation", "cvar", "wang", "cpw"] = "cvar"
     """risk measure that the policy maximises"""
     distortion_parameter: float | None = None
     """of `wang` and `cpw`; None takes the usual one. CVaR's is `beta`"""
-    beta: float = Field(0.25, gt=0, le=1)
+    beta: float = Field(default=0.25, gt=0, le=1)
     """CVaR level, and the lower tail in which uncertainty is measured"""
-    discount: float = Field(0.99, gt=0, lt=1)
+    discount: float = Field(default=0.99, gt=0, lt=1)
     """gamma, for whoever fills the replay"""
-    n_step: int = Field(1, ge=1)
+    n_step: int = Field(default=1, ge=1)
     """rewards summed before bootstrapping, for whoever fills the replay"""
-    batch_size: int = Field(256, ge=1)
+    batch_size: int = Field(default=256, ge=1)
     """transitions in an update, for whoever samples the replay"""
     actor_rate: tuple[float, float] = (3e-4, 1e-5)
     """learning rate of the policy, first and last"""
     critic_rate: tuple[float, float] = (3e-3, 1e-4)
     """learning rate of the critics, first and last"""
-    temperature_rate: float = Field(3e-4, ge=0)
+    temperature_rate: float = Field(default=3e-4, ge=0)
     """learning rate of the logarithm of the temperature; 0 keeps it"""
-    schedule_updates: int = Field(100_000, ge=1)
+    schedule_updates: int = Field(default=100_000, ge=1)
     """updates over which learning rates fall linearly from first to last; they stay there afterwards"""
-    temperature: float = Field(0.005, gt=0)
+    temperature: float = Field(default=0.005, gt=0)
     """alpha_tem at the start, reward units"""
-    temperature_floor: float = Field(0.001, gt=0)
+    temperature_floor: float = Field(default=0.001, gt=0)
     """below which alpha_tem never falls"""
     target_entropy: float | None = None
     """nats; None is minus the number of actions"""
-    target_rate: float = Field(0.005, gt=0, le=1)
+    target_rate: float = Field(default=0.005, gt=0, le=1)
     """share of the way that target networks go towards the learnt ones at each update; 1 copies"""
-    max_gradient: float = Field(10.0, gt=0)
+    max_gradient: float = Field(default=10.0, gt=0)
     """largest norm of the gradient of the policy and of each critic"""
     log_std: tuple[float, float] = (-5.0, 1.0)
     """bounds of the logarithm of the policy's standard deviation before squashing"""
     initial_log_std: float = -1.0
     """where it starts"""
-    seed: int = Field(0, ge=0)
+    seed: int = Field(default=0, ge=0)
     """of initial weights, priors and sampled actions"""
 
     @model_validator(mode="after")
@@ -162,6 +162,11 @@ class LearnerConfig(_Model):
         """The distortion that the policy's objective uses."""
         parameter = self.beta if self.distortion == "cvar" else self.distortion_parameter
         return make_distortion(self.distortion, parameter)
+
+    @property
+    def prior_share(self) -> float:
+        """What a unit of a bare prior network's output adds to a return, reward units: rho / (1 + rho) P."""
+        return self.prior_factor / (1 + self.prior_factor) * self.prior_scale
 
     @classmethod
     def quick(cls, layout: ObservationLayout | None = None, **changes: object) -> Self:

@@ -31,29 +31,7 @@ from torch import Tensor
 
 from rudc.agents.learning.config import LearnerConfig
 from rudc.agents.learning.networks import Stack
-from rudc.agents.learning.parameters import PRIOR_GAIN, Arrays, initial, shapes
-
-CRITIC, PRIOR, POLICY = 1, 2, 3
-"""tags that keep the generators of the three apart"""
-
-
-def critic_arrays(config: LearnerConfig) -> Arrays:
-    """Initial weights of the trained networks o_n."""
-    maps = shapes(config.layout, config.critic, config.actions, config.quantiles)
-    return initial(maps, config.members, (config.seed, CRITIC))
-
-
-def prior_arrays(config: LearnerConfig) -> Arrays:
-    """Weights of the frozen networks f_n, rebuilt from the seed; none if rho is 0."""
-    if config.prior_factor == 0:
-        return {}
-    maps = shapes(config.layout, config.critic, config.actions, config.quantiles)
-    return initial(maps, config.members, (config.seed, PRIOR), PRIOR_GAIN)
-
-
-def prior_share(config: LearnerConfig) -> float:
-    """What one unit of f_n adds to Z_n, reward units: rho / (1 + rho) P."""
-    return config.prior_factor / (1 + config.prior_factor) * config.prior_scale
+from rudc.agents.learning.parameters import critic_arrays, prior_arrays
 
 
 class CriticEnsemble:
@@ -71,7 +49,7 @@ class CriticEnsemble:
         """[targets, priors]"""
         self.target = {k: v[: config.members] for k, v in parts.items()}
         self.prior = {k: v[config.members :] for k, v in parts.items()}
-        self._share = prior_share(config)
+        self._share = config.prior_share
 
     @property
     def has_prior(self) -> bool:

@@ -11,7 +11,8 @@ Encoder `attention`:
       p_jm     = exp(score_jm) / (1 + sum_j exp(score_jm))   over valid SVs; the 1 is an empty slot, which
                                                              takes the weight where nothing deserves it
       e_{k+1}  = e_k + GELU(W_take [sum_j p_j1 x_j, ...])    `take`: W_output W_value, as one matrix
-    g     = sum_i softmax(l)_i GELU(W_w S_wp^i + P_i)         waypoints: P_i sinusoidal, l learnable weights
+    g     = GELU(sum_i l_i * (W_w S_wp^i + b_w + P_i))        waypoints: P_i sinusoidal code of their order,
+                                                             l_i learnable weights, one for each feature
     c     = GELU(W_c S_conflict)                              where the observation has it
     latent = W_fuse [e_K, g, c]                               fused latent, before its activation
 Encoder `mlp`:
@@ -35,10 +36,14 @@ import torch
 from torch import Tensor
 from torch.nn.functional import gelu
 
+from rudc.agents.learning.attention import attend
 from rudc.agents.learning.config import NetworkConfig, ObservationLayout
 from rudc.agents.learning.parameters import waypoint_positions
 
 Weights = Mapping[str, Tensor]
+
+ROWS = 64
+"""of a batch whose SVs are looked over at a time, on a CPU: intermediate results then stay in its cache"""
 
 
 class Stack:
@@ -59,7 +64,10 @@ class Stack:
             return _shared(weights, "fuse", observation)
         layout = self.layout
         ego = torch.cat([observation[:, : layout.ego], observation[:, layout.task_at]], dim=1)
-        seen = self._attend(weights, gelu(_shared(weights, "ego", ego)), observation[:, layout.vehicles_at])
+        ego = gelu(_shared(weights, "ego", ego))
+        step = ROWS if observation.device.type == "cpu" else len(observation)
+        pieces = zip(ego.split(step, dim=1), observation[:, layout.vehicles_at].split(step), strict=True)
+        seen = torch.cat([self._attend(weights, *piece) for piece in pieces], dim=1)
         parts = [seen, self._waypoints(weights, observation[:, layout.waypoints_at])]
         if layout.conflict:
             parts.append(gelu(_shared(weights, "conflict", observation[:, layout.conflict_at])))
@@ -74,26 +82,25 @@ class Stack:
         for layer in range(1, self.network.vehicle_layers):
             x = gelu(_linear(weights, f"vehicle{layer}", x))
         x = x.view(members * batch, count, width)
-        absent = (vehicle[:, 0] < 0.5).view(batch, 1, count).repeat(members, 1, 1)
-        empty = ego.new_zeros(members * batch, heads, 1)
+        valid = (vehicle[:, 0] >= 0.5).to(x.dtype).view(batch, 1, count).repeat(members, 1, 1)
         for hop in range(self.network.hops):
             look = weights[f"look{hop}.weight"] / math.sqrt(width)
             query = torch.bmm(ego, look).view(members * batch, heads, width)
-            scores = torch.bmm(query, x.transpose(1, 2)).masked_fill(absent, -math.inf)
-            share = torch.cat([scores, empty], dim=2).softmax(dim=2)[:, :, :count]
-            taken = torch.bmm(share, x).view(members, batch, heads * width)
+            taken = attend(query, x, valid).view(members, batch, heads * width)
             ego = ego + gelu(_linear(weights, f"take{hop}", taken))
         return ego
 
     def _waypoints(self, weights: Weights, rows: Tensor) -> Tensor:
         """Waypoint branch (N, B, waypoint_embedding) of waypoints (B, waypoints * waypoint)."""
-        count, width = self.layout.waypoints, self.network.waypoint_embedding
-        batch = rows.shape[0]
-        points = rows.reshape(batch * count, self.layout.waypoint)
-        place = weights["waypoint.bias"][:, None] + self._positions.to(rows.device)  # (N, 1, count, width)
-        placed = gelu(_shared(weights, "waypoint", points, bias=False).view(-1, batch, count, width) + place)
-        share = weights["attention_to_waypoints.weight"].softmax(dim=2)  # (N, 1, count)
-        return torch.matmul(share[:, None], placed)[:, :, 0]
+        weight, importance = (
+            weights["waypoint.weight"],
+            weights["importance.weight"],
+        )  # (N, 2, W), (N, count, W)
+        placed = (importance[:, :, None] * weight[:, None]).flatten(1, 2)  # one map of all waypoints
+        shift = (importance * (weights["waypoint.bias"] + self._positions.to(rows.device))).sum(
+            1, keepdim=True
+        )
+        return gelu(torch.baddbmm(shift, rows.expand(weight.shape[0], *rows.shape), placed))
 
     @staticmethod
     def decode(weights: Weights, latent: Tensor, action: Tensor | None = None) -> Tensor:
@@ -111,8 +118,6 @@ def _linear(weights: Weights, name: str, x: Tensor) -> Tensor:
     return torch.bmm(x, weight) if bias is None else torch.baddbmm(bias, x, weight)
 
 
-def _shared(weights: Weights, name: str, x: Tensor, bias: bool = True) -> Tensor:
+def _shared(weights: Weights, name: str, x: Tensor) -> Tensor:
     """Map an input (B, inputs) common to all members by each one's weights."""
-    weight = weights[f"{name}.weight"]
-    x = x.expand(weight.shape[0], *x.shape)
-    return _linear(weights, name, x) if bias else torch.bmm(x, weight)
+    return _linear(weights, name, x.expand(weights[f"{name}.weight"].shape[0], *x.shape))

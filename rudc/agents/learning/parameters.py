@@ -16,14 +16,17 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from rudc.agents.learning.config import NetworkConfig, ObservationLayout
+from rudc.agents.learning.config import LearnerConfig, NetworkConfig, ObservationLayout
 
 Floats = NDArray[np.float32]
 Arrays = dict[str, Floats]
 
 TRAINED_GAIN = 1 / math.sqrt(3)
-"""standard deviation of a trained weight times sqrt(inputs): that of torch.nn.Linear; outputs start near zero
-"""
+"""standard deviation of a trained weight times sqrt(inputs): that of torch.nn.Linear; outputs start small"""
+SCORE_BOUND = 30.0
+"""largest attention score; exp of it is far from overflowing in float32"""
+OUTPUT_GAIN = 0.1
+"""by which a policy's last map starts smaller, so that it explores around zero with the configured spread"""
 PRIOR_GAIN = 1.5
 """the same for priors: GELU layers then keep the variance of their input, and priors vary over states"""
 
@@ -42,7 +45,7 @@ def shapes(
             maps[f"look{hop}"] = (width, network.heads * width)
             maps[f"take{hop}"] = (network.heads * width, width)
         maps["waypoint"] = (layout.waypoint, network.waypoint_embedding)
-        maps["attention_to_waypoints"] = (1, layout.waypoints)
+        maps["importance"] = (layout.waypoints, network.waypoint_embedding)
         if layout.conflict:
             maps["conflict"] = (layout.conflict, width)
         maps["fuse"] = (width * (2 if layout.conflict else 1) + network.waypoint_embedding, hidden)
@@ -56,8 +59,8 @@ def shapes(
 
 
 def without_bias(name: str) -> bool:
-    """Maps that need no bias: part of another sum, a score, or of rows whose first number, validity, is always 1."""
-    return name in ("action", "attention_to_waypoints", "vehicle0") or name.startswith("look")
+    """Maps without bias: parts of a sum, scores, and those of rows whose first number, validity, is 1."""
+    return name in ("action", "importance", "vehicle0") or name.startswith("look")
 
 
 def initial(
@@ -88,6 +91,36 @@ def waypoint_positions(waypoints: int, width: int) -> Floats:
     rate = np.exp(-math.log(100.0) * (np.arange(width) // 2 * 2) / width)
     angle = position * rate
     return np.where(np.arange(width) % 2 == 0, np.sin(angle), np.cos(angle)).astype(np.float32)
+
+
+CRITIC, PRIOR, POLICY = 1, 2, 3
+"""tags that keep the generators of the three apart"""
+
+
+def critic_arrays(config: LearnerConfig) -> Arrays:
+    """Initial weights of the trained networks o_n of the critics (see ensemble.py)."""
+    return initial(_critic_shapes(config), config.members, (config.seed, CRITIC))
+
+
+def prior_arrays(config: LearnerConfig) -> Arrays:
+    """Weights of the frozen networks f_n, rebuilt from the seed; none if rho is 0."""
+    if config.prior_factor == 0:
+        return {}
+    return initial(_critic_shapes(config), config.members, (config.seed, PRIOR), PRIOR_GAIN)
+
+
+def policy_arrays(config: LearnerConfig) -> Arrays:
+    """Initial weights of the policy, a stack of one."""
+    maps = shapes(config.layout, config.policy, 0, 2 * config.actions)
+    arrays = initial(maps, 1, (config.seed, POLICY))
+    arrays["out.weight"] *= np.float32(OUTPUT_GAIN)
+    arrays["out.bias"][:] = 0.0
+    arrays["out.bias"][..., config.actions :] = config.initial_log_std
+    return arrays
+
+
+def _critic_shapes(config: LearnerConfig) -> dict[str, tuple[int, int]]:
+    return shapes(config.layout, config.critic, config.actions, config.quantiles)
 
 
 def fingerprint(arrays: Mapping[str, Floats]) -> str:

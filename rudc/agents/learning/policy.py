@@ -11,19 +11,13 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
-import numpy as np
 import torch
 from torch import Tensor
 from torch.nn.functional import softplus
 
 from rudc.agents.learning.config import LearnerConfig
-from rudc.agents.learning.ensemble import POLICY
 from rudc.agents.learning.networks import Stack
-from rudc.agents.learning.parameters import Arrays, initial, shapes
-
-OUTPUT_GAIN = 0.1
-"""by which the policy's last map starts smaller, so that it explores around zero with the configured spread
-"""
+from rudc.agents.learning.parameters import policy_arrays
 
 
 class Drawn(NamedTuple):
@@ -33,15 +27,6 @@ class Drawn(NamedTuple):
     """(B, actions)"""
     log_probability: Tensor
     """(B,), nats"""
-
-
-def policy_arrays(config: LearnerConfig) -> Arrays:
-    """Initial weights of the policy, a stack of one."""
-    arrays = initial(shapes(config.layout, config.policy, 0, 2 * config.actions), 1, (config.seed, POLICY))
-    arrays["out.weight"] *= np.float32(OUTPUT_GAIN)
-    arrays["out.bias"][:] = 0.0
-    arrays["out.bias"][..., config.actions :] = config.initial_log_std
-    return arrays
 
 
 class Policy:

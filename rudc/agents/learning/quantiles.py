@@ -7,13 +7,14 @@ With targets y_i, predictions z_j at fractions tau_j and delta_ij = y_i - z_j,
     loss = sum_j (1 / N_q) sum_i rho_j(delta_ij)
 
 Written out by autograd that is some twenty passes over (N, B, N_q, N_q) numbers, as much time as the
-networks. With c+ = min(max(delta, 0), kappa) and c- = max(min(delta, 0), -kappa) both loss and gradient need
-two sums over i:
+networks. With c = min(max(delta, -kappa), kappa) and c+ = max(c, 0) both loss and gradient need two sums over
+i, since L_kappa(delta) = c (delta - c / 2) and L_kappa'(delta) = c:
 
-    L_kappa(delta)        = c (delta - c / 2),                         c = c+ + c-
-    -d loss / d z_j       = (tau_j sum_i c+_ij + (1 - tau_j) sum_i c-_ij) / (kappa N_q)
+    |tau_j - 1{delta < 0}| c   =  (1 - tau_j) c + (2 tau_j - 1) c+
+    -d loss / d z_j            =  sum_i of that / (kappa N_q)
 
-so they are computed together in place, and the backward pass is one product.
+They are computed together, in place, some rows at a time so that these stay in the processor's cache; the
+backward pass is one product.
 """
 
 from __future__ import annotations
@@ -24,6 +25,9 @@ import torch
 from torch import Tensor
 from torch.autograd import Function
 from torch.autograd.function import once_differentiable
+
+ROWS = 32
+"""of a batch in a piece, on a CPU"""
 
 
 def fractions(quantiles: int) -> Tensor:
@@ -42,15 +46,21 @@ class _QuantileHuber(Function):
     @staticmethod
     def forward(ctx: Any, predicted: Tensor, target: Tensor, kappa: float) -> Tensor:
         tau = fractions(predicted.shape[-1]).to(predicted)
-        delta = target[None, :, None, :] - predicted[..., None]  # (N, B, N_q, M)
-        count = target.shape[-1]
-        above = delta.clamp(0.0, kappa)
-        below = delta.clamp(-kappa, 0.0)
-        above_sum, below_sum = above.sum(-1), below.sum(-1)
-        ctx.save_for_backward((tau * above_sum + (1 - tau) * below_sum) / (-kappa * count))
-        above.mul_(torch.add(delta, above, alpha=-0.5))
-        below.mul_(delta.add_(below, alpha=-0.5))
-        return (tau * above.sum(-1) + (1 - tau) * below.sum(-1)).sum(-1) / (kappa * count)
+        loss, slope = predicted.new_empty(predicted.shape[:2]), torch.empty_like(predicted)
+        step = ROWS if predicted.device.type == "cpu" else predicted.shape[1]
+        for start in range(0, predicted.shape[1], step):
+            rows = slice(start, start + step)
+            delta = target[None, rows, None, :] - predicted[:, rows, :, None]  # (N, rows, N_q, M)
+            inner = delta.clamp(-kappa, kappa)
+            above = inner.clamp(min=0.0)
+            all_sum, above_sum = inner.sum(-1), above.sum(-1)
+            slope[:, rows] = all_sum * (tau - 1) + above_sum * (1 - 2 * tau)
+            delta.add_(inner, alpha=-0.5)
+            all_sum, above_sum = inner.mul_(delta).sum(-1), above.mul_(delta).sum(-1)
+            loss[:, rows] = (all_sum * (1 - tau) - above_sum * (1 - 2 * tau)).sum(-1)
+        scale = 1 / (kappa * target.shape[-1])
+        ctx.save_for_backward(slope.mul_(scale))
+        return loss.mul_(scale)
 
     @staticmethod
     @once_differentiable

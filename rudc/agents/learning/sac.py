@@ -113,7 +113,7 @@ class RudcLearner:
         return reward[:, None] + discount[:, None] * future
 
     def _differentiate(self, loss: Tensor, weights: Mapping[str, Tensor]) -> Tensor:
-        """Set the gradient of each weight, clipped to max_gradient for each member; norms before that, (N,)."""
+        """Set the weights' gradients, clipped to max_gradient for each member; norms before that, (N,)."""
         leaves = list(weights.values())
         gradients = torch.autograd.grad(loss / self.config.value_scale, leaves)
         squares = torch.stack([torch.linalg.vector_norm(g, dim=(1, 2)) for g in gradients]).square_()
