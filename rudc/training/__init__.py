@@ -1,1 +1,1 @@
-"""Training: replay, collection from parallel worlds, trainer, logging."""
+"""Learns to drive: collection from parallel worlds, replay, trainer, logs. Imports torch."""
