@@ -51,7 +51,7 @@ def options(
 def main() -> None:
     """Run the command line and leave with its exit status."""
     try:
-        app()
+        app(prog_name="rudc")
     except RudcError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(error.exit_code)

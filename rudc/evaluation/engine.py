@@ -106,7 +106,7 @@ class _Pool:
         context = multiprocessing.get_context("spawn")
         ours, theirs = context.Pipe()
         process = context.Process(target=serve, args=(theirs, self._make_runner), daemon=True)
-        with _quiet_start():
+        with quiet_start():
             process.start()
         theirs.close()
         return _Worker(process, ours)
@@ -192,7 +192,7 @@ def serve(pipe: Connection, make_runner: RunnerFactory) -> None:
 
 
 @contextlib.contextmanager
-def _quiet_start() -> Iterator[None]:
+def quiet_start() -> Iterator[None]:
     """What a child inherits: Ctrl-C ignored from its first instruction, one thread in its linear algebra."""
     before = {name: os.environ.get(name) for name in SINGLE_THREADED}
     os.environ.update(dict.fromkeys(SINGLE_THREADED, "1"))

@@ -6,6 +6,8 @@ import importlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from rudc.env.rendering import Frame, Renderer
 from rudc.errors import InputError
 from rudc.evaluation.store import explain
@@ -69,7 +71,10 @@ class Film:
     def _save_gif(self, path: Path) -> None:
         from PIL import Image
 
-        first, *rest = [Image.fromarray(frame).quantize(64) for frame in self._frames]
+        few = np.concatenate(self._frames[:: max(len(self._frames) // 8, 1)])
+        palette = Image.fromarray(few).quantize(128)
+        plain = Image.Dither.NONE
+        first, *rest = [Image.fromarray(f).quantize(palette=palette, dither=plain) for f in self._frames]
         step = round(1000 / self._rate)
         durations = [step] * len(rest) + [round(1000 * PAUSE_S)]
         first.save(path, save_all=True, append_images=rest, duration=durations, loop=0, optimize=False)

@@ -136,12 +136,11 @@ def _latex(groups: Sequence[Group], by: Sequence[str]) -> str:
 
 
 def _latex_cell(metric: Metric, value: Summary, bold: bool) -> str:
-    text = cell(metric, value).replace(MISSING, "--")
-    number, _, rest = text.partition(" ")
+    if math.isnan(value.mean):
+        return "--"
+    number, _, rest = cell(metric, value).replace("-", "$-$").partition(" ")
     number = f"\\textbf{{{number}}}" if bold else number
-    return (f"{number} {{\\scriptsize {rest}}}" if rest else number).replace(
-        "-", "$-$", int(number[:1] == "-")
-    )
+    return f"{number} {{\\scriptsize {rest}}}" if rest else number
 
 
 def _count(group: Group) -> str:

@@ -1,0 +1,77 @@
+"""Names of drivers, and the filter behind them."""
+
+import json
+
+import numpy as np
+import pytest
+
+from rudc.agents.filtered import FILTERS, FilteredAgent
+from rudc.agents.registry import agent_names, agent_settings, agent_summary, make_agent
+from rudc.errors import AgentError
+from rudc.world.network import load_network
+from tests.agents.conftest import Other
+
+
+def test_every_name_makes_an_agent_of_that_name():
+    for name in agent_names():
+        agent = make_agent(name)
+        assert agent.name == name
+        assert agent.ego_driver == ("sumo" if name == "sumo" else "agent")
+        assert agent_summary(name).endswith(".")
+        json.dumps(agent_settings(name))
+
+
+def test_filters_stand_behind_all_but_sumo():
+    names = agent_names()
+    assert set(names) == {
+        "sumo", "follower", "gap-acceptance",
+        "follower+ttcbf", "follower+ecbf", "gap-acceptance+ttcbf", "gap-acceptance+ecbf",
+    }  # fmt: skip
+    assert agent_settings("follower+ecbf")["filter"]["kind"] == "ecbf"
+    assert "filter" not in agent_settings("follower")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "meant"),
+    [
+        ("gap_acceptance", "'gap-acceptance'"),
+        ("folower", "'follower'"),
+        ("follower+ttcbff", "'follower+ttcbf'"),
+        ("gap-acceptance+ecfb", "'gap-acceptance+ecbf'"),
+    ],
+)
+def test_a_typo_is_answered_with_what_was_meant(wrong, meant):
+    with pytest.raises(AgentError, match="no agent") as caught:
+        make_agent(wrong)
+    assert f"did you mean {meant}" in str(caught.value)
+    assert "there are: sumo, follower" in str(caught.value)
+
+
+def test_no_filter_behind_sumo():
+    with pytest.raises(AgentError, match="SUMO itself drives"):
+        make_agent("sumo+ttcbf")
+
+
+@pytest.mark.parametrize("kind", FILTERS)
+def test_a_filtered_agent_reports_proposal_and_correction(kind, scene_on):
+    row = load_network("four_way").route("south", "straight").row
+    scene = scene_on("south", "straight", 60.0, 8.0, (Other(row, 72.0, 0.0),))
+    agent = make_agent(f"follower+{kind}")
+    assert isinstance(agent, FilteredAgent)
+    agent.reset(scene, 0)
+    decision = agent.act(scene)
+    assert decision.filtered is not None
+    np.testing.assert_allclose(decision.u - decision.u_rl, decision.filtered.correction)
+    assert decision.u[0] < decision.u_rl[0] - 1.0, "the filter must brake for who stands 7 m ahead"
+    assert decision.timing_ms["filter"] > 0.0
+
+
+def test_a_filter_leaves_an_empty_road_alone(scene_on):
+    scene = scene_on("south", "straight", 60.0, 5.0)
+    agent, bare = make_agent("follower+ttcbf"), make_agent("follower")
+    agent.reset(scene, 0)
+    bare.reset(scene, 0)
+    decision = agent.act(scene)
+    assert decision.filtered is not None
+    assert decision.filtered.status == "nominal"
+    np.testing.assert_allclose(decision.u, bare.act(scene).u)

@@ -1,0 +1,214 @@
+"""The commands doing what they are for."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from rudc.evaluation.store import read_table
+from rudc.scenario import shipped_scenarios
+
+PYTHON = [sys.executable, "-m", "rudc"]
+
+
+def test_help_needs_nothing_heavy():
+    code = (
+        "import sys; sys.argv = ['rudc', '--help']\n"
+        "from rudc.cli.main import main\n"
+        "try: main()\n"
+        "except SystemExit as end: assert not end.code\n"
+        "heavy = {'numpy', 'scipy', 'pandas', 'matplotlib', 'torch', 'libsumo', 'pydantic', 'yaml'}\n"
+        "heavy &= set(sys.modules)\n"
+        "assert not heavy, heavy"
+    )
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    for command in ("sweep", "run", "scenario", "network", "agent", "table"):
+        assert command in result.stdout
+
+
+def test_version(rudc):
+    import rudc as package
+
+    assert rudc("--version") == (0, f"{package.__version__}\n", "")
+
+
+def test_from_a_new_scenario_to_a_picture_and_a_run(rudc, tmp_path):
+    assert rudc("scenario", "new", "mine").status == 0
+    assert json.loads((tmp_path / "rudc-scenario.schema.json").read_text())["title"]
+    assert rudc("scenario", "new", "mine").status == 2
+    answer = rudc("scenario", "validate", "mine.yaml")
+    assert answer == (0, "mine: ok (1 events)\n", "")
+    answer = rudc("scenario", "preview", "mine.yaml", "--seed", 2, "--out", "pictures/mine.png")
+    assert answer.status == 0, answer.err
+    with Image.open(tmp_path / "pictures" / "mine.png") as picture:
+        assert min(picture.size) > 500
+        assert len(picture.getcolors(1 << 24) or []) > 20
+    answer = rudc(
+        "run", "mine.yaml", "--agent", "gap-acceptance+ttcbf", "--seed", 1,
+        "--set", "traffic.density=12", "--steps", "steps.csv", "--video", "film.gif", "--fcd", "fcd.xml",
+    )  # fmt: skip
+    assert answer.status == 0, answer.err
+    shown = dict(line.split(maxsplit=1) for line in answer.out.splitlines())
+    assert shown["scenario"] == "mine"
+    assert shown["agent"] == "gap-acceptance+ttcbf"
+    assert 9.0 < float(shown["density"]) < 15.0
+    assert len(read_table(tmp_path / "steps.csv")) == int(shown["steps"])
+    assert (tmp_path / "film.gif").stat().st_size > 10_000
+    assert "<timestep" in (tmp_path / "fcd.xml").read_text()
+
+
+def test_scenarios_are_listed_with_why_they_are_out_of_distribution(rudc):
+    answer = rudc("scenario", "list")
+    assert answer.status == 0
+    assert "dense_left_turn" in answer.out
+    assert answer.out.count("OOD:") >= 10
+    assert "sweep of traffic.density: 10, 20, 30, 40, 50" in answer.out
+    assert rudc("scenario", "list", "*left*").out.count("\n") < answer.out.count("\n")
+
+
+def test_the_schema_is_json(rudc, tmp_path):
+    text = rudc("scenario", "schema").out
+    assert "properties" in json.loads(text)
+    assert rudc("scenario", "schema", "--out", "a/b.json").status == 0
+    assert (tmp_path / "a" / "b.json").read_text() == text
+
+
+def test_every_shipped_scenario_is_valid(rudc):
+    answer = rudc("scenario", "validate", "*")
+    assert answer.status == 0, answer.err
+    assert [line.split(":")[0] for line in answer.out.splitlines()] == list(shipped_scenarios())
+
+
+def test_networks_are_listed_checked_and_built(rudc, tmp_path):
+    listed = rudc("network", "list")
+    assert listed.status == 0
+    assert "roundabout" in listed.out
+    answer = rudc("network", "check", "t_junction", "--out", "t.png")
+    assert answer.status == 0
+    assert "straight" in answer.out
+    assert (tmp_path / "t.png").stat().st_size > 10_000
+    source = Path(__file__).parents[2] / "sumo_networks" / "four_way"
+    answer = rudc("network", "build", source, "--out", tmp_path / "built.net.xml")
+    assert answer.status == 0, answer.err
+    assert (tmp_path / "built.net.xml").read_bytes() == (source / "four_way.net.xml").read_bytes()
+    assert rudc("network", "check", "built.net.xml").status == 0
+
+
+def test_agents_are_listed_and_shown(rudc):
+    assert "gap-acceptance+ecbf" in rudc("agent", "list").out
+    head, _, settings = rudc("agent", "show", "follower+ttcbf").out.partition("\n")
+    assert head.startswith("follower+ttcbf: ")
+    assert json.loads(settings)["filter"]["kind"] == "ttcbf"
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    """The folder of a small real sweep, and what the command printed."""
+    out = tmp_path_factory.mktemp("swept") / "with spaces"
+    command = [
+        *PYTHON,
+        "sweep",
+        "dense_left_turn",
+        "-a",
+        "sumo",
+        "-a",
+        "follower",
+        "-n",
+        "3",
+        "-w",
+        "2",
+        "-o",
+        str(out),
+    ]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    return out, result
+
+
+def test_a_sweep_prints_its_table_and_says_where_it_is(swept):
+    out, result = swept
+    assert "SR (%)" in result.stdout
+    assert "min-DTC (m)" in result.stdout
+    assert result.stdout.count("[") == 6
+    assert "6/6 episodes" in result.stderr
+    assert str(out) in result.stderr
+    assert sorted(path.name for path in out.iterdir()) == [
+        "conditions.csv", "episodes.csv", "manifest.json", "metrics.csv",
+    ]  # fmt: skip
+
+
+def test_table_reads_what_a_sweep_left(swept, rudc):
+    out, _ = swept
+    assert rudc("table", out, "--format", "csv").out.splitlines()[1].startswith("dense_left_turn,sumo,3,0,")
+    assert "| dense_left_turn" in rudc("table", out, "-f", "markdown", "--against", "paper").out
+    assert "\\toprule" in rudc("table", out, "-f", "latex").out
+    by_priority = rudc("table", out, "--by", "agent,priority").out
+    assert "major" in by_priority or "minor" in by_priority
+    assert rudc("table", out, "--by", "agnt").status == 2
+    assert "follower" in rudc("table", out).out
+
+
+def test_a_reader_who_has_had_enough_is_no_error(swept):
+    reader = subprocess.Popen(
+        [*PYTHON, "scenario", "schema"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert reader.stdout is not None
+    assert reader.stderr is not None
+    reader.stdout.readline()
+    reader.stdout.close()
+    said = reader.stderr.read()
+    reader.stderr.close()
+    reader.wait(timeout=20)
+    assert "Traceback" not in said
+
+
+def test_ctrl_c_keeps_what_is_finished_and_leaves_with_130(tmp_path):
+    out = tmp_path / "out"
+    command = [
+        *PYTHON,
+        "sweep",
+        "random_destination",
+        "-a",
+        "follower",
+        "-n",
+        "500",
+        "-w",
+        "1",
+        "-o",
+        str(out),
+    ]
+    process = subprocess.Popen(
+        command, start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    rows = out / "episodes.csv"
+    deadline = time.monotonic() + 60.0
+    while not rows.exists() or rows.read_bytes().count(b"\n") < 3:
+        assert process.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGINT)
+    _, said = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert "interrupted; what is finished is kept" in said
+    assert "Traceback" not in said
+    assert len(read_table(rows)) >= 2
+
+
+def test_failed_episodes_are_named_and_end_with_1(rudc, tmp_path):
+    (tmp_path / "crowded.yaml").write_text(
+        "name: crowded\nego: {route: {from: south, turn: straight}, distance: 40}\n"
+        "events: [{kind: accident, vehicles: [{lane: south_in_0, at: 42}]}]\n"
+    )
+    answer = rudc("sweep", "crowded.yaml", "-a", "follower", "-n", 1, "-w", 1, "-o", "out")
+    assert answer.status == 1
+    assert "failed: crowded, follower, seed 0" in answer.err
+    assert "1 of 1 episodes failed" in answer.err
+    (row,) = read_table(tmp_path / "out" / "episodes.csv")
+    assert "no safe start" in row["error"]

@@ -1,0 +1,95 @@
+"""Wrong input: exit status 2, one clear message on stderr, no traceback."""
+
+import pytest
+
+SWEEP = ("sweep", "random_destination", "--agent", "follower", "--episodes", "1", "--out", "out")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (
+            ("sweep", "random_destination", "-a", "gap_acceptance", "-o", "x"),
+            "did you mean 'gap-acceptance'?",
+        ),
+        (("sweep", "random_destinaton", "-a", "sumo", "-o", "x"), "random_destination"),
+        (("sweep", "random_destination", "-o", "x"), "give at least one --agent NAME"),
+        (("sweep", "-a", "sumo", "-o", "x"), "which scenarios?"),
+        (("sweep", "random_destination", "-a", "sumo"), "--out DIR"),
+        (("run", "random_destination", "--agent", "sumo+ecbf"), "SUMO itself drives"),
+        (("run", "random_destination", "--set", "traffic.densty=30"), "did you mean 'density'?"),
+        (("run", "random_destination", "--set", "traffic.density"), "expected KEY=VALUE"),
+        (("run", "random_destination", "--video", "film.avi"), "a film is a .gif or a .mp4"),
+        (("run", "nowhere.yaml"), "nowhere.yaml: no such file"),
+        (("agent", "show", "folower"), "did you mean 'follower'?"),
+        (("scenario", "validate", "nowhere.yaml"), "no such file"),
+        (("scenario", "new", "bad name"), "bad name"),
+        (("network", "check", "four_wya"), "did you mean 'four_way'?"),
+        (("network", "build", "nowhere"), "no such folder"),
+        (("table", "nowhere"), "is it the folder of a sweep?"),
+    ],
+)
+def test_wrong_input_is_answered_with_what_is_wrong(rudc, arguments, expected):
+    answer = rudc(*arguments)
+    assert answer.status == 2
+    assert expected in answer.err
+    assert answer.err.startswith("error: ")
+    assert "Traceback" not in answer.err
+    assert answer.out == ""
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("sweeep",),
+        ("sweep", "--epsodes", "3"),
+        ("sweep", "x", "--episodes", "zero"),
+        ("table", "x", "-f", "word"),
+    ],
+)
+def test_wrong_usage_has_the_same_status(rudc, arguments):
+    answer = rudc(*arguments)
+    assert answer.status == 2
+    assert "Usage: rudc" in answer.err
+
+
+def test_all_mistakes_in_a_file_at_once_each_with_its_place(rudc, tmp_path):
+    (tmp_path / "bad.yaml").write_text("name: bad\ntraffic: {densty: 3}\nevents:\n  - kind: hard_break\n")
+    answer = rudc("scenario", "validate", "bad.yaml")
+    assert answer.status == 2
+    lines = answer.err.removeprefix("error: ").splitlines()
+    assert [line.split(": ")[0] for line in lines] == ["bad.yaml:2:11", "bad.yaml:4:11"]
+
+
+def test_what_does_not_fit_the_network_is_found_before_anything_runs(rudc, tmp_path):
+    (tmp_path / "misfit.yaml").write_text(
+        "name: misfit\nego: {route: {from: northeast, turn: left}}\nevents:\n"
+        "  - {kind: lane_closure, lane: west_in_5, at: 5, length: 10}\n"
+        "  - {kind: wrong_way, lane: east_in_0, at: 500, speed: 8, when: {simulation_time: {above: 3}}}\n"
+        "  - {kind: pedestrian_crossing, arm: nort, at: 5, speed: 1.4, count: 1, from_side: left}\n"
+    )
+    for command in (("scenario", "validate", "misfit.yaml"), (*SWEEP[:1], "misfit.yaml", *SWEEP[2:])):
+        answer = rudc(*command)
+        assert answer.status == 2
+        lines = answer.err.removeprefix("error: ").splitlines()
+        assert [line.split(": ")[1] for line in lines] == [
+            "ego.route", "events[0].lane", "events[1].lane", "events[2].arm",
+        ]  # fmt: skip
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_is_not_empty_is_refused_with_advice(rudc):
+    assert rudc(*SWEEP).status == 0
+    again = rudc(*SWEEP)
+    assert again.status == 2
+    assert "add --resume to finish the sweep in it, or give another --out" in again.err
+    other = rudc(*SWEEP, "--resume", "--seed", "4")
+    assert other.status == 2
+    assert "seed: 0 there, 4 here" in other.err
+
+
+def test_results_that_cannot_be_written_are_a_failure_of_the_work(rudc, tmp_path):
+    (tmp_path / "file").write_text("")
+    answer = rudc("scenario", "schema", "--out", "file/schema.json")
+    assert answer.status == 1
+    assert answer.err.startswith("error: cannot")

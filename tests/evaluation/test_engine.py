@@ -1,0 +1,133 @@
+"""Worker processes: those that work, die, hang, or never start."""
+
+import multiprocessing
+import sys
+import types
+from contextlib import closing
+from functools import partial
+
+import pytest
+
+from rudc.errors import InputError, SimulationError
+from rudc.evaluation.engine import run_local
+from rudc.evaluation.ray_engine import run_ray
+
+
+def collect(tasks, make_runner, workers=2, limit_s=60.0, engine=run_local):
+    with closing(engine(tasks, workers, limit_s, make_runner)) as results:
+        found = list(results)
+    assert not multiprocessing.active_children(), "workers must be gone"
+    return {(task.agent, task.seed): record for task, record in found}, len(found)
+
+
+def test_every_task_is_answered_once(fakes, make_plan):
+    tasks = make_plan(episodes=8).tasks()
+    records, count = collect(tasks, fakes.Runner)
+    assert count == len(tasks) == 16
+    for task in tasks:
+        assert records[task.agent, task.seed].row()[:16] == fakes.made_up(task).row()[:16]
+
+
+def test_there_are_no_more_workers_than_tasks(fakes, make_plan):
+    results = run_local(make_plan(agents=("sumo",), episodes=1).tasks(), 50, 60.0, fakes.Runner)
+    next(results)
+    assert len(multiprocessing.active_children()) == 1
+    results.close()
+    assert not multiprocessing.active_children()
+
+
+def test_a_worker_that_dies_is_replaced_and_its_episode_retried(fakes, make_plan, tmp_path):
+    tasks = make_plan(agents=("sumo",), episodes=4).tasks()
+    records, count = collect(tasks, partial(fakes.Troubled, "die_once", tmp_path))
+    assert count == 4
+    assert not any(record.error for record in records.values())
+
+
+@pytest.mark.parametrize(("trouble", "cause"), [("die", "SIGKILL"), ("exit", "exit code 7")])
+def test_an_episode_that_kills_twice_is_recorded_with_its_error(fakes, make_plan, tmp_path, trouble, cause):
+    tasks = make_plan(agents=("sumo",), episodes=4).tasks()
+    records, count = collect(tasks, partial(fakes.Troubled, trouble, tmp_path))
+    assert count == 4
+    assert [seed for (_, seed), record in records.items() if record.error] == [1]
+    assert "the worker failed 2 times" in records["sumo", 1].error
+    assert cause in records["sumo", 1].error
+
+
+def test_an_episode_that_hangs_is_given_up(fakes, make_plan, tmp_path):
+    tasks = make_plan(agents=("sumo",), episodes=3).tasks()
+    records, _ = collect(tasks, partial(fakes.Troubled, "hang", tmp_path), limit_s=2.0)
+    assert "no result within 2 s" in records["sumo", 1].error
+    assert not records["sumo", 2].error
+
+
+def test_workers_that_cannot_start_say_why(fakes, make_plan):
+    with pytest.raises(SimulationError, match="libsumo cannot be imported"):
+        collect(make_plan().tasks(), fakes.no_runner)
+    with pytest.raises(SimulationError, match="workers cannot start: it ended with exit code 3"):
+        collect(make_plan().tasks(), fakes.dead_on_arrival, workers=1)
+    assert not multiprocessing.active_children()
+
+
+def test_stopping_early_ends_busy_workers(fakes, make_plan):
+    results = run_local(make_plan(episodes=20).tasks(), 2, 60.0, partial(fakes.Runner, 0.3))
+    next(results)
+    results.close()
+    assert not multiprocessing.active_children()
+
+
+def test_ray_that_is_not_installed_is_named(make_plan, fakes, monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(InputError, match=r"pip install 'rudc\[ray\]'"):
+        list(run_ray(make_plan().tasks(), 2, 60.0, fakes.Runner))
+
+
+class _Actor:
+    """Stands for a ray actor: calls are answered when they are asked for."""
+
+    def __init__(self, made):
+        self.run = types.SimpleNamespace(remote=lambda task: _Reference(made, task))
+
+
+class _Reference:
+    """Stands for a ray object reference."""
+
+    def __init__(self, made, task):
+        self.answer = lambda: made.run(task)
+
+
+def _ray_in_process():
+    """As much of ray as the engine uses, in this process; an actor that raises counts as dead."""
+    killed = []
+
+    def decorate(**_):
+        return lambda cls: types.SimpleNamespace(remote=lambda factory: _Actor(cls(factory)))
+
+    def get(reference, timeout):
+        return reference.answer()
+
+    return types.SimpleNamespace(
+        init=lambda **_: None, shutdown=lambda: None, remote=decorate, get=get, kill=killed.append,
+        wait=lambda references, timeout: (references[:1], references[1:]), killed=killed,
+    )  # fmt: skip
+
+
+def test_the_ray_engine_gives_the_same_records_and_retries(make_plan, fakes, monkeypatch):
+    ray = _ray_in_process()
+    monkeypatch.setitem(sys.modules, "ray", ray)
+    tasks = make_plan(episodes=4).tasks()
+    records, count = collect(tasks, fakes.Runner, engine=run_ray)
+    assert count == len(tasks)
+    assert all(records[t.agent, t.seed].row()[:16] == fakes.made_up(t).row()[:16] for t in tasks)
+
+    def fragile():
+        def run(task):
+            if task.seed == 1:
+                raise RuntimeError("actor died")
+            return fakes.made_up(task)
+
+        return run
+
+    records, count = collect(tasks, fragile, engine=run_ray)
+    assert count == len(tasks)
+    assert "RuntimeError: actor died" in records["sumo", 1].error
+    assert len(ray.killed) == 4

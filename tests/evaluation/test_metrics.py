@@ -1,0 +1,79 @@
+"""The seven metrics of groups of episodes."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rudc.evaluation.metrics import METRIC_COLUMNS, METRICS, group_metrics
+from rudc.evaluation.record import COLUMNS, TIMING, EpisodeRecord
+
+
+def row(outcome="success", agent="sumo", **numbers):
+    violation = outcome if outcome in ("collision", "off_road", "wrong_way") else ""
+    numbers = {"steps": 10, "route_completion": 0.5, "decision_ms_mean": 1.0, **numbers}
+    record = EpisodeRecord("s", agent, 0, outcome, violation, **numbers)
+    return dict(zip(COLUMNS, record.row(), strict=True))
+
+
+def failed():
+    return dict(zip(COLUMNS, EpisodeRecord.failed("s", "sumo", 0, "broke").row(), strict=True))
+
+
+def test_columns_are_those_of_the_contract():
+    assert ",".join(COLUMNS) == (
+        "scenario,agent,seed,outcome,violation,steps,duration_s,route_completion,mean_speed_mps,episode_reward,"
+        "min_dtc_m,interventions,mean_correction,infeasible_steps,mean_sigma,max_sigma,decision_ms_mean,"
+        "decision_ms_max,fault,error"
+    )
+    assert set(TIMING) < set(COLUMNS)
+    assert METRIC_COLUMNS[:5] == ("SR_mean", "SR_std", "SR_low", "SR_high", "FR_mean")
+    assert [m.name for m in METRICS] == ["SR", "FR", "RC", "AES", "AER", "VR", "min_DTC"]
+
+
+@given(st.lists(st.sampled_from(["success", "frozen", "collision", "off_road", "wrong_way"]), min_size=1))
+def test_every_episode_ends_in_exactly_one_way(outcomes):
+    (group,) = group_metrics([row(outcome) for outcome in outcomes], ["scenario"])
+    rates = {name: group.metrics[name].mean for name in ("SR", "FR", "VR")}
+    assert sum(rates.values()) == pytest.approx(100.0)
+    assert rates["SR"] == pytest.approx(100 * outcomes.count("success") / len(outcomes))
+    assert rates["FR"] == pytest.approx(100 * outcomes.count("frozen") / len(outcomes))
+
+
+def test_means_are_in_their_units_and_leave_out_what_is_not_there():
+    rows = [row(route_completion=0.25, min_dtc_m=2.0), row(route_completion=0.75, min_dtc_m=math.nan)]
+    (group,) = group_metrics(rows, ["scenario"])
+    assert group.metrics["RC"].mean == pytest.approx(50.0)
+    assert group.metrics["min_DTC"].mean == 2.0
+    assert math.isnan(group.metrics["AES"].mean)
+    assert group.decision_ms == 1.0
+
+
+def test_failed_episodes_are_counted_and_enter_no_metric():
+    (group,) = group_metrics([row("success"), failed(), row("collision")], ["scenario"])
+    assert (group.episodes, group.errors) == (2, 1)
+    assert group.metrics["SR"].mean == 50.0
+    (none,) = group_metrics([failed()], ["scenario"])
+    assert (none.episodes, none.errors) == (0, 1)
+    assert all(math.isnan(value) for value in none.metrics["SR"])
+    assert math.isnan(none.decision_ms)
+
+
+def test_groups_come_in_the_order_of_their_first_row():
+    rows = [row(agent="b"), row("frozen", agent="a"), row(agent="b")]
+    groups = group_metrics(rows, ["scenario", "agent"])
+    assert [group.key for group in groups] == [("s", "b"), ("s", "a")]
+    assert [group.episodes for group in groups] == [2, 1]
+    assert np.isclose(groups[1].metrics["FR"].mean, 100.0)
+
+
+def test_a_failed_record_has_one_line_of_error_and_no_numbers():
+    cells = dict(zip(COLUMNS, EpisodeRecord.failed("s", "a", 4, "one\n two,  three ").row(), strict=True))
+    assert cells.pop("error") == "one two, three"
+    assert {name: text for name, text in cells.items() if text} == {
+        "scenario": "s",
+        "agent": "a",
+        "seed": "4",
+    }

@@ -1,0 +1,130 @@
+"""Real episodes: what a record says of them, that they repeat, and films and traces of them."""
+
+import csv
+import math
+
+import numpy as np
+import pytest
+
+from rudc.agents.registry import make_agent
+from rudc.env.episode import Episode
+from rudc.errors import InputError
+from rudc.evaluation.film import Film, check_film
+from rudc.evaluation.record import COLUMNS, CONDITIONS, TIMING
+from rudc.evaluation.rollout import run_episode
+from rudc.evaluation.runner import EpisodeRunner
+from rudc.evaluation.sweep import run_sweep
+from rudc.evaluation.tasks import SweepPlan
+from rudc.evaluation.trace import Trace
+from rudc.scenario import find_scenarios, load_scenario
+from rudc.world.network import load_network
+from rudc.world.world import World
+
+
+@pytest.fixture(scope="module")
+def episode():
+    with World(load_network("four_way")) as world:
+        yield Episode(world)
+
+
+def comparable(record):
+    return [cell for name, cell in zip(COLUMNS, record.row(), strict=True) if name not in TIMING]
+
+
+@pytest.mark.parametrize("name", ["sumo", "follower", "gap-acceptance", "gap-acceptance+ttcbf"])
+def test_a_record_is_consistent_and_repeats(episode, name):
+    plan, agent = load_scenario("random_destination").plan(3), make_agent(name)
+    record = run_episode(episode, plan, agent)
+    assert (record.scenario, record.agent, record.seed, record.error) == ("random_destination", name, 3, "")
+    assert record.outcome in ("success", "frozen", "collision", "off_road", "wrong_way")
+    assert record.violation == ("" if record.outcome in ("success", "frozen") else record.outcome)
+    assert record.duration_s == pytest.approx(0.1 * record.steps, abs=0.06)
+    assert 0.0 <= record.route_completion <= 1.0
+    assert (record.route_completion == 1.0) == (record.outcome == "success")
+    assert 0.0 < record.decision_ms_mean <= record.decision_ms_max
+    assert math.isnan(record.mean_sigma)
+    assert record.conditions.origin in ("north", "east", "south", "west")
+    assert record.conditions.priority == (
+        "major" if record.conditions.origin in ("east", "west") else "minor"
+    )
+    assert record.conditions.density == pytest.approx(20.0, rel=0.2)
+    if "+" not in name:
+        assert (record.interventions, record.mean_correction, record.infeasible_steps) == (0, 0.0, 0)
+    again = run_episode(episode, plan, make_agent(name))
+    assert comparable(again) == comparable(record)
+    assert again.conditions_row() == record.conditions_row()
+    assert len(record.conditions_row()) == len(CONDITIONS)
+
+
+def test_watching_sees_every_decision_and_changes_nothing(episode, tmp_path):
+    plan, agent = load_scenario("blocked_left_turn").plan(1), make_agent("follower+ttcbf")
+    bare = run_episode(episode, plan, agent)
+    trace = Trace()
+    film = Film(episode, size=120)
+    frames = []
+
+    def watch(scene, decision, result):
+        trace.watch(scene, decision, result)
+        film.watch(scene, decision, result)
+        frames.append(decision.filtered)
+
+    record = run_episode(episode, plan, agent, watch=watch)
+    assert comparable(record) == comparable(bare)
+    assert len(frames) == record.steps
+    assert record.interventions == sum(f.status != "nominal" for f in frames)
+    assert record.infeasible_steps == sum(f.infeasible for f in frames)
+    half_range = np.array([4.5, 0.6])
+    sizes = [float(np.hypot(*(f.correction / half_range))) for f in frames]
+    assert record.interventions > 0
+    assert record.mean_correction == pytest.approx(np.mean(sizes), abs=1e-6)
+
+    trace.save(tmp_path / "steps.csv")
+    with (tmp_path / "steps.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == record.steps
+    assert sum(float(row["reward"]) for row in rows) == pytest.approx(record.episode_reward, abs=1e-3)
+    assert {row["filter_status"] for row in rows} >= {"nominal", "solved"}
+    film.save(tmp_path / "film.gif")
+    assert (tmp_path / "film.gif").read_bytes()[:4] == b"GIF8"
+
+
+def test_films_of_another_kind_are_refused(tmp_path):
+    with pytest.raises(InputError, match=r"a film is a \.gif or a \.mp4"):
+        check_film(tmp_path / "film.avi")
+
+
+def test_mp4_without_its_extra_says_what_to_install(tmp_path, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
+    with pytest.raises(InputError, match=r"rudc\[video\]"):
+        check_film(tmp_path / "film.mp4")
+
+
+def test_a_runner_goes_from_network_to_network_and_survives_what_fails(tmp_path, monkeypatch, episode):
+    episode.world.close()
+    tasks = SweepPlan(
+        tuple(find_scenarios(["random_destination", "roundabout_crossing"])), ("follower",), 2, 0
+    ).tasks()
+    runner = EpisodeRunner()
+    first = [runner(task) for task in tasks]
+    assert not any(record.error for record in first)
+    with monkeypatch.context() as patch:
+        patch.setattr("rudc.evaluation.runner.run_episode", lambda *_: 1 / 0)
+        record = runner(tasks[0])
+    assert record.error.startswith("ZeroDivisionError: division by zero (test_rollout.py:")
+    backwards = [runner(task) for task in reversed(tasks)]
+    assert [comparable(r) for r in backwards] == [comparable(r) for r in reversed(first)]
+    runner.close()
+
+
+def test_a_real_sweep_is_the_same_with_one_worker_and_with_two(tmp_path):
+    plan = SweepPlan(
+        tuple(find_scenarios(["random_destination", "fog"])), ("sumo", "gap-acceptance+ecbf"), 2, 5
+    )
+    one = run_sweep(plan, tmp_path / "one", EpisodeRunner, workers=1)
+    two = run_sweep(plan, tmp_path / "two", EpisodeRunner, workers=2)
+    assert not one.errors
+    for a, b in zip(one.rows, two.rows, strict=True):
+        assert {k: v for k, v in a.items() if k not in TIMING} == {
+            k: v for k, v in b.items() if k not in TIMING
+        }
+    assert (tmp_path / "one" / "metrics.csv").read_bytes() == (tmp_path / "two" / "metrics.csv").read_bytes()

@@ -1,0 +1,93 @@
+"""Intervals against scipy and against what defines them."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
+from rudc.evaluation.statistics import RESAMPLES, Z, bootstrap, summarise_mean, summarise_rate, wilson
+
+counts = st.integers(1, 400).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n)))
+
+
+@given(counts)
+def test_wilson_is_scipys(case):
+    k, n = case
+    theirs = stats.binomtest(k, n).proportion_ci(0.95, method="wilson")
+    np.testing.assert_allclose(wilson(k, n), (theirs.low, theirs.high), atol=1e-12)
+
+
+@given(counts)
+def test_wilsons_ends_are_where_the_score_test_just_refuses(case):
+    k, n = case
+    for end in wilson(k, n):
+        if 0.0 < end < 1.0:
+            score = (k / n - end) / math.sqrt(end * (1 - end) / n)
+            assert abs(score) == pytest.approx(Z, rel=1e-9)
+
+
+def test_wilson_covers_the_true_rate_about_as_often_as_it_says():
+    rng = np.random.default_rng(1)
+    draws = rng.binomial(60, 0.9, size=2000)
+    inside = [low <= 0.9 <= high for low, high in (wilson(int(k), 60) for k in draws)]
+    assert 0.92 < np.mean(inside) < 0.98
+
+
+def test_no_trials_tell_nothing():
+    assert all(math.isnan(end) for end in wilson(0, 0))
+    assert all(math.isnan(value) for value in summarise_rate(np.zeros(0, dtype=bool)))
+    assert all(math.isnan(value) for value in summarise_mean(np.zeros(0)))
+
+
+def test_bootstrap_agrees_with_scipy():
+    values = np.random.default_rng(3).gamma(2.0, 3.0, size=80)
+    theirs = stats.bootstrap((values,), np.mean, n_resamples=20_000, method="percentile", rng=5)
+    width = theirs.confidence_interval.high - theirs.confidence_interval.low
+    np.testing.assert_allclose(bootstrap(values), tuple(theirs.confidence_interval), atol=0.04 * width)
+
+
+def test_bootstrap_of_many_values_is_the_normal_interval():
+    values = np.random.default_rng(4).normal(5.0, 2.0, size=3000)
+    half = Z * values.std(ddof=1) / math.sqrt(len(values))
+    np.testing.assert_allclose(
+        bootstrap(values), (values.mean() - half, values.mean() + half), atol=0.1 * half
+    )
+
+
+def test_bootstrap_is_the_same_every_time_and_however_it_is_cut_into_chunks(monkeypatch):
+    values = np.random.default_rng(5).normal(size=50)
+    whole = bootstrap(values)
+    assert bootstrap(values) == whole
+    monkeypatch.setattr("rudc.evaluation.statistics._CHUNK", 50 * RESAMPLES // 7)
+    np.testing.assert_allclose(bootstrap(values), whole)
+    assert bootstrap(values, seed=1) != whole
+
+
+@settings(max_examples=25)
+@given(st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=40))
+def test_a_mean_lies_within_its_values_and_its_interval_too(values):
+    summary = summarise_mean(np.array(values))
+    tolerance = 1e-9 * (1 + max(map(abs, values)))
+    assert min(values) - tolerance <= summary.low <= summary.high <= max(values) + tolerance
+    assert summary.std == pytest.approx(np.std(values, ddof=1), abs=1e-9)
+
+
+def test_one_value_has_a_mean_and_nothing_else():
+    summary = summarise_mean(np.array([2.5, math.nan]))
+    assert summary.mean == 2.5
+    assert all(math.isnan(value) for value in summary[1:])
+    rate = summarise_rate(np.array([True]))
+    assert rate.mean == 100.0
+    assert math.isnan(rate.std)
+    assert rate.low == pytest.approx(100 * wilson(1, 1)[0])
+
+
+def test_rates_are_percentages_with_the_spread_of_their_indicator():
+    happened = np.array([True] * 3 + [False] * 7)
+    rate = summarise_rate(happened)
+    assert rate.mean == pytest.approx(30.0)
+    assert rate.std == pytest.approx(100 * happened.std(ddof=1))
+    np.testing.assert_allclose((rate.low, rate.high), [100 * end for end in wilson(3, 10)])

@@ -1,0 +1,250 @@
+"""Sweeps: the same files whatever the workers, after a kill, after trouble; and what is refused."""
+
+import errno
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from rudc.errors import SimulationError, StorageError, SweepError
+from rudc.evaluation import folder as folder_module
+from rudc.evaluation.folder import read_sweep
+from rudc.evaluation.record import COLUMNS, TIMING
+from rudc.evaluation.store import RowFile, read_table
+from rudc.evaluation.sweep import run_sweep
+from rudc.evaluation.tasks import SweepPlan
+
+FILES = ("manifest.json", "metrics.csv", "conditions.csv")
+
+
+def episodes(folder: Path) -> list[dict[str, str]]:
+    """Rows of episodes.csv without what depends on the machine."""
+    rows = read_table(folder / "episodes.csv")
+    return [{name: text for name, text in row.items() if name not in TIMING} for row in rows]
+
+
+def assert_same(a: Path, b: Path) -> None:
+    assert sorted(p.name for p in a.iterdir()) == sorted(p.name for p in b.iterdir())
+    assert episodes(a) == episodes(b)
+    for name in FILES:
+        assert (a / name).read_bytes() == (b / name).read_bytes(), name
+
+
+@pytest.fixture(autouse=True)
+def _steady_code_version(monkeypatch):
+    """Others may edit the checkout while tests run."""
+    monkeypatch.setattr("rudc.evaluation.manifest.code_version", lambda: "v0")
+
+
+def test_files_do_not_depend_on_the_number_of_workers(fakes, make_plan, tmp_path):
+    plan = make_plan(("random_destination", "density_sweep"), episodes=4)
+    one = run_sweep(plan, tmp_path / "one", fakes.Runner, workers=1)
+    run_sweep(plan, tmp_path / "three", partial(fakes.Runner, 0.01), workers=3)
+    assert_same(tmp_path / "one", tmp_path / "three")
+    assert len(one.rows) == (1 + 5) * 2 * 4
+    assert [row["scenario"] for row in one.rows][:8] == ["random_destination"] * 8
+    assert [row["traffic.density"] for row in one.rows[8:16]] == ["10"] * 8
+    assert [row["seed"] for row in one.rows[:5]] == ["0", "1", "2", "3", "0"]
+    header = (tmp_path / "one" / "episodes.csv").read_text().splitlines()[0].split(",")
+    assert header == [*COLUMNS, "traffic.density"]
+    metrics = read_table(tmp_path / "one" / "metrics.csv")
+    assert [(row["traffic.density"], row["agent"]) for row in metrics][:4] == [
+        ("", "sumo"), ("", "follower"), ("10", "sumo"), ("10", "follower"),
+    ]  # fmt: skip
+    assert all(row["episodes"] == "4" and row["errors"] == "0" for row in metrics)
+
+
+def test_a_sweep_killed_at_any_moment_and_resumed_gives_the_same_files(fakes, tmp_path):
+    script = [sys.executable, fakes.__file__, str(tmp_path / "killed")]
+    rows = tmp_path / "killed" / "episodes.csv"
+    for enough in (2, 11, 17):
+        process = subprocess.Popen([*script, "0.05", "2"])
+        deadline = time.monotonic() + 60
+        while not rows.exists() or rows.read_bytes().count(b"\n") <= enough:
+            assert process.poll() is None
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        process.kill()
+        process.wait()
+        with rows.open("ab") as file:  # as a kill in the middle of a write would leave it
+            file.write(b"density_sweep,sumo,1")
+    assert len(read_sweep(tmp_path / "killed")[0]) >= 17
+    assert not (tmp_path / "killed" / "metrics.csv").exists()
+    subprocess.run([*script, "0", "2"], check=True)
+    subprocess.run([sys.executable, fakes.__file__, str(tmp_path / "whole"), "0", "1"], check=True)
+    whole, killed = (
+        json.loads((tmp_path / name / "manifest.json").read_text()) for name in ("whole", "killed")
+    )
+    killed.pop("resumed_with", None)  # there when someone edits the checkout meanwhile
+    whole["versions"]["code"] = killed["versions"]["code"] = ""
+    assert whole == killed
+    for name in ("whole", "killed"):
+        (tmp_path / name / "manifest.json").write_text("")
+    assert_same(tmp_path / "whole", tmp_path / "killed")
+
+
+def test_an_interrupted_sweep_keeps_its_rows_and_ends_its_workers(fakes, tmp_path):
+    out = tmp_path / "out"
+    process = subprocess.Popen(
+        [sys.executable, fakes.__file__, str(out), "0.2", "2"],
+        start_new_session=True, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    rows = out / "episodes.csv"
+    while not rows.exists() or rows.read_bytes().count(b"\n") <= 3:
+        assert process.poll() is None
+        time.sleep(0.02)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the workers too
+    _, said = process.communicate(timeout=20)
+    assert process.returncode != 0
+    assert said.count("Traceback") == 1, "workers must stay silent"
+    assert 3 <= len(read_sweep(out)[0]) < 40
+    assert _gone(process.pid)
+
+
+def _gone(group: int) -> bool:
+    """Whether no process of a group is left, or will be in a moment."""
+    for _ in range(100):
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.1)
+    return False
+
+
+def test_resuming_a_finished_sweep_changes_nothing(fakes, make_plan, tmp_path):
+    plan = make_plan()
+    run_sweep(plan, tmp_path / "out", fakes.Runner)
+    shutil.copytree(tmp_path / "out", tmp_path / "before")
+    run_sweep(plan, tmp_path / "out", fakes.no_runner, resume=True)
+    assert_same(tmp_path / "before", tmp_path / "out")
+    assert (tmp_path / "out" / "episodes.csv").read_bytes() == (
+        tmp_path / "before" / "episodes.csv"
+    ).read_bytes()
+
+
+def test_failed_episodes_have_a_row_and_are_run_again_on_resume(fakes, make_plan, tmp_path):
+    plan = make_plan(agents=("sumo",), episodes=3)
+    result = run_sweep(plan, tmp_path / "out", partial(fakes.Troubled, "fail", tmp_path))
+    (wrong,) = result.errors
+    assert (wrong["seed"], wrong["outcome"], wrong["error"]) == ("1", "", "SUMO failed, badly")
+    (metrics,) = read_table(tmp_path / "out" / "metrics.csv")
+    assert (metrics["episodes"], metrics["errors"]) == ("2", "1")
+    run_sweep(plan, tmp_path / "out", fakes.Runner, resume=True)
+    run_sweep(plan, tmp_path / "clean", fakes.Runner)
+    assert_same(tmp_path / "out", tmp_path / "clean")
+
+
+def test_a_row_missing_in_one_of_the_files_is_run_again(fakes, make_plan, tmp_path):
+    plan = make_plan()
+    run_sweep(plan, tmp_path / "whole", fakes.Runner)
+    for name in ("episodes.csv", "conditions.csv"):
+        out = tmp_path / name
+        shutil.copytree(tmp_path / "whole", out)
+        lines = (out / name).read_text().splitlines(keepends=True)
+        (out / name).write_text("".join(lines[:3] + lines[4:]))
+        run_sweep(plan, out, fakes.Runner, resume=True)
+        assert_same(tmp_path / "whole", out)
+
+
+def test_a_folder_with_something_in_it_is_refused(fakes, make_plan, tmp_path):
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(SweepError, match=r"not empty \(notes.txt\); add --resume .* or give another --out"):
+        run_sweep(make_plan(), tmp_path, fakes.Runner)
+    with pytest.raises(SweepError, match="not the folder of a sweep"):
+        run_sweep(make_plan(), tmp_path, fakes.Runner, resume=True)
+    assert (tmp_path / "notes.txt").read_text() == "mine"
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_another_configuration_is_refused_and_what_differs_is_said(fakes, make_plan, tmp_path):
+    run_sweep(make_plan(episodes=2), tmp_path, fakes.Runner)
+    before = (tmp_path / "episodes.csv").read_bytes()
+    with pytest.raises(SweepError, match="episodes: 2 there, 3 here"):
+        run_sweep(make_plan(episodes=3), tmp_path, fakes.Runner, resume=True)
+    with pytest.raises(SweepError, match="seed: 0 there, 5 here"):
+        run_sweep(make_plan(episodes=2, seed=5), tmp_path, fakes.Runner, resume=True)
+    with pytest.raises(SweepError, match=r'agents\.follower\.driver: "follower" there, absent here'):
+        run_sweep(make_plan(agents=("sumo",), episodes=2), tmp_path, fakes.Runner, resume=True)
+    plan = make_plan(episodes=2)
+    denser = plan.scenarios[0].varied({"traffic.density": 35})
+    with pytest.raises(SweepError, match=r"random_destination\.values\.traffic\.density: 20.* there, 35"):
+        run_sweep(SweepPlan((denser,), plan.agents, 2, 0), tmp_path, fakes.Runner, resume=True)
+    assert (tmp_path / "episodes.csv").read_bytes() == before
+
+
+def test_other_versions_are_recorded_and_warned_of(fakes, make_plan, tmp_path, monkeypatch):
+    run_sweep(make_plan(), tmp_path, fakes.Runner)
+    monkeypatch.setattr("rudc.evaluation.manifest.code_version", lambda: "v1")
+    told = []
+
+    class Listener:
+        def begin(self, total, finished, warnings):
+            told.extend(warnings)
+
+        def advance(self, task, record):
+            pass
+
+    for _ in range(2):
+        run_sweep(make_plan(), tmp_path, fakes.Runner, resume=True, progress=Listener())
+    content = json.loads((tmp_path / "manifest.json").read_text())
+    assert content["versions"]["code"] == "v0"
+    assert [entry["code"] for entry in content["resumed_with"]] == ["v1"]
+    assert len(told) == 2
+    assert "code v0 -> v1" in told[0]
+
+
+def test_two_sweeps_cannot_write_to_one_folder(fakes, make_plan, tmp_path):
+    with folder_module.SweepFolder(tmp_path, make_plan()) as first:
+        first.open(resume=False)
+        with pytest.raises(SweepError, match="another sweep is writing"):
+            run_sweep(make_plan(), tmp_path, fakes.Runner, resume=True)
+    run_sweep(make_plan(), tmp_path, fakes.Runner, resume=True)
+
+
+def test_a_full_disk_ends_the_sweep_and_keeps_what_is_there(fakes, make_plan, tmp_path, monkeypatch):
+    plan = make_plan(episodes=5)
+    real, written = RowFile._write, []
+
+    def full(file, data):
+        written.append(data)
+        if len(written) <= 8:
+            return real(file, data)
+        real(file, data[:5])
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(RowFile, "_write", full)
+        with pytest.raises(StorageError, match="the disk is full"):
+            run_sweep(plan, tmp_path / "out", fakes.Runner)
+    assert len(read_sweep(tmp_path / "out")[0]) == 4
+    run_sweep(plan, tmp_path / "out", fakes.Runner, resume=True)
+    run_sweep(plan, tmp_path / "whole", fakes.Runner)
+    assert_same(tmp_path / "whole", tmp_path / "out")
+
+
+def test_workers_that_cannot_start_leave_a_folder_that_can_be_resumed(fakes, make_plan, tmp_path):
+    with pytest.raises(SimulationError, match="cannot start"):
+        run_sweep(make_plan(), tmp_path / "out", fakes.no_runner)
+    run_sweep(make_plan(), tmp_path / "out", fakes.Runner, resume=True)
+
+
+def test_nonsense_is_refused(make_plan, fakes, tmp_path):
+    for wrong, match in (
+        ({"names": ()}, "at least one scenario"),
+        ({"agents": ()}, "at least one agent"),
+        ({"agents": ("sumo", "sumo")}, "given more than once"),
+        ({"episodes": 0}, "at least one episode"),
+        ({"seed": -1}, "cannot be negative"),
+    ):
+        with pytest.raises(SweepError, match=match):
+            make_plan(**wrong)
+    with pytest.raises(SweepError, match="at least one worker"):
+        run_sweep(make_plan(), tmp_path, fakes.Runner, workers=0)

@@ -1,0 +1,121 @@
+"""Tables of metrics: every style, what is bold, and the paper's numbers beside."""
+
+import csv
+import io
+import itertools
+
+import pytest
+
+from rudc.errors import InputError
+from rudc.evaluation.metrics import METRICS
+from rudc.evaluation.paper import TABLES, paper_groups
+from rudc.evaluation.record import COLUMNS, EpisodeRecord
+from rudc.evaluation.tables import make_table, measured
+
+
+@pytest.fixture
+def rows():
+    """Ten episodes of each of two agents in two scenarios; `good_one` is better in everything but speed."""
+    found = []
+    for scenario, agent, i in itertools.product(
+        ["random_destination", "50%_off"], ["good_one", "bad&ugly"], range(10)
+    ):
+        good = agent == "good_one"
+        outcome = "success" if good and i else "collision" if i % 2 else "frozen"
+        record = EpisodeRecord(
+            scenario, agent, i, outcome, "collision" if outcome == "collision" else "", 100, 10.0,
+            1.0 if good else 0.4, 6.0 if good else 9.0, 100.0 + i if good else -20.0,
+            2.5 if good else 0.5 + 0.01 * i, 0, 0.0, 0, decision_ms_mean=0.5, decision_ms_max=1.0,
+        )  # fmt: skip
+        found.append(
+            {"priority": "minor" if i % 2 else "major", **dict(zip(COLUMNS, record.row(), strict=True))}
+        )
+    return found
+
+
+BY = ("scenario", "agent")
+
+
+def test_csv_has_every_statistic_in_full(rows):
+    table = list(csv.DictReader(io.StringIO(make_table(rows, BY, "csv"))))
+    assert [(row["scenario"], row["agent"]) for row in table] == [
+        ("random_destination", "good_one"), ("random_destination", "bad&ugly"),
+        ("50%_off", "good_one"), ("50%_off", "bad&ugly"),
+    ]  # fmt: skip
+    first = table[0]
+    assert (first["episodes"], first["SR_mean"], first["RC_mean"], first["RC_std"]) == (
+        "10",
+        "90.0",
+        "100.0",
+        "0.0",
+    )
+    assert float(first["SR_low"]) == pytest.approx(59.585, abs=1e-3)
+    assert float(first["SR_high"]) == pytest.approx(98.212, abs=1e-3)
+    assert 102 < float(first["AER_low"]) < float(first["AER_mean"]) == 104.5 < float(first["AER_high"]) < 107
+
+
+def test_markdown_shows_intervals_and_bolds_the_best_of_each_scenario(rows):
+    lines = make_table(rows, BY, "markdown").splitlines()
+    assert len({len(line) for line in lines}) == 1, "columns must line up"
+    assert "SR (%) ↑" in lines[0]
+    assert "VR (%) ↓" in lines[0]
+    good, bad = (line.split(" | ") for line in lines[2:4])
+    assert good[3].strip() == "**90.0 [59.6, 98.2]**"
+    assert bad[3].strip() == "0.0 [0.0, 27.8]"
+    assert "**" in bad[6], "the faster one is better in speed"
+    assert good[9].strip(" |") == "**2.50 [2.50, 2.50]**"
+
+
+def test_latex_compiles_in_its_head(rows):
+    text = make_table(rows, BY, "latex")
+    lines = text.splitlines()
+    assert lines[1] == "\\begin{tabular}{llrrrrrrrr}"
+    assert [line for line in lines if line.startswith("\\") and "tabular" not in line] == [
+        "\\toprule", "\\midrule", "\\midrule", "\\bottomrule",
+    ]  # fmt: skip
+    body = [line for line in lines if line.endswith("\\\\")]
+    assert {line.replace("\\&", "").count("&") for line in body} == {9}
+    assert "50\\%\\_off & bad\\&ugly" in text
+    assert "\\textbf{90.0} {\\scriptsize [59.6, 98.2]}" in text
+    assert "SR\\,$\\uparrow$" in lines[3]
+    assert "& (\\%) &" in lines[4]
+    assert "$-$20.0 {\\scriptsize [$-$20.0, $-$20.0]}" in text
+
+
+def test_nothing_is_best_without_a_competitor(rows):
+    assert "**" not in make_table([row for row in rows if row["agent"] == "good_one"], BY, "markdown")
+
+
+def test_any_column_can_be_grouped_by(rows):
+    groups = measured(rows, ["agent", "priority"])
+    assert [group.key for group in groups][:2] == [("good_one", "major"), ("good_one", "minor")]
+    assert sum(group.episodes for group in groups) == 40
+    with pytest.raises(InputError, match=r"no column 'prio' .*there are: priority, scenario"):
+        measured(rows, ["agent", "prio"])
+    with pytest.raises(InputError, match="no finished episode"):
+        measured([], BY)
+
+
+def test_the_papers_numbers_stand_beside_ours_and_do_not_compete(rows):
+    table = make_table(rows, BY, "markdown", against="comparison")
+    lines = [line for line in table.splitlines() if "(paper)" in line]
+    assert len(lines) == 9, "the second scenario is not in the paper"
+    assert not any("**" in line for line in lines)
+    (ours,) = (line for line in lines if "RUDC-T (paper)" in line)
+    assert "92.3 (1.2)" in ours
+    assert "115.0 (4.6)" in ours
+    assert "6.30 (4.30)" in ours
+    with pytest.raises(InputError, match="group by scenario and agent"):
+        make_table(rows, ["agent"], "markdown", against="comparison")
+    with pytest.raises(InputError, match="no table 'tab3'"):
+        make_table(rows, BY, "markdown", against="tab3")
+
+
+def test_the_papers_tables_are_whole():
+    sizes = {name: len(paper_groups(name, BY)) for name in TABLES}
+    assert sizes == {"comparison": 18, "ablation": 12, "paper": 26}
+    for group in paper_groups("paper", BY):
+        assert set(group.metrics) == {metric.name for metric in METRICS}
+        rates = sum(group.metrics[name].mean for name in ("SR", "FR", "VR"))
+        # As printed, ESAC and RUDC w/o CBF add up to more and less than 100.
+        assert 99.0 < rates < 107.0
