@@ -5,7 +5,7 @@
     sigma   = sigma_total of the critics at (observation, a)
     u       = filter(u_rl, slack delta(sigma))
 
-Imports torch; the registry imports this file when such an agent is asked for.
+Needs numpy only; torch is for learning.
 """
 
 from __future__ import annotations
@@ -17,19 +17,18 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from rudc.agents.algorithms import DriverConfig
 from rudc.agents.base import Decision, EgoDriver
-from rudc.agents.checkpoint import load_agent
-from rudc.agents.learning.ensemble import CriticEnsemble
-from rudc.agents.learning.policy import Policy
+from rudc.agents.checkpoint import load_learnt
+from rudc.agents.learning.inference import Decider
+from rudc.agents.learning.parameters import policy_arrays
 from rudc.agents.learning.uncertainty import uncertainty
 from rudc.env.observation import observe_flat
 from rudc.safety.filter import SafetyFilter
 from rudc.safety.slack import Slack
-from rudc.world.scene import Array, Scene
+from rudc.world.scene import Scene
 
 Floats = NDArray[np.float32]
 
@@ -55,38 +54,26 @@ class LearnedAgent:
         self,
         name: str,
         config: DriverConfig,
-        arrays: Mapping[str, NDArray] | None = None,
+        arrays: Mapping[str, NDArray],
         percentiles: tuple[float, float] | None = None,
-        *,
-        critics: bool = True,
     ) -> None:
-        """`arrays`: see `load`; `percentiles`: sigma_l and sigma_h of the slack; `critics`: whether sigma is
-        wanted even where no slack needs it.
-        """
+        """`arrays` and `percentiles`: see `load`."""
         self.name = name
         self.config = config
-        self._policy = Policy(config.learner)
-        self._critics = CriticEnsemble(config.learner) if critics or config.slack_gain else None
+        self._decider = Decider(config.learner, arrays)
         settings = config.filter
         self._filter = None if settings is None else SafetyFilter(settings)
-        self._slack: Slack | None = None
-        if arrays is not None:
-            self.load(arrays, percentiles)
+        self.load(arrays, percentiles)
 
-    @torch.no_grad()
     def load(self, arrays: Mapping[str, NDArray], percentiles: tuple[float, float] | None = None) -> None:
-        """Take over weights, named `policy/...` and `critic/...` as `RudcLearner.arrays` names them."""
-        for group, weights in self._groups().items():
-            for name, tensor in weights.items():
-                tensor.copy_(torch.from_numpy(arrays[f"{group}/{name}"]))
-        gain = self.config.slack_gain
-        known = percentiles is not None and all(math.isfinite(value) for value in percentiles)
-        self._slack = Slack(gain, *percentiles) if gain and known and percentiles else None
-
-    @property
-    def needs(self) -> tuple[str, ...]:
-        """Prefixes of the weights that `load` reads."""
-        return tuple(self._groups())
+        """Take over weights, named `policy/...` and `critic/...` as `RudcLearner.arrays` names them, and
+        sigma_l and sigma_h of the slack. Without critics there is neither sigma nor slack.
+        """
+        self._decider.refresh(arrays)
+        self._critics = any(name.startswith("critic/") for name in arrays)
+        self._slack: Slack | None = None
+        if self.config.slack_gain and self._critics and percentiles is not None:
+            self._slack = Slack(self.config.slack_gain, *percentiles)
 
     def reset(self, scene: Scene, seed: int) -> None:
         """Forget the filter's last solution."""
@@ -97,19 +84,20 @@ class LearnedAgent:
         """The policy's mean, corrected."""
         return self.choose(scene).decision
 
-    def choose(self, scene: Scene, noise: Array | None = None, observation: Floats | None = None) -> Choice:
-        """The same, and how it looks to a learner. `noise` (2,), standard normal, explores; `observation`:
-        that of this scene, where it is known already.
+    def choose(
+        self, scene: Scene, rng: np.random.Generator | None = None, observation: Floats | None = None
+    ) -> Choice:
+        """The same, and how it looks to a learner. With `rng` it explores; `observation`: that of this scene,
+        where it is known already.
         """
         clock = [time.perf_counter()]
         if observation is None:
             observation = observe_flat(scene, self.config.observation)
         clock.append(time.perf_counter())
-        seen = torch.from_numpy(observation)[None]
-        nominal = self._draw(seen, noise)
+        nominal = self._decider.action(observation, rng)
         u_rl = self.config.physical(nominal, scene)
         clock.append(time.perf_counter())
-        sigma = self._sigma(seen, nominal)
+        sigma = self._sigma(observation, nominal)
         clock.append(time.perf_counter())
         if self._filter is None:
             u, action, filtered = u_rl, nominal, None
@@ -124,29 +112,20 @@ class LearnedAgent:
         timing = {part: 1000.0 * float(clock[i + 1] - clock[i]) for i, part in enumerate(parts)}
         return Choice(Decision(u, u_rl, sigma, filtered, timing), observation, action, nominal)
 
-    @torch.no_grad()
-    def _draw(self, seen: torch.Tensor, noise: Array | None) -> Floats:
-        mean, log_std = self._policy.distribution(self._policy.trained, seen)
-        if noise is not None:
-            mean = mean + log_std.exp() * torch.from_numpy(noise.astype(np.float32))
-        return mean.tanh().numpy()[0]
-
-    def _sigma(self, seen: torch.Tensor, action: Floats) -> float:
-        if self._critics is None:
+    def _sigma(self, observation: Floats, action: Floats) -> float:
+        if not self._critics:
             return math.nan
-        quantiles = self._critics.evaluate(seen, torch.from_numpy(action)[None])
-        return float(uncertainty(quantiles.numpy(), self.config.learner.beta).total[0])
+        quantiles = self._decider.quantiles(observation, action)
+        return float(uncertainty(quantiles, self.config.learner.beta).total)
 
-    def _groups(self) -> dict[str, dict[str, torch.Tensor]]:
-        groups = {"policy": self._policy.trained}
-        return groups if self._critics is None else groups | {"critic": self._critics.trained}
+
+def untrained(config: DriverConfig) -> LearnedAgent:
+    """An agent whose policy has learnt nothing yet."""
+    arrays = {f"policy/{name}": value for name, value in policy_arrays(config.learner).items()}
+    return LearnedAgent("untrained", config, arrays)
 
 
 def load_learned(name: str, folder: Path) -> LearnedAgent:
-    """The agent in a checkpoint's folder, which is called `name` in tables. Raises AgentError.
-
-    Decisions are single: more than one thread would only get in the way of other processes.
-    """
-    torch.set_num_threads(1)
-    checkpoint = load_agent(folder)
-    return LearnedAgent(name, checkpoint.config, checkpoint.arrays, checkpoint.percentiles)
+    """The agent in a checkpoint's folder, which is called `name` in tables. Raises AgentError."""
+    learnt = load_learnt(folder)
+    return LearnedAgent(name, learnt.config, learnt.arrays, learnt.percentiles)

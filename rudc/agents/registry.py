@@ -1,7 +1,7 @@
 """Names of drivers and what they stand for: `sumo`, `follower`, `gap-acceptance`, a checkpoint's folder, and
 `NAME+FILTER`.
 
-Learnt agents need torch, which is imported when one is made.
+What a learnt agent needs besides is imported when one is made.
 """
 
 from __future__ import annotations

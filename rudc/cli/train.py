@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -52,10 +53,12 @@ def train(
 
     `rudc sweep dense_left_turn --agent out/first --episodes 100 --out out/first-sweep`
     """
-    from rudc.training.trainer import train as run
-
     if out is None:
         raise InputError("where to? give a folder for the agent: --out DIR")
+    if find_spec("torch") is None:
+        raise InputError("training needs torch: pip install 'rudc[train]'")
+    from rudc.training.trainer import train as run
+
     given = {"scenario": scenario, "steps": steps, "seed": seed, "device": device, "envs": envs}
     config = _config(algorithm, {k: v for k, v in given.items() if v is not None}, out, resume)
     watcher = TrainBar(config) if sys.stderr.isatty() else TrainLines(config)

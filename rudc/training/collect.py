@@ -1,20 +1,11 @@
-"""Collection in one world: decisions -> transitions over up to n steps.
+"""Collection in one world: decisions -> transitions.
 
-After the n decisions k = 0..n-1 from s_0 (fewer where the episode ends)
-
-    reward = sum_k gamma^k r_k,   discount = gamma^n,   next observation = that of s_n
-
-An episode that ends in an outcome other than a time-out is terminal. A time-out, and an episode broken off at
-a checkpoint, are not: their value is bootstrapped from where they stopped.
-
-The reward is the environment's, save that a collision costs `collision_reward`. Learnt from is the action
-that was executed, after the filter, since that is what the reward followed; the policy's own is kept beside
-it.
+The reward is the environment's, save that a collision costs `collision_reward`. A time-out, and an episode
+broken off at a checkpoint, are not the end of anything: their value is bootstrapped from where they stopped.
 """
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
@@ -30,31 +21,13 @@ from rudc.evaluation.rollout import run_episode
 from rudc.scenario import load_scenario
 from rudc.training.config import TrainConfig
 from rudc.training.curriculum import make_mixture
+from rudc.training.nstep import NStep, Transition
 from rudc.world.network import load_network
 from rudc.world.scene import Scene
 from rudc.world.world import World
 
 Floats = NDArray[np.float32]
 By = Literal["reference", "policy"]
-
-
-class Transitions(NamedTuple):
-    """T transitions over k >= 1 decisions each, in the order in which they were completed."""
-
-    observation: Floats
-    """(T, size)"""
-    action: Floats
-    """(T, 2) executed"""
-    nominal: Floats
-    """(T, 2) proposed"""
-    reward: Floats
-    """(T,)"""
-    discount: Floats
-    """(T,)"""
-    next_observation: Floats
-    """(T, size)"""
-    terminal: NDArray[np.bool_]
-    """(T,)"""
 
 
 class Finished(NamedTuple):
@@ -71,63 +44,10 @@ class Finished(NamedTuple):
 class Collected(NamedTuple):
     """What one world gave in one round."""
 
-    transitions: Transitions
+    transitions: tuple[Transition, ...]
     """what to learn from"""
     finished: tuple[Finished, ...]
     """episodes that ended"""
-
-
-class _Taken(NamedTuple):
-    observation: Floats
-    action: Floats
-    nominal: Floats
-    reward: float
-
-
-class StepsAhead:
-    """Turns decisions into transitions over n steps."""
-
-    def __init__(self, n_step: int, discount: float) -> None:
-        self._n = n_step
-        self._powers = discount ** np.arange(n_step + 1)
-        self._window: deque[_Taken] = deque()
-        self._rows: list[tuple[Floats, Floats, Floats, float, float, Floats, bool]] = []
-
-    def add(self, taken: _Taken, after: Floats, *, terminal: bool, last: bool) -> None:
-        """One decision that led to `after`; `last` if no other of this episode follows."""
-        self._window.append(taken)
-        if last:
-            self.end(after, terminal=terminal)
-        elif len(self._window) == self._n:
-            self._emit(after, terminal)
-
-    def end(self, after: Floats, *, terminal: bool) -> None:
-        """The episode ends, or is broken off, at `after`."""
-        while self._window:
-            self._emit(after, terminal)
-
-    def take(self) -> Transitions:
-        """The transitions completed since the last call, of which there must be one at least."""
-        rows, self._rows = self._rows, []
-        observation, action, nominal, reward, discount, after, terminal = zip(*rows, strict=True)
-        return Transitions(
-            np.stack(observation),
-            np.stack(action),
-            np.stack(nominal),
-            np.array(reward, dtype=np.float32),
-            np.array(discount, dtype=np.float32),
-            np.stack(after),
-            np.array(terminal),
-        )
-
-    def _emit(self, after: Floats, terminal: bool) -> None:
-        length = len(self._window)
-        reward = float(sum(p * taken.reward for p, taken in zip(self._powers, self._window, strict=False)))
-        first = self._window.popleft()
-        bootstrap = float(self._powers[length])
-        self._rows.append(
-            (first.observation, first.action, first.nominal, reward, bootstrap, after, terminal)
-        )
 
 
 class Collector:
@@ -147,7 +67,7 @@ class Collector:
         self._reference = GapAcceptance()
         self._agent = untrained(config.driver)
         learner = config.driver.learner
-        self._steps = StepsAhead(learner.n_step, learner.discount)
+        self._steps = NStep(learner.n_step, learner.discount)
 
     def load(self, arrays: Mapping[str, Floats], percentiles: tuple[float, float] | None) -> None:
         """Drive with these weights from now on."""
@@ -155,25 +75,27 @@ class Collector:
 
     def collect(self, round_: int, decisions: int, by: By, *, drop: bool) -> Collected:
         """Take so many decisions. `drop`: break the running episode off afterwards."""
-        rng = np.random.default_rng((self._config.seed, 1, self._worker, round_))
+        rng = np.random.default_rng((self._config.seed, self._worker, round_))
+        new: list[Transition] = []
         finished: list[Finished] = []
-        for _ in range(decisions):
+        for k in range(decisions):
             episode, scene = self._running(rng)
             choice = self._choose(scene, by, rng)
             result = episode.step(choice.decision.u)
             self._scene, self._seen = result.scene, observe_flat(result.scene, self._kind)
-            self._learn_from(choice, result)
+            new += self._transitions(choice, result, cut=drop and k == decisions - 1)
             if result.outcome is not None:
                 metrics = episode.metrics()
                 finished.append(Finished(metrics.outcome, metrics.episode_reward, metrics.steps))
                 self._episode = None
         if drop:
-            self._drop()
-        return Collected(self._steps.take(), tuple(finished))
+            self._episode = None
+        return Collected(tuple(new), tuple(finished))
 
     def evaluate(self, tasks: tuple[tuple[str, int], ...]) -> tuple[EpisodeRecord, ...]:
-        """Drive the held-out episodes (scenario, seed) by the policy's mean."""
-        self._drop()
+        """Drive the held-out episodes (scenario, seed) by the policy's mean; the running episode is lost."""
+        self._episode = None
+        self._steps.clear()
         records = []
         for name, seed in tasks:
             scenario = load_scenario(name)
@@ -211,16 +133,16 @@ class Collector:
         decision = proposed._replace(u=driver.physical(action, scene))
         return Choice(decision, self._seen, action, action)
 
-    def _learn_from(self, choice: Choice, result: StepResult) -> None:
-        reward = result.reward
-        if result.outcome is Outcome.COLLISION:
+    def _transitions(self, choice: Choice, result: StepResult, *, cut: bool) -> list[Transition]:
+        reward, outcome = result.reward, result.outcome
+        if outcome is Outcome.COLLISION:
             reward += self._config.collision_reward - result.terms["collision"]
-        last = result.outcome is not None
-        terminal = last and result.outcome is not Outcome.FROZEN
-        taken = _Taken(choice.observation, choice.action, choice.nominal, reward)
-        self._steps.add(taken, self._seen, terminal=terminal, last=last)
-
-    def _drop(self) -> None:
-        if self._episode is not None:
-            self._steps.end(self._seen, terminal=False)
-        self._episode = self._scene = None
+        return self._steps.add(
+            choice.observation,
+            choice.action,
+            choice.nominal,
+            reward,
+            self._seen,
+            terminal=outcome not in (None, Outcome.FROZEN),
+            truncated=cut or outcome is Outcome.FROZEN,
+        )

@@ -7,9 +7,9 @@ In round r
     then     what was collected goes into the replay, in the order of the workers
 
 Both sides only depend on the end of the round before, so they run at once and the numbers do not depend on
-who is faster. Every random number comes from a generator made from (seed, purpose, round), and every
-checkpoint falls on a round after which all worlds begin new episodes: a training that is stopped and resumed
-goes the same way as one that is not.
+who is faster. Worlds draw from generators made from (seed, world, round), the learner and the replay from
+their own, which checkpoints hold; and every checkpoint falls on a round after which all worlds begin new
+episodes: a training that is stopped and resumed goes the same way as one that is not.
 
 The first `seed_steps` decisions are those of the gap-acceptance driver, since a policy that starts from
 nothing meets the far side of the junction too rarely to learn what lies there.
@@ -23,7 +23,7 @@ import shutil
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -31,22 +31,21 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from safetensors.numpy import load_file, save_file
 
-from rudc.agents.checkpoint import LATEST, Checkpoint, aside_of, replace_folder, save_agent
+from rudc.agents.checkpoint import LATEST, Learnt, aside_of, replace_folder, save_learnt
+from rudc.agents.learning.checkpoint import load_state, save_state
 from rudc.agents.learning.sac import RudcLearner
 from rudc.agents.learning.uncertainty import RunningPercentiles, uncertainty
 from rudc.errors import AgentError, InputError, StorageError, TrainingError
-from rudc.training.buffer import Replay
-from rudc.training.collect import Finished, Transitions
+from rudc.training.collect import Finished
 from rudc.training.config import TrainConfig
 from rudc.training.curriculum import HELD_OUT_SEED
 from rudc.training.log import LOSSES, Log, Watcher, episode_columns, evaluation_rows
+from rudc.training.nstep import Transition
+from rudc.training.replay import Replay
 from rudc.training.workers import WorkerPool
 
-CONFIG, STATE, COUNTERS = "config.json", "training.safetensors", "training.json"
-_BATCHES, _MASKS = 2, 3
-"""purposes of generators; 1 is the worlds' (collect.py)"""
+CONFIG, STATE, REPLAY, COUNTERS = "config.json", "training.safetensors", "replay.npz", "training.json"
 SIGMA_ROWS = 64
 """decisions of each round whose uncertainty goes into the percentiles"""
 
@@ -62,7 +61,7 @@ class Trainer:
             self._learner = RudcLearner(config.driver.learner, config.device)
         except (RuntimeError, AssertionError) as error:
             raise InputError(f"device {config.device!r} cannot be used: {error}") from error
-        self._replay = Replay(config.replay_size, config.driver.learner)
+        self._replay = Replay(config.driver.learner, config.replay_size, config.seed)
         self._sigmas = RunningPercentiles()
         self._round = 0
         self._finished: list[Finished] = []
@@ -104,9 +103,9 @@ class Trainer:
         )
         self._learn()
         collected = self._pool.finish()
-        rng = np.random.default_rng((config.seed, _MASKS, self._round))
         for part in collected:
-            self._replay.add(part.transitions, rng)
+            for transition in part.transitions:
+                self._replay.add(*transition)
             self._finished += part.finished
         if not seeding:
             self._measure(collected[0].transitions)
@@ -117,9 +116,8 @@ class Trainer:
         config, rows = self._config, self._config.driver.learner.batch_size
         if len(self._replay) < rows:
             return
-        rng = np.random.default_rng((config.seed, _BATCHES, self._round))
         for _ in range(config.round_steps // config.update_every):
-            losses = self._learner.update(self._replay.sample(rows, rng))
+            losses = self._learner.update(self._replay.sample(rows))
             worst = max(abs(losses[name]) for name in ("critic_loss", "policy_loss", "value", "target"))
             if not worst <= config.loss_limit:  # also where it is nan
                 raise TrainingError(
@@ -129,14 +127,14 @@ class Trainer:
                 )
             self._losses.append(losses)
 
-    def _measure(self, new: Transitions) -> None:
+    def _measure(self, new: Sequence[Transition]) -> None:
         """Take in how uncertain the critics are about decisions of this round."""
         learner = self._learner
-        rows = slice(0, SIGMA_ROWS)
-        seen, action = (torch.from_numpy(x[rows]).to(learner.device) for x in (new.observation, new.nominal))
-        if len(seen):
-            quantiles = learner.critics.evaluate(seen, action).cpu().numpy()
-            self._sigmas.add(uncertainty(quantiles, self._config.driver.learner.beta).total)
+        observation = np.stack([transition.observation for transition in new[:SIGMA_ROWS]])
+        action = np.stack([transition.nominal for transition in new[:SIGMA_ROWS]])
+        seen, done = (torch.from_numpy(array).to(learner.device) for array in (observation, action))
+        quantiles = learner.critics.evaluate(seen, done).cpu().numpy()
+        self._sigmas.add(uncertainty(quantiles, self._config.driver.learner.beta).total)
 
     # ---- milestones
 
@@ -208,13 +206,13 @@ class Trainer:
             "seed": self._config.seed,
             "configuration": self._config.model_dump(mode="json", exclude={"driver"}),
         }
-        save_agent(new, Checkpoint(self._config.driver, self._learner.arrays(), self._percentiles(), summary))
+        save_learnt(new, Learnt(self._config.driver, self._learner.arrays(), self._percentiles(), summary))
         state = {f"learner/{k}": v for k, v in self._learner.state().items()}
-        state |= self._replay.state()
         state |= {f"sigma/{k}": v for k, v in self._sigmas.state().items()}
         counters = {"round": self._round, "wall_s": self._elapsed()}
         try:
-            save_file({k: np.asarray(v, order="C") for k, v in state.items()}, new / STATE)
+            save_state(new / STATE, state)
+            self._replay.save(new / REPLAY)
             (new / COUNTERS).write_text(json.dumps(counters) + "\n", encoding="utf-8")
         except OSError as error:
             raise StorageError(f"{new}: the checkpoint could not be written: {error}") from error
@@ -226,10 +224,10 @@ class Trainer:
             return
         try:
             counters = json.loads((source / COUNTERS).read_text(encoding="utf-8"))
-            state = load_file(source / STATE)
+            state = load_state(source / STATE)
             self._round, self._wall_s = int(counters["round"]), float(counters["wall_s"])
             self._learner.load(_below(state, "learner/"))
-            self._replay.load(state)
+            self._replay.load(source / REPLAY)
             self._sigmas.load(_below(state, "sigma/"))
         except (OSError, ValueError, KeyError) as error:
             raise AgentError(f"{source}: training cannot be resumed from it: {error}") from error

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import contextlib
 import multiprocessing
-import signal
 from collections.abc import Mapping, Sequence
 from multiprocessing.connection import Connection
 from typing import Any
 
 from rudc.errors import RudcError, TrainingError
+from rudc.evaluation.engine import quiet_start
 from rudc.evaluation.record import EpisodeRecord
 from rudc.training.collect import By, Collected, Collector
 from rudc.training.config import TrainConfig
@@ -33,14 +33,15 @@ class WorkerPool:
             process = context.Process(
                 target=_work, args=(theirs, config, index), name=f"rudc-worker-{index}", daemon=True
             )
-            process.start()
+            with quiet_start():
+                process.start()
             theirs.close()
             self._workers.append((process, ours))
         self._critics = config.driver.slack_gain > 0
         self._answers()
 
     def load(self, arrays: Mapping[str, Any], percentiles: Percentiles) -> None:
-        """Give all workers these weights and percentiles of sigma; critics only where the slack needs them."""
+        """Give all workers these weights and percentiles of sigma; critics only where slack needs them."""
         wanted = {k: v for k, v in arrays.items() if self._critics or k.startswith("policy/")}
         self._ask([("load", (wanted, percentiles))] * len(self._workers))
         self._answers()
@@ -101,7 +102,6 @@ class _Failure:
 
 def _work(pipe: Connection, config: TrainConfig, index: int) -> None:
     """What a worker process does."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         collector = Collector(config, index)
         pipe.send("ready")

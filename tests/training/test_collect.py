@@ -1,47 +1,66 @@
-"""Transitions over several steps against a hand-computed case."""
+"""One world's transitions: how they hang together, what a collision costs, where a round is broken off."""
+
+import itertools
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
 
-from rudc.training.collect import StepsAhead, _Taken
+from rudc.env.reward import COLLISION
+from rudc.training.collect import Collector
+from rudc.training.config import TrainConfig
+
+CONFIG = TrainConfig.default(learner={"n_step": 1})
 
 
-def _run(rewards: list[float], *, terminal: bool, last: bool):
-    steps = StepsAhead(3, 0.5)
-    for k, reward in enumerate(rewards):
-        end = k == len(rewards) - 1
-        state, after = np.full(2, k, np.float32), np.full(2, k + 1, np.float32)
-        taken = _Taken(state, state + 10, state + 20, reward)
-        steps.add(taken, after, terminal=terminal and end, last=last and end)
-    return steps
+@pytest.fixture(scope="module")
+def collector() -> Iterator[Collector]:
+    collector = Collector(CONFIG, 0)
+    yield collector
+    collector.close()
 
 
-def test_n_step_returns_by_hand():
-    new = _run([1, 2, 4, 8], terminal=True, last=True).take()
-    # 1 + 2/2 + 4/4, 2 + 4/2 + 8/4, 4 + 8/2, 8
-    np.testing.assert_array_equal(new.reward, [3, 6, 8, 8])
-    np.testing.assert_array_equal(new.discount, [1 / 8, 1 / 8, 1 / 4, 1 / 2])
-    np.testing.assert_array_equal(new.observation[:, 0], [0, 1, 2, 3])
-    np.testing.assert_array_equal(new.action[:, 0], [10, 11, 12, 13])
-    np.testing.assert_array_equal(new.nominal[:, 0], [20, 21, 22, 23])
-    np.testing.assert_array_equal(new.next_observation[:, 0], [3, 4, 4, 4])
-    np.testing.assert_array_equal(new.terminal, [False, True, True, True])
+def _ends(collected) -> list[int]:
+    """Lengths of the finished episodes, and where they end among the decisions."""
+    return np.cumsum([episode.steps for episode in collected.finished]).tolist()
 
 
-def test_time_outs_and_breaks_are_bootstrapped():
-    ended = _run([1, 2, 4, 8], terminal=False, last=True).take()
-    assert not ended.terminal.any()
-    assert len(ended.reward) == 4
-    broken = _run([1, 2, 4, 8], terminal=False, last=False)
-    broken.end(np.full(2, 4, np.float32), terminal=False)
-    for name, column in broken.take()._asdict().items():
-        np.testing.assert_array_equal(column, getattr(ended, name))
+def test_decisions_of_an_episode_follow_one_another(collector: Collector):
+    new, finished = collector.collect(0, 400, "reference", drop=True)
+    assert len(new) == 400
+    assert finished
+    ends = set(_ends(collector.collect(0, 400, "reference", drop=True)))
+    assert ends == set(np.cumsum([episode.steps for episode in finished]).tolist())
+    for k, (before, after) in enumerate(itertools.pairwise(new), 1):
+        assert np.array_equal(before.next_observation, after.observation) == (k not in ends)
+        assert before.terminal == (k in ends and finished[sorted(ends).index(k)].outcome != "frozen")
 
 
-def test_a_running_episode_keeps_its_last_decisions_for_later():
-    running = _run([1, 2, 4, 8], terminal=False, last=False)
-    assert len(running.take().reward) == 2
-    running.end(np.full(2, 4, np.float32), terminal=True)
-    assert running.take().terminal.tolist() == [True, True]
-    with pytest.raises(ValueError, match="unpack"):
-        running.take()
+def test_the_reference_driver_steers_along_the_path_but_for_noise(collector: Collector):
+    new, _ = collector.collect(1, 200, "reference", drop=True)
+    steering = np.array([transition.action[1] for transition in new])
+    assert abs(steering.mean()) < 0.03
+    assert steering.std() == pytest.approx(CONFIG.seed_noise, rel=0.25)
+
+
+def test_a_round_can_be_taken_again(collector: Collector):
+    first, again = (collector.collect(2, 60, "policy", drop=True) for _ in range(2))
+    for one, other in zip(first.transitions, again.transitions, strict=True):
+        for a, b in zip(one, other, strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+def test_collisions_cost_what_training_says(collector: Collector):
+    losses = []
+    for round_ in range(3, 12):
+        new, finished = collector.collect(round_, 400, "policy", drop=True)
+        ends = np.cumsum([episode.steps for episode in finished]).tolist()
+        losses += [
+            new[end - 1].reward
+            for end, episode in zip(ends, finished, strict=True)
+            if episode.outcome == "collision"
+        ]
+        if losses:
+            break
+    assert losses, "an untrained policy met nobody in 3600 decisions"
+    assert all(CONFIG.collision_reward - 2 < loss < COLLISION - 10 for loss in losses)

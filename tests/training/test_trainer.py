@@ -1,0 +1,139 @@
+"""Training twice with one seed, stopping and resuming, going astray."""
+
+import csv
+import json
+import os
+import shutil
+import signal
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from safetensors.numpy import load_file
+
+from rudc.agents.checkpoint import load_learnt
+from rudc.agents.registry import agent_settings, agent_summary, make_agent
+from rudc.errors import AgentError, InputError, TrainingError
+from rudc.training.config import TrainConfig
+from rudc.training.trainer import stored_config, train
+
+pytestmark = pytest.mark.slow
+
+NETWORK = {"encoder": "mlp", "hidden": 8}
+
+
+def _config(**changes: Any) -> TrainConfig:
+    learner = {"policy": NETWORK, "critic": NETWORK, "members": 2, "quantiles": 4, "batch_size": 16}
+    small = {
+        "steps": 300,
+        "seed_steps": 100,
+        "envs": 2,
+        "round_steps": 50,
+        "log_every": 100,
+        "checkpoint_every": 100,
+        "evaluate_every": 300,
+        "evaluation_episodes": 1,
+        "evaluate_on": ("random_destination",),
+    }
+    return TrainConfig.default(learner=learner, **small | changes)
+
+
+class Watcher:
+    """Presses Ctrl-C once so many decisions are taken."""
+
+    def __init__(self, stop_at: int | None = None) -> None:
+        self.stop_at = stop_at
+
+    def advance(self, steps: int) -> None:
+        if steps == self.stop_at:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    def progress(self, row: Mapping[str, Any]) -> None:
+        pass
+
+    def note(self, text: str) -> None:
+        pass
+
+
+def _curves(folder: Path) -> dict[str, list[dict[str, str]]]:
+    curves = {}
+    for name in ("progress", "evaluation"):
+        with open(folder / f"{name}.csv", encoding="utf-8") as file:
+            curves[name] = [{k: v for k, v in row.items() if k != "wall_s"} for row in csv.DictReader(file)]
+    return curves
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("training") / "whole"
+    assert train(_config(), folder, Watcher())
+    return folder
+
+
+def test_stopped_and_resumed_twice_gives_the_same_numbers(trained: Path, tmp_path: Path):
+    folder = tmp_path / "stopped"
+    assert not train(_config(), folder, Watcher(stop_at=250))  # between two checkpoints
+    assert json.loads((folder / "checkpoint" / "training.json").read_text())["round"] == 4
+    assert train(_config(), folder, Watcher(), resume=True)
+    curves = _curves(trained)
+    assert curves == _curves(folder)
+    assert [row["steps"] for row in curves["progress"]] == ["100", "200", "300"]
+    for name in ("agent.safetensors", "training.safetensors"):
+        whole, stopped = (load_file(f / "checkpoint" / name) for f in (trained, folder))
+        assert whole.keys() == stopped.keys()
+        for key, array in whole.items():
+            np.testing.assert_array_equal(array, stopped[key], err_msg=key)
+
+
+def test_another_seed_gives_other_numbers(trained: Path, tmp_path: Path):
+    assert train(_config(seed=1, steps=100, evaluate_every=100), tmp_path / "other", Watcher())
+    assert _curves(trained)["progress"][0] != _curves(tmp_path / "other")["progress"][0]
+
+
+def test_going_astray_stops_with_the_last_checkpoint_kept(tmp_path: Path):
+    # The checkpoint at the end of the seeding comes before a loss this large can be seen.
+    config = _config(loss_limit=1e-9, seed_steps=50)
+    with pytest.raises(TrainingError, match=r"astray at step 0: critic_loss .* kept in"):
+        train(config, tmp_path / "astray", Watcher())
+    assert load_learnt(tmp_path / "astray" / "checkpoint").training["steps"] == 0
+
+
+def test_a_folder_keeps_its_training(trained: Path):
+    with pytest.raises(InputError, match="holds a training already"):
+        train(_config(), trained, Watcher())
+    with pytest.raises(InputError, match="other settings"):
+        train(_config(seed=5), trained, Watcher(), resume=True)
+    assert stored_config(trained) == _config()
+    assert train(_config(), trained, Watcher(), resume=True)  # nothing is left to do
+
+
+def test_a_trained_folder_is_an_agent(trained: Path):
+    agent = make_agent(str(trained))
+    assert agent.name == str(trained)
+    assert "without a safety filter. Learnt in 300 steps with seed 0." in agent_summary(str(trained))
+    assert agent_settings(f"{trained}+ttcbf")["filter"]["kind"] == "ttcbf"
+    assert make_agent(f"{trained}+ttcbf").name == f"{trained}+ttcbf"
+    json.dumps(agent_settings(str(trained)))
+    low, high = load_learnt(trained / "checkpoint").percentiles or (0.0, 0.0)
+    assert 0 < low <= high
+
+
+def test_checkpoints_that_cannot_drive_are_refused(trained: Path, tmp_path: Path):
+    shutil.copytree(trained / "checkpoint", tmp_path / "copy")
+    file = tmp_path / "copy" / "agent.json"
+    text = file.read_text()
+    file.write_text(text.replace('"algorithm": "rudc-wo-cbf"', '"algorithm": "sac"'))
+    with pytest.raises(AgentError, match="algorithm 'sac' is not known"):
+        make_agent(str(tmp_path / "copy"))
+    file.write_text(text.replace('"observation": "conflict"', '"observation": "paper"'))
+    with pytest.raises(AgentError, match="layout does not fit"):
+        make_agent(str(tmp_path / "copy"))
+
+
+def test_nobody_trains_on_what_is_not_there(tmp_path: Path):
+    with pytest.raises(InputError, match="device 'nowhere'"):
+        train(_config(device="nowhere"), tmp_path / "a", Watcher())
+    with pytest.raises(TrainingError, match=r"rudc-worker-0: .*no_such_scenario"):
+        train(_config(scenario="no_such_scenario"), tmp_path / "b", Watcher())
