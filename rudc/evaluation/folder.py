@@ -81,7 +81,7 @@ class SweepFolder:
         """Append an episode. Raises StorageError."""
         key = task.key(self.parameters)
         self._conditions.append([*key, *record.conditions_row()])
-        self._episodes.append([*record.row(), *key[3:]])
+        self._episodes.append([*key[:3], *record.row()[3:], *key[3:]])
 
     def complete(self) -> list[dict[str, str]]:
         """Sort the files into the canonical order, write the metrics, and return the episodes' rows."""

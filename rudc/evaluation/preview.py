@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rudc.errors import StorageError
+from rudc.scenario.poses import Pose
 from rudc.world.draw import draw_network, draw_rectangles, draw_route, new_axes, polygon_of, save
 from rudc.world.network import Network, load_network
 from rudc.world.scene import Kind, Scene
@@ -71,7 +73,7 @@ def _places(network: Network, event: Event) -> list[tuple[float, float]]:
     places = []
     for part in parts:
         at = getattr(part, "at", None)
-        if getattr(part, "position", None) is not None:
+        if isinstance(part, Pose) and part.position is not None:
             x, y = (float(v) for v in part.position)
             places.append((float(network.center[0]) + x, float(network.center[1]) + y))
         elif getattr(part, "lane", None) is not None:
@@ -88,7 +90,7 @@ def _places(network: Network, event: Event) -> list[tuple[float, float]]:
 def _write(axes: Axes, scenario: Scenario, events: tuple[Event, ...], where: str) -> None:
     lines = [f"{scenario.name}: {where}"]
     lines += [f"{k}  {_described(event)}" for k, event in enumerate(events, start=1)]
-    text = "\n".join(line if len(line) < 110 else line[:107] + "..." for line in lines)
+    text = "\n".join(part for line in lines for part in wrap(line, 100, subsequent_indent="   "))
     axes.text(
         0.01, 0.99, text, transform=axes.transAxes, fontsize=8, va="top", family="monospace", zorder=30,
         bbox={"facecolor": "white", "alpha": 0.85, "edgecolor": "none"},
