@@ -37,9 +37,10 @@ from rudc.agents.learning.checkpoint import load_state, save_state
 from rudc.agents.learning.sac import RudcLearner
 from rudc.agents.learning.uncertainty import RunningPercentiles, uncertainty
 from rudc.errors import AgentError, InputError, StorageError, TrainingError
+from rudc.scenario import load_scenario
 from rudc.training.collect import Finished
 from rudc.training.config import TrainConfig
-from rudc.training.curriculum import HELD_OUT_SEED
+from rudc.training.curriculum import HELD_OUT_SEED, make_mixture
 from rudc.training.log import LOSSES, Log, Watcher, episode_columns, evaluation_rows
 from rudc.training.nstep import Transition
 from rudc.training.replay import Replay
@@ -259,7 +260,12 @@ def _below(state: dict[str, NDArray], prefix: str) -> dict[str, NDArray]:
 
 
 def train(config: TrainConfig, folder: Path, watcher: Watcher, *, resume: bool = False) -> bool:
-    """Train into a folder; see `Trainer.run`. Raises InputError if the folder holds another training."""
+    """Train into a folder; see `Trainer.run`. Raises InputError if the folder holds another training, or if
+    there is nothing to train on.
+    """
+    make_mixture(config.scenario, config.curriculum)
+    for name in config.evaluate_on:
+        load_scenario(name)
     path = folder / CONFIG
     text = config.model_dump_json(indent=2) + "\n"
     if path.exists():

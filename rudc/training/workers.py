@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import multiprocessing
+import traceback
 from collections.abc import Mapping, Sequence
 from multiprocessing.connection import Connection
 from typing import Any
@@ -101,21 +102,20 @@ class _Failure:
 
 
 def _work(pipe: Connection, config: TrainConfig, index: int) -> None:
-    """What a worker process does."""
-    try:
-        collector = Collector(config, index)
-        pipe.send("ready")
-        while (request := pipe.recv()) is not None:
-            pipe.send(_answer(collector, *request))
-        collector.close()
-    except (EOFError, BrokenPipeError, ConnectionResetError):
-        pass  # the main process is gone
-    except RudcError as error:
-        pipe.send(_Failure(str(error)))
-    except Exception as error:
-        import traceback
-
-        pipe.send(_Failure(f"{type(error).__name__}: {error}\n{traceback.format_exc()}"))
+    """What a worker process does, until it is told to end or the main process is gone."""
+    with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
+        try:
+            collector = Collector(config, index)
+            pipe.send("ready")
+            while (request := pipe.recv()) is not None:
+                pipe.send(_answer(collector, *request))
+            collector.close()
+        except (EOFError, OSError):
+            raise
+        except RudcError as error:
+            pipe.send(_Failure(str(error)))
+        except Exception as error:  # a defect of ours: said where, so that it can be mended
+            pipe.send(_Failure(f"{type(error).__name__}: {error}\n{traceback.format_exc()}"))
 
 
 def _answer(collector: Collector, request: str, arguments: tuple[Any, ...]) -> Any:

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import multiprocessing
 import os
 import shutil
 import signal
@@ -88,13 +89,13 @@ def test_stopped_and_resumed_twice_gives_the_same_numbers(trained: Path, tmp_pat
 
 
 def test_another_seed_gives_other_numbers(trained: Path, tmp_path: Path):
-    assert train(_config(seed=1, steps=100, evaluate_every=100), tmp_path / "other", Watcher())
+    assert train(_config(seed=1, steps=100, evaluate_every=100, envs=1), tmp_path / "other", Watcher())
     assert _curves(trained)["progress"][0] != _curves(tmp_path / "other")["progress"][0]
 
 
 def test_going_astray_stops_with_the_last_checkpoint_kept(tmp_path: Path):
     # The checkpoint at the end of the seeding comes before a loss this large can be seen.
-    config = _config(loss_limit=1e-9, seed_steps=50)
+    config = _config(loss_limit=1e-9, seed_steps=50, envs=1)
     with pytest.raises(TrainingError, match=r"astray at step 0: critic_loss .* kept in"):
         train(config, tmp_path / "astray", Watcher())
     assert load_learnt(tmp_path / "astray" / "checkpoint").training["steps"] == 0
@@ -135,5 +136,20 @@ def test_checkpoints_that_cannot_drive_are_refused(trained: Path, tmp_path: Path
 def test_nobody_trains_on_what_is_not_there(tmp_path: Path):
     with pytest.raises(InputError, match="device 'nowhere'"):
         train(_config(device="nowhere"), tmp_path / "a", Watcher())
-    with pytest.raises(TrainingError, match=r"rudc-worker-0: .*no_such_scenario"):
-        train(_config(scenario="no_such_scenario"), tmp_path / "b", Watcher())
+    for wrong in ({"scenario": "no_such_scenario"}, {"evaluate_on": ("no_such_scenario",)}):
+        with pytest.raises(InputError, match=r"no_such_scenario: no shipped scenario"):
+            train(_config(**wrong), tmp_path / "b", Watcher())
+    assert not (tmp_path / "b").exists()
+
+
+class Saboteur(Watcher):
+    """Ends a worker process after the first round."""
+
+    def advance(self, steps: int) -> None:
+        for process in multiprocessing.active_children():
+            process.kill()
+
+
+def test_a_worker_that_dies_ends_the_training(tmp_path: Path):
+    with pytest.raises(TrainingError, match=r"rudc-worker-0 has died"):
+        train(_config(envs=1), tmp_path / "dead", Saboteur())
