@@ -26,18 +26,18 @@ class FilteredAgent:
         """`kind`: `ttcbf` or `ecbf`, with its preset unless `config` says otherwise."""
         self.name = f"{driver.name}+{kind}"
         self._driver = driver
-        self._filter = SafetyFilter(config or FilterConfig.preset(kind))
+        self.filter = SafetyFilter(config or FilterConfig.preset(kind))
 
     def reset(self, scene: Scene, seed: int) -> None:
         """Reset driver and filter."""
         self._driver.reset(scene, seed)
-        self._filter.reset()
+        self.filter.reset()
 
     def act(self, scene: Scene) -> Decision:
         """The driver's proposal, corrected."""
         proposed = self._driver.act(scene)
         start = time.perf_counter()
-        filtered = self._filter.filter(scene, proposed.u_rl)
+        filtered = self.filter.filter(scene, proposed.u_rl)
         spent = 1000.0 * (time.perf_counter() - start)
         timing = {**proposed.timing_ms, "filter": spent}
         return Decision(filtered.u, proposed.u_rl, proposed.sigma, filtered, timing)

@@ -1,0 +1,19 @@
+"""`make bench`: the speed benchmarks, one process each. The studies beside them run by name; each file's head says how."""
+
+import subprocess
+import sys
+
+SPEED = ("world_speed", "filter_speed", "critic_update", "decision_latency")
+
+
+def main() -> int:
+    """Run them one after another; the exit status says whether all ran."""
+    failed = 0
+    for name in SPEED:
+        print(f"\n==== {name}", flush=True)
+        failed |= subprocess.run([sys.executable, "-m", f"tests.benchmarks.{name}"], check=False).returncode
+    return int(failed != 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
