@@ -92,16 +92,16 @@ class Network:
 
     def _attend(self, ego: Floats, rows: Floats) -> Floats:
         """What the EV (N, width) becomes by looking over the valid SVs (J, vehicle)."""
-        members, heads = self.members, self.network.heads
-        x = gelu(rows @ self._common["vehicle0"][0]).reshape(len(rows), members, -1).transpose(1, 0, 2)
+        members, heads, width = self.members, self.network.heads, self.network.embedding
+        x = gelu(rows @ self._common["vehicle0"][0]).reshape(-1, members, width).transpose(1, 0, 2)
         for layer in range(1, self.network.vehicle_layers):
             x = gelu(x @ self._arrays[f"vehicle{layer}.weight"] + self._arrays[f"vehicle{layer}.bias"])
         across = x.transpose(0, 2, 1)
         for hop, look in enumerate(self._look):
-            query = np.matmul(ego[:, None], look).reshape(members, heads, -1)
+            query = np.matmul(ego[:, None], look).reshape(members, heads, width)
             share = np.exp(np.minimum(query @ across, np.float32(SCORE_BOUND)))
             share /= share.sum(axis=2, keepdims=True) + np.float32(1)
-            ego = ego + gelu(self._map(f"take{hop}", (share @ x).reshape(members, -1)))
+            ego = ego + gelu(self._map(f"take{hop}", (share @ x).reshape(members, heads * width)))
         return ego
 
     def decode(self, latent: Floats, action: Floats | None = None) -> Floats:

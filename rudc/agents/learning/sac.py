@@ -66,6 +66,10 @@ class RudcLearner:
         """alpha_tem, reward units a nat."""
         return float(self._log_alpha.detach().exp())
 
+    def learning_rates(self) -> dict[str, float]:
+        """Rates that the last update used, by optimiser."""
+        return {name: float(adam.param_groups[0]["lr"]) for name, adam in self._optimizers.items()}
+
     def update(self, batch: Batch) -> dict[str, float]:
         """One gradient step of critics, policy and temperature, one step of the targets; losses by name."""
         observation, action, reward, discount, after, mask = self._tensors(batch)
