@@ -1,8 +1,10 @@
-"""The filter's QPs from real episodes, solved by piqp and by two other solvers: `python -m tests.benchmarks.qp_agreement`.
+"""The filter's QPs of real episodes, solved by piqp and by two other solvers.
 
-The traffic-ignoring follower drives the two tasks of the paper with each filter behind it, `gated` and `all`, until there
-are enough problems that needed solving. Prints, for each other solver, the largest difference between the solutions in
-(a m/s2, z) and how often the two disagree on whether there is one.
+    python -m tests.benchmarks.qp_agreement [--problems N]
+
+The traffic-ignoring follower drives the two tasks of the paper with each filter behind it, `gated` and `all`,
+until there are enough problems that needed solving. Prints, for each other solver, the largest difference
+between the solutions in (a m/s2, z) and how often the two disagree on whether there is one.
 """
 
 from __future__ import annotations
@@ -51,9 +53,7 @@ def compare(problems: list[Problem]) -> None:
     """Print how far the other solvers' answers lie from piqp's."""
     solutions = {name: _solve(name, problems) for name in ("piqp", *OTHERS)}
     ours = solutions["piqp"]
-    print(
-        f"{len(problems)} problems, of which piqp solves {sum(s.found for s in ours)}; the others have no solution"
-    )
+    print(f"{len(problems)} problems; piqp solves {sum(s.found for s in ours)}, the rest have no solution")
     for name in OTHERS:
         theirs = solutions[name]
         both = [(a, b) for a, b in zip(ours, theirs, strict=True) if a.found and b.found]
