@@ -28,16 +28,21 @@ class _Remote:
         return self._run(task)
 
 
+def find_ray() -> Any:
+    """The module `ray`. Raises InputError where it is not installed."""
+    try:
+        return importlib.import_module("ray")
+    except ImportError:
+        raise InputError("--engine ray needs ray, which is not installed: pip install 'rudc[ray]'") from None
+
+
 def run_ray(
     tasks: Sequence[Task], workers: int, limit_s: float, make_runner: RunnerFactory
 ) -> Iterator[Result]:
     """Run the tasks on `workers` actors and yield each record as its episode ends. Raises InputError without
     ray.
     """
-    try:
-        ray: Any = importlib.import_module("ray")
-    except ImportError:
-        raise InputError("--engine ray needs ray, which is not installed: pip install 'rudc[ray]'") from None
+    ray = find_ray()
     ray.init(ignore_reinit_error=True, log_to_driver=False)
     remote = ray.remote(num_cpus=1)(_Remote)
     pending = deque((task, 1) for task in tasks)

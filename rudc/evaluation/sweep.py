@@ -11,7 +11,7 @@ from typing import Literal, Protocol
 from rudc.errors import SweepError
 from rudc.evaluation.engine import Result, RunnerFactory, run_local
 from rudc.evaluation.folder import SweepFolder
-from rudc.evaluation.ray_engine import run_ray
+from rudc.evaluation.ray_engine import find_ray, run_ray
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.tasks import SweepPlan, Task
 
@@ -80,6 +80,8 @@ def run_sweep(
     """
     if workers < 1:
         raise SweepError(f"a sweep needs at least one worker, not {workers}")
+    if engine == "ray":
+        find_ray()  # before the folder is touched
     progress = progress or Silent()
     with SweepFolder(out, plan) as folder:
         folder.open(resume)

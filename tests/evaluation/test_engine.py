@@ -11,6 +11,7 @@ import pytest
 from rudc.errors import InputError, SimulationError
 from rudc.evaluation.engine import run_local
 from rudc.evaluation.ray_engine import run_ray
+from rudc.evaluation.sweep import run_sweep
 
 
 def collect(tasks, make_runner, workers=2, limit_s=60.0, engine=run_local):
@@ -75,10 +76,11 @@ def test_stopping_early_ends_busy_workers(fakes, make_plan):
     assert not multiprocessing.active_children()
 
 
-def test_ray_that_is_not_installed_is_named(make_plan, fakes, monkeypatch):
+def test_ray_that_is_not_installed_is_named(make_plan, fakes, monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(InputError, match=r"pip install 'rudc\[ray\]'"):
-        list(run_ray(make_plan().tasks(), 2, 60.0, fakes.Runner))
+        run_sweep(make_plan(), tmp_path / "out", fakes.Runner, engine="ray")
+    assert not (tmp_path / "out").exists()
 
 
 class _Actor:
