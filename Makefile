@@ -2,7 +2,7 @@
 PYTHON ?= python3
 PY := .venv/bin/python
 PIP := $(PY) -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
-EPISODES ?= 20
+EPISODES ?= 10
 WORKERS ?= $(shell nproc 2>/dev/null || echo 2)
 OUT ?= out/sweep
 
