@@ -73,8 +73,9 @@ def _places(network: Network, event: Event) -> list[tuple[float, float]]:
     places = []
     for part in parts:
         at = getattr(part, "at", None)
-        if isinstance(part, Pose) and part.position is not None:
-            x, y = (float(v) for v in part.position)
+        position = part.position if isinstance(part, Pose) else None  # that of `sensor_noise` is no place
+        if position is not None:
+            x, y = (float(v) for v in position)
             places.append((float(network.center[0]) + x, float(network.center[1]) + y))
         elif getattr(part, "lane", None) is not None:
             places.append(network.place_on_lane(part.lane, float(at or 0.0))[:2])
