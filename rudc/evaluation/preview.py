@@ -72,15 +72,16 @@ def _places(network: Network, event: Event) -> list[tuple[float, float]]:
     parts: Any = getattr(event, "vehicles", None) or getattr(event, "boxes", None) or [event]
     places = []
     for part in parts:
-        at = getattr(part, "at", None)
-        position = part.position if isinstance(part, Pose) else None  # that of `sensor_noise` is no place
+        # the `position` of `sensor_noise` is no place
+        position = getattr(part, "position", None) if isinstance(part, Pose) else None
+        lane, arm_name, at = (getattr(part, name, None) for name in ("lane", "arm", "at"))
         if position is not None:
             x, y = (float(v) for v in position)
             places.append((float(network.center[0]) + x, float(network.center[1]) + y))
-        elif getattr(part, "lane", None) is not None:
-            places.append(network.place_on_lane(part.lane, float(at or 0.0))[:2])
-        elif getattr(part, "arm", None) is not None:
-            arm = network.arm(part.arm)
+        elif lane is not None:
+            places.append(network.place_on_lane(lane, float(at or 0.0))[:2])
+        elif arm_name is not None:
+            arm = network.arm(arm_name)
             lanes = [*arm.in_lanes, *arm.out_lanes]
             spots = np.array([network.place_on_lane(lane, float(at or 0.0))[:2] for lane in lanes])
             x, y = spots.mean(axis=0)
