@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from rudc.agents.base import Agent
-from rudc.agents.checkpoint import find_checkpoint, learnt_settings, learnt_summary
+from rudc.agents.checkpoint import DESCRIPTION, find_checkpoint, learnt_settings, learnt_summary
 from rudc.agents.filtered import FILTERS, FilteredAgent, filter_settings
 from rudc.agents.follower import Follower
 from rudc.agents.gap_acceptance import GapAcceptance
@@ -89,6 +89,8 @@ def _checked(name: str) -> str:
     base, _, suffix = name.partition("+")
     if base == "sumo" and suffix:
         raise AgentError(f"no agent {name!r}: no filter can be put behind `sumo`, which SUMO itself drives")
+    if Path(name).is_dir():
+        raise AgentError(f"no agent in {name}: it holds no {DESCRIPTION}")
     close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
     hint = f" (did you mean {close[0]!r}?)" if close else ""
     raise AgentError(f"no agent {name!r}{hint}; there are: {', '.join(known)}")

@@ -127,7 +127,7 @@ class TrainBar:
             TextColumn("{task.description}"),
         ]
         self._progress = Progress(*columns, console=console(to_stderr=True), transient=True)
-        self._id = self._progress.add_task("starting", total=config.steps + config.seed_steps)
+        self._id = self._progress.add_task("starting", total=config.rounds * config.round_steps)
         self._progress.start()
 
     def advance(self, steps: int) -> None:

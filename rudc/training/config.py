@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -41,15 +40,15 @@ class TrainConfig(_Model):
     collision_reward: float = Field(default=-75.0, le=0)
     """replaces the reward's collision term (the paper's is -50), in learning only"""
     steps: int = Field(default=100_000, ge=1)
-    """decisions taken by the policy"""
+    """decisions taken by the policy, rounded up to whole rounds like all that counts decisions below"""
     seed_steps: int = Field(default=8_000, ge=0)
     """decisions of the gap-acceptance driver that the replay starts with"""
     seed_noise: float = Field(default=0.1, ge=0)
     """standard deviation of what is added to its actions, in [-1, 1], so that neighbouring ones are known"""
     envs: int = Field(default=2, ge=1)
     """worlds, each in a process of its own"""
-    round_steps: int = Field(default=200, ge=1)
-    """decisions of all worlds together between two exchanges of weights and transitions"""
+    round_decisions: int = Field(default=100, ge=1)
+    """decisions of each world between two exchanges of weights and transitions (a round)"""
     update_every: int = Field(default=4, ge=1)
     """decisions for each gradient step"""
     replay_size: int = Field(default=100_000, ge=1)
@@ -59,11 +58,11 @@ class TrainConfig(_Model):
     device: str = "cpu"
     """where the learner computes: cpu, cuda, cuda:1, ..."""
     log_every: int = Field(default=1_000, ge=1)
-    """decisions for each row of progress.csv; a multiple of round_steps"""
+    """decisions for each row of progress.csv; there is one at each checkpoint besides"""
     checkpoint_every: int = Field(default=5_000, ge=1)
-    """decisions between checkpoints, where all worlds begin a new episode; a multiple of log_every"""
+    """decisions between checkpoints, where all worlds begin a new episode"""
     evaluate_every: int = Field(default=10_000, ge=1)
-    """decisions between evaluations; a multiple of checkpoint_every"""
+    """decisions between evaluations, which are checkpoints as well"""
     evaluate_on: tuple[str, ...] = ("random_destination", "dense_left_turn")
     """scenarios"""
     evaluation_episodes: int = Field(default=20, ge=0)
@@ -73,20 +72,26 @@ class TrainConfig(_Model):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        if self.round_steps % self.envs:
-            raise ValueError(f"round_steps {self.round_steps} must be a multiple of envs {self.envs}")
-        if self.round_steps // self.envs < self.driver.learner.n_step:
-            raise ValueError("a round must give each world n_step decisions at least")
-        steps = ("round_steps", "log_every", "checkpoint_every", "evaluate_every")
-        for low, high in itertools.pairwise(steps):
-            if getattr(self, high) % getattr(self, low):
-                raise ValueError(f"{high} must be a multiple of {low}, {getattr(self, low)}")
-        for name in ("steps", "seed_steps"):
-            if getattr(self, name) % self.round_steps:
-                raise ValueError(f"{name} must be a multiple of round_steps, {self.round_steps}")
+        if self.round_decisions < self.driver.learner.n_step:
+            raise ValueError("a round must have n_step decisions at least")
         if self.driver.learner.seed != self.seed:
             raise ValueError("the learner's seed must be the same as that of training")
         return self
+
+    @property
+    def round_steps(self) -> int:
+        """Decisions of all worlds in a round."""
+        return self.envs * self.round_decisions
+
+    @property
+    def seed_rounds(self) -> int:
+        """Rounds driven by the gap-acceptance driver."""
+        return -(-self.seed_steps // self.round_steps)
+
+    @property
+    def rounds(self) -> int:
+        """All rounds, those included."""
+        return self.seed_rounds - (-self.steps // self.round_steps)
 
     @classmethod
     def default(

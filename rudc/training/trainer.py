@@ -75,17 +75,17 @@ class Trainer:
     @property
     def steps(self) -> int:
         """Decisions taken by the policy."""
-        return max(self._round * self._config.round_steps - self._config.seed_steps, 0)
+        return max(self._round - self._config.seed_rounds, 0) * self._config.round_steps
 
     def run(self) -> bool:
         """Train to the end. False if interrupted (Ctrl-C), which leaves the last checkpoint."""
         self._since = time.monotonic()
-        if self.steps >= self._config.steps:
+        if self._round >= self._config.rounds:
             return True
         self._pool = WorkerPool(self._config)
         try:
             with self._interruptible():
-                while self.steps < self._config.steps and not self._stop:
+                while self._round < self._config.rounds and not self._stop:
                     self._one_round()
                     self._milestones()
         finally:
@@ -97,11 +97,9 @@ class Trainer:
 
     def _one_round(self) -> None:
         config = self._config
-        seeding = self._round * config.round_steps < config.seed_steps
+        seeding = self._round < config.seed_rounds
         self._pool.load(self._learner.arrays(), self._percentiles())
-        self._pool.start(
-            self._round, "reference" if seeding else "policy", drop=self._at(config.checkpoint_every, 1)
-        )
+        self._pool.start(self._round, "reference" if seeding else "policy", drop=self._breaks(1))
         self._learn()
         collected = self._pool.finish()
         for part in collected:
@@ -140,15 +138,23 @@ class Trainer:
     # ---- milestones
 
     def _at(self, every: int, ahead: int = 0) -> bool:
-        """Whether the decisions taken after so many more rounds are a multiple, or all that there are."""
-        taken = (self._round + ahead) * self._config.round_steps - self._config.seed_steps
-        return taken >= 0 and (taken % every == 0 or taken == self._config.steps)
+        """Whether the round so many rounds ahead brings the next multiple of decisions, or is the last."""
+        config = self._config
+        done = self._round + ahead - config.seed_rounds
+        passed = done * config.round_steps // every > (done - 1) * config.round_steps // every
+        return (done > 0 and passed) or self._round + ahead == config.rounds
+
+    def _breaks(self, ahead: int = 0) -> bool:
+        """Whether worlds begin new episodes after that round: at checkpoints, the first after seeding."""
+        config = self._config
+        seeded = self._round + ahead == config.seed_rounds
+        return seeded or self._at(config.checkpoint_every, ahead) or self._at(config.evaluate_every, ahead)
 
     def _milestones(self) -> None:
         config = self._config
-        if self.steps and self._at(config.log_every):
+        if self.steps and (self._at(config.log_every) or self._breaks()):
             self._write_progress()
-        if self._at(config.checkpoint_every):
+        if self._breaks():
             self._save()
         if self.steps and self._at(config.evaluate_every) and config.evaluation_episodes:
             self._evaluate()

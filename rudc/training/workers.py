@@ -26,7 +26,7 @@ class WorkerPool:
     """`config.envs` workers; requests go to all of them, answers come in their order."""
 
     def __init__(self, config: TrainConfig) -> None:
-        self._share = config.round_steps // config.envs
+        self._share = config.round_decisions
         context = multiprocessing.get_context("spawn")
         self._workers: list[tuple[Any, Connection]] = []
         for index in range(config.envs):

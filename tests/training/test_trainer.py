@@ -31,7 +31,7 @@ def _config(**changes: Any) -> TrainConfig:
         "steps": 300,
         "seed_steps": 100,
         "envs": 2,
-        "round_steps": 50,
+        "round_decisions": 25,
         "log_every": 100,
         "checkpoint_every": 100,
         "evaluate_every": 300,
@@ -89,13 +89,13 @@ def test_stopped_and_resumed_twice_gives_the_same_numbers(trained: Path, tmp_pat
 
 
 def test_another_seed_gives_other_numbers(trained: Path, tmp_path: Path):
-    assert train(_config(seed=1, steps=100, evaluate_every=100, envs=1), tmp_path / "other", Watcher())
+    assert train(_config(seed=1, steps=100, evaluate_every=100), tmp_path / "other", Watcher())
     assert _curves(trained)["progress"][0] != _curves(tmp_path / "other")["progress"][0]
 
 
 def test_going_astray_stops_with_the_last_checkpoint_kept(tmp_path: Path):
     # The checkpoint at the end of the seeding comes before a loss this large can be seen.
-    config = _config(loss_limit=1e-9, seed_steps=50, envs=1)
+    config = _config(loss_limit=1e-9, seed_steps=50)
     with pytest.raises(TrainingError, match=r"astray at step 0: critic_loss .* kept in"):
         train(config, tmp_path / "astray", Watcher())
     assert load_learnt(tmp_path / "astray" / "checkpoint").training["steps"] == 0

@@ -1,0 +1,70 @@
+"""`rudc train`: what it makes of its options; training itself is tested in tests/training."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rudc.training import trainer
+from rudc.training.config import Curriculum, TrainConfig
+
+
+@pytest.fixture
+def calls(monkeypatch: pytest.MonkeyPatch) -> list[tuple[TrainConfig, Path, bool]]:
+    """What the trainer was asked for; it says that it was interrupted if the seed is 130."""
+    seen: list[tuple[TrainConfig, Path, bool]] = []
+
+    def run(config: TrainConfig, folder: Path, watcher: Any, *, resume: bool) -> bool:
+        seen.append((config, folder, resume))
+        watcher.progress({"steps": 10, "episodes": 4, "success": 0.5, "episode_reward": 61.7, "wall_s": 3.2})
+        watcher.note("a note")
+        folder.mkdir(exist_ok=True)
+        (folder / trainer.CONFIG).write_text(config.model_dump_json())
+        return config.seed != 130
+
+    monkeypatch.setattr(trainer, "train", run)
+    return seen
+
+
+def test_options_reach_the_configuration(rudc, calls):
+    answer = rudc("train", "rudc-t", "--steps", 2000, "--seed", 4, "--envs", 3, "--out", "x")
+    assert answer.status == 0
+    config, folder, resume = calls[0]
+    assert config == TrainConfig.default("rudc-t", steps=2000, seed=4, envs=3)
+    assert config.curriculum == Curriculum()
+    assert (folder, resume) == (Path("x"), False)
+    assert "10/2000 steps, 50% success, reward 62, 3 s" in answer.err
+    assert "a note" in answer.err
+    assert "--agent x" in answer.err
+
+
+def test_a_scenario_is_trained_on_as_it_is(rudc, calls):
+    rudc("train", "rudc-wo-cbf", "--scenario", "dense_left_turn", "--out", "x")
+    assert (calls[0][0].scenario, calls[0][0].curriculum) == ("dense_left_turn", None)
+
+
+def test_resuming_takes_the_settings_from_the_folder(rudc, calls):
+    assert rudc("train", "rudc-e", "--seed", 130, "--steps", 400, "--out", "x").status == 130
+    assert rudc("train", "--out", "x", "--resume").status == 130
+    assert rudc("train", "rudc-e", "--steps", 400, "--out", "x", "--resume").status == 130
+    assert calls[0][0] == calls[1][0] == calls[2][0]
+    for other in (("rudc-t",), ("rudc-e", "--steps", "600")):
+        answer = rudc("train", *other, "--out", "x", "--resume")
+        assert answer.status == 2
+        assert "resume it as it is" in answer.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("rudc-t",), "--out DIR"),
+        (("--out", "x"), "which algorithm?"),
+        (("sac", "--out", "x"), "no algorithm 'sac'; there are rudc-t"),
+        (("rudc-t", "--scenario", "nowhere", "--out", "x"), "nowhere: no shipped scenario"),
+        (("rudc-t", "--device", "cuda:99", "--steps", "200", "--out", "x"), "device 'cuda:99'"),
+    ],
+)
+def test_wrong_input_is_answered_in_words(rudc, arguments, said):
+    answer = rudc("train", *arguments)
+    assert answer.status == 2
+    assert said in answer.err
