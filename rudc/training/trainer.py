@@ -23,7 +23,7 @@ import shutil
 import signal
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -117,8 +117,7 @@ class Trainer:
             return
         for _ in range(config.round_steps // config.update_every):
             losses = self._learner.update(self._replay.sample(rows))
-            worst = max(abs(losses[name]) for name in ("critic_loss", "policy_loss", "value", "target"))
-            if not worst <= config.loss_limit:  # also where it is nan
+            if astray(losses, config.loss_limit):
                 raise TrainingError(
                     f"training went astray at step {self.steps}: "
                     + ", ".join(f"{name} {value:.3g}" for name, value in losses.items())
@@ -259,6 +258,12 @@ class Trainer:
             yield
         finally:
             signal.signal(signal.SIGINT, before)
+
+
+def astray(losses: Mapping[str, float], limit: float) -> bool:
+    """Whether a loss or a value is not finite, or larger than the limit."""
+    watched = ("critic_loss", "policy_loss", "value", "target", "critic_gradient", "policy_gradient")
+    return not all(abs(losses[name]) <= limit for name in watched)  # nan is not <= anything
 
 
 def _below(state: dict[str, NDArray], prefix: str) -> dict[str, NDArray]:

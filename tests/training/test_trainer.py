@@ -18,7 +18,7 @@ from rudc.agents.checkpoint import load_learnt
 from rudc.agents.registry import agent_settings, agent_summary, make_agent
 from rudc.errors import AgentError, InputError, TrainingError
 from rudc.training.config import TrainConfig
-from rudc.training.trainer import stored_config, train
+from rudc.training.trainer import astray, stored_config, train
 
 pytestmark = pytest.mark.slow
 
@@ -99,6 +99,15 @@ def test_going_astray_stops_with_the_last_checkpoint_kept(tmp_path: Path):
     with pytest.raises(TrainingError, match=r"astray at step 0: critic_loss .* kept in"):
         train(config, tmp_path / "astray", Watcher())
     assert load_learnt(tmp_path / "astray" / "checkpoint").training["steps"] == 0
+
+
+@pytest.mark.parametrize("name", ["critic_loss", "policy_loss", "value", "policy_gradient"])
+def test_what_counts_as_astray(name: str):
+    good = dict.fromkeys(("critic_loss", "policy_loss", "value", "target"), -3.0)
+    good |= dict.fromkeys(("critic_gradient", "policy_gradient"), 5.0)
+    assert not astray(good, 10.0)
+    for bad in (float("nan"), float("inf"), -11.0):
+        assert astray(good | {name: bad}, 10.0)
 
 
 def test_a_folder_keeps_its_training(trained: Path):
