@@ -17,8 +17,11 @@ from pydantic import ValidationError
 from rudc.agents.algorithms import ALGORITHMS, DriverConfig
 from rudc.agents.learning.checkpoint import DESCRIPTION, Checkpoint, load_checkpoint, save_checkpoint
 from rudc.agents.learning.parameters import Arrays, fingerprint
+from rudc.data import data_folder
 from rudc.errors import AgentError, StorageError
 
+SHIPPED = "results/checkpoints"
+"""where trained agents are that come with RUDC"""
 LATEST = "checkpoint"
 """subfolder of a training's folder where its latest checkpoint stands"""
 
@@ -37,11 +40,21 @@ class Learnt(NamedTuple):
 
 
 def find_checkpoint(name: str) -> Path | None:
-    """The folder that a name stands for: itself, or the latest checkpoint of the training in it."""
+    """The folder that a name stands for: a shipped agent's, itself, or the latest checkpoint of the training
+    in it.
+    """
+    shipped = shipped_checkpoints()
+    if name in shipped:
+        return shipped[name]
     for folder in (Path(name), Path(name) / LATEST):
         if (folder / DESCRIPTION).is_file():
             return folder
     return None
+
+
+def shipped_checkpoints() -> dict[str, Path]:
+    """Names of the trained agents that come with RUDC, and their folders."""
+    return {file.parent.name: file.parent for file in sorted(data_folder(SHIPPED).glob(f"*/{DESCRIPTION}"))}
 
 
 def save_learnt(folder: Path, learnt: Learnt) -> None:

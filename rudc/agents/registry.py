@@ -12,7 +12,13 @@ from pathlib import Path
 from typing import Any
 
 from rudc.agents.base import Agent
-from rudc.agents.checkpoint import DESCRIPTION, find_checkpoint, learnt_settings, learnt_summary
+from rudc.agents.checkpoint import (
+    DESCRIPTION,
+    find_checkpoint,
+    learnt_settings,
+    learnt_summary,
+    shipped_checkpoints,
+)
 from rudc.agents.filtered import FILTERS, FilteredAgent, filter_settings
 from rudc.agents.follower import Follower
 from rudc.agents.gap_acceptance import GapAcceptance
@@ -27,9 +33,9 @@ _DRIVERS: dict[str, Callable[[], Agent]] = {
 
 
 def agent_names() -> tuple[str, ...]:
-    """Every name that `make_agent` knows."""
+    """Every name that `make_agent` knows; it takes folders of learnt agents too, with filters or without."""
     filtered = (f"{name}+{suffix}" for name in _DRIVERS if name != "sumo" for suffix in FILTERS)
-    return (*_DRIVERS, *filtered)
+    return (*_DRIVERS, *filtered, *shipped_checkpoints())
 
 
 def make_agent(name: str) -> Agent:
@@ -73,11 +79,12 @@ def _folder(name: str) -> Path:
 
 def _parts(name: str) -> tuple[str, str]:
     """Driver or folder, and suffix of the filter behind it (empty for none)."""
-    if find_checkpoint(name) is not None:
-        return name, ""
-    base, _, suffix = name.rpartition("+")
-    if suffix in FILTERS and find_checkpoint(base) is not None:
-        return base, suffix
+    if name.partition("+")[0] not in _DRIVERS:
+        if find_checkpoint(name) is not None:
+            return name, ""
+        base, _, suffix = name.rpartition("+")
+        if suffix in FILTERS and find_checkpoint(base) is not None:
+            return base, suffix
     base, _, suffix = _checked(name).partition("+")
     return base, suffix
 
