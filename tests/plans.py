@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rudc.scenario.distributions import Constant, Distribution, Uniform
-from rudc.scenario.events import Event
+from rudc.scenario.events import EVENT_KINDS, Event
 from rudc.scenario.plan import EgoPlan, EpisodePlan, TrafficPlan, Turn
 
 ALL_KINDS = {"car": 0.6, "truck": 0.12, "bus": 0.08, "motorcycle": 0.12, "bicycle": 0.08}
@@ -13,6 +13,13 @@ ALL_KINDS = {"car": 0.6, "truck": 0.12, "bus": 0.08, "motorcycle": 0.12, "bicycl
 
 def constant(value: float) -> Distribution:
     return Constant(value=value)
+
+
+def event(kind: str, **fields: object) -> Event:
+    """An event as a scenario file would give it, its numbers drawn."""
+    found = EVENT_KINDS[kind].model_validate({"kind": kind, **fields}).drawn(np.random.default_rng(0))
+    assert found is not None
+    return found
 
 
 @dataclass(frozen=True)
@@ -52,5 +59,15 @@ class PlanSource:
         )
         ego = EgoPlan(self.origin, self.turn, None, speed, distance, 30.0)
         return EpisodePlan(
-            "test", self.network, None, seed, attempt, (seed, attempt), ego, traffic, self.events, self.timeout_s, self,  # pyright: ignore[reportArgumentType] - stands in for a scenario
-        )  # fmt: skip
+            scenario="test",
+            network=self.network,
+            junction=None,
+            seed=seed,
+            attempt=attempt,
+            world_seed=(seed, attempt),
+            ego=ego,
+            traffic=traffic,
+            events=self.events,
+            timeout_s=self.timeout_s,
+            source=self,  # pyright: ignore[reportArgumentType] - it stands in for a scenario
+        )

@@ -28,10 +28,12 @@ except ImportError as error:  # pragma: no cover - only on a machine without it
 
 Array = NDArray[np.float64]
 
-OWN_SPEED = 27
-"""SUMO's speed mode with every check on, save that a command may brake harder than is comfortable"""
-HEEDLESS = 51
+OWN_SPEED = 31
+"""SUMO's speed mode with every check on"""
+HEEDLESS = 55
 """as OWN_SPEED, but right of way is ignored, before and inside a junction"""
+BRAKE_HARD = 27
+"""as OWN_SPEED, but neither commands nor leaders are bound to the comfortable deceleration"""
 OBEDIENT = 0
 """no check at all: the speed that is set is the speed that is driven"""
 
@@ -142,7 +144,6 @@ class Sumo:
             departPos=f"{front:.3f}",
             departSpeed=f"{speed:.3f}",
         )
-        libsumo.vehicle.setSpeedMode(vehicle, OWN_SPEED)
 
     def remove(self, vehicle: str) -> None:
         """Take a vehicle off the road."""

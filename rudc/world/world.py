@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 
 from rudc.errors import SimulationError
+from rudc.world.brakes import Brakes
 from rudc.world.config import WorldConfig
 from rudc.world.contact import NOTHING, Body, Nearest, ego_body, nearer, survey
 from rudc.world.ego import EgoPlant
@@ -45,6 +46,8 @@ CLOSE_M = 2.0
 """m, gaps at least so small are looked at in every sub-step; larger ones at the end of a decision"""
 OFF_ROAD_M = 0.3
 """m a corner of the ego may stick out of the drivable area"""
+FAR_M = 10_000.0
+"""m, far off any road"""
 LAYER_EVERY = 2
 """decisions from one pass of the yielding layer to the next"""
 OVERLAPS_EVERY = 5
@@ -150,10 +153,16 @@ class World:
 
     def put_ego(self, x: float, y: float, psi: float, v: float = 0.0) -> Scene:
         """Place the ego anew (m, m, rad, m/s), as studies and tests need it, and return the scene."""
+        length = self.config.vehicle.length
+        # A vehicle that jumps within its lane keeps its rank in SUMO's list of that lane, and others change
+        # lanes into it; so it leaves the road for a step.
+        self._sumo.place(EGO, x + FAR_M, y + FAR_M, psi, v, length)
+        self._sumo.step()
+        self._move_props()
         self._plant.reset(x, y, psi, v, self._plant.actuation)
-        self._sumo.place(EGO, x, y, psi, v, self.config.vehicle.length)
+        self._sumo.place(EGO, x, y, psi, v, length)
         self._ego_s = self.route.path.project(x, y)[0]
-        return self._look()
+        return self._refresh()
 
     # ---- one episode's set-up
 
@@ -173,6 +182,7 @@ class World:
         )  # fmt: skip
         self.traffic.begin(plan.traffic, traffic_rng)
         self._reader = Reader(self._sumo, self.network, self.traffic)
+        self._brakes = Brakes(self._sumo, self.traffic)
         self._script = Script(plan.events, self.stage)
         self.traffic.populate()
         self._warm_up(plan.traffic.warm_up_s)
@@ -345,15 +355,15 @@ class World:
         """Have the SVs that the yielding layer names brake for the next duration_s."""
         if not self.config.yielding:
             return
-        most, drivers = min(BRAKE_MOST, self.traffic.grip), self.traffic.drivers
+        most = min(BRAKE_MOST, self.traffic.grip)
         braking = must_yield(scene, ego_present=self._ego_inside, brake_most=most)
-        for index, deceleration in zip(braking.rows, braking.deceleration, strict=True):
-            name = scene.ids[index]
-            if not drivers[name].overridden:
-                speed = math.hypot(*scene.velocity[index])
-                self._sumo.slow_down(name, max(speed - deceleration * duration_s, 0.0), duration_s)
+        wanted = {
+            scene.ids[row]: (math.hypot(*scene.velocity[row]), deceleration)
+            for row, deceleration in zip(braking.rows, braking.deceleration, strict=True)
+        }
         if self._driven_by_sumo and self._ego_inside and self.stage.props:
             path, path_s = self._reader.locate_ego(self.route, self.config.vehicle.length)
             deceleration = min(ego_must_yield(scene, path, path_s), most)
             if deceleration > 0:
-                self._sumo.slow_down(EGO, max(scene.ego.v - deceleration * duration_s, 0.0), duration_s)
+                wanted[EGO] = scene.ego.v, deceleration
+        self._brakes.apply(wanted, duration_s)

@@ -4,10 +4,12 @@ Paper, Sec. "Simulation Environment": each SV predicts heading and position for 
 potential collisions according to road priority. Among SVs, SUMO's right of way already does this, so the
 layer looks only at pairs of an SV and
 
-    an obstacle (accident, pedestrian, wrong-way driver): always yielded to; the ego where it stands in the
-    SV's way now, whoever has priority; the ego's predicted path, if the SV has the lower priority, or if the
-    ego has left its lane or its heading,
-        or if the ego is committed: its front is past the point where it could still wait.
+    an obstacle (accident, pedestrian, wrong-way driver): always yielded to;
+    the ego where it stands in the SV's way now, whoever has priority;
+    the ego's predicted path, if the SV has the lower priority, or if the ego has left its lane or heading, or
+        if it is committed: its front is past the point where it could still wait;
+    an SV that drives through the junction, by one from another arm that creeps in it: SUMO lets vehicles
+        wait in places that others, long ones above all, sweep over.
 
 An ego that waits where it should (before its stop line, or at its waiting point inside the junction) is in
 none of these cases.
@@ -41,6 +43,10 @@ CREEP = 1.0
 """m/s, speed at which a standing SV is taken to set off"""
 STANDING = 1.0
 """m/s, below which the ego counts as standing in the way"""
+CREEPS = 3.0
+"""m/s, up to which an SV in the junction looks out for faster ones"""
+SWEPT_M = 2.5 * np.arange(9.0)
+"""(9,) m ahead of those, places that they will sweep over"""
 NEAR_M = 10.0
 """m between centres beyond what both cover in the horizon, within which bodies may come to overlap"""
 
@@ -61,7 +67,7 @@ NOBODY = Yielding([], [])
 
 
 class _Threats(NamedTuple):
-    """What k SVs look out for: t things, each over the horizon, and which SV heeds which."""
+    """What SVs look out for: t things, each over the horizon, and which of all N heeds which."""
 
     x: Array
     """(t, 9) m"""
@@ -72,29 +78,32 @@ class _Threats(NamedTuple):
     half: Array
     """(t, 2) m, half sizes"""
     heeded: np.ndarray
-    """(k, t)"""
+    """(N, t)"""
 
 
 def must_yield(scene: Scene, *, ego_present: bool = True, brake_most: float = BRAKE_MOST) -> Yielding:
-    """Which SVs must brake, and how hard, at most brake_most m/s2. Without the ego on the road, only
-    obstacles count."""
+    """Which SVs must brake, and how hard, at most brake_most m/s2. Without the ego on the road, it does not
+    count."""
     speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
     driven = scene.path >= 0
-    heeds_ego = _heeding_ego(scene, speed, driven) if ego_present else np.zeros_like(driven)
-    heeds_obstacles = None if driven.all() else _near_obstacles(scene, speed, driven)
-    rows = (heeds_ego if heeds_obstacles is None else heeds_ego | heeds_obstacles.any(axis=1)).nonzero()[0]
-    if not len(rows):
+    found = [
+        _ego(scene, speed, driven) if ego_present else None,
+        None if driven.all() else _obstacles(scene, speed, driven),
+        _passing(scene, speed, driven),
+    ]
+    threats = _joined([kind for kind in found if kind is not None])
+    if threats is None:
         return NOBODY
-    threats = _threats(scene, rows, heeds_ego, heeds_obstacles)
+    rows = threats.heeded.any(axis=1).nonzero()[0]
     speed = np.maximum(speed[rows], CREEP)
-    x, y, psi = _ahead(scene, rows, speed)
+    x, y, psi = _ahead(scene, rows, speed[:, None] * HORIZON_S)
     overlap = boxes_overlap(
         (x[:, None], y[:, None], psi[:, None]),
         0.5 * (scene.size[rows] + GROW)[:, None, None],
         (threats.x, threats.y, threats.psi),
         threats.half[:, None],
     )
-    hit = np.any(overlap & threats.heeded[:, :, None], axis=1)
+    hit = np.any(overlap & threats.heeded[rows, :, None], axis=1)
     if not hit.any():
         return NOBODY
     return _braking(rows, speed, hit, brake_most)
@@ -119,12 +128,12 @@ def ego_must_yield(scene: Scene, path: int, path_s: float) -> float:
     return sum(must_yield(alone, ego_present=False).deceleration)
 
 
-def _ahead(scene: Scene, rows: np.ndarray, speed: Array) -> tuple[Array, Array, Array]:
-    """Poses (k, 9) of SVs over the horizon: along their paths, as far beside them as they are now.
+def _ahead(scene: Scene, rows: np.ndarray, way: Array) -> tuple[Array, Array, Array]:
+    """Poses (k, n) of SVs `way` (k, n) or (n,) m on: along their paths, as far beside them as they are now.
 
     A vehicle that passes an obstacle on a lane without a way to its destination is such a one.
     """
-    s = scene.path_s[rows, None] + speed[:, None] * HORIZON_S
+    s = scene.path_s[rows, None] + way
     x, y, psi = scene.network.paths.pose(scene.path[rows, None], s)
     sin, cos = np.sin(psi), np.cos(psi)
     away_x, away_y = scene.position[rows, 0] - x[:, 0], scene.position[rows, 1] - y[:, 0]
@@ -144,48 +153,65 @@ def _braking(rows: np.ndarray, speed: Array, hit: np.ndarray, brake_most: float)
     return Yielding(rows[chosen].tolist(), np.minimum(need[chosen], brake_most).tolist())
 
 
-def _heeding_ego(scene: Scene, speed: Array, driven: np.ndarray) -> np.ndarray:
-    """(N,) which SVs have the ego to look out for: it lies ahead, within reach, and is theirs to yield to."""
-    ego = scene.ego
-    away = (ego.x, ego.y) - scene.position
-    horizon = HORIZON_S[-1]
-    near = np.hypot(away[:, 0], away[:, 1]) < horizon * (speed + ego.v) + NEAR_M
-    ahead = (
-        np.cos(scene.heading) * away[:, 0] + np.sin(scene.heading) * away[:, 1]
-        > -0.5 * scene.size[:, 0] - 3.0
-    )
-    concerned = driven & near & ahead
-    if ego.v < STANDING or _unpredictable(scene):
-        return concerned
-    if scene.route.row < 0:
-        return np.zeros_like(driven)
-    return concerned & scene.network.paths.yields[scene.path, scene.route.row]
+def _joined(kinds: list[_Threats]) -> _Threats | None:
+    if len(kinds) < 2:
+        return kinds[0] if kinds else None
+    x, y, psi, half = (np.vstack([kind[field] for kind in kinds]) for field in range(4))
+    return _Threats(x, y, psi, half, np.hstack([kind.heeded for kind in kinds]))
 
 
-def _near_obstacles(scene: Scene, speed: Array, driven: np.ndarray) -> np.ndarray:
-    """(N, m) which SVs are within reach of which of the m obstacles."""
-    obstacles = (~driven).nonzero()[0]
-    gap = scene.position[:, None] - scene.position[obstacles]
-    reach = HORIZON_S[-1] * (speed[:, None] + speed[obstacles]) + NEAR_M + scene.size[obstacles, 0]
-    return driven[:, None] & (np.hypot(gap[..., 0], gap[..., 1]) < reach)
+def _ego(scene: Scene, speed: Array, driven: np.ndarray) -> _Threats | None:
+    """The ego, for SVs that have it within reach, ahead, and to yield to; None when there are none."""
+    ego, body = scene.ego, scene.vehicle
+    away_x, away_y = ego.x - scene.position[:, 0], ego.y - scene.position[:, 1]
+    ahead = np.cos(scene.heading) * away_x + np.sin(scene.heading) * away_y
+    concerned = driven & (np.hypot(away_x, away_y) < HORIZON_S[-1] * (speed + ego.v) + NEAR_M)
+    concerned &= ahead > -0.5 * scene.size[:, 0] - 3.0
+    if ego.v >= STANDING and not _unpredictable(scene):
+        if scene.route.row < 0:
+            return None
+        concerned &= scene.network.paths.yields[scene.path, scene.route.row]
+    if not concerned.any():
+        return None
+    track, half = _predicted(scene), np.array([[0.5 * body.length, 0.5 * body.width]])
+    return _Threats(track[:1], track[1:2], track[2:], half, concerned[:, None])
 
 
-def _threats(
-    scene: Scene, rows: np.ndarray, heeds_ego: np.ndarray, heeds_obstacles: np.ndarray | None
-) -> _Threats:
-    """The ego, where it stands or will be, and the obstacles."""
-    body, track = scene.vehicle, _predicted(scene)
-    if heeds_obstacles is None:
-        half = np.array([[0.5 * body.length, 0.5 * body.width]])
-        return _Threats(track[:1], track[1:2], track[2:], half, heeds_ego[rows, None])
-    obstacles = (scene.path < 0).nonzero()[0]
-    position, velocity = scene.position[obstacles], scene.velocity[obstacles]
+def _obstacles(scene: Scene, speed: Array, driven: np.ndarray) -> _Threats:
+    """The m obstacles, for SVs within reach."""
+    rows = (~driven).nonzero()[0]
+    gap = scene.position[:, None] - scene.position[rows]
+    reach = HORIZON_S[-1] * (speed[:, None] + speed[rows]) + NEAR_M + scene.size[rows, 0]
+    position, velocity = scene.position[rows], scene.velocity[rows]
     return _Threats(
-        np.vstack([track[0], position[:, :1] + velocity[:, :1] * HORIZON_S]),
-        np.vstack([track[1], position[:, 1:] + velocity[:, 1:] * HORIZON_S]),
-        np.vstack([track[2], np.repeat(scene.heading[obstacles, None], len(HORIZON_S), axis=1)]),
-        0.5 * np.vstack([(body.length, body.width), scene.size[obstacles]]),
-        np.column_stack([heeds_ego[rows], heeds_obstacles[rows]]),
+        position[:, :1] + velocity[:, :1] * HORIZON_S,
+        position[:, 1:] + velocity[:, 1:] * HORIZON_S,
+        np.repeat(scene.heading[rows, None], len(HORIZON_S), axis=1),
+        0.5 * scene.size[rows],
+        driven[:, None] & (np.hypot(gap[..., 0], gap[..., 1]) < reach),
+    )
+
+
+def _passing(scene: Scene, speed: Array, driven: np.ndarray) -> _Threats | None:
+    """What SVs driving through the junction will sweep over, for those from other arms that creep in it."""
+    paths, path, half = scene.network.paths, scene.path, 0.5 * scene.size[:, 0]
+    past, before = scene.path_s + half > paths.stop_s[path], scene.path_s - half < paths.exit_s[path]
+    inside = np.logical_and.reduce([driven, past, before])
+    rows = (inside & (speed > CREEPS)).nonzero()[0]
+    creeping = inside & (speed <= CREEPS)
+    if not len(rows) or not creeping.any():
+        return None
+    # Stations on their ways, each a thing that is there over the whole horizon.
+    x, y, psi = (at.ravel() for at in _ahead(scene, rows, SWEPT_M))
+    count = len(SWEPT_M)
+    other_arm = paths.origin[path][:, None] != np.repeat(paths.origin[path[rows]], count)
+    still = np.ones((1, len(HORIZON_S)))
+    return _Threats(
+        x[:, None] * still,
+        y[:, None] * still,
+        psi[:, None] * still,
+        0.5 * np.repeat(scene.size[rows], count, axis=0),
+        creeping[:, None] & other_arm,
     )
 
 

@@ -96,11 +96,9 @@ def describe(scene: Scene, pair: tuple[str, str]) -> str:
     said = []
     for name in pair:
         i = scene.ids.index(name)
-        x, y = scene.position[i]
-        speed = float(np.hypot(*scene.velocity[i]))
-        said.append(
-            f"{name} (path {scene.path[i]}, s {scene.path_s[i]:.1f}, {x:.1f} {y:.1f}, {speed:.1f} m/s, {scene.size[i, 0]:.1f} m)"
-        )
+        (x, y), speed = scene.position[i], float(np.hypot(*scene.velocity[i]))
+        where = f"path {scene.path[i]}, s {scene.path_s[i]:.1f}, {x:.1f} {y:.1f}"
+        said.append(f"{name} ({where}, {speed:.1f} m/s, {scene.size[i, 0]:.1f} m long)")
     return " / ".join(said)
 
 
@@ -109,16 +107,17 @@ def report(density: float, tally: Tally, details: bool) -> None:
     held = np.mean(np.abs(ratios - 1) <= TOLERANCE)
     episodes = len(ratios)
     print(
-        f"{density:4.0f} veh/km: overlaps {len(tally.overlaps)}, gridlock {len(tally.gridlocks)}, jams {tally.jams} of {episodes}; "
-        f"density x{ratios.mean():.3f} ({ratios.min():.2f} to {ratios.max():.2f}), held in {100 * held:.0f} %; "
-        f"standing {100 * np.mean(tally.standing):.0f} %, outflow {60 * tally.left / (episodes * 40):.1f} /min; redraws {tally.redraws}",
-        flush=True,
+        f"{density:4.0f} veh/km, {episodes} episodes: overlaps {len(tally.overlaps)}, "
+        f"gridlock {len(tally.gridlocks)}, jams {tally.jams}; "
+        f"density x{ratios.mean():.3f} ({ratios.min():.2f} to {ratios.max():.2f}), "
+        f"held in {100 * held:.0f} %; standing {100 * np.mean(tally.standing):.0f} %, "
+        f"outflow {60 * tally.left / (episodes * 40):.1f} /min; redraws {tally.redraws}"
     )
     total: Counter = Counter()
     for key in sorted(tally.outcomes):
         total += tally.outcomes[key]
         print(f"      {' '.join(key):16s} {shares(tally.outcomes[key])}")
-    print(f"      {'all':16s} {shares(total)}")
+    print(f"      {'all':16s} {shares(total)}", flush=True)
     if details:
         for line in (*tally.overlaps, *tally.collisions):
             print("        ", line)

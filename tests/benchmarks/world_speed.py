@@ -143,9 +143,10 @@ def against_sumo(kind: Kind, episodes: int) -> float:
             on_road.append(present)
     env.close()
     print(
-        f"environment, observation {kind!r}: {1 / np.mean(ours):6.0f} decisions/s ({1e3 * np.mean(ours):.3f} ms), {np.mean(counts):.1f} SVs; "
-        f"SUMO alone {1 / np.mean(bare):6.0f} ({1e3 * np.mean(bare):.3f} ms), {np.mean(on_road):.1f} vehicles: "
-        f"{100 * np.mean(bare) / np.mean(ours):.0f} %, by medians {100 * np.median(bare) / np.median(ours):.0f} % "
+        f"environment, observation {kind!r}: {1 / np.mean(ours):.0f} decisions/s, {np.mean(counts):.1f} SVs; "
+        f"SUMO alone {1 / np.mean(bare):.0f}, {np.mean(on_road):.1f} vehicles: "
+        f"{100 * np.mean(bare) / np.mean(ours):.0f} %; "
+        f"by medians {100 * np.median(bare) / np.median(ours):.0f} % "
         f"({1e3 * np.median(bare):.3f} / {1e3 * np.median(ours):.3f} ms)",
         flush=True,
     )
@@ -250,7 +251,8 @@ def resets(number: int) -> None:
             memory.append(resident_mb())
     env.close()
     print(
-        f"reset: median {1e3 * np.median(times):.1f} ms, p99 {1e3 * np.quantile(times, 0.99):.1f} ms of {number}"
+        f"reset: median {1e3 * np.median(times):.1f} ms, "
+        f"p99 {1e3 * np.quantile(times, 0.99):.1f} ms of {number}"
     )
     print(
         f"memory: {', '.join(f'{mb:.0f}' for mb in memory)} MB after a quarter, a half and all of the resets"
@@ -295,7 +297,8 @@ def two_workers(seconds: float) -> None:
         one.append(workers(1, seconds))
         two.append(workers(2, seconds))
     print(
-        f"workers: one {np.mean(one):.0f} decisions/s, two {np.mean(two):.0f}: x{np.mean(two) / np.mean(one):.2f}"
+        f"workers: one {np.mean(one):.0f} decisions/s, two {np.mean(two):.0f}: "
+        f"x{np.mean(two) / np.mean(one):.2f}"
     )
 
 
@@ -329,7 +332,8 @@ def highway(decisions: int) -> float | None:
                 break
     env.close()
     print(
-        f"HighwayEnv intersection-v1, 15/10 Hz: {done / taken:6.1f} decisions/s, {np.mean(counts):.1f} vehicles"
+        f"HighwayEnv intersection-v1, 15/10 Hz: {done / taken:.1f} decisions/s, "
+        f"{np.mean(counts):.1f} vehicles"
     )
     return done / taken
 
@@ -351,7 +355,8 @@ def main() -> None:
     slow = highway(300)
     if slow:
         print(
-            f"environment / HighwayEnv: x{speeds['paper'] / slow:.1f} ('conflict': x{speeds['conflict'] / slow:.1f})"
+            f"environment / HighwayEnv: x{speeds['paper'] / slow:.1f} "
+            f"('conflict': x{speeds['conflict'] / slow:.1f})"
         )
     alone(where_time_goes, "paper", asked.episodes)
     alone(resets, asked.resets)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from rudc.scenario.events import DensitySurge, HardBrake, PriorityViolation, SlowVehicle, Speeding
 from rudc.world.events.effect import Effect, Held
 from rudc.world.scene import Scene
-from rudc.world.sumo import HEEDLESS, OWN_SPEED
+from rudc.world.sumo import BRAKE_HARD, HEEDLESS, OWN_SPEED
 
 if TYPE_CHECKING:
     from rudc.world.events.stage import Stage
@@ -16,6 +16,12 @@ if TYPE_CHECKING:
 
 class HardBrakeEffect(Held[HardBrake]):
     """A vehicle brakes for no reason the ego can see; it drives on when the event's duration has passed."""
+
+    def hold(self, stage: Stage, name: str) -> None:
+        stage.sumo.set_mode(name, BRAKE_HARD)
+
+    def let_go(self, stage: Stage, name: str) -> None:
+        stage.sumo.set_mode(name, OWN_SPEED)
 
     def command(self, stage: Stage, name: str, speed: float) -> None:
         slower = speed - float(self.event.deceleration) * stage.decision_s

@@ -32,6 +32,8 @@ class Effect(Generic[E]):
     def __init__(self, event: E, name: str) -> None:
         self.event = event
         self.name = name
+        self.begun_s = 0.0
+        """s, when it began"""
 
     def begin(self, stage: Stage, scene: Scene | None) -> bool:
         """Take effect; False when there is nothing to act on yet, and the event waits. No scene before the
@@ -41,8 +43,13 @@ class Effect(Generic[E]):
     def step(self, stage: Stage, scene: Scene) -> None:
         """Go on, before each decision while in effect."""
 
+    def is_over(self, scene: Scene) -> bool:
+        """Whether the event's duration, if it has one, has passed."""
+        duration = getattr(self.event, "duration", None)
+        return duration is not None and scene.time_s >= self.begun_s + float(duration)
+
     def end(self, stage: Stage) -> None:
-        """Stop, when the event's duration has passed."""
+        """Stop, once it is over."""
 
 
 class Held(Effect[H]):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 from rudc.world.events.conditions import holds
@@ -60,7 +59,7 @@ class Script:
     def __init__(self, events: tuple[Event, ...], stage: Stage) -> None:
         self._stage = stage
         self._waiting = [EFFECTS[event.kind](event, f"{event.kind}{i}") for i, event in enumerate(events)]
-        self._active: list[tuple[Effect, float]] = []
+        self._active: list[Effect] = []
         self.log: list[tuple[float, str]] = []
         """(s, event name) of every event that took effect"""
         self._begin([e for e in self._waiting if e.from_the_start and e.event.when is None], None)
@@ -69,10 +68,10 @@ class Script:
         """Go on with what is in effect, end what is over, begin what is triggered."""
         if not self._waiting and not self._active:
             return
-        for effect, until in list(self._active):
-            if scene.time_s >= until:
+        for effect in list(self._active):
+            if effect.is_over(scene):
                 effect.end(self._stage)
-                self._active.remove((effect, until))
+                self._active.remove(effect)
             else:
                 effect.step(self._stage, scene)
         due = [e for e in self._waiting if e.event.when is None or holds(e.event.when, scene, self._stage)]
@@ -81,8 +80,7 @@ class Script:
     def _begin(self, effects: list[Effect], scene: Scene | None) -> None:
         for effect in effects:
             if effect.begin(self._stage, scene):
-                now = scene.time_s if scene else 0.0
-                duration = getattr(effect.event, "duration", None)
+                effect.begun_s = scene.time_s if scene else 0.0
                 self._waiting.remove(effect)
-                self._active.append((effect, math.inf if duration is None else now + float(duration)))
-                self.log.append((now, effect.name))
+                self._active.append(effect)
+                self.log.append((effect.begun_s, effect.name))

@@ -3,6 +3,7 @@ wrong_way, pedestrian_crossing."""
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +22,7 @@ from rudc.world.events.effect import Effect, Held
 from rudc.world.geometry import rectangle_corners
 from rudc.world.props import Prop, standing
 from rudc.world.scene import Array, Kind, Scene
+from rudc.world.sumo import BRAKE_HARD, OWN_SPEED
 from rudc.world.traffic import VEHICLE_TYPES
 
 if TYPE_CHECKING:
@@ -28,6 +30,8 @@ if TYPE_CHECKING:
 
 PEDESTRIAN_M = 0.5
 """m, side of the square a pedestrian takes"""
+STANDS = 0.1
+"""m/s, below which a stalled vehicle stands"""
 STALL_DECEL = 3.0
 """m/s2, with which a stalling SV comes to a stop"""
 ROADSIDE_M = 1.5
@@ -52,7 +56,9 @@ class AccidentEffect(Effect[Accident]):
 
 
 class StalledVehicleEffect(Held[StalledVehicle]):
-    """A vehicle that stands on a lane, or an SV that stops where it is."""
+    """A vehicle that stands on a lane, or an SV that stops; the duration counts from standstill."""
+
+    _stands_since: float | None = None
 
     @property
     def from_the_start(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride] - depends on the event
@@ -65,6 +71,25 @@ class StalledVehicleEffect(Held[StalledVehicle]):
         x, y, psi = stage.network.place_on_lane(self.event.lane, float(self.event.at), 0.0, 0.0)
         stage.add_obstacle(standing(f"{self.name}:0", body.kind, x, y, psi, body.length, body.width))
         return True
+
+    def hold(self, stage: Stage, name: str) -> None:
+        stage.sumo.set_mode(name, BRAKE_HARD)
+
+    def let_go(self, stage: Stage, name: str) -> None:
+        stage.sumo.set_mode(name, OWN_SPEED)
+
+    def step(self, stage: Stage, scene: Scene) -> None:
+        super().step(stage, scene)
+        speeds = [math.hypot(*scene.velocity[scene.ids.index(name)]) for name in self.held]
+        if self._stands_since is None and max(speeds, default=math.inf) < STANDS:
+            self._stands_since = scene.time_s
+
+    def is_over(self, scene: Scene) -> bool:
+        if self.event.vehicle is None or self.event.duration is None:
+            return super().is_over(scene)
+        return self._stands_since is not None and scene.time_s >= self._stands_since + float(
+            self.event.duration
+        )
 
     def command(self, stage: Stage, name: str, speed: float) -> None:
         stage.sumo.slow_down(name, max(speed - STALL_DECEL * stage.decision_s, 0.0), stage.decision_s)

@@ -1,0 +1,81 @@
+"""The rule of fault, a hand-made contact for each of its sentences and for the borders between them."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from rudc.world.fault import judge
+from rudc.world.scene import Kind
+
+
+def beside(scene, ahead, left, turned):
+    """Pose of something `ahead` and `left` m of the ego, its heading turned against the ego's."""
+    ego = scene.ego
+    cos, sin = math.cos(ego.psi), math.sin(ego.psi)
+    return ego.x + ahead * cos - left * sin, ego.y + ahead * sin + left * cos, ego.psi + turned
+
+
+@pytest.fixture
+def contact(make_scene):
+    """Fault of a contact with something at (ahead m, left m, turned rad), driving at v m/s."""
+
+    def find(ahead, left, turned, v, *, ego=None, unlawful=False, kind=Kind.CAR, row=None, **where):
+        scene = make_scene(v=8.0 if ego is None else ego, **where)
+        scene = make_scene(
+            {"at": beside(scene, ahead, left, turned), "v": v, "kind": kind}, v=scene.ego.v, **where
+        )
+        if row is not None:
+            scene.path[0] = row
+        return judge(scene, 0, unlawful)
+
+    return find
+
+
+def test_running_into_what_stands_is_the_egos_fault(contact):
+    assert contact(4.8, 0.3, 0.0, 0.0) == "ego"
+    assert contact(4.0, 0.0, math.pi / 2, 0.0) == "ego"
+    assert contact(3.0, 0.0, math.pi / 2, 1.4, kind=Kind.PEDESTRIAN) == "ego"
+
+
+def test_what_touches_a_standing_ego_while_standing_is_shared(contact):
+    assert contact(4.8, 0.0, 0.0, 0.0, ego=0.0) == "shared"
+
+
+def test_an_ego_that_waits_where_it_may_is_never_at_fault(contact):
+    assert contact(3.0, 0.0, math.pi / 2, 6.0, ego=0.0, front=-1.0) == "other"
+    assert contact(-4.8, 0.0, 0.0, 6.0, ego=0.0, front=20.0) == "other", "hit from behind, anywhere"
+
+
+def test_an_ego_that_stands_beside_its_path_is_judged_as_any(make_scene, contact):
+    scene = make_scene(v=0.0, front=-1.0, ego_offset=2.0)
+    scene = make_scene(
+        {"at": beside(scene, 3.0, 0.0, math.pi / 2), "v": 6.0}, v=0.0, front=-1.0, ego_offset=2.0
+    )
+    assert judge(scene, 0, unlawful=True) == "other"
+    yields = scene.network.paths.yields
+    crossing = next(row for row in range(len(yields)) if yields[scene.route.row, row])
+    assert judge(replace(scene, path=scene.path * 0 + crossing), 0, unlawful=False) == "ego"
+
+
+def test_in_line_the_one_behind_is_at_fault(contact):
+    assert contact(4.9, 0.2, 0.1, 6.0) == "ego"
+    assert contact(-4.9, -0.2, 0.1, 10.0) == "other"
+    assert contact(1.0, 1.7, 0.1, 8.0) == "shared", "side by side"
+
+
+def test_who_drives_against_the_rules_is_at_fault(contact):
+    assert contact(4.9, 0.0, math.pi, 6.0) == "other", "it has no path: it drives against its lane"
+    assert contact(3.0, 0.0, math.pi / 2, 6.0, unlawful=True, row=0, front=8.0) == "other"
+
+
+def test_else_the_right_of_way_decides(contact, four_way):
+    own, yields = four_way.route("south", "straight").row, four_way.paths.yields
+    major = next(row for row in range(len(yields)) if yields[own, row] and not yields[row, own])
+    minor = next(row for row in range(len(yields)) if yields[row, own] and not yields[own, row])
+    assert contact(3.0, 0.0, math.pi / 2, 6.0, row=major, front=8.0) == "ego"
+    assert contact(3.0, 0.0, -math.pi / 2, 6.0, row=minor, front=8.0) == "other"
+    neither = next(
+        row for row in range(len(yields)) if row != own and not yields[own, row] and not yields[row, own]
+    )
+    assert contact(3.0, 0.0, -math.pi / 2, 6.0, row=neither, front=8.0) == "shared"

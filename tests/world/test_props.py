@@ -1,0 +1,93 @@
+"""Props: where they are on their ways, and what they stop for."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rudc.world.props import Prop, standing
+from rudc.world.scene import Kind
+
+BEND = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 20.0]])
+
+
+def car(way=BEND, wanted=6.0):
+    return Prop("prop", Kind.CAR, (5.0, 1.8), way, wanted=wanted)
+
+
+def test_follows_its_way():
+    prop = car()
+    assert prop.pose() == (0.0, 0.0, 0.0)
+    for _ in range(40):
+        prop.step(0.05)
+    assert prop.travelled == pytest.approx(12.0)
+    assert prop.pose() == pytest.approx((10.0, 2.0, math.pi / 2))
+    assert prop.pose(-4.0) == pytest.approx((8.0, 0.0, 0.0))
+    assert not prop.finished
+    for _ in range(61):
+        prop.step(0.05)
+    assert prop.finished
+
+
+def test_starts_before_its_way_when_told_to():
+    prop = car()
+    prop.travelled = -3.0
+    assert prop.pose() == pytest.approx((-3.0, 0.0, 0.0))
+
+
+def test_a_standing_prop_stands():
+    prop = standing("prop", Kind.TRUCK, 3.0, 4.0, 0.7, 7.5, 2.4)
+    prop.step(1.0)
+    assert prop.pose() == (3.0, 4.0, 0.7)
+    assert not prop.finished
+    assert prop.speed == 0.0
+
+
+def drive_towards(prop, scene_at):
+    for i in range(200):
+        prop.look_out(scene_at(i))
+        prop.step(0.05)
+    return prop.pose()
+
+
+def test_a_car_stops_short_of_what_stands_and_goes_on_when_it_leaves(make_scene):
+    way = np.array([[-60.0, 100.0], [60.0, 100.0]])
+    prop = car(way)
+    blocked = make_scene({"at": (0.0, 100.0, 0.0)})
+    free = make_scene({"at": (0.0, 110.0, 0.0)})
+    x, _, _ = drive_towards(prop, lambda i: blocked)
+    assert -6.5 < x < -5.5, "half a metre to a metre and a half between the bumpers"
+    assert prop.speed == 0.0
+    assert drive_towards(prop, lambda i: free)[0] > 30.0
+
+
+def test_a_car_stops_for_an_oncoming_one_that_brakes(make_scene):
+    prop = car(np.array([[-20.0, 100.0], [60.0, 100.0]]))
+    them = make_scene({"row": 0, "s": 10.0})
+    them.heading[0] = math.pi
+
+    def oncoming(i):
+        """It comes at 8 m/s from x = 60 m and from second 4 on brakes with 5 m/s2."""
+        t = 0.05 * i
+        v = max(8.0 - 5.0 * max(t - 4.0, 0.0), 0.0)
+        them.position[0] = 60.0 - 8.0 * min(t, 4.0) - (64.0 - v**2) / 10.0, 100.0
+        them.velocity[0] = -v, 0.0
+        return them
+
+    x, _, _ = drive_towards(prop, oncoming)
+    assert prop.speed == 0.0
+    assert x + 2.5 < them.position[0, 0] - 2.5
+
+
+def test_a_pedestrian_waits_for_what_is_before_its_feet_only(make_scene):
+    def walker():
+        return Prop("walker", Kind.PEDESTRIAN, (0.5, 0.5), np.array([[0.0, 95.0], [0.0, 105.0]]), wanted=1.4)
+
+    passing = make_scene({"row": 0, "s": 10.0, "v": 8.0})
+    passing.position[0], passing.heading[0] = (0.0, 100.0), 0.0
+    prop = walker()
+    _, y, _ = drive_towards(prop, lambda i: passing)
+    assert 97.5 < y < 99.0
+    away = make_scene({"at": (30.0, 100.0, 0.0)})
+    prop = walker()
+    assert drive_towards(prop, lambda i: away)[1] > 105.0

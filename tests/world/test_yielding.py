@@ -1,0 +1,174 @@
+"""Who the yielding layer brakes, in scenes made by hand, and that it spares an ego in awkward poses."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rudc.world.config import WorldConfig
+from rudc.world.scene import EgoState, Kind
+from rudc.world.yielding import boxes_overlap, must_yield
+from tests.benchmarks.yielding import awkward_poses, stand, waiting
+from tests.plans import PlanSource
+
+
+def row_of(network, origin, turn):
+    movement = network.movement(origin, turn)
+    return movement.rows[0]
+
+
+def before(network, row, place, away):
+    """Arc length on a row at which a car's front is `away` m short of the nearest point to a place (m, m)."""
+    stations = np.arange(0.0, network.paths.length[row], 0.25)
+    x, y, _ = network.paths.pose(np.full(len(stations), row), stations)
+    return float(stations[np.argmin(np.hypot(x - place[0], y - place[1]))]) - away - 2.5
+
+
+@pytest.fixture
+def crossing(make_scene, four_way):
+    """Scene of an SV that comes from the west, `away` m short of where the ego's path crosses its own."""
+
+    def make(away, v, *, ego_v=0.0, front=12.0, turn="straight", **changes):
+        row = row_of(four_way, "west", "straight")
+        route = four_way.route("south", turn)
+        conflict = four_way.conflict(route)[row]
+        x, y, _ = four_way.paths.pose(np.array([row]), np.array([0.5 * (conflict[2] + conflict[3])]))
+        s = before(four_way, row, (x[0], y[0]), away)
+        return replace(make_scene({"row": row, "s": s, "v": v}, front=front, v=ego_v, turn=turn), **changes)
+
+    return make
+
+
+def test_brakes_for_an_ego_that_stands_in_the_way(crossing):
+    found = must_yield(crossing(14.0, 9.0, front=11.0))
+    assert found.rows == [0]
+    assert 2.0 < found.deceleration[0] < 9.0
+
+
+def test_brakes_the_harder_the_nearer(crossing):
+    far, near = (must_yield(crossing(away, 8.0, front=11.0)).deceleration[0] for away in (13.0, 9.0))
+    assert near > far
+
+
+def test_is_not_concerned_by_what_is_far(crossing):
+    assert must_yield(crossing(40.0, 9.0, front=11.0)).rows == []
+
+
+@pytest.mark.parametrize("front", [-1.0, 6.0])
+def test_lets_an_ego_wait_where_it_should(crossing, front):
+    """Before the stop line, and at the waiting point inside the junction."""
+    assert must_yield(crossing(10.0, 9.0, front=front)).rows == []
+
+
+def test_has_priority_over_an_ego_that_approaches_on_the_minor_road(crossing):
+    assert must_yield(crossing(10.0, 9.0, front=-3.0, ego_v=6.0)).rows == []
+
+
+def test_heeds_an_ego_that_is_committed(crossing):
+    assert must_yield(crossing(10.0, 9.0, front=9.0, ego_v=5.0)).rows == [0]
+
+
+def test_heeds_an_ego_off_its_lane(crossing):
+    scene = crossing(10.0, 9.0, front=4.0, ego_v=5.0)
+    assert must_yield(scene).rows == []
+    assert must_yield(replace(scene, ego_offset=1.5)).rows == [0]
+
+
+def test_yields_to_an_ego_on_the_major_road(make_scene, four_way):
+    row = row_of(four_way, "south", "straight")
+    route = four_way.route("west", "straight")
+    conflict = four_way.conflict(route)[row]
+    x, y, _ = four_way.paths.pose(np.array([row]), np.array([0.5 * (conflict[2] + conflict[3])]))
+    s = before(four_way, row, (x[0], y[0]), 8.0)
+    front = route.path.project(x[0], y[0])[0] - route.stop_line_s - 8.0
+    scene = make_scene({"row": row, "s": s, "v": 8.0}, origin="west", front=front, v=8.0)
+    assert must_yield(scene).rows == [0]
+    assert must_yield(scene, ego_present=False).rows == []
+
+
+@pytest.mark.parametrize("kind", [Kind.CAR, Kind.PEDESTRIAN, Kind.OBSTACLE])
+def test_brakes_for_whatever_is_on_the_road(make_scene, four_way, kind):
+    row = row_of(four_way, "north", "straight")
+    x, y, psi = (float(v) for v in four_way.paths.pose(np.int64(row), np.float64(60.0)))
+    car = {"row": row, "s": 45.0, "v": 9.0}
+    size = (0.5, 0.5) if kind == Kind.PEDESTRIAN else (5.0, 1.8)
+    in_way = {"at": (x, y, psi + 1.0), "kind": kind, "size": size}
+    beside = {"at": (x + 8.0 * math.sin(psi), y - 8.0 * math.cos(psi), psi), "kind": kind, "size": size}
+    assert must_yield(make_scene(car, in_way)).rows == [0]
+    assert must_yield(make_scene(car, beside)).rows == []
+    walks_into = {
+        **beside,
+        "at": (x + 4.0 * math.sin(psi), y - 4.0 * math.cos(psi), psi + math.pi / 2),
+        "v": 2.5,
+    }
+    assert must_yield(make_scene(car, walks_into)).rows == [0]
+
+
+def test_passes_an_obstacle_in_another_lane(make_scene, four_way):
+    """Also when its own lane leads elsewhere and its place is told on the path of the lane beside."""
+    row = row_of(four_way, "north", "straight")
+    x, y, psi = (float(v) for v in four_way.paths.pose(np.int64(row), np.float64(60.0)))
+    wall = {"at": (x, y, psi), "kind": Kind.OBSTACLE, "size": (10.0, 3.0)}
+    scene = make_scene({"row": row, "s": 45.0, "v": 8.0}, wall)
+    assert must_yield(scene).rows == [0]
+    scene.position[0] += 3.5 * np.array([-math.sin(psi), math.cos(psi)])
+    assert must_yield(scene).rows == []
+
+
+def test_brakes_no_harder_than_the_road_allows(crossing):
+    assert must_yield(crossing(3.0, 9.0, front=11.0), brake_most=1.2).deceleration == [1.2]
+
+
+def test_one_that_creeps_in_the_junction_holds_before_one_that_passes(make_scene, four_way):
+    slow, fast = row_of(four_way, "east", "left"), row_of(four_way, "west", "straight")
+    here, past, of_slow, _ = four_way.conflict(four_way.route("west", "straight"))[slow]
+    creeping = {"row": slow, "s": of_slow - 2.0, "v": 1.0}
+
+    def found(other):
+        return must_yield(make_scene(creeping, other, origin="north", front=-60.0)).rows
+
+    assert found({"row": fast, "s": here - 6.0, "v": 9.0}) == [0]
+    assert found({"row": fast, "s": here - 6.0, "v": 2.0}) == [], (
+        "neither passes: they do not block each other"
+    )
+    assert found({"row": fast, "s": past + 6.0, "v": 9.0}) == [], "it has passed"
+    assert found({"row": fast, "s": 80.0, "v": 9.0}) == [], "it is not there yet: SUMO's right of way decides"
+
+
+def test_boxes_overlap_by_hand():
+    here = np.zeros(3), np.zeros(3), np.zeros(3)
+    there = np.array([4.9, 5.1, 0.0]), np.array([0.0, 0.0, 3.0]), np.array([0.0, 0.0, math.pi / 2])
+    half = np.array([[2.5, 0.9]])
+    assert boxes_overlap(here, half, there, half).tolist() == [True, False, True]
+
+
+def test_spares_an_ego_in_awkward_poses(four_way, world):
+    source = PlanSource(density=30.0, speed=(0.0, 0.0))
+    results = []
+    for seed in range(3):
+        origin = world.reset(source.plan(seed)).route.origin
+        for pose in awkward_poses(four_way, origin).values():
+            world.reset(source.plan(seed))
+            results.append(stand(world, pose))
+    assert results.count("hit") == 0
+    assert results.count("spared") > 10
+
+
+def test_without_the_layer_it_is_hit(four_way, world_on):
+    source, world = PlanSource(density=30.0, speed=(0.0, 0.0)), world_on(config=WorldConfig(yielding=False))
+    results = []
+    for seed in range(4):
+        pose = awkward_poses(four_way, world.reset(source.plan(seed)).route.origin)["between two lanes"]
+        results.append(stand(world, pose))
+    assert "hit" in results
+
+
+def test_never_brakes_for_an_ego_that_waits_where_it_should(world):
+    assert waiting(world, 2, 30.0) == 0
+
+
+def test_a_standing_ego_off_the_road_is_nobodys_business(crossing):
+    scene = crossing(10.0, 9.0)
+    away = replace(scene, ego=EgoState(60.0, 60.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    assert must_yield(away).rows == []
