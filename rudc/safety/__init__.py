@@ -1,1 +1,1 @@
-"""Floor 3: barrier functions, ECBF and TTCBF rows, and the QP filter. Knows `Scene`, not SUMO and not torch."""
+"""Floor 3: barrier functions, ECBF and TTCBF rows, the QP filter. Knows `Scene`, neither SUMO nor torch."""

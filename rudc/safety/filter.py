@@ -14,7 +14,8 @@ harder than that counts as a_low and is passed on unchanged.
 What comes out, by `Filtered.status`:
 
     nominal   the action satisfies all rows (or there are none): it is the solution, nothing is solved
-    solved    the QP's solution, certified (see `qp`)
+    solved    the QP's solution, certified (see `qp`); rows are linearised about it and the QP is solved again
+              until the conditions themselves hold, not only rows made about an action that is not taken
     relaxed   no action satisfies all rows; the one that violates them least, slack s >= 0 for each row,
               minimise ... + sum_i r_i s_i^2 / 2,  A u + s >= b,  r of vehicles a thousand times r of the road
     braking   not even that could be solved: full braking, steering as proposed
@@ -29,17 +30,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rudc.errors import SolverError
-from rudc.safety.barrier import Array, Constraints, barrier_terms
+from rudc.safety.barrier import Array, Constraints, Terms, barrier_terms
 from rudc.safety.config import FilterConfig
 from rudc.safety.constraints import ConstraintBuilder
-from rudc.safety.qp import Problem, Solution, make_solver
-from rudc.safety.rows import affine_rows, per_row
+from rudc.safety.qp import TOLERANCE, Problem, Solution, make_solver
+from rudc.safety.rows import RowWeights, affine_rows, per_row
 from rudc.world.scene import EgoVehicle, Scene
 
 __all__ = ["FilterConfig", "Filtered", "SafetyFilter", "Status"]
 
 Status = Literal["nominal", "solved", "relaxed", "braking"]
 
+MOST_PASSES = 4
+"""how often rows are linearised at most; two do nearly always"""
 PUSHING = 1e-6
 """multiplier (cost per m2) above which a row counts as active"""
 
@@ -80,6 +83,19 @@ class _Bounds(NamedTuple):
     """(2,)"""
 
 
+class _Conditions(NamedTuple):
+    """The conditions of all constraints, exact to second order in time."""
+
+    terms: Terms
+    weights: RowWeights
+    relief: Array | float
+    """w + delta, m2 per step"""
+
+    def rows(self, u: Array) -> tuple[Array, Array]:
+        """A (K, 2) and b (K,), linearised about u (2,) and exact there."""
+        return affine_rows(self.terms, self.weights, float(u[0]), float(u[1]), self.relief)
+
+
 class SafetyFilter:
     """Corrects actions, one decision after the other."""
 
@@ -89,7 +105,7 @@ class SafetyFilter:
         self.counts: dict[Status, int] = {}
         """how often each status came out since the last `reset`"""
         self.last_problem: Problem | None = None
-        """the QP of the last decision, solved or not; None if it had no constraints"""
+        """the last QP of the last decision, solved or not; None if it had no constraints"""
         self._weights = config.row_weights(road=False), config.row_weights(road=True)
         self._builder = ConstraintBuilder(config)
         self._solver = make_solver(config.solver)
@@ -129,12 +145,15 @@ class SafetyFilter:
         if not constraints.count:
             self.last_problem = None
             return self._passed(scene, proposed, np.zeros(0), ())
-        h, rows, b = self._rows(scene, constraints, bounds.nominal, slack, residual)
+        conditions = self._conditions(scene, constraints, slack, residual)
+        rows, b = conditions.rows(bounds.nominal)
+        _refuse_unknown_rows(rows, b, constraints.names)
+        h = conditions.terms.h
         q = -self._cost.diagonal() * bounds.nominal
         problem = self.last_problem = Problem(self._cost, q, rows, b, bounds.lower, bounds.upper)
         if (rows @ bounds.nominal - b).min() >= 0.0:
             return self._passed(scene, proposed, h, constraints.names)
-        status, solution, kept = self._solve(problem, constraints)
+        status, solution, kept = self._solve(problem, conditions, constraints.mode)
         self.counts[status] += 1
         u, slack = self._action(status, scene.vehicle, proposed, bounds, solution)
         pushing = kept[solution.multipliers > PUSHING].tolist()
@@ -163,39 +182,39 @@ class SafetyFilter:
             upper=np.array([body.a_max, min(z + most, z_max)]),
         )
 
-    def _rows(
-        self, scene: Scene, constraints: Constraints, nominal: Array, slack: float, residual: Array | None
-    ) -> tuple[Array, Array, Array]:
-        """h (K,), A (K, 2) and b (K,)."""
+    def _conditions(
+        self, scene: Scene, constraints: Constraints, slack: float, residual: Array | None
+    ) -> _Conditions:
         ego = scene.ego
         heading = complex(math.cos(ego.psi), math.sin(ego.psi))
         terms = barrier_terms(complex(ego.x, ego.y), heading, ego.v, scene.vehicle.wheelbase, constraints)
         if residual is not None and np.shape(residual) != (constraints.count,):
             raise SolverError(
-                f"the filter has {constraints.count} constraints, but the residuals' shape is {np.shape(residual)}"
+                f"the filter has {constraints.count} constraints, not {np.shape(residual)} as the residuals"
             )
         relief = slack if residual is None else slack + residual
-        weights = per_row(*self._weights, constraints.mode)
-        rows, b = affine_rows(terms, weights, float(nominal[0]), float(nominal[1]), relief)
-        if not math.isfinite(rows.sum() + b.sum()):
-            bad = ~(np.isfinite(rows).all(axis=1) & np.isfinite(b))
-            names = ", ".join(name for name, wrong in zip(constraints.names, bad, strict=True) if wrong)
-            raise SolverError(f"the filter's rows are not finite for {names}")
-        return terms.h, rows, b
+        return _Conditions(terms, per_row(*self._weights, constraints.mode), relief)
 
     def _solve(
-        self, problem: Problem, constraints: Constraints
+        self, problem: Problem, conditions: _Conditions, mode: Array
     ) -> tuple[Status, Solution, NDArray[np.int64]]:
         """Status, solution, and the indices (k,) of the rows that the solution has multipliers of."""
-        cost, q, rows, b, lower, upper = problem
-        worst = rows @ (0.5 * (lower + upper)) - np.abs(rows) @ (0.5 * (upper - lower))
-        kept = np.flatnonzero(worst < b)  # the other rows hold everywhere between the bounds
-        problem = Problem(cost, q, np.asfortranarray(rows[kept]), b[kept], lower, upper)
-        solution = self._solver.solve(problem)
-        if solution.found:
-            return "solved", solution, kept
-        relaxed = self._solver.solve(self._relaxed(problem, constraints.mode[kept]))
-        relaxed = relaxed._replace(solve_ms=relaxed.solve_ms + solution.solve_ms)
+        spent_ms = 0.0
+        for _ in range(MOST_PASSES):
+            kept, hopeless = _undecided(problem)
+            if hopeless:
+                break
+            solution = self._solver.solve(_part(problem, kept))
+            spent_ms += solution.solve_ms
+            if not solution.found:
+                break
+            rows, b = conditions.rows(solution.x)
+            if (rows @ solution.x - b).min() >= -TOLERANCE:
+                return "solved", solution._replace(solve_ms=spent_ms), kept
+            problem = self.last_problem = problem._replace(A=rows, b=b)
+        kept, _ = _undecided(problem)
+        relaxed = self._solver.solve(self._relaxed(_part(problem, kept), mode[kept]))
+        relaxed = relaxed._replace(solve_ms=relaxed.solve_ms + spent_ms)
         return ("relaxed" if relaxed.found else "braking"), relaxed, kept
 
     def _relaxed(self, problem: Problem, mode: Array) -> Problem:
@@ -230,6 +249,27 @@ class SafetyFilter:
             a = min(a, max(proposed[0], body.a_min))
         slack = max(float(solution.x[2:].max()), 0.0) if status == "relaxed" else 0.0
         return _within(body, np.array([a, math.atan(z)])), slack
+
+
+def _undecided(problem: Problem) -> tuple[NDArray[np.int64], bool]:
+    """Indices (k,) of the rows that do not hold everywhere between the bounds; whether any holds nowhere."""
+    _, _, rows, b, lower, upper = problem
+    middle = rows @ (0.5 * (lower + upper)) - b
+    reach = np.abs(rows) @ (0.5 * (upper - lower))
+    return np.flatnonzero(middle < reach), bool((middle + reach).min() < 0.0)
+
+
+def _part(problem: Problem, kept: NDArray[np.int64]) -> Problem:
+    """The problem with some of its rows only."""
+    return problem._replace(A=np.asfortranarray(problem.A[kept]), b=problem.b[kept])
+
+
+def _refuse_unknown_rows(rows: Array, b: Array, names: tuple[str, ...]) -> None:
+    """Raise SolverError, naming the constraints whose rows are not finite."""
+    if not math.isfinite(rows.sum() + b.sum()):
+        bad = ~(np.isfinite(rows).all(axis=1) & np.isfinite(b))
+        wrong = ", ".join(name for name, is_bad in zip(names, bad, strict=True) if is_bad)
+        raise SolverError(f"the filter's rows are not finite for {wrong}")
 
 
 def _within(body: EgoVehicle, u: Array) -> Array:

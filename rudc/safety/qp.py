@@ -30,6 +30,8 @@ TOLERANCE = 1e-6
 """largest violation of an optimality condition that is accepted"""
 MOST_ITERATIONS = 60
 """of piqp; solvable problems take about ten"""
+GAP = (1e-12, 1e-14)
+"""absolute and relative duality gap at which piqp may stop; x may be off by its root, so 1e-8 will not do"""
 ACCURATE = {"osqp": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 50_000}}
 """settings of solvers whose own are too loose for TOLERANCE"""
 UNBOUNDED = 1e30
@@ -89,6 +91,7 @@ class PiqpSolver:
         if solver is None:
             solver = self._solvers[problem.A.shape] = piqp.DenseSolver()
             solver.settings.max_iter = MOST_ITERATIONS
+            solver.settings.eps_duality_gap_abs, solver.settings.eps_duality_gap_rel = GAP
             open_above = np.full(len(problem.b), np.inf)
             solver.setup(
                 problem.P,
@@ -110,7 +113,8 @@ class PiqpSolver:
         if status != piqp.PIQP_SOLVED:
             return _nothing(problem, spent)
         result = solver.result
-        return certified(problem, result.x, result.z_l, result.z_bl, result.z_bu, spent)
+        # piqp's arrays are views of memory that its next solve writes to.
+        return certified(problem, result.x.copy(), result.z_l.copy(), result.z_bl, result.z_bu, spent)
 
 
 class NamedSolver:

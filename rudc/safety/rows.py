@@ -16,9 +16,11 @@ ECBF, the same one-step error seen as an error of h'' is 2 w / dt^2, hence h'' +
 per step for both, and a delta of 1 m2 is worth 200 m2/s2 of ECBF.
 
 h' = L_f h + L_g h z and h'' = L_f^2 h + H u + X a z + Y z^2 (see `barrier`); the last two are
-linearised about the nominal action (a0, z0): a z -> a0 z + z0 a - a0 z0, z^2 -> 2 z0 z - z0^2. At the
-nominal action rows are therefore exact. The error at u is s2 (X (a - a0)(z - z0) + Y (z - z0)^2): below
-0.03 m2 for a steering correction of 0.05 at 10 m/s, and part of what Gamma has to bound.
+linearised about some action (a0, z0): a z -> a0 z + z0 a - a0 z0, z^2 -> 2 z0 z - z0^2. There the row
+is exact. At another u it is off by s2 (X (a - a0)(z - z0) + Y (z - z0)^2), up to 0.03 m2 at 10 m/s for
+a steering correction of 0.05. That is little beside Gamma dt^3, but ECBF has nothing to set against it:
+with rows about the nominal action only, h sinks below 0 however short the steps. So the filter
+linearises again about its solution.
 """
 
 from __future__ import annotations

@@ -1,0 +1,122 @@
+"""The QP solvers: agreement with others, certificates, and what happens when there is no solution."""
+
+import numpy as np
+import pytest
+
+from rudc.errors import SolverError
+from rudc.safety import qp
+from rudc.safety.filter import FilterConfig, SafetyFilter
+from rudc.safety.qp import NamedSolver, PiqpSolver, Problem, certified, make_solver
+from tests.safety.scenes import Other, make_scene
+
+PROBLEMS = 10_000
+
+
+def like_real(rng: np.random.Generator) -> Problem:
+    """A problem with the sizes and scales of the filter's: up to 12 vehicles and 6 road-edge points."""
+    k = int(rng.integers(1, 19))
+    rows = np.asfortranarray(
+        np.column_stack([rng.normal(0, 0.15, k), rng.normal(0, 3, k) * rng.uniform(0, 1)])
+    )
+    nominal = np.array([rng.uniform(-6, 3), rng.uniform(-0.3, 0.3)])
+    b = rows @ nominal - rng.exponential(0.5, k) + rng.choice([0.0, 0.4]) * rng.exponential(0.5, k)
+    cost = np.diag([1.0, 20.0])
+    lower = np.array([max(-6.0, -rng.uniform(0, 100)), nominal[1] - 0.05])
+    return Problem(cost, -cost @ nominal, rows, b, lower, np.array([3.0, nominal[1] + 0.05]))
+
+
+@pytest.mark.parametrize("other", ["daqp", "quadprog"])
+def test_piqp_agrees_with_other_solvers(other: str) -> None:
+    rng, mine, theirs = np.random.default_rng(3), PiqpSolver(), NamedSolver(other)
+    solved, worst = 0, 0.0
+    for _ in range(PROBLEMS):
+        problem = like_real(rng)
+        a, b = mine.solve(problem), theirs.solve(problem)
+        assert a.found == b.found
+        if a.found:
+            solved += 1
+            worst = max(worst, float(np.abs(a.x - b.x).max()))
+            assert np.all(problem.A @ a.x >= problem.b - 1e-6)
+    assert worst < 1e-6
+    assert PROBLEMS // 3 < solved < PROBLEMS
+
+
+def test_the_filters_own_problem_is_solved_alike_by_all() -> None:
+    """Rows that cannot bind are left out by the filter; others solve the whole problem that it records."""
+    rng, solvers = np.random.default_rng(5), [NamedSolver("daqp"), NamedSolver("quadprog")]
+    filter = SafetyFilter(FilterConfig.preset("ecbf", constrained="all"))
+    compared = 0
+    for _ in range(400):
+        others = [
+            Other(rng.uniform(5, 40), rng.uniform(-10, 10), rng.uniform(-3, 3), rng.uniform(0, 3))
+            for _ in range(rng.integers(1, 4))
+        ]
+        scene = make_scene(others, v=rng.uniform(0, 6), y=rng.uniform(-3, 3), psi=rng.uniform(-0.2, 0.2))
+        answer = filter.filter(scene, np.array([rng.uniform(-2, 3), rng.uniform(-0.2, 0.2)]))
+        problem = filter.last_problem
+        assert problem is not None
+        for solver in solvers:
+            theirs = solver.solve(problem)
+            assert theirs.found != answer.infeasible
+            if theirs.found and answer.status == "solved":
+                u = answer.u[0], np.tan(answer.u[1])
+                compared += 1
+                assert np.abs(theirs.x - u).max() < 1e-6
+    assert compared > 50
+
+
+def box(rows: list[list[float]], b: list[float]) -> Problem:
+    """min |x|^2 / 2 in the box of half side 2, under some rows."""
+    return Problem(np.eye(2), np.zeros(2), np.array(rows), np.array(b), np.full(2, -2.0), np.full(2, 2.0))
+
+
+@pytest.mark.parametrize("name", ["piqp", "daqp", "quadprog", "osqp", "clarabel"])
+def test_every_solver_finds_the_nearest_point(name: str) -> None:
+    solution = make_solver(name).solve(box([[3.0, 4.0]], [5.0]))
+    assert solution.found
+    assert solution.residual < 1e-6
+    assert solution.x == pytest.approx([0.6, 0.8], abs=1e-6)
+    assert solution.multipliers == pytest.approx([0.2], abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["piqp", "daqp", "quadprog", "osqp", "clarabel"])
+def test_no_solver_finds_what_is_not_there(name: str) -> None:
+    solution = make_solver(name).solve(box([[1.0, 1.0], [-1.0, -1.0]], [1.0, 1.0]))
+    assert not solution.found
+    assert solution.residual == np.inf
+
+
+@pytest.mark.parametrize("name", ["piqp", "daqp", "quadprog"])
+def test_open_bounds(name: str) -> None:
+    problem = box([[1.0, 1.0]], [10.0])._replace(upper=np.array([np.inf, 2.0]))
+    assert make_solver(name).solve(problem).x == pytest.approx([8.0, 2.0], abs=1e-6)
+
+
+def test_a_solver_survives_an_infeasible_problem() -> None:
+    solver, good = PiqpSolver(), box([[3.0, 4.0], [0.0, 1.0]], [5.0, -1.0])
+    before = solver.solve(good)
+    assert not solver.solve(box([[1.0, 1.0], [-1.0, -1.0]], [1.0, 1.0])).found
+    after = solver.solve(good)
+    assert after.found
+    assert after.x == pytest.approx(before.x, abs=1e-9)
+
+
+def test_a_wrong_answer_is_not_found() -> None:
+    problem, nothing = box([[3.0, 4.0]], [5.0]), np.zeros(2)
+    right = certified(problem, np.array([0.6, 0.8]), np.array([0.2]), nothing, nothing, 0.0)
+    assert right.found
+    for x in ([0.0, 0.0], [1.0, 0.8], [0.6, np.nan]):
+        assert not certified(problem, np.array(x), np.array([0.2]), nothing, nothing, 0.0).found
+    assert not certified(problem, np.array([0.6, 0.8]), np.array([0.3]), nothing, nothing, 0.0).found
+
+
+def test_solver_not_installed() -> None:
+    with pytest.raises(SolverError, match=r"'gurobbi' is not installed; there are: .*daqp"):
+        make_solver("gurobbi")
+    with pytest.raises(SolverError, match="not installed"):
+        SafetyFilter(FilterConfig(solver="gurobbi"))
+
+
+def test_piqp_gives_up_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(qp, "MOST_ITERATIONS", 1)
+    assert not PiqpSolver().solve(box([[3.0, 4.0]], [5.0])).found
