@@ -94,7 +94,7 @@ def must_yield(scene: Scene, *, ego_present: bool = True, brake_most: float = BR
     threats = _joined([kind for kind in found if kind is not None])
     if threats is None:
         return NOBODY
-    rows = threats.heeded.any(axis=1).nonzero()[0]
+    rows = np.flatnonzero(threats.heeded.any(axis=1))
     speed = np.maximum(speed[rows], CREEP)
     x, y, psi = _ahead(scene, rows, speed[:, None] * HORIZON_S)
     overlap = boxes_overlap(

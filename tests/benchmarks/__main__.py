@@ -1,4 +1,7 @@
-"""`make bench`: the speed benchmarks, one process each. The studies beside them run by name; each file's head says how."""
+"""`make bench`: the speed benchmarks, one process each.
+
+The studies beside them run by name; each file's head says how.
+"""
 
 import subprocess
 import sys
