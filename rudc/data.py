@@ -1,4 +1,4 @@
-"""Where the shipped networks and scenarios lie, in a checkout and in an installed wheel alike."""
+"""Where the shipped networks, scenarios and trained agents lie, in a checkout and in an installed wheel alike."""
 
 from pathlib import Path
 
@@ -6,6 +6,6 @@ _PACKAGE = Path(__file__).resolve().parent
 
 
 def data_folder(name: str) -> Path:
-    """Folder of shipped data: `sumo_networks` or `scenarios`."""
+    """Folder of shipped data: `sumo_networks`, `scenarios` or `results/checkpoints`."""
     installed = _PACKAGE / "_data" / name
     return installed if installed.is_dir() else _PACKAGE.parent / name
