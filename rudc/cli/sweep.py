@@ -15,7 +15,14 @@ if TYPE_CHECKING:
     from rudc.evaluation.sweep import SweepResult
     from rudc.evaluation.tasks import SweepPlan
 
-SHIPPED_AGENTS = ("sumo", "follower", "gap-acceptance", "gap-acceptance+ttcbf", "gap-acceptance+ecbf")
+SHIPPED_AGENTS = (
+    "sumo",
+    "follower",
+    "gap-acceptance",
+    "gap-acceptance+ttcbf",
+    "gap-acceptance+ecbf",
+    "rudc-wo-cbf",
+)
 """drivers of `--shipped` when none are named"""
 
 
