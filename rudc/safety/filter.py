@@ -218,14 +218,18 @@ class SafetyFilter:
         return ("relaxed" if relaxed.found else "braking"), relaxed, kept
 
     def _relaxed(self, problem: Problem, mode: Array) -> Problem:
-        """The same problem with a slack for every row, in (a, z, s_1 .. s_k); s < 0 is never worth it."""
+        """The same problem with a slack for every row, in (a, z, s_1 .. s_k); s < 0 is never worth it.
+
+        The whole cost is scaled to the middle of its weights: piqp diverges now and then on the bare numbers.
+        """
         cost, q, rows, b, lower, upper = problem
-        k, road = len(b), self.config.road_slack_weight
-        weights = road + mode * (self.config.vehicle_slack_weight - road)
+        k, road, vehicle = len(b), self.config.road_slack_weight, self.config.vehicle_slack_weight
+        weights = road + mode * (vehicle - road)
+        scale = 1.0 / math.sqrt(road * vehicle)
         open_end = np.full(k, np.inf)
         return Problem(
-            P=np.diag(np.concatenate([cost.diagonal(), weights])),
-            q=np.concatenate([q, np.zeros(k)]),
+            P=np.diag(scale * np.concatenate([cost.diagonal(), weights])),
+            q=scale * np.concatenate([q, np.zeros(k)]),
             A=np.hstack([rows, np.eye(k)]),
             b=b,
             lower=np.concatenate([lower, -open_end]),

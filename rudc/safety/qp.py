@@ -110,7 +110,7 @@ class PiqpSolver:
             )
         status = solver.solve()
         spent = 1e3 * (time.perf_counter() - began)
-        if status != piqp.PIQP_SOLVED:
+        if status not in (piqp.PIQP_SOLVED, piqp.PIQP_MAX_ITER_REACHED):  # the latter may be accurate enough
             return _nothing(problem, spent)
         result = solver.result
         # piqp's arrays are views of memory that its next solve writes to.

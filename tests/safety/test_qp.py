@@ -101,6 +101,31 @@ def test_a_solver_survives_an_infeasible_problem() -> None:
     assert after.x == pytest.approx(before.x, abs=1e-9)
 
 
+def test_relaxed_problems_are_always_solved() -> None:
+    """Whatever the rows: one of these made piqp diverge before its cost was scaled."""
+    rng, filter, solver = np.random.default_rng(11), SafetyFilter(), NamedSolver("quadprog")
+    problems = [
+        Problem(
+            np.diag([1.0, 20.0]),
+            np.zeros(2),
+            np.array([[-0.03502380703766179, 0.0]]),
+            np.array([4.232587417799866]),
+            np.array([0.0, -0.05]),
+            np.array([3.0, 0.05]),
+        ),
+        *(like_real(rng) for _ in range(1500)),
+    ]
+    for problem in problems:
+        k = len(problem.b)
+        mode = (np.arange(k) < rng.integers(0, k + 1)).astype(float)
+        hard = problem._replace(b=problem.b + rng.choice([0.0, 1.0, 10.0]) * rng.random(k))
+        relaxed = filter._relaxed(hard, mode)
+        solution, other = filter._solver.solve(relaxed), solver.solve(relaxed)
+        assert solution.found
+        assert other.found
+        assert solution.x[:2] == pytest.approx(other.x[:2], abs=1e-3)
+
+
 def test_a_wrong_answer_is_not_found() -> None:
     problem, nothing = box([[3.0, 4.0]], [5.0]), np.zeros(2)
     right = certified(problem, np.array([0.6, 0.8]), np.array([0.2]), nothing, nothing, 0.0)
