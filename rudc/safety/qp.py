@@ -32,7 +32,10 @@ MOST_ITERATIONS = 60
 """of piqp; solvable problems take about ten"""
 GAP = (1e-12, 1e-14)
 """absolute and relative duality gap at which piqp may stop; x may be off by its root, so 1e-8 will not do"""
-ACCURATE = {"osqp": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 50_000}}
+ACCURATE = {
+    "daqp": {"primal_tol": 1e-11, "dual_tol": 1e-11},
+    "osqp": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 50_000},
+}
 """settings of solvers whose own are too loose for TOLERANCE"""
 UNBOUNDED = 1e30
 """stands for inf in the distance to a bound, where 0 * inf would not be 0"""
