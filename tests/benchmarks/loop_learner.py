@@ -1,10 +1,13 @@
-"""The learner's update as one writes it down: separate modules, a loop over the critics, autograd for
-everything.
+"""The learner's update as one writes it down: separate modules, a loop over the critics, autograd for all.
 
-Yardstick for tests/benchmarks/critic_update.py and for the tests of agreement. The maths are those of
-rudc/agents/learning/sac.py, networks and weights are the same; nothing is shared between critics, computed
-once for several uses, or left out. `lean` is the same loop with the two economies a careful author makes at
-once: the critics' weights get no gradient in the policy's loss, and optimisers are fused.
+Yardstick for critic_update.py, and what tests/agents/learning/test_sac.py compares with. The maths are those
+of rudc/agents/learning/sac.py, networks and weights are the same; nothing is shared between critics, computed
+once for several uses, or left out. Two variants:
+
+    lean          with the two economies a careful author makes at once: the critics' weights get no gradient
+                  in the policy's loss, and optimisers are fused
+    projections   attention with a key and a value projection of every SV, as it is usually written; the same
+                  function as long as these are the identity, which they are at the start
 """
 
 from __future__ import annotations
@@ -13,7 +16,7 @@ import math
 
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import gelu, huber_loss, softplus
+from torch.nn.functional import gelu, softplus
 
 from rudc.agents.learning.batch import Batch
 from rudc.agents.learning.config import LearnerConfig, NetworkConfig, ObservationLayout
@@ -41,12 +44,22 @@ class Network(nn.Module):
     """One network of the paper's architecture; latent and outputs as in networks.py."""
 
     def __init__(
-        self, layout: ObservationLayout, network: NetworkConfig, arrays: Arrays, member: int
+        self,
+        layout: ObservationLayout,
+        network: NetworkConfig,
+        arrays: Arrays,
+        member: int,
+        projections: bool = False,
     ) -> None:
         super().__init__()
-        self.layout, self.network = layout, network
+        self.layout, self.network, self.projections = layout, network, projections
         names = {name.split(".")[0] for name in arrays} - {"importance"}
         self.maps = nn.ModuleDict({name: _linear(arrays, name, member) for name in sorted(names)})
+        if projections:
+            for name in (f"{kind}{hop}" for kind in ("key", "value") for hop in range(network.hops)):
+                identity = nn.Linear(network.embedding, network.embedding, bias=False)
+                nn.init.eye_(identity.weight)
+                self.maps[name] = identity
         if network.encoder == "attention":
             self.importance = nn.Parameter(torch.from_numpy(arrays["importance.weight"][member].copy()))
             self.positions = torch.from_numpy(
@@ -67,10 +80,12 @@ class Network(nn.Module):
                 x = gelu(maps[f"vehicle{layer}"](x))
             for hop in range(self.network.hops):
                 query = maps[f"look{hop}"](seen).unflatten(1, (self.network.heads, -1))
-                scores = query @ x.transpose(1, 2) / math.sqrt(x.shape[-1])
+                key = maps[f"key{hop}"](x) if self.projections else x
+                value = maps[f"value{hop}"](x) if self.projections else x
+                scores = query @ key.transpose(1, 2) / math.sqrt(x.shape[-1])
                 scores = scores.masked_fill(vehicles[:, None, :, 0] < 0.5, -math.inf)
                 scores = torch.cat([scores, torch.zeros_like(scores[..., :1])], -1)
-                seen = seen + gelu(maps[f"take{hop}"]((scores.softmax(-1)[..., :-1] @ x).flatten(1)))
+                seen = seen + gelu(maps[f"take{hop}"]((scores.softmax(-1)[..., :-1] @ value).flatten(1)))
             placed = maps["waypoint"](waypoints) + self.positions
             parts = [seen, gelu((self.importance * placed).sum(1))]
             if layout.conflict:
@@ -84,16 +99,17 @@ class Network(nn.Module):
 class LoopLearner:
     """The update of RudcLearner in plain form."""
 
-    def __init__(self, config: LearnerConfig, lean: bool = False) -> None:
+    def __init__(self, config: LearnerConfig, *, lean: bool = False, projections: bool = False) -> None:
         self.config, self.lean = config, lean
 
         def critics(arrays: Arrays) -> list[Network]:
-            return [Network(config.layout, config.critic, arrays, n) for n in range(config.members)]
+            members = range(config.members)
+            return [Network(config.layout, config.critic, arrays, n, projections) for n in members]
 
         self.critics, self.targets = critics(critic_arrays(config)), critics(critic_arrays(config))
         self.priors = critics(prior_arrays(config))
         self.policy, self.target_policy = (
-            Network(config.layout, config.policy, policy_arrays(config), 0) for _ in range(2)
+            Network(config.layout, config.policy, policy_arrays(config), 0, projections) for _ in range(2)
         )
         for network in (*self.priors, *self.targets, self.target_policy):
             network.requires_grad_(False)
@@ -123,11 +139,10 @@ class LoopLearner:
         """(B,) from (B, N_q) and (B, N_q), pair by pair."""
         count, kappa = predicted.shape[1], self.config.kappa
         tau = (torch.arange(count) + 0.5) / count
-        pairs = predicted[:, :, None].expand(-1, -1, count)
-        targets = target[:, None, :].expand(-1, count, -1)
-        huber = huber_loss(pairs, targets, reduction="none", delta=kappa) / kappa
-        below = (targets - pairs.detach() < 0).float()
-        return ((tau[:, None] - below).abs() * huber).mean(2).sum(1)
+        delta = target[:, None, :] - predicted[:, :, None]
+        size = delta.abs()
+        huber = torch.where(size > kappa, kappa * (size - 0.5 * kappa), 0.5 * delta**2) / kappa
+        return ((tau[:, None] - (delta.detach() < 0).float()).abs() * huber).mean(2).sum(1)
 
     def update(self, batch: Batch) -> dict[str, float]:
         """One update."""

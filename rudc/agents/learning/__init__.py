@@ -1,5 +1,5 @@
-"""The learning core: distributional critic ensemble, policy, update, uncertainty, inference.
+"""The learning core: distributional critic ensemble, policy, update, uncertainty, inference, checkpoints.
 
-Modules that decide (config, parameters, distortion, uncertainty, inference) need numpy only; torch is imported
-by those that learn (networks, quantiles, ensemble, policy, sac).
+Modules that decide (config, parameters, distortion, uncertainty, inference, checkpoint) need numpy only;
+torch is imported by those that learn (networks, attention, quantiles, ensemble, policy, sac).
 """

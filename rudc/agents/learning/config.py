@@ -77,7 +77,7 @@ class NetworkConfig(_Model):
     """width of the waypoints' embedding"""
     vehicle_layers: int = Field(default=1, ge=1)
     """layers of an SV's embedding"""
-    heads: int = Field(default=2, ge=1)
+    heads: int = Field(default=1, ge=1)
     """attention heads a hop"""
     hops: int = Field(default=2, ge=1)
     """times the EV looks over the SVs, each time with what it saw before"""

@@ -74,21 +74,19 @@ class CriticEnsemble:
                 prior = self.stack.decode(self.prior, prior_latent, action)
         return self.combine(self.stack.decode(self.trained, latent, action), prior)
 
-    def mean_objective(
+    def objective(
         self, latent: Tensor, prior_latent: Tensor | None, action: Tensor, weights: Tensor
     ) -> Tensor:
         """Mean over members of sum_i weights_i Z_n,i, (B,); gradients reach the action only.
 
         The weighted sum is linear in the outputs, so it is taken on the last map's weights: one output
-        instead of N_q.
+        instead of N_q. Latents do not depend on the action.
         """
-        z = self.combine(
-            self.stack.decode(_collapsed(self.trained, weights), latent.detach(), action),
-            None
-            if prior_latent is None
-            else self.stack.decode(_collapsed(self.prior, weights), prior_latent, action),
-        )
-        return z.mean(dim=0)[:, 0]
+        z = self.stack.decode(_collapsed(self.trained, weights), latent.detach(), action)
+        f = None
+        if prior_latent is not None:
+            f = self.stack.decode(_collapsed(self.prior, weights), prior_latent, action)
+        return self.combine(z, f).mean(dim=0)[:, 0]
 
     @torch.no_grad()
     def mean_target(self, observation: Tensor, action: Tensor) -> Tensor:

@@ -84,9 +84,8 @@ class Stack:
         x = x.view(members * batch, count, width)
         valid = (vehicle[:, 0] >= 0.5).to(x.dtype).view(batch, 1, count).repeat(members, 1, 1)
         for hop in range(self.network.hops):
-            look = weights[f"look{hop}.weight"] / math.sqrt(width)
-            query = torch.bmm(ego, look).view(members * batch, heads, width)
-            taken = attend(query, x, valid).view(members, batch, heads * width)
+            query = torch.bmm(ego, weights[f"look{hop}.weight"]).view(members * batch, heads, width)
+            taken = attend(query, x, valid, 1 / math.sqrt(width)).view(members, batch, heads * width)
             ego = ego + gelu(_linear(weights, f"take{hop}", taken))
         return ego
 

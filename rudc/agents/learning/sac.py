@@ -48,12 +48,10 @@ class RudcLearner:
         self.policy = Policy(config, self.device)
         self.updates = 0
         self._log_alpha = torch.tensor([math.log(config.temperature)], device=self.device, requires_grad=True)
-        self._generator = torch.Generator().manual_seed(
-            config.seed
-        )  # on the CPU: the same draws on any device
-        self._weights = torch.tensor(config.risk().weights(config.quantiles), dtype=torch.float32).to(
-            self.device
-        )
+        self._generator = torch.Generator()  # on the CPU: the same draws on any device
+        self._generator.manual_seed(config.seed)
+        weights = config.risk().weights(config.quantiles)
+        self._weights = torch.tensor(weights, dtype=torch.float32, device=self.device)
         self._entropy = -float(config.actions) if config.target_entropy is None else config.target_entropy
         self._optimizers = {
             "critic": _adam(self.critics.trained.values(), config.critic_rate[0]),
@@ -74,7 +72,6 @@ class RudcLearner:
         """One gradient step of critics, policy and temperature, one step of the targets; losses by name."""
         observation, action, reward, discount, after, mask = self._tensors(batch)
         alpha = self._log_alpha.detach().exp()
-
         target = self._target(reward, discount, after, alpha)
         latent = self.critics.stack.encode(self.critics.trained, observation)
         prior_latent = self.critics.prior_latent(observation)
@@ -83,7 +80,7 @@ class RudcLearner:
         critic_norms = self._differentiate(member_loss.sum(), self.critics.trained)
 
         drawn = self.policy.draw(self.policy.trained, observation, self._noise(len(reward)))
-        value = self.critics.mean_objective(latent, prior_latent, drawn.action, self._weights)
+        value = self.critics.objective(latent, prior_latent, drawn.action, self._weights)
         policy_loss = (alpha * drawn.log_probability - value).mean()
         policy_norm = self._differentiate(policy_loss, self.policy.trained)
 
@@ -122,9 +119,11 @@ class RudcLearner:
         gradients = torch.autograd.grad(loss / self.config.value_scale, leaves)
         squares = torch.stack([torch.linalg.vector_norm(g, dim=(1, 2)) for g in gradients]).square_()
         norms = squares.sum(dim=0).sqrt_()
-        scale = (self.config.max_gradient / (norms + 1e-12)).clamp_(max=1.0)[:, None, None]
+        if not bool((norms <= self.config.max_gradient).all()):
+            scale = (self.config.max_gradient / (norms + 1e-12)).clamp_(max=1.0)[:, None, None]
+            gradients = [gradient * scale for gradient in gradients]
         for leaf, gradient in zip(leaves, gradients, strict=True):
-            leaf.grad = gradient.mul_(scale)
+            leaf.grad = gradient
         return norms
 
     def _step(self, entropy: Tensor) -> None:

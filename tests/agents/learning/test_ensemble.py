@@ -130,7 +130,7 @@ def test_objective_is_the_mean_of_the_weighted_quantiles() -> None:
     action = torch.from_numpy(np.tanh(rng.normal(size=(5, 2))).astype(np.float32)).requires_grad_()
     weights = torch.tensor(config.risk().weights(config.quantiles), dtype=torch.float32)
     latent = critics.stack.encode(critics.trained, seen)
-    value = critics.mean_objective(latent, critics.prior_latent(seen), action, weights)
+    value = critics.objective(latent, critics.prior_latent(seen), action, weights)
     expected = (critics.evaluate(seen, action) @ weights).mean(dim=0)
     assert torch.allclose(value, expected, rtol=1e-4, atol=1e-4)
     value.sum().backward()

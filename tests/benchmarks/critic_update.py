@@ -1,0 +1,84 @@
+"""A gradient update of the ensemble against the same update written as a loop over separate critics.
+
+    python -m tests.benchmarks.critic_update [--threads 2] [--repeats 15] [--members 5]
+
+Two sizes: `paper` (attention networks, width 256, batch 256, the paper's observation) and `quick` (128 x 2 on
+all features, batch 128). Against each stand three loops (tests/benchmarks/loop_learner.py): the same networks
+number for number, the same with a careful author's economies, and the same with the usual key and value
+projections. All take turns, so that a machine with other work to do slows them alike; ratios are those of the
+medians and of the fastest.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+
+import numpy as np
+import torch
+
+from rudc.agents.learning.config import LearnerConfig, ObservationLayout
+from rudc.agents.learning.sac import RudcLearner
+from tests.agents.learning.helpers import random_batch
+from tests.benchmarks.loop_learner import LoopLearner
+
+
+def configurations(members: int) -> dict[str, LearnerConfig]:
+    """Sizes that are measured, by name."""
+    return {
+        "paper": LearnerConfig(members=members),
+        "quick": LearnerConfig.quick(ObservationLayout(conflict=41), members=members),
+    }
+
+
+def contestants(config: LearnerConfig) -> dict[str, Callable[..., dict[str, float]]]:
+    """Updates by name, ours first."""
+    result: dict[str, Callable[..., dict[str, float]]] = {
+        "stack": RudcLearner(config).update,
+        "loop": LoopLearner(config).update,
+        "lean loop": LoopLearner(config, lean=True).update,
+    }
+    if config.critic.encoder == "attention":
+        result["loop, projections"] = LoopLearner(config, projections=True).update
+    return result
+
+
+def measure(config: LearnerConfig, repeats: int) -> dict[str, list[float]]:
+    """Seconds of each update, by name."""
+    batches = [random_batch(config, config.batch_size, seed) for seed in range(4)]
+    updates = contestants(config)
+    seconds: dict[str, list[float]] = {name: [] for name in updates}
+    for turn in range(-2, repeats):
+        for name, update in updates.items():
+            start = time.perf_counter()
+            update(batches[turn % 4])
+            if turn >= 0:
+                seconds[name].append(time.perf_counter() - start)
+    return seconds
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--repeats", type=int, default=15)
+    parser.add_argument("--members", type=int, default=5)
+    options = parser.parse_args()
+    torch.set_num_threads(options.threads)
+    print(f"gradient update, {options.members} critics, {options.threads} threads")
+    for size, config in configurations(options.members).items():
+        seconds = measure(config, options.repeats)
+        ours = seconds["stack"]
+        print(f"{size:8s}{'stack':20s}{1e3 * float(np.median(ours)):8.1f} ms")
+        for name, theirs in seconds.items():
+            if name != "stack":
+                median, least = np.median(theirs) / np.median(ours), min(theirs) / min(ours)
+                ms = 1e3 * float(np.median(theirs))
+                print(
+                    f"{'':8s}{name:20s}{ms:8.1f} ms {median:5.2f} x of medians {least:5.2f} x of the fastest"
+                )
+
+
+if __name__ == "__main__":
+    main()
