@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rudc.errors import InputError
@@ -23,17 +23,20 @@ def test_by_hand() -> None:
     assert [slack(s) for s in (0.0, 10.0, 11.0, 12.0, 14.0)] == [5.0, 0.0, -0.5, -1.0, -3.0]
 
 
+@settings(deadline=None)
 @given(SLACKS, SIGMA, st.floats(1e-3, 10))
 def test_strictly_decreasing(slack: Slack, sigma: float, more: float) -> None:
     assert slack(sigma + more) < slack(sigma)
 
 
+@settings(deadline=None)
 @given(SLACKS)
 def test_continuous_where_the_slope_doubles(slack: Slack) -> None:
     below = slack(math.nextafter(slack.high, -math.inf))
     assert below == pytest.approx(slack(slack.high), abs=1e-9)
 
 
+@settings(deadline=None)
 @given(SLACKS, st.floats(0, 1), st.floats(0.1, 20))
 def test_slopes(slack: Slack, share: float, step: float) -> None:
     beyond = (slack(slack.high + step) - slack(slack.high)) / step

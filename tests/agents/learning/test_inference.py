@@ -78,5 +78,6 @@ def test_gelu() -> None:
 
 
 def test_deciding_needs_no_torch() -> None:
-    code = "import rudc.agents.learning.inference, sys; sys.exit('torch' in sys.modules)"
+    modules = "rudc.agents.learning.inference, rudc.agents.learning.checkpoint, sys"
+    code = f"import {modules}; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
