@@ -1,4 +1,4 @@
-"""Where the shipped networks, scenarios and trained agents lie, in a checkout and in an installed wheel alike."""
+"""Where shipped networks, scenarios and trained agents lie, in a checkout and in an installed wheel alike."""
 
 from pathlib import Path
 

@@ -67,8 +67,8 @@ class ObservationLayout(_Model):
 class NetworkConfig(_Model):
     """One network: an encoder of the observation, then two hidden layers (paper, "Network Architecture").
 
-    The paper gives the hidden size. The other widths are chosen for speed: with 64, and one layer and one head
-    for the twelve SVs, the encoder costs less than the two hidden layers behind it.
+    The paper gives the hidden size. The other widths are chosen for speed: with 64, and one layer and one
+    head for the twelve SVs, the encoder costs less than the two hidden layers behind it.
     """
 
     encoder: Literal["attention", "mlp"] = "attention"
