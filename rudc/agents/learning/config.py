@@ -67,8 +67,10 @@ class ObservationLayout(_Model):
 class NetworkConfig(_Model):
     """One network: an encoder of the observation, then two hidden layers (paper, "Network Architecture").
 
-    The paper gives the hidden size. The other widths are chosen for speed: with 64, and one layer and one
-    head for the twelve SVs, the encoder costs less than the two hidden layers behind it.
+    The paper gives the hidden size. The other widths are as small, and as fast, as they may be. Measured where
+    the return depends on whether any SV is within a small area: one layer of SV embedding instead of two, or a
+    width of 32, leaves half as much error again; a second head or a third hop takes next to nothing off; `mlp`
+    learns nothing of it at all.
     """
 
     encoder: Literal["attention", "mlp"] = "attention"
@@ -79,7 +81,7 @@ class NetworkConfig(_Model):
     """width of the EV's, the SVs' and the conflict embedding"""
     waypoint_embedding: int = Field(default=64, ge=2)
     """width of the waypoints' embedding"""
-    vehicle_layers: int = Field(default=1, ge=1)
+    vehicle_layers: int = Field(default=2, ge=1)
     """layers of an SV's embedding"""
     heads: int = Field(default=1, ge=1)
     """attention heads a hop"""
