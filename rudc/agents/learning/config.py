@@ -67,10 +67,10 @@ class ObservationLayout(_Model):
 class NetworkConfig(_Model):
     """One network: an encoder of the observation, then two hidden layers (paper, "Network Architecture").
 
-    The paper gives the hidden size. The other widths are as small, and as fast, as they may be. Measured where
-    the return depends on whether any SV is within a small area: one layer of SV embedding instead of two, or a
-    width of 32, leaves half as much error again; a second head or a third hop takes next to nothing off; `mlp`
-    learns nothing of it at all.
+    The paper gives the hidden size. The other widths are as small, and as fast, as they may be. Measured
+    where the return depends on whether any SV is within a small area: one layer of SV embedding instead of
+    two, or a width of 32, leaves half as much error again; a second head or a third hop takes next to
+    nothing off; `mlp` learns nothing of it at all.
     """
 
     encoder: Literal["attention", "mlp"] = "attention"
