@@ -39,30 +39,54 @@ NOTHING = Nearest(math.inf, None)
 
 def ego_body(state: EgoState, vehicle: EgoVehicle) -> Body:
     """The ego's rectangle."""
-    cos, sin = math.cos(state.psi), math.sin(state.psi)
-    return Body("", state.x, state.y, cos, sin, 0.5 * vehicle.length, 0.5 * vehicle.width)
+    return body_of("", state.x, state.y, state.psi, vehicle.length, vehicle.width)
 
 
 def survey(scene: Scene, ego: Body, reach: float) -> tuple[Nearest, list[Body]]:
     """What is nearest in a scene, and the bodies whose gap to the ego is at most `reach` m, and perhaps some
     more."""
-    if not scene.count:
-        return NOTHING, []
-    sizes = scene.size.tolist()
-    largest = math.hypot(*map(max, zip(*sizes, strict=True)))
-    radii = 0.5 * largest + math.hypot(ego.half_length, ego.half_width)
-    best, close = NOTHING, []
-    rows = zip(scene.ids, scene.position.tolist(), scene.heading.tolist(), sizes, strict=True)
-    for name, (x, y), heading, (length, width) in rows:  # nearest centre first
+    best, close, others = NOTHING, [], scene.count
+    if not others:
+        return best, close
+    radii = 0.5 * math.hypot(*scene.size.max(axis=0)) + math.hypot(ego.half_length, ego.half_width)
+    position, heading, size = scene.position, scene.heading, scene.size
+    for i in range(others):  # nearest centre first
+        x, y = position[i].tolist()
         least = math.hypot(x - ego.x, y - ego.y) - radii
         if least > reach and least >= best.gap:
             break
-        body = Body(name, x, y, math.cos(heading), math.sin(heading), 0.5 * length, 0.5 * width)
+        body = body_of(scene.ids[i], x, y, heading.item(i), *size[i].tolist())
         if least <= reach:
             close.append(body)
         if best.gap > 0:
             best = nearer(best, ego, body)
     return best, close
+
+
+def overlapping(scene: Scene) -> list[tuple[int, int]]:
+    """Pairs of the scene's rows, lower first, whose rectangles overlap or touch."""
+    if not scene.count:
+        return []
+    found = []
+    reach = math.hypot(*scene.size.max(axis=0))
+    places = sorted((x, y, i) for i, (x, y) in enumerate(scene.position.tolist()))
+    for rank, (x, y, i) in enumerate(places):
+        for other_x, other_y, j in places[rank + 1 :]:
+            if other_x - x > reach:
+                break
+            if abs(other_y - y) <= reach and gap_between(_row(scene, i), _row(scene, j)) == 0:
+                found.append((min(i, j), max(i, j)))
+    return found
+
+
+def _row(scene: Scene, i: int) -> Body:
+    x, y = scene.position[i].tolist()
+    return body_of(scene.ids[i], x, y, scene.heading.item(i), *scene.size[i].tolist())
+
+
+def body_of(name: str, x: float, y: float, psi: float, length: float, width: float) -> Body:
+    """A rectangle by its centre (m, m), heading (rad) and sizes (m)."""
+    return Body(name, x, y, math.cos(psi), math.sin(psi), 0.5 * length, 0.5 * width)
 
 
 def nearer(best: Nearest, ego: Body, other: Body) -> Nearest:

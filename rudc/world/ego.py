@@ -14,8 +14,11 @@ Actuators: a command may arrive late (dead time) and is followed with a first-or
 Friction: lateral acceleration v^2 sin(beta) / l_r stays below mu g (the wheels turn in, the car does not),
 and longitudinal acceleration within what the friction circle leaves.
 
-v is integrated in closed form; x, y and psi by a fourth-order Runge-Kutta step, cut where the vehicle comes
-to a stop.
+Without lag, beta is constant over a step and the way is an arc of length s = v t + a t^2 / 2 and of curvature
+k = sin(beta) / l_r, so with theta = psi + beta, exactly
+    psi += k s,   (x, y) += 2 sin(k s / 2) / k (cos, sin)(theta + k s / 2).
+With lag, v is integrated in closed form and x, y and psi by fourth-order Runge-Kutta steps. Either way the
+step is cut where the vehicle comes to a stop.
 """
 
 from __future__ import annotations
@@ -28,6 +31,8 @@ from rudc.world.scene import EgoState, EgoVehicle
 
 GRAVITY = 9.81
 """m/s2"""
+PIECES_PER_LAG = 4.0
+"""Runge-Kutta steps in one time constant of the actuators"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,20 +68,11 @@ class EgoPlant:
         body = self.vehicle
         a = min(max(a, body.a_min), body.a_max)
         delta = min(max(delta, -body.delta_max), body.delta_max)
-        a, delta = self._delayed(a, delta, dt)
+        if self.actuation.delay_s > 0:
+            a, delta = self._delayed(a, delta, dt)
         if self.actuation.friction is not None:
             a, delta = self._within_friction(a, delta, self.actuation.friction)
-        old = self.state
-        lag = self.actuation.lag_s
-        a0, delta0 = (old.acceleration, old.steering) if lag > 0 else (a, delta)
-        moving = _time_in_motion(old.v, a, a0, lag, dt)
-        x, y, psi = self._integrate(a, delta, a0, delta0, moving)
-        delta_end = _lagged(delta, delta0, lag, dt)
-        v = 0.0 if moving < dt else min(_speed(old.v, a, a0, lag, dt), body.v_max)
-        slip = math.atan(body.cg_to_rear / body.wheelbase * math.tan(delta_end))
-        yaw_rate = v * math.sin(slip) / body.cg_to_rear
-        realised = _lagged(a, a0, lag, dt) if lag > 0 else (v - old.v) / dt
-        self.state = EgoState(x, y, psi, v, slip, yaw_rate, realised, delta_end)
+        self.state = self._lagging(a, delta, dt) if self.actuation.lag_s > 0 else self._promptly(a, delta, dt)
         return self.state
 
     def _delayed(self, a: float, delta: float, dt: float) -> tuple[float, float]:
@@ -100,9 +96,39 @@ class EgoPlant:
         left = math.sqrt(max(limit**2 - lateral**2, 0.0))
         return min(max(a, -left), left), delta
 
+    def _promptly(self, a: float, delta: float, dt: float) -> EgoState:
+        """The state after dt s at constant acceleration and steering."""
+        old, body = self.state, self.vehicle
+        v = old.v + a * dt
+        way = old.v * dt + 0.5 * a * dt * dt
+        if v < 0:
+            v, way = 0.0, old.v * old.v / (-2 * a)
+        elif v > body.v_max:
+            v, way = body.v_max, body.v_max * dt - (body.v_max - old.v) ** 2 / (2 * a)
+        slip = math.atan(body.cg_to_rear / body.wheelbase * math.tan(delta))
+        bend = math.sin(slip) / body.cg_to_rear
+        half = 0.5 * way * bend
+        chord = way * (math.sin(half) / half) if abs(half) > 1e-6 else way
+        middle = old.psi + slip + half
+        x, y = old.x + chord * math.cos(middle), old.y + chord * math.sin(middle)
+        return EgoState(x, y, old.psi + 2 * half, v, slip, v * bend, (v - old.v) / dt, delta)
+
+    def _lagging(self, a: float, delta: float, dt: float) -> EgoState:
+        """The state after dt s in which acceleration and steering follow their commands with a lag."""
+        old, body, lag = self.state, self.vehicle, self.actuation.lag_s
+        a0, delta0 = old.acceleration, old.steering
+        moving = _time_in_motion(old.v, a, a0, lag, dt)
+        x, y, psi = self._integrate(a, delta, a0, delta0, moving)
+        v = 0.0 if moving < dt else min(_speed(old.v, a, a0, lag, dt), body.v_max)
+        steering = _lagged(delta, delta0, lag, dt)
+        slip = math.atan(body.cg_to_rear / body.wheelbase * math.tan(steering))
+        yaw_rate = v * math.sin(slip) / body.cg_to_rear
+        return EgoState(x, y, psi, v, slip, yaw_rate, _lagged(a, a0, lag, dt), steering)
+
     def _integrate(
         self, a: float, delta: float, a0: float, delta0: float, dt: float
     ) -> tuple[float, float, float]:
+        """x, y, psi after dt s of lagged acceleration and steering, in pieces shorter than the lag."""
         old, body, lag = self.state, self.vehicle, self.actuation.lag_s
         ratio, rear, v_max = body.cg_to_rear / body.wheelbase, body.cg_to_rear, body.v_max
 
@@ -111,24 +137,26 @@ class EgoPlant:
             slip = math.atan(ratio * math.tan(_lagged(delta, delta0, lag, t)))
             return v * math.cos(psi + slip), v * math.sin(psi + slip), v * math.sin(slip) / rear
 
-        x1, y1, w1 = rate(0.0, old.psi)
-        x2, y2, w2 = rate(dt / 2, old.psi + w1 * dt / 2)
-        x3, y3, w3 = rate(dt / 2, old.psi + w2 * dt / 2)
-        x4, y4, w4 = rate(dt, old.psi + w3 * dt)
-        return (
-            old.x + dt / 6 * (x1 + 2 * x2 + 2 * x3 + x4),
-            old.y + dt / 6 * (y1 + 2 * y2 + 2 * y3 + y4),
-            old.psi + dt / 6 * (w1 + 2 * w2 + 2 * w3 + w4),
-        )
+        x, y, psi = old.x, old.y, old.psi
+        pieces = math.ceil(PIECES_PER_LAG * dt / lag)
+        h = dt / max(pieces, 1)
+        for i in range(pieces):
+            t = i * h
+            x1, y1, w1 = rate(t, psi)
+            x2, y2, w2 = rate(t + h / 2, psi + w1 * h / 2)
+            x3, y3, w3 = rate(t + h / 2, psi + w2 * h / 2)
+            x4, y4, w4 = rate(t + h, psi + w3 * h)
+            x += h / 6 * (x1 + 2 * x2 + 2 * x3 + x4)
+            y += h / 6 * (y1 + 2 * y2 + 2 * y3 + y4)
+            psi += h / 6 * (w1 + 2 * w2 + 2 * w3 + w4)
+        return x, y, psi
 
 
 def _lagged(target: float, start: float, lag: float, t: float) -> float:
-    return target if lag <= 0 else target + (start - target) * math.exp(-t / lag)
+    return target + (start - target) * math.exp(-t / lag)
 
 
 def _speed(v0: float, a: float, a0: float, lag: float, t: float) -> float:
-    if lag <= 0:
-        return v0 + a * t
     return v0 + a * t + (a0 - a) * lag * (1 - math.exp(-t / lag))
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rudc.world.geometry import overlapping_pairs
+from rudc.world.contact import overlapping
 from rudc.world.scene import Array, EgoState, EgoVehicle, Scene
 from rudc.world.sumo import Motion, Sumo
 from rudc.world.traffic import EGO, Traffic
@@ -44,13 +44,14 @@ class Reader:
         self._sumo = sumo
         self._network = network
         self._traffic = traffic
-        self._met: set[tuple[str, str]] = set()
+        self._met: set[tuple[str, ...]] = set()
         self._list(())
 
     def read(self) -> Motion:
-        """Where all SVs are now."""
+        """Where all SVs are now; those who have left are forgotten."""
         active = self._sumo.vehicles()
         if active != self.active:
+            self._traffic.forget(active)
             self._list(active)
         self.motion = self._sumo.motion(self.names, self.lengths)
         if self.motion.lane != self._lanes:
@@ -65,7 +66,7 @@ class Reader:
         """of the n SVs on the road"""
         types = [drivers[name].type for name in self.names]
         self._sizes = np.array([(t.length, t.width) for t in types]).reshape(-1, 2)
-        self.lengths = self._sizes[:, 0].copy()
+        self.lengths = np.ascontiguousarray(self._sizes[:, 0])
         """(n,) m"""
         self._kinds = np.array([int(t.kind) for t in types], dtype=np.int64)
         self._lanes: list[str] = []
@@ -132,11 +133,8 @@ class Reader:
     def new_overlaps(self, scene: Scene) -> int:
         """Pairs that overlap in the scene and have not before: two SVs, or an SV and something on the
         road."""
-        pairs = overlapping_pairs(scene.position, scene.heading, scene.size)
-        if not len(pairs):
-            return 0
         driven = scene.path >= 0
-        found = {(scene.ids[i], scene.ids[j]) for i, j in pairs if driven[i] or driven[j]}
-        new = {tuple(sorted(pair)) for pair in found} - self._met
+        pairs = [(scene.ids[i], scene.ids[j]) for i, j in overlapping(scene) if driven[i] or driven[j]]
+        new = {tuple(sorted(pair)) for pair in pairs} - self._met
         self._met |= new
         return len(new)

@@ -48,8 +48,10 @@ OFF_ROAD_M = 0.3
 """m a corner of the ego may stick out of the drivable area"""
 FAR_M = 10_000.0
 """m, far off any road"""
-LAYER_EVERY = 2
-"""decisions from one pass of the yielding layer to the next"""
+LAYER_EVERY = 5
+"""decisions from one pass of the yielding layer to the next: 2 Hz, as in the paper's simulator"""
+LAYER_EVERY_MOVING = 2
+"""the same while pedestrians or wrong-way drivers move about"""
 OVERLAPS_EVERY = 5
 """decisions from one test for overlaps among SVs to the next"""
 
@@ -137,8 +139,9 @@ class World:
         violation."""
         scene = self.scene()
         self._script.step(scene)
-        if self._decisions % LAYER_EVERY == 0:
-            self._brake(scene, LAYER_EVERY * self.config.decision_s)
+        every = LAYER_EVERY_MOVING if any(prop.moves for prop in self.stage.props) else LAYER_EVERY
+        if self._decisions % every == 0:
+            self._brake(scene, every * self.config.decision_s)
         self._decisions += 1
         self._last_u = np.array(u, dtype=float)
         reached = self._drive(scene, float(u[0]), float(u[1]))
@@ -173,6 +176,7 @@ class World:
         self._sumo.load(int(traffic_rng.integers(2**31 - 1)), self._types(), options)
         self._time0 = self._waited = 0.0
         self._last_u = np.zeros(2)
+        self._on_road = (0.0, 0.0, 0.0, -math.inf)
         self._decisions = 0
         self._ego_inside = False
         self._place_ego(ego_rng)
@@ -313,24 +317,34 @@ class World:
         return Collision(hit, Kind(scene.kind[index]), judge(scene, index, hit in self.stage.unlawful))
 
     def _leaves_road(self) -> tuple[bool, bool]:
-        ego, surface = self._ego(), self.network.surface
-        forward_x, forward_y = ego.half_length * ego.cos, ego.half_length * ego.sin
-        left_x, left_y = -ego.half_width * ego.sin, ego.half_width * ego.cos
-        off_road = any(
-            surface.depth(ego.x + i * forward_x + j * left_x, ego.y + i * forward_y + j * left_y)
-            < -OFF_ROAD_M
+        state, surface = self._plant.state, self.network.surface
+        direction = surface.direction(state.x, state.y)
+        wrong_way = not math.isnan(direction) and math.cos(state.psi - direction) < 0
+        return self._off_road(state), wrong_way
+
+    def _off_road(self, state: EgoState) -> bool:
+        """Whether a corner sticks out too far; looked up anew once one may have moved that far."""
+        x, y, psi, room = self._on_road
+        body = self.config.vehicle
+        radius = 0.5 * math.hypot(body.length, body.width)
+        if math.hypot(state.x - x, state.y - y) + radius * abs(state.psi - psi) < room:
+            return False
+        forward = 0.5 * body.length * math.cos(state.psi), 0.5 * body.length * math.sin(state.psi)
+        left = -0.5 * body.width * math.sin(state.psi), 0.5 * body.width * math.cos(state.psi)
+        depth = min(
+            self.network.surface.depth(
+                state.x + i * forward[0] + j * left[0], state.y + i * forward[1] + j * left[1]
+            )
             for i, j in ((1, 1), (1, -1), (-1, 1), (-1, -1))
         )
-        direction = surface.direction(ego.x, ego.y)
-        wrong_way = not math.isnan(direction) and math.cos(self._plant.state.psi - direction) < 0
-        return off_road, wrong_way
+        self._on_road = state.x, state.y, state.psi, depth + OFF_ROAD_M
+        return depth < -OFF_ROAD_M
 
     # ---- after the sub-steps
 
     def _refresh(self) -> Scene:
-        """Read the road anew, drop who has left, let others enter, compose the scene."""
+        """Read the road anew, let others enter where some have left, compose the scene."""
         motion = self._reader.read()
-        self.traffic.forget(self._reader.active)
         self.traffic.refill(motion, self._reader.lengths)
         return self._look()
 

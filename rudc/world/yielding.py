@@ -12,12 +12,12 @@ layer looks only at pairs of an SV and
         wait in places that others, long ones above all, sweep over.
 
 An ego that waits where it should (before its stop line, or at its waiting point inside the junction) is in
-none of these cases.
+none of these cases; who queues behind it is SUMO's business.
 
 SVs are predicted along their own lanes at constant speed, the ego along its reference path (straight ahead
 when off it), each at 0.25 s steps, as slightly enlarged rectangles. An SV that must yield brakes with b = v^2
-/ (2 d), d the way it can go before the first overlap, once b exceeds a threshold; it is released as soon as
-no overlap is predicted.
+/ (2 d), d the way it can go before the first overlap, once b exceeds a threshold, and goes no faster until
+then; it is released as soon as no overlap is predicted.
 """
 
 from __future__ import annotations
@@ -47,6 +47,10 @@ CREEPS = 3.0
 """m/s, up to which an SV in the junction looks out for faster ones"""
 SWEPT_M = 2.5 * np.arange(9.0)
 """(9,) m ahead of those, places that they will sweep over"""
+PAST_M = 3.0
+"""m of the ego's rear beyond the junction, from where it is one vehicle in a lane like any other"""
+SLACK_M = 2.0
+"""m along either path beyond bumpers within which paths are taken to meet; covers wide vehicles"""
 NEAR_M = 10.0
 """m between centres beyond what both cover in the horizon, within which bodies may come to overlap"""
 
@@ -60,7 +64,7 @@ class Yielding(NamedTuple):
     rows: list[int]
     """(m,) rows of the scene"""
     deceleration: list[float]
-    """(m,) m/s2, positive"""
+    """(m,) m/s2; 0 for those that must not go faster"""
 
 
 NOBODY = Yielding([], [])
@@ -82,8 +86,8 @@ class _Threats(NamedTuple):
 
 
 def must_yield(scene: Scene, *, ego_present: bool = True, brake_most: float = BRAKE_MOST) -> Yielding:
-    """Which SVs must brake, and how hard, at most brake_most m/s2. Without the ego on the road, it does not
-    count."""
+    """Which SVs must brake or hold back, and how hard, at most brake_most m/s2. Without the ego on the road,
+    it does not count."""
     speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
     driven = scene.path >= 0
     found = [
@@ -149,8 +153,9 @@ def _braking(rows: np.ndarray, speed: Array, hit: np.ndarray, brake_most: float)
     yields = later.any(axis=1) & ~(hit[:, 0] & ~hit.all(axis=1))
     free = np.maximum(speed * HORIZON_S[first - 1] - 0.3, 0.05)
     need = speed**2 / (2 * free)
-    chosen = yields & ((need > BRAKE_FROM) | (first <= 2))
-    return Yielding(rows[chosen].tolist(), np.minimum(need[chosen], brake_most).tolist())
+    brakes = yields & ((need > BRAKE_FROM) | (first <= 2))
+    chosen = brakes | (yields & (speed > CREEP))
+    return Yielding(rows[chosen].tolist(), np.minimum(need * brakes, brake_most)[chosen].tolist())
 
 
 def _joined(kinds: list[_Threats]) -> _Threats | None:
@@ -161,20 +166,41 @@ def _joined(kinds: list[_Threats]) -> _Threats | None:
 
 
 def _ego(scene: Scene, speed: Array, driven: np.ndarray) -> _Threats | None:
-    """The ego, for SVs that have it within reach, ahead, and to yield to; None when there are none."""
-    ego, body = scene.ego, scene.vehicle
-    away_x, away_y = ego.x - scene.position[:, 0], ego.y - scene.position[:, 1]
-    ahead = np.cos(scene.heading) * away_x + np.sin(scene.heading) * away_y
-    concerned = driven & (np.hypot(away_x, away_y) < HORIZON_S[-1] * (speed + ego.v) + NEAR_M)
-    concerned &= ahead > -0.5 * scene.size[:, 0] - 3.0
-    if ego.v >= STANDING and not _unpredictable(scene):
-        if scene.route.row < 0:
-            return None
-        concerned &= scene.network.paths.yields[scene.path, scene.route.row]
+    """The ego, for SVs that have it ahead, within reach, and to yield to; None when there are none."""
+    ego, body, route = scene.ego, scene.vehicle, scene.route
+    stray, half = off_path(scene), 0.5 * body.length
+    waits, past = scene.ego_s + half <= route.waiting_s + 1.0, scene.ego_s - half > route.exit_s + PAST_M
+    owe = scene.network.paths.yields[:, route.row]
+    if not stray and (past or (waits and (ego.v < STANDING or not owe.any()))):
+        return None
+    concerned = driven & (_near_ego(scene, speed) if stray else _meets_ego(scene, speed))
+    if waits and not stray:
+        concerned &= owe[scene.path]
     if not concerned.any():
         return None
-    track, half = _predicted(scene), np.array([[0.5 * body.length, 0.5 * body.width]])
-    return _Threats(track[:1], track[1:2], track[2:], half, concerned[:, None])
+    track, sides = _predicted(scene, stray), np.array([[half, 0.5 * body.width]])
+    return _Threats(track[:1], track[1:2], track[2:], sides, concerned[:, None])
+
+
+def _near_ego(scene: Scene, speed: Array) -> np.ndarray:
+    """(N,) whose way over the horizon may meet the ego, wherever that goes."""
+    ego = scene.ego
+    away_x, away_y = ego.x - scene.position[:, 0], ego.y - scene.position[:, 1]
+    ahead = np.cos(scene.heading) * away_x + np.sin(scene.heading) * away_y
+    near = np.hypot(away_x, away_y) < HORIZON_S[-1] * (speed + ego.v) + NEAR_M
+    return near & (ahead > -0.5 * scene.size[:, 0] - 3.0)
+
+
+def _meets_ego(scene: Scene, speed: Array) -> np.ndarray:
+    """(N,) whose path meets the ego's where both can be within the horizon; the ego is on its path."""
+    ego, body = scene.ego, scene.vehicle
+    meets = scene.network.conflict(scene.route)[scene.path]
+    half = 0.5 * scene.size[:, 0] + SLACK_M
+    rear, front = scene.ego_s - 0.5 * body.length - SLACK_M, scene.ego_s + 0.5 * body.length + SLACK_M
+    way = HORIZON_S[-1] * ego.v if ego.v >= STANDING else 0.0
+    ours = (meets[:, 0] < front + way) & (meets[:, 1] > rear)
+    reach = scene.path_s + half + HORIZON_S[-1] * np.maximum(speed, CREEP)
+    return ours & (meets[:, 2] < reach) & (meets[:, 3] > scene.path_s - half)
 
 
 def _obstacles(scene: Scene, speed: Array, driven: np.ndarray) -> _Threats:
@@ -215,11 +241,10 @@ def _passing(scene: Scene, speed: Array, driven: np.ndarray) -> _Threats | None:
     )
 
 
-def _predicted(scene: Scene) -> Array:
-    """(3, 9) x m, y m, heading rad of the ego over the horizon: standing, along its path, or straight on when
-    off it."""
+def _predicted(scene: Scene, stray: bool) -> Array:
+    """(3, 9) x m, y m, heading rad of the ego over the horizon: standing, along its path, or straight on."""
     ego = scene.ego
-    if ego.v >= STANDING and not off_path(scene):
+    if ego.v >= STANDING and not stray:
         return np.array(scene.route.path.pose(scene.ego_s + ego.v * HORIZON_S))
     course = ego.psi + ego.slip
     way = HORIZON_S * (ego.v if ego.v >= STANDING else 0.0)
@@ -234,11 +259,6 @@ def off_path(scene: Scene) -> bool:
     heading = scene.route.path.heading
     along = heading.item(min(max(int(scene.ego_s / SPACING), 0), len(heading) - 1))
     return abs(scene.ego_offset) > 1.0 or math.cos(scene.ego.psi - along) < _COS_OFF
-
-
-def _unpredictable(scene: Scene) -> bool:
-    """Whether every SV must heed where the ego will be: it is off its path, or committed to the junction."""
-    return off_path(scene) or scene.ego_s + 0.5 * scene.vehicle.length > scene.route.waiting_s + 1.0
 
 
 def boxes_overlap(

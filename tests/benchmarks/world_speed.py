@@ -3,14 +3,16 @@
     python -m tests.benchmarks.world_speed [--episodes N] [--resets N] [--seconds S]
 
     environment / SUMO     decisions/s of the bare environment (20 SVs, observation, reward, collision test,
-    yielding layer) over
-                           those of libsumo stepping the same inflow at the same sub-steps, with nothing read
+                           yielding layer) over those of libsumo when it steps the same traffic at the same
+                           sub-steps and nothing is read. Once the very same traffic: all commands of the
+                           episode played back, the ego's poses among them; once the same inflow, and SUMO
+                           drives the ego as it likes
     environment / HighwayEnv   over HighwayEnv's intersection-v1 at 15 Hz / 10 Hz with 20 vehicles
     two workers / one      decisions/s of two processes over one
     reset, memory          median of the resets; what a process grows by over many
 
-Both sides of a ratio take turns, so that a machine with other work to do slows both, and the ratio against
-SUMO is also given of the median times, which such work hardly touches.
+Both sides of a ratio take turns, so that a machine with other work to do slows both, and the ratios against
+SUMO are also given of the median times, which such work touches less.
 """
 
 from __future__ import annotations
@@ -61,27 +63,26 @@ def drive(scene: Scene) -> np.ndarray:
 
 
 class Tape:
-    """What an episode asked of SUMO besides stepping and moving the ego, to be played back without us."""
+    """What an episode asked of SUMO, to be played back without us."""
 
-    KEPT = ("load", "add_route", "add", "personality")
+    INFLOW = ("load", "add_route", "add", "personality")
+    CONTROL = ("take_over", "place", "slow_down", "set_mode")
 
     def __init__(self, sumo: Sumo) -> None:
         self._sumo = sumo
-        self._play = {name: getattr(sumo, name) for name in (*self.KEPT, "step")}
+        kept = (*self.INFLOW, *self.CONTROL)
+        self._play = {name: getattr(sumo, name) for name in (*kept, "step")}
         self.calls: list[tuple[int, str, tuple, dict]] = []
         self.steps = 0
-        for name in self.KEPT:
+        for name in kept:
             setattr(sumo, name, self._kept(name))
         sumo.step = self._step  # pyright: ignore[reportAttributeAccessIssue] - recorded on purpose
 
-    def rewind(self) -> None:
-        self.calls.clear()
-        self.steps = 0
-
     def _kept(self, name: str) -> Callable[..., None]:
         def keep(*args: Any, **kwargs: Any) -> None:
-            if name == "load":
-                self.rewind()  # an unsafe start is drawn again
+            if name == "load":  # an episode begins, or an unsafe start is drawn again
+                self.calls.clear()
+                self.steps = 0
             self.calls.append((self.steps, name, args, kwargs))
             self._play[name](*args, **kwargs)
 
@@ -91,25 +92,23 @@ class Tape:
         self.steps += 1
         self._play["step"]()
 
-    def replay(self, from_step: int, substeps: int) -> tuple[list[float], float]:
-        """Seconds that SUMO takes for each decision from a step on, and how many vehicles were on the road on
-        average."""
+    def replay(self, decisions: int, substeps: int, kept: tuple[str, ...]) -> list[float]:
+        """Seconds that SUMO takes for each of the last decisions, with the kept kinds of calls."""
         due: dict[int, list] = defaultdict(list)
         for at, name, args, kwargs in self.calls:
-            due[at].append((self._play[name], args, kwargs))
-        step, taken, seen = self._play["step"], [], []
+            if name in kept:
+                due[at].append((self._play[name], args, kwargs))
+        step, taken, first = self._play["step"], [], self.steps - decisions * substeps
         for i in range(self.steps):
             start = time.perf_counter()
             for call, args, kwargs in due.get(i, ()):
                 call(*args, **kwargs)
             step()
-            if i >= from_step and (i - from_step) % substeps == 0:
+            if i >= first and (i - first) % substeps == 0:
                 taken.append(0.0)
             if taken:
                 taken[-1] += time.perf_counter() - start
-            if i % 10 == 0:
-                seen.append(len(self._sumo.vehicles()))
-        return taken, float(np.mean(seen))
+        return taken
 
 
 def play(env: IntersectionEnv, seed: int) -> tuple[list[float], list[int]]:
@@ -128,28 +127,35 @@ def play(env: IntersectionEnv, seed: int) -> tuple[list[float], list[int]]:
 
 
 def against_sumo(kind: Kind, episodes: int) -> float:
-    """Prints the ratio and returns the environment's decisions/s."""
+    """Prints the ratios and returns the environment's decisions/s."""
     env = IntersectionEnv(busy_scenario(), observation=kind)
     env.reset(seed=0)
-    tape, substeps = Tape(env.episode.world._sumo), env.episode.world.config.substeps
+    world = env.episode.world
+    tape, substeps = Tape(world._sumo), world.config.substeps
     ours: list[float] = []
-    bare: list[float] = []
-    counts, on_road = [], []
+    same: list[float] = []
+    free: list[float] = []
+    counts: list[int] = []
     for seed in range(episodes + 1):
         taken, seen = play(env, seed)
-        alone, present = tape.replay(tape.steps - len(taken) * substeps, substeps)
+        end = world._reader.read().position
+        same_traffic = tape.replay(len(taken), substeps, (*Tape.INFLOW, *Tape.CONTROL))
+        assert np.array_equal(world._reader.read().position, end), "the same traffic, to the last digit"
+        sumo_driven = tape.replay(len(taken), substeps, Tape.INFLOW)
         if seed:  # the first warms caches up
-            ours, bare, counts = ours + taken, bare + alone, counts + seen
-            on_road.append(present)
+            ours, counts, same, free = ours + taken, counts + seen, same + same_traffic, free + sumo_driven
     env.close()
     print(
-        f"environment, observation {kind!r}: {1 / np.mean(ours):.0f} decisions/s, {np.mean(counts):.1f} SVs; "
-        f"SUMO alone {1 / np.mean(bare):.0f}, {np.mean(on_road):.1f} vehicles: "
-        f"{100 * np.mean(bare) / np.mean(ours):.0f} %; "
-        f"by medians {100 * np.median(bare) / np.median(ours):.0f} % "
-        f"({1e3 * np.median(bare):.3f} / {1e3 * np.median(ours):.3f} ms)",
-        flush=True,
+        f"environment, observation {kind!r}: {1 / np.mean(ours):.0f} decisions/s, {np.mean(counts):.1f} SVs"
     )
+    for bare, what in ((same, "the very same traffic"), (free, "the same inflow, SUMO drives the ego too")):
+        print(
+            f"    SUMO alone, {what}: {1 / np.mean(bare):.0f} decisions/s, ours are "
+            f"{100 * np.mean(bare) / np.mean(ours):.0f} % of it; by medians "
+            f"{100 * np.median(bare) / np.median(ours):.0f} % "
+            f"({1e3 * np.median(bare):.3f} / {1e3 * np.median(ours):.3f} ms)",
+            flush=True,
+        )
     return float(1 / np.mean(ours))
 
 

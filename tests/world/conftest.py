@@ -40,7 +40,7 @@ class Worlds:
         self._world = None
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def world_on() -> Iterator[Worlds]:
     worlds = Worlds()
     yield worlds

@@ -85,7 +85,7 @@ def test_follows_commands_with_a_first_order_lag(v, lag, inputs):
         a0, delta0 = a + (a0 - a) * decay, delta + (delta0 - delta) * decay
         assert state.acceleration == pytest.approx(a0)
         assert state.steering == pytest.approx(delta0)
-    assert [state.x, state.y, state.psi, state.v] == pytest.approx(expected, abs=2e-4)
+    assert [state.x, state.y, state.psi, state.v] == pytest.approx(expected, abs=5e-6)
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.2])
