@@ -6,6 +6,6 @@ _PACKAGE = Path(__file__).resolve().parent
 
 
 def data_folder(name: str) -> Path:
-    """Folder of shipped data: `sumo_networks`, `scenarios` or `results/checkpoints`."""
+    """Folder of shipped data: `sumo_networks`, `scenarios`, `results/checkpoints` or `results/residual`."""
     installed = _PACKAGE / "_data" / name
     return installed if installed.is_dir() else _PACKAGE.parent / name

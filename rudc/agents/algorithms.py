@@ -22,6 +22,7 @@ from rudc.agents.learning.config import LearnerConfig, ObservationLayout
 from rudc.agents.tracking import steering
 from rudc.env.action import to_normalised, to_physical
 from rudc.env.observation import PARTS, Kind, observation_size
+from rudc.errors import InputError
 from rudc.safety.config import FilterConfig
 from rudc.world.scene import Array, Scene
 
@@ -75,10 +76,14 @@ class DriverConfig(BaseModel):
     """what the policy's two numbers mean, see above"""
     adjustment: float = Field(default=0.1, gt=0)
     """rad, largest change of the path follower's steering (`adjustment` only)"""
-    constrained: Literal["gated", "all"] = "gated"
-    """which vehicles the filter constrains"""
+    filtering: bool = True
+    """whether the algorithm's filter is at work; False takes it away"""
+    filter_settings: dict[str, bool | int | float | str] = {}
+    """fields of `FilterConfig` that differ from the preset"""
+    residual: bool = False
+    """whether the filter gets the residuals that a learnt predictor expects (rudc/safety/residual.py)"""
     slack_gain: float = Field(default=0.0, ge=0)
-    """eta of delta(sigma), units of the constraint over reward units; 0 leaves the slack out"""
+    """eta of delta(sigma), m2 per step over reward units; 0 leaves the slack out"""
     learner: LearnerConfig = LearnerConfig.quick()
     """networks and objective"""
 
@@ -88,15 +93,22 @@ class DriverConfig(BaseModel):
             raise ValueError(f"algorithm {self.algorithm!r} is not known; there are {', '.join(ALGORITHMS)}")
         if self.learner.layout.size != observation_size(self.observation):
             raise ValueError(f"the learner's layout does not fit observation {self.observation!r}")
-        if self.slack_gain and self.filter is None:
-            raise ValueError(f"slack_gain needs a filter, and {self.algorithm!r} has none")
+        needing = [name for name in ("filter_settings", "residual", "slack_gain") if getattr(self, name)]
+        if needing and ALGORITHMS[self.algorithm].filter is None:
+            raise ValueError(f"{needing[0]} needs a filter, and {self.algorithm!r} has none")
+        try:
+            _ = self.filter  # evaluated once, so that bad settings are refused here
+        except InputError as error:
+            raise ValueError(str(error)) from None
         return self
 
     @property
     def filter(self) -> FilterConfig | None:
-        """Settings of the safety filter behind the policy."""
+        """Settings of the safety filter behind the policy; None without one."""
         kind = ALGORITHMS[self.algorithm].filter
-        return None if kind is None else FilterConfig.preset(kind, constrained=self.constrained)
+        if kind is None or not self.filtering:
+            return None
+        return FilterConfig.preset(kind, **self.filter_settings)
 
     def physical(self, action: Array | Floats, scene: Scene) -> Array:
         """(2,) acceleration m/s2 and front-wheel angle rad that an action (2,) stands for, within limits."""

@@ -12,6 +12,7 @@ import numpy as np
 from rudc.world.scene import Array, Scene
 
 if TYPE_CHECKING:
+    from rudc.agents.learning.uncertainty import Uncertainty
     from rudc.safety.filter import Filtered
 
 EgoDriver = Literal["agent", "sumo"]
@@ -24,12 +25,17 @@ class Decision(NamedTuple):
     """(2,) what is applied: acceleration m/s2, front-wheel angle rad"""
     u_rl: Array
     """(2,) what the driver itself proposed, before any filter, in the same units"""
-    sigma: float = math.nan
-    """total uncertainty of the proposal; nan for drivers that have none"""
+    uncertainty: Uncertainty | None = None
+    """of the return that follows the proposal, reward units; None for drivers that state none"""
     filtered: Filtered | None = None
     """what the safety filter says about its work; None without a filter"""
     timing_ms: Mapping[str, float] = MappingProxyType({})
     """ms spent in each part (`policy`, `critic`, `filter`)"""
+
+    @property
+    def sigma(self) -> float:
+        """sigma_total; nan for drivers that state no uncertainty."""
+        return math.nan if self.uncertainty is None else float(self.uncertainty.total)
 
 
 def unfiltered(acceleration: float, steering: float) -> Decision:

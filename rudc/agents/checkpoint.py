@@ -17,6 +17,7 @@ from pydantic import ValidationError
 from rudc.agents.algorithms import ALGORITHMS, DriverConfig
 from rudc.agents.learning.checkpoint import DESCRIPTION, Checkpoint, load_checkpoint, save_checkpoint
 from rudc.agents.learning.parameters import Arrays, fingerprint
+from rudc.agents.variation import vary
 from rudc.data import data_folder
 from rudc.errors import AgentError, StorageError
 
@@ -90,11 +91,13 @@ def learnt_summary(folder: Path) -> str:
     return f"{summary} Learnt in {training['steps']} steps with seed {training['seed']}."
 
 
-def learnt_settings(folder: Path) -> dict[str, Any]:
-    """Everything that decides what a learnt agent does; of what can be written as JSON."""
+def learnt_settings(folder: Path, changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Everything that decides what a learnt agent does, with `changes` as in variation.py; of what can be
+    written as JSON.
+    """
     learnt = load_learnt(folder)
     return {
-        "driver": learnt.config.model_dump(mode="json"),
+        "driver": vary(learnt.config, changes).model_dump(mode="json"),
         "weights": fingerprint(learnt.arrays),
         "sigma_percentiles": learnt.percentiles,
         "training": dict(learnt.training),

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict
-from typing import Any
 
 from rudc.agents.base import Agent, Decision, EgoDriver
 from rudc.safety.filter import FilterConfig, SafetyFilter
+from rudc.safety.residual import ResidualPredictor
 from rudc.world.scene import Scene
 
 FILTERS = {
@@ -22,10 +21,19 @@ class FilteredAgent:
 
     ego_driver: EgoDriver = "agent"
 
-    def __init__(self, driver: Agent, kind: str, config: FilterConfig | None = None) -> None:
-        """`kind`: `ttcbf` or `ecbf`, with its preset unless `config` says otherwise."""
+    def __init__(
+        self,
+        driver: Agent,
+        kind: str,
+        config: FilterConfig | None = None,
+        predictor: ResidualPredictor | None = None,
+    ) -> None:
+        """`kind`: `ttcbf` or `ecbf`, with its preset unless `config` says otherwise; `predictor`: of the
+        residuals that its rows take in.
+        """
         self.name = f"{driver.name}+{kind}"
         self._driver = driver
+        self._predictor = predictor
         self.filter = SafetyFilter(config or FilterConfig.preset(kind))
 
     def reset(self, scene: Scene, seed: int) -> None:
@@ -37,12 +45,10 @@ class FilteredAgent:
         """The driver's proposal, corrected."""
         proposed = self._driver.act(scene)
         start = time.perf_counter()
-        filtered = self.filter.filter(scene, proposed.u_rl)
+        residual = None
+        if self._predictor is not None:
+            residual = self._predictor(scene, self.filter.constraints(scene), proposed.u_rl)
+        filtered = self.filter.filter(scene, proposed.u_rl, residual=residual)
         spent = 1000.0 * (time.perf_counter() - start)
         timing = {**proposed.timing_ms, "filter": spent}
-        return Decision(filtered.u, proposed.u_rl, proposed.sigma, filtered, timing)
-
-
-def filter_settings(kind: str) -> dict[str, Any]:
-    """The settings of a filter's preset."""
-    return asdict(FilterConfig.preset(kind))
+        return Decision(filtered.u, proposed.u_rl, proposed.uncertainty, filtered, timing)

@@ -3,18 +3,18 @@
     a       = tanh(mean of the policy)            [-1, 1]^2; while it explores, a sample instead
     u_rl    = what a means (`DriverConfig.physical`)
     sigma   = sigma_total of the critics at (observation, a)
-    u       = filter(u_rl, slack delta(sigma))
+    w       = what the filter's prediction lacks (rudc/safety/residual.py)
+    u       = filter(u_rl, slack delta(sigma), residuals w)
 
 Needs numpy only; torch is for learning.
 """
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,13 +24,18 @@ from rudc.agents.base import Decision, EgoDriver
 from rudc.agents.checkpoint import load_learnt
 from rudc.agents.learning.inference import Decider
 from rudc.agents.learning.parameters import policy_arrays
-from rudc.agents.learning.uncertainty import uncertainty
+from rudc.agents.learning.uncertainty import Uncertainty, uncertainty
+from rudc.agents.variation import vary
 from rudc.env.observation import observe_flat
 from rudc.safety.filter import SafetyFilter
+from rudc.safety.residual import ResidualPredictor, shipped_predictor
 from rudc.safety.slack import Slack
 from rudc.world.scene import Scene
 
 Floats = NDArray[np.float32]
+
+RESIDUAL = "residual/"
+"""what the names of the residual predictor's arrays begin with"""
 
 
 class Choice(NamedTuple):
@@ -57,12 +62,17 @@ class LearnedAgent:
         arrays: Mapping[str, NDArray],
         percentiles: tuple[float, float] | None = None,
     ) -> None:
-        """`arrays` and `percentiles`: see `load`."""
+        """`arrays` and `percentiles`: see `load`; arrays named `residual/...` are the residual predictor's,
+        which stays as it is. Without them, the shipped one's are taken.
+        """
         self.name = name
         self.config = config
         self._decider = Decider(config.learner, arrays)
         settings = config.filter
         self._filter = None if settings is None else SafetyFilter(settings)
+        self._predictor = None
+        if config.residual and self._filter is not None:
+            self._predictor = ResidualPredictor(residual_arrays(arrays))
         self.load(arrays, percentiles)
 
     def load(self, arrays: Mapping[str, NDArray], percentiles: tuple[float, float] | None = None) -> None:
@@ -97,26 +107,34 @@ class LearnedAgent:
         nominal = self._decider.action(observation, rng)
         u_rl = self.config.physical(nominal, scene)
         clock.append(time.perf_counter())
-        sigma = self._sigma(observation, nominal)
+        unsure = self._uncertainty(observation, nominal)
         clock.append(time.perf_counter())
         if self._filter is None:
             u, action, filtered = u_rl, nominal, None
         else:
-            slack = self._slack(sigma) if self._slack else 0.0
-            filtered = self._filter.filter(scene, u_rl, slack)
+            slack = self._slack(float(unsure.total)) if self._slack and unsure else 0.0
+            residual = None
+            if self._predictor is not None:
+                residual = self._predictor(scene, self._filter.constraints(scene), u_rl)
+            filtered = self._filter.filter(scene, u_rl, slack, residual)
             u = filtered.u
             same = np.array_equal(u, u_rl)
             action = nominal if same else self.config.normalised(u, scene).astype(np.float32)
         clock.append(time.perf_counter())
         parts = ("observation", "policy", "critic", "filter")
         timing = {part: 1000.0 * float(clock[i + 1] - clock[i]) for i, part in enumerate(parts)}
-        return Choice(Decision(u, u_rl, sigma, filtered, timing), observation, action, nominal)
+        return Choice(Decision(u, u_rl, unsure, filtered, timing), observation, action, nominal)
 
-    def _sigma(self, observation: Floats, action: Floats) -> float:
+    def _uncertainty(self, observation: Floats, action: Floats) -> Uncertainty | None:
         if not self._critics:
-            return math.nan
-        quantiles = self._decider.quantiles(observation, action)
-        return float(uncertainty(quantiles, self.config.learner.beta).total)
+            return None
+        return uncertainty(self._decider.quantiles(observation, action), self.config.learner.beta)
+
+
+def residual_arrays(arrays: Mapping[str, NDArray]) -> dict[str, NDArray]:
+    """The residual predictor's among an agent's arrays; the shipped one's if there are none."""
+    own = {k.removeprefix(RESIDUAL): v for k, v in arrays.items() if k.startswith(RESIDUAL)}
+    return own or dict(shipped_predictor().arrays)
 
 
 def untrained(config: DriverConfig) -> LearnedAgent:
@@ -125,7 +143,9 @@ def untrained(config: DriverConfig) -> LearnedAgent:
     return LearnedAgent("untrained", config, arrays)
 
 
-def load_learned(name: str, folder: Path) -> LearnedAgent:
-    """The agent in a checkpoint's folder, which is called `name` in tables. Raises AgentError."""
+def load_learned(name: str, folder: Path, changes: Mapping[str, Any]) -> LearnedAgent:
+    """The agent in a checkpoint's folder with `changes` of its settings as in variation.py, called `name` in
+    tables. Raises AgentError.
+    """
     learnt = load_learnt(folder)
-    return LearnedAgent(name, learnt.config, learnt.arrays, learnt.percentiles)
+    return LearnedAgent(name, vary(learnt.config, changes), learnt.arrays, learnt.percentiles)

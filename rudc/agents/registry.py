@@ -1,5 +1,5 @@
 """Names of drivers and what they stand for: `sumo`, `follower`, `gap-acceptance`, a checkpoint's folder, and
-`NAME+FILTER`.
+`NAME+FILTER`; with settings behind it as in rudc/agents/variation.py.
 
 What a learnt agent needs besides is imported when one is made.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +20,14 @@ from rudc.agents.checkpoint import (
     learnt_summary,
     shipped_checkpoints,
 )
-from rudc.agents.filtered import FILTERS, FilteredAgent, filter_settings
+from rudc.agents.filtered import FILTERS, FilteredAgent
 from rudc.agents.follower import Follower
 from rudc.agents.gap_acceptance import GapAcceptance
+from rudc.agents.learning.parameters import fingerprint
 from rudc.agents.sumo import SumoDriver
+from rudc.agents.variation import Settings, filter_config, parse, split
 from rudc.errors import AgentError
+from rudc.safety.residual import shipped_predictor
 
 _DRIVERS: dict[str, Callable[[], Agent]] = {
     "sumo": SumoDriver,
@@ -42,14 +46,24 @@ def make_agent(name: str) -> Agent:
     """The driver of that name, or of the checkpoint in that folder, new. Raises AgentError, with a
     suggestion, when there is none.
     """
-    base, suffix = _parts(name)
-    driver = _DRIVERS[base]() if base in _DRIVERS else _learnt(base)
-    return FilteredAgent(driver, suffix) if suffix else driver
+    base, suffix, settings = _parts(name)
+    if base in _DRIVERS:
+        driver = _DRIVERS[base]()
+    else:
+        from rudc.agents.learned import load_learned
+
+        driver = load_learned(name, _folder(base), {} if suffix else settings)
+    if not suffix:
+        return driver
+    predictor = shipped_predictor() if settings.get("residual") else None
+    filtered = FilteredAgent(driver, suffix, filter_config(suffix, settings), predictor)
+    filtered.name = name
+    return filtered
 
 
 def agent_summary(name: str) -> str:
     """What a driver does, in a sentence."""
-    base, suffix = _parts(name)
+    base, suffix, _ = _parts(name)
     if base in _DRIVERS:
         summary = (_DRIVERS[base].__doc__ or "").partition("\n")[0]
     else:
@@ -59,15 +73,15 @@ def agent_summary(name: str) -> str:
 
 def agent_settings(name: str) -> dict[str, Any]:
     """Everything besides its name that decides what a driver does; of what can be written as JSON."""
-    base, suffix = _parts(name)
-    driver = {"driver": base} if base in _DRIVERS else learnt_settings(_folder(base))
-    return {**driver, **({"filter": filter_settings(suffix)} if suffix else {})}
-
-
-def _learnt(name: str) -> Agent:
-    from rudc.agents.learned import load_learned
-
-    return load_learned(name, _folder(name))
+    base, suffix, settings = _parts(name)
+    if base in _DRIVERS:
+        driver: dict[str, Any] = {"driver": base}
+    else:
+        driver = learnt_settings(_folder(base), {} if suffix else settings)
+    if not suffix:
+        return driver
+    residual = fingerprint(shipped_predictor().arrays) if settings.get("residual") else None
+    return {**driver, "filter": asdict(filter_config(suffix, settings)), "residual": residual}
 
 
 def _folder(name: str) -> Path:
@@ -77,7 +91,18 @@ def _folder(name: str) -> Path:
     return folder
 
 
-def _parts(name: str) -> tuple[str, str]:
+def _parts(name: str) -> tuple[str, str, Settings]:
+    """Driver or folder, suffix of the filter behind it (empty for none), and settings."""
+    whole, text = (name, "") if find_checkpoint(name) is not None else split(name)
+    base, suffix = _base(whole)
+    if not text:
+        return base, suffix, {}
+    if base in _DRIVERS and not suffix:
+        raise AgentError(f"{whole!r} has no filter, and nothing that {text!r} could set")
+    return base, suffix, parse(text, learnt=not suffix)
+
+
+def _base(name: str) -> tuple[str, str]:
     """Driver or folder, and suffix of the filter behind it (empty for none)."""
     if name.partition("+")[0] not in _DRIVERS:
         if find_checkpoint(name) is not None:

@@ -63,8 +63,8 @@ class Constraints:
 
     names: tuple[str, ...]
     """`veh:ID`, or `road:left:cg` and the like"""
-    vehicles: int
-    """how many of the K are not road-edge points"""
+    others: NDArray[np.int64]
+    """(n,) which of the scene's others the first n of the K are; the rest are road-edge points"""
     position: Complex
     """(K,) m, o"""
     velocity: Complex
@@ -86,6 +86,11 @@ class Constraints:
     def count(self) -> int:
         """K."""
         return len(self.names)
+
+    @property
+    def vehicles(self) -> int:
+        """n."""
+        return len(self.others)
 
 
 class Terms(NamedTuple):

@@ -50,7 +50,7 @@ class ConstraintBuilder:
             margin[n:] = 0.5 * scene.vehicle.width + config.road_d_safe
         return Constraints(
             names=tuple(["veh:" + scene.ids[i] for i in chosen.tolist()]) + (NAMES if config.road else ()),
-            vehicles=n,
+            others=chosen,
             position=position,
             velocity=velocity,
             direction=direction,

@@ -65,7 +65,7 @@ class Recorder:
     def reset(self) -> None:
         pass
 
-    def filter(self, scene, u_rl, slack: float = 0.0):
+    def filter(self, scene, u_rl, slack: float = 0.0, residual=None):
         self.slacks.append(slack)
         return SimpleNamespace(u=self._u)
 
@@ -87,7 +87,7 @@ def test_the_filter_gets_the_slack_and_its_action_is_the_one_executed(scene):
 
 @pytest.mark.parametrize(("algorithm", "kind"), [("rudc-t", "ttcbf"), ("rudc-e", "ecbf")])
 def test_algorithms_bring_their_filter(scene, algorithm, kind):
-    config = DriverConfig(algorithm=algorithm, constrained="all")
+    config = DriverConfig(algorithm=algorithm, filter_settings={"constrained": "all"})
     assert config.filter is not None
     assert (config.filter.kind, config.filter.constrained) == (kind, "all")
     agent = untrained(config)

@@ -56,7 +56,7 @@ def constraint(x: Array, parameters: Array) -> Constraints:
     vehicle = m > 0
     return Constraints(
         names=("one",),
-        vehicles=int(vehicle),
+        others=np.zeros(int(vehicle), dtype=np.int64),
         position=np.array([complex(x[4], x[5])]),
         velocity=np.array([complex(vx, vy)]),
         direction=np.array([complex(math.cos(psi_o), math.sin(psi_o))]),
