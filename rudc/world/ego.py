@@ -31,6 +31,8 @@ from rudc.world.scene import EgoState, EgoVehicle
 
 GRAVITY = 9.81
 """m/s2"""
+CRAWL_M = 0.02
+"""m driven, below which a turn says nothing about the wheels"""
 PIECES_PER_LAG = 4.0
 """Runge-Kutta steps in one time constant of the actuators"""
 
@@ -150,6 +152,18 @@ class EgoPlant:
             y += h / 6 * (y1 + 2 * y2 + 2 * y3 + y4)
             psi += h / 6 * (w1 + 2 * w2 + 2 * w3 + w4)
         return x, y, psi
+
+
+def realised(before: EgoState, after: EgoState, duration_s: float, body: EgoVehicle) -> tuple[float, float]:
+    """The a (m/s2) and delta (rad) that lead from one state to another within duration_s, where somebody else
+    drove; standing, the wheels are straight."""
+    way = 0.5 * (before.v + after.v) * duration_s
+    if way < CRAWL_M:
+        return (after.v - before.v) / duration_s, 0.0
+    bend = math.remainder(after.psi - before.psi, 2 * math.pi) / way
+    slip = math.asin(min(max(bend * body.cg_to_rear, -1.0), 1.0))
+    delta = math.atan(body.wheelbase / body.cg_to_rear * math.tan(slip))
+    return (after.v - before.v) / duration_s, min(max(delta, -body.delta_max), body.delta_max)
 
 
 def _lagged(target: float, start: float, lag: float, t: float) -> float:

@@ -25,7 +25,7 @@ from rudc.errors import SimulationError
 from rudc.world.brakes import Brakes
 from rudc.world.config import WorldConfig
 from rudc.world.contact import NOTHING, Body, Nearest, ego_body, nearer, survey
-from rudc.world.ego import EgoPlant
+from rudc.world.ego import EgoPlant, realised
 from rudc.world.events import Script, Stage
 from rudc.world.fault import Collision, judge
 from rudc.world.perception import Sensors
@@ -107,7 +107,8 @@ class World:
     ) -> Scene:
         """Set up an episode and return its first scene.
 
-        ego_driver "sumo" leaves the ego to SUMO's own driver, and `advance` then ignores its argument.
+        ego_driver "sumo" leaves the ego to SUMO's own driver; `advance` then ignores its argument, and the
+        scene's `last_u` is what that driver did.
         `options` go to SUMO's command line for this episode (`--fcd-output FILE`). A plan in which the ego
         cannot start safely is drawn again; `self.plan.attempt` says how often. Raises SimulationError when no
         draw is safe.
@@ -145,13 +146,16 @@ class World:
         self._decisions += 1
         self._last_u = np.array(u, dtype=float)
         reached = self._drive(scene, float(u[0]), float(u[1]))
-        scene = self._refresh()
+        if self._driven_by_sumo:
+            passed_s = self._sumo.time() - self._time0 - scene.time_s
+            self._last_u = np.array(realised(scene.ego, self._plant.state, passed_s, self.config.vehicle))
+        before, scene = scene, self._refresh()
         if reached.touched is None:
             reached = min(reached, self._nearest, key=lambda found: found.gap)
         off_road, wrong_way = self._leaves_road()
         overlaps = self._reader.new_overlaps(scene) if self._decisions % OVERLAPS_EVERY == 0 else 0
         density = len(self._reader.names) / self.network.road_km
-        hit = self._collision(reached.touched)
+        hit = None if reached.touched is None else self._collision(reached.touched, scene, before)
         return Advance(hit, off_road, wrong_way, reached.gap, overlaps, density, self._nearest.gap)
 
     def put_ego(self, x: float, y: float, psi: float, v: float = 0.0) -> Scene:
@@ -309,10 +313,10 @@ class World:
             now.append(body._replace(x=x, y=y, cos=math.cos(psi), sin=math.sin(psi)))
         return now
 
-    def _collision(self, hit: str | None) -> Collision | None:
-        scene = self.scene()
-        if hit is None or hit not in scene.ids:
-            return None
+    def _collision(self, hit: str, scene: Scene, before: Scene) -> Collision:
+        """Judged in the scene after the contact, or in the one before it should the other have left since."""
+        if hit not in scene.ids:
+            scene = before
         index = scene.ids.index(hit)
         return Collision(hit, Kind(scene.kind[index]), judge(scene, index, hit in self.stage.unlawful))
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from rudc.world.ego import GRAVITY, Actuation, EgoPlant
+from rudc.world.ego import GRAVITY, Actuation, EgoPlant, realised
 from rudc.world.scene import EgoVehicle
 
 BODY = EgoVehicle()
@@ -181,3 +181,18 @@ def test_two_half_steps_are_one_step(v, a, delta):
     assert [halves.x, halves.y, halves.psi, halves.v] == pytest.approx(
         [whole.x, whole.y, whole.psi, whole.v], abs=5e-4
     )
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.floats(1.0, 12.0), headings, accelerations, angles)
+def test_what_somebody_else_did_is_told_from_the_states(v, psi, a, delta):
+    plant = plant_at(0.0, 0.0, psi, v)
+    before = plant.state
+    plant.step(a, delta, DT)
+    after = plant.step(a, delta, DT)
+    assert realised(before, after, 2 * DT, BODY) == pytest.approx((a, delta), abs=1e-6)
+
+
+def test_a_standing_vehicle_says_nothing_about_its_wheels():
+    plant = plant_at(0.0, 0.0, 1.0, 0.0)
+    assert realised(plant.state, plant.state, 0.1, BODY) == (0.0, 0.0)

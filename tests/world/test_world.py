@@ -11,6 +11,7 @@ import pytest
 
 from rudc.errors import SimulationError, WorldBusyError
 from rudc.world.config import WorldConfig
+from rudc.world.contact import Nearest
 from rudc.world.geometry import overlapping_pairs, rectangle_gaps
 from rudc.world.network import load_network
 from rudc.world.scene import Scene
@@ -287,3 +288,33 @@ def test_a_driver_that_has_left_the_road_collides_with_nobody(world):
         scene = world.scene()
     assert scene.ego_s > scene.destination_s
     assert not any(advance.collision for advance in advances)
+
+
+def test_what_sumos_driver_does_is_the_action_of_its_scene(world):
+    scene = world.reset(PlanSource(density=0.0, turn="left", speed=(7.0, 7.0)).plan(1), ego_driver="sumo")
+    actions = []
+    while scene.ego_s < scene.destination_s:
+        before = scene
+        world.advance(np.array([9.0, 9.0]))
+        scene = world.scene()
+        actions.append(scene.last_u)
+        if scene.ego_s < scene.destination_s:
+            assert scene.last_u[0] == pytest.approx((scene.ego.v - before.ego.v) / 0.1, abs=1e-6)
+    acceleration, steering = np.array(actions).T
+    assert acceleration.max() > 0.5 and acceleration.min() > -7.0
+    assert 0.1 < steering.max() < 0.5 and steering.min() > -0.1, "it turns left"
+
+
+def test_a_hit_counts_although_the_other_has_left_since(world, monkeypatch):
+    world.reset(FOLLOW.plan(2))
+    other = world.scene().ids[0]
+
+    def hit_and_gone(*_):
+        world._sumo.remove(other)
+        world._sumo.step()
+        return Nearest(0.0, other)
+
+    monkeypatch.setattr(world, "_drive", hit_and_gone)
+    collision = world.advance(np.zeros(2)).collision
+    assert collision is not None and collision.other == other
+    assert other not in world.scene().ids
