@@ -128,3 +128,15 @@ def union_boundary(polygons: Sequence[Array], piece: float = 0.25) -> Array:
     segments, d, length = segments[length > 1e-6], d[length > 1e-6], length[length > 1e-6]
     outwards = np.column_stack([d[:, 1], -d[:, 0]]) / length[:, None]
     return segments[~in_any(polygons, segments.mean(axis=1) + GAP * outwards)]
+
+
+def straightened(pieces: Array) -> Array:
+    """(E, 2, 2) m, the same lines as pieces (B, 2, 2), each that goes straight on from the one before joined
+    to it."""
+    step = pieces[:, 1] - pieces[:, 0]
+    ahead = step / np.hypot(*step.T)[:, None]
+    meets = np.abs(pieces[1:, 0] - pieces[:-1, 1]).max(axis=1) < 1e-9
+    goes_on = meets & (np.abs(ahead[1:] - ahead[:-1]).max(axis=1) < 1e-9)
+    first = np.flatnonzero(np.concatenate([[True], ~goes_on]))
+    last = np.append(first[1:], len(pieces)) - 1
+    return np.stack([pieces[first, 0], pieces[last, 1]], axis=1)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, distance_transform_edt
 from scipy.spatial import KDTree
 
-from rudc.world.polyline import GAP, headings, in_any, inside, resample, union_boundary
+from rudc.world.polyline import GAP, headings, in_any, inside, resample, straightened, union_boundary
 
 Array = NDArray[np.float64]
 
@@ -23,6 +23,8 @@ CELL = 0.25
 """m, spacing of the raster points"""
 BAND = 2.0
 """m around the area in which the distance is exact"""
+POINTS_AT_ONCE = 512
+"""whose distances to all straights of the edge are kept at a time; they stay in the processor's cache"""
 MARGIN = 12.0
 """m of raster beyond the area's extent"""
 
@@ -42,9 +44,10 @@ class Surface:
         self.shape = tuple(int(n) for n in np.ceil((corners.max(axis=0) + MARGIN - self.origin) / CELL) + 1)
         """raster points along x and y"""
         self._x0, self._y0 = (float(v) for v in self.origin)
-        self._start = self.boundary[:, 0]
-        self._step = self.boundary[:, 1] - self.boundary[:, 0]
-        self._tree = KDTree(self.boundary.mean(axis=1))
+        straights = straightened(self.boundary)
+        self._start_x, self._start_y = straights[:, 0].T.copy()
+        self._step_x, self._step_y = (straights[:, 1] - straights[:, 0]).T.copy()
+        self._inverse_square = 1.0 / (self._step_x**2 + self._step_y**2)
         self._distance = self._build_distance()
         self._direction = self._build_direction(lanes)
         self._last = np.array([self.shape[0] - 1.001, self.shape[1] - 1.001])
@@ -95,14 +98,19 @@ class Surface:
         return self._direction.item(i * self.shape[1] + j)
 
     def _nearest(self, points: Array) -> Array:
-        """(N, 2) m, nearest point of the edge to points (N, 2): the best on the pieces with the nearest
-        middles."""
-        _, index = self._tree.query(points, k=min(3, len(self._start)))
-        start, step = self._start[index], self._step[index]
-        along = np.sum((points[:, None] - start) * step, axis=-1) / np.sum(step * step, axis=-1)
-        candidates = start + np.clip(along, 0.0, 1.0)[..., None] * step
-        best = np.argmin(np.sum((candidates - points[:, None]) ** 2, axis=-1), axis=1)
-        return candidates[np.arange(len(points)), best]
+        """(N, 2) m, nearest point of the edge to points (N, 2): the best on all its straights."""
+        nearest = np.empty_like(points)
+        for first in range(0, len(points), POINTS_AT_ONCE):
+            part = points[first : first + POINTS_AT_ONCE]
+            away_x, away_y = part[:, :1] - self._start_x, part[:, 1:] - self._start_y
+            along = (away_x * self._step_x + away_y * self._step_y) * self._inverse_square
+            along = np.minimum(np.maximum(along, 0.0), 1.0)
+            away_x -= along * self._step_x
+            away_y -= along * self._step_y
+            best = np.arange(len(part)), (away_x * away_x + away_y * away_y).argmin(axis=1)
+            nearest[first : first + len(part), 0] = part[:, 0] - away_x[best]
+            nearest[first : first + len(part), 1] = part[:, 1] - away_y[best]
+        return nearest
 
     def _window(self, polygon: Array) -> tuple[NDArray[np.int64], Array]:
         """Flat indices and positions (N, 2) m of the raster points in the polygon's bounding box."""

@@ -67,3 +67,13 @@ def test_the_boundary_of_a_union_leaves_out_shared_and_covered_edges():
     assert not np.any(
         polyline.inside(np.array([[0.1, 0.1], [7.9, 0.1], [7.9, 3.9], [0.1, 3.9]]), pieces.mean(axis=1))
     )
+
+
+def test_straightening_joins_what_goes_straight_on_and_nothing_else():
+    pieces = polyline.union_boundary([SQUARE])
+    straights = polyline.straightened(pieces)
+    assert len(pieces) == 64
+    np.testing.assert_allclose(straights[:, 0], SQUARE)
+    np.testing.assert_allclose(straights[:, 1], np.roll(SQUARE, -1, axis=0))
+    gap = np.delete(pieces, 5, axis=0)
+    assert len(polyline.straightened(gap)) == 5

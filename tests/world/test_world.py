@@ -301,8 +301,10 @@ def test_what_sumos_driver_does_is_the_action_of_its_scene(world):
         if scene.ego_s < scene.destination_s:
             assert scene.last_u[0] == pytest.approx((scene.ego.v - before.ego.v) / 0.1, abs=1e-6)
     acceleration, steering = np.array(actions).T
-    assert acceleration.max() > 0.5 and acceleration.min() > -7.0
-    assert 0.1 < steering.max() < 0.5 and steering.min() > -0.1, "it turns left"
+    assert acceleration.max() > 0.5
+    assert acceleration.min() > -7.0
+    assert 0.1 < steering.max() < 0.5, "it turns left"
+    assert steering.min() > -0.1
 
 
 def test_a_hit_counts_although_the_other_has_left_since(world, monkeypatch):
@@ -316,5 +318,6 @@ def test_a_hit_counts_although_the_other_has_left_since(world, monkeypatch):
 
     monkeypatch.setattr(world, "_drive", hit_and_gone)
     collision = world.advance(np.zeros(2)).collision
-    assert collision is not None and collision.other == other
+    assert collision is not None
+    assert collision.other == other
     assert other not in world.scene().ids
