@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from difflib import get_close_matches
+from functools import cache
 from pathlib import Path
 
 from rudc.data import data_folder
@@ -11,8 +12,9 @@ from rudc.scenario.base import refuse
 NETWORK_SUFFIXES = (".net.xml", ".net.xml.gz")
 
 
+@cache
 def shipped_networks() -> tuple[str, ...]:
-    """Names of the networks that come with the package, sorted."""
+    """Names of the networks that come with the package, sorted; looked for once."""
     folder = data_folder("sumo_networks")
     return tuple(sorted(path.parent.name for path in folder.glob("*/*.net.xml")))
 

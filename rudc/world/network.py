@@ -13,9 +13,10 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Callable, Iterable
-from functools import lru_cache
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache, lru_cache
 from pathlib import Path
+from types import MappingProxyType
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -250,10 +251,12 @@ def _unknown(problem: str, given: str, known: Iterable[str]) -> str:
     return f"{problem}{hint}; there are: {', '.join(names)}"
 
 
-def shipped_networks() -> dict[str, Path]:
-    """Name -> .net.xml of the networks that come with RUDC."""
+@cache
+def shipped_networks() -> Mapping[str, Path]:
+    """Name -> .net.xml of the networks that come with RUDC; looked for once."""
     folder = data_folder("sumo_networks")
-    return {path.name.removesuffix(".net.xml"): path for path in sorted(folder.glob("*/*.net.xml"))}
+    found = sorted(folder.glob("*/*.net.xml"))
+    return MappingProxyType({path.name.removesuffix(".net.xml"): path for path in found})
 
 
 def load_network(source: str | Path, junction: str | None = None) -> Network:

@@ -8,9 +8,11 @@ libsumo holds one simulation per process: a second `start` would silently destro
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
-from collections.abc import Callable, Sequence
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -85,6 +87,26 @@ def _sumo_angle(psi: float) -> float:
     return (90.0 - math.degrees(psi)) % 360.0
 
 
+@contextlib.contextmanager
+def _as_file(text: str) -> Iterator[str]:
+    """Path of a file with that text, there only while SUMO loads: a process that is killed leaves nothing."""
+    try:
+        descriptor, path = tempfile.mkstemp(prefix="rudc-", suffix=".add.xml")
+    except OSError as error:
+        raise SimulationError(f"no place for a temporary file: {error}; set TMPDIR") from error
+    try:
+        try:
+            with open(descriptor, "w", encoding="utf-8") as file:
+                file.write(text)
+        except OSError as error:
+            raise SimulationError(
+                f"cannot write {path}: {error.strerror}; make room or set TMPDIR"
+            ) from error
+        yield path
+    finally:
+        os.unlink(path)
+
+
 class Sumo:
     """A running simulation of one road network.
 
@@ -111,9 +133,13 @@ class Sumo:
         if _owner == os.getpid():
             _owner = None
 
-    def load(self, seed: int, additional: Path, options: Sequence[str] = ()) -> None:
-        """Begin anew: empty roads, the vehicle types of the additional file, SUMO's generator seeded."""
-        arguments = [*self._arguments, "--seed", str(seed), "--additional-files", str(additional), *options]
+    def load(self, seed: int, additional: str, options: Sequence[str] = ()) -> None:
+        """Begin anew: empty roads, the vehicle types of the additional file (its text), SUMO's generator
+        seeded."""
+        with _as_file(additional) as path:
+            self._load([*self._arguments, "--seed", str(seed), "--additional-files", path, *options])
+
+    def _load(self, arguments: list[str]) -> None:
         try:
             if self._started:
                 libsumo.load(arguments)

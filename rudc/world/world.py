@@ -12,10 +12,7 @@ sub-step, events act and, at every second decision, the yielding layer brakes SV
 
 from __future__ import annotations
 
-import hashlib
 import math
-import tempfile
-from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
@@ -79,7 +76,6 @@ class World:
         self.network = network
         self.config = config or WorldConfig()
         self._sumo = Sumo(network.path, self.config.substep_s, self.config.sumo_options)
-        self._folder = tempfile.TemporaryDirectory(prefix="rudc-")
         self.traffic = Traffic(self._sumo, network)
         self._plant = EgoPlant(self.config.vehicle)
         self._scene: Scene | None = None
@@ -96,7 +92,6 @@ class World:
     def close(self) -> None:
         """End the simulation, so that another world may be made in this process."""
         self._sumo.close()
-        self._folder.cleanup()
 
     def reset(
         self,
@@ -177,7 +172,8 @@ class World:
         plan = self.plan
         traffic_rng, ego_rng, self._sensor_rng, event_rng = np.random.default_rng(plan.world_seed).spawn(4)
         self._driven_by_sumo = ego_driver == "sumo"
-        self._sumo.load(int(traffic_rng.integers(2**31 - 1)), self._types(), options)
+        types = type_file(plan.traffic, self.config.vehicle)
+        self._sumo.load(int(traffic_rng.integers(2**31 - 1)), types, options)
         self._time0 = self._waited = 0.0
         self._last_u = np.zeros(2)
         self._on_road = (0.0, 0.0, 0.0, -math.inf)
@@ -209,13 +205,6 @@ class World:
         self._destination_s = min(route.exit_s + plan.destination_m, route.length - half - 1.0)
         x, y, psi = (float(value) for value in route.path.pose(self._ego_s))
         self._plant.reset(x, y, psi, plan.speed_mps)
-
-    def _types(self) -> Path:
-        text = type_file(self.plan.traffic, self.config.vehicle)
-        path = Path(self._folder.name) / f"{hashlib.sha1(text.encode()).hexdigest()[:12]}.add.xml"
-        if not path.exists():
-            path.write_text(text)
-        return path
 
     def _warm_up(self, duration_s: float) -> None:
         for _ in range(max(round(duration_s / self.config.decision_s), 1)):

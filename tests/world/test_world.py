@@ -321,3 +321,17 @@ def test_a_hit_counts_although_the_other_has_left_since(world, monkeypatch):
     assert collision is not None
     assert collision.other == other
     assert other not in world.scene().ids
+
+
+def test_nothing_lies_about_while_a_world_runs(world, monkeypatch, tmp_path):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    world.reset(FOLLOW.plan(0))
+    assert not list(tmp_path.iterdir()), "so a process that is killed leaves nothing"
+
+
+def test_no_room_for_temporary_files_is_said(world, monkeypatch, tmp_path):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "gone"))
+    with pytest.raises(SimulationError, match="TMPDIR"):
+        world.reset(FOLLOW.plan(0))
+    monkeypatch.undo()
+    world.reset(FOLLOW.plan(0))
