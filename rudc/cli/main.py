@@ -6,6 +6,7 @@ run.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 from typing import Annotated
@@ -13,7 +14,7 @@ from typing import Annotated
 import typer
 
 import rudc
-from rudc.cli import agent, network, run, scenario, sweep, table, train
+from rudc.cli import agent, network, residual, run, scenario, sweep, table, train
 from rudc.errors import RudcError
 
 app = typer.Typer(
@@ -31,6 +32,7 @@ app.command("train")(train.train)
 app.add_typer(scenario.app, name="scenario")
 app.add_typer(network.app, name="network")
 app.add_typer(agent.app, name="agent")
+app.add_typer(residual.app, name="residual")
 
 
 def _show_version(wanted: bool) -> None:
@@ -51,12 +53,23 @@ def options(
 def main() -> None:
     """Run the command line and leave with its exit status."""
     try:
-        app(prog_name="rudc")
+        try:
+            app(prog_name="rudc")
+        finally:
+            sys.stdout.flush()
     except RudcError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(error.exit_code)
     except KeyboardInterrupt:
         sys.exit(130)
-    except BrokenPipeError:  # whoever read our output has had enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:
+        if not isinstance(error, BrokenPipeError):  # with those, whoever read our output has had enough
+            print(f"error: {error}", file=sys.stderr)
+        _drop_output()
         sys.exit(1)
+
+
+def _drop_output() -> None:
+    """What is still to be written to stdout cannot be; without this the interpreter would try at its end."""
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

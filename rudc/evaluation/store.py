@@ -7,6 +7,7 @@ break. Rewriting (dropping rows, sorting) goes to a file beside it that then rep
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import errno
 import io
@@ -28,7 +29,17 @@ def format_row(cells: Sequence[str]) -> str:
 
 
 def write_atomically(path: Path, text: str) -> None:
-    """Replace a file's content; a kill leaves the old content or the new, never a mixture."""
+    """Replace a file's content; a kill leaves the old content or the new, never a mixture.
+
+    What is no plain file (a device, a pipe) is written to, not replaced. Raises StorageError.
+    """
+    try:
+        if path.exists() and not path.is_file():
+            path.write_text(text, encoding="utf-8", newline="")
+            return
+    except OSError as error:
+        explain(path, error)
+    path = path.resolve()  # a link is kept, and what it leads to replaced
     draft = path.with_name(f".{path.name}.new")
     try:
         with open(draft, "w", encoding="utf-8", newline="") as file:
@@ -37,18 +48,16 @@ def write_atomically(path: Path, text: str) -> None:
             os.fsync(file.fileno())
         os.replace(draft, path)
     except OSError as error:
-        draft.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            draft.unlink()
         explain(path, error)
 
 
 def explain(path: Path, error: OSError) -> NoReturn:
-    """Raise the StorageError that says what became of the results."""
+    """Raise the StorageError that says why."""
     full = error.errno in (errno.ENOSPC, errno.EDQUOT)
     reason = "the disk is full" if full else (error.strerror or str(error))
-    raise StorageError(
-        f"cannot write {path}: {reason}. All rows written before are kept; "
-        "make room and run the same command with --resume"
-    ) from error
+    raise StorageError(f"cannot write {path}: {reason}") from error
 
 
 class RowFile:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, Protocol
 
-from rudc.errors import SweepError
+from rudc.errors import StorageError, SweepError
 from rudc.evaluation.engine import Result, RunnerFactory, run_local
 from rudc.evaluation.folder import SweepFolder
 from rudc.evaluation.ray_engine import find_ray, run_ray
@@ -82,14 +82,31 @@ def run_sweep(
         raise SweepError(f"a sweep needs at least one worker, not {workers}")
     if engine == "ray":
         find_ray()  # before the folder is touched
-    progress = progress or Silent()
     with SweepFolder(out, plan) as folder:
         folder.open(resume)
-        todo = [task for task in folder.tasks if task.key(folder.parameters) not in folder.finished]
-        progress.begin(len(folder.tasks), len(folder.finished), folder.warnings)
-        if todo:
-            with closing(ENGINES[engine](todo, workers, limit_s, make_runner)) as results:  # pyright: ignore
-                for task, record in results:
-                    folder.add(task, record)
-                    progress.advance(task, record)
-        return SweepResult(out, folder.complete(), folder.parameters)
+        try:
+            return _finish(folder, workers, engine, limit_s, make_runner, progress or Silent())
+        except StorageError as error:
+            raise StorageError(
+                f"{error}. All rows written before are kept; "
+                "once that is mended, run the same command with --resume"
+            ) from error
+
+
+def _finish(
+    folder: SweepFolder,
+    workers: int,
+    engine: EngineName,
+    limit_s: float,
+    make_runner: RunnerFactory,
+    progress: Progress,
+) -> SweepResult:
+    """Run what is not finished yet in an open folder."""
+    todo = [task for task in folder.tasks if task.key(folder.parameters) not in folder.finished]
+    progress.begin(len(folder.tasks), len(folder.finished), folder.warnings)
+    if todo:
+        with closing(ENGINES[engine](todo, workers, limit_s, make_runner)) as results:  # pyright: ignore
+            for task, record in results:
+                folder.add(task, record)
+                progress.advance(task, record)
+    return SweepResult(folder.path, folder.complete(), folder.parameters)

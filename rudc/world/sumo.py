@@ -148,7 +148,7 @@ class Sumo:
                 self._started = True
         except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
             self._started = False
-            raise SimulationError(f"SUMO could not load the network: {error}") from error
+            raise SimulationError(f"SUMO could not begin: {error}") from error
 
     def step(self) -> None:
         """Advance by one simulation step."""

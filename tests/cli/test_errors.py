@@ -1,5 +1,8 @@
 """Wrong input: exit status 2, one clear message on stderr, no traceback."""
 
+import subprocess
+import sys
+
 import pytest
 
 SWEEP = ("sweep", "random_destination", "--agent", "follower", "--episodes", "1", "--out", "out")
@@ -93,3 +96,14 @@ def test_results_that_cannot_be_written_are_a_failure_of_the_work(rudc, tmp_path
     answer = rudc("scenario", "schema", "--out", "file/schema.json")
     assert answer.status == 1
     assert answer.err.startswith("error: cannot")
+
+
+def test_output_that_cannot_be_written_is_said_without_a_traceback():
+    with open("/dev/full", "w") as full:
+        ended = subprocess.run(
+            [sys.executable, "-m", "rudc", "scenario", "list"],
+            stdout=full, stderr=subprocess.PIPE, text=True, check=False,
+        )  # fmt: skip
+    assert ended.returncode == 1
+    assert ended.stderr.startswith("error: ")
+    assert len(ended.stderr.splitlines()) == 1

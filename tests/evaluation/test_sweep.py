@@ -164,6 +164,17 @@ def test_a_folder_with_something_in_it_is_refused(fakes, make_plan, tmp_path):
     assert len(list(tmp_path.iterdir())) == 1
 
 
+def test_where_no_folder_can_be_is_said(fakes, make_plan, tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(SweepError, match=r"file is a file; give another --out"):
+        run_sweep(make_plan(), tmp_path / "file", fakes.Runner)
+    with pytest.raises(SweepError, match=r"cannot be made a folder \(Not a directory\); give another --out"):
+        run_sweep(make_plan(), tmp_path / "file" / "x", fakes.Runner)
+    monkeypatch.setattr("rudc.evaluation.folder.os.access", lambda *_: False)
+    with pytest.raises(SweepError, match=r"no permission.*; give another --out"):
+        run_sweep(make_plan(), tmp_path / "locked", fakes.Runner)
+
+
 def test_another_configuration_is_refused_and_what_differs_is_said(fakes, make_plan, tmp_path):
     run_sweep(make_plan(episodes=2), tmp_path, fakes.Runner)
     before = (tmp_path / "episodes.csv").read_bytes()
@@ -222,7 +233,7 @@ def test_a_full_disk_ends_the_sweep_and_keeps_what_is_there(fakes, make_plan, tm
 
     with monkeypatch.context() as patch:
         patch.setattr(RowFile, "_write", full)
-        with pytest.raises(StorageError, match="the disk is full"):
+        with pytest.raises(StorageError, match=r"the disk is full\. .* are kept; .* with --resume"):
             run_sweep(plan, tmp_path / "out", fakes.Runner)
     assert len(read_sweep(tmp_path / "out")[0]) == 4
     run_sweep(plan, tmp_path / "out", fakes.Runner, resume=True)
