@@ -37,11 +37,13 @@ class Algorithm:
     """in a sentence"""
     filter: Literal["ttcbf", "ecbf"] | None
     """safety filter behind the policy, in training and after"""
+    slack_gain: float = 0.0
+    """eta of delta(sigma) that its training starts from, see `DriverConfig`"""
 
 
 ALGORITHMS = {
-    "rudc-t": Algorithm("RUDC with truncated Taylor control barrier functions.", "ttcbf"),
-    "rudc-e": Algorithm("RUDC with exponential control barrier functions.", "ecbf"),
+    "rudc-t": Algorithm("RUDC with truncated Taylor control barrier functions.", "ttcbf", 0.4),
+    "rudc-e": Algorithm("RUDC with exponential control barrier functions.", "ecbf", 0.04),
     "rudc-wo-cbf": Algorithm("RUDC without a safety filter.", None),
 }
 """name -> what it is"""

@@ -43,10 +43,13 @@ Numbers: points and vectors of the plane are complex; r conj(e) = p + i q, conj(
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from rudc.safety.road_points import RoadPoints
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -81,6 +84,9 @@ class Constraints:
     """(2, K) m2, B^2 + eps0 of the ego (first row) and of the constraint; 1 for the road"""
     stretch: Array
     """(2, K) m2, A^2 - B^2 of both; 0 for the road"""
+
+    road: RoadPoints | None = None
+    """the edges of the road that the last K - n are on; None if there are none"""
 
     @property
     def count(self) -> int:

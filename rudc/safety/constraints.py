@@ -59,6 +59,7 @@ class ConstraintBuilder:
             margin=margin,
             short=both_short,
             stretch=both_stretch,
+            road=self._road_points,
         )
 
     def _ellipses(self, scene: Scene) -> tuple[Array, Array]:

@@ -2,8 +2,8 @@
 
 Paper, Sec. "Uncertainty-embedded Constraints": h(x_next) = h + dt h' + dt^2/2 h'' + w, where w is due to
 what the filter's model leaves out: slip, actuators, vehicles that brake, accelerate or turn, the rest of the
-Taylor series. f_c with c = vehicle or road predicts w from xi: the normalised proposed action, the state of the
-ego and of the constraint. Both are networks of two hidden layers,
+Taylor series. f_c with c = vehicle or road predicts w from xi: the normalised proposed action, the state of
+the ego and of the constraint. Both are networks of two hidden layers,
 
     w = scale (gelu(gelu((xi - mean) / spread W1 + b1) W2 + b2) W3 + b3)
 
@@ -26,7 +26,7 @@ from safetensors.numpy import load_file
 
 from rudc.data import data_folder
 from rudc.errors import AgentError
-from rudc.safety.barrier import Array, Constraints
+from rudc.safety.barrier import Array, Constraints, Terms
 from rudc.world.paths import SPACING
 from rudc.world.scene import Scene
 
@@ -36,6 +36,8 @@ HEADS = ("vehicle", "road")
 SHIPPED = "results/residual"
 """where the predictor that comes with RUDC lies"""
 FILE = "predictor.safetensors"
+STEP = 0.1
+"""s, how long an action is held"""
 VEHICLE = (
     "acceleration / 6",
     "tan(steering)",
@@ -68,17 +70,19 @@ ROAD = (
     "reference point",
     "buffer",
     "path's curvature * 10",
+    "distance one step straight on / 20",
 )
-"""xi of road-edge points"""
+"""xi of road-edge points; the last one tells where the edge leads, which the row takes for straight"""
 
 
 def features(scene: Scene, constraints: Constraints, u_rl: Array) -> tuple[Array, Array]:
-    """xi of the vehicles (n, 17) and of the road-edge points (K - n, 11), for a proposed action `u_rl` (2,):
+    """xi of the vehicles (n, 17) and of the road-edge points (K - n, 12), for a proposed action `u_rl` (2,):
     acceleration m/s2, front-wheel angle rad.
     """
     ego, n, k = scene.ego, constraints.vehicles, constraints.count
+    a = max(float(u_rl[0]), -ego.v / STEP)  # no driving backwards, as in the filter
     heading = complex(math.cos(ego.psi), math.sin(ego.psi))
-    own = (u_rl[0] / 6, math.tan(u_rl[1]), ego.v / 10, ego.acceleration / 6, math.tan(ego.steering))
+    own = (a / 6, math.tan(u_rl[1]), ego.v / 10, ego.acceleration / 6, math.tan(ego.steering))
     away = (constraints.position - constraints.offset * heading - complex(ego.x, ego.y)) * heading.conjugate()
     vehicles, road = np.empty((n, len(VEHICLE))), np.empty((k - n, len(ROAD)))
     for xi, part in ((vehicles, away[:n]), (road, away[n:])):
@@ -99,7 +103,18 @@ def features(scene: Scene, constraints: Constraints, u_rl: Array) -> tuple[Array
         at = min(max(int(scene.ego_s / SPACING), 0), len(path.curvature) - 1)
         road[:, 8], road[:, 9] = constraints.offset[n:], constraints.margin[n:]
         road[:, 10] = 10 * path.curvature[at]
+        if constraints.road is not None:
+            way = ego.v * STEP
+            there = complex(ego.x, ego.y) + way * heading
+            road[:, 11] = np.abs(constraints.road.away(there, heading, scene.ego_s + way)) / 20
     return vehicles, road
+
+
+def predicted_change(terms: Terms, a: float, z: float) -> Array:
+    """(K,) m2, dt h' + dt^2/2 h'' at acceleration `a` m/s2 and z = tan of the steering angle."""
+    first = terms.lf + terms.lg * z
+    second = terms.lf2 + terms.lglf_a * a + (terms.lglf_z + terms.lflg + terms.az * a + terms.zz * z) * z
+    return STEP * first + 0.5 * STEP * STEP * second
 
 
 def _yaw_rates(scene: Scene, others: NDArray[np.int64]) -> Array:

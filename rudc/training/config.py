@@ -102,7 +102,9 @@ class TrainConfig(_Model):
         """
         if algorithm not in ALGORITHMS:
             raise InputError(f"no algorithm {algorithm!r}; there are {', '.join(ALGORITHMS)}")
-        of_driver = {k: changes.pop(k) for k in tuple(changes) if k in DriverConfig.model_fields}
+        own = ALGORITHMS[algorithm]
+        of_driver: dict[str, Any] = {"residual": own.filter is not None, "slack_gain": own.slack_gain}
+        of_driver |= {k: changes.pop(k) for k in tuple(changes) if k in DriverConfig.model_fields}
         steps, seed = changes.get("steps", cls.model_fields["steps"].default), changes.get("seed", 0)
         every = changes.get("update_every", cls.model_fields["update_every"].default)
         try:

@@ -33,10 +33,13 @@ import torch
 from numpy.typing import NDArray
 
 from rudc.agents.checkpoint import LATEST, Learnt, aside_of, replace_folder, save_learnt
+from rudc.agents.learned import RESIDUAL
 from rudc.agents.learning.checkpoint import load_state, save_state
+from rudc.agents.learning.parameters import Arrays
 from rudc.agents.learning.sac import RudcLearner
 from rudc.agents.learning.uncertainty import RunningPercentiles, uncertainty
 from rudc.errors import AgentError, InputError, StorageError, TrainingError
+from rudc.safety.residual import shipped_predictor
 from rudc.scenario import load_scenario
 from rudc.training.collect import Finished
 from rudc.training.config import TrainConfig
@@ -63,6 +66,9 @@ class Trainer:
         except (RuntimeError, AssertionError) as error:
             raise InputError(f"device {config.device!r} cannot be used: {error}") from error
         self._replay = Replay(config.driver.learner, config.replay_size, config.seed)
+        self._residual: Arrays = {}  # the agent takes its predictor along: another may be shipped one day
+        if config.driver.residual:
+            self._residual = {RESIDUAL + name: part for name, part in shipped_predictor().arrays.items()}
         self._sigmas = RunningPercentiles()
         self._round = 0
         self._finished: list[Finished] = []
@@ -212,7 +218,8 @@ class Trainer:
             "seed": self._config.seed,
             "configuration": self._config.model_dump(mode="json", exclude={"driver"}),
         }
-        save_learnt(new, Learnt(self._config.driver, self._learner.arrays(), self._percentiles(), summary))
+        arrays = self._learner.arrays() | self._residual
+        save_learnt(new, Learnt(self._config.driver, arrays, self._percentiles(), summary))
         state = {f"learner/{k}": v for k, v in self._learner.state().items()}
         state |= {f"sigma/{k}": v for k, v in self._sigmas.state().items()}
         counters = {"round": self._round, "wall_s": self._elapsed()}

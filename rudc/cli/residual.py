@@ -1,0 +1,121 @@
+"""`rudc residual`: collect, fit, evaluate."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rudc.cli.console import note, print_table
+from rudc.errors import InputError, StorageError
+
+if TYPE_CHECKING:
+    from rudc.safety.residual import ResidualPredictor
+    from rudc.training.residual_data import Dataset
+
+app = typer.Typer(no_args_is_help=True, help="The predictor of what the filter's model leaves out.")
+
+Data = Annotated[Path, typer.Argument(metavar="DATA", help="File of `rudc residual collect`.")]
+
+
+@app.command()
+def collect(
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="Where the samples go.")],
+    samples: Annotated[int, typer.Option(min=100, help="Of vehicles, and as many of the road.")] = 200_000,
+    seed: Annotated[int, typer.Option(min=0, help="Of everything that is drawn.")] = 0,
+    agent: Annotated[
+        str | None, typer.Option("--agent", "-a", help="Whose actions; random ones if left out.")
+    ] = None,
+) -> None:
+    """Drive, and record what the filter predicts and what comes true.
+
+    **Example**: `rudc residual collect --out out/residual.safetensors`
+    """
+    from rudc.agents.registry import make_agent
+    from rudc.training.residual_data import collect as run
+    from rudc.training.residual_data import save_dataset
+
+    driver = None if agent is None else make_agent(agent)
+    if driver is not None and driver.ego_driver == "sumo":
+        raise InputError("SUMO's own driver takes no actions: nothing can be predicted of them")
+    said = 0
+
+    def advance(count: int) -> None:
+        nonlocal said
+        if count - said >= 20_000:
+            said = count
+            note(f"{count}/{samples} samples")
+
+    save_dataset(out, run(samples, seed, driver, advance))
+    note(f"done: {out}")
+
+
+@app.command()
+def fit(
+    data: Data,
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="Where the predictor goes.")],
+    seed: Annotated[int, typer.Option(min=0, help="Of initial weights and batches.")] = 0,
+) -> None:
+    """Learn a predictor, and measure it on the episodes that were held out.
+
+    **Example**: `rudc residual fit out/residual.safetensors --out out/predictor.safetensors`
+    """
+    if find_spec("torch") is None:
+        raise InputError("fitting needs torch: pip install 'rudc[train]'")
+    from safetensors.numpy import save_file
+
+    from rudc.training.residual_data import load_dataset
+    from rudc.training.residual_fit import EPOCHS
+    from rudc.training.residual_fit import fit as run
+
+    def progress(head: str, epoch: int, loss: float) -> None:
+        if epoch % 50 == 0:
+            note(f"{head}, epoch {epoch}/{EPOCHS}: loss {loss:.4f}")
+
+    dataset = load_dataset(data)
+    predictor = run(dataset, seed, progress=progress)
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        save_file(predictor.arrays, out)
+    except OSError as error:
+        raise StorageError(f"{out}: the predictor could not be written: {error}") from error
+    _show(dataset, predictor, only_held_out=True)
+
+
+@app.command()
+def evaluate(
+    data: Data,
+    predictor: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="The predictor; the shipped one if left out.")
+    ] = None,
+    held_out: Annotated[
+        bool, typer.Option("--held-out", help="Only on the episodes that fitting to DATA leaves out.")
+    ] = False,
+) -> None:
+    """Measure a predictor.
+
+    **Example**: `rudc residual evaluate out/residual.safetensors --held-out`
+    """
+    if find_spec("torch") is None:
+        raise InputError("measuring needs torch: pip install 'rudc[train]'")
+    from rudc.safety.residual import load_predictor, shipped_predictor
+    from rudc.training.residual_data import load_dataset
+
+    chosen = shipped_predictor() if predictor is None else load_predictor(predictor)
+    _show(load_dataset(data), chosen, only_held_out=held_out)
+
+
+def _show(dataset: Dataset, predictor: ResidualPredictor, *, only_held_out: bool) -> None:
+    from rudc.training.residual_fit import evaluate as run
+
+    rows = []
+    for found in run(dataset, predictor, only_held_out=only_held_out):
+        for name, score in (("model alone", found.model), ("with predictor", found.predictor)):
+            cells = [f"{score.r2:.5f}", f"{score.mae:.4f}", f"{score.rmse:.4f}"]
+            explained = f"{found.explained:.3f}" if name == "with predictor" else ""
+            rows.append([found.head, str(found.samples), name, *cells, explained])
+    print_table(
+        ["head", "samples", "change of h by", "R2", "MAE (m2)", "RMSE (m2)", "share of w explained"], rows
+    )

@@ -1,0 +1,211 @@
+"""Samples for the residual predictor: what the filter predicts of h over one step, and what becomes of it.
+
+Random actions (paper, Appx. "Validation of CBF residual predictor"), or an agent's, drive through episodes.
+Of each decision a few constraints are kept, drawn at random: xi (see rudc/safety/residual.py), the change of
+h that came true, and the residual w = that change less the predicted one, at the action that was executed.
+Buffers are drawn anew for each decision, so that a predictor learns to serve any.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import SafetensorError
+from safetensors.numpy import load_file, save_file
+
+from rudc.agents.algorithms import DriverConfig
+from rudc.agents.base import Agent, Decision
+from rudc.env.episode import Episode
+from rudc.errors import InputError, StorageError
+from rudc.safety.barrier import Constraints, barrier_terms
+from rudc.safety.config import FilterConfig
+from rudc.safety.constraints import ConstraintBuilder
+from rudc.safety.residual import HEADS, features, predicted_change
+from rudc.training.config import Curriculum
+from rudc.training.curriculum import make_mixture
+from rudc.world.network import load_network
+from rudc.world.scene import Array, Scene
+from rudc.world.world import World
+
+BUFFERS = {"vehicle": (0.0, 0.8), "road": (0.0, 0.5)}
+"""m, between which d_safe is drawn"""
+KEPT = 2
+"""constraints of each head that are kept of a decision"""
+NEAR = 40.0
+"""m, vehicles farther than this are left out: no row about them ever binds"""
+LONGEST_HOLD = 10
+"""decisions for which a random action is held at most"""
+STARTING = 0.3
+"""share of random actions that do not brake: uniform ones would soon stand still"""
+
+Floats = NDArray[np.float32]
+
+
+class Samples(NamedTuple):
+    """M samples of one head."""
+
+    xi: Floats
+    """(M, F) features"""
+    change: Floats
+    """(M,) m2, h(x_next) - h(x)"""
+    w: Floats
+    """(M,) m2, what of it was not predicted"""
+    episode: NDArray[np.int32]
+    """(M,) which episode each is from"""
+
+
+Dataset = dict[str, Samples]
+"""head -> its samples"""
+
+
+class RandomActions:
+    """Actions at random, each held for a while, from the same space as learnt agents' (`adjustment`)."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._rng, self._config = rng, DriverConfig()
+        self._action, self._left = np.zeros(2), 0
+
+    def act(self, scene: Scene) -> Decision:
+        """What was drawn last, or a new draw."""
+        if self._left == 0:
+            self._action, self._left = (
+                self._rng.uniform(-1.0, 1.0, 2),
+                int(self._rng.integers(1, LONGEST_HOLD + 1)),
+            )
+            if self._rng.random() < STARTING or scene.ego.v < 1.0:
+                self._action[0] = abs(self._action[0])
+        self._left -= 1
+        u = self._config.physical(self._action, scene)
+        return Decision(u, u)
+
+
+def collect(samples: int, seed: int, agent: Agent | None, advance: Callable[[int], None]) -> Dataset:
+    """So many samples of each head from random destinations. `agent`: whose actions, None for random ones;
+    `advance` is told how many there are.
+    """
+    rng = np.random.default_rng((seed, 77))
+    mixture = make_mixture("random_destination", Curriculum())
+    first = mixture.scenarios[0]
+    world = World(load_network(first.network, first.junction))
+    keepers = {head: _Keeper(samples) for head in HEADS}
+    try:
+        number = 0
+        while not all(keeper.full for keeper in keepers.values()):
+            plan = mixture.draw(rng)
+            _drive(Episode(world), plan, agent or RandomActions(rng), rng, keepers, number)
+            number += 1
+            advance(min(keeper.count for keeper in keepers.values()))
+    finally:
+        world.close()
+    return {head: keeper.samples() for head, keeper in keepers.items()}
+
+
+def _drive(episode: Episode, plan, driver, rng, keepers: Mapping[str, _Keeper], number: int) -> None:
+    scene = episode.reset(plan)
+    if hasattr(driver, "reset"):
+        driver.reset(scene, plan.seed)
+    before_builder, after_builder = ConstraintBuilder(_ALL), ConstraintBuilder(_ALL)
+    while episode.outcome is None:
+        decision = driver.act(scene)
+        constraints = _buffered(before_builder.build(scene), rng)
+        result = episode.step(decision.u)
+        _keep(scene, result.scene, decision, constraints, after_builder, rng, keepers, number)
+        scene = result.scene
+
+
+_ALL = FilterConfig(constrained="all", d_safe=0.0, max_vehicles=1000)
+
+
+def _buffered(constraints: Constraints, rng: np.random.Generator) -> Constraints:
+    extra = np.where(
+        constraints.mode > 0,
+        rng.uniform(*BUFFERS["vehicle"]),
+        rng.uniform(*BUFFERS["road"]) - _ALL.road_d_safe,
+    )
+    return replace(constraints, margin=constraints.margin + extra)
+
+
+def _keep(scene, after, decision, constraints, builder, rng, keepers, number) -> None:
+    """Add what is worth keeping of one decision."""
+    body, u = scene.vehicle, decision.u
+    later = builder.build(after)
+    where = {name: i for i, name in enumerate(later.names)}
+    met = [i for i, name in enumerate(constraints.names) if name in where]
+    matched = [where[constraints.names[i]] for i in met]
+    later = replace(later, margin=_at(later.margin, matched, constraints.margin[met]))
+    terms = _terms(scene, constraints)
+    a = max(float(u[0]), -scene.ego.v / _ALL.dt)
+    change = np.full(constraints.count, np.nan)
+    change[met] = _terms(after, later).h[matched] - terms.h[met]
+    w = change - predicted_change(terms, min(max(a, body.a_min), body.a_max), float(np.tan(u[1])))
+    n = constraints.vehicles
+    near = np.abs(constraints.position - complex(scene.ego.x, scene.ego.y)) < NEAR
+    for head, xi, part in zip(
+        HEADS, features(scene, constraints, decision.u_rl), (slice(0, n), slice(n, None)), strict=True
+    ):
+        able = np.flatnonzero(np.isfinite(w[part]) & near[part])
+        chosen = rng.permutation(able)[:KEPT]
+        keepers[head].add(xi[chosen], change[part][chosen], w[part][chosen], number)
+
+
+def _at(values: Array, index: list[int], new: Array) -> Array:
+    changed = values.copy()
+    changed[index] = new
+    return changed
+
+
+def _terms(scene: Scene, constraints: Constraints):
+    ego = scene.ego
+    heading = complex(np.cos(ego.psi), np.sin(ego.psi))
+    return barrier_terms(complex(ego.x, ego.y), heading, ego.v, scene.vehicle.wheelbase, constraints)
+
+
+class _Keeper:
+    """Samples of one head as they come."""
+
+    def __init__(self, wanted: int) -> None:
+        self._wanted, self.count = wanted, 0
+        self._parts: list[tuple[Array, Array, Array, NDArray[np.int32]]] = []
+
+    @property
+    def full(self) -> bool:
+        return self.count >= self._wanted
+
+    def add(self, xi: Array, change: Array, w: Array, episode: int) -> None:
+        if not self.full and len(w):
+            self._parts.append((xi, change, w, np.full(len(w), episode, np.int32)))
+            self.count += len(w)
+
+    def samples(self) -> Samples:
+        xi, change, w, episode = (
+            np.concatenate(part)[: self._wanted] for part in zip(*self._parts, strict=True)
+        )
+        return Samples(xi.astype(np.float32), change.astype(np.float32), w.astype(np.float32), episode)
+
+
+def save_dataset(path: Path, dataset: Dataset) -> None:
+    """Write samples to a file. Raises StorageError."""
+    arrays = {f"{head}/{k}": v for head, samples in dataset.items() for k, v in samples._asdict().items()}
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        save_file({k: np.ascontiguousarray(v) for k, v in arrays.items()}, path)
+    except (OSError, SafetensorError) as error:
+        raise StorageError(f"{path}: samples could not be written: {error}") from error
+
+
+def load_dataset(path: Path) -> Dataset:
+    """Read samples. Raises InputError."""
+    try:
+        arrays = load_file(path)
+        return {head: Samples(*(arrays[f"{head}/{k}"] for k in Samples._fields)) for head in HEADS}
+    except FileNotFoundError:
+        raise InputError(
+            f"no samples in {path}: `rudc residual collect --out {path}` collects them"
+        ) from None
+    except (OSError, SafetensorError, KeyError) as error:
+        raise InputError(f"{path} holds no samples of residuals: {error}") from None

@@ -1,0 +1,140 @@
+"""Learning the residual predictor, and measuring it (paper, Tab. "Hyper-Parameters", Appx. "Validation").
+
+Huber loss of w / scale by Adam, with scale the standard deviation of w. Nobody can foresee that one of SUMO's
+vehicles changes lanes within a step, which is 100 m2 at times; squares of that would drown the rest. Every
+tenth episode is held out, whole: samples of one episode resemble each other. What is stated is how well the
+change of h itself is predicted, by the model alone and with the predictor, and how much of w is explained.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from rudc.safety.residual import HEADS, ResidualPredictor
+from rudc.training.residual_data import Dataset, Samples
+
+HIDDEN = 64
+EPOCHS, BATCH, RATE = 300, 4096, 3e-4
+HOLD_OUT = 10
+"""every so manieth episode is held out"""
+
+
+class Score(NamedTuple):
+    """How well a change of h over one step is predicted, on held-out samples."""
+
+    r2: float
+    """share of the change's variance that is explained"""
+    mae: float
+    """m2"""
+    rmse: float
+    """m2"""
+
+
+class Evaluation(NamedTuple):
+    """Of one head."""
+
+    head: str
+    samples: int
+    model: Score
+    """the filter's model alone, w = 0"""
+    predictor: Score
+    """with the predictor"""
+    explained: float
+    """share of the variance of w that the predictor explains"""
+
+
+def held_out(samples: Samples, *, rest: bool = False) -> Samples:
+    """The samples of held-out episodes, or the others."""
+    chosen = (samples.episode % HOLD_OUT == 0) != rest
+    return Samples(samples.xi[chosen], samples.change[chosen], samples.w[chosen], samples.episode[chosen])
+
+
+def fit(
+    dataset: Dataset,
+    seed: int,
+    epochs: int = EPOCHS,
+    progress: Callable[[str, int, float], None] | None = None,
+) -> ResidualPredictor:
+    """Learn both heads. `progress` is told head, epoch and loss."""
+    torch.set_num_threads(1)  # layers this small gain nothing by more, and beside other work lose much
+    arrays: dict[str, NDArray] = {}
+    for number, head in enumerate(HEADS):
+        arrays |= _fit(held_out(dataset[head], rest=True), head, (seed, number), epochs, progress)
+    return ResidualPredictor(arrays)
+
+
+def evaluate(dataset: Dataset, predictor: ResidualPredictor, *, only_held_out: bool) -> list[Evaluation]:
+    """Of both heads, on the held-out episodes or on all."""
+    found = []
+    for head in HEADS:
+        samples = held_out(dataset[head]) if only_held_out else dataset[head]
+        expected = predictor.of(head, samples.xi.astype(np.float64))
+        w = samples.w.astype(np.float64)
+        missing = float(np.sum((w - expected) ** 2) / np.sum((w - w.mean()) ** 2))
+        found.append(
+            Evaluation(
+                head, len(w), _score(samples.change, w), _score(samples.change, w - expected), 1.0 - missing
+            )
+        )
+    return found
+
+
+def _score(change: NDArray, error: NDArray) -> Score:
+    change = change.astype(np.float64)
+    spread = float(np.sum((change - change.mean()) ** 2))
+    squares = float(np.sum(error**2))
+    return Score(1.0 - squares / spread, float(np.mean(np.abs(error))), float(np.sqrt(squares / len(error))))
+
+
+def _fit(
+    samples: Samples,
+    head: str,
+    seed: tuple[int, int],
+    epochs: int,
+    progress: Callable[[str, int, float], None] | None,
+) -> dict[str, NDArray]:
+    rng = np.random.default_rng((*seed, 78))
+    mean, spread = samples.xi.mean(axis=0), np.maximum(samples.xi.std(axis=0), 1e-3)
+    scale = np.float32(max(float(samples.w.std()), 1e-9))
+    x = torch.from_numpy((samples.xi - mean) / spread)
+    y = torch.from_numpy(samples.w / scale)
+    weights = _initial(x.shape[1], rng)
+    adam = torch.optim.Adam(weights.values(), lr=RATE)
+    for epoch in range(epochs):
+        order, total = torch.from_numpy(rng.permutation(len(y))), 0.0
+        for rows in order.split(BATCH):
+            loss = torch.nn.functional.huber_loss(_predict(weights, x[rows]), y[rows])
+            adam.zero_grad()
+            loss.backward()
+            adam.step()
+            total += float(loss.detach()) * len(rows)
+        if progress is not None:
+            progress(head, epoch + 1, total / len(y))
+    learnt = {name: weight.detach().numpy().copy() for name, weight in weights.items()}
+    learnt |= {"mean": mean, "spread": spread, "scale": np.array(scale)}
+    return {f"{head}/{name}": value.astype(np.float32) for name, value in learnt.items()}
+
+
+def _initial(inputs: int, rng: np.random.Generator) -> dict[str, Tensor]:
+    widths, weights = (inputs, HIDDEN, HIDDEN, 1), {}
+    for layer in (1, 2, 3):
+        bound = 1.0 / np.sqrt(widths[layer - 1])
+        shape = widths[layer - 1], widths[layer]
+        for name, drawn in (
+            ("w", rng.uniform(-bound, bound, shape)),
+            ("b", rng.uniform(-bound, bound, shape[1])),
+        ):
+            weights[f"{name}{layer}"] = torch.from_numpy(drawn.astype(np.float32)).requires_grad_()
+    return weights
+
+
+def _predict(weights: dict[str, Tensor], x: Tensor) -> Tensor:
+    for layer in (1, 2):
+        x = torch.nn.functional.gelu(x @ weights[f"w{layer}"] + weights[f"b{layer}"], approximate="tanh")
+    return (x @ weights["w3"] + weights["b3"])[:, 0]

@@ -1,0 +1,68 @@
+"""What the residual predictor sees, and the prediction that it adds to."""
+
+import numpy as np
+import pytest
+
+from rudc.safety.barrier import barrier_terms
+from rudc.safety.config import FilterConfig
+from rudc.safety.constraints import ConstraintBuilder
+from rudc.safety.filter import SafetyFilter
+from rudc.safety.residual import ROAD, STEP, VEHICLE, features, predicted_change, shipped_predictor
+from rudc.safety.rows import affine_rows, ttcbf_weights
+from tests.safety.scenes import Other, make_scene
+
+SCENE = make_scene(others=[Other(20.0, 3.0, 0.3, 6.0), Other(-15.0, -8.0, 2.0, 4.0, row=0, s=90.0)])
+CONSTRAINTS = ConstraintBuilder(FilterConfig(constrained="all")).build(SCENE)
+
+
+def test_the_prediction_is_the_rows_own():
+    """dt h' + dt^2/2 h'' is what TTCBF's row says at the action it is linearised about."""
+    ego = SCENE.ego
+    heading = complex(np.cos(ego.psi), np.sin(ego.psi))
+    terms = barrier_terms(complex(ego.x, ego.y), heading, ego.v, SCENE.vehicle.wheelbase, CONSTRAINTS)
+    a, z = -2.0, 0.1
+    rows, b = affine_rows(terms, ttcbf_weights(0.1, 0.0, STEP), a, z)
+    np.testing.assert_allclose(rows @ [a, z] - b - 0.1 * terms.h, predicted_change(terms, a, z), atol=1e-9)
+
+
+def test_features_say_what_they_are_named_after():
+    vehicles, road = features(SCENE, CONSTRAINTS, np.array([-2.0, np.arctan(0.1)]))
+    assert vehicles.shape == (2, len(VEHICLE))
+    assert road.shape == (6, len(ROAD))
+    seen = dict(zip(VEHICLE, vehicles[0], strict=True))
+    first = CONSTRAINTS.others[0]
+    away = SCENE.position[first] - SCENE.ego_position
+    assert np.hypot(seen["ahead / 20"], seen["to the left / 20"]) * 20 == pytest.approx(np.hypot(*away))
+    assert seen["distance / 20"] * 20 == pytest.approx(np.hypot(*away))
+    assert seen["tan(steering)"] == pytest.approx(0.1)
+    assert seen["speed / 10"] * 10 == pytest.approx(SCENE.ego.v)
+    assert seen["buffer"] == pytest.approx(0.5)
+    speed = np.hypot(seen["its speed ahead / 10"], seen["its speed to the left / 10"]) * 10
+    assert speed == pytest.approx(np.hypot(*SCENE.velocity[first]))
+    edge = dict(zip(ROAD, road[0], strict=True))
+    assert edge["to the left / 20"] > 0  # the left edge comes first
+    assert edge["ahead / 20"] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_no_action_drives_backwards():
+    standing = make_scene(others=[Other(20.0, 3.0)], v=0.0)
+    constraints = ConstraintBuilder(FilterConfig(constrained="all")).build(standing)
+    one, other = (features(standing, constraints, np.array([a, 0.0]))[0] for a in (-6.0, 0.0))
+    np.testing.assert_array_equal(one, other)
+
+
+def test_a_negative_residual_tightens_and_a_positive_one_relaxes():
+    guard = SafetyFilter(FilterConfig(constrained="all", road=False))
+    scene = make_scene(others=[Other(17.0, 0.0, 0.0, 0.0)], v=8.0)
+    u_rl = np.array([0.0, 0.0])
+    none = np.zeros(guard.constraints(scene).count)
+    kept, harder, softer = (guard.filter(scene, u_rl, residual=none + w).u[0] for w in (0.0, -0.2, 50.0))
+    assert harder < kept < 0.0
+    assert softer == 0.0
+
+
+def test_the_shipped_predictor_speaks_of_every_constraint():
+    w = shipped_predictor()(SCENE, CONSTRAINTS, np.array([1.0, 0.05]))
+    assert w.shape == (CONSTRAINTS.count,)
+    assert np.isfinite(w).all()
+    assert np.abs(w).max() < 5.0

@@ -1,0 +1,93 @@
+"""The residual predictor: its samples, what it learns, and how it comes back from a file."""
+
+import numpy as np
+import pytest
+import torch
+from safetensors.numpy import save_file
+
+from rudc.errors import AgentError, InputError
+from rudc.safety.residual import (
+    HEADS,
+    ROAD,
+    VEHICLE,
+    ResidualPredictor,
+    load_predictor,
+)
+from rudc.training.residual_data import Samples, collect, load_dataset, save_dataset
+from rudc.training.residual_fit import _initial, _predict, evaluate, fit
+from rudc.world.polyline import Array
+
+
+@pytest.fixture(scope="module")
+def dataset():
+    return collect(1500, 3, None, lambda count: None)
+
+
+def test_samples_are_the_same_with_the_same_seed_and_survive_a_file(dataset, tmp_path):
+    save_dataset(tmp_path / "data.safetensors", dataset)
+    for again in (collect(1500, 3, None, lambda count: None), load_dataset(tmp_path / "data.safetensors")):
+        for head in HEADS:
+            for one, other in zip(dataset[head], again[head], strict=True):
+                np.testing.assert_array_equal(one, other)
+
+
+def test_samples_have_what_is_named_and_the_model_predicts_most_of_the_change(dataset):
+    for head, names in zip(HEADS, (VEHICLE, ROAD), strict=True):
+        samples = dataset[head]
+        assert samples.xi.shape == (1500, len(names))
+        assert all(np.isfinite(part).all() for part in samples)
+        assert np.abs(samples.xi).max() < 20
+        assert np.median(np.abs(samples.w)) < 0.5 * np.median(np.abs(samples.change))
+        assert len(np.unique(samples.episode)) > 3
+
+
+def _known(rng: np.random.Generator, features_: int, rows: int = 4000) -> Samples:
+    """Samples whose w is a smooth function of the features."""
+    xi = rng.normal(size=(rows, features_)).astype(np.float32)
+    w = (0.5 * xi[:, 0] * xi[:, 1] + np.sin(xi[:, 2])).astype(np.float32)
+    change = (w + 3 * xi[:, 3]).astype(np.float32)
+    return Samples(xi, change, w, (np.arange(rows) // 20).astype(np.int32))
+
+
+def test_a_known_residual_is_learnt_and_the_fit_is_deterministic():
+    rng = np.random.default_rng(0)
+    known = dict(zip(HEADS, (_known(rng, len(VEHICLE)), _known(rng, len(ROAD))), strict=True))
+    predictor = fit(known, seed=0, epochs=600)
+    for found in evaluate(known, predictor, only_held_out=True):
+        assert found.samples == 400
+        assert found.explained > 0.8
+        assert found.predictor.r2 > 0.97 > found.model.r2
+        assert found.predictor.rmse < found.model.rmse
+    short, again = fit(known, 1, epochs=2), fit(known, 1, epochs=2)
+    for name, value in short.arrays.items():
+        np.testing.assert_array_equal(value, again.arrays[name])
+
+
+def test_inference_without_torch_agrees_with_torch():
+    rng = np.random.default_rng(0)
+    weights = _initial(len(ROAD), rng)
+    mean, spread = rng.normal(size=len(ROAD)), rng.uniform(0.5, 2.0, len(ROAD))
+    head = {name: w.detach().numpy() for name, w in weights.items()} | {"mean": mean, "spread": spread}
+    arrays: dict[str, Array] = {f"road/{k}": v for k, v in head.items()} | {"road/scale": np.array(2.5)}
+    arrays |= {f"vehicle/{k}": v.detach().numpy() for k, v in _initial(len(VEHICLE), rng).items()}
+    ones = {"vehicle/mean": np.zeros(len(VEHICLE)), "vehicle/spread": np.ones(len(VEHICLE))}
+    predictor = ResidualPredictor(arrays | ones | {"vehicle/scale": np.array(1.0)})
+    xi = rng.normal(size=(7, len(ROAD)))
+    with torch.no_grad():
+        expected = 2.5 * _predict(weights, torch.tensor((xi - mean) / spread, dtype=torch.float32)).numpy()
+    np.testing.assert_allclose(predictor.of("road", xi), expected, rtol=1e-4, atol=1e-5)
+
+
+def test_what_is_no_predictor_and_no_samples_is_refused(tmp_path):
+    with pytest.raises(AgentError, match="rudc residual fit"):
+        load_predictor(tmp_path)
+    with pytest.raises(InputError, match="rudc residual collect"):
+        load_dataset(tmp_path / "none.safetensors")
+    (tmp_path / "text").write_text("no")
+    with pytest.raises(AgentError, match="is no residual predictor"):
+        load_predictor(tmp_path / "text")
+    with pytest.raises(InputError, match="holds no samples"):
+        load_dataset(tmp_path / "text")
+    save_file({"vehicle/mean": np.zeros(3, np.float32)}, tmp_path / "part")
+    with pytest.raises(AgentError, match="lacks 'vehicle/spread'"):
+        load_predictor(tmp_path / "part")
