@@ -84,32 +84,45 @@ def test_ray_that_is_not_installed_is_named(make_plan, fakes, monkeypatch, tmp_p
 
 
 class _Actor:
-    """Stands for a ray actor: calls are answered when they are asked for."""
+    """Stands for a ray actor: calls are answered when they are asked for, those of one without a core
+    never."""
 
-    def __init__(self, made):
-        self.run = types.SimpleNamespace(remote=lambda task: _Reference(made, task))
+    def __init__(self, make, has_core):
+        def call(method):
+            return lambda *arguments: _Reference(lambda: getattr(make(), method)(*arguments), has_core)
+
+        self.ready = types.SimpleNamespace(remote=call("ready"))
+        self.run = types.SimpleNamespace(remote=call("run"))
 
 
 class _Reference:
     """Stands for a ray object reference."""
 
-    def __init__(self, made, task):
-        self.answer = lambda: made.run(task)
+    def __init__(self, answer, has_core):
+        self.answer, self.has_core = answer, has_core
 
 
-def _ray_in_process():
+def _ray_in_process(cores=100):
     """As much of ray as the engine uses, in this process; an actor that raises counts as dead."""
-    killed = []
+    killed, made = [], []
 
     def decorate(**_):
-        return lambda cls: types.SimpleNamespace(remote=lambda factory: _Actor(cls(factory)))
+        def actor(cls, factory):
+            made.append(factory)
+            return _Actor(lambda: cls(factory), len(made) <= cores)
+
+        return lambda cls: types.SimpleNamespace(remote=lambda factory: actor(cls, factory))
 
     def get(reference, timeout):
         return reference.answer()
 
+    def wait(references, timeout):
+        there = [reference for reference in references if reference.has_core]
+        return there[:1], [reference for reference in references if reference not in there[:1]]
+
     return types.SimpleNamespace(
         init=lambda **_: None, shutdown=lambda: None, remote=decorate, get=get, kill=killed.append,
-        wait=lambda references, timeout: (references[:1], references[1:]), killed=killed,
+        wait=wait, killed=killed,
     )  # fmt: skip
 
 
@@ -133,3 +146,17 @@ def test_the_ray_engine_gives_the_same_records_and_retries(make_plan, fakes, mon
     assert count == len(tasks)
     assert "RuntimeError: actor died" in records["sumo", 1].error
     assert len(ray.killed) == 4
+
+
+def test_ray_with_fewer_cores_than_workers_gives_no_task_to_those_that_wait(make_plan, fakes, monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", _ray_in_process(cores=1))
+    tasks = make_plan(episodes=4).tasks()
+    records, count = collect(tasks, fakes.Runner, engine=run_ray, workers=3)
+    assert count == len(tasks)
+    assert not any(record.error for record in records.values())
+
+
+def test_ray_actors_that_cannot_start_say_why(make_plan, fakes, monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", _ray_in_process())
+    with pytest.raises(SimulationError, match=r"workers cannot start: .*libsumo cannot be imported"):
+        collect(make_plan().tasks(), fakes.no_runner, engine=run_ray)
