@@ -37,6 +37,15 @@ def train(
     envs: Annotated[
         int | None, typer.Option(min=1, help="Worlds, each in a process of its own. Default: 2.")
     ] = None,
+    configuration: Annotated[
+        str, typer.Option(metavar="NAME", help="`default`, or `paper`: everything as the paper has it.")
+    ] = "default",
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="KEY=VALUE", help="Any value of config.json, e.g. driver.learner.n_step=1."
+        ),
+    ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the training in DIR; start it if there is none.")
     ] = False,
@@ -52,6 +61,8 @@ def train(
     `rudc train rudc-wo-cbf --steps 20000 --out out/first`
 
     `rudc sweep dense_left_turn --agent out/first --episodes 100 --out out/first-sweep`
+
+    `rudc train rudc-t --set driver.observation=paper --set driver.learner.n_step=1 --out out/ablation`
     """
     if out is None:
         raise InputError("where to? give a folder for the agent: --out DIR")
@@ -60,7 +71,14 @@ def train(
     from rudc.training.trainer import train as run
 
     given = {"scenario": scenario, "steps": steps, "seed": seed, "device": device, "envs": envs}
-    config = _config(algorithm, {k: v for k, v in given.items() if v is not None}, out, resume)
+    config = _config(
+        algorithm,
+        {k: v for k, v in given.items() if v is not None},
+        configuration,
+        _settings(settings or []),
+        out,
+        resume,
+    )
     watcher = TrainBar(config) if sys.stderr.isatty() else TrainLines(config)
     try:
         done = run(config, out, watcher, resume=resume)
@@ -72,7 +90,29 @@ def train(
     note(f"done: rudc sweep SCENARIO --agent {out} --out DIR")
 
 
-def _config(algorithm: str | None, given: dict[str, Any], out: Path, resume: bool) -> TrainConfig:
+def _settings(texts: list[str]) -> dict[str, Any]:
+    import yaml
+
+    found: dict[str, Any] = {}
+    for text in texts:
+        key, equals, value = text.partition("=")
+        if not equals:
+            raise InputError(f"--set takes KEY=VALUE, not {text!r}")
+        try:
+            found[key.strip()] = yaml.safe_load(value)
+        except yaml.YAMLError:
+            raise InputError(f"--set {key.strip()}: {value!r} is no value") from None
+    return found
+
+
+def _config(
+    algorithm: str | None,
+    given: dict[str, Any],
+    configuration: str,
+    settings: dict[str, Any],
+    out: Path,
+    resume: bool,
+) -> TrainConfig:
     from rudc.training.config import TrainConfig
     from rudc.training.trainer import stored_config
 
@@ -80,9 +120,12 @@ def _config(algorithm: str | None, given: dict[str, Any], out: Path, resume: boo
     if stored is None:
         if algorithm is None:
             raise InputError("which algorithm? give rudc-t, rudc-e or rudc-wo-cbf")
+        makers = {"default": TrainConfig.default, "paper": TrainConfig.paper}
+        if configuration not in makers:
+            raise InputError(f"no configuration {configuration!r}; there are default and paper")
         if "scenario" in given:
             given["curriculum"] = None
-        return TrainConfig.default(algorithm, **given)
+        return makers[configuration](algorithm, **given).changed(settings)
     wanted = {**given, **({"algorithm": algorithm} if algorithm else {})}
     there = {**stored.model_dump(), "algorithm": stored.driver.algorithm}
     for name, value in wanted.items():
@@ -90,6 +133,8 @@ def _config(algorithm: str | None, given: dict[str, Any], out: Path, resume: boo
             raise InputError(
                 f"{out} holds a training with {name} {there[name]}, not {value}: resume it as it is"
             )
+    if stored.changed(settings) != stored:
+        raise InputError(f"{out} holds a training with other settings: resume it as it is, without --set")
     return stored
 
 

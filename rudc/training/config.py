@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any, Self
+from collections.abc import Callable, Mapping
+from typing import Any, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from rudc.agents.algorithms import ALGORITHMS, DriverConfig, observation_layout
 from rudc.agents.learning.config import LearnerConfig
+from rudc.env.observation import Kind
+from rudc.env.reward import COLLISION
 from rudc.errors import InputError
+from rudc.scenario.dotted import DottedKeyError, with_value
 
 
 class _Model(BaseModel):
@@ -100,6 +104,35 @@ class TrainConfig(_Model):
         """The shipped configuration of an algorithm. `changes`: fields of this class, or of `DriverConfig`;
         `learner`: fields of `LearnerConfig`. Raises InputError.
         """
+        return cls._made(LearnerConfig.quick, algorithm, learner or {}, changes)
+
+    @classmethod
+    def paper(
+        cls, algorithm: str = "rudc-t", *, learner: dict[str, Any] | None = None, **changes: Any
+    ) -> Self:
+        """The paper as written: its observation, steering and acceleration chosen directly, attention networks
+        of its size, five critics, one-step returns, every vehicle constrained, its rewards, episodes of the
+        scenario as they are drawn, and no driver to learn from. Arguments as for `default`. Raises InputError.
+        """
+        as_written: dict[str, Any] = {
+            "observation": "paper",
+            "action": "direct",
+            "curriculum": None,
+            "collision_reward": COLLISION,
+            "seed_steps": 0,
+        }
+        if algorithm in ALGORITHMS and ALGORITHMS[algorithm].filter:
+            as_written["filter_settings"] = {"constrained": "all"}
+        return cls._made(LearnerConfig.of, algorithm, learner or {}, {**as_written, **changes})
+
+    @classmethod
+    def _made(
+        cls,
+        make_learner: Callable[..., LearnerConfig],
+        algorithm: str,
+        learner: dict[str, Any],
+        changes: dict[str, Any],
+    ) -> Self:
         if algorithm not in ALGORITHMS:
             raise InputError(f"no algorithm {algorithm!r}; there are {', '.join(ALGORITHMS)}")
         own = ALGORITHMS[algorithm]
@@ -108,15 +141,35 @@ class TrainConfig(_Model):
         steps, seed = changes.get("steps", cls.model_fields["steps"].default), changes.get("seed", 0)
         every = changes.get("update_every", cls.model_fields["update_every"].default)
         try:
-            core = LearnerConfig.quick(
+            core = make_learner(
                 observation_layout(of_driver.get("observation", "conflict")),
-                **{"seed": seed, "schedule_updates": max(steps // every, 1)} | (learner or {}),
+                **{"seed": seed, "schedule_updates": max(steps // every, 1)} | learner,
             )
             driver = DriverConfig(algorithm=algorithm, learner=core, **of_driver)
             return cls(driver=driver, **changes)
         except ValidationError as error:
-            problems = "; ".join(
-                f"{'.'.join(map(str, e['loc'])) or 'configuration'}: {e['msg'].removeprefix('Value error, ')}"
-                for e in error.errors()
-            )
-            raise InputError(f"training: {problems}") from None
+            raise InputError(f"training: {_problems(error)}") from None
+
+    def changed(self, settings: Mapping[str, Any]) -> Self:
+        """With values changed at dotted keys as they stand in config.json, such as `driver.learner.n_step`.
+        Another observation brings its layout along. Raises InputError.
+        """
+        values = self.model_dump()
+        for key, value in settings.items():
+            try:
+                values, _ = with_value(values, key, value)
+            except (DottedKeyError, TypeError) as error:
+                raise InputError(f"training setting {key!r}: {error}") from None
+        if "driver.observation" in settings and settings["driver.observation"] in get_args(Kind):
+            values["driver"]["learner"]["layout"] = observation_layout(values["driver"]["observation"])
+        try:
+            return type(self).model_validate(values)
+        except ValidationError as error:
+            raise InputError(f"training: {_problems(error)}") from None
+
+
+def _problems(error: ValidationError) -> str:
+    return "; ".join(
+        f"{'.'.join(map(str, e['loc'])) or 'configuration'}: {e['msg'].removeprefix('Value error, ')}"
+        for e in error.errors()
+    )

@@ -26,6 +26,36 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[tuple[TrainConfig, Path, bool
     return seen
 
 
+def test_any_value_of_the_configuration_can_be_set(rudc, calls):
+    said = ("train", "rudc-t", "--steps", 2000, "--set", "driver.observation=paper", "--out", "x")
+    answer = rudc(*said, "--set", "curriculum=null")
+    assert answer.status == 0
+    wanted = {"driver.observation": "paper", "curriculum": None}
+    assert calls[0][0] == TrainConfig.default("rudc-t", steps=2000).changed(wanted)
+    assert rudc(*said, "--resume").status == 0
+    again = rudc(*said, "--set", "driver.learner.n_step=1", "--resume")
+    assert again.status == 2
+    assert "without --set" in again.err
+    assert rudc("train", "rudc-e", "--configuration", "paper", "--out", "y").status == 0
+    assert calls[-1][0] == TrainConfig.paper("rudc-e")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (("--set", "n_step"), "KEY=VALUE"),
+        (("--set", "driver.lerner.n_step=1"), "driver.lerner"),
+        (("--set", "steps=[1"), "is no value"),
+        (("--configuration", "papr"), "there are default and paper"),
+    ],
+)
+def test_settings_that_cannot_be_are_refused(rudc, calls, wrong, said):
+    answer = rudc("train", "rudc-t", *wrong, "--out", "x")
+    assert answer.status == 2
+    assert said in answer.err
+    assert not calls
+
+
 def test_options_reach_the_configuration(rudc, calls):
     answer = rudc("train", "rudc-t", "--steps", 2000, "--seed", 4, "--envs", 3, "--out", "x")
     assert answer.status == 0

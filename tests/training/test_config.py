@@ -74,3 +74,51 @@ def test_without_curriculum_the_scenario_is_kept():
     swept = make_mixture("density_sweep", None)
     assert len(swept.scenarios) == 5
     assert sum(swept.chances) == pytest.approx(1)
+
+
+def test_the_papers_configuration_is_as_written():
+    config = TrainConfig.paper("rudc-e", steps=4000)
+    driver, learner = config.driver, config.driver.learner
+    assert (driver.observation, driver.action) == ("paper", "direct")
+    assert driver.filter is not None
+    assert (driver.filter.kind, driver.filter.constrained) == ("ecbf", "all")
+    assert (learner.members, learner.n_step, learner.critic.encoder, learner.critic.hidden) == (
+        5,
+        1,
+        "attention",
+        256,
+    )
+    assert (config.curriculum, config.seed_steps, config.collision_reward) == (None, 0, -50.0)
+    assert learner.schedule_updates == 1000
+
+
+def test_single_values_can_be_changed_by_their_keys():
+    config = TrainConfig.default("rudc-t").changed(
+        {
+            "driver.observation": "paper",
+            "driver.learner.n_step": 1,
+            "driver.filter_settings.constrained": "all",
+            "curriculum.left_share": 0.5,
+        }
+    )
+    assert config.driver.learner.layout.size == 105
+    assert config.driver.learner.n_step == 1
+    assert config.driver.filter_settings == {"constrained": "all"}
+    assert config.curriculum is not None
+    assert config.curriculum.left_share == 0.5
+    assert TrainConfig.default("rudc-t").changed({"curriculum": None}).curriculum is None
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"driver.learner.nstep": 1}, "driver.learner.nstep: Extra inputs"),
+        ({"driver.observation": "all"}, "observation"),
+        ({"steps.more": 1}, "steps.more"),
+        ({"": 1}, "dotted key"),
+        ({"driver.filter_settings.d_saf": 1}, "no such setting: d_saf"),
+    ],
+)
+def test_changes_that_cannot_be_are_refused(settings: dict, said: str):
+    with pytest.raises(InputError, match=said):
+        TrainConfig.default("rudc-t").changed(settings)

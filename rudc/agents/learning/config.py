@@ -175,6 +175,11 @@ class LearnerConfig(_Model):
         return self.prior_factor / (1 + self.prior_factor) * self.prior_scale
 
     @classmethod
+    def of(cls, layout: ObservationLayout, **changes: object) -> Self:
+        """The paper's networks and optimisation on another observation."""
+        return cls.model_validate({"layout": layout, **changes})
+
+    @classmethod
     def quick(cls, layout: ObservationLayout | None = None, **changes: object) -> Self:
         """Three critics of 128 x 2 on the flat observation, n-step returns: trains in minutes on one core."""
         network = NetworkConfig(encoder="mlp", hidden=128)
