@@ -110,9 +110,10 @@ class TrainConfig(_Model):
     def paper(
         cls, algorithm: str = "rudc-t", *, learner: dict[str, Any] | None = None, **changes: Any
     ) -> Self:
-        """The paper as written: its observation, steering and acceleration chosen directly, attention networks
-        of its size, five critics, one-step returns, every vehicle constrained, its rewards, episodes of the
-        scenario as they are drawn, and no driver to learn from. Arguments as for `default`. Raises InputError.
+        """The paper as written: its observation, steering and acceleration chosen directly, attention
+        networks of its size, five critics, one-step returns, every vehicle constrained, its rewards, episodes
+        as the scenario draws them, and no driver to learn from. Arguments as for `default`. Raises
+        InputError.
         """
         as_written: dict[str, Any] = {
             "observation": "paper",

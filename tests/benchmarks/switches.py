@@ -1,0 +1,84 @@
+"""What each choice of the default training is worth: every one of them switched off once.
+
+    python -m tests.benchmarks.switches --out DIR [--steps 30000] [--episodes 200] [--only NAME]...
+
+Each variant trains `rudc-t` with one value of the default configuration changed (one seed, fewer steps than
+what ships) and is measured on both tasks. Trainings and the sweep lie in DIR and are resumed; DIR/switches.md
+is the table. Two trainings run at a time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pandas as pd
+
+SWITCHES: dict[str, tuple[str, ...]] = {
+    "default": (),
+    "paper's observation": ("driver.observation=paper",),
+    "steering chosen directly": ("driver.action=direct",),
+    "all vehicles constrained": ("driver.filter_settings.constrained=all",),
+    "no residual": ("driver.residual=false",),
+    "no slack": ("driver.slack_gain=0",),
+    "expectation for CVaR": ("driver.learner.distortion=expectation",),
+    "one-step returns": ("driver.learner.n_step=1",),
+    "no reference driver first": ("seed_steps=0",),
+    "no curriculum": ("curriculum=null",),
+    "collisions at -50": ("collision_reward=-50",),
+    "attention": ("driver.learner.policy.encoder=attention", "driver.learner.critic.encoder=attention"),
+    "five critics": ("driver.learner.members=5",),
+}
+"""variant -> what is changed"""
+TASKS = ("random_destination", "dense_left_turn")
+
+
+def rudc(*arguments: object) -> None:
+    """Run the command line, and stop where it fails."""
+    subprocess.run([sys.executable, "-m", "rudc", *map(str, arguments)], check=True)
+
+
+def folder(out: Path, name: str) -> Path:
+    """Where a variant is trained."""
+    return out / name.replace("'", "").replace(" ", "-")
+
+
+def train(out: Path, name: str, steps: int) -> None:
+    """Train one variant."""
+    changes = [part for change in SWITCHES[name] for part in ("--set", change)]
+    quiet = ("--set", "evaluation_episodes=0")
+    rudc("train", "rudc-t", "--steps", steps, *changes, *quiet, "--out", folder(out, name), "--resume")
+
+
+def main() -> None:
+    """Train, measure, print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--steps", type=int, default=30_000)
+    parser.add_argument("--episodes", type=int, default=200)
+    parser.add_argument("--only", action="append", choices=list(SWITCHES))
+    options = parser.parse_args()
+    names = options.only or list(SWITCHES)
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(lambda name: train(options.out, name, options.steps), names))
+    agents = [part for name in names for part in ("--agent", folder(options.out, name))]
+    sweep = options.out / "sweep"
+    rudc("sweep", *TASKS, *agents, "--episodes", options.episodes, "--out", sweep, "--resume")
+    rows = pd.read_csv(sweep / "metrics.csv").set_index(["agent", "scenario"])
+    lines = [
+        "| switched | " + " | ".join(f"{task}: SR / FR / VR %" for task in TASKS) + " |",
+        "|---|---|---|",
+    ]
+    for name in names:
+        cells = [rows.loc[(str(folder(options.out, name)), task)] for task in TASKS]
+        shown = [f"{row['SR_mean']:.1f} / {row['FR_mean']:.1f} / {row['VR_mean']:.1f}" for row in cells]
+        lines.append(f"| {name} | {' | '.join(shown)} |")
+    (options.out / "switches.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    print("\n".join(lines))
+
+
+if __name__ == "__main__":
+    main()
