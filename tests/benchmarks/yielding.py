@@ -32,8 +32,11 @@ WAIT_S = 15.0
 
 
 def awkward_poses(network: Network, origin: str) -> dict[str, tuple[float, float, float]]:
-    """Name -> x m, y m, heading rad."""
-    straight, left = network.route(origin, "straight"), network.route(origin, "left")
+    """Name -> x m, y m, heading rad. Where an arm does not lead straight on or left, its first turn does."""
+    turns = [movement.turn for movement in network.movements if movement.origin == origin]
+    straight, left = (
+        network.route(origin, turn if turn in turns else turns[0]) for turn in ("straight", "left")
+    )
 
     def at(route, s, aside=0.0, turned=0.0):
         x, y, psi = (float(v) for v in route.path.pose(s))
