@@ -14,7 +14,7 @@ from typing import Annotated
 import typer
 
 import rudc
-from rudc.cli import agent, network, run, scenario, sweep, table, train
+from rudc.cli import agent, network, residual, run, scenario, study, sweep, table, train
 from rudc.errors import RudcError
 
 app = typer.Typer(
@@ -29,9 +29,11 @@ app.command("sweep")(sweep.sweep)
 app.command("run")(run.run)
 app.command("table")(table.table)
 app.command("train")(train.train)
+app.command("study")(study.study)
 app.add_typer(scenario.app, name="scenario")
 app.add_typer(network.app, name="network")
 app.add_typer(agent.app, name="agent")
+app.add_typer(residual.app, name="residual")
 
 
 def _show_version(wanted: bool) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import traceback
+from collections.abc import Callable
 from pathlib import Path
 
 from rudc.agents.base import Agent
@@ -19,7 +20,9 @@ from rudc.world.world import World
 class EpisodeRunner:
     """Task -> record. Whatever goes wrong in an episode becomes the `error` of its record."""
 
-    def __init__(self) -> None:
+    def __init__(self, make: Callable[[str], Agent] = make_agent) -> None:
+        """`make`: an agent's name -> the agent."""
+        self._make = make
         self._world: World | None = None
         self._network: tuple[str, str | None] | None = None
         self._agents: dict[str, Agent] = {}
@@ -28,7 +31,7 @@ class EpisodeRunner:
         """Run the task's episode."""
         try:
             if task.agent not in self._agents:
-                self._agents[task.agent] = make_agent(task.agent)
+                self._agents[task.agent] = self._make(task.agent)
             episode = Episode(self._world_of(task))
             return run_episode(episode, task.scenario.plan(task.seed), self._agents[task.agent])
         except RudcError as error:

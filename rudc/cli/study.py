@@ -1,0 +1,115 @@
+"""`rudc study`."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from rudc.cli.console import SweepBar, SweepLines, note, print_table, sweep_progress
+from rudc.errors import InputError
+
+
+def study(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="`filter`, `sigma`, `curves`; or `list`.")],
+    folders: Annotated[
+        list[Path] | None, typer.Argument(metavar="[DIR]...", help="Folders of trainings, for `curves`.")
+    ] = None,
+    agents: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--agent",
+            "-a",
+            metavar="NAME",
+            help="An agent; repeat for several. Default: rudc-t and rudc-e as shipped, all training seeds.",
+        ),
+    ] = None,
+    episodes: Annotated[
+        int | None,
+        typer.Option("--episodes", "-n", min=1, help="For each scenario and agent. Default: by the budget."),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the first episode; the others follow.")] = 0,
+    workers: Annotated[
+        int | None,
+        typer.Option("--workers", "-w", min=1, help="Processes, a world each. Default: one a core."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder for the results.")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Finish the study in DIR; start it if there is none.")
+    ] = False,
+    budget: Annotated[
+        Literal["quick", "full"],
+        typer.Option(help="`quick`: one agent, few episodes, a part of the settings; about two minutes."),
+    ] = "full",
+) -> None:
+    """Repeat one of the experiments behind what is claimed: a table (CSV and Markdown) and a figure in DIR.
+
+    `--episodes` of `filter` is for each of the two tasks; the out-of-distribution scenarios share as many.
+    Agents named `NAME-seedN` are pooled with `NAME`: the same algorithm, trained with other seeds.
+
+    **Examples**
+
+    `rudc study filter --budget quick --out out/filter`
+
+    `rudc study sigma -a rudc-t -a rudc-t-seed1 -a rudc-t-seed2 --out out/sigma --resume`
+
+    `rudc study curves results/checkpoints/rudc-t* --out out/curves`
+    """
+    from rudc.studies.base import Order
+    from rudc.studies.catalogue import STUDIES, find_study
+
+    if name == "list":
+        print_table(["study", "what it shows"], [[s.name, s.summary] for s in STUDIES.values()])
+        return
+    order = Order(
+        out or Path(),
+        tuple(agents or ()),
+        tuple(folders or ()),
+        episodes,
+        seed,
+        workers or _cores(),
+        resume,
+        budget,
+    )
+    chosen = find_study(name, order)
+    if out is None:
+        raise InputError("where to? give a folder for the results: --out DIR")
+    bars: list[SweepBar | SweepLines] = []
+
+    def begin(what: str) -> SweepBar | SweepLines:
+        _close(bars)
+        note(f"{name}: {what}")
+        bars.append(sweep_progress())
+        return bars[-1]
+
+    try:
+        report = chosen.run(order, begin)
+    except KeyboardInterrupt:
+        _close(bars)
+        note(f"interrupted; what is finished is kept in {out}: add --resume to go on")
+        raise typer.Exit(130) from None
+    finally:
+        _close(bars)
+    typer.echo(report.table, nl=False)
+    for text in report.notes:
+        note(text)
+    note(f"in {out}: {', '.join(path.name for path in report.files)}")
+    if report.errors:
+        note(f"some episodes failed, in {len(report.errors)} way(s); the first: {report.errors[0]}")
+        note("--resume tries them again")
+        raise typer.Exit(1)
+
+
+def _close(bars: list[SweepBar | SweepLines]) -> None:
+    for bar in bars:
+        bar.close()
+    bars.clear()
+
+
+def _cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

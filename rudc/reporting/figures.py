@@ -1,0 +1,75 @@
+"""What all figures share: size, type, colours, saving. matplotlib by its object interface (Agg: no window, no
+global state); a figure depends on its data alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rudc.errors import StorageError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+INK, FAINT = "#22262d", "#c9ced6"
+PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8a6d00", "#56b4e9")
+"""told apart by nearly all eyes (Okabe and Ito)"""
+
+STYLE: dict[Any, Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 9.0,
+    "axes.titlesize": 10.0,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.labelcolor": INK,
+    "axes.edgecolor": INK,
+    "axes.linewidth": 0.8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#e8eaee",
+    "grid.linewidth": 0.7,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "text.color": INK,
+    "legend.frameon": False,
+    "lines.linewidth": 1.6,
+}
+
+
+@contextmanager
+def grid(
+    rows: int, columns: int, size: tuple[float, float], path: Path, **sharing: Any
+) -> Iterator[tuple[Figure, np.ndarray]]:
+    """A figure of `size` inches with (rows, columns) axes, saved to `path` in the end. Raises
+    StorageError.
+    """
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    with rc_context(STYLE):
+        figure = Figure(figsize=size, dpi=130, layout="constrained")
+        FigureCanvasAgg(figure)
+        yield figure, figure.subplots(rows, columns, squeeze=False, **sharing)
+        try:
+            figure.savefig(path, metadata={"Software": None})
+        except (OSError, ValueError) as error:
+            raise StorageError(f"cannot write {path}: {error}") from None
+
+
+def bare(axes: Axes, text: str) -> None:
+    """Say why a panel shows nothing."""
+    axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color="#767d88")
+    axes.grid(False)
+
+
+def legend_below(figure: Figure, handles: Sequence[Any]) -> None:
+    """One legend for all panels."""
+    figure.legend(handles=list(handles), loc="outside lower center", ncols=len(handles))

@@ -1,0 +1,47 @@
+"""Tables as CSV and as Markdown."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from rudc.evaluation.record import as_text
+from rudc.evaluation.store import format_row
+
+MISSING = "–"
+"""stands where a number is not known"""
+
+
+def csv_text(rows: Sequence[Mapping[str, object]]) -> str:
+    """Rows of equal keys as CSV; numbers to six decimals, nothing for nan."""
+    cells = [list(rows[0]), *([_cell(value) for value in row.values()] for row in rows)]
+    return "".join(map(format_row, cells))
+
+
+def markdown(headings: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> str:
+    """A table whose first `left` columns are aligned to the left, the others to the right."""
+    lines = [list(headings), *map(list, rows)]
+    widths = [max(len(line[k]) for line in lines) for k in range(len(headings))]
+    rule = ["-" * width if k < left else "-" * (width - 1) + ":" for k, width in enumerate(widths)]
+    padded = [
+        [
+            text.ljust(w) if k < left else text.rjust(w)
+            for k, (text, w) in enumerate(zip(line, widths, strict=True))
+        ]
+        for line in lines
+    ]
+    return "".join(f"| {' | '.join(line)} |\n" for line in [padded[0], rule, *padded[1:]])
+
+
+def interval(mean: float, low: float, high: float, decimals: int = 1) -> str:
+    """`mean [low, high]`, without the interval where there is none."""
+    if math.isnan(mean):
+        return MISSING
+    text = f"{mean:.{decimals}f}"
+    return (
+        text if math.isnan(low) or math.isnan(high) else f"{text} [{low:.{decimals}f}, {high:.{decimals}f}]"
+    )
+
+
+def _cell(value: object) -> str:
+    return as_text(round(float(value), 6)) if isinstance(value, float) else as_text(value)

@@ -1,0 +1,120 @@
+"""Violations against standstill: one panel for each agent, domain and choice of constrained vehicles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rudc.reporting.figures import INK, PALETTE, bare, grid, legend_below
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+OFF = "off"
+_COLOURS: dict[str, str] = {
+    "fixed": PALETTE[5],
+    "residual": PALETTE[2],
+    "slack": PALETTE[4],
+    "both": PALETTE[1],
+}
+_MARKERS = {"fixed": "o", "residual": "s", "slack": "^", "both": "D"}
+
+Estimate = tuple[float, float, float]
+"""value and ends of its interval"""
+
+
+@dataclass(frozen=True)
+class Point:
+    """One variant of a filter."""
+
+    agent: str
+    domain: str
+    constrained: str
+    """empty for `off`, which belongs to all panels of its agent and domain"""
+    variant: str
+    d_safe: float
+    """m; nan for `off`"""
+    fr: Estimate
+    """percent"""
+    vr: Estimate
+    """percent"""
+
+
+def draw_tradeoff(points: Sequence[Point], path: Path) -> Path:
+    """VR over FR with 95 % intervals; a line joins the d_safe of one variant, and its ends say which."""
+    agents = list(dict.fromkeys(p.agent for p in points))
+    columns = list(dict.fromkeys((p.domain, p.constrained) for p in points if p.constrained))
+    columns = [
+        (d, c) for c in dict.fromkeys(c for _, c in columns) for d in dict.fromkeys(d for d, _ in columns)
+    ]
+    size = (3.6 * len(columns), 0.5 + 3.4 * len(agents))
+    with grid(len(agents), len(columns), size, path) as (figure, panels):
+        for i, agent in enumerate(agents):
+            for k, (domain, constrained) in enumerate(columns):
+                inside = [p for p in points if (p.agent, p.domain) == (agent, domain)]
+                _panel(panels[i, k], [p for p in inside if p.constrained in ("", constrained)])
+                panels[i, k].set_title(f"{agent}, {constrained}\n{domain}")
+                panels[i, k].set_xlabel("frozen, FR (%)" if i == len(agents) - 1 else "")
+                panels[i, k].set_ylabel("violations, VR (%)" if k == 0 else "")
+        legend_below(figure, _handles({p.variant for p in points}))
+    return path
+
+
+def _panel(axes: Axes, points: Sequence[Point]) -> None:
+    shown = [p for p in points if p.fr[0] == p.fr[0]]
+    if not shown:
+        bare(axes, "no episode ended")
+        return
+    for p in shown:
+        colour = INK if p.variant == OFF else _COLOURS[p.variant]
+        (x, y), (x_error, y_error) = (p.fr[0], p.vr[0]), (_arms(p.fr), _arms(p.vr))
+        axes.errorbar(x, y, y_error, x_error, fmt="none", ecolor=colour, elinewidth=0.8, alpha=0.3)
+    for variant in dict.fromkeys(p.variant for p in shown):
+        line = sorted((p for p in shown if p.variant == variant), key=lambda p: p.d_safe)
+        x, y = [p.fr[0] for p in line], [p.vr[0] for p in line]
+        if variant == OFF:
+            axes.plot(x, y, "*", color=INK, markersize=12, zorder=5)
+            continue
+        axes.plot(x, y, color=_COLOURS[variant], lw=1.2, marker=_MARKERS[variant], markersize=4.5, zorder=4)
+        for (fr, vr), text in _ends(line).items():
+            axes.annotate(
+                text, (fr, vr), xytext=(4, 4), textcoords="offset points", fontsize=7.5,
+                color=_COLOURS[variant],
+            )  # fmt: skip
+    axes.set_xlim(left=min(0.0, axes.get_xlim()[0]))
+    axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
+
+
+def _ends(line: Sequence[Point]) -> dict[tuple[float, float], str]:
+    """Where a line begins and ends, and the d_safe there; both in one text where that is the same place."""
+    found: dict[tuple[float, float], list[str]] = {}
+    for p in dict.fromkeys((line[0], line[-1])):
+        found.setdefault((p.fr[0], p.vr[0]), []).append(f"{p.d_safe:g}")
+    return {place: "–".join(texts) for place, texts in found.items()}
+
+
+def _arms(estimate: Estimate) -> list[list[float]]:
+    """Lengths of an error bar below and above."""
+    value, low, high = estimate
+    return [[max(value - low, 0.0)], [max(high - value, 0.0)]]
+
+
+def _handles(variants: set[str]) -> list:
+    from matplotlib.lines import Line2D
+
+    off = Line2D([], [], color=INK, marker="*", markersize=11, ls="none", label="filter off")
+    names = {
+        "fixed": "fixed",
+        "residual": "residual only",
+        "slack": "slack only",
+        "both": "residual and slack",
+    }
+    rest = [
+        Line2D([], [], color=_COLOURS[v], marker=_MARKERS[v], markersize=5, label=label)
+        for v, label in names.items()
+        if v in variants
+    ]
+    note = Line2D([], [], ls="none", label="numbers: d_safe (m); thin lines: 95 % intervals")
+    return [off, *rest, note]

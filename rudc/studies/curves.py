@@ -1,0 +1,194 @@
+"""Training curves of several trainings: mean and 95 % band over training seeds.
+
+With x_1 ... x_n the values of n trainings at one number of decisions, mean +- t s / sqrt(n), s their standard
+deviation and t the 97.5 percentile of Student's distribution with n - 1 degrees of freedom; rates are cut off
+at 0 and 100 %. There is no band for a single training. Trainings are alike if their folders' names differ
+only in `-seedN`. Only what all of them reached is shown.
+
+    training     episodes driven while learning (`progress.csv`), means over BIN decisions
+    evaluation   the held-out episodes (`evaluation.csv`), each scenario, and its arms apart
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import t as student
+
+from rudc.errors import InputError
+from rudc.evaluation.metrics import numbers
+from rudc.evaluation.store import read_table
+from rudc.evaluation.sweep import Progress
+from rudc.reporting.curves import Curve, draw_curves
+from rudc.reporting.text import csv_text, interval, markdown
+from rudc.studies.base import Order, Report, family, make_folder, write
+from rudc.training.log import EVALUATION, PROGRESS
+from rudc.world.scene import Array
+
+BIN = 5_000
+"""decisions"""
+METRICS = {"SR": ("success",), "VR": ("collision", "off_road", "wrong_way"), "FR": ("frozen",)}
+"""rate -> columns that it is the sum of"""
+
+Key = tuple[str, str, str, str]
+"""source, scenario, priority, metric"""
+Series = dict[int, float]
+"""decisions -> value, percent or reward"""
+
+
+class Band(NamedTuple):
+    """A mean over trainings with its interval."""
+
+    mean: float
+    low: float
+    high: float
+
+
+def run(order: Order, progress: Callable[[str], Progress]) -> Report:
+    """Read the trainings' logs and draw them."""
+    if not order.folders:
+        raise InputError("which trainings? give their folders: rudc study curves DIR...")
+    trainings: dict[str, list[dict[Key, Series]]] = {}
+    for folder in dict.fromkeys(order.folders):
+        trainings.setdefault(family(folder.resolve().name), []).append(read_training(folder))
+    lines = [line for name, members in trainings.items() for line in combine(name, members)]
+    if not lines:
+        raise InputError("these trainings have no step in common that all of them reached")
+    make_folder(order.out)
+    table = as_markdown(lines)
+    files = (
+        write(order.out / "curves.csv", csv_text(lines)),
+        write(order.out / "curves.md", table),
+        draw_curves(curves(lines), order.out / "curves.png"),
+    )
+    return Report(table, files, tuple(_shortened(trainings)))
+
+
+def read_training(folder: Path) -> dict[Key, Series]:
+    """All curves of a training's folder. Raises InputError when its logs are not there."""
+    driven = _log(folder / "progress.csv", PROGRESS)
+    tested = _log(folder / "evaluation.csv", EVALUATION)
+    curves: dict[Key, Series] = {}
+    bins: dict[int, list[dict[str, str]]] = {}
+    for row in driven:
+        bins.setdefault(-(-int(row["steps"]) // BIN) * BIN, []).append(row)
+    if bins and int(driven[-1]["steps"]) < max(bins):
+        del bins[max(bins)]
+    for step, rows in bins.items():
+        for metric, value in _values(rows).items():
+            curves.setdefault(("training", "", "all", metric), {})[step] = value
+    for row in tested:
+        for metric, value in _values([row]).items():
+            key = ("evaluation", row["scenario"], row["priority"], metric)
+            curves.setdefault(key, {})[int(row["steps"])] = value
+    return curves
+
+
+def _log(path: Path, columns: Sequence[str]) -> list[dict[str, str]]:
+    if not path.is_file():
+        raise InputError(f"no {path.name} in {path.parent}; is it the folder of a training?")
+    rows = read_table(path)
+    missing = [name for name in columns if rows and name not in rows[0]]
+    if missing:
+        raise InputError(f"{path} has no column {missing[0]!r}; is it the log of a training?")
+    return rows
+
+
+def _values(rows: Sequence[Mapping[str, str]]) -> dict[str, float]:
+    """Rates in percent and the mean reward, over the episodes of all rows."""
+    weight = numbers(rows, "episodes")
+    found = {
+        name: 100.0 * _mean(np.sum([numbers(rows, column) for column in columns], axis=0), weight)
+        for name, columns in METRICS.items()
+    }
+    return found | {"reward": _mean(numbers(rows, "episode_reward"), weight)}
+
+
+def _mean(values: Array, weight: Array) -> float:
+    known = np.isfinite(values) & (weight > 0)
+    return float(np.average(values[known], weights=weight[known])) if known.any() else math.nan
+
+
+def combine(name: str, trainings: Sequence[Mapping[Key, Series]]) -> list[dict[str, object]]:
+    """Lines of `curves.csv` of trainings that differ only in their seed."""
+    lines = []
+    keys = [key for key in trainings[0] if all(key in other for other in trainings)]
+    for key in keys:
+        series = [training[key] for training in trainings]
+        for step in sorted(set.intersection(*(set(s) for s in series))):
+            band = band_of(np.array([s[step] for s in series]), rate=key[3] in METRICS)
+            source, scenario, priority, metric = key
+            lines.append(
+                {
+                    "agent": name,
+                    "source": source,
+                    "scenario": scenario,
+                    "priority": priority,
+                    "metric": metric,
+                    "steps": step,
+                    "trainings": len(series),
+                    **band._asdict(),
+                }
+            )
+    return lines
+
+
+def band_of(values: Array, *, rate: bool) -> Band:
+    """Mean of values (n,) and its 95 % interval, within [0, 100] if it is a rate; nan for one."""
+    mean, n = float(values.mean()), len(values)
+    if n < 2:
+        return Band(mean, math.nan, math.nan)
+    half = float(student.ppf(0.975, n - 1)) * float(values.std(ddof=1)) / math.sqrt(n)
+    if rate:
+        return Band(mean, max(mean - half, 0.0), min(mean + half, 100.0))
+    return Band(mean, mean - half, mean + half)
+
+
+def _shortened(trainings: Mapping[str, Sequence[Mapping[Key, Series]]]) -> list[str]:
+    """A note for each kind whose trainings went on for different lengths."""
+    notes = []
+    for name, members in trainings.items():
+        ends = [max((step for series in m.values() for step in series), default=0) for m in members]
+        if len(set(ends)) > 1:
+            notes.append(
+                f"{name}: trainings end at {', '.join(map(str, ends))} steps; shown up to the shortest"
+            )
+    return notes
+
+
+def as_markdown(lines: Sequence[Mapping]) -> str:
+    """Where the held-out episodes ended up."""
+    last: dict[tuple[str, ...], dict[str, Mapping]] = {}
+    for line in lines:
+        if line["source"] == "evaluation":
+            key = (line["agent"], line["scenario"], line["priority"])
+            last.setdefault(key, {})[line["metric"]] = line
+    rows = []
+    for key, metrics in last.items():
+        first = next(iter(metrics.values()))
+        values = [interval(*(metrics[m][part] for part in Band._fields)) for m in (*METRICS, "reward")]
+        rows.append([*key, str(first["trainings"]), str(first["steps"]), *values])
+    names = ("SR (%)", "VR (%)", "FR (%)", "reward")
+    return markdown(["agent", "scenario", "arms", "trainings", "steps", *names], rows, left=3)
+
+
+def curves(lines: Sequence[Mapping]) -> list[Curve]:
+    """What the figure shows: all arms together."""
+    found: dict[tuple[str, str, str], list[Mapping]] = {}
+    for line in lines:
+        if line["priority"] == "all":
+            place = line["scenario"] or "while training"
+            found.setdefault((line["agent"], place, line["metric"]), []).append(line)
+    return [
+        Curve(
+            *key, members[0]["trainings"], *(np.array([m[c] for m in members], dtype=float) for c in _COLUMNS)
+        )
+        for key, members in found.items()
+    ]
+
+
+_COLUMNS = ("steps", "mean", "low", "high")

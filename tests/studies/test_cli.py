@@ -1,0 +1,79 @@
+"""`rudc study`."""
+
+import pytest
+from PIL import Image
+
+from rudc.agents.checkpoint import find_checkpoint
+from rudc.cli.main import main
+from rudc.evaluation.store import read_table
+from rudc.studies import base, filter_study
+
+
+@pytest.fixture
+def rudc(monkeypatch, capsys, tmp_path):
+    """`rudc("study", "list")`: exit status, stdout, stderr."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments: object):
+        monkeypatch.setattr("sys.argv", ["rudc", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        said = capsys.readouterr()
+        return ended.value.code or 0, said.out, said.err
+
+    return call
+
+
+def test_list(rudc):
+    status, out, _ = rudc("study", "list")
+    assert status == 0
+    assert [line.split()[0] for line in out.splitlines()] == ["study", "filter", "sigma", "curves"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["filtr", "-o", "x"], "did you mean 'filter'?"),
+        (["filter", "-a", "gap-acceptance+ttcbf"], "--out DIR"),
+        (["filter", "-a", "gap-acceptance", "-o", "x"], "no safety filter"),
+        (["filter", "here", "-o", "x"], "takes no folders"),
+        (["sigma", "-a", "sumo", "-o", "x"], "states no uncertainty"),
+        (["curves", "-o", "x"], "which trainings?"),
+        (["curves", "here", "-a", "sumo", "-o", "x"], "drives nothing"),
+    ],
+)
+def test_wrong_input_is_one_message(rudc, arguments, said, tmp_path):
+    status, out, err = rudc("study", *arguments)
+    assert status == 2
+    assert said in err
+    assert "Traceback" not in err
+    assert not out
+    assert not (tmp_path / "x").exists()
+
+
+def test_curves(rudc, tmp_path):
+    status, out, err = rudc("study", "curves", find_checkpoint("rudc-wo-cbf"), "--out", "out")
+    assert status == 0
+    assert "dense_left_turn" in out
+    assert err == "in out: curves.csv, curves.md, curves.png\n"
+    assert (tmp_path / "out" / "curves.md").read_text() == out
+
+
+@pytest.mark.slow
+def test_filter_runs_and_resumes(rudc, monkeypatch, trained, tmp_path):
+    monkeypatch.setattr("rudc.evaluation.manifest.code_version", lambda: "v0")
+    monkeypatch.setattr(filter_study, "CONSTRAINED", ("gated",))
+    monkeypatch.setattr(filter_study, "D_SAFE", {"quick": (0.3,)})
+    monkeypatch.setattr(base, "IN_DISTRIBUTION", ("random_destination",))
+    monkeypatch.setattr(base, "QUICK_OOD", ("ignored_priority",))
+    call = ["study", "filter", "-a", trained, "-n", 1, "--budget", "quick", "-w", 1, "-o", "out"]
+    status, out, _ = rudc(*call)
+    assert status == 0
+    lines = read_table(tmp_path / "out" / "filter.csv")
+    assert len([m for m in lines if m["scenario"] == "all"]) == 2 * 5
+    with Image.open(tmp_path / "out" / "filter.png") as picture:
+        assert picture.size[0] > 600
+    assert rudc(*call)[0] == 2
+    status, again, err = rudc(*call, "--resume")
+    assert (status, again) == (0, out)
+    assert "5 of 5" in err or "5/5" in err or "finished" in err

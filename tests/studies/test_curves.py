@@ -1,0 +1,74 @@
+"""Training curves: means and bands over trainings, and folders that do not fit."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from rudc.errors import InputError
+from rudc.evaluation.store import read_table
+from rudc.evaluation.sweep import Silent
+from rudc.studies.base import Order
+from rudc.studies.curves import band_of, read_training, run
+from rudc.training.log import EVALUATION, PROGRESS
+
+
+def training(folder: Path, rate: float, last: int = 20_000) -> Path:
+    """A training's folder whose success is `rate` throughout."""
+    folder.mkdir()
+    own = {"episodes": 10, "success": rate, "collision": 1 - rate, "episode_reward": 100 * rate}
+    for name, columns, every in (("progress", PROGRESS, 1000), ("evaluation", EVALUATION, 10_000)):
+        lines = [",".join(columns)]
+        for steps in range(every, last + 1, every):
+            values = {
+                **dict.fromkeys(columns, 0),
+                **own,
+                "steps": steps,
+                "scenario": "fog",
+                "priority": "all",
+            }
+            lines.append(",".join(str(values[c]) for c in columns))
+        (folder / f"{name}.csv").write_text("\n".join(lines) + "\n")
+    return folder
+
+
+def test_band_is_students():
+    band = band_of(np.array([90.0, 92.0, 94.0]), rate=True)
+    assert band.mean == 92.0
+    assert band.high - band.mean == pytest.approx(4.302653 * 2.0 / math.sqrt(3), rel=1e-6)
+    assert band_of(np.array([90.0, 100.0]), rate=True).high == 100.0
+    assert band_of(np.array([90.0, 100.0]), rate=False).high > 100.0
+    assert math.isnan(band_of(np.array([90.0]), rate=True).low)
+
+
+def test_trainings_are_put_together(tmp_path):
+    folders = [training(tmp_path / "mine", 0.8), training(tmp_path / "mine-seed1", 0.9, last=10_000)]
+    other = training(tmp_path / "other", 0.5)
+    report = run(Order(tmp_path / "out", folders=(*folders, other)), lambda _: Silent())
+    lines = read_table(tmp_path / "out" / "curves.csv")
+    mine = [m for m in lines if m["agent"] == "mine" and m["source"] == "training" and m["metric"] == "SR"]
+    assert [(m["steps"], m["trainings"]) for m in mine] == [("5000", "2"), ("10000", "2")]
+    assert float(mine[0]["mean"]) == pytest.approx(85.0)
+    (tested,) = [m for m in lines if m["agent"] == "mine" and m["scenario"] == "fog" and m["metric"] == "VR"]
+    assert float(tested["mean"]) == pytest.approx(15.0)
+    assert "mine: trainings end at 20000, 10000 steps" in report.notes[0]
+    assert "| mine  | fog      | all  |" in report.table
+    with Image.open(tmp_path / "out" / "curves.png") as picture:
+        assert picture.size[0] > 600
+
+
+def test_a_bin_that_is_not_full_is_left_out(tmp_path):
+    curves = read_training(training(tmp_path / "mine", 0.8, last=12_000))
+    assert sorted(curves["training", "", "all", "SR"]) == [5000, 10_000]
+
+
+def test_other_folders_are_refused(tmp_path):
+    with pytest.raises(InputError, match="is it the folder of a training"):
+        run(Order(tmp_path / "out", folders=(tmp_path,)), lambda _: Silent())
+    with pytest.raises(InputError, match="which trainings"):
+        run(Order(tmp_path / "out"), lambda _: Silent())
+    short = training(tmp_path / "short", 0.8, last=500)
+    with pytest.raises(InputError, match="no step in common"):
+        run(Order(tmp_path / "out", folders=(short,)), lambda _: Silent())
