@@ -49,9 +49,11 @@ class Surface:
         self._step_x, self._step_y = (straights[:, 1] - straights[:, 0]).T.copy()
         self._inverse_square = 1.0 / (self._step_x**2 + self._step_y**2)
         self._distance = self._build_distance()
-        self._direction = self._build_direction(lanes)
+        self._directions, which = np.unique(self._build_direction(lanes), return_inverse=True)
+        self._direction = which.astype(np.min_scalar_type(len(self._directions)))
+        """(X * Y,) which of the few directions there are; a quarter of the memory"""
         self._last = np.array([self.shape[0] - 1.001, self.shape[1] - 1.001])
-        for array in (self.boundary, self._distance, self._direction, self.origin):
+        for array in (self.boundary, self._distance, self._direction, self._directions, self.origin):
             array.flags.writeable = False
 
     def signed_distance(self, xy: Array) -> Array:
@@ -79,7 +81,7 @@ class Surface:
         """(...) rad, direction of travel of the lane under xy (..., 2); nan inside nodes and off the road."""
         cell = (np.asarray(xy) - self.origin) * (1.0 / CELL) + 0.5
         cell = np.minimum(np.maximum(cell, 0.0), self._last).astype(np.int64)
-        return self._direction[cell[..., 0] * self.shape[1] + cell[..., 1]]
+        return self._directions[self._direction[cell[..., 0] * self.shape[1] + cell[..., 1]]]
 
     def depth(self, x: float, y: float) -> float:
         """`signed_distance` (m) of one point (m, m), in plain arithmetic: ten times as fast for so few."""
@@ -95,7 +97,7 @@ class Surface:
         """`lane_direction` (rad) at one point (m, m)."""
         i = int(min(max((x - self._x0) / CELL + 0.5, 0.0), self.shape[0] - 1.001))
         j = int(min(max((y - self._y0) / CELL + 0.5, 0.0), self.shape[1] - 1.001))
-        return self._direction.item(i * self.shape[1] + j)
+        return self._directions.item(self._direction.item(i * self.shape[1] + j))
 
     def _nearest(self, points: Array) -> Array:
         """(N, 2) m, nearest point of the edge to points (N, 2): the best on all its straights."""
