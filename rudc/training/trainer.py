@@ -160,6 +160,7 @@ class Trainer:
         if self.steps and (self._at(config.log_every) or self._breaks()):
             self._write_progress()
         if self._breaks():
+            self._finished, self._losses = [], []  # of the seeding, which no row is about; else empty by now
             self._save()
         if self.steps and self._at(config.evaluate_every) and config.evaluation_episodes:
             self._evaluate()

@@ -17,6 +17,7 @@ from safetensors.numpy import load_file
 from rudc.agents.checkpoint import load_learnt
 from rudc.agents.registry import agent_settings, agent_summary, make_agent
 from rudc.errors import AgentError, InputError, TrainingError
+from rudc.safety.residual import shipped_predictor
 from rudc.training.config import TrainConfig
 from rudc.training.trainer import astray, stored_config, train
 
@@ -162,3 +163,21 @@ class Saboteur(Watcher):
 def test_a_worker_that_dies_ends_the_training(tmp_path: Path):
     with pytest.raises(TrainingError, match=r"rudc-worker-0 has died"):
         train(_config(envs=1), tmp_path / "dead", Saboteur())
+
+
+def test_the_filter_in_the_loop_resumes_too_and_the_agent_takes_its_residual_predictor_along(tmp_path: Path):
+    """RUDC with residual and slack, whose percentiles change as it learns."""
+    changes: dict[str, Any] = {"algorithm": "rudc-e", "steps": 200, "evaluate_every": 200}
+    config = _config(**changes)
+    assert config.driver.residual
+    assert config.driver.slack_gain > 0
+    assert train(config, tmp_path / "whole", Watcher())
+    assert not train(config, tmp_path / "stopped", Watcher(stop_at=150))
+    assert train(config, tmp_path / "stopped", Watcher(), resume=True)
+    assert _curves(tmp_path / "whole") == _curves(tmp_path / "stopped")
+    whole, stopped = (load_learnt(tmp_path / name / "checkpoint") for name in ("whole", "stopped"))
+    assert whole.percentiles == stopped.percentiles
+    shipped = shipped_predictor().arrays
+    for name, array in shipped.items():
+        np.testing.assert_array_equal(whole.arrays[f"residual/{name}"], array)
+    assert {k for k in whole.arrays if k.startswith("residual/")} == {f"residual/{k}" for k in shipped}
