@@ -33,7 +33,7 @@ def draw_separation(marks: Sequence[Mark], path: Path) -> Path:
     agents, tasks = list(dict.fromkeys(m.agent for m in marks)), list(dict.fromkeys(m.task for m in marks))
     most = max(len({m.scenarios for m in marks if m.task == task}) for task in tasks)
     size = (5.6 * len(tasks), 0.8 + len(agents) * (0.8 + 0.27 * most))
-    with grid(len(agents), len(tasks), size, path) as (figure, panels):
+    with grid(len(agents), len(tasks), size, path, sharex="col") as (figure, panels):
         for i, agent in enumerate(agents):
             for k, task in enumerate(tasks):
                 axes = panels[i, k]

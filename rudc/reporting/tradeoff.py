@@ -50,7 +50,7 @@ def draw_tradeoff(points: Sequence[Point], path: Path) -> Path:
         (d, c) for c in dict.fromkeys(c for _, c in columns) for d in dict.fromkeys(d for d, _ in columns)
     ]
     size = (3.6 * len(columns), 0.5 + 3.4 * len(agents))
-    with grid(len(agents), len(columns), size, path) as (figure, panels):
+    with grid(len(agents), len(columns), size, path, sharex="col", sharey="col") as (figure, panels):
         for i, agent in enumerate(agents):
             for k, (domain, constrained) in enumerate(columns):
                 inside = [p for p in points if (p.agent, p.domain) == (agent, domain)]

@@ -9,6 +9,7 @@ rising order and p_g, m_g the weights of positives and negatives in them,
 
     AUROC = sum_g p_g (m_1 + ... + m_(g-1) + m_g / 2) / (sum p  sum m)
 
+More than BINS different scores are put into BINS groups of like size, which moves an AUROC by about 1 / BINS at most.
 The interval runs from the 2.5 to the 97.5 percentile of RESAMPLES such values.
 """
 
@@ -28,6 +29,8 @@ Ints = NDArray[np.int64]
 RESAMPLES = 1000
 SEED = 20_250
 """of the bootstrap's draws"""
+BINS = 1024
+"""groups of scores at most"""
 
 
 class Interval(NamedTuple):
@@ -62,23 +65,44 @@ def auroc_draws(
     episode is drawn (its scenario). The draws depend on `stratum` and `seed` only: agents that drove the same
     episodes are compared on the same draws.
     """
+    times = _times_drawn(stratum, resamples, seed)
+    bins = _bins(scores)
+    up, down = (_counts(episode[flag], bins[flag], len(stratum), bins) for flag in (positive, ~positive))
+    p, m = times @ up, times @ down
+    wins = np.einsum("kg,kg->k", p, np.cumsum(m, axis=1) - 0.5 * m)
+    pairs = p.sum(axis=1) * m.sum(axis=1)
+    return np.divide(wins, pairs, out=np.full(resamples, math.nan), where=pairs > 0)
+
+
+def _times_drawn(stratum: Ints, resamples: int, seed: int) -> Floats:
+    """(resamples, E) how often each episode is drawn."""
     rng = np.random.default_rng(seed)
-    order = np.argsort(scores, kind="stable")
-    ranked, flags, owner = scores[order], positive[order], episode[order]
-    starts = np.flatnonzero(np.r_[True, ranked[1:] != ranked[:-1]]) if len(ranked) else np.zeros(0, int)
-    members = [np.flatnonzero(stratum == value) for value in np.unique(stratum)]
-    draws = np.full(resamples, math.nan)
-    for k in range(resamples):
-        times = np.zeros(len(stratum))
-        for inside in members:
-            times[inside] = np.bincount(rng.integers(len(inside), size=len(inside)), minlength=len(inside))
-        weight = times[owner]
-        up = np.add.reduceat(np.where(flags, weight, 0.0), starts)
-        down = np.add.reduceat(np.where(flags, 0.0, weight), starts)
-        pairs = up.sum() * down.sum()
-        if pairs > 0:
-            draws[k] = float(up @ (np.cumsum(down) - 0.5 * down) / pairs)
-    return draws
+    times = np.zeros((resamples, len(stratum)))
+    for value in np.unique(stratum):
+        inside = np.flatnonzero(stratum == value)
+        size = len(inside)
+        drawn = rng.integers(size, size=(resamples, size)) + size * np.arange(resamples)[:, None]
+        times[:, inside] = np.bincount(drawn.ravel(), minlength=resamples * size).reshape(resamples, size)
+    return times
+
+
+def _bins(scores: Floats) -> Ints:
+    """(n,) rising with the score: one for each different score, or BINS with like numbers of decisions if
+    there are more; equal scores always share one.
+    """
+    different, bins = np.unique(scores, return_inverse=True)
+    if len(different) <= BINS:
+        return bins
+    first = rankdata(scores, method="min").astype(np.int64) - 1
+    return first * BINS // len(scores)
+
+
+def _counts(episode: Ints, bins: Ints, episodes: int, all_bins: Ints) -> Floats:
+    """(E, bins) how many decisions of each episode are in each bin."""
+    width = int(all_bins.max(initial=0)) + 1
+    return (
+        np.bincount(episode * width + bins, minlength=episodes * width).reshape(episodes, width).astype(float)
+    )
 
 
 def percentile_interval(value: float, draws: Floats) -> Interval:

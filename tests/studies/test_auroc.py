@@ -43,10 +43,9 @@ def test_draws_are_those_of_episodes_taken_with_replacement():
     scores, positive, episode, stratum = drives(np.random.default_rng(5))
     found = auroc_draws(scores, positive, episode, stratum, resamples=20, seed=3)
     rng = np.random.default_rng(3)
-    for value in found:
-        taken = []
-        for inside in (np.flatnonzero(stratum == 0), np.flatnonzero(stratum == 1)):
-            taken += list(inside[rng.integers(len(inside), size=len(inside))])
+    groups = [np.flatnonzero(stratum == value) for value in (0, 1)]
+    drawn = np.hstack([inside[rng.integers(len(inside), size=(20, len(inside)))] for inside in groups])
+    for value, taken in zip(found, drawn, strict=True):
         rows = np.concatenate([np.flatnonzero(episode == e) for e in taken])
         assert value == pytest.approx(by_pairs(scores[rows], positive[rows]))
 
@@ -72,6 +71,18 @@ def test_repeating_an_episodes_decisions_does_not_narrow_the_interval():
         assert found.low < value < found.high
         widths.append(found.high - found.low)
     assert widths[0] == pytest.approx(widths[1])
+
+
+def test_many_scores_are_grouped_without_harm(monkeypatch):
+    rng = np.random.default_rng(4)
+    episode = np.repeat(np.arange(40), 200)
+    scores = rng.normal(size=len(episode)) + np.repeat(rng.normal(size=40), 200)
+    flags = rng.random(len(episode)) < 1 / (1 + np.exp(-scores))
+    grouped = auroc_draws(scores, flags, episode, np.zeros(40, dtype=int), resamples=30)
+    monkeypatch.setattr("rudc.studies.auroc.BINS", len(scores))
+    exact = auroc_draws(scores, flags, episode, np.zeros(40, dtype=int), resamples=30)
+    assert np.abs(grouped - exact).max() < 1 / 1024
+    assert np.ptp(exact) > 0.01
 
 
 def test_no_interval_where_draws_are_often_undefined():
