@@ -70,7 +70,8 @@ _HALF_A = 0.5 * np.array(ACCELERATIONS)[:, None]
 _SPEEDS_UP = _HALF_A > 0
 _NO_GAP = np.full((len(ACCELERATIONS), len(HYPOTHESES), len(_TIMES)), FARTHEST / UNIT)
 
-_tables: Remembered[object, RouteTables] = Remembered()
+_tables: Remembered[object, RouteTables] = Remembered(32)
+"""2 MB a route; those of two networks, so that a worker that sees many does not grow beyond that"""
 
 
 def conflict_features(scene: Scene) -> Array:
