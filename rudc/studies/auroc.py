@@ -9,8 +9,8 @@ rising order and p_g, m_g the weights of positives and negatives in them,
 
     AUROC = sum_g p_g (m_1 + ... + m_(g-1) + m_g / 2) / (sum p  sum m)
 
-More than BINS different scores are put into BINS groups of like size, which moves an AUROC by about 1 / BINS at most.
-The interval runs from the 2.5 to the 97.5 percentile of RESAMPLES such values.
+More than BINS different scores are put into BINS groups of like size, which moves an AUROC by 1 / BINS or so
+at most. The interval runs from the 2.5 to the 97.5 percentile of RESAMPLES such values.
 """
 
 from __future__ import annotations

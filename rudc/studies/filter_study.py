@@ -15,8 +15,9 @@ only with the filter and c only without it end so, and (Bonett and Price 2012)
     interval = p - q +- 1.96 sqrt((p + q - (p - q)^2) / (n + 2))
                with p = (b + 1) / (n + 2), q = (c + 1) / (n + 2)
 
-Rates have Wilson intervals. All intervals are about episodes, for these agents; the spread over training
-seeds stands beside as least and largest. The out-of-distribution scenarios together get about as many
+Rates have Wilson intervals. All intervals are about episodes, for these agents, and take those of different
+training seeds, which meet the same traffic, for independent; the spread over training seeds stands beside as
+least and largest. The out-of-distribution scenarios together get about as many
 episodes as the two tasks, the same for each.
 """
 
@@ -208,8 +209,9 @@ def _scope(
         }
         for rate in RATES:
             line |= _rate(rate, done, by_name)
+        compared = {} if first.kind == "off" else without
         for rate in ("VR", "FR"):
-            line |= _change(rate, done, without, by_name)
+            line |= _change(rate, done, compared, by_name)
         lines.append(line | _effort(done))
     return lines
 

@@ -27,11 +27,10 @@ from rudc.agents.base import Agent, Decision, EgoDriver
 from rudc.agents.checkpoint import find_checkpoint
 from rudc.agents.registry import make_agent
 from rudc.agents.variation import split
-from rudc.errors import InputError
+from rudc.errors import InputError, StorageError
 from rudc.evaluation.preflight import check_scenarios
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.runner import EpisodeRunner
-from rudc.evaluation.store import explain
 from rudc.evaluation.sweep import Progress, run_sweep
 from rudc.evaluation.tasks import SweepPlan, Task
 from rudc.reporting.separation import Mark, draw_separation
@@ -176,7 +175,9 @@ def _drives(rows: Sequence[Mapping[str, str]], folder: Path) -> list[Drive]:
         try:
             stated = np.load(path).astype(float)
         except OSError as error:
-            explain(path, error)
+            raise StorageError(
+                f"{path} cannot be read ({error.strerror}); its episode is finished, so give another --out"
+            ) from None
         if not np.isfinite(stated).all():
             raise InputError(f"{row['agent']} states no uncertainty, so there is nothing to study")
         found.append(Drive(row["scenario"], bool(row["violation"]), stated))

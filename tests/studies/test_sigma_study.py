@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from rudc.errors import InputError
+from rudc.errors import InputError, StorageError
 from rudc.evaluation.store import read_table
 from rudc.evaluation.sweep import Silent
 from rudc.studies import sigma_study
@@ -74,6 +74,9 @@ def test_it_drives_listens_and_resumes(monkeypatch, tmp_path):
     before = (tmp_path / "s" / "sigma.csv").read_bytes()
     again = run(Order(order.out, order.agents, (), 1, 3, resume=True), lambda _: Silent())
     assert again.files[0].read_bytes() == before
+    sigma_file(tmp_path / "s" / "sigmas", "rudc-wo-cbf", "random_destination", 3).unlink()
+    with pytest.raises(StorageError, match=r"3\.npy cannot be read"):
+        run(Order(order.out, order.agents, (), 1, 3, resume=True), lambda _: Silent())
 
 
 def _only(name: str):
