@@ -1,7 +1,13 @@
 """Collection in one world: decisions -> transitions.
 
-The reward is the environment's, save that a collision costs `collision_reward`. A time-out, and an episode
-broken off at a checkpoint, are not the end of anything: their value is bootstrapped from where they stopped.
+The reward is the environment's, save that a collision costs `collision_reward` and a correction by the
+filter `correction_cost`. A time-out, and an episode broken off at a checkpoint, are not the end of anything:
+their value is bootstrapped from where they stopped.
+
+What is replayed is the action that the policy proposed. With the filter as part of what answers to it that is
+an ordinary decision process, whose values critics can learn and a policy can climb. With the executed action
+in its place (`replayed: executed`) nobody ever learns what a proposal leads to where the filter corrects it:
+the policy drives on and leaves braking to the filter. The cost of corrections keeps it from relying on that.
 """
 
 from __future__ import annotations
@@ -137,9 +143,15 @@ class Collector:
         reward, outcome = result.reward, result.outcome
         if outcome is Outcome.COLLISION:
             reward += self._config.collision_reward - result.terms["collision"]
+        decision, body = choice.decision, result.scene.vehicle
+        if self._config.correction_cost and decision.filtered is not None:
+            half_range = (0.5 * (body.a_max - body.a_min), body.delta_max)
+            reward -= self._config.correction_cost * float(
+                np.hypot(*(decision.filtered.correction / half_range))
+            )
         return self._steps.add(
             choice.observation,
-            choice.action,
+            choice.nominal if self._config.replayed == "nominal" else choice.action,
             choice.nominal,
             reward,
             self._seen,

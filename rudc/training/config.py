@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, Self, get_args
+from typing import Any, Literal, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -43,6 +43,11 @@ class TrainConfig(_Model):
     """what replaces the scenario's start and traffic; None keeps them"""
     collision_reward: float = Field(default=-75.0, le=0)
     """replaces the reward's collision term (the paper's is -50), in learning only"""
+    replayed: Literal["nominal", "executed"] = "nominal"
+    """which action critics learn about: the policy's, the filter being part of what answers it, or what the
+    filter made of it"""
+    correction_cost: float = Field(default=1.0, ge=0)
+    """taken off the reward, in learning only, for correcting by half the range of acceleration or steering"""
     steps: int = Field(default=100_000, ge=1)
     """decisions taken by the policy, rounded up to whole rounds like all that counts decisions below"""
     seed_steps: int = Field(default=8_000, ge=0)
