@@ -95,10 +95,15 @@ class LearnedAgent:
         return self.choose(scene).decision
 
     def choose(
-        self, scene: Scene, rng: np.random.Generator | None = None, observation: Floats | None = None
+        self,
+        scene: Scene,
+        rng: np.random.Generator | None = None,
+        observation: Floats | None = None,
+        *,
+        filtering: bool = True,
     ) -> Choice:
         """The same, and how it looks to a learner. With `rng` it explores; `observation`: that of this scene,
-        where it is known already.
+        where it is known already; `filtering`: False leaves out the filter.
         """
         clock = [time.perf_counter()]
         if observation is None:
@@ -109,7 +114,7 @@ class LearnedAgent:
         clock.append(time.perf_counter())
         unsure = self._uncertainty(observation, nominal)
         clock.append(time.perf_counter())
-        if self._filter is None:
+        if self._filter is None or not filtering:
             u, action, filtered = u_rl, nominal, None
         else:
             slack = self._slack(float(unsure.total)) if self._slack and unsure else 0.0

@@ -1,13 +1,12 @@
 """Collection in one world: decisions -> transitions.
 
-The reward is the environment's, save that a collision costs `collision_reward` and a correction by the
-filter `correction_cost`. A time-out, and an episode broken off at a checkpoint, are not the end of anything:
-their value is bootstrapped from where they stopped.
+The reward is the environment's, save that a collision costs `collision_reward`. A time-out, and an episode
+broken off at a checkpoint, are not the end of anything: their value is bootstrapped from where they stopped.
 
-What is replayed is the action that the policy proposed. With the filter as part of what answers to it that is
-an ordinary decision process, whose values critics can learn and a policy can climb. With the executed action
-in its place (`replayed: executed`) nobody ever learns what a proposal leads to where the filter corrects it:
-the policy drives on and leaves braking to the filter. The cost of corrections keeps it from relying on that.
+What is replayed is the action that was executed, and a share of the episodes is driven without the filter.
+So all transitions are of one and the same decision process, the unfiltered one, and critics learn what a
+proposal leads to where the filter would have corrected it. With the filter in every episode nobody learns
+that, whichever action is replayed: the policy drives on and leaves braking to the filter.
 """
 
 from __future__ import annotations
@@ -73,6 +72,7 @@ class Collector:
         self._reference = GapAcceptance()
         self._agent = untrained(config.driver)
         learner = config.driver.learner
+        self._filtering = True
         self._steps = NStep(learner.n_step, learner.discount)
 
     def load(self, arrays: Mapping[str, Floats], percentiles: tuple[float, float] | None) -> None:
@@ -122,6 +122,7 @@ class Collector:
             self._seen = observe_flat(self._scene, self._kind)
             self._reference.reset(self._scene, plan.seed)
             self._agent.reset(self._scene, plan.seed)
+            self._filtering = bool(rng.random() < self._config.filtered_share)
         return self._episode, self._scene
 
     def _move_to(self, network: str, junction: str | None) -> None:
@@ -131,7 +132,7 @@ class Collector:
 
     def _choose(self, scene: Scene, by: By, rng: np.random.Generator) -> Choice:
         if by == "policy":
-            return self._agent.choose(scene, rng, self._seen)
+            return self._agent.choose(scene, rng, self._seen, filtering=self._filtering)
         driver = self._config.driver
         proposed = self._reference.act(scene)
         action = driver.normalised(proposed.u, scene) + self._config.seed_noise * rng.standard_normal(2)
@@ -143,12 +144,6 @@ class Collector:
         reward, outcome = result.reward, result.outcome
         if outcome is Outcome.COLLISION:
             reward += self._config.collision_reward - result.terms["collision"]
-        decision, body = choice.decision, result.scene.vehicle
-        if self._config.correction_cost and decision.filtered is not None:
-            half_range = (0.5 * (body.a_max - body.a_min), body.delta_max)
-            reward -= self._config.correction_cost * float(
-                np.hypot(*(decision.filtered.correction / half_range))
-            )
         return self._steps.add(
             choice.observation,
             choice.nominal if self._config.replayed == "nominal" else choice.action,

@@ -43,11 +43,10 @@ class TrainConfig(_Model):
     """what replaces the scenario's start and traffic; None keeps them"""
     collision_reward: float = Field(default=-75.0, le=0)
     """replaces the reward's collision term (the paper's is -50), in learning only"""
-    replayed: Literal["nominal", "executed"] = "nominal"
-    """which action critics learn about: the policy's, the filter being part of what answers it, or what the
-    filter made of it"""
-    correction_cost: float = Field(default=1.0, ge=0)
-    """taken off the reward, in learning only, for correcting by half the range of acceleration or steering"""
+    filtered_share: float = Field(default=0.5, ge=0, le=1)
+    """share of training episodes that are driven behind the filter, from the first on; the paper's is 1"""
+    replayed: Literal["executed", "nominal"] = "executed"
+    """which action critics learn about: what the filter made of the policy's, or the policy's itself"""
     steps: int = Field(default=100_000, ge=1)
     """decisions taken by the policy, rounded up to whole rounds like all that counts decisions below"""
     seed_steps: int = Field(default=8_000, ge=0)
@@ -126,6 +125,7 @@ class TrainConfig(_Model):
             "curriculum": None,
             "collision_reward": COLLISION,
             "seed_steps": 0,
+            "filtered_share": 1.0,
         }
         if algorithm in ALGORITHMS and ALGORITHMS[algorithm].filter:
             as_written["filter_settings"] = {"constrained": "all"}

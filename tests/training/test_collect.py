@@ -64,30 +64,3 @@ def test_collisions_cost_what_training_says(collector: Collector):
     ]
     assert losses
     assert all(CONFIG.collision_reward - 2 < loss < COLLISION - 10 for loss in losses)
-
-
-def test_the_replay_gets_what_was_proposed_and_corrections_cost():
-    """The same world, policy and draws; only what is learnt from them differs."""
-    parts = {}
-    for replayed, cost in (("nominal", 0.0), ("nominal", 2.0), ("executed", 0.0)):
-        config = TrainConfig.default(
-            "rudc-t", learner={"n_step": 1}, replayed=replayed, correction_cost=cost, slack_gain=0.0
-        )
-        collector = Collector(config, 0)
-        arrays = policy_arrays(config.driver.learner)
-        arrays["out.bias"][..., 0] = 1.0  # drives on
-        collector.load({f"policy/{name}": value for name, value in arrays.items()}, None)
-        parts[replayed, cost] = collector.collect(0, 300, "policy", drop=True).transitions
-        collector.close()
-    plain, costly, executed = parts.values()
-    corrected = 0
-    for one, dear, done in zip(plain, costly, executed, strict=True):
-        np.testing.assert_array_equal(one.action, one.nominal)
-        np.testing.assert_array_equal(one.nominal, done.nominal)
-        changed = not np.array_equal(done.action, done.nominal)
-        assert dear.reward <= one.reward + 1e-6
-        assert one.reward == done.reward
-        if changed:
-            corrected += 1
-            assert dear.reward < one.reward
-    assert corrected > 5
