@@ -42,7 +42,7 @@ class Algorithm:
 
 
 ALGORITHMS = {
-    "rudc-t": Algorithm("RUDC with truncated Taylor control barrier functions.", "ttcbf", 0.4),
+    "rudc-t": Algorithm("RUDC with truncated Taylor control barrier functions.", "ttcbf", 0.05),
     "rudc-e": Algorithm("RUDC with exponential control barrier functions.", "ecbf", 0.04),
     "rudc-wo-cbf": Algorithm("RUDC without a safety filter.", None),
 }

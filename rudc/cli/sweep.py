@@ -22,6 +22,8 @@ SHIPPED_AGENTS = (
     "gap-acceptance+ttcbf",
     "gap-acceptance+ecbf",
     "rudc-wo-cbf",
+    "rudc-t",
+    "rudc-e",
 )
 """drivers of `--shipped` when none are named"""
 
