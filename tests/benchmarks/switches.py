@@ -22,6 +22,8 @@ SWITCHES: dict[str, tuple[str, ...]] = {
     "paper's observation": ("driver.observation=paper",),
     "steering chosen directly": ("driver.action=direct",),
     "all vehicles constrained": ("driver.filter_settings.constrained=all",),
+    "filter in every episode": ("filtered_share=1",),
+    "filter in every episode, proposals replayed": ("filtered_share=1", "replayed=nominal"),
     "no residual": ("driver.residual=false",),
     "no slack": ("driver.slack_gain=0",),
     "expectation for CVaR": ("driver.learner.distortion=expectation",),
@@ -43,7 +45,7 @@ def rudc(*arguments: object) -> None:
 
 def folder(out: Path, name: str) -> Path:
     """Where a variant is trained."""
-    return out / name.replace("'", "").replace(" ", "-")
+    return out / name.replace("'", "").replace(",", "").replace(" ", "-")
 
 
 def train(out: Path, name: str, steps: int) -> None:
