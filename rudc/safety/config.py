@@ -62,6 +62,9 @@ class FilterConfig:
     """1/s, lambda2 towards road edges"""
     max_steering_correction: float = 0.05
     """largest change of tan(delta_f); inf for none"""
+    max_added_acceleration: float = 0.0
+    """m/s2, by how much the filter may raise the acceleration: not at all, it brakes and steers. Free to do
+    so (inf, as in the paper) it drives into whoever is ahead to get away from whoever comes from behind"""
     acceleration_weight: float = 1.0
     """w_a, cost of a squared correction of 1 m/s2"""
     steering_weight: float = 20.0
@@ -86,7 +89,7 @@ class FilterConfig:
             if isinstance(value, bool) or not isinstance(value, (int, float)):
                 continue
             least_is_fine = field.name in _MAY_BE_ZERO
-            finite = math.isfinite(value) or (field.name == "max_steering_correction" and value > 0)
+            finite = math.isfinite(value) or (field.name in _MAY_BE_INFINITE and value > 0)
             if not finite or value < 0 or (value == 0 and not least_is_fine):
                 problems.append(
                     f"{field.name} must be {'at least 0' if least_is_fine else 'positive'}, not {value}"
@@ -123,5 +126,7 @@ _MAY_BE_ZERO = frozenset(
         "gate_distance",
         "road_d_safe",
         "max_steering_correction",
+        "max_added_acceleration",
     }
 )
+_MAY_BE_INFINITE = frozenset({"max_steering_correction", "max_added_acceleration"})

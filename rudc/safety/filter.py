@@ -4,7 +4,7 @@ Paper, Sec. "Safety Correction Formulation": with rows A u >= b from `rows`, u =
 z = tan(delta_f),
 
     minimise  w_a (a - a_rl)^2 / 2 + w_z (z - z_rl)^2 / 2
-    subject to  A u >= b,   a_low <= a <= a_max,
+    subject to  A u >= b,   a_low <= a <= min(a_max, a_rl + max_added_acceleration),
                 |z - z_rl| <= max_steering_correction,   |z| <= tan(delta_max)
 
 and delta_f = atan(z). a_low = max(a_min, -v / dt): the model would drive backwards where the vehicle
@@ -43,6 +43,8 @@ Status = Literal["nominal", "solved", "relaxed", "braking"]
 
 MOST_PASSES = 4
 """how often rows are linearised at most; two do nearly always"""
+LEAST_ROOM = 1e-3
+"""m/s2 between the bounds of acceleration at least, since interior-point solvers need an interior"""
 PUSHING = 1e-6
 """multiplier (cost per m2) above which a row counts as active"""
 
@@ -175,11 +177,12 @@ class SafetyFilter:
         a_low = min(max(body.a_min, -scene.ego.v / self.config.dt), body.a_max)
         z_max = math.tan(body.delta_max)
         a = min(max(proposed[0], a_low), body.a_max)
+        a_high = max(a + self.config.max_added_acceleration, a_low + LEAST_ROOM)
         z = math.tan(min(max(proposed[1], -body.delta_max), body.delta_max))
         return _Bounds(
             nominal=np.array([a, z]),
             lower=np.array([a_low, max(z - most, -z_max)]),
-            upper=np.array([body.a_max, min(z + most, z_max)]),
+            upper=np.array([min(a_high, body.a_max), min(z + most, z_max)]),
         )
 
     def _conditions(

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from rudc.errors import InputError, SolverError
 from rudc.safety.barrier import barrier_terms
-from rudc.safety.filter import FilterConfig, Filtered, SafetyFilter
+from rudc.safety.filter import LEAST_ROOM, FilterConfig, Filtered, SafetyFilter
 from rudc.safety.qp import Problem, Solution
 from rudc.safety.rows import affine_rows, per_row
 from rudc.world.scene import EgoVehicle
@@ -67,6 +67,8 @@ def test_bounds_and_least_change(filter: SafetyFilter, scene: Any, u: np.ndarray
     assert abs(answer.u[1]) <= limit
     assert answer.correction == pytest.approx(answer.u - u)
     asked = np.clip(u, [EGO.a_min, -limit], [EGO.a_max, limit])
+    a_low = max(EGO.a_min, -scene.ego.v / filter.config.dt)
+    assert answer.u[0] <= max(asked[0], a_low) + LEAST_ROOM  # it brakes, it does not accelerate
     change = math.tan(answer.u[1]) - math.tan(asked[1])
     assert abs(change) <= filter.config.max_steering_correction + 1e-9
     assert len(answer.h) == len(answer.names) == len(set(answer.names))
@@ -91,6 +93,17 @@ def test_the_same_question_has_the_same_answer(scene: Any, u: np.ndarray) -> Non
     warm = FILTERS[0].filter(scene, u)
     assert warm.status == fresh.status
     assert warm.u == pytest.approx(fresh.u, abs=1e-6)
+
+
+def test_nobody_from_behind_drives_the_ego_into_who_is_ahead() -> None:
+    """A standing car ahead, another that passes on the next lane: braking stays braking."""
+    scene = make_scene([Other(25.0, 0.6), Other(-10.0, -3.0, speed=8.2)], v=2.0)
+    u = np.array([-5.8, 0.0])
+    free = SafetyFilter(FilterConfig(constrained="all", max_added_acceleration=math.inf)).filter(scene, u)
+    assert free.u[0] > 0
+    assert SafetyFilter(FilterConfig(constrained="all")).filter(scene, u).u[0] == pytest.approx(
+        -5.8, abs=0.01
+    )
 
 
 def wall(v: float = 8.0, **changes: Any) -> Any:
