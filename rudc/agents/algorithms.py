@@ -11,12 +11,14 @@ The second leaves to learning what is hard, when to go, and lets it deviate from
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_serializer, field_validator, model_validator
 
 from rudc.agents.learning.config import LearnerConfig, ObservationLayout
 from rudc.agents.tracking import steering
@@ -27,6 +29,7 @@ from rudc.safety.config import FilterConfig
 from rudc.world.scene import Array, Scene
 
 Floats = NDArray[np.float32]
+Settings = Mapping[str, bool | int | float | str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,13 +84,22 @@ class DriverConfig(BaseModel):
     filtering: bool = True
     """whether the algorithm's filter is at work; False takes it away"""
     filter_settings: dict[str, bool | int | float | str] = {}
-    """fields of `FilterConfig` that differ from the preset"""
+    """fields of `FilterConfig` that differ from the preset; infinity is written "inf", which JSON lacks"""
     residual: bool = False
     """whether the filter gets the residuals that a learnt predictor expects (rudc/safety/residual.py)"""
     slack_gain: float = Field(default=0.0, ge=0)
     """eta of delta(sigma), m2 per step over reward units; 0 leaves the slack out"""
     learner: LearnerConfig = LearnerConfig.quick()
     """networks and objective"""
+
+    @field_validator("filter_settings")
+    @classmethod
+    def _read_infinity(cls, settings: Settings) -> Settings:
+        return {key: math.inf if value == "inf" else value for key, value in settings.items()}
+
+    @field_serializer("filter_settings", when_used="json")
+    def _write_infinity(self, settings: Settings) -> Settings:
+        return {key: "inf" if value == math.inf else value for key, value in settings.items()}
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any, Literal, Self, get_args
 
@@ -115,9 +116,9 @@ class TrainConfig(_Model):
         cls, algorithm: str = "rudc-t", *, learner: dict[str, Any] | None = None, **changes: Any
     ) -> Self:
         """The paper as written: its observation, steering and acceleration chosen directly, attention
-        networks of its size, five critics, one-step returns, every vehicle constrained, its rewards, episodes
-        as the scenario draws them, and no driver to learn from. Arguments as for `default`. Raises
-        InputError.
+        networks of its size, five critics, one-step returns, every vehicle constrained by a filter in every
+        episode that may accelerate as well, its rewards, episodes as the scenario draws them, and no driver
+        to learn from. Arguments as for `default`. Raises InputError.
         """
         as_written: dict[str, Any] = {
             "observation": "paper",
@@ -128,7 +129,7 @@ class TrainConfig(_Model):
             "filtered_share": 1.0,
         }
         if algorithm in ALGORITHMS and ALGORITHMS[algorithm].filter:
-            as_written["filter_settings"] = {"constrained": "all"}
+            as_written["filter_settings"] = {"constrained": "all", "max_added_acceleration": math.inf}
         return cls._made(LearnerConfig.of, algorithm, learner or {}, {**as_written, **changes})
 
     @classmethod

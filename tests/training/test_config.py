@@ -1,5 +1,6 @@
 """Training's configuration refuses what cannot work; the curriculum draws what it says."""
 
+import math
 from collections import Counter
 
 import numpy as np
@@ -82,6 +83,8 @@ def test_the_papers_configuration_is_as_written():
     assert (driver.observation, driver.action) == ("paper", "direct")
     assert driver.filter is not None
     assert (driver.filter.kind, driver.filter.constrained) == ("ecbf", "all")
+    assert driver.filter.max_added_acceleration == math.inf
+    assert TrainConfig.model_validate_json(config.model_dump_json()) == config
     assert (learner.members, learner.n_step, learner.critic.encoder, learner.critic.hidden) == (
         5,
         1,
