@@ -73,6 +73,10 @@ class FilterConfig:
     """cost of a squared slack of 1 m2 per step of a vehicle's constraint when there is no solution without"""
     road_slack_weight: float = 1e2
     """the same for a road-edge point"""
+    backup: bool = True
+    """whether an action must leave the ego a way to stop, or to go on, without hitting anybody"""
+    backup_margin: float = 0.3
+    """m, how far it stays away from others then"""
     solver: str = "piqp"
     """QP solver: `piqp` by its own interface, any other by the name it has in qpsolvers"""
 
@@ -125,6 +129,7 @@ _MAY_BE_ZERO = frozenset(
         "max_vehicles",
         "gate_distance",
         "road_d_safe",
+        "backup_margin",
         "max_steering_correction",
         "max_added_acceleration",
     }

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from rudc.safety.barrier import EPSILON, Array, Complex, Constraints
 from rudc.safety.config import FilterConfig
 from rudc.safety.gating import Gate
+from rudc.safety.prediction import Predictor
 from rudc.safety.road_points import NAMES, RoadPoints, sliding
 from rudc.world.scene import Scene
 
@@ -22,34 +23,34 @@ from rudc.world.scene import Scene
 class ConstraintBuilder:
     """Builds the constraints of one instant; remembers the road's edges of the route it saw last."""
 
-    def __init__(self, config: FilterConfig) -> None:
+    def __init__(self, config: FilterConfig, predictor: Predictor | None = None) -> None:
+        """`predictor`: one that somebody else uses, too."""
         self._config = config
-        self._gate = Gate(config)
+        self._gate = Gate(config, predictor or Predictor())
         self._road_points: RoadPoints | None = None
 
     def build(self, scene: Scene) -> Constraints:
         """The constraints of this scene."""
-        config = self._config
         short, stretch = self._ellipses(scene)
         chosen = self._chosen(scene, short, stretch)
-        n = len(chosen)
-        k = n + (len(NAMES) if config.road else 0)
+        n, points = len(chosen), self._points(scene)
+        k = n + (0 if points is None else len(NAMES))
         position: Complex = np.empty(k, dtype=np.complex128)
-        velocity: Complex = np.zeros(k, dtype=np.complex128)
-        direction: Complex = np.ones(k, dtype=np.complex128)
-        offset, mode, margin = np.zeros(k), np.zeros(k), np.full(k, config.d_safe)
-        both_short, both_stretch = np.ones((2, k)), np.zeros((2, k))
-        if n:
-            position[:n], velocity[:n] = _complex(scene.position[chosen]), _complex(scene.velocity[chosen])
-            direction[:n] = np.exp(1j * scene.heading[chosen])
-            mode[:n] = 1.0
-            both_short[:, :n], both_stretch[:, :n] = short[:, chosen], stretch[:, chosen]
-        if config.road:
-            points, position[n:], velocity[n:] = self._road(scene)
-            offset[n:] = points.offset
-            margin[n:] = 0.5 * scene.vehicle.width + config.road_d_safe
+        velocity: Complex = np.empty(k, dtype=np.complex128)
+        direction: Complex = np.empty(k, dtype=np.complex128)
+        both_short, both_stretch = np.empty((2, k)), np.empty((2, k))
+        position[:n], velocity[:n] = _complex(scene.position)[chosen], _complex(scene.velocity)[chosen]
+        heading = scene.heading[chosen]
+        direction.real[:n], direction.imag[:n] = np.cos(heading), np.sin(heading)
+        both_short[:, :n], both_stretch[:, :n] = short[:, chosen], stretch[:, chosen]
+        offset, mode, margin = np.zeros(k), np.ones(k), np.full(k, self._config.d_safe)
+        if points is not None:
+            position[n:], velocity[n:] = self._road(scene, points)
+            direction[n:], both_short[:, n:], both_stretch[:, n:] = 1.0, 1.0, 0.0
+            offset[n:], mode[n:] = points.offset, 0.0
+            margin[n:] = 0.5 * scene.vehicle.width + self._config.road_d_safe
         return Constraints(
-            names=tuple(["veh:" + scene.ids[i] for i in chosen.tolist()]) + (NAMES if config.road else ()),
+            names=tuple(["veh:" + scene.ids[i] for i in chosen.tolist()]) + (NAMES if k > n else ()),
             others=chosen,
             position=position,
             velocity=velocity,
@@ -59,7 +60,7 @@ class ConstraintBuilder:
             margin=margin,
             short=both_short,
             stretch=both_stretch,
-            road=self._road_points,
+            road=points,
         )
 
     def _ellipses(self, scene: Scene) -> tuple[Array, Array]:
@@ -82,18 +83,25 @@ class ConstraintBuilder:
             return np.arange(min(scene.count, self._config.max_vehicles))
         return self._gate.meeting(scene, short, stretch)[: self._config.max_vehicles]
 
-    def _road(self, scene: Scene) -> tuple[RoadPoints, Complex, Complex]:
-        """The reference points, their projections (6,) m and the projections' velocities (6,) m/s."""
-        points, ego = self._road_points, scene.ego
+    def _points(self, scene: Scene) -> RoadPoints | None:
+        """The reference points; None if the road is not constrained."""
+        if not self._config.road:
+            return None
+        points = self._road_points
         if points is None or points.route is not scene.route or points.vehicle != scene.vehicle:
             points = self._road_points = RoadPoints(scene.route, scene.vehicle)
+        return points
+
+    def _road(self, scene: Scene, points: RoadPoints) -> tuple[Complex, Complex | float]:
+        """The reference points' projections (6,) m and the projections' velocities (6,) m/s."""
+        ego = scene.ego
         position, heading = complex(ego.x, ego.y), cmath.exp(1j * ego.psi)
         away = points.away(position, heading, scene.ego_s)
         feet = position + points.offset * heading - away
-        if self._config.road_points == "fixed":
-            return points, feet, np.zeros_like(feet)
-        return points, feet, sliding(away, ego.v * heading)
+        fixed = self._config.road_points == "fixed"
+        return feet, 0.0 if fixed else sliding(away, ego.v * heading)
 
 
 def _complex(xy: Array) -> Complex:
-    return xy[:, 0] + 1j * xy[:, 1]
+    """(N,) of (N, 2)."""
+    return np.ascontiguousarray(xy).view(np.complex128)[:, 0]

@@ -19,27 +19,31 @@ What comes out, by `Filtered.status`:
     relaxed   no action satisfies all rows; the one that violates them least, slack s >= 0 for each row,
               minimise ... + sum_i r_i s_i^2 / 2,  A u + s >= b,  r of vehicles a thousand times r of the road
     braking   not even that could be solved: full braking, steering as proposed
+    stopping  whatever of the above, it would have left the ego no way to stop or to go on without hitting
+              somebody (see `backup`): full braking instead
 """
 
 from __future__ import annotations
 
 import math
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rudc.errors import SolverError
+from rudc.safety.backup import Backup
 from rudc.safety.barrier import Array, Constraints, Terms, barrier_terms
 from rudc.safety.config import FilterConfig
 from rudc.safety.constraints import ConstraintBuilder
+from rudc.safety.prediction import Predictor
 from rudc.safety.qp import TOLERANCE, Problem, Solution, make_solver
 from rudc.safety.rows import RowWeights, affine_rows, per_row
 from rudc.world.scene import EgoVehicle, Scene
 
 __all__ = ["FilterConfig", "Filtered", "SafetyFilter", "Status"]
 
-Status = Literal["nominal", "solved", "relaxed", "braking"]
+Status = Literal["nominal", "solved", "relaxed", "braking", "stopping"]
 
 MOST_PASSES = 4
 """how often rows are linearised at most; two do nearly always"""
@@ -109,15 +113,19 @@ class SafetyFilter:
         self.last_problem: Problem | None = None
         """the last QP of the last decision, solved or not; None if it had no constraints"""
         self._weights = config.row_weights(road=False), config.row_weights(road=True)
-        self._builder = ConstraintBuilder(config)
+        predictor = Predictor()
+        self._builder = ConstraintBuilder(config, predictor)
+        self._backup = Backup(config, predictor) if config.backup else None
         self._solver = make_solver(config.solver)
-        self._cost = np.diag([config.acceleration_weight, config.steering_weight])
+        self._prices: Array = np.array([config.acceleration_weight, config.steering_weight])
+        self._cost: Array = np.diag(self._prices)
+        self._per_row: dict[tuple[int, int], RowWeights] = {}
         self._seen: tuple[Scene, Constraints] | None = None
         self.reset()
 
     def reset(self) -> None:
         """Begin a new episode."""
-        self.counts = dict.fromkeys(("nominal", "solved", "relaxed", "braking"), 0)
+        self.counts = dict.fromkeys(get_args(Status), 0)
         self.last_problem = None
         self._seen = None
 
@@ -142,6 +150,22 @@ class SafetyFilter:
             raise SolverError(
                 f"the filter was given an action or slack that is not finite: {proposed}, {slack}"
             )
+        filtered = self._corrected(scene, proposed, slack, residual)
+        if self._backup is not None:
+            hit = self._backup.in_the_way(scene, filtered.u)
+            if hit is not None:
+                filtered = self._stopped(scene, proposed, filtered, hit)
+        self.counts[filtered.status] += 1
+        return filtered
+
+    def _stopped(self, scene: Scene, proposed: Array, filtered: Filtered, hit: NDArray[np.int64]) -> Filtered:
+        """Full braking, for the sake of the others `hit`."""
+        u = np.array([scene.vehicle.a_min, filtered.u[1]])
+        names = tuple(["veh:" + scene.ids[i] for i in hit.tolist()])
+        return filtered._replace(u=u, correction=u - proposed, status="stopping", active=names)
+
+    def _corrected(self, scene: Scene, proposed: Array, slack: float, residual: Array | None) -> Filtered:
+        """What the rows make of the action."""
         constraints = self.constraints(scene)
         bounds = self._bounds(scene, proposed)
         if not constraints.count:
@@ -149,14 +173,15 @@ class SafetyFilter:
             return self._passed(scene, proposed, np.zeros(0), ())
         conditions = self._conditions(scene, constraints, slack, residual)
         rows, b = conditions.rows(bounds.nominal)
-        _refuse_unknown_rows(rows, b, constraints.names)
+        excess = rows @ bounds.nominal - b
+        if not math.isfinite(excess.dot(excess)):
+            _refuse_unknown_rows(rows, b, constraints.names)
         h = conditions.terms.h
-        q = -self._cost.diagonal() * bounds.nominal
+        q = -self._prices * bounds.nominal
         problem = self.last_problem = Problem(self._cost, q, rows, b, bounds.lower, bounds.upper)
-        if (rows @ bounds.nominal - b).min() >= 0.0:
+        if excess.min() >= 0.0:
             return self._passed(scene, proposed, h, constraints.names)
         status, solution, kept = self._solve(problem, conditions, constraints.mode)
-        self.counts[status] += 1
         u, slack = self._action(status, scene.vehicle, proposed, bounds, solution)
         pushing = kept[solution.multipliers > PUSHING].tolist()
         return Filtered(
@@ -196,15 +221,19 @@ class SafetyFilter:
                 f"the filter has {constraints.count} constraints, not {np.shape(residual)} as the residuals"
             )
         relief = slack if residual is None else slack + residual
-        return _Conditions(terms, per_row(*self._weights, constraints.mode), relief)
+        shape = constraints.vehicles, constraints.count
+        weights = self._per_row.get(shape)
+        if weights is None:
+            weights = self._per_row[shape] = per_row(*self._weights, constraints.mode)
+        return _Conditions(terms, weights, relief)
 
     def _solve(
         self, problem: Problem, conditions: _Conditions, mode: Array
     ) -> tuple[Status, Solution, NDArray[np.int64]]:
         """Status, solution, and the indices (k,) of the rows that the solution has multipliers of."""
         spent_ms = 0.0
+        kept, hopeless = _undecided(problem)
         for _ in range(MOST_PASSES):
-            kept, hopeless = _undecided(problem)
             if hopeless:
                 break
             solution = self._solver.solve(_part(problem, kept))
@@ -215,7 +244,7 @@ class SafetyFilter:
             if (rows @ solution.x - b).min() >= -TOLERANCE:
                 return "solved", solution._replace(solve_ms=spent_ms), kept
             problem = self.last_problem = problem._replace(A=rows, b=b)
-        kept, _ = _undecided(problem)
+            kept, hopeless = _undecided(problem)
         relaxed = self._solver.solve(self._relaxed(_part(problem, kept), mode[kept]))
         relaxed = relaxed._replace(solve_ms=relaxed.solve_ms + spent_ms)
         return ("relaxed" if relaxed.found else "braking"), relaxed, kept
@@ -225,23 +254,21 @@ class SafetyFilter:
 
         The whole cost is scaled to the middle of its weights: piqp diverges now and then on the bare numbers.
         """
-        cost, q, rows, b, lower, upper = problem
-        k, road, vehicle = len(b), self.config.road_slack_weight, self.config.vehicle_slack_weight
-        weights = road + mode * (vehicle - road)
+        k, road, vehicle = len(problem.b), self.config.road_slack_weight, self.config.vehicle_slack_weight
         scale = 1.0 / math.sqrt(road * vehicle)
-        open_end = np.full(k, np.inf)
-        return Problem(
-            P=np.diag(scale * np.concatenate([cost.diagonal(), weights])),
-            q=scale * np.concatenate([q, np.zeros(k)]),
-            A=np.hstack([rows, np.eye(k)]),
-            b=b,
-            lower=np.concatenate([lower, -open_end]),
-            upper=np.concatenate([upper, open_end]),
-        )
+        prices = np.empty(k + 2)
+        prices[:2], prices[2:] = self._prices, road + mode * (vehicle - road)
+        cost, q, rows = np.zeros((k + 2, k + 2)), np.zeros(k + 2), np.zeros((k, k + 2), order="F")
+        lower, upper = np.full(k + 2, -np.inf), np.full(k + 2, np.inf)
+        cost.ravel()[:: k + 3] = scale * prices
+        q[:2] = scale * problem.q
+        rows[:, :2] = problem.A
+        np.einsum("ii->i", rows[:, 2:])[:] = 1.0
+        lower[:2], upper[:2] = problem.lower, problem.upper
+        return Problem(cost, q, rows, problem.b, lower, upper)
 
     def _passed(self, scene: Scene, proposed: Array, h: Array, names: tuple[str, ...]) -> Filtered:
         """The nominal action itself."""
-        self.counts["nominal"] += 1
         u = _within(scene.vehicle, proposed)
         return Filtered(u, u - proposed, "nominal", (), h, names, 0.0, 0.0, 0.0, infeasible=False)
 
@@ -272,9 +299,9 @@ def _part(problem: Problem, kept: NDArray[np.int64]) -> Problem:
 
 
 def _refuse_unknown_rows(rows: Array, b: Array, names: tuple[str, ...]) -> None:
-    """Raise SolverError, naming the constraints whose rows are not finite."""
-    if not math.isfinite(rows.sum() + b.sum()):
-        bad = ~(np.isfinite(rows).all(axis=1) & np.isfinite(b))
+    """Raise SolverError, naming the constraints whose rows are not finite, if there are any."""
+    bad = ~(np.isfinite(rows).all(axis=1) & np.isfinite(b))
+    if bad.any():
         wrong = ", ".join(name for name, is_bad in zip(names, bad, strict=True) if is_bad)
         raise SolverError(f"the filter's rows are not finite for {wrong}")
 

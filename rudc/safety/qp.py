@@ -170,9 +170,13 @@ def certified(
     excess = A @ x - b
     above, below = np.minimum(x - lower, UNBOUNDED), np.minimum(upper - x, UNBOUNDED)
     y = np.maximum(y, 0.0)
+    m, n = len(y), len(x)
     scale = 1.0 / (1.0 + max(float(np.abs(q).max()), float(y.max(initial=0.0))))
-    stationarity = P @ x + q - y @ A - y_lower + y_upper
-    optimality = np.concatenate([stationarity, y * excess, y_lower * above, y_upper * below])
+    optimality = np.empty(m + 3 * n)
+    optimality[:n] = P @ x + q - y @ A - y_lower + y_upper
+    optimality[n : n + m] = y * excess
+    optimality[n + m : m + 2 * n] = y_lower * above
+    optimality[m + 2 * n :] = y_upper * below
     residual = max(
         float(np.abs(optimality).max()) * scale,
         -float(excess.min(initial=0.0)),

@@ -7,6 +7,9 @@ Variants, for both choices of vehicles that are constrained (`gated`, `all`) and
     residual   with what its prediction lacks                w,     delta = 0
     slack      with the uncertainty-embedded slack           w = 0, delta(sigma)
     both       as in the paper                               w,     delta(sigma)
+    backup     and the last resort (rudc/safety/backup.py)   w,     delta(sigma)
+
+Those before the last have none, so that they show what the rows alone do.
 
 Every variant drives the same episodes. A change against `off` is therefore one of pairs: of n episodes, b
 only with the filter and c only without it end so, and (Bonett and Price 2012)
@@ -54,8 +57,14 @@ from rudc.studies.base import (
     write,
 )
 
-VARIANTS = {"fixed": (False, False), "residual": (True, False), "slack": (False, True), "both": (True, True)}
-"""name -> whether residuals and slack are at work"""
+VARIANTS = {
+    "fixed": (False, False, False),
+    "residual": (True, False, False),
+    "slack": (False, True, False),
+    "both": (True, True, False),
+    "backup": (True, True, True),
+}
+"""name -> whether residuals, slack and the last resort are at work"""
 D_SAFE = {"quick": (0.1, 0.5), "full": (0.1, 0.3, 0.5, 0.8)}
 """m, by budget"""
 CONSTRAINED = ("gated", "all")
@@ -63,7 +72,7 @@ EPISODES = {"quick": 3, "full": 84}
 """for each task and agent, by budget; full: 504 for two tasks and three training seeds"""
 INSIDE, OUTSIDE = "in distribution", "out of distribution"
 RATES = ("SR", "VR", "FR")
-_VARIED = ("filter", "residual", "constrained", "d_safe")
+_VARIED = ("filter", "residual", "backup", "constrained", "d_safe")
 
 Row = Mapping[str, str]
 
@@ -79,7 +88,7 @@ class Variant:
     family: str
     """the same without its training seed"""
     kind: str
-    """off, fixed, residual, slack or both"""
+    """off, or of `VARIANTS`"""
     constrained: str = ""
     d_safe: float = math.nan
     """m"""
@@ -132,7 +141,7 @@ def variants_of(name: str, distances: Sequence[float]) -> list[Variant]:
     off = whole.rpartition("+")[0] if gain is None else _named(whole, {"filter": "off"})
     found = [Variant(off, name, family(name), "off")]
     for constrained in CONSTRAINED:
-        for kind, (residual, slack) in VARIANTS.items():
+        for kind, (residual, slack, backup) in VARIANTS.items():
             if slack and gain is None:
                 continue
             for d_safe in distances:
@@ -140,6 +149,7 @@ def variants_of(name: str, distances: Sequence[float]) -> list[Variant]:
                     "constrained": constrained,
                     "d_safe": f"{d_safe:g}",
                     "residual": "on" if residual else "off",
+                    "backup": "on" if backup else "off",
                 }
                 if gain is not None:
                     own |= {"filter": "on", "slack_gain": gain if slack else "0"}

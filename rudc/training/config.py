@@ -117,8 +117,8 @@ class TrainConfig(_Model):
     ) -> Self:
         """The paper as written: its observation, steering and acceleration chosen directly, attention
         networks of its size, five critics, one-step returns, every vehicle constrained by a filter in every
-        episode that may accelerate as well, its rewards, episodes as the scenario draws them, and no driver
-        to learn from. Arguments as for `default`. Raises InputError.
+        episode that may accelerate as well and has no last resort, its rewards, episodes as the scenario
+        draws them, and no driver to learn from. Arguments as for `default`. Raises InputError.
         """
         as_written: dict[str, Any] = {
             "observation": "paper",
@@ -129,7 +129,11 @@ class TrainConfig(_Model):
             "filtered_share": 1.0,
         }
         if algorithm in ALGORITHMS and ALGORITHMS[algorithm].filter:
-            as_written["filter_settings"] = {"constrained": "all", "max_added_acceleration": math.inf}
+            as_written["filter_settings"] = {
+                "constrained": "all",
+                "max_added_acceleration": math.inf,
+                "backup": False,
+            }
         return cls._made(LearnerConfig.of, algorithm, learner or {}, {**as_written, **changes})
 
     @classmethod

@@ -215,10 +215,10 @@ def main(starts: int) -> None:
         f"{'min h any':>10} {'remainder':>10} {'broken':>7}"
     )
     for gamma in (100.0, 1000.0, 8000.0):
-        config = FilterConfig.preset("ttcbf", constrained="all", ttcbf_gamma=gamma)
+        config = FilterConfig.preset("ttcbf", constrained="all", backup=False, ttcbf_gamma=gamma)
         print(report(f"TTCBF Gamma {gamma:g}", run(config, starts, 0)))
     for dt in (0.4, 0.2, 0.1, 0.05):
-        config = FilterConfig.preset("ecbf", constrained="all", dt=dt)
+        config = FilterConfig.preset("ecbf", constrained="all", backup=False, dt=dt)
         print(report(f"ECBF dt {dt:g}", run(config, starts, 0)))
 
 

@@ -18,7 +18,7 @@ from tests.safety.scenes import Other, make_scene, straight_road
 
 EGO = EgoVehicle()
 CONFIGS = [
-    FilterConfig.preset(kind, constrained=constrained)
+    FilterConfig.preset(kind, constrained=constrained, backup=False)
     for kind in ("ttcbf", "ecbf")
     for constrained in ("all", "gated")
 ]
@@ -112,7 +112,7 @@ def wall(v: float = 8.0, **changes: Any) -> Any:
 
 
 def free(config: FilterConfig | None = None) -> SafetyFilter:
-    return SafetyFilter(config or FilterConfig(constrained="all"))
+    return SafetyFilter(config or FilterConfig(constrained="all", backup=False))
 
 
 def test_brakes_for_what_is_in_the_way() -> None:
@@ -127,7 +127,7 @@ def test_brakes_for_what_is_in_the_way() -> None:
     )
     assert answer.solve_ms > 0
     assert answer.slack_used == 0
-    assert filter.counts == {"nominal": 0, "solved": 1, "relaxed": 0, "braking": 0}
+    assert filter.counts == {"nominal": 0, "solved": 1, "relaxed": 0, "braking": 0, "stopping": 0}
 
 
 def test_leaves_alone_who_keeps_clear() -> None:
@@ -170,7 +170,7 @@ def test_vehicles_come_before_the_road() -> None:
     beside = Other(0.5, 2.8, -math.pi / 2, 2.0, 1.8, 4.5)
     scene = make_scene([beside], y=-0.7, psi=-0.05, v=6.0, route=road)
     vehicles_first = free().filter(scene, np.zeros(2))
-    slacks = FilterConfig(constrained="all", vehicle_slack_weight=1e2, road_slack_weight=1e5)
+    slacks = FilterConfig(constrained="all", backup=False, vehicle_slack_weight=1e2, road_slack_weight=1e5)
     road_first = free(slacks).filter(scene, np.zeros(2))
     assert vehicles_first.status == road_first.status == "relaxed"
     assert {"veh:sv0", "road:right:cg"} <= set(vehicles_first.active)
@@ -223,7 +223,7 @@ def changed(answer: Filtered) -> float:
 
 @pytest.mark.parametrize("kind", ["ttcbf", "ecbf"])
 def test_slack_and_residual_relax_and_tighten(kind: str) -> None:
-    filter, u = free(FilterConfig.preset(kind, constrained="all")), np.array([1.0, 0.0])
+    filter, u = free(FilterConfig.preset(kind, constrained="all", backup=False)), np.array([1.0, 0.0])
     scene = wall(v=6.5 if kind == "ttcbf" else 2.0)
     count = filter.constraints(scene).count
     plain = filter.filter(scene, u)
@@ -299,7 +299,7 @@ def test_unknown_settings() -> None:
 @pytest.mark.parametrize("solver", ["daqp", "quadprog"])
 def test_other_solvers_give_the_same_action(solver: str) -> None:
     scene, u = wall(v=6.5), np.array([2.0, 0.0])
-    mine, theirs = free(), free(FilterConfig(constrained="all", solver=solver))
+    mine, theirs = free(), free(FilterConfig(constrained="all", backup=False, solver=solver))
     assert theirs.filter(scene, u).u == pytest.approx(mine.filter(scene, u).u, abs=1e-6)
     hopeless = wall(v=12.0)
     assert theirs.filter(hopeless, u).status == mine.filter(hopeless, u).status == "relaxed"

@@ -19,25 +19,29 @@ from rudc.studies.filter_study import (
 
 def test_full_grid_of_a_trained_agent(trained):
     variants = variants_of(str(trained), (0.1, 0.3, 0.5, 0.8))
-    assert len(variants) == len({v.agent for v in variants}) == 33
-    assert len({v.setting for v in variants}) == 33
+    assert len(variants) == len({v.agent for v in variants}) == 41
+    assert len({v.setting for v in variants}) == 41
     found = {(v.kind, v.constrained, v.d_safe): agent_settings(v.agent)["driver"] for v in variants[1:]}
     off = agent_settings(variants[0].agent)["driver"]
     assert off["filtering"] is False
     for (kind, constrained, d_safe), settings in found.items():
         assert settings["filtering"] is True
-        assert settings["residual"] is (kind in ("residual", "both"))
-        assert settings["slack_gain"] == (0.04 if kind in ("slack", "both") else 0.0)
-        assert settings["filter_settings"] == {"constrained": constrained, "d_safe": d_safe}
+        assert settings["residual"] is (kind in ("residual", "both", "backup"))
+        assert settings["slack_gain"] == (0.04 if kind in ("slack", "both", "backup") else 0.0)
+        assert settings["filter_settings"] == {
+            "constrained": constrained,
+            "d_safe": d_safe,
+            "backup": kind == "backup",
+        }
 
 
 def test_settings_given_are_kept_and_the_slacks_gain_is_taken(trained):
     variants = variants_of(f"{trained}:slack_gain=0.02,ttcbf_rate=0.2", (0.3,))
-    assert len(variants) == 9
+    assert len(variants) == 11
     for variant in variants[1:]:
         settings = agent_settings(variant.agent)["driver"]
         assert settings["filter_settings"]["ttcbf_rate"] == 0.2
-        assert settings["slack_gain"] == (0.02 if variant.kind in ("slack", "both") else 0.0)
+        assert settings["slack_gain"] == (0.02 if variant.kind in ("slack", "both", "backup") else 0.0)
 
 
 def test_a_filter_behind_a_driver_has_no_slack():

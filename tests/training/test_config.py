@@ -84,6 +84,7 @@ def test_the_papers_configuration_is_as_written():
     assert driver.filter is not None
     assert (driver.filter.kind, driver.filter.constrained) == ("ecbf", "all")
     assert driver.filter.max_added_acceleration == math.inf
+    assert not driver.filter.backup
     assert TrainConfig.model_validate_json(config.model_dump_json()) == config
     assert (learner.members, learner.n_step, learner.critic.encoder, learner.critic.hidden) == (
         5,

@@ -1,0 +1,186 @@
+"""The last resort: an action is only taken if the ego can still stop, or go on, without hitting anybody.
+
+Barrier rows look one step ahead, at ellipses that leave the corners of the bodies out, and a positive slack
+lets h sink below 0 where the critics are sure and wrong: ego and truck touch at h = -6. Therefore, whatever
+the rows have made of it, an action u is judged by two manoeuvres that begin with it (commit or stop):
+
+    stop   u for one step, then full braking with the steering held, and standing there
+    go     u for one step, then on along the route at GO_ACCELERATION up to GO_SPEED
+
+A manoeuvre's room is the least that it leaves at any of the instants within the horizon towards anybody of
+
+    separation - min(backup_margin, separation now)
+
+separation being the largest along the four side directions of the ego's rectangle and the other's, which
+their distance is not below. Others are predicted along their paths (see `prediction`), at their present speed
+and, where they brake, also with their present deceleration. So a manoeuvre whose room is not negative comes
+neither closer than the margin to anybody nor, where it is that close already, any closer.
+
+    u is taken         if a manoeuvre's room is not negative (towards who stands still, that of stopping)
+    full braking       if both are, and stopping at once leaves more; steering as in u
+    u is taken         otherwise
+
+What stands still is therefore never hit, as long as it was seen in time and the vehicle does as the model:
+where u was taken since it could be followed by a stop, stopping is free in the next step again. Who drives
+behind the ego on its path is not looked at.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rudc.safety.barrier import Array, Complex
+from rudc.safety.config import FilterConfig
+from rudc.safety.prediction import Predictor
+from rudc.world.scene import Scene
+
+HORIZON = 2.5
+"""s, how far manoeuvres are looked at, at every step: at 15 m/s full braking takes as long"""
+GO_ACCELERATION = 2.0
+"""m/s2"""
+GO_SPEED = 9.0
+"""m/s, unless the ego is faster already"""
+CREEPING = 1e-3
+"""m, by which two may come closer without it counting"""
+AS_GOOD = 0.01
+"""m/s2, from full braking, which is as good"""
+STILL = 0.2
+"""m/s, below which somebody stands still"""
+BRAKING = -0.5
+"""m/s2, who decelerates by more is taken to go on doing so, too"""
+
+
+class _Others(NamedTuple):
+    """Those whom a manoeuvre might hit, m of them: some twice, for two predictions."""
+
+    who: NDArray[np.int64]
+    """(m,) indices of the scene's others"""
+    place: Complex
+    """(m, T) m"""
+    facing: Complex
+    """(m, T)"""
+    half: Array
+    """(m, 2) m, half lengths and half widths"""
+    still: NDArray[np.bool_]
+    """(m,) whether they stand still"""
+
+
+class Backup:
+    """Judges actions."""
+
+    def __init__(self, config: FilterConfig, predictor: Predictor) -> None:
+        self._dt, self._margin = config.dt, config.backup_margin
+        self._times: Array = np.linspace(0.0, HORIZON, round(HORIZON / config.dt) + 1)
+        self._predictor = predictor
+
+    def in_the_way(self, scene: Scene, u: Array) -> NDArray[np.int64] | None:
+        """Whom action `u` (2,), m/s2 and rad, would end in hitting, where full braking is better: indices of
+        the scene's others. None if `u` may be taken.
+        """
+        first, v = self._first(scene.ego.v, float(u[0]))
+        others = self._others(scene, first + v * v / (-2.0 * scene.vehicle.a_min))
+        if self._room(scene, others, *self._stop(scene, u)).min(initial=np.inf) >= -CREEPING:
+            return None
+        way = self._go(scene, float(u[0]))
+        others = self._others(scene, float(way[-1]))
+        stopping = self._room(scene, others, *self._stop(scene, u))
+        going = self._room(scene, others, *self._predictor.ego(scene, way))
+        room = np.stack([stopping, np.where(others.still, stopping, going)])
+        kept = ~np.isin(others.who, self._behind(scene, others.who[(room < -CREEPING).any(axis=0)]))
+        room = room[:, kept].min(axis=1, initial=np.inf).max()
+        braking = np.array([scene.vehicle.a_min, u[1]])
+        if room >= -CREEPING or u[0] < braking[0] + AS_GOOD:
+            return None
+        at_once = self._room(scene, others, *self._stop(scene, braking))
+        if at_once[kept].min() <= room:
+            return None
+        return np.unique(others.who[kept & (np.minimum(stopping, going) < -CREEPING)])
+
+    def _behind(self, scene: Scene, who: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Those of `who` that drive behind the ego."""
+        here: Complex = scene.position[who, 0] + 1j * scene.position[who, 1]
+        return who[self._predictor.following(scene, here, np.exp(1j * scene.heading[who]))]
+
+    def _others(self, scene: Scene, way: float) -> _Others:
+        """Those whom the ego might meet on a way of so many m."""
+        times, horizon = self._times, HORIZON
+        speed: Array = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
+        away = np.hypot(scene.position[:, 0] - scene.ego.x, scene.position[:, 1] - scene.ego.y)
+        body = 0.5 * (scene.size.sum(axis=1) + (scene.vehicle.length + scene.vehicle.width)) + self._margin
+        who = np.flatnonzero(away < speed * horizon + way + body)
+        reach = speed[who, None] * times
+        slowing = scene.acceleration[who] < BRAKING
+        if slowing.any():
+            late = who[slowing]
+            rate = -scene.acceleration[late, None]
+            held = np.minimum(times, speed[late, None] / rate)
+            reach = np.concatenate([reach, speed[late, None] * held - 0.5 * rate * held * held])
+            who = np.concatenate([who, late])
+        place, facing = self._predictor.others(scene, who, reach)
+        return _Others(who, place, facing, 0.5 * scene.size[who], speed[who] < STILL)
+
+    def _room(self, scene: Scene, others: _Others, place: Complex, facing: Complex) -> Array:
+        """(m,) m, room towards each of an ego at `place` (T,) m facing `facing` (T,); inf if plenty."""
+        room = np.full(len(others.who), np.inf)
+        if not len(room):
+            return room
+        body = scene.vehicle
+        r = others.place - place
+        near = others.half.sum(axis=1) + (0.5 * (body.length + body.width) + self._margin)
+        close = np.flatnonzero(np.abs(r).min(axis=1) < near)
+        if len(close):
+            half = np.array([0.5 * body.length, 0.5 * body.width])
+            apart = _separation(r[close], facing, others.facing[close], half, others.half[close])
+            room[close] = (apart - np.minimum(self._margin, apart[:, :1])).min(axis=1)
+        return room
+
+    def _stop(self, scene: Scene, u: Array) -> tuple[Complex, Complex]:
+        """(T,) m and (T,): the ego on an arc, under `u` for a step and then braking."""
+        ego, body = scene.ego, scene.vehicle
+        first, v = self._first(ego.v, float(u[0]))
+        braking = -body.a_min
+        held = np.minimum(np.maximum(self._times - self._dt, 0.0), v / braking)
+        way = np.where(self._times > 0.0, first + v * held - 0.5 * braking * held * held, 0.0)
+        slip = math.atan(body.cg_to_rear / body.wheelbase * math.tan(float(u[1])))
+        turn = 0.5 * way * (math.sin(slip) / body.cg_to_rear)
+        chord = way * np.sinc(turn / math.pi)
+        half_turn: Complex = np.exp(1j * turn)
+        place: Complex = complex(ego.x, ego.y) + (cmath.exp(1j * (ego.psi + slip)) * chord) * half_turn
+        return place, cmath.exp(1j * ego.psi) * (half_turn * half_turn)
+
+    def _go(self, scene: Scene, a: float) -> Array:
+        """(T,) m along the route, with `a` m/s2 for a step and then at GO_ACCELERATION up to GO_SPEED."""
+        first, v = self._first(scene.ego.v, a)
+        rest = np.maximum(self._times - self._dt, 0.0)
+        rising = np.minimum(rest, max(GO_SPEED - v, 0.0) / GO_ACCELERATION)
+        way = first + v * rest + GO_ACCELERATION * rising * (rest - 0.5 * rising)
+        return np.where(self._times > 0.0, way, 0.0)
+
+    def _first(self, v: float, a: float) -> tuple[float, float]:
+        """m travelled in the first step, and m/s after it."""
+        after = v + a * self._dt
+        if after < 0.0:
+            return v * v / (-2.0 * a), 0.0
+        return 0.5 * (v + after) * self._dt, after
+
+
+def _separation(r: Complex, facing: Complex, other: Complex, half: Array, half_other: Array) -> Array:
+    """(m, T) m, largest separation of rectangles along their side directions; negative where they overlap.
+
+    `r` (m, T) m from the ego's centre to the others', `facing` (T,) and `other` (m, T) their directions,
+    `half` (2,) and `half_other` (m, 2) m their half sizes.
+    """
+    seen, seen_back = r * facing.conj(), r * other.conj()
+    turn = other * facing.conj()
+    cos, sin = np.abs(turn.real), np.abs(turn.imag)
+    length, width = half_other[:, :1], half_other[:, 1:]
+    ahead = np.abs(seen.real) - (half[0] + length * cos + width * sin)
+    beside = np.abs(seen.imag) - (half[1] + length * sin + width * cos)
+    ahead_back = np.abs(seen_back.real) - (length + half[0] * cos + half[1] * sin)
+    beside_back = np.abs(seen_back.imag) - (width + half[0] * sin + half[1] * cos)
+    return np.maximum(np.maximum(ahead, beside), np.maximum(ahead_back, beside_back))

@@ -1,0 +1,141 @@
+"""Stop or go on: what the last resort lets through, and what it holds back."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rudc.safety.backup import _separation
+from rudc.safety.filter import FilterConfig, SafetyFilter
+from rudc.world.ego import EgoPlant
+from rudc.world.geometry import gaps_between
+from rudc.world.scene import Scene
+from tests.safety.scenes import Other, make_scene
+
+ALONE = FilterConfig(max_vehicles=0, road=False)
+"""no rows, so that only the last resort is left"""
+THROTTLE = np.array([3.0, 0.0])
+
+
+def status(scene: Scene, u: np.ndarray = THROTTLE, config: FilterConfig = ALONE) -> str:
+    return SafetyFilter(config).filter(scene, u).status
+
+
+def gap(scene: Scene) -> float:
+    """m, between the ego and the nearest other."""
+    n, body = scene.count, scene.vehicle
+    own = np.repeat([[scene.ego.x, scene.ego.y]], n, axis=0), np.full(n, scene.ego.psi)
+    size = np.array([body.length, body.width])
+    return float(gaps_between(*own, size, scene.position, scene.heading, scene.size).min())
+
+
+def drive(scene: Scene, u: np.ndarray, seconds: float = 6.0) -> tuple[float, Scene]:
+    """Least gap and last scene, of a driver who always proposes `u`, on the real plant."""
+    filter, plant, least = SafetyFilter(ALONE), EgoPlant(scene.vehicle), gap(scene)
+    ego = scene.ego
+    plant.reset(ego.x, ego.y, ego.psi, ego.v)
+    for _ in range(round(seconds / 0.1)):
+        answer = filter.filter(scene, u)
+        for _ in range(2):
+            ego = plant.step(float(answer.u[0]), float(answer.u[1]), 0.05)
+            position = scene.position + 0.05 * scene.velocity
+            s, offset = scene.route.path.project(ego.x, ego.y, scene.ego_s)
+            scene = replace(scene, ego=ego, ego_s=s, ego_offset=offset, position=position)
+            least = min(least, gap(scene))
+    return least, scene
+
+
+@given(
+    st.floats(-4, 4),
+    st.floats(-3.2, 3.2),
+    st.floats(0, 12),
+    st.floats(-0.3, 0.3),
+    st.floats(1, 14),
+    st.floats(0.5, 2.6),
+)
+@settings(max_examples=60, deadline=None)
+def test_what_stands_still_is_never_hit(
+    y: float, heading: float, v: float, delta: float, length: float, width: float
+) -> None:
+    room = 3.5 + 0.5 * math.hypot(length, width) + v * v / 12 + 2.0
+    scene = make_scene([Other(room, y, heading, 0.0, length, width)], v=v)
+    least, _ = drive(scene, np.array([3.0, delta]))
+    assert least > 0.1
+
+
+def test_it_drives_up_to_what_stands_in_its_way_and_no_further() -> None:
+    least, last = drive(make_scene([Other(30.0, 0.0, length=7.5, width=2.4)], v=8.0), THROTTLE, 12.0)
+    assert 0.1 < least < 0.5
+    assert last.ego.v < 0.1
+
+
+def test_braking_comes_late_and_names_whom_it_is_for() -> None:
+    truck = Other(20.0, 0.0, length=7.5, width=2.4)
+    assert status(make_scene([truck], v=8.0)) == "nominal", "13.75 m are left, 5.3 to stop"
+    near = make_scene([replace(truck, x=12.2)], v=8.0)
+    answer = SafetyFilter(ALONE).filter(near, THROTTLE)
+    assert (answer.status, answer.active) == ("stopping", ("veh:sv0",))
+    assert answer.u[0] == near.vehicle.a_min
+    assert answer.correction == pytest.approx([-9.0, 0.0])
+    assert status(near, config=replace(ALONE, backup=False)) == "nominal"
+
+
+def test_going_on_is_as_good_as_stopping() -> None:
+    crossing = Other(0.0, -40.0, math.pi / 2, 10.0, row=0, s=60.0)
+    ahead_of_it = make_scene([crossing], x=-4.0, v=8.0)
+    assert status(ahead_of_it) == "nominal", "it cannot stop before the crossing, but is through in 1 s"
+    late = replace(crossing, y=-14.0, s=86.0)
+    answer = SafetyFilter(ALONE).filter(make_scene([late], x=-6.8, v=6.0), THROTTLE)
+    assert answer.status == "stopping", "they would meet, and it can still stop"
+
+
+def test_where_neither_helps_the_driver_is_left_to_it() -> None:
+    scene = make_scene([Other(6.5, 0.0, math.pi, 10.0)], v=10.0)
+    hopeless = SafetyFilter(ALONE).filter(scene, np.array([-6.0, 0.1]))
+    assert hopeless.status == "nominal"
+    assert hopeless.u == pytest.approx([-6.0, 0.1])
+
+
+def test_who_drives_behind_is_not_looked_at() -> None:
+    behind, ahead = Other(-12.0, 0.0, 0.0, 10.0), Other(7.0, 0.0)
+    assert status(make_scene([behind], v=2.0), np.zeros(2)) == "nominal"
+    answer = SafetyFilter(ALONE).filter(make_scene([behind, ahead], v=4.0), THROTTLE)
+    assert answer.active == ("veh:sv0",)
+    assert make_scene([behind, ahead], v=4.0).position[0, 0] == 7.0
+
+
+def test_a_leader_that_brakes_is_taken_to_go_on_braking() -> None:
+    leader = Other(6.9, 0.0, 0.0, 9.0)
+    scene = make_scene([leader], v=9.0)
+    assert status(scene, np.zeros(2)) == "nominal"
+    assert status(replace(scene, acceleration=np.array([-7.0])), np.zeros(2)) == "stopping"
+
+
+def test_beside_somebody_it_may_drive_off_but_not_come_closer() -> None:
+    beside = make_scene([Other(1.0, 2.0)], v=0.0)
+    assert gap(beside) == pytest.approx(0.2)
+    assert status(beside, np.array([1.0, 0.0])) == "nominal"
+    assert status(beside, np.array([1.0, -0.3])) == "nominal"
+    towards = make_scene([Other(1.0, 2.0)], v=1.0)
+    assert status(towards, np.array([1.0, 0.4])) == "stopping"
+
+
+@given(st.floats(-9, 9), st.floats(-9, 9), st.floats(-3.2, 3.2), st.floats(-3.2, 3.2), st.floats(0.5, 12))
+def test_separation_is_a_lower_bound_of_the_gap(
+    x: float, y: float, psi: float, other: float, length: float
+) -> None:
+    mine, theirs = np.array([2.5, 0.9]), np.array([[0.5 * length, 0.8]])
+    found = _separation(
+        np.array([[x + 1j * y]]), np.exp([1j * psi]), np.exp([[1j * other]]), mine, theirs
+    ).item()
+    true = gaps_between(
+        np.zeros((1, 2)), np.array([psi]), 2 * mine, np.array([[x, y]]), np.array([other]), 2 * theirs
+    ).item()
+    assert max(found, 0.0) <= true + 1e-9
+    assert (found > 1e-9) == (true > 1e-9) or abs(found) < 1e-6
+    assert not true or found > true / math.sqrt(2) - 1e-9
