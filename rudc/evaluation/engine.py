@@ -29,6 +29,7 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 
 from rudc.errors import SimulationError
+from rudc.evaluation.memory import return_large_blocks
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.tasks import Task
 
@@ -180,6 +181,7 @@ def serve(pipe: Connection, make_runner: RunnerFactory) -> None:
     """What a worker process does. Ends when the pipe closes or at SIGTERM."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    return_large_blocks()
     try:
         run = make_runner()
     except Exception as error:

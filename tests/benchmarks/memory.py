@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rudc.evaluation.memory import return_large_blocks
 from rudc.evaluation.preflight import try_out
 from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.tasks import Task
@@ -47,6 +48,7 @@ def main() -> None:
     parser.add_argument("--timeout", type=float, default=3.0, help="s of each episode")
     parser.add_argument("--ordered", action="store_true", help="scenario by scenario, as in a sweep")
     asked = parser.parse_args()
+    return_large_blocks()
     scenarios = mixture(asked.timeout)
     kinds = np.arange(asked.episodes) * len(scenarios) // asked.episodes
     if not asked.ordered:

@@ -1,0 +1,40 @@
+"""Freed blocks go back to the system."""
+
+import platform
+import subprocess
+import sys
+
+import pytest
+
+SCRIPT = """
+import sys
+from pathlib import Path
+import numpy as np
+from rudc.evaluation.memory import return_large_blocks
+
+def resident():
+    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096 / 1e6
+
+if sys.argv[1] == "on":
+    return_large_blocks()
+for _ in range(3):
+    np.ones(3_000_000)  # 24 MB, freed at once: from here on smaller blocks come from the heap
+before = resident()
+large, small = [], []
+for _ in range(200):
+    large.append(np.ones(25_000))
+    small.append(np.ones(500))
+del large  # 40 MB
+print(resident() - before)
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="about glibc's allocator")
+def test_holes_between_blocks_that_live_on_are_given_back():
+    left = {
+        state: float(
+            subprocess.run([sys.executable, "-c", SCRIPT, state], capture_output=True, check=True).stdout
+        )
+        for state in ("on", "off")
+    }
+    assert left["on"] < 10 < left["off"]
