@@ -17,7 +17,8 @@ and, where they brake, also with their present deceleration. So a manoeuvre whos
 neither closer than the margin to anybody nor, where it is that close already, any closer.
 
     u is taken         if a manoeuvre's room is not negative (towards who stands still, that of stopping)
-    full braking       if both are, and stopping at once leaves more; steering as in u
+    full braking       if both are, and stopping at once leaves more, or at least more towards those who stand
+                       still, whatever comes from elsewhere; steering as in u
     u is taken         otherwise
 
 What stands still is therefore never hit, as long as it was seen in time and the vehicle does as the model:
@@ -97,7 +98,9 @@ class Backup:
         if room >= -CREEPING or u[0] < braking[0] + AS_GOOD:
             return None
         at_once = self._room(scene, others, *self._stop(scene, braking))
-        if at_once[kept].min() <= room:
+        still = others.still & kept
+        unmoved = stopping[still].min(initial=np.inf)
+        if at_once[kept].min() <= room and (unmoved >= -CREEPING or at_once[still].min() <= unmoved):
             return None
         return np.unique(others.who[kept & (np.minimum(stopping, going) < -CREEPING)])
 

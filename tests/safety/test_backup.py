@@ -109,6 +109,14 @@ def test_who_drives_behind_is_not_looked_at() -> None:
     assert make_scene([behind, ahead], v=4.0).position[0, 0] == 7.0
 
 
+def test_a_truck_ahead_is_not_hit_for_the_sake_of_somebody_behind() -> None:
+    truck, pushing = Other(6.7, 0.0, length=7.5, width=2.4), Other(-5.4, -7.5, 0.6, 4.0)
+    scene = make_scene([truck, pushing], v=0.8)
+    answer = SafetyFilter(ALONE).filter(scene, THROTTLE)
+    assert answer.status == "stopping"
+    assert "veh:sv0" in answer.active
+
+
 def test_a_leader_that_brakes_is_taken_to_go_on_braking() -> None:
     leader = Other(6.9, 0.0, 0.0, 9.0)
     scene = make_scene([leader], v=9.0)
