@@ -70,10 +70,10 @@ def test_filter_runs_and_resumes(rudc, monkeypatch, trained, tmp_path):
     status, out, _ = rudc(*call)
     assert status == 0
     lines = read_table(tmp_path / "out" / "filter.csv")
-    assert len([m for m in lines if m["scenario"] == "all"]) == 2 * 5
+    assert len([m for m in lines if m["scenario"] == "all"]) == 2 * 6
     with Image.open(tmp_path / "out" / "filter.png") as picture:
         assert picture.size[0] > 600
     assert rudc(*call)[0] == 2
     status, again, err = rudc(*call, "--resume")
     assert (status, again) == (0, out)
-    assert "5 of 5" in err or "5/5" in err or "finished" in err
+    assert "6 of 6" in err or "6/6" in err or "finished" in err
