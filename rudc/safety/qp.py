@@ -82,35 +82,20 @@ class Solver(Protocol):
 
 
 class PiqpSolver:
-    """piqp by its own interface: one dense solver for each shape of problem, updated in place."""
-
-    def __init__(self) -> None:
-        self._solvers: dict[tuple[int, int], piqp.DenseSolver] = {}
+    """piqp by its own interface. A new solver for each problem: one that is updated carries rounding over
+    from the problems before, so that an episode would depend on the episodes before it.
+    """
 
     def solve(self, problem: Problem) -> Solution:
         """The problem's solution."""
         began = time.perf_counter()
-        solver = self._solvers.get(problem.A.shape)
-        if solver is None:
-            solver = self._solvers[problem.A.shape] = piqp.DenseSolver()
-            solver.settings.max_iter = MOST_ITERATIONS
-            solver.settings.eps_duality_gap_abs, solver.settings.eps_duality_gap_rel = GAP
-            open_above = np.full(len(problem.b), np.inf)
-            solver.setup(
-                problem.P,
-                problem.q,
-                None,
-                None,
-                problem.A,
-                problem.b,
-                open_above,
-                problem.lower,
-                problem.upper,
-            )
-        else:
-            solver.update(
-                P=problem.P, c=problem.q, G=problem.A, h_l=problem.b, x_l=problem.lower, x_u=problem.upper
-            )
+        solver = piqp.DenseSolver()
+        solver.settings.max_iter = MOST_ITERATIONS
+        solver.settings.eps_duality_gap_abs, solver.settings.eps_duality_gap_rel = GAP
+        open_above = np.full(len(problem.b), np.inf)
+        solver.setup(
+            problem.P, problem.q, None, None, problem.A, problem.b, open_above, problem.lower, problem.upper
+        )
         status = solver.solve()
         spent = 1e3 * (time.perf_counter() - began)
         if status not in (piqp.PIQP_SOLVED, piqp.PIQP_MAX_ITER_REACHED):  # the latter may be accurate enough

@@ -65,7 +65,7 @@ VARIANTS = {
     "backup": (True, True, True),
 }
 """name -> whether residuals, slack and the last resort are at work"""
-D_SAFE = {"quick": (0.1, 0.5), "full": (0.1, 0.3, 0.5, 0.8)}
+D_SAFE = {"quick": (0.1, 0.5), "full": (0.1, 0.5, 0.8)}
 """m, by budget"""
 CONSTRAINED = ("gated", "all")
 EPISODES = {"quick": 3, "full": 84}

@@ -101,6 +101,16 @@ def test_a_solver_survives_an_infeasible_problem() -> None:
     assert after.x == pytest.approx(before.x, abs=1e-9)
 
 
+def test_an_answer_does_not_depend_on_the_problems_before_it() -> None:
+    """To the last bit, or the rows of a sweep would depend on which worker drove which episodes before."""
+    rng, solver = np.random.default_rng(7), PiqpSolver()
+    hard = [like_real(rng) for _ in range(200)]
+    problems = [SafetyFilter()._relaxed(problem, np.ones(len(problem.b))) for problem in hard]
+    first = [solver.solve(problem).x for problem in problems]
+    again = [solver.solve(problem).x for problem in reversed(problems)][::-1]
+    assert all(np.array_equal(a, b) for a, b in zip(first, again, strict=True))
+
+
 def test_relaxed_problems_are_always_solved() -> None:
     """Whatever the rows: one of these made piqp diverge before its cost was scaled."""
     rng, filter, solver = np.random.default_rng(11), SafetyFilter(), NamedSolver("quadprog")
