@@ -12,7 +12,6 @@ The second leaves to learning what is hard, when to go, and lets it deviate from
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, Self
 
@@ -29,7 +28,7 @@ from rudc.safety.config import FilterConfig
 from rudc.world.scene import Array, Scene
 
 Floats = NDArray[np.float32]
-Settings = Mapping[str, bool | int | float | str]
+FilterSettings = dict[str, bool | int | float | str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +82,7 @@ class DriverConfig(BaseModel):
     """rad, largest change of the path follower's steering (`adjustment` only)"""
     filtering: bool = True
     """whether the algorithm's filter is at work; False takes it away"""
-    filter_settings: dict[str, bool | int | float | str] = {}
+    filter_settings: FilterSettings = {}
     """fields of `FilterConfig` that differ from the preset; infinity is written "inf", which JSON lacks"""
     residual: bool = False
     """whether the filter gets the residuals that a learnt predictor expects (rudc/safety/residual.py)"""
@@ -94,11 +93,11 @@ class DriverConfig(BaseModel):
 
     @field_validator("filter_settings")
     @classmethod
-    def _read_infinity(cls, settings: Settings) -> Settings:
+    def _read_infinity(cls, settings: FilterSettings) -> FilterSettings:
         return {key: math.inf if value == "inf" else value for key, value in settings.items()}
 
     @field_serializer("filter_settings", when_used="json")
-    def _write_infinity(self, settings: Settings) -> Settings:
+    def _write_infinity(self, settings: FilterSettings) -> FilterSettings:
         return {key: "inf" if value == math.inf else value for key, value in settings.items()}
 
     @model_validator(mode="after")

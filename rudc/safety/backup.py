@@ -38,6 +38,7 @@ from numpy.typing import NDArray
 from rudc.safety.barrier import Array, Complex
 from rudc.safety.config import FilterConfig
 from rudc.safety.prediction import Predictor
+from rudc.world.geometry import separation
 from rudc.world.scene import Scene
 
 HORIZON = 2.5
@@ -84,12 +85,13 @@ class Backup:
         the scene's others. None if `u` may be taken.
         """
         first, v = self._first(scene.ego.v, float(u[0]))
+        stop = self._stop(scene, u)
         others = self._others(scene, first + v * v / (-2.0 * scene.vehicle.a_min))
-        if self._room(scene, others, *self._stop(scene, u)).min(initial=np.inf) >= -CREEPING:
+        if self._room(scene, others, *stop).min(initial=np.inf) >= -CREEPING:
             return None
-        way = self._go(scene, float(u[0]))
+        way = self._go(first, v)
         others = self._others(scene, float(way[-1]))
-        stopping = self._room(scene, others, *self._stop(scene, u))
+        stopping = self._room(scene, others, *stop)
         going = self._room(scene, others, *self._predictor.ego(scene, way))
         room = np.stack([stopping, np.where(others.still, stopping, going)])
         kept = ~np.isin(others.who, self._behind(scene, others.who[(room < -CREEPING).any(axis=0)]))
@@ -111,11 +113,11 @@ class Backup:
 
     def _others(self, scene: Scene, way: float) -> _Others:
         """Those whom the ego might meet on a way of so many m."""
-        times, horizon = self._times, HORIZON
+        times = self._times
         speed: Array = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
         away = np.hypot(scene.position[:, 0] - scene.ego.x, scene.position[:, 1] - scene.ego.y)
         body = 0.5 * (scene.size.sum(axis=1) + (scene.vehicle.length + scene.vehicle.width)) + self._margin
-        who = np.flatnonzero(away < speed * horizon + way + body)
+        who = np.flatnonzero(away < speed * HORIZON + way + body)
         reach = speed[who, None] * times
         slowing = scene.acceleration[who] < BRAKING
         if slowing.any():
@@ -138,7 +140,7 @@ class Backup:
         close = np.flatnonzero(np.abs(r).min(axis=1) < near)
         if len(close):
             half = np.array([0.5 * body.length, 0.5 * body.width])
-            apart = _separation(r[close], facing, others.facing[close], half, others.half[close])
+            apart = separation(r[close], facing, others.facing[close], half, others.half[close])
             room[close] = (apart - np.minimum(self._margin, apart[:, :1])).min(axis=1)
         return room
 
@@ -156,9 +158,8 @@ class Backup:
         place: Complex = complex(ego.x, ego.y) + (cmath.exp(1j * (ego.psi + slip)) * chord) * half_turn
         return place, cmath.exp(1j * ego.psi) * (half_turn * half_turn)
 
-    def _go(self, scene: Scene, a: float) -> Array:
-        """(T,) m along the route, with `a` m/s2 for a step and then at GO_ACCELERATION up to GO_SPEED."""
-        first, v = self._first(scene.ego.v, a)
+    def _go(self, first: float, v: float) -> Array:
+        """(T,) m along the route: `first` m in a step, then from `v` m/s on at GO_ACCELERATION."""
         rest = np.maximum(self._times - self._dt, 0.0)
         rising = np.minimum(rest, max(GO_SPEED - v, 0.0) / GO_ACCELERATION)
         way = first + v * rest + GO_ACCELERATION * rising * (rest - 0.5 * rising)
@@ -170,20 +171,3 @@ class Backup:
         if after < 0.0:
             return v * v / (-2.0 * a), 0.0
         return 0.5 * (v + after) * self._dt, after
-
-
-def _separation(r: Complex, facing: Complex, other: Complex, half: Array, half_other: Array) -> Array:
-    """(m, T) m, largest separation of rectangles along their side directions; negative where they overlap.
-
-    `r` (m, T) m from the ego's centre to the others', `facing` (T,) and `other` (m, T) their directions,
-    `half` (2,) and `half_other` (m, 2) m their half sizes.
-    """
-    seen, seen_back = r * facing.conj(), r * other.conj()
-    turn = other * facing.conj()
-    cos, sin = np.abs(turn.real), np.abs(turn.imag)
-    length, width = half_other[:, :1], half_other[:, 1:]
-    ahead = np.abs(seen.real) - (half[0] + length * cos + width * sin)
-    beside = np.abs(seen.imag) - (half[1] + length * sin + width * cos)
-    ahead_back = np.abs(seen_back.real) - (length + half[0] * cos + half[1] * sin)
-    beside_back = np.abs(seen_back.imag) - (width + half[0] * sin + half[1] * cos)
-    return np.maximum(np.maximum(ahead, beside), np.maximum(ahead_back, beside_back))

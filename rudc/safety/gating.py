@@ -16,6 +16,8 @@ waiting ego drive into the one ahead.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,7 +31,8 @@ class Gate:
     """Picks the others that the ego may meet."""
 
     def __init__(self, config: FilterConfig, predictor: Predictor) -> None:
-        self._times: Array = instants(config)
+        steps = math.ceil(config.gate_horizon / config.gate_step - 1e-9)
+        self._times: Array = np.linspace(0.0, config.gate_horizon, steps + 1)
         self._horizon = config.gate_horizon
         self._gap = config.gate_distance
         self._predictor = predictor
@@ -58,9 +61,3 @@ class Gate:
         if not len(meet):
             return meet
         return who[meet[~self._predictor.following(scene, now[who[meet]], turned[meet, 0])]]
-
-
-def instants(config: FilterConfig) -> Array:
-    """(T,) s, when the gate looks."""
-    steps = int(np.ceil(config.gate_horizon / config.gate_step - 1e-9))
-    return np.linspace(0.0, config.gate_horizon, steps + 1)

@@ -55,11 +55,10 @@ class Predictor:
         self._route: tuple[Route, _Tracks] | None = None
 
     def ego(self, scene: Scene, way: Array) -> tuple[Complex, Complex]:
-        """(T,) m and (T,): where the ego is and which way it faces after `way` (T,) m along its route."""
+        """(T,) m and (T,): the ego after `way` (T,) m along its route, of which the first is 0."""
         path, along = self._path(scene).at(0, scene.ego_s + way)
-        first, facing = self._path(scene).at(0, np.array([scene.ego_s]))
-        start = complex(facing[0]).conjugate()
-        offset = (complex(scene.ego.x, scene.ego.y) - complex(first[0])) * start
+        start = complex(along[0]).conjugate()
+        offset = (complex(scene.ego.x, scene.ego.y) - complex(path[0])) * start
         return path + offset * along, (cmath.exp(1j * scene.ego.psi) * start) * along
 
     def others(self, scene: Scene, who: NDArray[np.int64], way: Array) -> tuple[Complex, Complex]:

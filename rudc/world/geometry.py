@@ -4,7 +4,8 @@ The plane is the complex numbers: a rectangle is a centre c, a direction e^(i ps
 from rectangle A, rectangle B lies at z = (c_B - c_A) e^(-i psi_A), turned by r = e^(i (psi_B - psi_A)).
 
 Overlap (separating axes): two rectangles are apart if and only if one of their four side directions separates
-them. Along A's length that is |Re z| > l_A + l_B |Re r| + w_B |Im r|; the other three read alike.
+them. Along A's length that is |Re z| > l_A + l_B |Re r| + w_B |Im r|; the other three read alike. The largest
+difference of the two sides is their separation: at most the gap, and negative by how far they overlap.
 
 Gap: the shortest way between two convex polygons that are apart ends at a corner of one of them, and a point
 (x, y) seen from a rectangle is hypot(max(|x| - l, 0), max(|y| - w, 0)) away from it. So the gap is the least
@@ -79,6 +80,23 @@ def rectangles_overlap(
     """Which (N,) of N rectangles overlap or touch the one given first; arguments as in `rectangle_gaps`."""
     z, r = _seen_from(x, y, psi, position, heading)
     return ~_separated(z, z * r.conj(), r, np.array([0.5 * length, 0.5 * width]), 0.5 * np.asarray(size))
+
+
+def separation(r: Complex, facing: Complex, other: Complex, half: Array, half_other: Array) -> Array:
+    """(m, T) m, largest separation of rectangles along their side directions; negative where they overlap.
+
+    `r` (m, T) m from the ego's centre to the others', `facing` (T,) and `other` (m, T) their directions,
+    `half` (2,) and `half_other` (m, 2) m their half sizes.
+    """
+    seen, seen_back = r * facing.conj(), r * other.conj()
+    turn = other * facing.conj()
+    cos, sin = np.abs(turn.real), np.abs(turn.imag)
+    length, width = half_other[:, :1], half_other[:, 1:]
+    ahead = np.abs(seen.real) - (half[0] + length * cos + width * sin)
+    beside = np.abs(seen.imag) - (half[1] + length * sin + width * cos)
+    ahead_back = np.abs(seen_back.real) - (length + half[0] * cos + half[1] * sin)
+    beside_back = np.abs(seen_back.imag) - (width + half[0] * sin + half[1] * cos)
+    return np.maximum(np.maximum(ahead, beside), np.maximum(ahead_back, beside_back))
 
 
 def overlapping_pairs(position: Array, heading: Array, size: Array) -> NDArray[np.int64]:

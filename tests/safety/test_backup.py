@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rudc.safety.backup import _separation
 from rudc.safety.filter import FilterConfig, SafetyFilter
 from rudc.world.ego import EgoPlant
 from rudc.world.geometry import gaps_between
@@ -131,19 +130,3 @@ def test_beside_somebody_it_may_drive_off_but_not_come_closer() -> None:
     assert status(beside, np.array([1.0, -0.3])) == "nominal"
     towards = make_scene([Other(1.0, 2.0)], v=1.0)
     assert status(towards, np.array([1.0, 0.4])) == "stopping"
-
-
-@given(st.floats(-9, 9), st.floats(-9, 9), st.floats(-3.2, 3.2), st.floats(-3.2, 3.2), st.floats(0.5, 12))
-def test_separation_is_a_lower_bound_of_the_gap(
-    x: float, y: float, psi: float, other: float, length: float
-) -> None:
-    mine, theirs = np.array([2.5, 0.9]), np.array([[0.5 * length, 0.8]])
-    found = _separation(
-        np.array([[x + 1j * y]]), np.exp([1j * psi]), np.exp([[1j * other]]), mine, theirs
-    ).item()
-    true = gaps_between(
-        np.zeros((1, 2)), np.array([psi]), 2 * mine, np.array([[x, y]]), np.array([other]), 2 * theirs
-    ).item()
-    assert max(found, 0.0) <= true + 1e-9
-    assert (found > 1e-9) == (true > 1e-9) or abs(found) < 1e-6
-    assert not true or found > true / math.sqrt(2) - 1e-9

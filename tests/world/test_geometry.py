@@ -12,6 +12,7 @@ from rudc.world.geometry import (
     rectangle_corners,
     rectangle_gaps,
     rectangles_overlap,
+    separation,
 )
 
 coordinate = st.floats(-12, 12)
@@ -53,6 +54,16 @@ def test_overlap_is_gap_zero(a, b):
     if abs(by_programme) > 1e-6:
         assert not overlap(a, b)
     assert overlap(a, b) == (gap(a, b) == 0.0)
+
+
+@settings(max_examples=200, deadline=None)
+@given(rectangle, rectangle)
+def test_separation_is_positive_where_the_gap_is_and_within_a_corner_of_it(a, b):
+    away = np.array([[complex(b[0] - a[0], b[1] - a[1])]])
+    half, half_other = 0.5 * np.array(a[3:]), 0.5 * np.array([b[3:]])
+    found = separation(away, np.exp([1j * a[2]]), np.exp([[1j * b[2]]]), half, half_other).item()
+    assert (found > 0) == (gap(a, b) > 0) or abs(found) < 1e-6
+    assert gap(a, b) / np.sqrt(2) - 1e-6 <= max(found, 0.0) <= gap(a, b) + 1e-6
 
 
 @settings(max_examples=200, deadline=None)
