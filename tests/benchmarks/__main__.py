@@ -6,7 +6,9 @@ The studies beside them run by name; each file's head says how.
 import subprocess
 import sys
 
-SPEED = ("world_speed", "filter_speed", "critic_update", "decision_latency")
+SPEED = (
+    "world_speed", "filter_speed", "critic_update", "decision_latency", "whole_decision", "training_speed"
+)  # fmt: skip
 
 
 def main() -> int:
