@@ -7,6 +7,10 @@ the ego and of the constraint. Both are networks of two hidden layers,
 
     w = scale (gelu(gelu((xi - mean) / spread W1 + b1) W2 + b2) W3 + b3)
 
+xi is first clipped to the range that it was fitted on, [low, high]: beyond it a network says anything. A
+predictor that has only seen cars takes a truck, or a closed lane, for a car; left to extrapolate from their
+sizes it cancelled the filter's rows about them.
+
 One predictor serves TTCBF and ECBF: both predict the same h by the same model and need the same w, in m2 per
 step; rows.py derives where it enters ECBF's row. The buffer (`Constraints.margin`) is part of xi, so that it
 also serves whatever d_safe.
@@ -131,8 +135,8 @@ class ResidualPredictor:
     """f_vehicle and f_road."""
 
     def __init__(self, arrays: Mapping[str, NDArray]) -> None:
-        """`arrays`: for each head `HEAD/mean`, `/spread`, `/scale`, and `/w1`, `/b1` to `/w3`, `/b3`. Raises
-        AgentError if they do not fit.
+        """`arrays`: for each head `HEAD/mean`, `/spread`, `/low`, `/high`, `/scale`, and `/w1`, `/b1` to
+        `/w3`, `/b3`. Raises AgentError if they do not fit.
         """
         self.arrays: Arrays = {name: np.asarray(value, dtype=np.float32) for name, value in arrays.items()}
         try:
@@ -160,6 +164,7 @@ class _Head:
         mean, spread = arrays[f"{head}/mean"], arrays[f"{head}/spread"]
         first = arrays[f"{head}/w1"] / spread[:, None]
         self.inputs = len(mean)
+        self._low, self._high = arrays[f"{head}/low"], arrays[f"{head}/high"]
         self._layers: list[tuple[NDArray, NDArray]] = [
             (first, arrays[f"{head}/b1"] - mean @ first),
             (arrays[f"{head}/w2"], arrays[f"{head}/b2"]),
@@ -168,7 +173,7 @@ class _Head:
         self._last = arrays[f"{head}/w3"][:, 0] * scale, np.float32(arrays[f"{head}/b3"][0]) * scale
 
     def __call__(self, xi: Array) -> Array:
-        x: NDArray = xi.astype(np.float32)
+        x: NDArray = np.minimum(np.maximum(xi.astype(np.float32), self._low), self._high)
         for weight, bias in self._layers:
             x = _gelu(x @ weight + bias)
         tail, offset = self._last

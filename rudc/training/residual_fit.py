@@ -23,6 +23,8 @@ HIDDEN = 64
 EPOCHS, BATCH, RATE = 300, 4096, 3e-4
 HOLD_OUT = 10
 """every so manieth episode is held out"""
+BEYOND = 0.1
+"""share of each feature's range in the samples by which it may lie outside before it is clipped"""
 
 
 class Score(NamedTuple):
@@ -118,6 +120,8 @@ def _fit(
             progress(head, epoch + 1, total / len(y))
     learnt = {name: weight.detach().numpy().copy() for name, weight in weights.items()}
     learnt |= {"mean": mean, "spread": spread, "scale": np.array(scale)}
+    low, high = samples.xi.min(axis=0), samples.xi.max(axis=0)
+    learnt |= {"low": low - BEYOND * (high - low), "high": high + BEYOND * (high - low)}
     return {f"{head}/{name}": value.astype(np.float32) for name, value in learnt.items()}
 
 

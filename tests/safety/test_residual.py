@@ -61,6 +61,20 @@ def test_a_negative_residual_tightens_and_a_positive_one_relaxes():
     assert softer == 0.0
 
 
+@pytest.mark.parametrize("size", [(12.0, 2.5), (1.6, 0.6), (0.5, 0.5), (20.0, 3.5)])
+def test_sizes_that_the_shipped_predictor_has_not_seen_do_not_mislead_it(size):
+    """Trucks, bicycles, pedestrians and closed lanes: their residual is that of a car in their place."""
+    guard = SafetyFilter(FilterConfig(constrained="all", road=False))
+    u_rl = np.array([1.0, 0.0])
+    scenes = [
+        make_scene(others=[Other(20.0, 0.5, 0.0, 0.0, length, width)], v=8.0)
+        for length, width in (size, (5.0, 1.8))
+    ]
+    w, of_car = (shipped_predictor()(scene, guard.constraints(scene), u_rl) for scene in scenes)
+    assert w == pytest.approx(of_car, abs=0.05)
+    assert np.abs(w).max() < 2.0
+
+
 def test_the_shipped_predictor_speaks_of_every_constraint():
     w = shipped_predictor()(SCENE, CONSTRAINTS, np.array([1.0, 0.05]))
     assert w.shape == (CONSTRAINTS.count,)

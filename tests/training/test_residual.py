@@ -68,13 +68,18 @@ def test_inference_without_torch_agrees_with_torch():
     weights = _initial(len(ROAD), rng)
     mean, spread = rng.normal(size=len(ROAD)), rng.uniform(0.5, 2.0, len(ROAD))
     head = {name: w.detach().numpy() for name, w in weights.items()} | {"mean": mean, "spread": spread}
+    head |= {"low": np.full(len(ROAD), -1.5), "high": np.full(len(ROAD), 1.0)}
     arrays: dict[str, Array] = {f"road/{k}": v for k, v in head.items()} | {"road/scale": np.array(2.5)}
     arrays |= {f"vehicle/{k}": v.detach().numpy() for k, v in _initial(len(VEHICLE), rng).items()}
-    ones = {"vehicle/mean": np.zeros(len(VEHICLE)), "vehicle/spread": np.ones(len(VEHICLE))}
-    predictor = ResidualPredictor(arrays | ones | {"vehicle/scale": np.array(1.0)})
+    zeros, ones = np.zeros(len(VEHICLE)), np.ones(len(VEHICLE))
+    arrays |= {"vehicle/mean": zeros, "vehicle/spread": ones, "vehicle/low": -ones, "vehicle/high": ones}
+    predictor = ResidualPredictor(arrays | {"vehicle/scale": np.array(1.0)})
     xi = rng.normal(size=(7, len(ROAD)))
+    inside = np.clip(xi, -1.5, 1.0)
+    assert (inside != xi).any()
     with torch.no_grad():
-        expected = 2.5 * _predict(weights, torch.tensor((xi - mean) / spread, dtype=torch.float32)).numpy()
+        x = torch.tensor((inside - mean) / spread, dtype=torch.float32)
+        expected = 2.5 * _predict(weights, x).numpy()
     np.testing.assert_allclose(predictor.of("road", xi), expected, rtol=1e-4, atol=1e-5)
 
 
