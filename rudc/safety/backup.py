@@ -1,8 +1,8 @@
 """The last resort: an action is only taken if the ego can still stop, or go on, without hitting anybody.
 
 Barrier rows look one step ahead, at ellipses that leave the corners of the bodies out, and a positive slack
-lets h sink below 0 where the critics are sure and wrong: ego and truck touch at h = -6. Therefore, whatever
-the rows have made of it, an action u is judged by two manoeuvres that begin with it (commit or stop):
+delta lets h rest at -delta / lambda for good. Therefore, whatever the rows have made of it, an action u is
+judged by two manoeuvres that begin with it (commit or stop):
 
     stop   u for one step, then full braking with the steering held, and standing there
     go     u for one step, then on along the route at GO_ACCELERATION up to GO_SPEED
