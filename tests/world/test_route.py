@@ -2,7 +2,7 @@ import pickle
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from rudc.errors import NetworkError
@@ -55,6 +55,7 @@ def test_project_undoes_pose(name, data):
 
 @settings(max_examples=200, deadline=None)
 @given(st.sampled_from(("left", "straight", "right")), st.floats(5.0, 250.0), st.floats(-3.0, 3.0))
+@example("right", 120.0, -1.0)
 def test_a_point_beside_the_path_has_its_offset(turn, s, offset):
     path = load_network("four_way").route("south", turn).path
     x, y, psi = (float(v) for v in path.pose(s))
@@ -63,7 +64,7 @@ def test_a_point_beside_the_path_has_its_offset(turn, s, offset):
     assert found == pytest.approx(s, abs=0.1)
     assert measured == pytest.approx(offset, abs=0.05)
     near, far = path.project(px, py, s - 3.0), path.project(px, py)
-    assert near == pytest.approx(far, abs=0.02)
+    assert near == pytest.approx(far, abs=0.05), "beside a kink of 0.03 rad there is no one foot"
 
 
 @pytest.mark.parametrize("name", NETWORKS)

@@ -21,11 +21,13 @@ def brute_force_distance(polygons, boundary, xy):
 @pytest.mark.parametrize("name", NETWORKS)
 @settings(max_examples=150, deadline=None)
 @given(st.floats(-60.0, 60.0), st.floats(-60.0, 60.0))
+@example(3.125, 3.125)
 def test_signed_distance_is_that_to_the_polygons_boundary(name, x, y):
     surface = load_network(name).surface
     xy = np.array([x, y])
     expected = brute_force_distance(surface.polygons, surface.boundary, xy)
-    tolerance = 0.1 if expected > -BAND + CELL else 0.5
+    ridge = CELL / np.sqrt(2)  # most that interpolation can miss of a distance, which no step outruns
+    tolerance = ridge if expected > -BAND + CELL else 0.5
     assert max(float(surface.signed_distance(xy)), 1.0 - MARGIN) == pytest.approx(
         max(expected, 1.0 - MARGIN), abs=tolerance
     )
