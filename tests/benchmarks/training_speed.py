@@ -67,9 +67,9 @@ def stable_baselines(steps: int) -> float:
     from stable_baselines3.common.callbacks import BaseCallback
     from stable_baselines3.common.vec_env import SubprocVecEnv
 
-    import rudc.env  # noqa: F401 registers the environment
-
     def make() -> gymnasium.Env:
+        import rudc.env  # noqa: F401 registers the environment, in the process of each world
+
         return gymnasium.make("rudc/Intersection-v0", scenario="random_destination", observation="conflict")
 
     class Clock(BaseCallback):
