@@ -53,6 +53,10 @@ def test_project_undoes_pose(name, data):
     assert offset == pytest.approx(0.0, abs=1e-9)
 
 
+ARM = 120.0
+"""m, length of an arm of `four_way`"""
+
+
 @settings(max_examples=200, deadline=None)
 @given(st.sampled_from(("left", "straight", "right")), st.floats(5.0, 250.0), st.floats(-3.0, 3.0))
 @example("right", 120.0, -1.0)
@@ -64,7 +68,10 @@ def test_a_point_beside_the_path_has_its_offset(turn, s, offset):
     assert found == pytest.approx(s, abs=0.1)
     assert measured == pytest.approx(offset, abs=0.05)
     near, far = path.project(px, py, s - 3.0), path.project(px, py)
-    assert near == pytest.approx(far, abs=0.05), "beside a kink of 0.03 rad there is no one foot"
+    kink = (
+        abs(s - ARM) < 0.1
+    )  # of 0.03 rad, where the lane meets the junction: beside it there is no one foot
+    assert near == pytest.approx(far, abs=0.05 if kink else 0.02)
 
 
 @pytest.mark.parametrize("name", NETWORKS)
