@@ -39,6 +39,7 @@ from rudc.agents.learning.parameters import Arrays
 from rudc.agents.learning.sac import RudcLearner
 from rudc.agents.learning.uncertainty import RunningPercentiles, uncertainty
 from rudc.errors import AgentError, InputError, StorageError, TrainingError
+from rudc.evaluation.memory import keep_freed_blocks
 from rudc.safety.residual import shipped_predictor
 from rudc.scenario import load_scenario
 from rudc.training.collect import Finished
@@ -61,6 +62,7 @@ class Trainer:
         """Start afresh, or where the checkpoint in the folder stands."""
         self._config, self._folder, self._watcher = config, folder, watcher
         torch.set_num_threads(max(torch.get_num_threads() - config.envs, 1))
+        keep_freed_blocks()
         try:
             self._learner = RudcLearner(config.driver.learner, config.device)
         except (RuntimeError, AssertionError) as error:

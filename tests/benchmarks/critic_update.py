@@ -5,8 +5,8 @@
 Two sizes: `paper` (attention networks, width 256, batch 256, the paper's observation) and `quick` (128 x 2 on
 all features, batch 128). Against each stand three loops (tests/benchmarks/loop_learner.py): the same networks
 number for number, the same with a careful author's economies, and the same with the usual key and value
-projections. All take turns, so that a machine with other work to do slows them alike; ratios are those of the
-medians and of the fastest.
+projections. They take turns of eight updates, so that a machine with other work to do slows them alike; in
+training fifty come in a row. Ratios are those of the medians and of the fastest.
 """
 
 from __future__ import annotations
@@ -20,8 +20,12 @@ import torch
 
 from rudc.agents.learning.config import LearnerConfig, ObservationLayout
 from rudc.agents.learning.sac import RudcLearner
+from rudc.evaluation.memory import keep_freed_blocks
 from tests.agents.learning.helpers import random_batch
 from tests.benchmarks.loop_learner import LoopLearner
+
+TURN = 8
+"""updates in a row"""
 
 
 def configurations(members: int) -> dict[str, LearnerConfig]:
@@ -49,12 +53,13 @@ def measure(config: LearnerConfig, repeats: int) -> dict[str, list[float]]:
     batches = [random_batch(config, config.batch_size, seed) for seed in range(4)]
     updates = contestants(config)
     seconds: dict[str, list[float]] = {name: [] for name in updates}
-    for turn in range(-2, repeats):
+    for turn in range(-1, repeats):  # the first warms up
         for name, update in updates.items():
-            start = time.perf_counter()
-            update(batches[turn % 4])
-            if turn >= 0:
-                seconds[name].append(time.perf_counter() - start)
+            for number in range(TURN):
+                start = time.perf_counter()
+                update(batches[number % len(batches)])
+                if turn >= 0:
+                    seconds[name].append(time.perf_counter() - start)
     return seconds
 
 
@@ -62,10 +67,11 @@ def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--repeats", type=int, default=15)
+    parser.add_argument("--repeats", type=int, default=5, help="turns of each")
     parser.add_argument("--members", type=int, default=5)
     options = parser.parse_args()
     torch.set_num_threads(options.threads)
+    keep_freed_blocks()  # as the trainer does
     print(f"gradient update, {options.members} critics, {options.threads} threads")
     for size, config in configurations(options.members).items():
         seconds = measure(config, options.repeats)

@@ -3,8 +3,9 @@
     python -m tests.benchmarks.switches --out DIR [--steps 30000] [--episodes 200] [--only NAME]...
 
 Each variant trains `rudc-t` with one value of the default configuration changed (one seed, fewer steps than
-what ships) and is measured on both tasks. Trainings and the sweep lie in DIR and are resumed; DIR/switches.md
-is the table. Two trainings run at a time.
+what ships) and is measured on both tasks. The default is also trained from two other seeds: what differs less
+than those do is chance. Trainings and the sweep lie in DIR and are resumed; DIR/switches.md is the table. Two
+trainings run at a time.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ import pandas as pd
 
 SWITCHES: dict[str, tuple[str, ...]] = {
     "default": (),
+    "default, seed 1": ("seed=1", "driver.learner.seed=1"),
+    "default, seed 2": ("seed=2", "driver.learner.seed=2"),
     "paper's observation": ("driver.observation=paper",),
     "steering chosen directly": ("driver.action=direct",),
     "all vehicles constrained": ("driver.filter_settings.constrained=all",),

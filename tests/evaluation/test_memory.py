@@ -1,4 +1,4 @@
-"""Freed blocks go back to the system."""
+"""Freed blocks go back to the system, or are kept."""
 
 import platform
 import subprocess
@@ -38,3 +38,33 @@ def test_holes_between_blocks_that_live_on_are_given_back():
         for state in ("on", "off")
     }
     assert left["on"] < 10 < left["off"]
+
+
+UPDATES = """
+import resource, sys
+import numpy as np
+from rudc.evaluation.memory import keep_freed_blocks
+
+if sys.argv[1] == "on":
+    keep_freed_blocks()
+
+def work():
+    parts = [np.ones(500_000) for _ in range(8)]  # 32 MB
+
+work()
+before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+for _ in range(20):
+    work()
+print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="about glibc's allocator")
+def test_kept_blocks_are_not_cleared_again():
+    faults = {
+        state: int(
+            subprocess.run([sys.executable, "-c", UPDATES, state], capture_output=True, check=True).stdout
+        )
+        for state in ("on", "off")
+    }
+    assert faults["on"] < 20 < faults["off"]

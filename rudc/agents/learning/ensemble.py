@@ -18,14 +18,15 @@ the prior is seen. With P much smaller than the returns priors would tell nothin
 them.
 
 Targets (Eq. (td_ensemble)): all members learn the same target, the mean over the target members of each
-quantile. The prior belongs to the target too. Targets and priors are one frozen stack [targets, priors],
-evaluated together.
+quantile. The prior belongs to the target too. All weights lie in one stack [targets, priors, trained]:
+targets and priors, priors and trained networks are evaluated together.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -41,14 +42,16 @@ class CriticEnsemble:
         self.config = config
         self.stack = Stack(config.layout, config.critic)
         trained, prior = critic_arrays(config), prior_arrays(config)
-        self.trained = {k: torch.tensor(v, device=device, requires_grad=True) for k, v in trained.items()}
-        parts = {k: torch.tensor(v, device=device) for k, v in trained.items()}
-        if prior:
-            parts = {k: torch.cat([v, torch.tensor(prior[k], device=device)]) for k, v in parts.items()}
-        self._frozen = parts
+        members = config.members
+        stacks = {k: np.concatenate([v, *([prior[k]] if prior else []), v]) for k, v in trained.items()}
+        weights = {k: torch.from_numpy(v).to(device) for k, v in stacks.items()}
+        self._frozen = {k: v[:-members] for k, v in weights.items()}
         """[targets, priors]"""
-        self.target = {k: v[: config.members] for k, v in parts.items()}
-        self.prior = {k: v[config.members :] for k, v in parts.items()}
+        self._current = {k: v[members:] for k, v in weights.items()}
+        """[priors, trained], without gradients"""
+        self.target = {k: v[:members] for k, v in weights.items()}
+        self.prior = {k: v[members:-members] for k, v in weights.items()}
+        self.trained = {k: v[-members:].requires_grad_() for k, v in weights.items()}
         self._share = config.prior_share
 
     @property
@@ -82,11 +85,10 @@ class CriticEnsemble:
         The weighted sum is linear in the outputs, so it is taken on the last map's weights: one output
         instead of N_q. Latents do not depend on the action.
         """
-        z = self.stack.decode(_collapsed(self.trained, weights), latent.detach(), action)
-        f = None
-        if prior_latent is not None:
-            f = self.stack.decode(_collapsed(self.prior, weights), prior_latent, action)
-        return self.combine(z, f).mean(dim=0)[:, 0]
+        latents = latent.detach() if prior_latent is None else torch.cat([prior_latent, latent.detach()])
+        values = self.stack.decode(_collapsed(self._current, weights), latents, action)[..., 0]
+        trained = values[-self.config.members :]
+        return self.combine(trained, values[: -len(trained)] if self.has_prior else None).mean(dim=0)
 
     @torch.no_grad()
     def mean_target(self, observation: Tensor, action: Tensor) -> Tensor:
@@ -110,8 +112,6 @@ class CriticEnsemble:
 
 
 def _collapsed(weights: Mapping[str, Tensor], by: Tensor) -> dict[str, Tensor]:
-    """The same networks with one output, the sum of their outputs weighted `by` (N_q,); detached."""
-    result = {name: value.detach() for name, value in weights.items()}
-    result["out.weight"] = result["out.weight"] @ by[:, None]
-    result["out.bias"] = result["out.bias"] @ by[:, None]
-    return result
+    """The same networks with one output, the sum of their outputs weighted `by` (N_q,)."""
+    out = {name: weights[name] @ by[:, None] for name in ("out.weight", "out.bias")}
+    return {**weights, **out}

@@ -42,9 +42,6 @@ from rudc.agents.learning.parameters import waypoint_positions
 
 Weights = Mapping[str, Tensor]
 
-ROWS = 64
-"""of a batch whose SVs are looked over at a time, on a CPU: intermediate results then stay in its cache"""
-
 
 class Stack:
     """Architecture of a stack of N networks; weights are passed in, members first."""
@@ -64,10 +61,7 @@ class Stack:
             return _shared(weights, "fuse", observation)
         layout = self.layout
         ego = torch.cat([observation[:, : layout.ego], observation[:, layout.task_at]], dim=1)
-        ego = gelu(_shared(weights, "ego", ego))
-        step = ROWS if observation.device.type == "cpu" else len(observation)
-        pieces = zip(ego.split(step, dim=1), observation[:, layout.vehicles_at].split(step), strict=True)
-        seen = torch.cat([self._attend(weights, *piece) for piece in pieces], dim=1)
+        seen = self._attend(weights, gelu(_shared(weights, "ego", ego)), observation[:, layout.vehicles_at])
         parts = [seen, self._waypoints(weights, observation[:, layout.waypoints_at])]
         if layout.conflict:
             parts.append(gelu(_shared(weights, "conflict", observation[:, layout.conflict_at])))

@@ -26,7 +26,7 @@ from torch import Tensor
 from torch.autograd import Function
 from torch.autograd.function import once_differentiable
 
-ROWS = 16
+ROWS = 64
 """of a batch in a piece, on a CPU"""
 
 
