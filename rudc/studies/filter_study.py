@@ -1,6 +1,7 @@
 """Does the safety filter make the same trained agents safer, and what does it cost in standstill?
 
-Variants, for both choices of vehicles that are constrained (`gated`, `all`) and each d_safe:
+Variants, for both choices of vehicles that are constrained (`gated`, `all`) and each d_safe (that of the
+agent's name alone, where it gives one):
 
     off        no filter                                     w = 0, no rows
     fixed      the filter as such                            w = 0, delta = 0
@@ -72,7 +73,7 @@ EPISODES = {"quick": 3, "full": 84}
 """for each task and agent, by budget; full: 504 for two tasks and three training seeds"""
 INSIDE, OUTSIDE = "in distribution", "out of distribution"
 RATES = ("SR", "VR", "FR")
-_VARIED = ("filter", "residual", "backup", "constrained", "d_safe")
+_VARIED = ("filter", "residual", "backup", "constrained")
 
 Row = Mapping[str, str]
 
@@ -129,7 +130,9 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
 
 
 def variants_of(name: str, distances: Sequence[float]) -> list[Variant]:
-    """All variants of an agent. Raises AgentError if there is none, InputError if it cannot be varied."""
+    """All variants of an agent, with the d_safe of its name, else the given ones. Raises AgentError if there
+    is no such agent, InputError if it cannot be varied.
+    """
     make_agent(name)
     whole, text = split(name)
     settings = dict(part.split("=", 1) for part in text.split(",")) if text else {}
@@ -138,6 +141,8 @@ def variants_of(name: str, distances: Sequence[float]) -> list[Variant]:
     if taken:
         raise InputError(f"{name}: the study itself sets {', '.join(taken)}; leave that out")
     gain = _gain(whole, settings.pop("slack_gain", ""))
+    if "d_safe" in settings:
+        distances = (float(settings.pop("d_safe")),)
     off = whole.rpartition("+")[0] if gain is None else _named(whole, {"filter": "off"})
     found = [Variant(off, name, family(name), "off")]
     for constrained in CONSTRAINED:

@@ -44,6 +44,14 @@ def test_settings_given_are_kept_and_the_slacks_gain_is_taken(trained):
         assert settings["slack_gain"] == (0.02 if variant.kind in ("slack", "both", "backup") else 0.0)
 
 
+def test_a_distance_in_the_name_is_the_only_one():
+    variants = variants_of("gap-acceptance+ttcbf:d_safe=0.4", (0.1, 0.8))
+    assert [v.kind for v in variants] == ["off", "fixed", "residual", "fixed", "residual"]
+    for variant in variants[1:]:
+        assert variant.d_safe == 0.4
+        assert agent_settings(variant.agent)["filter"]["d_safe"] == 0.4
+
+
 def test_a_filter_behind_a_driver_has_no_slack():
     variants = variants_of("gap-acceptance+ttcbf", (0.3,))
     assert [v.kind for v in variants] == ["off", "fixed", "residual", "fixed", "residual"]
@@ -57,7 +65,8 @@ def test_a_filter_behind_a_driver_has_no_slack():
     [
         ("gap-acceptance", InputError, "no safety filter"),
         ("rudc-wo-cbf", InputError, r"rudc-wo-cbf\+ttcbf"),
-        ("gap-acceptance+ttcbf:d_safe=0.3", InputError, "d_safe; leave that out"),
+        ("gap-acceptance+ttcbf:constrained=all", InputError, "constrained; leave that out"),
+        ("gap-acceptance+ttcbf:d_safe=near", AgentError, "d_safe"),
         ("nobody", AgentError, "no agent"),
     ],
 )
