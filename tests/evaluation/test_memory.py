@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-SCRIPT = """
+HOLES = """
 import sys
 from pathlib import Path
 import numpy as np
@@ -29,15 +29,17 @@ print(resident() - before)
 """
 
 
-@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="about glibc's allocator")
+pytestmark = pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="about glibc's allocator")
+
+
+def printed(script: str, state: str) -> float:
+    return float(
+        subprocess.run([sys.executable, "-c", script, state], capture_output=True, check=True).stdout
+    )
+
+
 def test_holes_between_blocks_that_live_on_are_given_back():
-    left = {
-        state: float(
-            subprocess.run([sys.executable, "-c", SCRIPT, state], capture_output=True, check=True).stdout
-        )
-        for state in ("on", "off")
-    }
-    assert left["on"] < 10 < left["off"]
+    assert printed(HOLES, "on") < 10 < printed(HOLES, "off")
 
 
 UPDATES = """
@@ -59,12 +61,5 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
 """
 
 
-@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="about glibc's allocator")
 def test_kept_blocks_are_not_cleared_again():
-    faults = {
-        state: int(
-            subprocess.run([sys.executable, "-c", UPDATES, state], capture_output=True, check=True).stdout
-        )
-        for state in ("on", "off")
-    }
-    assert faults["on"] < 20 < faults["off"]
+    assert printed(UPDATES, "on") < 20 < printed(UPDATES, "off")
