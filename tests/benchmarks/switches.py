@@ -76,12 +76,16 @@ def main() -> None:
     rudc("sweep", *TASKS, *agents, "--episodes", options.episodes, "--out", sweep, "--resume")
     rows = pd.read_csv(sweep / "metrics.csv").set_index(["agent", "scenario"])
     lines = [
-        "| switched | " + " | ".join(f"{task}: SR / FR / VR %" for task in TASKS) + " |",
+        "| switched | " + " | ".join(f"{task}: SR / FR / VR (%), AES (m/s)" for task in TASKS) + " |",
         "|---|---|---|",
     ]
     for name in names:
         cells = [rows.loc[(str(folder(options.out, name)), task)] for task in TASKS]
-        shown = [f"{row['SR_mean']:.1f} / {row['FR_mean']:.1f} / {row['VR_mean']:.1f}" for row in cells]
+        shown = [
+            " / ".join(f"{row[f'{rate}_mean']:.1f}" for rate in ("SR", "FR", "VR"))
+            + f", {row['AES_mean']:.1f}"
+            for row in cells
+        ]
         lines.append(f"| {name} | {' | '.join(shown)} |")
     (options.out / "switches.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
     print("\n".join(lines))
