@@ -87,8 +87,9 @@ class CriticEnsemble:
         """
         latents = latent.detach() if prior_latent is None else torch.cat([prior_latent, latent.detach()])
         values = self.stack.decode(_collapsed(self._current, weights), latents, action)[..., 0]
-        trained = values[-self.config.members :]
-        return self.combine(trained, values[: -len(trained)] if self.has_prior else None).mean(dim=0)
+        members = self.config.members
+        prior = None if prior_latent is None else values[:-members]
+        return self.combine(values[-members:], prior).mean(dim=0)
 
     @torch.no_grad()
     def mean_target(self, observation: Tensor, action: Tensor) -> Tensor:
