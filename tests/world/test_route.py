@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from rudc.errors import NetworkError
 from rudc.world.network import load_network, shipped_networks
 from rudc.world.network_check import waiting_gap
+from rudc.world.paths import SPACING
 from rudc.world.polyline import wrap
 from rudc.world.route_builder import fits
 
@@ -53,25 +54,28 @@ def test_project_undoes_pose(name, data):
     assert offset == pytest.approx(0.0, abs=1e-9)
 
 
-ARM = 120.0
-"""m, length of an arm of `four_way`"""
-
-
 @settings(max_examples=200, deadline=None)
 @given(st.sampled_from(("left", "straight", "right")), st.floats(5.0, 250.0), st.floats(-3.0, 3.0))
 @example("right", 120.0, -1.0)
+@example("right", 122.375, -3.0)
+@example("left", 125.0, 2.0)
 def test_a_point_beside_the_path_has_its_offset(turn, s, offset):
+    """From wherever the search starts: the foot is where it should be, and no other is nearer."""
     path = load_network("four_way").route("south", turn).path
     x, y, psi = (float(v) for v in path.pose(s))
     px, py = x - offset * np.sin(psi), y + offset * np.cos(psi)
-    found, measured = path.project(px, py, s + 2.0)
-    assert found == pytest.approx(s, abs=0.1)
-    assert measured == pytest.approx(offset, abs=0.05)
-    near, far = path.project(px, py, s - 3.0), path.project(px, py)
-    kink = (
-        abs(s - ARM) < 0.1
-    )  # of 0.03 rad, where the lane meets the junction: beside it there is no one foot
-    assert near == pytest.approx(far, abs=0.05 if kink else 0.02)
+
+    def distance(at):
+        there = path.pose(at)
+        return np.hypot(px - there[0], py - there[1])
+
+    nearest = distance(s + np.arange(-2.0, 2.0, 0.005)).min()
+    for start in (s + 2.0, s - 3.0, None):
+        found, measured = path.project(px, py, start)
+        assert found == pytest.approx(s, abs=SPACING / 2)  # beside a vertex two pieces have a foot each
+        assert measured == pytest.approx(offset, abs=0.05)
+        assert distance(found) == pytest.approx(abs(measured), abs=1e-6)
+        assert abs(measured) <= nearest + 0.005
 
 
 @pytest.mark.parametrize("name", NETWORKS)
