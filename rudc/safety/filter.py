@@ -183,12 +183,14 @@ class SafetyFilter:
             return self._passed(scene, proposed, h, constraints.names)
         status, solution, kept = self._solve(problem, conditions, constraints.mode)
         u, slack = self._action(status, scene.vehicle, proposed, bounds, solution)
-        pushing = kept[solution.multipliers > PUSHING].tolist()
+        pushing = (
+            np.flatnonzero(excess < 0.0) if status == "braking" else kept[solution.multipliers > PUSHING]
+        )
         return Filtered(
             u=u,
             correction=u - proposed,
             status=status,
-            active=tuple([constraints.names[i] for i in pushing]),
+            active=tuple([constraints.names[i] for i in pushing.tolist()]),
             h=h,
             names=constraints.names,
             slack_used=slack,
