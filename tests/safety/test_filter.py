@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from rudc.errors import InputError, SolverError
@@ -59,6 +59,14 @@ def least_margin(filter: SafetyFilter, scene: Any, u: np.ndarray) -> float:
 
 @pytest.mark.parametrize("filter", FILTERS, ids=lambda f: f"{f.config.kind}-{f.config.constrained}")
 @given(scene=scenes, u=actions)
+@example(  # no solution is found within two others at 12 m/s: full braking
+    scene=make_scene(
+        [Other(0.0, 0.0, 4.0, length=1.0, width=0.5), Other(0.0, 0.0, 4.0, speed=1.0, length=7.0, width=1.0)],
+        y=0.00390625,
+        v=12.0,
+    ),
+    u=np.zeros(2),
+)
 @settings(max_examples=150, deadline=None)
 def test_bounds_and_least_change(filter: SafetyFilter, scene: Any, u: np.ndarray) -> None:
     answer = filter.filter(scene, u)
