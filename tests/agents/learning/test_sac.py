@@ -5,7 +5,10 @@ import math
 import numpy as np
 import pytest
 import torch
+from torch._subclasses.fake_tensor import FakeTensorMode
+from torch.utils._python_dispatch import TorchDispatchMode
 
+from rudc.agents.learning import sac
 from rudc.agents.learning.sac import RudcLearner
 from rudc.errors import AgentError
 from tests.agents.learning.helpers import SMALL, random_batch, small_config
@@ -65,6 +68,41 @@ def test_stopped_and_resumed_same_numbers() -> None:
     assert [second.update(batch) for batch in batches[4:]] == expected[4:]
     for name, value in through.state().items():
         assert np.array_equal(value, second.state()[name]), name
+
+
+class Readable(TorchDispatchMode):
+    """Lets a number be read from tensors that hold none."""
+
+    def __torch_dispatch__(self, func, types, args=(), kwargs=None):
+        if func is torch.ops.aten._local_scalar_dense.default:
+            return args[0].dtype == torch.bool or 0.5
+        return func(*args, **(kwargs or {}))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"critic": SMALL.model_copy(update={"encoder": "mlp"}), "prior_factor": 0.0}],
+    ids=["attention", "mlp critic, no priors"],
+)
+def test_an_update_computes_on_the_learners_device_alone(
+    changes: dict[str, object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a GPU, too: torch's fake tensors refuse whatever mixes two devices, and need none of them."""
+    config = small_config(**changes)
+    monkeypatch.setattr(
+        sac, "_adam", lambda weights, rate: torch.optim.Adam(list(weights), lr=rate)
+    )  # not fused
+    with FakeTensorMode(allow_non_fake_inputs=True), Readable():
+        learner = RudcLearner(config, "meta")
+        for seed in range(2):
+            batch = random_batch(config, 24, seed)
+            learner.update(batch)
+        seen, done = (
+            torch.from_numpy(array).to(learner.device) for array in (batch.observation, batch.action)
+        )
+        assert learner.critics.evaluate(seen, done).device == learner.device
+    groups = (learner.critics.trained, learner.critics.target, learner.policy.trained, learner.policy.target)
+    assert {tensor.device.type for group in groups for tensor in group.values()} == {"meta"}
 
 
 def test_a_saved_state_is_a_copy() -> None:
