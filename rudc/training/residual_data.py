@@ -40,8 +40,12 @@ NEAR = 40.0
 """m, vehicles farther than this are left out: no row about them ever binds"""
 LONGEST_HOLD = 10
 """decisions for which a random action is held at most"""
+LONGEST_WAIT = 40
+"""the same for standing still: until whoever gives way has stopped beside it"""
 STARTING = 0.3
 """share of random actions that do not brake: uniform ones would soon stand still"""
+WAITING = 0.25
+"""share of the draws at a standstill that stay there"""
 
 Floats = NDArray[np.float32]
 
@@ -73,11 +77,13 @@ class RandomActions:
     def act(self, scene: Scene) -> Decision:
         """What was drawn last, or a new draw."""
         if self._left == 0:
-            self._action, self._left = (
-                self._rng.uniform(-1.0, 1.0, 2),
-                int(self._rng.integers(1, LONGEST_HOLD + 1)),
-            )
-            if self._rng.random() < STARTING or scene.ego.v < 1.0:
+            slow = scene.ego.v < 1.0
+            waits = slow and self._rng.random() < WAITING
+            self._action = self._rng.uniform(-1.0, 1.0, 2)
+            self._left = int(self._rng.integers(1, (LONGEST_WAIT if waits else LONGEST_HOLD) + 1))
+            if waits:
+                self._action[0] = -1.0
+            elif slow or self._rng.random() < STARTING:
                 self._action[0] = abs(self._action[0])
         self._left -= 1
         u = self._config.physical(self._action, scene)

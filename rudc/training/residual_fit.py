@@ -1,9 +1,12 @@
 """Learning the residual predictor, and measuring it (paper, Tab. "Hyper-Parameters", Appx. "Validation").
 
-Huber loss of w / scale by Adam, with scale the standard deviation of w. Nobody can foresee that one of SUMO's
-vehicles changes lanes within a step, which is 100 m2 at times; squares of that would drown the rest. Every
-tenth episode is held out, whole: samples of one episode resemble each other. What is stated is how well the
-change of h itself is predicted, by the model alone and with the predictor, and how much of w is explained.
+Huber loss by Adam of the error over |r| and over the median of |w| / |r|, r from the ego to the constraint. h
+is a squared distance: the same error of a position is 2 |r| times as many m2, and rows bind where |r| is
+small. Beside a car that stands 0.02 m2 are enough to hold an ego that stands, too, for good. Nobody can foresee
+that one of SUMO's vehicles changes lanes within a step, which is 100 m2 at times; squares of that would drown
+the rest. Every tenth episode is held out, whole: samples of one episode resemble each other. What is stated is
+how well the change of h itself is predicted, by the model alone and with the predictor, and how much of w is
+explained.
 """
 
 from __future__ import annotations
@@ -16,13 +19,15 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from rudc.safety.residual import HEADS, ResidualPredictor
+from rudc.safety.residual import HEADS, ResidualPredictor, distances
 from rudc.training.residual_data import Dataset, Samples
 
 HIDDEN = 64
 EPOCHS, BATCH, RATE = 300, 4096, 3e-4
 HOLD_OUT = 10
 """every so manieth episode is held out"""
+NEAREST = 1.0
+"""m, the distance of whatever is nearer when errors are weighed"""
 BEYOND = 0.1
 """share of each feature's range in the samples by which it may lie outside before it is clipped"""
 
@@ -103,15 +108,17 @@ def _fit(
 ) -> dict[str, NDArray]:
     rng = np.random.default_rng((*seed, 78))
     mean, spread = samples.xi.mean(axis=0), np.maximum(samples.xi.std(axis=0), 1e-3)
-    scale = np.float32(max(float(samples.w.std()), 1e-9))
+    scale = np.float32(max(float(np.median(np.abs(samples.w))), 1e-9))
     x = torch.from_numpy((samples.xi - mean) / spread)
-    y = torch.from_numpy(samples.w / scale)
+    unit = np.maximum(distances(samples.xi), NEAREST)  # m2, an error that counts as one
+    unit *= max(float(np.median(np.abs(samples.w) / unit)), 1e-9)
+    y, weight = torch.from_numpy(samples.w / unit), torch.from_numpy(scale / unit)
     weights = _initial(x.shape[1], rng)
     adam = torch.optim.Adam(weights.values(), lr=RATE)
     for epoch in range(epochs):
         order, total = torch.from_numpy(rng.permutation(len(y))), 0.0
         for rows in order.split(BATCH):
-            loss = torch.nn.functional.huber_loss(_predict(weights, x[rows]), y[rows])
+            loss = torch.nn.functional.huber_loss(_predict(weights, x[rows]) * weight[rows], y[rows])
             adam.zero_grad()
             loss.backward()
             adam.step()
