@@ -1,12 +1,16 @@
 """Learning the residual predictor, and measuring it (paper, Tab. "Hyper-Parameters", Appx. "Validation").
 
-Huber loss by Adam of the error over |r| and over the median of |w| / |r|, r from the ego to the constraint. h
-is a squared distance: the same error of a position is 2 |r| times as many m2, and rows bind where |r| is
-small. Beside a car that stands 0.02 m2 are enough to hold an ego that stands, too, for good. Nobody can foresee
-that one of SUMO's vehicles changes lanes within a step, which is 100 m2 at times; squares of that would drown
-the rest. Every tenth episode is held out, whole: samples of one episode resemble each other. What is stated is
-how well the change of h itself is predicted, by the model alone and with the predictor, and how much of w is
-explained.
+Huber loss by Adam of (prediction - w) / unit, with
+
+    unit = std(w)                        road edges
+    unit = |r| median(|w| / |r|)         vehicles, r from the ego to the vehicle
+
+h is a squared distance: the same error of a vehicle's position is 2 |r| times as many m2, but rows bind
+where |r| is small. Beside a car that stands, 0.02 m2 are enough to hold an ego that stands, too, for good.
+And nobody can foresee that one of SUMO's vehicles changes lanes within a step, which is 100 m2 at times;
+squares of that would drown the rest. Every tenth episode is held out, whole: samples of one episode resemble
+each other. What is stated is how well the change of h itself is predicted, by the model alone and with the
+predictor, and how much of w is explained.
 """
 
 from __future__ import annotations
@@ -108,10 +112,9 @@ def _fit(
 ) -> dict[str, NDArray]:
     rng = np.random.default_rng((*seed, 78))
     mean, spread = samples.xi.mean(axis=0), np.maximum(samples.xi.std(axis=0), 1e-3)
-    scale = np.float32(max(float(np.median(np.abs(samples.w))), 1e-9))
+    unit = np.maximum(_unit(samples, head), 1e-9)
+    scale = unit.mean()
     x = torch.from_numpy((samples.xi - mean) / spread)
-    unit = np.maximum(distances(samples.xi), NEAREST)  # m2, an error that counts as one
-    unit *= max(float(np.median(np.abs(samples.w) / unit)), 1e-9)
     y, weight = torch.from_numpy(samples.w / unit), torch.from_numpy(scale / unit)
     weights = _initial(x.shape[1], rng)
     adam = torch.optim.Adam(weights.values(), lr=RATE)
@@ -130,6 +133,14 @@ def _fit(
     low, high = samples.xi.min(axis=0), samples.xi.max(axis=0)
     learnt |= {"low": low - BEYOND * (high - low), "high": high + BEYOND * (high - low)}
     return {f"{head}/{name}": value.astype(np.float32) for name, value in learnt.items()}
+
+
+def _unit(samples: Samples, head: str) -> NDArray:
+    """(M,) m2, the error of each sample that counts as one."""
+    if head == "road":
+        return np.full(len(samples.w), samples.w.std())
+    distance = np.maximum(distances(samples.xi), NEAREST)
+    return distance * np.median(np.abs(samples.w) / distance)
 
 
 def _initial(inputs: int, rng: np.random.Generator) -> dict[str, Tensor]:
