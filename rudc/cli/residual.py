@@ -115,7 +115,8 @@ def _show(dataset: Dataset, predictor: ResidualPredictor, *, only_held_out: bool
         for name, score in (("model alone", found.model), ("with predictor", found.predictor)):
             cells = [f"{score.r2:.5f}", f"{score.mae:.4f}", f"{score.rmse:.4f}"]
             explained = f"{found.explained:.3f}" if name == "with predictor" else ""
-            rows.append([found.head, str(found.samples), name, *cells, explained])
+            rows.append([found.about, str(found.samples), name, *cells, explained])
     print_table(
-        ["head", "samples", "change of h by", "R2", "MAE (m2)", "RMSE (m2)", "share of w explained"], rows
+        ["constraints", "samples", "change of h by", "R2", "MAE (m2)", "RMSE (m2)", "share of w explained"],
+        rows,
     )

@@ -114,7 +114,7 @@ def features(scene: Scene, constraints: Constraints, u_rl: Array) -> tuple[Array
     return vehicles, road
 
 
-def distances(xi: Array) -> Array:
+def distances(xi: NDArray) -> NDArray:
     """(n,) m from the ego, or its reference point, to the constraints that xi (n, F) is about."""
     return 20 * xi[:, 7]
 

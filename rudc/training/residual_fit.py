@@ -23,7 +23,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from rudc.safety.residual import HEADS, ResidualPredictor, distances
+from rudc.safety.residual import HEADS, VEHICLE, ResidualPredictor, distances
 from rudc.training.residual_data import Dataset, Samples
 
 HIDDEN = 64
@@ -48,9 +48,9 @@ class Score(NamedTuple):
 
 
 class Evaluation(NamedTuple):
-    """Of one head."""
+    """Of one head, on all samples or some."""
 
-    head: str
+    about: str
     samples: int
     model: Score
     """the filter's model alone, w = 0"""
@@ -62,8 +62,20 @@ class Evaluation(NamedTuple):
 
 def held_out(samples: Samples, *, rest: bool = False) -> Samples:
     """The samples of held-out episodes, or the others."""
-    chosen = (samples.episode % HOLD_OUT == 0) != rest
-    return Samples(samples.xi[chosen], samples.change[chosen], samples.w[chosen], samples.episode[chosen])
+    return _chosen(samples, (samples.episode % HOLD_OUT == 0) != rest)
+
+
+def standing(samples: Samples) -> Samples:
+    """Samples of vehicles that stand near an ego that stands: slower than 0.5 m/s, within 10 m."""
+    drift = np.hypot(
+        *(samples.xi[:, VEHICLE.index(f"its speed {way} / 10")] for way in ("ahead", "to the left"))
+    )
+    slow = np.maximum(samples.xi[:, VEHICLE.index("speed / 10")], drift) < 0.05
+    return _chosen(samples, slow & (distances(samples.xi) < 10))
+
+
+def _chosen(samples: Samples, which: NDArray[np.bool_]) -> Samples:
+    return Samples(samples.xi[which], samples.change[which], samples.w[which], samples.episode[which])
 
 
 def fit(
@@ -81,19 +93,25 @@ def fit(
 
 
 def evaluate(dataset: Dataset, predictor: ResidualPredictor, *, only_held_out: bool) -> list[Evaluation]:
-    """Of both heads, on the held-out episodes or on all."""
-    found = []
-    for head in HEADS:
-        samples = held_out(dataset[head]) if only_held_out else dataset[head]
-        expected = predictor.of(head, samples.xi.astype(np.float64))
-        w = samples.w.astype(np.float64)
-        missing = float(np.sum((w - expected) ** 2) / np.sum((w - w.mean()) ** 2))
+    """Of both heads, on the held-out episodes or on all; then of vehicles beside a standing ego, if any."""
+    parts = {head: held_out(dataset[head]) if only_held_out else dataset[head] for head in HEADS}
+    still = standing(parts["vehicle"])
+    found = [
+        _measure(head, samples, predictor.of(head, samples.xi.astype(np.float64)))
+        for head, samples in parts.items()
+    ]
+    if len(still.w) > 1:
         found.append(
-            Evaluation(
-                head, len(w), _score(samples.change, w), _score(samples.change, w - expected), 1.0 - missing
-            )
+            _measure("vehicle, both standing", still, predictor.of("vehicle", still.xi.astype(np.float64)))
         )
     return found
+
+
+def _measure(about: str, samples: Samples, expected: NDArray) -> Evaluation:
+    w = samples.w.astype(np.float64)
+    missing = float(np.sum((w - expected) ** 2) / np.sum((w - w.mean()) ** 2))
+    model, predictor = _score(samples.change, w), _score(samples.change, w - expected)
+    return Evaluation(about, len(w), model, predictor, 1.0 - missing)
 
 
 def _score(change: NDArray, error: NDArray) -> Score:

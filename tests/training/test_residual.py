@@ -14,7 +14,7 @@ from rudc.safety.residual import (
     load_predictor,
 )
 from rudc.training.residual_data import Samples, collect, load_dataset, save_dataset
-from rudc.training.residual_fit import _initial, _predict, evaluate, fit
+from rudc.training.residual_fit import _initial, _predict, evaluate, fit, standing
 from rudc.world.polyline import Array
 
 
@@ -41,6 +41,11 @@ def test_samples_have_what_is_named_and_the_model_predicts_most_of_the_change(da
         assert len(np.unique(samples.episode)) > 3
 
 
+def test_random_actions_stand_still_now_and_then(dataset):
+    speed = 10 * dataset["vehicle"].xi[:, 2]
+    assert 0.03 < np.mean(speed < 0.1) < 0.5
+
+
 def _known(rng: np.random.Generator, features_: int, rows: int = 4000) -> Samples:
     """Samples whose w is a smooth function of the features."""
     xi = rng.normal(size=(rows, features_)).astype(np.float32)
@@ -61,6 +66,29 @@ def test_a_known_residual_is_learnt_and_the_fit_is_deterministic():
     short, again = fit(known, 1, epochs=2), fit(known, 1, epochs=2)
     for name, value in short.arrays.items():
         np.testing.assert_array_equal(value, again.arrays[name])
+
+
+def test_jumps_that_nobody_can_foresee_do_not_move_what_is_predicted():
+    rng = np.random.default_rng(1)
+    known = {head: _known(rng, len(names)) for head, names in zip(HEADS, (VEHICLE, ROAD), strict=True)}
+    calm = known["vehicle"]
+    jumps = np.where(rng.random(len(calm.w)) < 0.01, 100.0, 0.0).astype(np.float32)
+    jumpy = fit(known | {"vehicle": calm._replace(w=calm.w + jumps)}, seed=0, epochs=300)
+    xi = calm.xi.astype(np.float64)
+    error = jumpy.of("vehicle", xi) - calm.w
+    assert abs(np.median(error)) < 0.02
+    assert np.median(np.abs(error)) < 0.2
+
+
+def test_samples_that_stand_beside_what_stands():
+    rng = np.random.default_rng(2)
+    samples = _known(rng, len(VEHICLE), rows=200)
+    names = ("speed / 10", "its speed ahead / 10", "its speed to the left / 10", "distance / 20")
+    columns = [VEHICLE.index(name) for name in names]
+    samples.xi[:, columns] = [0.04, 0.0, 0.04, 0.49]
+    samples.xi[:4, columns] += 0.02 * np.eye(4)
+    still = standing(samples)
+    np.testing.assert_array_equal(still.w, np.concatenate([samples.w[1:2], samples.w[4:]]))
 
 
 def test_inference_without_torch_agrees_with_torch():
