@@ -6,7 +6,7 @@ Huber loss by Adam of (prediction - w) / unit, with
     unit = |r| median(|w| / |r|)         vehicles, r from the ego to the vehicle
 
 h is a squared distance: the same error of a vehicle's position is 2 |r| times as many m2, but rows bind
-where |r| is small. Beside a car that stands, 0.02 m2 are enough to hold an ego that stands, too, for good.
+where |r| is small. Beside a car that stands, 0.01 m2 is enough to hold an ego that stands, too, for good.
 And nobody can foresee that one of SUMO's vehicles changes lanes within a step, which is 100 m2 at times;
 squares of that would drown the rest. Every tenth episode is held out, whole: samples of one episode resemble
 each other. What is stated is how well the change of h itself is predicted, by the model alone and with the
