@@ -114,11 +114,6 @@ def features(scene: Scene, constraints: Constraints, u_rl: Array) -> tuple[Array
     return vehicles, road
 
 
-def distances(xi: NDArray) -> NDArray:
-    """(n,) m from the ego, or its reference point, to the constraints that xi (n, F) is about."""
-    return 20 * xi[:, 7]
-
-
 def predicted_change(terms: Terms, a: float, z: float) -> Array:
     """(K,) m2, dt h' + dt^2/2 h'' at acceleration `a` m/s2 and z = tan of the steering angle."""
     first = terms.lf + terms.lg * z

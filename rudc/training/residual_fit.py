@@ -23,7 +23,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from rudc.safety.residual import HEADS, VEHICLE, ResidualPredictor, distances
+from rudc.safety.residual import HEADS, VEHICLE, ResidualPredictor
 from rudc.training.residual_data import Dataset, Samples
 
 HIDDEN = 64
@@ -51,6 +51,7 @@ class Evaluation(NamedTuple):
     """Of one head, on all samples or some."""
 
     about: str
+    """a head, or which of its samples"""
     samples: int
     model: Score
     """the filter's model alone, w = 0"""
@@ -65,13 +66,23 @@ def held_out(samples: Samples, *, rest: bool = False) -> Samples:
     return _chosen(samples, (samples.episode % HOLD_OUT == 0) != rest)
 
 
-def standing(samples: Samples) -> Samples:
-    """Samples of vehicles that stand near an ego that stands: slower than 0.5 m/s, within 10 m."""
+def standing(vehicles: Samples) -> Samples:
+    """Those of vehicles that stand near an ego that stands: slower than 0.5 m/s, within 10 m."""
     drift = np.hypot(
-        *(samples.xi[:, VEHICLE.index(f"its speed {way} / 10")] for way in ("ahead", "to the left"))
+        _feature(vehicles, "its speed ahead / 10"), _feature(vehicles, "its speed to the left / 10")
     )
-    slow = np.maximum(samples.xi[:, VEHICLE.index("speed / 10")], drift) < 0.05
-    return _chosen(samples, slow & (distances(samples.xi) < 10))
+    slow = np.maximum(_feature(vehicles, "speed / 10"), drift) < 0.05
+    return _chosen(vehicles, slow & (_distance(vehicles) < 10))
+
+
+def _feature(vehicles: Samples, name: str) -> NDArray[np.float32]:
+    """(M,) one of `VEHICLE`."""
+    return vehicles.xi[:, VEHICLE.index(name)]
+
+
+def _distance(vehicles: Samples) -> NDArray[np.float32]:
+    """(M,) m, |r| from the ego."""
+    return 20 * _feature(vehicles, "distance / 20")
 
 
 def _chosen(samples: Samples, which: NDArray[np.bool_]) -> Samples:
@@ -94,20 +105,18 @@ def fit(
 
 def evaluate(dataset: Dataset, predictor: ResidualPredictor, *, only_held_out: bool) -> list[Evaluation]:
     """Of both heads, on the held-out episodes or on all; then of vehicles beside a standing ego, if any."""
-    parts = {head: held_out(dataset[head]) if only_held_out else dataset[head] for head in HEADS}
-    still = standing(parts["vehicle"])
-    found = [
-        _measure(head, samples, predictor.of(head, samples.xi.astype(np.float64)))
-        for head, samples in parts.items()
-    ]
+    parts = [(head, head, held_out(dataset[head]) if only_held_out else dataset[head]) for head in HEADS]
+    still = standing(parts[0][2])
     if len(still.w) > 1:
-        found.append(
-            _measure("vehicle, both standing", still, predictor.of("vehicle", still.xi.astype(np.float64)))
-        )
-    return found
+        parts.append(("vehicle, both standing", "vehicle", still))
+    return [
+        _measure(about, samples, predictor.of(head, samples.xi.astype(np.float64)))
+        for about, head, samples in parts
+    ]
 
 
 def _measure(about: str, samples: Samples, expected: NDArray) -> Evaluation:
+    """`expected`: (M,) m2, the w that was predicted."""
     w = samples.w.astype(np.float64)
     missing = float(np.sum((w - expected) ** 2) / np.sum((w - w.mean()) ** 2))
     model, predictor = _score(samples.change, w), _score(samples.change, w - expected)
@@ -157,7 +166,7 @@ def _unit(samples: Samples, head: str) -> NDArray:
     """(M,) m2, the error of each sample that counts as one."""
     if head == "road":
         return np.full(len(samples.w), samples.w.std())
-    distance = np.maximum(distances(samples.xi), NEAREST)
+    distance = np.maximum(_distance(samples), NEAREST)
     return distance * np.median(np.abs(samples.w) / distance)
 
 
