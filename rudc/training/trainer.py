@@ -161,11 +161,11 @@ class Trainer:
         config = self._config
         if self.steps and (self._at(config.log_every) or self._breaks()):
             self._write_progress()
-        if self._breaks():
-            self._finished, self._losses = [], []  # of the seeding, which no row is about; else empty by now
-            self._save()
         if self.steps and self._at(config.evaluate_every) and config.evaluation_episodes:
             self._evaluate()
+        if self._breaks():  # last, so that what is cut off before is done again
+            self._finished, self._losses = [], []  # of the seeding, which no row is about; else empty by now
+            self._save()
 
     def _write_progress(self) -> None:
         row: dict[str, Any] = {

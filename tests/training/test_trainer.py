@@ -20,6 +20,7 @@ from rudc.errors import AgentError, InputError, TrainingError
 from rudc.safety.residual import shipped_predictor
 from rudc.training.config import TrainConfig
 from rudc.training.trainer import astray, stored_config, train
+from rudc.training.workers import WorkerPool
 
 pytestmark = pytest.mark.slow
 
@@ -87,6 +88,20 @@ def test_stopped_and_resumed_twice_gives_the_same_numbers(trained: Path, tmp_pat
         assert whole.keys() == stopped.keys()
         for key, array in whole.items():
             np.testing.assert_array_equal(array, stopped[key], err_msg=key)
+
+
+def test_cut_off_in_an_evaluation_and_resumed_gives_the_same_numbers(
+    trained: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def cut_off(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(WorkerPool, "evaluate", cut_off)
+        train(_config(), tmp_path / "cut", Watcher())
+    assert train(_config(), tmp_path / "cut", Watcher(), resume=True)
+    assert _curves(trained) == _curves(tmp_path / "cut")
+    assert _curves(trained)["evaluation"]
 
 
 def test_another_seed_gives_other_numbers(trained: Path, tmp_path: Path):
