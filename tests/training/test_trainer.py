@@ -96,9 +96,10 @@ def test_cut_off_in_an_evaluation_and_resumed_gives_the_same_numbers(
     def cut_off(*_: object) -> None:
         raise KeyboardInterrupt
 
-    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+    with monkeypatch.context() as patch:
         patch.setattr(WorkerPool, "evaluate", cut_off)
-        train(_config(), tmp_path / "cut", Watcher())
+        with pytest.raises(KeyboardInterrupt):
+            train(_config(), tmp_path / "cut", Watcher())
     assert train(_config(), tmp_path / "cut", Watcher(), resume=True)
     assert _curves(trained) == _curves(tmp_path / "cut")
     assert _curves(trained)["evaluation"]

@@ -26,13 +26,10 @@ from torch import Tensor
 from torch.autograd import Function
 from torch.autograd.function import once_differentiable
 
+from rudc.agents.learning.distortion import midpoints
+
 ROWS = 64
 """of a batch in a piece, on a CPU"""
-
-
-def fractions(quantiles: int) -> Tensor:
-    """Quantile midpoints (tau_i + tau_{i+1}) / 2, (quantiles,)."""
-    return (torch.arange(quantiles) + 0.5) / quantiles
 
 
 def quantile_huber(predicted: Tensor, target: Tensor, kappa: float = 1.0) -> Tensor:
@@ -60,7 +57,7 @@ class _QuantileHuber(Function):
             d.add_(c, alpha=-0.5)
             torch.sum(c.mul_(d), 2, out=sums[2, :, part])
             torch.sum(p.mul_(d), 2, out=sums[3, :, part])
-        tau = fractions(count).to(predicted)
+        tau = torch.from_numpy(midpoints(count)).to(predicted)
         scale = 1 / (kappa * target.shape[1])
         slope, loss = sums[0::2] * (scale * (1 - tau)) + sums[1::2] * (scale * (2 * tau - 1))
         ctx.save_for_backward(slope)

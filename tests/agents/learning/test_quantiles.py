@@ -6,7 +6,8 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rudc.agents.learning.quantiles import ROWS, fractions, quantile_huber
+from rudc.agents.learning.distortion import midpoints
+from rudc.agents.learning.quantiles import ROWS, quantile_huber
 
 
 def by_pairs(predicted: np.ndarray, target: np.ndarray, kappa: float) -> np.ndarray:
@@ -62,5 +63,5 @@ def test_minimised_by_the_quantiles() -> None:
         adam.zero_grad()
         quantile_huber(z, sample, 0.1).sum().backward()
         adam.step()
-    expected = np.quantile(sample.numpy(), fractions(16).numpy())
+    expected = np.quantile(sample.numpy(), midpoints(16))
     assert z.detach().numpy()[0, 0] == pytest.approx(expected, abs=0.2)
