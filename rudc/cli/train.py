@@ -85,7 +85,7 @@ def train(
     finally:
         watcher.close()
     if not done:
-        note(f"interrupted; the last checkpoint is kept in {out}: add --resume to go on from there")
+        note("add --resume to go on")
         raise typer.Exit(130)
     note(f"done: rudc sweep SCENARIO --agent {out} --out DIR")
 

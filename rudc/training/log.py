@@ -10,7 +10,6 @@ import contextlib
 import csv
 import io
 import math
-import os
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -18,6 +17,7 @@ from typing import Any, Protocol
 
 from rudc.errors import StorageError
 from rudc.evaluation.record import EpisodeRecord
+from rudc.evaluation.store import write_atomically
 from rudc.training.collect import Finished
 
 OUTCOMES = ("success", "frozen", "collision", "off_road", "wrong_way")
@@ -168,10 +168,6 @@ def _cut(path: Path, columns: Sequence[str], step: int) -> None:
     with contextlib.suppress(FileNotFoundError), open(path, encoding="utf-8", newline="") as file:
         whole = [row for row in csv.reader(file) if len(row) == len(columns)]
         rows = [row for row in whole[1:] if int(row[0]) <= step]
-    new = path.with_name(path.name + ".new")
-    try:
-        with open(new, "w", encoding="utf-8", newline="") as file:
-            csv.writer(file, lineterminator="\n").writerows([columns, *rows])
-        os.replace(new, path)
-    except OSError as error:
-        raise StorageError(f"{path} could not be written: {error}") from error
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([columns, *rows])
+    write_atomically(path, text.getvalue())

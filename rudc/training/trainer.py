@@ -40,6 +40,7 @@ from rudc.agents.learning.sac import RudcLearner
 from rudc.agents.learning.uncertainty import RunningPercentiles, uncertainty
 from rudc.errors import AgentError, InputError, StorageError, TrainingError
 from rudc.evaluation.memory import keep_freed_blocks
+from rudc.evaluation.store import write_atomically
 from rudc.safety.residual import shipped_predictor
 from rudc.scenario import load_scenario
 from rudc.training.collect import Finished
@@ -99,6 +100,8 @@ class Trainer:
         finally:
             self._pool.close()
             self._log.close()
+        if self._stop:
+            self._watcher.note(f"interrupted; {self._kept()}")
         return not self._stop
 
     # ---- a round
@@ -296,13 +299,13 @@ def train(config: TrainConfig, folder: Path, watcher: Watcher, *, resume: bool =
             )
         if path.read_text(encoding="utf-8") != text:
             raise InputError(f"{folder} holds a training with other settings, see {path}")
-    else:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            path.write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise StorageError(f"{folder}: {error}") from error
-    return Trainer(config, folder, watcher).run()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StorageError(f"{folder}: {error}") from error
+    trainer = Trainer(config, folder, watcher)
+    write_atomically(path, text)  # only now: where the device is not there no training begins
+    return trainer.run()
 
 
 def stored_config(folder: Path) -> TrainConfig | None:

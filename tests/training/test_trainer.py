@@ -48,6 +48,7 @@ class Watcher:
 
     def __init__(self, stop_at: int | None = None) -> None:
         self.stop_at = stop_at
+        self.notes: list[str] = []
 
     def advance(self, steps: int) -> None:
         if steps == self.stop_at:
@@ -57,7 +58,7 @@ class Watcher:
         pass
 
     def note(self, text: str) -> None:
-        pass
+        self.notes.append(text)
 
 
 def _curves(folder: Path) -> dict[str, list[dict[str, str]]]:
@@ -77,7 +78,11 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_stopped_and_resumed_twice_gives_the_same_numbers(trained: Path, tmp_path: Path):
     folder = tmp_path / "stopped"
-    assert not train(_config(), folder, Watcher(stop_at=250))  # between two checkpoints
+    early, late = Watcher(stop_at=50), Watcher(stop_at=250)
+    assert not train(_config(), folder, early)
+    assert early.notes[-1] == "interrupted; there is no checkpoint yet"
+    assert not train(_config(), folder, late, resume=True)  # between two checkpoints
+    assert late.notes[-1] == f"interrupted; the last checkpoint is kept in {folder / 'checkpoint'}"
     assert json.loads((folder / "checkpoint" / "training.json").read_text())["round"] == 4
     assert train(_config(), folder, Watcher(), resume=True)
     curves = _curves(trained)
@@ -162,6 +167,7 @@ def test_checkpoints_that_cannot_drive_are_refused(trained: Path, tmp_path: Path
 def test_nobody_trains_on_what_is_not_there(tmp_path: Path):
     with pytest.raises(InputError, match="device 'nowhere'"):
         train(_config(device="nowhere"), tmp_path / "a", Watcher())
+    assert stored_config(tmp_path / "a") is None  # the folder can be used with another device
     for wrong in ({"scenario": "no_such_scenario"}, {"evaluate_on": ("no_such_scenario",)}):
         with pytest.raises(InputError, match=r"no_such_scenario: no shipped scenario"):
             train(_config(**wrong), tmp_path / "b", Watcher())
