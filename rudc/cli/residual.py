@@ -34,12 +34,14 @@ def collect(
     **Example**: `rudc residual collect --out out/residual.safetensors`
     """
     from rudc.agents.registry import make_agent
+    from rudc.evaluation.store import make_folder
     from rudc.training.residual_data import collect as run
     from rudc.training.residual_data import save_dataset
 
     driver = None if agent is None else make_agent(agent)
     if driver is not None and driver.ego_driver == "sumo":
         raise InputError("SUMO's own driver takes no actions: nothing can be predicted of them")
+    make_folder(out.parent)
     said = 0
 
     def advance(count: int) -> None:
@@ -66,6 +68,7 @@ def fit(
         raise InputError("fitting needs torch: pip install 'rudc[train]'")
     from safetensors.numpy import save_file
 
+    from rudc.evaluation.store import make_folder
     from rudc.training.residual_data import load_dataset
     from rudc.training.residual_fit import EPOCHS
     from rudc.training.residual_fit import fit as run
@@ -75,9 +78,9 @@ def fit(
             note(f"{head}, epoch {epoch}/{EPOCHS}: loss {loss:.4f}")
 
     dataset = load_dataset(data)
+    make_folder(out.parent)
     predictor = run(dataset, seed, progress=progress)
     try:
-        out.parent.mkdir(parents=True, exist_ok=True)
         save_file(predictor.arrays, out)
     except OSError as error:
         raise StorageError(f"{out}: the predictor could not be written: {error}") from error

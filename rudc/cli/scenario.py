@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from rudc.cli.console import note, print_table
-from rudc.errors import InputError, RudcError, ScenarioError
+from rudc.errors import InputError, ScenarioError
 
 app = typer.Typer(no_args_is_help=True, help="Scenario files: find, write, check and draw them.")
 
@@ -48,13 +48,13 @@ def new(
 
     **Example**: `rudc scenario new my_junction`, then edit `my_junction.yaml`
     """
-    from rudc.evaluation.store import write_atomically
+    from rudc.evaluation.store import make_folder, write_atomically
     from rudc.scenario import json_schema, load_scenario, scenario_template
 
     path = folder / f"{name}.yaml"
     if path.exists():
         raise InputError(f"{path} is there already; choose another name, or delete it")
-    _make_folder(folder)
+    make_folder(folder)
     schema = folder / "rudc-scenario.schema.json"
     write_atomically(schema, json.dumps(json_schema(), indent=2) + "\n")
     write_atomically(path, scenario_template(name, schema.name))
@@ -123,14 +123,14 @@ def schema(
     **Example**: `rudc scenario schema --out scenario.schema.json`, and as a file's first line
     `# yaml-language-server: $schema=scenario.schema.json`
     """
-    from rudc.evaluation.store import write_atomically
+    from rudc.evaluation.store import make_folder, write_atomically
     from rudc.scenario import json_schema
 
     text = json.dumps(json_schema(), indent=2) + "\n"
     if out is None:
         typer.echo(text, nl=False)
     else:
-        _make_folder(out.parent)
+        make_folder(out.parent)
         write_atomically(out, text)
 
 
@@ -142,16 +142,9 @@ def parse_overrides(given: list[str] | None) -> dict[str, object]:
     for text in given or []:
         key, equals, value = text.partition("=")
         if not equals or not key.strip():
-            raise InputError(f"--set {text!r}: expected KEY=VALUE, such as traffic.density=30")
+            raise InputError(f"--set {text!r}: expected KEY=VALUE")
         try:
             found[key.strip()] = yaml.safe_load(value)
         except yaml.YAMLError:
             raise InputError(f"--set {text!r}: {value!r} is not a value as in a YAML file") from None
     return found
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RudcError(f"cannot make the folder {folder}: {error.strerror}") from None

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rudc.cli.console import console, note
+from rudc.cli.scenario import parse_overrides
 from rudc.errors import InputError
 
 if TYPE_CHECKING:
@@ -75,7 +76,7 @@ def train(
         algorithm,
         {k: v for k, v in given.items() if v is not None},
         configuration,
-        _settings(settings or []),
+        parse_overrides(settings),
         out,
         resume,
     )
@@ -88,21 +89,6 @@ def train(
         note("add --resume to go on")
         raise typer.Exit(130)
     note(f"done: rudc sweep SCENARIO --agent {out} --out DIR")
-
-
-def _settings(texts: list[str]) -> dict[str, Any]:
-    import yaml
-
-    found: dict[str, Any] = {}
-    for text in texts:
-        key, equals, value = text.partition("=")
-        if not equals:
-            raise InputError(f"--set takes KEY=VALUE, not {text!r}")
-        try:
-            found[key.strip()] = yaml.safe_load(value)
-        except yaml.YAMLError:
-            raise InputError(f"--set {key.strip()}: {value!r} is no value") from None
-    return found
 
 
 def _config(

@@ -22,7 +22,7 @@ from rudc.errors import SweepError
 from rudc.evaluation.manifest import as_json, manifest, resumed, version_changes
 from rudc.evaluation.metrics import METRIC_COLUMNS, Group, group_metrics
 from rudc.evaluation.record import COLUMNS, CONDITIONS, EpisodeRecord, as_text
-from rudc.evaluation.store import RowFile, format_row, read_table, write_atomically
+from rudc.evaluation.store import RowFile, format_row, make_folder, read_table, write_atomically
 from rudc.evaluation.tasks import Key, SweepPlan, Task
 
 _ERROR = COLUMNS.index("error")
@@ -56,15 +56,9 @@ class SweepFolder:
             self._lock = None
 
     def open(self, resume: bool) -> None:
-        """Take possession of the folder. Raises SweepError when it cannot be had, or something else is in
-        it."""
-        try:
-            self.path.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            reason = "is a file" if self.path.is_file() else f"cannot be made a folder ({error.strerror})"
-            raise SweepError(f"{self.path} {reason}; give another --out") from None
-        if not os.access(self.path, os.R_OK | os.W_OK | os.X_OK):
-            raise SweepError(f"{self.path} cannot be written to (no permission); give another --out")
+        """Take possession of the folder. Raises InputError when it cannot be had, SweepError when something
+        else is in it."""
+        make_folder(self.path)
         self._take_lock()
         present = sorted(entry.name for entry in self.path.iterdir() if not entry.name.startswith("."))
         content: dict[str, Any] = manifest(self._plan)

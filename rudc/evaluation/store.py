@@ -16,7 +16,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NoReturn
 
-from rudc.errors import StorageError, SweepError
+from rudc.errors import InputError, StorageError, SweepError
 
 Rows = list[list[str]]
 
@@ -26,6 +26,17 @@ def format_row(cells: Sequence[str]) -> str:
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerow([" ".join(cell.split()) for cell in cells])
     return text.getvalue()
+
+
+def make_folder(path: Path) -> None:
+    """A folder that can be written to, made if there is none. Raises InputError when there cannot be one."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        reason = "is a file" if path.is_file() else f"cannot be made a folder ({error.strerror})"
+        raise InputError(f"{path} {reason}; give another folder") from None
+    if not os.access(path, os.R_OK | os.W_OK | os.X_OK):
+        raise InputError(f"{path} cannot be written to (no permission); give another folder")
 
 
 def write_atomically(path: Path, text: str) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -10,7 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from rudc.agents.checkpoint import shipped_checkpoints
-from rudc.errors import InputError, StorageError
+from rudc.errors import InputError
 from rudc.evaluation.store import write_atomically
 from rudc.evaluation.sweep import Progress
 from rudc.scenario import find_scenarios, shipped_scenarios
@@ -99,16 +98,6 @@ def out_of_distribution(budget: Budget) -> tuple[Scenario, ...]:
     """All shipped scenarios but those two, and but sweeps, whose points lie on both sides."""
     names = QUICK_OOD if budget == "quick" else [n for n in shipped_scenarios() if n not in IN_DISTRIBUTION]
     return tuple(scenario for scenario in find_scenarios(list(names)) if not scenario.sweep)
-
-
-def make_folder(path: Path) -> None:
-    """Raises StorageError when there cannot be one."""
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StorageError(f"{path} cannot be made a folder ({error.strerror}); give another --out") from None
-    if not os.access(path, os.W_OK):
-        raise StorageError(f"{path} cannot be written to (no permission); give another --out")
 
 
 def write(path: Path, text: str) -> Path:

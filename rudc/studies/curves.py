@@ -21,11 +21,11 @@ from scipy.stats import t as student
 
 from rudc.errors import InputError
 from rudc.evaluation.metrics import numbers
-from rudc.evaluation.store import read_table
+from rudc.evaluation.store import make_folder, read_table
 from rudc.evaluation.sweep import Progress
 from rudc.reporting.curves import Curve, draw_curves
 from rudc.reporting.text import csv_text, interval, markdown
-from rudc.studies.base import Order, Report, family, make_folder, write
+from rudc.studies.base import Order, Report, family, write
 from rudc.training.log import EVALUATION, PROGRESS
 from rudc.world.scene import Array
 

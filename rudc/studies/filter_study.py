@@ -42,6 +42,7 @@ from rudc.evaluation.metrics import numbers
 from rudc.evaluation.preflight import check_scenarios
 from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.statistics import Z, summarise_rate
+from rudc.evaluation.store import make_folder
 from rudc.evaluation.sweep import Progress, run_sweep
 from rudc.evaluation.tasks import SweepPlan
 from rudc.reporting.text import MISSING, csv_text, interval, markdown
@@ -53,7 +54,6 @@ from rudc.studies.base import (
     family,
     in_distribution,
     kinds_of_errors,
-    make_folder,
     out_of_distribution,
     write,
 )

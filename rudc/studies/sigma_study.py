@@ -31,6 +31,7 @@ from rudc.errors import InputError, StorageError
 from rudc.evaluation.preflight import check_scenarios
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.runner import EpisodeRunner
+from rudc.evaluation.store import make_folder
 from rudc.evaluation.sweep import Progress, run_sweep
 from rudc.evaluation.tasks import SweepPlan, Task
 from rudc.reporting.separation import Mark, draw_separation
@@ -44,7 +45,6 @@ from rudc.studies.base import (
     family,
     in_distribution,
     kinds_of_errors,
-    make_folder,
     out_of_distribution,
     write,
 )

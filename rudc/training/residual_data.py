@@ -198,7 +198,6 @@ def save_dataset(path: Path, dataset: Dataset) -> None:
     """Write samples to a file. Raises StorageError."""
     arrays = {f"{head}/{k}": v for head, samples in dataset.items() for k, v in samples._asdict().items()}
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
         save_file({k: np.ascontiguousarray(v) for k, v in arrays.items()}, path)
     except (OSError, SafetensorError) as error:
         raise StorageError(f"{path}: samples could not be written: {error}") from error

@@ -40,7 +40,7 @@ from rudc.agents.learning.sac import RudcLearner
 from rudc.agents.learning.uncertainty import RunningPercentiles, uncertainty
 from rudc.errors import AgentError, InputError, StorageError, TrainingError
 from rudc.evaluation.memory import keep_freed_blocks
-from rudc.evaluation.store import write_atomically
+from rudc.evaluation.store import make_folder, write_atomically
 from rudc.safety.residual import shipped_predictor
 from rudc.scenario import load_scenario
 from rudc.training.collect import Finished
@@ -299,10 +299,7 @@ def train(config: TrainConfig, folder: Path, watcher: Watcher, *, resume: bool =
             )
         if path.read_text(encoding="utf-8") != text:
             raise InputError(f"{folder} holds a training with other settings, see {path}")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StorageError(f"{folder}: {error}") from error
+    make_folder(folder)
     trainer = Trainer(config, folder, watcher)
     write_atomically(path, text)  # only now: where the device is not there no training begins
     return trainer.run()

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -91,11 +92,24 @@ def test_a_folder_that_is_not_empty_is_refused_with_advice(rudc):
     assert "seed: 0 there, 4 here" in other.err
 
 
-def test_results_that_cannot_be_written_are_a_failure_of_the_work(rudc, tmp_path):
+def test_a_folder_that_cannot_be_is_wrong_input_whatever_it_is_for(rudc, tmp_path):
     (tmp_path / "file").write_text("")
-    answer = rudc("scenario", "schema", "--out", "file/schema.json")
+    for command in (
+        ("scenario", "schema", "--out", "file/schema.json"),
+        ("scenario", "new", "mine", "--in", "file"),
+        ("residual", "collect", "--out", "file/samples"),
+        (*SWEEP[:-1], "file"),
+    ):
+        answer = rudc(*command)
+        assert answer.status == 2
+        assert "file is a file; give another folder" in answer.err
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_results_that_cannot_be_written_are_a_failure_of_the_work(rudc):
+    answer = rudc("scenario", "schema", "--out", "/dev/full")
     assert answer.status == 1
-    assert answer.err.startswith("error: cannot")
+    assert answer.err.startswith("error: cannot write /dev/full: the disk is full")
 
 
 def test_output_that_cannot_be_written_is_said_without_a_traceback():

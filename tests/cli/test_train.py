@@ -45,7 +45,7 @@ def test_any_value_of_the_configuration_can_be_set(rudc, calls):
     [
         (("--set", "n_step"), "KEY=VALUE"),
         (("--set", "driver.lerner.n_step=1"), "driver.lerner"),
-        (("--set", "steps=[1"), "is no value"),
+        (("--set", "steps=[1"), "is not a value"),
         (("--configuration", "papr"), "there are default and paper"),
     ],
 )

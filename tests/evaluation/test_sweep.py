@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from rudc.errors import SimulationError, StorageError, SweepError
+from rudc.errors import InputError, SimulationError, StorageError, SweepError
 from rudc.evaluation import folder as folder_module
 from rudc.evaluation.folder import read_sweep
 from rudc.evaluation.record import COLUMNS, TIMING
@@ -166,12 +166,12 @@ def test_a_folder_with_something_in_it_is_refused(fakes, make_plan, tmp_path):
 
 def test_where_no_folder_can_be_is_said(fakes, make_plan, tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
-    with pytest.raises(SweepError, match=r"file is a file; give another --out"):
+    with pytest.raises(InputError, match=r"file is a file; give another folder"):
         run_sweep(make_plan(), tmp_path / "file", fakes.Runner)
-    with pytest.raises(SweepError, match=r"cannot be made a folder \(Not a directory\); give another --out"):
+    with pytest.raises(InputError, match=r"cannot be made a folder \(Not a directory\); give another folder"):
         run_sweep(make_plan(), tmp_path / "file" / "x", fakes.Runner)
-    monkeypatch.setattr("rudc.evaluation.folder.os.access", lambda *_: False)
-    with pytest.raises(SweepError, match=r"no permission.*; give another --out"):
+    monkeypatch.setattr("rudc.evaluation.store.os.access", lambda *_: False)
+    with pytest.raises(InputError, match=r"no permission.*; give another folder"):
         run_sweep(make_plan(), tmp_path / "locked", fakes.Runner)
 
 
