@@ -14,6 +14,8 @@ from rich.console import Console
 from rich.table import Table
 
 if TYPE_CHECKING:
+    from rich.progress import Progress
+
     from rudc.evaluation.record import EpisodeRecord
     from rudc.evaluation.tasks import Task
 
@@ -77,19 +79,24 @@ class SweepLines:
         """Nothing to tidy up."""
 
 
+def progress_bar() -> Progress:
+    """A bar with a count, the time left and a description, on stderr; it vanishes when stopped."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns: list[Any] = [
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.description}"),
+    ]
+    return Progress(*columns, console=console(to_stderr=True), transient=True)
+
+
 class SweepBar:
     """A bar that shows how far a sweep is and what it is doing."""
 
     def __init__(self) -> None:
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-        columns: list[Any] = [
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeRemainingColumn(),
-            TextColumn("{task.description}"),
-        ]
-        self._progress = Progress(*columns, console=console(to_stderr=True), transient=True)
+        self._progress = progress_bar()
         self._failed = 0
 
     def begin(self, total: int, finished: int, warnings: Sequence[str]) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rudc.cli.console import console, note
+from rudc.cli.console import note, progress_bar
 from rudc.cli.scenario import parse_overrides
 from rudc.errors import InputError
 
@@ -149,15 +149,7 @@ class TrainBar:
     """A bar that shows how far training is and how it goes."""
 
     def __init__(self, config: TrainConfig) -> None:
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-        columns: list[Any] = [
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeRemainingColumn(),
-            TextColumn("{task.description}"),
-        ]
-        self._progress = Progress(*columns, console=console(to_stderr=True), transient=True)
+        self._progress = progress_bar()
         self._id = self._progress.add_task("starting", total=config.rounds * config.round_steps)
         self._progress.start()
 
