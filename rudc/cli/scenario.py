@@ -130,7 +130,8 @@ def schema(
     if out is None:
         typer.echo(text, nl=False)
     else:
-        make_folder(out.parent)
+        if not out.exists():  # a device is there, in a folder that need not be ours
+            make_folder(out.parent)
         write_atomically(out, text)
 
 
