@@ -34,14 +34,14 @@ def collect(
     **Example**: `rudc residual collect --out out/residual.safetensors`
     """
     from rudc.agents.registry import make_agent
-    from rudc.evaluation.store import make_folder
+    from rudc.evaluation.store import make_folder_of
     from rudc.training.residual_data import collect as run
     from rudc.training.residual_data import save_dataset
 
     driver = None if agent is None else make_agent(agent)
     if driver is not None and driver.ego_driver == "sumo":
         raise InputError("SUMO's own driver takes no actions: nothing can be predicted of them")
-    make_folder(out.parent)
+    make_folder_of(out)
     said = 0
 
     def advance(count: int) -> None:
@@ -68,7 +68,7 @@ def fit(
         raise InputError("fitting needs torch: pip install 'rudc[train]'")
     from safetensors.numpy import save_file
 
-    from rudc.evaluation.store import make_folder
+    from rudc.evaluation.store import make_folder_of
     from rudc.training.residual_data import load_dataset
     from rudc.training.residual_fit import EPOCHS
     from rudc.training.residual_fit import fit as run
@@ -78,7 +78,7 @@ def fit(
             note(f"{head}, epoch {epoch}/{EPOCHS}: loss {loss:.4f}")
 
     dataset = load_dataset(data)
-    make_folder(out.parent)
+    make_folder_of(out)
     predictor = run(dataset, seed, progress=progress)
     try:
         save_file(predictor.arrays, out)

@@ -123,15 +123,14 @@ def schema(
     **Example**: `rudc scenario schema --out scenario.schema.json`, and as a file's first line
     `# yaml-language-server: $schema=scenario.schema.json`
     """
-    from rudc.evaluation.store import make_folder, write_atomically
+    from rudc.evaluation.store import make_folder_of, write_atomically
     from rudc.scenario import json_schema
 
     text = json.dumps(json_schema(), indent=2) + "\n"
     if out is None:
         typer.echo(text, nl=False)
     else:
-        if not out.exists():  # a device is there, in a folder that need not be ours
-            make_folder(out.parent)
+        make_folder_of(out)
         write_atomically(out, text)
 
 

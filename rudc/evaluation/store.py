@@ -39,6 +39,14 @@ def make_folder(path: Path) -> None:
         raise InputError(f"{path} cannot be written to (no permission); give another folder")
 
 
+def make_folder_of(path: Path) -> None:
+    """The folder of a file that will be written; one that is there, or a device, needs none. Raises as
+    `make_folder` does.
+    """
+    if not path.exists():
+        make_folder(path.parent)
+
+
 def write_atomically(path: Path, text: str) -> None:
     """Replace a file's content; a kill leaves the old content or the new, never a mixture.
 
