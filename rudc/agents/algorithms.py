@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, field_serializer, field_validator, model_validator
 
-from rudc.agents.learning.config import LearnerConfig, ObservationLayout
 from rudc.agents.tracking import steering
 from rudc.env.action import to_normalised, to_physical
 from rudc.env.observation import PARTS, Kind, observation_size
 from rudc.errors import InputError
+from rudc.learning.config import LearnerConfig, ObservationLayout
 from rudc.safety.config import FilterConfig
 from rudc.world.scene import Array, Scene
 

@@ -12,7 +12,7 @@ import numpy as np
 from rudc.world.scene import Array, Scene
 
 if TYPE_CHECKING:
-    from rudc.agents.learning.uncertainty import Uncertainty
+    from rudc.learning.uncertainty import Uncertainty
     from rudc.safety.filter import Filtered
 
 EgoDriver = Literal["agent", "sumo"]

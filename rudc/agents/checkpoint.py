@@ -1,6 +1,6 @@
 """Folders of learnt agents: which is meant by a name, what is in it, how a new one takes an old one's place.
 
-The files are those of rudc/agents/learning/checkpoint.py; `settings` holds the fields of `DriverConfig` that
+The files are those of rudc/learning/checkpoint.py; `settings` holds the fields of `DriverConfig` that
 its learner and its algorithm do not say already.
 """
 
@@ -15,11 +15,11 @@ from typing import Any, NamedTuple
 from pydantic import ValidationError
 
 from rudc.agents.algorithms import ALGORITHMS, DriverConfig
-from rudc.agents.learning.checkpoint import DESCRIPTION, Checkpoint, load_checkpoint, save_checkpoint
-from rudc.agents.learning.parameters import Arrays, fingerprint
 from rudc.agents.variation import vary
 from rudc.data import data_folder
 from rudc.errors import AgentError, StorageError
+from rudc.learning.checkpoint import DESCRIPTION, Checkpoint, load_checkpoint, save_checkpoint
+from rudc.learning.parameters import Arrays, fingerprint
 
 SHIPPED = "results/checkpoints"
 """where trained agents are that come with RUDC"""

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from rudc.agents.base import Decision, EgoDriver, unfiltered
 from rudc.agents.tracking import acceleration_towards, speed_allowed, speeds_in_bends, steering
-from rudc.world.paths import SPACING
+from rudc.network.paths import SPACING
 from rudc.world.scene import Array, Kind, Scene
 
 Flags = NDArray[np.bool_]

@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 from rudc.agents.algorithms import DriverConfig
 from rudc.agents.base import Decision, EgoDriver
 from rudc.agents.checkpoint import load_learnt
-from rudc.agents.learning.inference import Decider
-from rudc.agents.learning.parameters import policy_arrays
-from rudc.agents.learning.uncertainty import Uncertainty, uncertainty
 from rudc.agents.variation import vary
 from rudc.env.observation import observe_flat
+from rudc.learning.inference import Decider
+from rudc.learning.parameters import policy_arrays
+from rudc.learning.uncertainty import Uncertainty, uncertainty
 from rudc.safety.filter import SafetyFilter
 from rudc.safety.residual import ResidualPredictor, shipped_predictor
 from rudc.safety.slack import Slack

@@ -23,10 +23,10 @@ from rudc.agents.checkpoint import (
 from rudc.agents.filtered import FILTERS, FilteredAgent
 from rudc.agents.follower import Follower
 from rudc.agents.gap_acceptance import GapAcceptance
-from rudc.agents.learning.parameters import fingerprint
 from rudc.agents.sumo import SumoDriver
 from rudc.agents.variation import Settings, filter_config, parse, split
 from rudc.errors import AgentError
+from rudc.learning.parameters import fingerprint
 from rudc.safety.residual import shipped_predictor
 
 _DRIVERS: dict[str, Callable[[], Agent]] = {

@@ -20,8 +20,8 @@ import math
 
 import numpy as np
 
-from rudc.world.paths import SPACING
-from rudc.world.route import ReferencePath
+from rudc.network.paths import SPACING
+from rudc.network.route import ReferencePath
 from rudc.world.scene import Array, Scene
 
 LATERAL = 3.0

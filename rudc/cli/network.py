@@ -17,8 +17,8 @@ app = typer.Typer(
 @app.command("list")
 def list_() -> None:
     """The shipped networks."""
-    from rudc.world.network import shipped_networks
-    from rudc.world.network_check import check_network
+    from rudc.network.check import check_network
+    from rudc.network.network import shipped_networks
 
     rows = []
     for name in shipped_networks():
@@ -43,7 +43,7 @@ def check(
 
     **Example**: `rudc network check town.net.xml --junction J12 --out town.png`
     """
-    from rudc.world.network_check import check_network
+    from rudc.network.check import check_network
 
     report = check_network(source, junction)
     road = f"{report.road_km:.3f} km of two-way road"
@@ -96,7 +96,7 @@ def build(
 
     **Example**: `rudc network build my_networks/ring`
     """
-    from rudc.world.network_build import build_network
+    from rudc.network.build import build_network
 
     typer.echo(build_network(folder, out))
 
@@ -107,8 +107,8 @@ def _radius(radius_m: float) -> str:
 
 def _draw(network: object, out: Path) -> None:
     from rudc.errors import StorageError
+    from rudc.network.network import Network
     from rudc.world.draw import draw_network, draw_route, save
-    from rudc.world.network import Network
 
     assert isinstance(network, Network)
     axes = draw_network(network)

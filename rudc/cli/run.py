@@ -53,8 +53,8 @@ def run(
     from rudc.evaluation.film import Film, check_film
     from rudc.evaluation.rollout import run_episode
     from rudc.evaluation.trace import Trace
+    from rudc.network.network import load_network
     from rudc.scenario import load_scenario
-    from rudc.world.network import load_network
     from rudc.world.world import World
 
     driver = make_agent(agent)

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rudc.world.scene import Array, EgoVehicle
+from rudc.vehicle import EgoVehicle
+from rudc.world.scene import Array
 
 
 def to_physical(action: Array, vehicle: EgoVehicle) -> Array:

@@ -38,7 +38,7 @@ from numpy.typing import NDArray
 
 from rudc.env.remembered import Remembered
 from rudc.env.route_tables import FARTHEST, UNIT, RouteTables
-from rudc.world.geometry import gaps_between
+from rudc.geometry import gaps_between
 from rudc.world.scene import Array, Scene
 
 ACCELERATIONS = (2.5, 1.0, 0.0, -1.5, -4.0)

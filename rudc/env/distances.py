@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from rudc.world.geometry import rectangle_gaps
+from rudc.geometry import rectangle_gaps
 from rudc.world.scene import Scene
 
 

@@ -19,9 +19,9 @@ from rudc.env.observation import Kind, observation_space, observe_flat, unflatte
 from rudc.env.rendering import Frame, Renderer
 from rudc.env.window import Window
 from rudc.errors import InputError
+from rudc.network.network import load_network
 from rudc.scenario import EpisodePlan, Scenario, load_scenario
 from rudc.world.config import WorldConfig
-from rudc.world.network import load_network
 from rudc.world.scene import Array, Scene
 from rudc.world.world import World
 

@@ -39,8 +39,8 @@ from rudc.env.conflict import conflict_features
 from rudc.env.distances import Distances, measure
 from rudc.env.remembered import Remembered
 from rudc.errors import InputError
-from rudc.world.network import ReferencePath
-from rudc.world.paths import SPACING as STATION
+from rudc.network.network import ReferencePath
+from rudc.network.paths import SPACING as STATION
 from rudc.world.scene import Array, Scene
 
 Kind = Literal["paper", "conflict"]

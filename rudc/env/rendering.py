@@ -18,10 +18,10 @@ from rudc.env.canvas import BODY, HALO, SHAPES, Canvas, Colour, cut, placed
 from rudc.env.distances import destination_s
 from rudc.env.remembered import Remembered
 from rudc.env.road_picture import RoadPicture, draw_road
-from rudc.world.geometry import rectangle_corners
-from rudc.world.network import Network
-from rudc.world.paths import SPACING
-from rudc.world.polyline import strip
+from rudc.geometry import rectangle_corners
+from rudc.network.network import Network
+from rudc.network.paths import SPACING
+from rudc.network.polyline import strip
 from rudc.world.scene import Array, Kind, Scene
 
 Frame = NDArray[np.uint8]

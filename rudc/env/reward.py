@@ -45,8 +45,8 @@ from __future__ import annotations
 import math
 
 from rudc.env.distances import Distances
-from rudc.world.network import ReferencePath
-from rudc.world.paths import SPACING
+from rudc.network.network import ReferencePath
+from rudc.network.paths import SPACING
 from rudc.world.scene import Scene
 
 COLLISION, RULE_VIOLATION, ARRIVE_GOAL = -50.0, -50.0, 50.0

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from rudc.world.geometry import gaps_between
-from rudc.world.network import Network, Route
-from rudc.world.scene import Array, EgoVehicle
+from rudc.geometry import gaps_between
+from rudc.network.network import Network, Route
+from rudc.vehicle import EgoVehicle
+from rudc.world.scene import Array
 
 Index = NDArray[np.int64]
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rudc.errors import InputError, RudcError, ScenarioError
-from rudc.world.network import Network, load_network
+from rudc.network.network import Network, load_network
 from rudc.world.spawn import draw_route
 
 if TYPE_CHECKING:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rudc.errors import StorageError
+from rudc.network.network import Network, load_network
 from rudc.scenario.poses import Pose
 from rudc.world.draw import draw_network, draw_rectangles, draw_route, new_axes, polygon_of, save
-from rudc.world.network import Network, load_network
 from rudc.world.scene import Kind, Scene
 from rudc.world.world import World
 

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rudc.evaluation.record import Conditions, EpisodeRecord
-from rudc.world.scene import EgoVehicle, Scene
+from rudc.vehicle import EgoVehicle
+from rudc.world.scene import Scene
 
 if TYPE_CHECKING:
     from rudc.agents.base import Agent, Decision

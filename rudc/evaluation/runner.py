@@ -13,7 +13,7 @@ from rudc.errors import RudcError
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.rollout import run_episode
 from rudc.evaluation.tasks import Task
-from rudc.world.network import load_network
+from rudc.network.network import load_network
 from rudc.world.world import World
 
 

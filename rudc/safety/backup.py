@@ -35,10 +35,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rudc.geometry import separation
 from rudc.safety.barrier import Array, Complex
 from rudc.safety.config import FilterConfig
 from rudc.safety.prediction import Predictor
-from rudc.world.geometry import separation
 from rudc.world.scene import Scene
 
 HORIZON = 2.5

@@ -39,7 +39,8 @@ from rudc.safety.constraints import ConstraintBuilder
 from rudc.safety.prediction import Predictor
 from rudc.safety.qp import TOLERANCE, Problem, Solution, make_solver
 from rudc.safety.rows import RowWeights, affine_rows, per_row
-from rudc.world.scene import EgoVehicle, Scene
+from rudc.vehicle import EgoVehicle
+from rudc.world.scene import Scene
 
 __all__ = ["FilterConfig", "Filtered", "SafetyFilter", "Status"]
 

@@ -16,7 +16,7 @@ from rudc.safety.barrier import Array, Complex
 from rudc.world.scene import Scene
 
 if TYPE_CHECKING:
-    from rudc.world.network import Network, Route
+    from rudc.network.network import Network, Route
 
 TAIL = 45.0
 """m behind the ego on its path, within which those who follow it are looked for"""

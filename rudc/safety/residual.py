@@ -30,8 +30,8 @@ from safetensors.numpy import load_file
 
 from rudc.data import data_folder
 from rudc.errors import AgentError
+from rudc.network.paths import SPACING
 from rudc.safety.barrier import Array, Constraints, Terms
-from rudc.world.paths import SPACING
 from rudc.world.scene import Scene
 
 Arrays = dict[str, NDArray]

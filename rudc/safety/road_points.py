@@ -18,9 +18,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from rudc.network.route import Route
 from rudc.safety.barrier import CLOSEST, Array, Complex
-from rudc.world.route import Route
-from rudc.world.scene import EgoVehicle
+from rudc.vehicle import EgoVehicle
 
 REACH = 8.0
 """m of path before and after the ego within which projections are looked for"""

@@ -23,11 +23,11 @@ from rudc.env.episode import Episode, Outcome, StepResult
 from rudc.env.observation import Kind, observe_flat
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.rollout import run_episode
+from rudc.learning.nstep import NStep, Transition
+from rudc.network.network import load_network
 from rudc.scenario import load_scenario
 from rudc.training.config import TrainConfig
 from rudc.training.curriculum import make_mixture
-from rudc.training.nstep import NStep, Transition
-from rudc.world.network import load_network
 from rudc.world.scene import Scene
 from rudc.world.world import World
 

@@ -9,10 +9,10 @@ from typing import Any, Literal, Self, get_args
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from rudc.agents.algorithms import ALGORITHMS, DriverConfig, observation_layout
-from rudc.agents.learning.config import LearnerConfig
 from rudc.env.observation import Kind
 from rudc.env.reward import COLLISION
 from rudc.errors import InputError
+from rudc.learning.config import LearnerConfig
 from rudc.scenario.dotted import DottedKeyError, with_value
 
 

@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from rudc.errors import InputError
+from rudc.network.network import Network, load_network
 from rudc.scenario import load_scenario
 from rudc.scenario.model import Scenario
 from rudc.scenario.plan import EpisodePlan
 from rudc.training.config import Curriculum
-from rudc.world.network import Network, load_network
 
 FIRST_SEED, LAST_SEED = 1_000_000, 2**31 - 1
 """seeds of training episodes are drawn between them; whoever evaluates stays below"""

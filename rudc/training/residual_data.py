@@ -22,13 +22,13 @@ from rudc.agents.algorithms import DriverConfig
 from rudc.agents.base import Agent, Decision
 from rudc.env.episode import Episode
 from rudc.errors import InputError, StorageError
+from rudc.network.network import load_network
 from rudc.safety.barrier import Constraints, barrier_terms
 from rudc.safety.config import FilterConfig
 from rudc.safety.constraints import ConstraintBuilder
 from rudc.safety.residual import HEADS, features, predicted_change
 from rudc.training.config import Curriculum
 from rudc.training.curriculum import make_mixture
-from rudc.world.network import load_network
 from rudc.world.scene import Array, Scene
 from rudc.world.world import World
 

@@ -34,21 +34,21 @@ from numpy.typing import NDArray
 
 from rudc.agents.checkpoint import LATEST, Learnt, aside_of, replace_folder, save_learnt
 from rudc.agents.learned import RESIDUAL
-from rudc.agents.learning.checkpoint import load_state, save_state
-from rudc.agents.learning.parameters import Arrays
-from rudc.agents.learning.sac import RudcLearner
-from rudc.agents.learning.uncertainty import RunningPercentiles, uncertainty
 from rudc.errors import AgentError, InputError, StorageError, TrainingError
 from rudc.evaluation.memory import keep_freed_blocks
 from rudc.evaluation.store import make_folder, write_atomically
+from rudc.learning.checkpoint import load_state, save_state
+from rudc.learning.nstep import Transition
+from rudc.learning.parameters import Arrays
+from rudc.learning.replay import Replay
+from rudc.learning.sac import RudcLearner
+from rudc.learning.uncertainty import RunningPercentiles, uncertainty
 from rudc.safety.residual import shipped_predictor
 from rudc.scenario import load_scenario
 from rudc.training.collect import Finished
 from rudc.training.config import TrainConfig
 from rudc.training.curriculum import HELD_OUT_SEED, make_mixture
 from rudc.training.log import LOSSES, Log, Watcher, episode_columns, evaluation_rows
-from rudc.training.nstep import Transition
-from rudc.training.replay import Replay
 from rudc.training.workers import WorkerPool
 
 CONFIG, STATE, REPLAY, COUNTERS = "config.json", "training.safetensors", "replay.npz", "training.json"

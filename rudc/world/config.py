@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from rudc.world.scene import EgoVehicle
+from rudc.vehicle import EgoVehicle
 
 
 @dataclass(frozen=True, slots=True)

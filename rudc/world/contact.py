@@ -1,7 +1,7 @@
 """What the ego touches, and how near the nearest thing is, at one instant.
 
 Few bodies are near enough to matter, so this is plain arithmetic on one pair at a time, where
-`rudc.world.geometry` works on arrays; the gap is the same: the least of the eight distances from a corner of
+`rudc.geometry` works on arrays; the gap is the same: the least of the eight distances from a corner of
 one rectangle to the other.
 """
 
@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from rudc.world.scene import EgoState, EgoVehicle, Scene
+from rudc.vehicle import EgoVehicle
+from rudc.world.scene import EgoState, Scene
 
 
 class Body(NamedTuple):

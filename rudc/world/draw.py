@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rudc.world.polyline import Array, offset_polyline, resample, strip
-from rudc.world.road import Arm, Lane
+from rudc.network.polyline import Array, offset_polyline, resample, strip
+from rudc.network.road import Arm, Lane
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from rudc.world.network import Network
-    from rudc.world.route import Route
+    from rudc.network.network import Network
+    from rudc.network.route import Route
 
 GRASS, ASPHALT, PAINT, DIVIDER = "#dfe6d5", "#5c6066", "#f4f4f0", "#e8c547"
 LABEL = "#2b2f36"

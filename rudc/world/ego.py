@@ -27,7 +27,8 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
-from rudc.world.scene import EgoState, EgoVehicle
+from rudc.vehicle import EgoVehicle
+from rudc.world.scene import EgoState
 
 GRAVITY = 9.81
 """m/s2"""

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from rudc.world.geometry import rectangles_overlap
+from rudc.geometry import rectangles_overlap
 from rudc.world.scene import Array, Kind, Scene
 
 BRAKING = 6.0

@@ -10,15 +10,16 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from rudc.vehicle import EgoVehicle
 from rudc.world.contact import overlapping
-from rudc.world.scene import Array, EgoState, EgoVehicle, Scene
+from rudc.world.scene import Array, EgoState, Scene
 from rudc.world.sumo import Motion, Sumo
 from rudc.world.traffic import EGO, Traffic
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from rudc.world.network import Network, Route
+    from rudc.network.network import Network, Route
     from rudc.world.props import Prop
 
 

@@ -14,8 +14,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from rudc.vehicle import EgoVehicle
+
 if TYPE_CHECKING:
-    from rudc.world.network import Network, Route
+    from rudc.network.network import Network, Route
 
 Array = NDArray[np.float64]
 
@@ -30,28 +32,6 @@ class Kind(IntEnum):
     BICYCLE = 4
     PEDESTRIAN = 5
     OBSTACLE = 6
-
-
-@dataclass(frozen=True, slots=True)
-class EgoVehicle:
-    """The ego vehicle's body and limits."""
-
-    length: float = 5.0
-    """m"""
-    width: float = 1.8
-    """m"""
-    wheelbase: float = 2.8
-    """m"""
-    cg_to_rear: float = 1.4
-    """m, centre of gravity to rear axle"""
-    a_min: float = -6.0
-    """m/s2, hardest braking"""
-    a_max: float = 3.0
-    """m/s2"""
-    delta_max: float = 0.6
-    """rad, largest front-wheel angle to either side"""
-    v_max: float = 15.0
-    """m/s"""
 
 
 @dataclass(frozen=True, slots=True)

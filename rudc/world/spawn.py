@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rudc.errors import NetworkError
-from rudc.world.geometry import rectangle_gaps
+from rudc.geometry import rectangle_gaps
 from rudc.world.scene import Scene
 
 if TYPE_CHECKING:
+    from rudc.network.network import Network, Route
     from rudc.scenario.plan import EgoPlan
-    from rudc.world.network import Network, Route
 
 MARGIN_M = 2.0
 """m, least gap between the ego and anything at the start"""

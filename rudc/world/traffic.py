@@ -17,9 +17,9 @@ from rudc.world.scene import Kind
 from rudc.world.sumo import Motion, Sumo
 
 if TYPE_CHECKING:
+    from rudc.network.network import Lane, Movement, Network
     from rudc.scenario.plan import TrafficPlan
-    from rudc.world.network import Lane, Movement, Network
-    from rudc.world.scene import EgoVehicle
+    from rudc.vehicle import EgoVehicle
 
 EGO = "ego"
 EMERGENCY_DECEL = 9.0

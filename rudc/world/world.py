@@ -34,8 +34,8 @@ from rudc.world.traffic import EGO, Traffic, type_file
 from rudc.world.yielding import BRAKE_MOST, ego_must_yield, must_yield
 
 if TYPE_CHECKING:
+    from rudc.network.network import Network
     from rudc.scenario.plan import EpisodePlan
-    from rudc.world.network import Network
 
 REDRAWS = 30
 """how often an unsafe start is drawn again before giving up"""

@@ -28,7 +28,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rudc.world.paths import SPACING
+from rudc.network.paths import SPACING
 from rudc.world.scene import Array, Scene
 
 HORIZON_S = 0.25 * np.arange(9.0)

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from rudc.world.network import load_network
-from rudc.world.scene import EgoState, EgoVehicle, Kind, Scene
+from rudc.network.network import load_network
+from rudc.vehicle import EgoVehicle
+from rudc.world.scene import EgoState, Kind, Scene
 
 
 class Other(NamedTuple):

@@ -8,9 +8,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rudc.agents.algorithms import DriverConfig, observation_layout
-from rudc.agents.learning.config import LearnerConfig
 from rudc.agents.tracking import steering
 from rudc.env.observation import observation_size
+from rudc.learning.config import LearnerConfig
 
 unit = st.floats(-1, 1)
 

@@ -8,7 +8,7 @@ import pytest
 from rudc.agents.follower import Follower
 from rudc.agents.gap_acceptance import GapAcceptance
 from rudc.agents.sumo import SumoDriver
-from rudc.world.network import load_network
+from rudc.network.network import load_network
 from rudc.world.scene import Kind
 from tests.agents.conftest import Other
 

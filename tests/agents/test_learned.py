@@ -9,10 +9,10 @@ import pytest
 
 from rudc.agents.algorithms import DriverConfig, observation_layout
 from rudc.agents.learned import LearnedAgent, untrained
-from rudc.agents.learning.config import LearnerConfig
-from rudc.agents.learning.inference import Decider
-from rudc.agents.learning.parameters import critic_arrays, policy_arrays
 from rudc.env.observation import observe_flat
+from rudc.learning.config import LearnerConfig
+from rudc.learning.inference import Decider
+from rudc.learning.parameters import critic_arrays, policy_arrays
 from rudc.safety.slack import Slack
 from tests.agents.conftest import Other
 

@@ -9,7 +9,7 @@ from rudc.agents.checkpoint import shipped_checkpoints
 from rudc.agents.filtered import FILTERS, FilteredAgent
 from rudc.agents.registry import agent_names, agent_settings, agent_summary, make_agent
 from rudc.errors import AgentError
-from rudc.world.network import load_network
+from rudc.network.network import load_network
 from tests.agents.conftest import Other
 
 

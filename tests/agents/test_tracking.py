@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rudc.agents.tracking import LATERAL, acceleration_towards, speed_allowed, speeds_in_bends, steering
+from rudc.network.network import load_network, shipped_networks
+from rudc.vehicle import EgoVehicle
 from rudc.world.ego import EgoPlant
-from rudc.world.network import load_network, shipped_networks
-from rudc.world.scene import EgoVehicle
 
 
 def _drive(scene_on, network_name, origin, towards, start_offset=0.0, cruise=8.0):

@@ -18,11 +18,11 @@ from collections.abc import Callable
 import numpy as np
 import torch
 
-from rudc.agents.learning.config import LearnerConfig, ObservationLayout
-from rudc.agents.learning.sac import RudcLearner
 from rudc.evaluation.memory import keep_freed_blocks
-from tests.agents.learning.helpers import random_batch
+from rudc.learning.config import LearnerConfig, ObservationLayout
+from rudc.learning.sac import RudcLearner
 from tests.benchmarks.loop_learner import LoopLearner
+from tests.learning.helpers import random_batch
 
 TURN = 8
 """updates in a row"""

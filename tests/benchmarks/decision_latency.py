@@ -18,12 +18,12 @@ os.environ["OPENBLAS_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = "1"  # read
 import numpy as np
 import torch
 
-from rudc.agents.learning.config import LearnerConfig
-from rudc.agents.learning.inference import Decider, Floats
-from rudc.agents.learning.sac import RudcLearner
-from rudc.agents.learning.uncertainty import uncertainty
-from tests.agents.learning.helpers import observations
+from rudc.learning.config import LearnerConfig
+from rudc.learning.inference import Decider, Floats
+from rudc.learning.sac import RudcLearner
+from rudc.learning.uncertainty import uncertainty
 from tests.benchmarks.critic_update import configurations
+from tests.learning.helpers import observations
 
 
 def parts(config: LearnerConfig) -> dict[str, Callable[[Floats], object]]:

@@ -1,7 +1,7 @@
 """The learner's update as one writes it down: separate modules, a loop over the critics, autograd for all.
 
-Yardstick for critic_update.py, and what tests/agents/learning/test_sac.py compares with. The maths are those
-of rudc/agents/learning/sac.py, networks and weights are the same; nothing is shared between critics, computed
+Yardstick for critic_update.py, and what tests/learning/test_sac.py compares with. The maths are those
+of rudc/learning/sac.py, networks and weights are the same; nothing is shared between critics, computed
 once for several uses, or left out. Two variants:
 
     lean          with the two economies a careful author makes at once: the critics' weights get no gradient
@@ -18,9 +18,9 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import gelu, softplus
 
-from rudc.agents.learning.batch import Batch
-from rudc.agents.learning.config import LearnerConfig, NetworkConfig, ObservationLayout
-from rudc.agents.learning.parameters import (
+from rudc.learning.batch import Batch
+from rudc.learning.config import LearnerConfig, NetworkConfig, ObservationLayout
+from rudc.learning.parameters import (
     Arrays,
     critic_arrays,
     policy_arrays,

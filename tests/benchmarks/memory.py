@@ -20,8 +20,8 @@ from rudc.evaluation.memory import return_large_blocks
 from rudc.evaluation.preflight import try_out
 from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.tasks import Task
+from rudc.network.network import shipped_networks
 from rudc.scenario import Scenario, load_scenario, shipped_scenarios
-from rudc.world.network import shipped_networks
 
 
 def resident_mb() -> float:

@@ -17,10 +17,10 @@ import numpy as np
 from rudc.agents.filtered import FilteredAgent
 from rudc.agents.follower import Follower
 from rudc.env.episode import Episode
+from rudc.network.network import load_network
 from rudc.safety.filter import FilterConfig
 from rudc.safety.qp import Problem, Solution, make_solver
 from rudc.scenario import load_scenario
-from rudc.world.network import load_network
 from rudc.world.world import World
 
 OTHERS = ("daqp", "quadprog")

@@ -20,8 +20,8 @@ from rudc.agents.base import Decision, unfiltered
 from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode
 from rudc.env.reward import TERMS
+from rudc.network.network import load_network
 from rudc.scenario import load_scenario
-from rudc.world.network import load_network
 from rudc.world.scene import Scene
 from rudc.world.world import World
 

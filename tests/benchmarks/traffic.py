@@ -20,8 +20,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rudc.world.geometry import overlapping_pairs
-from rudc.world.network import Network, load_network
+from rudc.geometry import overlapping_pairs
+from rudc.network.network import Network, load_network
 from rudc.world.scene import Scene
 from rudc.world.world import World
 from tests.plans import ALL_KINDS, PlanSource

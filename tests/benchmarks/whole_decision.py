@@ -19,13 +19,13 @@ import numpy as np
 from rudc.agents.algorithms import DriverConfig, observation_layout
 from rudc.agents.base import Agent, Decision
 from rudc.agents.learned import LearnedAgent
-from rudc.agents.learning.config import LearnerConfig
-from rudc.agents.learning.parameters import critic_arrays, policy_arrays
 from rudc.agents.registry import agent_names, make_agent
 from rudc.env.episode import Episode
 from rudc.evaluation.rollout import run_episode
+from rudc.learning.config import LearnerConfig
+from rudc.learning.parameters import critic_arrays, policy_arrays
+from rudc.network.network import load_network
 from rudc.scenario import load_scenario
-from rudc.world.network import load_network
 from rudc.world.world import World
 
 PARTS = ("observation", "policy", "critic", "filter")

@@ -19,9 +19,9 @@ from collections import Counter
 
 import numpy as np
 
+from rudc.geometry import rectangles_overlap
+from rudc.network.network import Network, load_network
 from rudc.world.config import WorldConfig
-from rudc.world.geometry import rectangles_overlap
-from rudc.world.network import Network, load_network
 from rudc.world.scene import Scene
 from rudc.world.world import World
 from rudc.world.yielding import must_yield

@@ -6,8 +6,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from rudc.world.network import Network, load_network
-from rudc.world.scene import EgoState, EgoVehicle, Kind, Scene
+from rudc.network.network import Network, load_network
+from rudc.vehicle import EgoVehicle
+from rudc.world.scene import EgoState, Kind, Scene
 
 SceneMaker = Callable[..., Scene]
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rudc.env.action import to_normalised, to_physical
-from rudc.world.scene import EgoVehicle
+from rudc.vehicle import EgoVehicle
 
 VEHICLE = EgoVehicle()
 unit = st.floats(-1, 1)

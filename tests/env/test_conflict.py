@@ -10,8 +10,9 @@ from scipy.integrate import solve_ivp
 from rudc.env import conflict
 from rudc.env.conflict import ACCELERATIONS, FEATURES, conflict_features, idm
 from rudc.env.route_tables import FARTHEST, UNIT, RouteTables
-from rudc.world.geometry import rectangle_gaps
-from rudc.world.scene import EgoVehicle, Kind
+from rudc.geometry import rectangle_gaps
+from rudc.vehicle import EgoVehicle
+from rudc.world.scene import Kind
 
 TIMES = np.arange(0.25, 5.01, 0.25)
 

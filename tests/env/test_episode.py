@@ -9,9 +9,9 @@ import pytest
 
 from rudc.env.episode import Episode, Outcome
 from rudc.errors import SimulationError
+from rudc.network.network import load_network
 from rudc.scenario import load_scenario
 from rudc.world.fault import Collision
-from rudc.world.network import load_network
 from rudc.world.scene import Kind
 from rudc.world.world import Advance, World
 

@@ -18,7 +18,7 @@ from rudc.env.observation import (
     unflatten,
 )
 from rudc.errors import InputError
-from rudc.world.geometry import rectangle_corners
+from rudc.geometry import rectangle_corners
 from rudc.world.scene import EgoState
 
 

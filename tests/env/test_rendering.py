@@ -9,7 +9,7 @@ import pytest
 from rudc.env.rendering import EGO, KINDS, Renderer
 from rudc.env.window import Window
 from rudc.errors import SimulationError
-from rudc.world.network import load_network, shipped_networks
+from rudc.network.network import load_network, shipped_networks
 from rudc.world.scene import Kind
 
 

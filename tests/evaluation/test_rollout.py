@@ -16,8 +16,8 @@ from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.sweep import run_sweep
 from rudc.evaluation.tasks import SweepPlan
 from rudc.evaluation.trace import Trace
+from rudc.network.network import load_network
 from rudc.scenario import find_scenarios, load_scenario
-from rudc.world.network import load_network
 from rudc.world.world import World
 
 

@@ -9,9 +9,10 @@ from typing import Any, cast
 
 import numpy as np
 
-from rudc.world.polyline import Array
-from rudc.world.route import ReferencePath
-from rudc.world.scene import EgoState, EgoVehicle, Kind, Scene
+from rudc.network.polyline import Array
+from rudc.network.route import ReferencePath
+from rudc.vehicle import EgoVehicle
+from rudc.world.scene import EgoState, Kind, Scene
 
 SPACING = 0.5
 

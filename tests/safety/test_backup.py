@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rudc.geometry import gaps_between
 from rudc.safety.filter import FilterConfig, SafetyFilter
 from rudc.world.ego import EgoPlant
-from rudc.world.geometry import gaps_between
 from rudc.world.scene import Scene
 from tests.safety.scenes import Other, make_scene
 

@@ -7,12 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rudc.network.network import load_network
 from rudc.safety.barrier import Constraints
 from rudc.safety.constraints import ConstraintBuilder
 from rudc.safety.filter import FilterConfig
 from rudc.safety.road_points import RoadPoints, sliding
-from rudc.world.network import load_network
-from rudc.world.scene import EgoVehicle, Scene
+from rudc.vehicle import EgoVehicle
+from rudc.world.scene import Scene
 from tests.safety.scenes import Other, make_scene, straight_road
 
 ALL = ConstraintBuilder(FilterConfig(constrained="all"))

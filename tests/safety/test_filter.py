@@ -13,7 +13,7 @@ from rudc.safety.barrier import barrier_terms
 from rudc.safety.filter import LEAST_ROOM, FilterConfig, Filtered, SafetyFilter
 from rudc.safety.qp import Problem, Solution
 from rudc.safety.rows import affine_rows, per_row
-from rudc.world.scene import EgoVehicle
+from rudc.vehicle import EgoVehicle
 from tests.safety.scenes import Other, make_scene, straight_road
 
 EGO = EgoVehicle()

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from rudc.agents.learning.parameters import policy_arrays
 from rudc.env.reward import COLLISION
+from rudc.learning.parameters import policy_arrays
 from rudc.training.collect import Collector
 from rudc.training.config import TrainConfig
 

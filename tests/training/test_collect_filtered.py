@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rudc.agents.learning.parameters import policy_arrays
+from rudc.learning.parameters import policy_arrays
 from rudc.training.collect import Collector
 from rudc.training.config import TrainConfig
 

@@ -8,9 +8,9 @@ import pytest
 
 from rudc.agents.algorithms import ALGORITHMS
 from rudc.errors import InputError
+from rudc.network.network import load_network
 from rudc.training.config import Curriculum, TrainConfig
 from rudc.training.curriculum import FIRST_SEED, HELD_OUT_SEED, make_mixture
-from rudc.world.network import load_network
 
 
 @pytest.mark.parametrize("algorithm", list(ALGORITHMS))

@@ -6,6 +6,7 @@ import torch
 from safetensors.numpy import save_file
 
 from rudc.errors import AgentError, InputError
+from rudc.network.polyline import Array
 from rudc.safety.residual import (
     HEADS,
     ROAD,
@@ -15,7 +16,6 @@ from rudc.safety.residual import (
 )
 from rudc.training.residual_data import Samples, collect, load_dataset, save_dataset
 from rudc.training.residual_fit import _initial, _predict, evaluate, fit, standing
-from rudc.world.polyline import Array
 
 
 @pytest.fixture(scope="module")

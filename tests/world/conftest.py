@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rudc.network.network import Network, load_network
+from rudc.vehicle import EgoVehicle
 from rudc.world.config import WorldConfig
-from rudc.world.network import Network, load_network
-from rudc.world.scene import EgoState, EgoVehicle, Kind, Scene
+from rudc.world.scene import EgoState, Kind, Scene
 from rudc.world.world import World
 
 SceneMaker = Callable[..., Scene]

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from rudc.geometry import rectangle_gaps
 from rudc.world.contact import NOTHING, Body, ego_body, gap_between, nearer, survey
-from rudc.world.geometry import rectangle_gaps
 
 coordinate = st.floats(-8, 8)
 angle = st.floats(-7, 7)

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from rudc.network.network import load_network, shipped_networks
 from rudc.world.draw import draw_network, draw_rectangles, draw_route, draw_ways, new_axes, polygon_of, save
-from rudc.world.network import load_network, shipped_networks
 
 
 def pixels(axes):

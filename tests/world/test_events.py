@@ -8,10 +8,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from rudc.geometry import rectangle_gaps
 from rudc.scenario.events import EVENT_KINDS
 from rudc.world.events.script import EFFECTS
 from rudc.world.events.stage import pick
-from rudc.world.geometry import rectangle_gaps
 from rudc.world.scene import Kind
 from tests.plans import PlanSource, event
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from rudc.errors import SimulationError, WorldBusyError
+from rudc.geometry import overlapping_pairs, rectangle_gaps
+from rudc.network.network import load_network
 from rudc.world.config import WorldConfig
 from rudc.world.contact import Nearest
-from rudc.world.geometry import overlapping_pairs, rectangle_gaps
-from rudc.world.network import load_network
 from rudc.world.scene import Scene
 from rudc.world.world import World
 from tests.plans import ALL_KINDS, PlanSource, event
@@ -63,7 +63,7 @@ def test_same_plan_same_trajectories(world):
 
 def test_same_trajectories_in_a_fresh_process(world):
     script = (
-        "from rudc.world.network import load_network; from rudc.world.world import World; "
+        "from rudc.network.network import load_network; from rudc.world.world import World; "
         "from tests.world.test_world import trajectory; print(trajectory(World(load_network('four_way')), 3))"
     )
     found = subprocess.run(

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rudc.geometry import rectangle_gaps
 from rudc.world.events.stage import pick
-from rudc.world.geometry import rectangle_gaps
 from rudc.world.scene import Array, Scene
 
 if TYPE_CHECKING:

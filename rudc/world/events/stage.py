@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rudc.world.geometry import rectangle_corners
+from rudc.geometry import rectangle_corners
 from rudc.world.scene import Array, Scene
 
 if TYPE_CHECKING:
+    from rudc.network.network import Network, Route
+    from rudc.network.road import Lane
     from rudc.world.ego import EgoPlant
-    from rudc.world.network import Network, Route
     from rudc.world.perception import Sensors
     from rudc.world.props import Prop
-    from rudc.world.road import Lane
     from rudc.world.sumo import Sumo
     from rudc.world.traffic import Traffic
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rudc.errors import SimulationError
+from rudc.geometry import rectangle_corners
 from rudc.scenario.events import (
     Accident,
     LaneClosure,
@@ -19,7 +20,6 @@ from rudc.scenario.events import (
 )
 from rudc.scenario.poses import Pose
 from rudc.world.events.effect import Effect, Held
-from rudc.world.geometry import rectangle_corners
 from rudc.world.props import Prop, standing
 from rudc.world.scene import Array, Kind, Scene
 from rudc.world.sumo import BRAKE_HARD, OWN_SPEED

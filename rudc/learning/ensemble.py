@@ -1,0 +1,118 @@
+"""Ensemble of quantile critics with randomised priors, and their targets (paper, "Ensemble Learning").
+
+Eq. (fpn): the return of member n is that of a trained network O and a frozen one F of the same architecture,
+
+    Z_n = (O_n + rho F_n) / (1 + rho).
+
+Taken literally, returns of 100 ask outputs of 1,100 of O at rho = 10, whose gradient is 11 times smaller than
+without prior: an optimiser with steps of a fixed size, as Adam's, gets there 11 times later. So O and F are
+networks with fixed gains at their heads, in units of reward (o and f are the bare networks, outputs of order
+one):
+
+    O_n = (1 + rho) V o_n      V = value_scale, the order of the returns
+    F_n = P f_n                P = prior_scale, the wanted spread of the priors
+    Z_n = V o_n + rho / (1 + rho) P f_n
+
+Eq. (fpn) holds as it stands; o_n has to learn returns of order one whatever rho; and rho decides how much of
+the prior is seen. With P much smaller than the returns priors would tell nothing, with P larger they drown
+them.
+
+Targets (Eq. (td_ensemble)): all members learn the same target, the mean over the target members of each
+quantile. The prior belongs to the target too. All weights lie in one stack [targets, priors, trained]:
+targets and priors, priors and trained networks are evaluated together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from rudc.learning.config import LearnerConfig
+from rudc.learning.networks import Stack
+from rudc.learning.parameters import critic_arrays, prior_arrays
+
+
+class CriticEnsemble:
+    """N critics, their targets and priors. Quantiles are (N, B, N_q) in reward units."""
+
+    def __init__(self, config: LearnerConfig, device: str | torch.device = "cpu") -> None:
+        self.config = config
+        self.stack = Stack(config.layout, config.critic)
+        trained, prior = critic_arrays(config), prior_arrays(config)
+        members = config.members
+        stacks = {k: np.concatenate([v, *([prior[k]] if prior else []), v]) for k, v in trained.items()}
+        weights = {k: torch.from_numpy(v).to(device) for k, v in stacks.items()}
+        self._frozen = {k: v[:-members] for k, v in weights.items()}
+        """[targets, priors]"""
+        self._current = {k: v[members:] for k, v in weights.items()}
+        """[priors, trained], without gradients"""
+        self.target = {k: v[:members] for k, v in weights.items()}
+        self.prior = {k: v[members:-members] for k, v in weights.items()}
+        self.trained = {k: v[-members:].requires_grad_() for k, v in weights.items()}
+        self._share = config.prior_share
+
+    @property
+    def has_prior(self) -> bool:
+        """Whether there are priors (rho > 0)."""
+        return self.config.prior_factor > 0
+
+    def combine(self, trained: Tensor, prior: Tensor | None) -> Tensor:
+        """Eq. (fpn) from the outputs of the bare networks o and f."""
+        z = self.config.value_scale * trained
+        return z if prior is None else z + self._share * prior
+
+    @torch.no_grad()
+    def prior_latent(self, observation: Tensor) -> Tensor | None:
+        """Latents of the priors, (N, B, hidden)."""
+        return self.stack.encode(self.prior, observation) if self.has_prior else None
+
+    def quantiles(self, latent: Tensor, prior_latent: Tensor | None, action: Tensor) -> Tensor:
+        """Z_n at (latents, actions); gradients reach the trained weights only."""
+        prior = None
+        if prior_latent is not None:
+            with torch.no_grad():
+                prior = self.stack.decode(self.prior, prior_latent, action)
+        return self.combine(self.stack.decode(self.trained, latent, action), prior)
+
+    def objective(
+        self, latent: Tensor, prior_latent: Tensor | None, action: Tensor, weights: Tensor
+    ) -> Tensor:
+        """Mean over members of sum_i weights_i Z_n,i, (B,); gradients reach the action only.
+
+        The weighted sum is linear in the outputs, so it is taken on the last map's weights: one output
+        instead of N_q. Latents do not depend on the action.
+        """
+        latents = latent.detach() if prior_latent is None else torch.cat([prior_latent, latent.detach()])
+        values = self.stack.decode(_collapsed(self._current, weights), latents, action)[..., 0]
+        members = self.config.members
+        prior = None if prior_latent is None else values[:-members]
+        return self.combine(values[-members:], prior).mean(dim=0)
+
+    @torch.no_grad()
+    def mean_target(self, observation: Tensor, action: Tensor) -> Tensor:
+        """Mean over the target members of each quantile, (B, N_q) (Eq. (td_ensemble))."""
+        outputs = self.stack.decode(self._frozen, self.stack.encode(self._frozen, observation), action)
+        members = self.config.members
+        prior = outputs[members:].mean(dim=0) if self.has_prior else None
+        return self.combine(outputs[:members].mean(dim=0), prior)
+
+    @torch.no_grad()
+    def evaluate(self, observation: Tensor, action: Tensor) -> Tensor:
+        """Quantiles of the trained critics, without gradients."""
+        latent = self.stack.encode(self.trained, observation)
+        return self.quantiles(latent, self.prior_latent(observation), action)
+
+    @torch.no_grad()
+    def follow(self) -> None:
+        """Let the targets go a step towards the trained networks (Polyak; a rate of 1 copies)."""
+        for name, target in self.target.items():
+            target.lerp_(self.trained[name], self.config.target_rate)
+
+
+def _collapsed(weights: Mapping[str, Tensor], by: Tensor) -> dict[str, Tensor]:
+    """The same networks with one output, the sum of their outputs weighted `by` (N_q,)."""
+    out = {name: weights[name] @ by[:, None] for name in ("out.weight", "out.bias")}
+    return {**weights, **out}

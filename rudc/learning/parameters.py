@@ -1,0 +1,131 @@
+"""Weights of a stack of networks of one architecture: shapes, initial values, names. Needs numpy only.
+
+A stack of N networks keeps each weight as one array with the member as leading axis, `NAME.weight` (N,
+inputs, outputs) and `NAME.bias` (N, 1, outputs), so that a layer of all members is one batched product. What
+each weight is for stands in networks.py. Each member draws from a generator of its own, default_rng([seed,
+*salt, member]): its weights depend neither on how many members there are nor on the machine, and a frozen
+prior is rebuilt from its seed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rudc.learning.config import LearnerConfig, NetworkConfig, ObservationLayout
+
+Floats = NDArray[np.float32]
+Arrays = dict[str, Floats]
+
+TRAINED_GAIN = 1 / math.sqrt(3)
+"""standard deviation of a trained weight times sqrt(inputs): that of torch.nn.Linear; outputs start small"""
+SCORE_BOUND = 30.0
+"""largest attention score; exp of it is far from overflowing in float32"""
+OUTPUT_GAIN = 0.1
+"""by which a policy's last map starts smaller, so that it explores around zero with the configured spread"""
+PRIOR_GAIN = 1.5
+"""the same for priors: GELU layers then keep the variance of their input, and priors vary over states"""
+
+
+def shapes(
+    layout: ObservationLayout, network: NetworkConfig, actions: int, outputs: int
+) -> dict[str, tuple[int, int]]:
+    """(inputs, outputs) of each linear map of one network; `actions` is 0 for a policy."""
+    hidden, width = network.hidden, network.embedding
+    maps: dict[str, tuple[int, int]] = {}
+    if network.encoder == "attention":
+        maps["ego"] = (layout.ego + layout.task, width)
+        for layer in range(network.vehicle_layers):
+            maps[f"vehicle{layer}"] = (width if layer else layout.vehicle, width)
+        for hop in range(network.hops):
+            maps[f"look{hop}"] = (width, network.heads * width)
+            maps[f"take{hop}"] = (network.heads * width, width)
+        maps["waypoint"] = (layout.waypoint, network.waypoint_embedding)
+        maps["importance"] = (layout.waypoints, network.waypoint_embedding)
+        if layout.conflict:
+            maps["conflict"] = (layout.conflict, width)
+        maps["fuse"] = (width * (2 if layout.conflict else 1) + network.waypoint_embedding, hidden)
+    else:
+        maps["fuse"] = (layout.size, hidden)
+    if actions:
+        maps["action"] = (actions, hidden)
+    maps["hidden"] = (hidden, hidden)
+    maps["out"] = (hidden, outputs)
+    return maps
+
+
+def without_bias(name: str) -> bool:
+    """Maps without bias: parts of a sum, scores, and those of rows whose first number, validity, is 1."""
+    return name in ("action", "importance", "vehicle0") or name.startswith("look")
+
+
+def initial(
+    maps: Mapping[str, tuple[int, int]], members: int, seed: tuple[int, ...], gain: float = TRAINED_GAIN
+) -> Arrays:
+    """Initial weights of `members` networks, uniform with standard deviation gain / sqrt(inputs)."""
+    parts = [_one(maps, np.random.default_rng([*seed, member]), gain) for member in range(members)]
+    return {name: np.stack([part[name] for part in parts]) for name in parts[0]}
+
+
+def _one(maps: Mapping[str, tuple[int, int]], rng: np.random.Generator, gain: float) -> Arrays:
+    arrays: Arrays = {}
+    for name, (inputs, outputs) in maps.items():
+        bound = gain * math.sqrt(3 / inputs)
+        arrays[f"{name}.weight"] = _uniform(rng, bound, (inputs, outputs))
+        if not without_bias(name):
+            arrays[f"{name}.bias"] = _uniform(rng, bound, (1, outputs))
+    return arrays
+
+
+def _uniform(rng: np.random.Generator, bound: float, shape: tuple[int, int]) -> Floats:
+    return ((2 * rng.random(shape) - 1) * bound).astype(np.float32)
+
+
+def waypoint_positions(waypoints: int, width: int) -> Floats:
+    """Sinusoidal positional encoding of the waypoints' order, (waypoints, width)."""
+    position = np.arange(waypoints)[:, None]
+    rate = np.exp(-math.log(100.0) * (np.arange(width) // 2 * 2) / width)
+    angle = position * rate
+    return np.where(np.arange(width) % 2 == 0, np.sin(angle), np.cos(angle)).astype(np.float32)
+
+
+CRITIC, PRIOR, POLICY = 1, 2, 3
+"""tags that keep the generators of the three apart"""
+
+
+def critic_arrays(config: LearnerConfig) -> Arrays:
+    """Initial weights of the trained networks o_n of the critics (see ensemble.py)."""
+    return initial(_critic_shapes(config), config.members, (config.seed, CRITIC))
+
+
+def prior_arrays(config: LearnerConfig) -> Arrays:
+    """Weights of the frozen networks f_n, rebuilt from the seed; none if rho is 0."""
+    if config.prior_factor == 0:
+        return {}
+    return initial(_critic_shapes(config), config.members, (config.seed, PRIOR), PRIOR_GAIN)
+
+
+def policy_arrays(config: LearnerConfig) -> Arrays:
+    """Initial weights of the policy, a stack of one."""
+    maps = shapes(config.layout, config.policy, 0, 2 * config.actions)
+    arrays = initial(maps, 1, (config.seed, POLICY))
+    arrays["out.weight"] *= np.float32(OUTPUT_GAIN)
+    arrays["out.bias"][:] = 0.0
+    arrays["out.bias"][..., config.actions :] = config.initial_log_std
+    return arrays
+
+
+def _critic_shapes(config: LearnerConfig) -> dict[str, tuple[int, int]]:
+    return shapes(config.layout, config.critic, config.actions, config.quantiles)
+
+
+def fingerprint(arrays: Mapping[str, Floats]) -> str:
+    """Short digest of weights, by which a rebuilt prior is recognised as the one trained with."""
+    digest = hashlib.sha256()
+    for name in sorted(arrays):
+        digest.update(name.encode() + np.ascontiguousarray(arrays[name]).tobytes())
+    return digest.hexdigest()[:16]

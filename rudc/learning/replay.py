@@ -1,0 +1,117 @@
+"""The replay: a ring of transitions, kept as arrays.
+
+What is stored of an action: both what the policy proposed (`nominal`) and what was executed after the safety
+filter (`action`). The critics learn from the executed one, since reward and next state followed from it: a
+critic told the nominal action would credit the policy's proposal with the filter's doing. The nominal one is
+kept for methods that learn from the difference, and for studying it.
+
+Masks m_n ~ Bernoulli(p), one for each critic, are drawn when a transition is stored and stay with it
+(bootstrap, paper Eq. (ensemble_huber_loss)): a critic that does not learn from it never does.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rudc.errors import InputError
+from rudc.learning.batch import Batch
+from rudc.learning.config import LearnerConfig
+
+
+class Replay:
+    """The last `capacity` transitions; drawing and masks have one generator, so that a seed fixes both."""
+
+    def __init__(self, config: LearnerConfig, capacity: int = 100_000, seed: int = 0) -> None:
+        size, actions = config.layout.size, config.actions
+        self.capacity = capacity
+        self._probability = config.mask_probability
+        self._rng = np.random.default_rng([seed, config.seed])
+        self._columns = Batch(
+            observation=np.zeros((capacity, size), np.float32),
+            action=np.zeros((capacity, actions), np.float32),
+            nominal=np.zeros((capacity, actions), np.float32),
+            reward=np.zeros(capacity, np.float32),
+            discount=np.zeros(capacity, np.float32),
+            next_observation=np.zeros((capacity, size), np.float32),
+            terminal=np.zeros(capacity, np.bool_),
+            mask=np.zeros((capacity, config.members), np.bool_),
+        )
+        self._stored = 0
+
+    def __len__(self) -> int:
+        return min(self._stored, self.capacity)
+
+    @property
+    def stored(self) -> int:
+        """Transitions ever stored, those that are forgotten by now included."""
+        return self._stored
+
+    def add(
+        self,
+        observation: ArrayLike,
+        action: ArrayLike,
+        nominal: ArrayLike,
+        reward: float,
+        discount: float,
+        next_observation: ArrayLike,
+        terminal: bool,
+    ) -> None:
+        """Store one transition (see `Batch` for what each number means) and draw its masks."""
+        row = self._stored % self.capacity
+        columns = self._columns
+        columns.observation[row] = observation
+        columns.action[row] = action
+        columns.nominal[row] = nominal
+        columns.reward[row] = reward
+        columns.discount[row] = discount
+        columns.next_observation[row] = next_observation
+        columns.terminal[row] = terminal
+        columns.mask[row] = self._rng.random(columns.mask.shape[1]) < self._probability
+        self._stored += 1
+
+    def sample(self, count: int) -> Batch:
+        """`count` transitions drawn with replacement."""
+        if not self._stored:
+            raise InputError("nothing can be drawn from an empty replay")
+        rows = self._rng.integers(len(self), size=count)
+        return Batch._make(column[rows] for column in self._columns)
+
+    def save(self, path: Path) -> None:
+        """Write all that is needed to carry on exactly to a .npz file, whole or not at all."""
+        state = {
+            "stored": self._stored,
+            "capacity": self.capacity,
+            "generator": self._rng.bit_generator.state,
+        }
+        columns = {name: column[: len(self)] for name, column in self._columns._asdict().items()}
+        unfinished = path.with_name(path.name + ".part")
+        with unfinished.open("wb") as file:
+            np.savez(file, state=np.array(json.dumps(state)), **columns)
+        unfinished.replace(path)
+
+    def load(self, path: Path) -> None:
+        """Carry on from a saved replay of the same capacity and layout. InputError if it does not fit."""
+        try:
+            with np.load(path, allow_pickle=False) as saved:
+                state = json.loads(str(saved["state"]))
+                columns = {name: saved[name] for name in Batch._fields}
+        except (OSError, ValueError, KeyError) as error:
+            raise InputError(f"{path}: is not a saved replay: {error}") from error
+        self._check(path, state, columns)
+        for name, column in columns.items():
+            getattr(self._columns, name)[: len(column)] = column
+        self._stored = int(state["stored"])
+        self._rng.bit_generator.state = state["generator"]
+
+    def _check(self, path: Path, state: Mapping[str, object], columns: Mapping[str, NDArray]) -> None:
+        if state["capacity"] != self.capacity:
+            raise InputError(f"{path}: holds {state['capacity']} transitions, not {self.capacity}")
+        for name, column in columns.items():
+            expected = getattr(self._columns, name).shape[1:]
+            if column.shape[1:] != expected:
+                raise InputError(f"{path}: each {name} has shape {column.shape[1:]}, not {expected}")

@@ -1,0 +1,98 @@
+"""How sure the critics are of what follows from an action: sigma_epi, sigma_ale, sigma_total, and their
+percentiles.
+
+Paper, Sec. "Ensemble Learning and Uncertainty Quantification": with Z_n the quantiles of member n and tail =
+Z_n below its beta quantile,
+
+    sigma_epi   = sqrt( Var_n( E[Z_n | tail] ) )       members disagree about the tail's mean, CVaR_beta
+    sigma_ale   = sqrt( mean_n( Var[Z_n | tail] ) )    spread within the tail of each
+    sigma_total = sqrt( sigma_epi^2 + sigma_ale^2 )    law of total variance, taken within the tail
+
+Var_n is the variance of the N members themselves (division by N), as the law of total variance has it, and a
+quantile counts with its share of the tail (CVaR's weight), so that beta need not be a multiple of 1 / N_q.
+The tail is that of the sorted quantiles: where a learnt set of quantiles crosses, sorting gives the
+distribution they stand for. All are in units of reward.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rudc.learning.distortion import make_distortion
+
+Array = NDArray[np.float64]
+
+
+class Uncertainty(NamedTuple):
+    """Standard deviations of the return in the lower tail, reward units; floats, or arrays of one shape."""
+
+    epistemic: Array
+    """disagreement of the members"""
+    aleatoric: Array
+    """spread within members"""
+    total: Array
+    """both"""
+
+
+@lru_cache
+def _tail(quantiles: int, beta: float) -> tuple[int, Array]:
+    """How many of the lowest quantiles are in the tail, and the weight of each."""
+    weights = make_distortion("cvar", beta).weights(quantiles)
+    count = int(np.count_nonzero(weights > 1e-12))
+    return count, weights[:count]
+
+
+def uncertainty(quantiles: ArrayLike, beta: float) -> Uncertainty:
+    """Uncertainty of returns with quantiles (N, ..., N_q), one set a member; result of shape (...)."""
+    z = np.sort(np.asarray(quantiles, dtype=float), axis=-1)
+    count, weights = _tail(z.shape[-1], beta)
+    tail = z[..., :count]
+    expectation = tail @ weights
+    variance = np.square(tail - expectation[..., None]) @ weights
+    epistemic = expectation.var(axis=0)
+    aleatoric = variance.mean(axis=0)
+    return Uncertainty(np.sqrt(epistemic), np.sqrt(aleatoric), np.sqrt(epistemic + aleatoric))
+
+
+class RunningPercentiles:
+    """Percentiles of the last `window` numbers of a stream: sigma_l and sigma_h (paper, slack delta(sigma)).
+
+    A window, since the critics change as they learn and old sigmas with them; exact, and without chance.
+    """
+
+    def __init__(self, window: int = 20_000, percentiles: tuple[float, ...] = (95.0, 97.5)) -> None:
+        self.percentiles = percentiles
+        self._values = np.full(window, np.nan)
+        self._seen = 0
+
+    def __len__(self) -> int:
+        return min(self._seen, self._values.size)
+
+    def add(self, values: ArrayLike) -> None:
+        """Take in one number or several, oldest first; what is not finite is left out."""
+        new = np.atleast_1d(np.asarray(values, dtype=float))
+        new = new[np.isfinite(new)]
+        kept = new[-self._values.size :]
+        start = self._seen + new.size - kept.size
+        self._values[(start + np.arange(kept.size)) % self._values.size] = kept
+        self._seen += new.size
+
+    def values(self) -> tuple[float, ...]:
+        """The percentiles, linearly interpolated; nan while nothing was seen."""
+        if not len(self):
+            return tuple(float("nan") for _ in self.percentiles)
+        return tuple(float(v) for v in np.percentile(self._values[: len(self)], self.percentiles))
+
+    def state(self) -> dict[str, NDArray]:
+        """What `load` takes to carry on exactly from here."""
+        return {"values": self._values.copy(), "seen": np.array(self._seen)}
+
+    def load(self, state: Mapping[str, NDArray]) -> None:
+        """Carry on from a saved state."""
+        self._values = np.array(state["values"], dtype=float)
+        self._seen = int(state["seen"])

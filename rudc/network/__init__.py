@@ -1,0 +1,1 @@
+"""What a .net.xml says and never changes: lanes, movements, paths, routes, right of way, drivable area."""

@@ -1,0 +1,215 @@
+"""Makes lanes, arms and movements of what the reader found in the network file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rudc.network.polyline import (
+    Array,
+    arc_length,
+    headings,
+    resample,
+    signed_area,
+    strip,
+    without_repeats,
+    wrap,
+)
+from rudc.network.reader import VEHICLE_CLASS, Junction, RawArm, Way, shape_of
+from rudc.network.road import COMPASS, ROAD_USERS, Arm, Lane, Movement, Turn
+
+STRAIGHT = np.radians(30.0)
+"""rad, a smaller change of heading than this is no turn"""
+LOOK_OUT = 20.0
+"""m of an arm next to the junction over which its direction is taken"""
+OVERHANG = 10.0
+"""m that the drivable area reaches beyond the outer end of an arm, so that the end is no edge of the road"""
+OVERLAP = 0.5
+"""m that each lane's area reaches beyond its ends, so that lanes and nodes join without gaps"""
+SWEPT = 2.6
+"""m, widest strip that counts as drivable along a lane inside a node (the node's own shape says the rest)"""
+
+
+def make_lane(raw: Any) -> Lane:
+    """A `Lane` of a sumolib lane."""
+    xy = without_repeats(shape_of(raw))
+    edge = raw.getEdge()
+    lane = Lane(
+        id=raw.getID(),
+        edge=edge.getID(),
+        index=int(raw.getIndex()),
+        width=float(raw.getWidth()),
+        length=float(raw.getLength()),
+        speed=float(raw.getSpeed()),
+        xy=xy,
+        heading=headings(xy),
+        polygon=strip(xy, float(raw.getWidth())),
+        internal=edge.getFunction() != "",
+        refuses=tuple(user for user in ROAD_USERS if not raw.allows(user)),
+    )
+    for array in (lane.xy, lane.heading, lane.polygon):
+        array.flags.writeable = False
+    return lane
+
+
+def make_lanes(junction: Junction, arms: Sequence[RawArm], ways: Sequence[Way]) -> dict[str, Lane]:
+    """All lanes of arms, ring and ways by id, in a fixed order."""
+    net = junction.net
+    edges = [edge for arm in arms for edge in (*arm.inbound, *arm.outbound)]
+    edges += [net.getEdge(edge) for edge in sorted(junction.ring)]
+    raw = {lane.getID(): lane for edge in edges for lane in edge.getLanes() if lane.allows(VEHICLE_CLASS)}
+    for way in ways:
+        raw.update((lane_id, net.getLane(lane_id)) for lane_id in way.source.lane_ids)
+    drawn = {lane_id: lane for lane_id, lane in raw.items() if len(without_repeats(shape_of(lane))) > 1}
+    return {lane_id: make_lane(lane) for lane_id, lane in drawn.items()}
+
+
+def centre_of(junction: Junction) -> Array:
+    """(2,) m, the node's place, or the mean of the nodes' of a roundabout."""
+    return np.mean([node.getCoord() for node in junction.nodes], axis=0)
+
+
+def in_order(raw: Sequence[RawArm], centre: Array) -> list[RawArm]:
+    """The arms counter-clockwise from the east."""
+    bearings = [_bearing(_axis(arm)[1], centre) for arm in raw]
+    order = sorted(range(len(raw)), key=lambda k: round((bearings[k] + 1e-3) % (2 * np.pi), 6))
+    return [raw[k] for k in order]
+
+
+def _axis(raw: RawArm) -> tuple[Array, Array]:
+    """(2,), (2,) m, the arm's middle next to the junction and LOOK_OUT m out."""
+    lines = [shape_of(lane)[::-1] for edge in raw.inbound[-1:] for lane in edge.getLanes()]
+    lines += [shape_of(lane) for edge in raw.outbound[:1] for lane in edge.getLanes()]
+    lines = [without_repeats(line) for line in lines]
+    far = [resample(line, np.array([min(LOOK_OUT, arc_length(line)[-1])]))[0] for line in lines]
+    return np.mean([line[0] for line in lines], axis=0), np.mean(far, axis=0)
+
+
+def _bearing(far: Array, centre: Array) -> float:
+    """rad, direction from the junction's centre."""
+    return float(np.arctan2(*(far - centre)[::-1]))
+
+
+def make_arms(raw: Sequence[RawArm], lanes: dict[str, Lane], centre: Array) -> list[Arm]:
+    """Arms in the order of `raw`, `major` still to be decided."""
+    arms = [_make_arm(arm, lanes, centre) for arm in raw]
+    words = [arm.name for arm in arms]
+    return [
+        replace(arm, name=f"{arm.name}_{arm.in_edge or arm.out_edge}") if words.count(arm.name) > 1 else arm
+        for arm in arms
+    ]
+
+
+def _make_arm(raw: RawArm, lanes: dict[str, Lane], centre: Array) -> Arm:
+    near, far = _axis(raw)
+    bearing = _bearing(far, centre)
+    inwards = near - far
+    one_way = [sum(float(edge.getLength()) for edge in edges) for edges in (raw.inbound, raw.outbound)]
+    return Arm(
+        name=COMPASS[round(bearing / (np.pi / 4)) % 8],
+        in_edge=raw.inbound[-1].getID() if raw.inbound else None,
+        out_edge=raw.outbound[0].getID() if raw.outbound else None,
+        in_edges=tuple(edge.getID() for edge in raw.inbound),
+        out_edges=tuple(edge.getID() for edge in raw.outbound),
+        bearing=bearing,
+        heading_in=float(np.arctan2(inwards[1], inwards[0])),
+        length=sum(one_way) / 2,
+        in_lanes=_lane_ids(raw.inbound[-1:], lanes),
+        out_lanes=_lane_ids(raw.outbound[:1], lanes),
+        major=False,
+    )
+
+
+def _lane_ids(edges: Iterable[Any], lanes: dict[str, Lane]) -> tuple[str, ...]:
+    return tuple(lane.getID() for edge in edges for lane in edge.getLanes() if lane.getID() in lanes)
+
+
+def decide_major(arms: Sequence[Arm], ways: Sequence[Way], yields: NDArray[np.bool_]) -> list[Arm]:
+    """The arms, each major if some way from it need not yield to any way from another arm."""
+    free = ~_yields_to_others(ways, yields)
+    major = {way.source.origin for way, is_free in zip(ways, free, strict=True) if is_free}
+    return [replace(arm, major=k in major) for k, arm in enumerate(arms)]
+
+
+def _yields_to_others(ways: Sequence[Way], yields: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(P,) whether each way must yield to some way from another arm."""
+    origin = np.array([way.source.origin for way in ways])
+    return np.any(yields & (origin[:, None] != origin[None, :]), axis=1)
+
+
+def make_movements(arms: Sequence[Arm], ways: Sequence[Way], yields: NDArray[np.bool_]) -> list[Movement]:
+    """Movements in the order of their first rows."""
+    bound = _yields_to_others(ways, yields)
+    rows: dict[tuple[int, int], list[int]] = {}
+    for row, way in enumerate(ways):
+        rows.setdefault((way.source.origin, way.source.destination), []).append(row)
+    movements = []
+    for (o, d), members in rows.items():
+        angle = float(wrap(arms[d].heading_in + np.pi - arms[o].heading_in))
+        movements.append(
+            Movement(
+                origin=arms[o].name,
+                destination=arms[d].name,
+                turn=_turn(arms, rows, o, d, angle),
+                angle=angle,
+                edges=_edges(arms[o], arms[d], ways[members[0]]),
+                rows=tuple(members),
+                major=not bound[members].any(),
+            )
+        )
+    return movements
+
+
+def _turn(arms: Sequence[Arm], rows: Iterable[tuple[int, int]], o: int, d: int, angle: float) -> Turn:
+    """The turn's name; of several destinations that lie nearly straight on, the straightest is straight."""
+    if o == d:
+        return "u_turn"
+    others = [
+        abs(wrap(arms[b].heading_in + np.pi - arms[o].heading_in))
+        for a, b in rows
+        if a == o and b not in (o, d)
+    ]
+    if abs(angle) < STRAIGHT and all(abs(angle) <= other for other in others):
+        return "straight"
+    return "left" if angle > 0 else "right"
+
+
+def _edges(origin: Arm, destination: Arm, way: Way) -> tuple[str, ...]:
+    middle = way.source.lane_ids[way.source.before_junction : -way.source.after_junction]
+    ring = [lane_id.rpartition("_")[0] for lane_id in middle if not lane_id.startswith(":")]
+    return (*origin.in_edges, *dict.fromkeys(ring), *destination.out_edges)
+
+
+def drivable_polygons(junction: Junction, arms: Sequence[RawArm], lanes: dict[str, Lane]) -> list[Array]:
+    """Polygons (K, 2) m whose union is the drivable area: lanes, nodes, and an overhang where arms end."""
+    outer = {lane for arm in arms for lane in _lane_ids(arm.inbound[:1], lanes)}
+    outer_ends = {lane for arm in arms for lane in _lane_ids(arm.outbound[-1:], lanes)}
+    polygons = [
+        lane_area(
+            lane, OVERHANG if lane.id in outer else OVERLAP, OVERHANG if lane.id in outer_ends else OVERLAP
+        )
+        for lane in lanes.values()
+    ]
+    nodes = {node.getID(): node for node in junction.nodes}
+    for arm in arms:
+        for edge in (*arm.inbound, *arm.outbound):
+            nodes.update((node.getID(), node) for node in (edge.getFromNode(), edge.getToNode()))
+    shapes = [shape_of(node) for node in nodes.values()]
+    return polygons + [shape for shape in shapes if len(shape) >= 3 and abs(signed_area(shape)) > 1.0]
+
+
+def lane_area(lane: Lane, before: float = OVERLAP, after: float = OVERLAP) -> Array:
+    """(2K, 2) m, the polygon that a lane covers, reaching `before` and `after` m straight on beyond its
+    ends."""
+    xy = np.array(lane.xy)
+    xy[0] -= before * _unit(xy[1] - xy[0])
+    xy[-1] += after * _unit(xy[-1] - xy[-2])
+    return strip(xy, min(lane.width, SWEPT) if lane.internal else lane.width)
+
+
+def _unit(d: Array) -> Array:
+    return d / np.hypot(*d)

@@ -1,0 +1,222 @@
+"""`network check`: what was understood of a network file, and what in it will get in the way."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+
+from rudc.geometry import rectangle_gaps
+from rudc.network.network import Network, load_network
+from rudc.network.road import Arm, Movement
+from rudc.network.route import Route
+from rudc.network.route_builder import fits
+from rudc.vehicle import EgoVehicle
+
+SHORT_ARM = 60.0
+"""m: less leaves no room to start, follow and brake"""
+NARROW_LANE = 2.6
+"""m: less leaves a car of 1.8 m no margin"""
+FAST = 15.0
+"""m/s: the ego drives no faster"""
+LEAST_RADIUS = EgoVehicle().wheelbase / float(np.tan(0.5))
+"""m, tightest bend that the ego's path should have: its turning circle at 0.5 rad of steering"""
+CAR = (EgoVehicle().length, EgoVehicle().width)
+"""m, length and width of a waiting car"""
+
+
+@dataclass(frozen=True)
+class ArmReport:
+    """One arm as understood."""
+
+    name: str
+    """compass name"""
+    bearing_deg: float
+    """degrees counter-clockwise from east"""
+    length_m: float
+    """m of two-way road"""
+    in_lanes: int
+    """lanes towards the junction"""
+    out_lanes: int
+    """lanes away from it"""
+    lane_width_m: float
+    """m, narrowest lane next to the junction"""
+    speed_mps: float
+    """m/s, highest limit next to the junction"""
+    major: bool
+    """whether it has priority"""
+
+
+@dataclass(frozen=True)
+class MovementReport:
+    """One movement as understood."""
+
+    origin: str
+    """arm"""
+    destination: str
+    """arm"""
+    turn: str
+    """left, straight, right or u_turn"""
+    lanes: tuple[int, ...]
+    """indices of the inbound lanes that permit it"""
+    yields: bool
+    """whether it must yield to traffic of some other arm"""
+    length_m: float
+    """m from stop line to the junction's exit"""
+    least_radius_m: float
+    """m, tightest bend of the ego's path (inf where it is straight)"""
+    waiting_m: float
+    """m beyond the stop line that the front bumper may wait"""
+
+
+@dataclass(frozen=True)
+class NetworkReport:
+    """What `check_network` understood."""
+
+    network: Network
+    """the network itself, for drawing it"""
+    name: str
+    """file name without its endings"""
+    junction: str
+    """id of its node (of a roundabout: of the first one)"""
+    kind: str
+    """SUMO's node type, or `roundabout`"""
+    road_km: float
+    """km of two-way road: vehicles are counted per km of it"""
+    arms: tuple[ArmReport, ...]
+    """counter-clockwise from the east"""
+    movements: tuple[MovementReport, ...]
+    """in the order of arms and lanes"""
+    warnings: tuple[str, ...]
+    """what will get in the way, one sentence each; empty when all is well"""
+
+
+def check_network(source: str | Path, junction: str | None = None) -> NetworkReport:
+    """Reads a network (shipped name or .net.xml) and looks at everything the simulation will need of it."""
+    network = load_network(source, junction)
+    routes = {(m.origin, m.destination): network.route(m.origin, m.destination) for m in network.movements}
+    warnings = [
+        *_node_warnings(network),
+        *(text for arm in network.arms for text in _arm_warnings(network, arm)),
+        *_movement_warnings(network),
+        *(text for route in routes.values() for text in _route_warnings(network, route)),
+        *waiting_warnings(list(routes.values())),
+    ]
+    return NetworkReport(
+        network=network,
+        name=network.name,
+        junction=network.nodes[0],
+        kind="roundabout" if network.is_roundabout else network.node_type,
+        road_km=network.road_km,
+        arms=tuple(_arm_report(network, arm) for arm in network.arms),
+        movements=tuple(
+            _movement_report(network, m, routes[m.origin, m.destination]) for m in network.movements
+        ),
+        warnings=tuple(warnings),
+    )
+
+
+def _arm_report(network: Network, arm: Arm) -> ArmReport:
+    lanes = [network.lanes[lane] for lane in (*arm.in_lanes, *arm.out_lanes)]
+    return ArmReport(
+        name=arm.name,
+        bearing_deg=float(np.degrees(arm.bearing)),
+        length_m=arm.length,
+        in_lanes=len(arm.in_lanes),
+        out_lanes=len(arm.out_lanes),
+        lane_width_m=min(lane.width for lane in lanes),
+        speed_mps=max(lane.speed for lane in lanes),
+        major=arm.major,
+    )
+
+
+def _movement_report(network: Network, movement: Movement, route: Route) -> MovementReport:
+    return MovementReport(
+        origin=movement.origin,
+        destination=movement.destination,
+        turn=movement.turn,
+        lanes=tuple(sorted({network.inbound_lane(row).index for row in movement.rows})),
+        yields=not movement.major,
+        length_m=route.exit_s - route.stop_line_s,
+        least_radius_m=_least_radius(route),
+        waiting_m=route.waiting_s - route.stop_line_s,
+    )
+
+
+def _least_radius(route: Route) -> float:
+    bend = float(np.abs(route.path.curvature).max())
+    return 1.0 / bend if bend > 1e-3 else float("inf")
+
+
+def _node_warnings(network: Network) -> Iterator[str]:
+    if network.node_type == "unregulated":
+        yield (
+            "the junction is `unregulated`: SUMO's vehicles drive through each other there; give its node "
+            "the type `priority` or `allway_stop`"
+        )
+    if network.node_type.startswith("traffic_light"):
+        yield "the junction has traffic lights, to which the ego pays no attention"
+
+
+def _arm_warnings(network: Network, arm: Arm) -> Iterator[str]:
+    if arm.length < SHORT_ARM:
+        yield f"arm {arm.name} is only {arm.length:.0f} m long; at least {SHORT_ARM:.0f} m are wanted"
+    if not arm.in_lanes:
+        yield f"arm {arm.name} is one-way: nothing enters by it"
+    if not arm.out_lanes:
+        yield f"arm {arm.name} is one-way: nothing leaves by it"
+    used = {network.inbound_lane(row).id for movement in network.movements for row in movement.rows}
+    for name, lane_id in network.lane_names.items():
+        lane = network.lanes[lane_id]
+        if lane_id not in (*arm.in_lanes, *arm.out_lanes):
+            continue
+        if lane.width < NARROW_LANE:
+            yield f"lane {name} is only {lane.width:.1f} m wide; at least {NARROW_LANE:.1f} m are wanted"
+        if lane.speed > FAST:
+            yield f"lane {name} has a limit of {lane.speed:.1f} m/s; the ego drives at most {FAST:.0f} m/s"
+        if lane.refuses:
+            yield f"lane {name} refuses {', '.join(lane.refuses)}; such traffic cannot appear on it"
+        if lane_id in arm.in_lanes and lane_id not in used:
+            yield f"lane {name} leads nowhere: no connection leaves it"
+
+
+def _movement_warnings(network: Network) -> Iterator[str]:
+    there = {(m.origin, m.destination) for m in network.movements}
+    for origin in network.arms:
+        for destination in network.arms:
+            wanted = origin is not destination and origin.in_lanes and destination.out_lanes
+            if wanted and (origin.name, destination.name) not in there:
+                yield f"no movement leads from arm {origin.name} to arm {destination.name}"
+
+
+def _route_warnings(network: Network, route: Route) -> Iterator[str]:
+    way = f"the ego's path from {route.origin} to {route.destination}"
+    radius = _least_radius(route)
+    if radius < LEAST_RADIUS:
+        yield f"{way} bends with a radius of {radius:.1f} m; its turning circle needs {LEAST_RADIUS:.1f} m"
+    if not fits(network, route.path, margin=0.0):
+        yield f"{way} leaves the road with a corner of the car"
+
+
+def waiting_warnings(routes: list[Route]) -> Iterator[str]:
+    """Two cars from different arms that wait where each of them may, and overlap."""
+    waiting = [route for route in routes if route.waiting_s > route.stop_line_s and route.turn != "u_turn"]
+    for a, b in combinations(waiting, 2):
+        if a.origin != b.origin and waiting_gap(a, b) <= 0.0:
+            yield (
+                f"waiting inside the junction, a car from {a.origin} to {a.destination} and one "
+                f"from {b.origin} to {b.destination} overlap"
+            )
+
+
+def waiting_gap(a: Route, b: Route) -> float:
+    """m between two cars that wait as far into the junction as their routes allow; 0 where they overlap."""
+    x, y, psi = a.path.pose(np.array([a.waiting_s - CAR[0] / 2, 0.0]))
+    u, v, phi = b.path.pose(np.array([b.waiting_s - CAR[0] / 2, 0.0]))
+    position, heading = np.array([[u[0], v[0]]]), phi[:1]
+    return float(
+        rectangle_gaps(float(x[0]), float(y[0]), float(psi[0]), *CAR, position, heading, np.array([CAR]))[0]
+    )

@@ -1,0 +1,70 @@
+"""Where two ways through the junction come too close: the conflict table, zones and waiting positions.
+
+Two centre lines are in conflict where they come closer than CONFLICT_WIDTH: two cars of 1.8 m, 0.4 m between.
+Arc lengths in the table are those of vehicles' centres; half lengths are the reader's to add.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from rudc.network.paths import SPACING, PathTable
+from rudc.network.polyline import Array
+from rudc.network.route import ReferencePath
+from rudc.vehicle import EgoVehicle
+
+CONFLICT_WIDTH = 2.2
+"""m between centre lines below which they are in conflict"""
+SWEPT_HALF_WIDTH = 1.0
+"""m to each side of a lane's centre line that its traffic sweeps"""
+WAITING_GAP = 0.75
+"""m that a waiting vehicle keeps from the swept paths of traffic it must yield to"""
+HALF_WIDTH = EgoVehicle().width / 2
+"""m, of the waiting vehicle"""
+
+
+def conflict_table(path: ReferencePath, paths: PathTable) -> Array:
+    """(P, 4) m: s_ego_in, s_ego_out, s_sv_in, s_sv_out of the path's conflict with each row; nan if there is
+    none."""
+    table = np.full((paths.count, 4), np.nan)
+    tree = KDTree(path.xy)
+    for row in range(paths.count):
+        s = SPACING * np.arange(int(paths.length[row] / SPACING) + 1)
+        xy = paths.xy[row, : len(s)]
+        gap, _ = tree.query(xy, distance_upper_bound=CONFLICT_WIDTH)
+        theirs = np.flatnonzero(np.isfinite(gap))
+        if not len(theirs):
+            continue
+        gap, _ = KDTree(xy[theirs]).query(path.xy, distance_upper_bound=CONFLICT_WIDTH)
+        ours = np.flatnonzero(np.isfinite(gap))
+        table[row] = path.s[ours[0]], path.s[ours[-1]], s[theirs[0]], s[theirs[-1]]
+    return table
+
+
+def waiting_bumper(path: ReferencePath, paths: PathTable, row: int, stop: float, exit_s: float) -> float:
+    """m, farthest arc length of the front bumper clear of the swept paths of the rows to which `row`
+    yields."""
+    rivals = np.flatnonzero(paths.yields[row] & (paths.origin != paths.origin[row]))
+    if not len(rivals):
+        return stop
+    step = SPACING / 2
+    bumper = np.arange(stop, exit_s, step)
+    x, y, psi = path.pose(bumper)
+    normal = np.stack([-np.sin(psi), np.cos(psi)], axis=-1)
+    corners = (
+        np.stack([x, y], axis=-1)[None] + np.array([-HALF_WIDTH, 0.0, HALF_WIDTH])[:, None, None] * normal
+    )
+    tree = KDTree(np.concatenate([_beyond_stop(paths, int(rival)) for rival in rivals]))
+    gap, _ = tree.query(corners)
+    clear = gap.min(axis=0) >= SWEPT_HALF_WIDTH + WAITING_GAP
+    blocked = np.flatnonzero(~clear)
+    farthest = len(bumper) - 1 if not len(blocked) else int(blocked[0]) - 1
+    return float(bumper[max(farthest, 0)])
+
+
+def _beyond_stop(paths: PathTable, row: int) -> NDArray[np.float64]:
+    """(K, 2) m, stations of the row from its stop line to 10 m beyond the junction."""
+    first, last = int(paths.stop_s[row] / SPACING), int((paths.exit_s[row] + 10.0) / SPACING)
+    return paths.xy[row, first:last]

@@ -1,0 +1,152 @@
+"""`PathTable`: every lane-to-lane way through the junction, as padded arrays that answer for many vehicles.
+
+A row is a chain of lanes from the outer end of one arm, over the junction, to the outer end of another. Its
+arc length s is measured along the lanes' centre lines as SUMO draws them, so that a SUMO vehicle's lane and
+position on it translate exactly: s = (arc length at the lane's start) + (position on the lane) * (drawn /
+stated length).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rudc.network.polyline import Array, arc_length, headings, resample, without_repeats
+
+Edges = Mapping[str, Sequence[str]]
+"""lanes of each edge, rightmost first"""
+
+SPACING = 0.5
+"""m between the stations of all paths"""
+
+
+@dataclass(frozen=True)
+class PathSource:
+    """What one row is made of, as read from the network file."""
+
+    origin: int
+    """index of the arm it comes from"""
+    destination: int
+    """index of the arm it leaves by"""
+    lane_ids: tuple[str, ...]
+    """lanes driven, in order, those inside the junction included"""
+    shapes: tuple[Array, ...]
+    """centre line of each lane, (K, 2) m"""
+    stated_lengths: tuple[float, ...]
+    """m, length of each lane in the file (positions on it are counted in it)"""
+    before_junction: int
+    """how many of the lanes come before the stop line"""
+    after_junction: int
+    """how many of the lanes come after the junction"""
+    speed: float
+    """m/s, limit on the last lane before the junction"""
+
+
+class PathTable:
+    """P ways through the junction, sampled every `ds` m, padded straight on to M stations. Immutable."""
+
+    ds = SPACING
+
+    def __init__(
+        self, sources: Sequence[PathSource], arms: Sequence[str], edges: Edges, yields: NDArray[np.bool_]
+    ) -> None:
+        lines = [without_repeats(np.concatenate(source.shapes)) for source in sources]
+        self.length: Array = np.array([arc_length(line)[-1] for line in lines])
+        """(P,) m"""
+        stations = int(np.ceil(self.length.max() / SPACING)) + 2
+        s: Array = np.arange(stations, dtype=np.float64) * SPACING
+        self.xy: Array = np.stack([resample(line, s) for line in lines])
+        """(P, M, 2) m"""
+        self.heading: Array = np.stack([headings(xy) for xy in self.xy])
+        """(P, M) rad, unwrapped along each row"""
+        self.heading[:, 0] = self.heading[:, 1]
+        self.lane_ids: tuple[tuple[str, ...], ...] = tuple(source.lane_ids for source in sources)
+        """lanes of each row, in driving order"""
+        self.origin: NDArray[np.int64] = np.array([source.origin for source in sources])
+        """(P,) index into `Network.arms`"""
+        self.destination: NDArray[np.int64] = np.array([source.destination for source in sources])
+        """(P,) index into `Network.arms`"""
+        self.speed_limit: Array = np.array([source.speed for source in sources])
+        """(P,) m/s"""
+        spans = [_spans(source.shapes) for source in sources]
+        self.stop_s: Array = np.array(
+            [a[p.before_junction - 1, 1] for a, p in zip(spans, sources, strict=True)]
+        )
+        """(P,) m, the stop line"""
+        self.exit_s: Array = np.array([a[-p.after_junction, 0] for a, p in zip(spans, sources, strict=True)])
+        """(P,) m, where the junction ends"""
+        self.yields = yields
+        """(P, P), [i, j]: traffic on i must yield to traffic on j"""
+        self._pose = np.concatenate([self.xy, self.heading[..., None]], axis=2).reshape(-1, 3)
+        self._stations = stations
+        self._where = _index(sources, spans, arms, edges)
+        for array in (self.length, self.xy, self.heading, self.origin, self.destination, self.speed_limit):
+            array.flags.writeable = False
+        for array in (self.stop_s, self.exit_s, self.yields, self._pose):
+            array.flags.writeable = False
+
+    @property
+    def count(self) -> int:
+        """P."""
+        return len(self.length)
+
+    def pose(self, rows: NDArray[np.int64], s: Array) -> tuple[Array, Array, Array]:
+        """x m, y m and heading rad, each (...), at arc length s (...) m on rows (...); straight on beyond the
+        ends."""
+        at = np.asarray(s) * (1.0 / SPACING)
+        i = np.minimum(np.maximum(at, 0.0), self._stations - 2.0).astype(np.int64)
+        t = (at - i)[..., None]
+        i = i + np.asarray(rows) * self._stations
+        low = self._pose[i]
+        pose = low + t * (self._pose[i + 1] - low)
+        return pose[..., 0], pose[..., 1], pose[..., 2]
+
+    def locate(self, origin: str, destination: str, lane_id: str, lane_pos: float) -> tuple[int, float]:
+        """Row and s (m) of a vehicle on that movement at lane_pos m on the lane; (-1, 0.0) when unknown.
+
+        A lane of the movement's edges that has no way to the destination stands for the nearest one that has.
+        """
+        found = self._where.get((origin, destination, lane_id))
+        if found is None:
+            return -1, 0.0
+        row, start, scale = found
+        return row, start + lane_pos * scale
+
+
+def _spans(shapes: Sequence[Array]) -> Array:
+    """(L, 2) m, arc lengths at which each of the L lanes begins and ends."""
+    along = arc_length(np.concatenate(shapes))
+    counts = np.array([len(shape) for shape in shapes])
+    ends = np.cumsum(counts)
+    return np.column_stack([along[ends - counts], along[ends - 1]])
+
+
+Where = dict[tuple[str, str, str], tuple[int, float, float]]
+"""(origin, destination, lane) -> row, s at the lane's start in m, drawn / stated length of the lane"""
+
+
+def _index(sources: Sequence[PathSource], spans: Sequence[Array], arms: Sequence[str], edges: Edges) -> Where:
+    where: Where = {}
+    for row, (source, span) in enumerate(zip(sources, spans, strict=True)):
+        key = (arms[source.origin], arms[source.destination])
+        for k, lane_id in enumerate(source.lane_ids):
+            scale = float(span[k, 1] - span[k, 0]) / max(source.stated_lengths[k], 1e-6)
+            where.setdefault((*key, lane_id), (row, float(span[k, 0]), scale))
+    for source in sources:
+        key = (arms[source.origin], arms[source.destination])
+        for lane_id in source.lane_ids:
+            _stand_in(where, key, edges.get(lane_id.rpartition("_")[0], ()))
+    return where
+
+
+def _stand_in(where: Where, key: tuple[str, str], siblings: Sequence[str]) -> None:
+    """Enter each of an edge's lanes that has no way to the destination as the nearest one that has."""
+    known = [index for index, lane_id in enumerate(siblings) if (*key, lane_id) in where]
+    entries = {index: where[(*key, siblings[index])] for index in known}
+    for index, lane_id in enumerate(siblings):
+        if entries and index not in entries:
+            nearest = min(known, key=lambda other: abs(other - index))
+            where.setdefault((*key, lane_id), entries[nearest])

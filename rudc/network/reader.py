@@ -1,0 +1,310 @@
+"""Reads a SUMO network file: which junction, which arms, which lane-to-lane ways lead through it, who yields.
+
+Everything comes from the .net.xml by sumolib. A "junction" is one node, or all nodes of a roundabout with the
+ring between them. An arm is the road from the junction out to the next real junction or dead end; nodes on
+the way at which the road merely changes (lanes, speed, direction) are passed through. Only lanes for cars
+count.
+"""
+
+from __future__ import annotations
+
+import gzip
+import xml.sax
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import zip_longest
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rudc.errors import NetworkError
+from rudc.network.paths import PathSource
+from rudc.network.polyline import Array
+
+VEHICLE_CLASS = "passenger"
+"""SUMO's class of cars: a lane that refuses them is no part of the carriageway"""
+
+
+@dataclass(frozen=True)
+class RawArm:
+    """One road at the junction, as chains of edges."""
+
+    inbound: tuple[Any, ...]
+    """sumolib edges towards the junction, outermost first; may be empty"""
+    outbound: tuple[Any, ...]
+    """sumolib edges away from the junction, innermost first; may be empty"""
+
+
+@dataclass(frozen=True)
+class Way:
+    """A chain of connections from an arm's last inbound lane to another's first outbound lane."""
+
+    source: PathSource
+    links: tuple[tuple[str, int], ...]
+    """(node, link index) of each connection of the chain at a node of the junction"""
+
+
+@dataclass(frozen=True)
+class Junction:
+    """The chosen junction and what leads to and from it."""
+
+    net: Any
+    nodes: tuple[Any, ...]
+    ring: frozenset[str]
+    """ids of the edges between the junction's own nodes (a roundabout's ring)"""
+    alias: dict[str, str]
+    """node -> name of the roundabout it belongs to, over the whole file"""
+
+    @property
+    def node_ids(self) -> set[str]:
+        """Ids of its nodes."""
+        return {node.getID() for node in self.nodes}
+
+    @property
+    def is_roundabout(self) -> bool:
+        """Whether it is a ring of nodes."""
+        return len(self.nodes) > 1
+
+
+def read_net(path: Path) -> Any:
+    """The sumolib network of a .net.xml (or .net.xml.gz) file."""
+    from sumolib.net import NetReader
+
+    class Reader(NetReader):
+        """sumolib's reader, which does not look at the side on which traffic drives."""
+
+        def startElement(self, name: str, attrs: Any) -> None:
+            if name == "net" and attrs.get("lefthand", "false") in ("true", "1"):
+                raise NetworkError(f"{path}: left-hand traffic is not supported")
+            super().startElement(name, attrs)
+
+    reader = Reader(withInternal=True)
+    opener = gzip.open if path.suffix == ".gz" else open
+    try:
+        with opener(path, "rb") as file:
+            xml.sax.parse(file, reader)
+    except OSError as error:
+        raise NetworkError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except (xml.sax.SAXException, KeyError, ValueError, IndexError, AttributeError) as error:
+        raise NetworkError(f"{path}: not a SUMO network (.net.xml): {error}") from error
+    net = reader.getNet()
+    if not net.getEdges(withInternal=False):
+        raise NetworkError(
+            f"{path}: holds no edges; a network built by netconvert is needed, not its sources"
+        )
+    return net
+
+
+def choose_junction(net: Any, wanted: str | None, path: Path) -> Junction:
+    """The junction named `wanted` (a node, or any node of a roundabout), or the only one there is."""
+    alias = _roundabout_alias(net)
+    groups = _junction_groups(net, alias)
+    names = sorted(groups)
+    if wanted is not None:
+        for nodes in groups.values():
+            if wanted in {node.getID() for node in nodes}:
+                return _junction(net, nodes, alias)
+        raise NetworkError(
+            f"{path}: no junction {wanted!r} in this network; there are: {', '.join(names) or 'none'}"
+        )
+    if len(groups) == 1:
+        return _junction(net, groups[names[0]], alias)
+    if not groups:
+        raise NetworkError(f"{path}: no junction with at least three arms in this network")
+    shown = ", ".join(names[:12]) + (f", ... ({len(names)} in all)" if len(names) > 12 else "")
+    raise NetworkError(f"{path}: several junctions in this network; choose one by `junction: ID`: {shown}")
+
+
+def _junction(net: Any, nodes: tuple[Any, ...], alias: dict[str, str]) -> Junction:
+    ids = {node.getID() for node in nodes}
+    ring = frozenset(
+        edge.getID()
+        for edge in net.getEdges(withInternal=False)
+        if edge.getFromNode().getID() in ids and edge.getToNode().getID() in ids
+    )
+    return Junction(net, nodes, ring, alias)
+
+
+def _roundabout_alias(net: Any) -> dict[str, str]:
+    """Node -> first node of the roundabout it belongs to, by which the roundabout goes."""
+    alias = {}
+    for roundabout in net.getRoundabouts():
+        ids = list(roundabout.getNodes())
+        alias.update(dict.fromkeys(ids, ids[0]))
+    return alias
+
+
+def _junction_groups(net: Any, alias: dict[str, str]) -> dict[str, tuple[Any, ...]]:
+    """Real junctions by name: roundabouts, and nodes at which at least three roads meet."""
+    groups: dict[str, tuple[Any, ...]] = {}
+    for name in dict.fromkeys(alias.values()):
+        groups[name] = tuple(net.getNode(node) for node, owner in alias.items() if owner == name)
+    for node in net.getNodes():
+        if node.getID() not in alias and not _is_passed_through(node, alias):
+            groups[node.getID()] = (node,)
+    return groups
+
+
+def _is_passed_through(node: Any, alias: dict[str, str]) -> bool:
+    """Whether at most two roads meet at the node: a dead end, or a road that only changes.
+
+    A roundabout counts as one neighbour, so that the node at which its entry and its exit part is no
+    junction.
+    """
+    ids = {edge.getFromNode().getID() for edge in usable(node.getIncoming())}
+    ids |= {edge.getToNode().getID() for edge in usable(node.getOutgoing())}
+    return node.getID() not in alias and len({alias.get(i, i) for i in ids} - {node.getID()}) <= 2
+
+
+def usable(edges: Iterable[Any]) -> list[Any]:
+    """The normal edges that cars may use."""
+    return [edge for edge in edges if edge.getFunction() == "" and _is_usable(edge)]
+
+
+def _is_usable(element: Any) -> bool:
+    """Whether cars may use an edge, a lane or a connection."""
+    return element.allows(VEHICLE_CLASS)
+
+
+def find_arms(junction: Junction) -> list[RawArm]:
+    """The roads at the junction; an edge from a neighbour and one to the same neighbour are one road."""
+    towards: dict[str, list[Any]] = {}
+    away: dict[str, list[Any]] = {}
+    for node in junction.nodes:
+        for edge in usable(node.getIncoming()):
+            if edge.getID() not in junction.ring:
+                towards.setdefault(edge.getFromNode().getID(), []).append(edge)
+        for edge in usable(node.getOutgoing()):
+            if edge.getID() not in junction.ring:
+                away.setdefault(edge.getToNode().getID(), []).append(edge)
+    arms = []
+    for neighbour in dict.fromkeys([*towards, *away]):
+        pairs = zip_longest(towards.get(neighbour, []), away.get(neighbour, []))
+        for inbound, outbound in pairs:
+            before = _extend(inbound, junction, back=True) if inbound is not None else ()
+            after = _extend(outbound, junction, back=False) if outbound is not None else ()
+            arms.append(RawArm(before, after))
+    return arms
+
+
+def _extend(edge: Any, junction: Junction, *, back: bool) -> tuple[Any, ...]:
+    """The edge and those that continue it outwards, in driving order."""
+    chain = [edge]
+    while True:
+        node = chain[-1].getFromNode() if back else chain[-1].getToNode()
+        if not _is_passed_through(node, junction.alias):
+            break
+        inner = chain[-1].getToNode() if back else chain[-1].getFromNode()
+        own = junction.node_ids | {inner.getID()}
+        further = usable(node.getIncoming() if back else node.getOutgoing())
+        ends = [e for e in further if (e.getFromNode() if back else e.getToNode()).getID() not in own]
+        if len(ends) != 1 or ends[0] in chain:
+            break
+        chain.append(ends[0])
+    return tuple(reversed(chain)) if back else tuple(chain)
+
+
+def find_ways(junction: Junction, arms: list[RawArm]) -> list[Way]:
+    """All lane-to-lane ways through the junction, in the order of arms and lanes."""
+    targets = {arm.outbound[0].getID(): k for k, arm in enumerate(arms) if arm.outbound}
+    ways = []
+    for origin, arm in enumerate(arms):
+        if not arm.inbound:
+            continue
+        for lane in filter(_is_usable, arm.inbound[-1].getLanes()):
+            for connections in _chains(junction, lane, targets, ()):
+                destination = targets[connections[-1].getTo().getID()]
+                ways.append(_way(junction, arms, origin, destination, connections))
+    return ways
+
+
+def _chains(
+    junction: Junction, lane: Any, targets: dict[str, int], so_far: tuple
+) -> Iterator[tuple[Any, ...]]:
+    """Sequences of connections from the lane to a lane of an outbound edge, at most once round the ring."""
+    seen = {connection.getTo().getID() for connection in so_far}
+    for connection in lane.getOutgoing():
+        edge = connection.getTo()
+        if not (_is_usable(connection) and _is_usable(connection.getToLane())):
+            continue
+        if edge.getID() in targets:
+            yield (*so_far, connection)
+        elif edge.getID() in junction.ring and edge.getID() not in seen:
+            yield from _chains(junction, connection.getToLane(), targets, (*so_far, connection))
+
+
+def _way(junction: Junction, arms: list[RawArm], origin: int, destination: int, connections: tuple) -> Way:
+    before = _follow(junction.net, connections[0].getFromLane(), arms[origin].inbound, back=True)
+    after = _follow(junction.net, connections[-1].getToLane(), arms[destination].outbound, back=False)
+    middle: list[Any] = []
+    for connection in connections:
+        middle += _internal_lanes(junction.net, connection)
+        if connection is not connections[-1]:
+            middle.append(connection.getToLane())
+    lanes = [*before, *middle, *after]
+    source = PathSource(
+        origin=origin,
+        destination=destination,
+        lane_ids=tuple(lane.getID() for lane in lanes),
+        shapes=tuple(np.array(lane.getShape(), dtype=float) for lane in lanes),
+        stated_lengths=tuple(float(lane.getLength()) for lane in lanes),
+        before_junction=len(before),
+        after_junction=len(after),
+        speed=float(before[-1].getSpeed()),
+    )
+    return Way(source, tuple((c.getJunction().getID(), c.getJunctionIndex()) for c in connections))
+
+
+def _internal_lanes(net: Any, connection: Any) -> list[Any]:
+    """Lanes inside a node that the connection leads over (several where it waits half-way)."""
+    lanes = []
+    via = connection.getViaLaneID()
+    while via:
+        lanes.append(net.getLane(via))
+        via = next((c.getViaLaneID() for c in lanes[-1].getOutgoing()), "")
+    if not lanes:
+        raise NetworkError(
+            f"no lane inside the junction leads from {connection.getFromLane().getID()} to "
+            f"{connection.getToLane().getID()}: build the network with internal links"
+        )
+    return lanes
+
+
+def _follow(net: Any, lane: Any, edges: tuple[Any, ...], *, back: bool) -> list[Any]:
+    """The lane and those that continue it outwards on the arm's edges, with the lanes inside nodes
+    between."""
+    ids = {edge.getID() for edge in edges}
+    chain = [lane]
+    while True:
+        links = _links_into(chain[0]) if back else chain[-1].getOutgoing()
+        links = [c for c in links if (c.getFrom() if back else c.getTo()).getID() in ids]
+        if not links:
+            return chain
+        link = min(links, key=lambda c: abs(c.getFromLane().getIndex() - c.getToLane().getIndex()))
+        between = _internal_lanes(net, link)
+        chain = [link.getFromLane(), *between, *chain] if back else [*chain, *between, link.getToLane()]
+
+
+def _links_into(lane: Any) -> list[Any]:
+    return [c for links in lane.getEdge().getIncoming().values() for c in links if c.getToLane() is lane]
+
+
+def right_of_way(junction: Junction, ways: list[Way]) -> NDArray[np.bool_]:
+    """(P, P) [i, j]: way i must yield to way j at some node both pass, by SUMO's request matrix."""
+    prohibits: dict[str, dict[int, str]] = {node.getID(): node._prohibits for node in junction.nodes}
+    yields = np.zeros((len(ways), len(ways)), dtype=bool)
+    for i, way in enumerate(ways):
+        for node, link in way.links:
+            response = prohibits[node].get(link, "")
+            for j, other in enumerate(ways):
+                for other_node, other_link in other.links:
+                    if i != j and node == other_node and 0 <= other_link < len(response):
+                        yields[i, j] |= response[-1 - other_link] == "1"
+    return yields
+
+
+def shape_of(element: Any) -> Array:
+    """(K, 2) m, the shape of a sumolib lane or node."""
+    return np.array(element.getShape(), dtype=float).reshape(-1, 2)

@@ -1,0 +1,77 @@
+"""The edges of the ego's carriageway as seen from its path: what a road barrier keeps it between.
+
+The carriageway is what the movement's own edges and the junction cover. So beside the arms the left edge is
+the divider to oncoming lanes, and in the junction edges are its kerbs and the mouths of the other arms. Edges
+are found by rays square to the path, and then made into lines: farther off than REACH counts as that far, the
+inner side of a bend is cut short of the bend's centre, widths change by at most SLOPE, and are averaged over
+SMOOTHING m without ever growing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.ndimage import minimum_filter1d, uniform_filter1d
+
+from rudc.network.paths import SPACING
+from rudc.network.polyline import Array, union_boundary
+from rudc.network.route import ReferencePath
+
+REACH = 6.0
+"""m, farthest that an edge is from the path"""
+SLOPE = 0.5
+"""m of width per m of path that an edge may come or go"""
+SMOOTHING = 3.0
+"""m of path over which widths are averaged"""
+BEND = 0.8
+"""share of a bend's radius that the width on its inner side may be"""
+
+
+def edge_widths(carriageway: Sequence[Array], path: ReferencePath) -> tuple[Array, Array]:
+    """(M,), (M,) m from the stations of the path to the left and right edge of the union of polygons (K, 2)
+    m."""
+    pieces = union_boundary(carriageway)
+    normal = np.column_stack([-np.sin(path.heading), np.cos(path.heading)])
+    left = _lines(_cast(path.xy, normal, pieces), path.curvature)
+    right = _lines(_cast(path.xy, -normal, pieces), -path.curvature)
+    return left, right
+
+
+def _lines(width: Array, bend: Array) -> Array:
+    """Widths (M,) m as cast, made continuous; `bend` (M,) 1/m is positive where the path bends to this
+    side."""
+    width = np.minimum(width, BEND / np.maximum(bend, BEND / REACH))
+    for k in range(1, len(width)):
+        width[k] = min(width[k], width[k - 1] + SLOPE * SPACING)
+    for k in range(len(width) - 2, -1, -1):
+        width[k] = min(width[k], width[k + 1] + SLOPE * SPACING)
+    window = 2 * round(SMOOTHING / SPACING / 2) + 1
+    return uniform_filter1d(minimum_filter1d(width, window, mode="nearest"), window, mode="nearest")
+
+
+def _cast(start: Array, direction: Array, pieces: Array) -> Array:
+    """(M,) m along unit rays (M, 2) from start (M, 2) to the first boundary piece (B, 2, 2) m; REACH if none
+    is nearer.
+
+    With w the piece's start seen from the ray's start and d the piece: hit at distance (w x d) / (u x d), at
+    the share (w x u) / (u x d) of the piece.
+    """
+    result = np.full(len(start), REACH)
+    d = pieces[:, 1] - pieces[:, 0]
+    middle = pieces.mean(axis=1)
+    reach = REACH + 0.5 * float(np.hypot(*d.T).max())
+    for first in range(0, len(start), 32):
+        p, u = start[first : first + 32], direction[first : first + 32]
+        low, high = p.min(axis=0) - reach, p.max(axis=0) + reach
+        near = np.flatnonzero(np.all((middle > low) & (middle < high), axis=1))
+        if not len(near):
+            continue
+        w = pieces[None, near, 0] - p[:, None]
+        across = u[:, None, 0] * d[near, 1] - u[:, None, 1] * d[near, 0]
+        across = np.where(np.abs(across) < 1e-12, np.nan, across)
+        along = (w[..., 0] * d[near, 1] - w[..., 1] * d[near, 0]) / across
+        share = (w[..., 0] * u[:, None, 1] - w[..., 1] * u[:, None, 0]) / across
+        hit = (along >= 0.0) & (share >= -1e-6) & (share <= 1.0 + 1e-6)
+        result[first : first + 32] = np.minimum(np.where(hit, along, np.inf).min(axis=1), REACH)
+    return result

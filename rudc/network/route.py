@@ -1,0 +1,159 @@
+"""`ReferencePath` and `Route`: the line that the ego follows through the junction, and what goes with it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from rudc.network.paths import SPACING
+from rudc.network.polyline import Array, arc_length, headings, resample, without_repeats
+
+
+class ReferencePath:
+    """A smooth line sampled every 0.5 m, for projecting a vehicle on it and reading off poses. Immutable."""
+
+    def __init__(self, xy: Array) -> None:
+        """`xy`: (K, 2) m, a fine polyline (closer points than the stations to be)."""
+        line = without_repeats(xy)
+        count = int(arc_length(line)[-1] / SPACING) + 1
+        self.s: Array = np.arange(count, dtype=np.float64) * SPACING
+        """(M,) m, arc length of the stations"""
+        self.xy: Array = resample(line, self.s)
+        """(M, 2) m"""
+        self.heading: Array = headings(self.xy)
+        """(M,) rad, unwrapped"""
+        self.curvature: Array = np.gradient(self.heading, SPACING)
+        """(M,) 1/m, positive to the left"""
+        self.length = float(self.s[-1])
+        """m"""
+        for array in (self.s, self.xy, self.heading, self.curvature):
+            array.flags.writeable = False
+        self._x: list[float] = self.xy[:, 0].tolist()
+        self._y: list[float] = self.xy[:, 1].tolist()
+        self._pose = np.column_stack([self.xy, self.heading])
+
+    def pose(self, s: Array | float) -> tuple[Array, Array, Array]:
+        """x m, y m and heading rad, each (...), at arc length s (...) m; straight on beyond both ends."""
+        at = np.asarray(s, dtype=float) * (1.0 / SPACING)
+        i = np.minimum(np.maximum(at, 0.0), len(self._x) - 2.0).astype(np.int64)
+        t = at - i
+        low = self._pose[i]
+        step = self._pose[i + 1] - low
+        xy = low[..., :2] + t[..., None] * step[..., :2]
+        return xy[..., 0], xy[..., 1], low[..., 2] + np.minimum(np.maximum(t, 0.0), 1.0) * step[..., 2]
+
+    def project(self, x: float, y: float, near: float | None = None) -> tuple[float, float]:
+        """Arc length (m) of the nearest point of the path to (x, y) and the offset (m) to the path's left.
+
+        With `near`, an arc length not far from the result, the search walks downhill from there (a few
+        microseconds); without, all stations are looked at. Negative, or above `length`, before or beyond the
+        path's ends.
+        """
+        x, y = float(x), float(y)
+        last = len(self._x) - 2
+        if near is None:
+            i = int(np.argmin((self.xy[:, 0] - x) ** 2 + (self.xy[:, 1] - y) ** 2))
+        else:
+            i = int(near / SPACING)
+        i = min(max(i, 0), last)
+        came_from = -1
+        while True:
+            x0, y0 = self._x[i], self._y[i]
+            dx, dy = self._x[i + 1] - x0, self._y[i + 1] - y0
+            squared = dx * dx + dy * dy
+            t = ((x - x0) * dx + (y - y0) * dy) / squared
+            following = i + 1 if t > 1.0 and i < last else i - 1 if t < 0.0 and i > 0 else i
+            if following in (i, came_from):
+                break
+            came_from, i = i, following
+        offset = (dx * (y - y0) - dy * (x - x0)) / squared**0.5
+        if (
+            following != i
+        ):  # outside of a bend, beyond this piece's end and before the next one's start: the corner
+            t = min(max(t, 0.0), 1.0)
+            gap = ((x - x0 - t * dx) ** 2 + (y - y0 - t * dy) ** 2) ** 0.5
+            offset = gap if offset > 0.0 else -gap
+        return (i + t) * SPACING, offset
+
+
+@dataclass(frozen=True)
+class RouteKey:
+    """What a route can be found again by."""
+
+    network: Path
+    """the .net.xml"""
+    junction: str | None
+    """which of its junctions was asked for"""
+    origin: str
+    """arm"""
+    destination: str
+    """arm"""
+    lane: int | None
+    """inbound lane asked for"""
+
+
+@dataclass(frozen=True, eq=False)
+class Route:
+    """One movement of the ego: reference path, where to stop and wait, the road's edges beside it."""
+
+    origin: str
+    """arm it comes from"""
+    destination: str
+    """arm it leaves by"""
+    turn: str
+    """left, straight, right or u_turn"""
+    task: int
+    """0 left (and u_turn), 1 straight, 2 right"""
+    edges: tuple[str, ...]
+    """SUMO edges driven, in order"""
+    row: int
+    """row of `network.paths` with the same lanes"""
+    path: ReferencePath
+    """the line to follow"""
+    alternatives: tuple[ReferencePath, ...]
+    """lines for the same movement from the same lane to the other outbound lanes; may be empty"""
+    stop_line_s: float
+    """m, arc length of the stop line (the front bumper stops there)"""
+    waiting_s: float
+    """m, farthest arc length of the front bumper clear of all traffic it must yield to; at least
+    `stop_line_s`"""
+    zone_start_s: float
+    """m, arc length of the centre where conflict with traffic from other arms begins (see
+    `Network.conflict`)"""
+    zone_end_s: float
+    """m, arc length of the centre where the last such conflict in the junction ends, at most `exit_s`"""
+    exit_s: float
+    """m, arc length where the junction ends"""
+    length: float
+    """m, of the path"""
+    major: bool
+    """whether the arm it comes from has priority (`Arm.major`)"""
+    speed_limit: float
+    """m/s"""
+    left_edge: Array
+    """(M, 2) m, left edge of the ego's carriageway beside each station of `path`"""
+    right_edge: Array
+    """(M, 2) m, right edge"""
+    left_width: Array
+    """(M,) m from the path to `left_edge`"""
+    right_width: Array
+    """(M,) m from the path to `right_edge`"""
+    canonical_angle: float
+    """rad, turning the world by its negative brings the origin arm to the south (entering traffic heads
+    north)"""
+    key: RouteKey
+    """what it can be found again by"""
+
+    def __reduce__(self) -> tuple[Callable[[RouteKey], Route], tuple[RouteKey]]:
+        """Pickled as its key: a `Scene` that crosses to another process carries no polylines."""
+        return find_route, (self.key,)
+
+
+def find_route(key: RouteKey) -> Route:
+    """The route of that key, from its network (read if need be)."""
+    from rudc.network.network import load_network
+
+    return load_network(key.network, key.junction).route(key.origin, key.destination, key.lane)

@@ -1,0 +1,197 @@
+"""Builds `Route`: the ego's smooth reference path over a movement, its alternatives, and the road's edges
+beside it.
+
+Turns are drawn as one circular arc (fillet) between the centre lines of the inbound and the outbound lane,
+extended straight into the junction: left turns with radius LEFT_RADIUS, which begins the turn as late as such
+an arc can (two opposing left-turners then wait without overlapping), right turns with the widest arc that
+fits. Where no arc fits between stop line and exit, or a car on it would leave the road, the lanes' own shapes
+serve. All lines are smoothed by a moving average of SMOOTHING m, so that curvature is continuous.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rudc.network.conflicts import waiting_bumper
+from rudc.network.polyline import Array, arc_length, resample, smooth, without_repeats, wrap
+from rudc.network.road_edges import edge_widths
+from rudc.network.route import ReferencePath, Route, RouteKey
+from rudc.vehicle import EgoVehicle
+
+if TYPE_CHECKING:
+    from rudc.network.network import Network
+    from rudc.network.road import Movement
+
+LEFT_RADIUS = 10.5
+"""m, arc of the ego's left turns"""
+RIGHT_RADIUS = 15.0
+"""m, widest arc of the ego's right turns"""
+LEAST_RADIUS = 5.2
+"""m, no fillet tighter than this"""
+STRAIGHT_ON = np.radians(15.0)
+"""rad, a movement that turns less follows the lanes' own shapes"""
+SMOOTHING = 4.0
+"""m, window of the moving average"""
+FINE = 0.05
+"""m, spacing at which lines are drawn before they are sampled"""
+BODY = EgoVehicle()
+"""the car that must stay on the road"""
+TASKS = {"left": 0, "u_turn": 0, "straight": 1, "right": 2}
+
+
+def build_route(network: Network, movement: Movement, lane: int | None) -> Route:
+    """The ego's route over a movement, from inbound lane index `lane` (None: left turns from the leftmost
+    lane that permits the movement, all others from the rightmost)."""
+    paths = network.paths
+    row = _choose_row(network, movement, lane)
+    arm = network.arm(movement.origin)
+    line = network.centre_line(row)
+    stop, exit_s = float(paths.stop_s[row]), float(paths.exit_s[row])
+    path = _reference(network, line, stop, exit_s, movement)
+    table = network.conflict(path)
+    stop_line_s = _station_of(path, resample(line, np.array([stop]))[0], stop)
+    exit_line_s = _station_of(path, resample(line, np.array([exit_s]))[0], exit_s)
+    crossing = table[(paths.origin != paths.origin[row]) & np.isfinite(table[:, 0])]
+    left, right = edge_widths(network.carriageway(movement), path)
+    normal = np.column_stack([-np.sin(path.heading), np.cos(path.heading)])
+    return Route(
+        origin=movement.origin,
+        destination=movement.destination,
+        turn=movement.turn,
+        task=TASKS[movement.turn],
+        edges=movement.edges,
+        row=row,
+        path=path,
+        alternatives=_alternatives(network, movement, row),
+        stop_line_s=stop_line_s,
+        waiting_s=waiting_bumper(path, paths, row, stop_line_s, exit_line_s),
+        zone_start_s=float(crossing[:, 0].min()) if len(crossing) else stop_line_s,
+        zone_end_s=min(float(crossing[:, 1].max()), exit_line_s) if len(crossing) else stop_line_s,
+        exit_s=exit_line_s,
+        length=path.length,
+        major=arm.major,
+        speed_limit=float(paths.speed_limit[row]),
+        left_edge=path.xy + left[:, None] * normal,
+        right_edge=path.xy - right[:, None] * normal,
+        left_width=left,
+        right_width=right,
+        canonical_angle=float(wrap(arm.heading_in - np.pi / 2)),
+        key=RouteKey(network.path, network.junction, movement.origin, movement.destination, lane),
+    )
+
+
+def _station_of(path: ReferencePath, point: Array, near: float) -> float:
+    return path.project(float(point[0]), float(point[1]), near)[0]
+
+
+def _choose_row(network: Network, movement: Movement, lane: int | None) -> int:
+    rows = list(movement.rows)
+    indices = [network.inbound_lane(row).index for row in rows]
+    if lane is None:
+        lane = max(indices) if movement.turn in ("left", "u_turn") else min(indices)
+    return rows[indices.index(lane)]
+
+
+def _alternatives(network: Network, movement: Movement, row: int) -> tuple[ReferencePath, ...]:
+    """Lines from the row's inbound lane to the other outbound lanes, where a car stays on the road."""
+    line, stop = network.centre_line(row), float(network.paths.stop_s[row])
+    candidates = []
+    for other in _other_exits(network, movement, row):
+        exit_s = float(network.paths.exit_s[other])
+        joined = _join(line, stop, network.centre_line(other), exit_s, movement.angle)
+        if joined is not None:
+            candidates.append(ReferencePath(joined))
+    return tuple(path for path in candidates if fits(network, path))
+
+
+def _other_exits(network: Network, movement: Movement, row: int) -> list[int]:
+    """For each outbound lane other than the row's own, a row (from any lane) that ends on it."""
+    own = network.outbound_lane(row).id
+    exits: dict[str, int] = {}
+    for other in range(network.paths.count):
+        arm = network.arms[int(network.paths.destination[other])].name
+        if arm == movement.destination and network.outbound_lane(other).id != own:
+            exits.setdefault(network.outbound_lane(other).id, other)
+    return list(exits.values())
+
+
+def _reference(
+    network: Network, line: Array, stop: float, exit_s: float, movement: Movement
+) -> ReferencePath:
+    """The path over a row: with a fillet if one fits and stays on the road, else along the lanes."""
+    if abs(movement.angle) > STRAIGHT_ON and not network.is_roundabout:
+        joined = _join(line, stop, line, exit_s, movement.angle)
+        if joined is not None and fits(network, path := ReferencePath(joined)):
+            return path
+    fine = resample(line, np.arange(0.0, arc_length(line)[-1], FINE))
+    return ReferencePath(smooth(fine, FINE, SMOOTHING))
+
+
+def _join(before: Array, stop: float, after: Array, exit_s: float, angle: float) -> Array | None:
+    """(K, 2) m, smoothed: `before` up to its arc length stop, over the junction, `after` from its exit_s;
+    None if not.
+
+    Over the junction: an arc between the two tangents, or, nearly straight on, a cubic that shifts from lane
+    to lane.
+    """
+    head = resample(before, np.arange(0.0, stop, FINE))
+    tail = resample(after, np.arange(exit_s, arc_length(after)[-1], FINE))
+    if len(head) < 2 or len(tail) < 2:
+        return None
+    p, u = head[-1], _unit(head[-1] - head[-2])
+    q, v = tail[0], _unit(tail[1] - tail[0])
+    middle = _fillet(p, u, q, v, angle) if abs(angle) > STRAIGHT_ON else _shift(p, u, q, v)
+    if middle is None:
+        return None
+    line = without_repeats(np.concatenate([head, middle, tail]))
+    return smooth(resample(line, np.arange(0.0, arc_length(line)[-1], FINE)), FINE, SMOOTHING)
+
+
+def _unit(d: Array) -> Array:
+    return d / np.hypot(*d)
+
+
+def _fillet(p: Array, u: Array, q: Array, v: Array, angle: float) -> Array | None:
+    """Arc from the ray p + a u to the ray that ends in q along v, for a turn by about `angle`."""
+    turn = float(np.arctan2(u[0] * v[1] - u[1] * v[0], u @ v))
+    if turn * angle <= 0 or abs(turn) < STRAIGHT_ON or abs(turn) > np.radians(150):
+        return None
+    a, b = np.linalg.solve(np.column_stack([u, v]), q - p)
+    half = np.tan(abs(turn) / 2)
+    radius = min(LEFT_RADIUS if angle > 0 else RIGHT_RADIUS, min(a, b) / half)
+    if radius < LEAST_RADIUS:
+        return None
+    start = p + (a - radius * half) * u
+    side = np.sign(turn)
+    centre = start + side * radius * np.array([-u[1], u[0]])
+    swept = np.linspace(0.0, turn, max(2, int(radius * abs(turn) / FINE)))
+    cos, sin = np.cos(swept), np.sin(swept)
+    spoke = start - centre
+    return centre + np.column_stack([cos * spoke[0] - sin * spoke[1], sin * spoke[0] + cos * spoke[1]])
+
+
+def _shift(p: Array, u: Array, q: Array, v: Array) -> Array:
+    """Cubic (Hermite) from p along u to q along v."""
+    reach = float(np.hypot(*(q - p)))
+    t = np.linspace(0.0, 1.0, max(2, int(reach / FINE)))[:, None]
+    return (
+        (2 * t**3 - 3 * t**2 + 1) * p
+        + (t**3 - 2 * t**2 + t) * reach * u
+        + (3 * t**2 - 2 * t**3) * q
+        + (t**3 - t**2) * reach * v
+    )
+
+
+def fits(network: Network, path: ReferencePath, margin: float = 0.1) -> bool:
+    """Whether a car that follows the path keeps all of its body at least `margin` m on the road."""
+    x, y, psi = path.pose(path.s)
+    forward = np.column_stack([np.cos(psi), np.sin(psi)])
+    left = np.column_stack([-np.sin(psi), np.cos(psi)])
+    xy = np.column_stack([x, y])
+    for along in (-BODY.length / 2, 0.0, BODY.length / 2):
+        for across in (-BODY.width / 2, BODY.width / 2):
+            if network.surface.signed_distance(xy + along * forward + across * left).min() < margin:
+                return False
+    return True

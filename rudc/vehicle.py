@@ -1,0 +1,25 @@
+"""`EgoVehicle`: the body and the limits of the ego vehicle (EV)."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class EgoVehicle:
+    """The ego vehicle's body and limits."""
+
+    length: float = 5.0
+    """m"""
+    width: float = 1.8
+    """m"""
+    wheelbase: float = 2.8
+    """m"""
+    cg_to_rear: float = 1.4
+    """m, centre of gravity to rear axle"""
+    a_min: float = -6.0
+    """m/s2, hardest braking"""
+    a_max: float = 3.0
+    """m/s2"""
+    delta_max: float = 0.6
+    """rad, largest front-wheel angle to either side"""
+    v_max: float = 15.0
+    """m/s"""

@@ -1,0 +1,81 @@
+import re
+import shutil
+import subprocess
+from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
+
+import pytest
+
+from rudc.errors import NetworkError
+from rudc.network import build as network_build
+from rudc.network.build import build_network
+from rudc.network.network import load_network, shipped_networks
+
+
+def built_by() -> str:
+    """Version of the installed eclipse-sumo, empty if there is none."""
+    try:
+        return version("eclipse-sumo")
+    except PackageNotFoundError:
+        return ""
+
+
+needs_netconvert = pytest.mark.skipif(
+    find_spec("sumo") is None and shutil.which("netconvert") is None, reason="netconvert is not installed"
+)
+
+
+@pytest.mark.skipif(built_by() != "1.28.0", reason="the shipped files are built by eclipse-sumo 1.28.0")
+@pytest.mark.parametrize("name", sorted(shipped_networks()))
+def test_shipped_networks_are_what_their_sources_give(name, tmp_path):
+    shipped = shipped_networks()[name]
+    assert build_network(shipped.parent, tmp_path / "x.net.xml").read_bytes() == shipped.read_bytes()
+
+
+@pytest.mark.parametrize("name", sorted(shipped_networks()))
+def test_built_files_carry_no_date_and_no_path(name):
+    text = shipped_networks()[name].read_text()
+    assert "<!--" not in text
+    assert re.search(r"20\d\d-\d\d-\d\d", text) is None
+    assert re.search(r"=\"(/|[A-Za-z]:\\)", text) is None
+
+
+@needs_netconvert
+def test_a_copy_of_the_sources_builds_anywhere(tmp_path):
+    folder = tmp_path / "a folder with spaces"
+    shutil.copytree(shipped_networks()["t_junction"].parent, folder)
+    (folder / "t_junction.net.xml").unlink()
+    built = build_network(folder)
+    assert built == folder / "t_junction.net.xml"
+    assert [arm.name for arm in load_network(built).arms] == ["east", "west", "south"]
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "t_junction.con.xml",
+        "t_junction.edg.xml",
+        "t_junction.net.xml",
+        "t_junction.nod.xml",
+        "t_junction.typ.xml",
+    ]
+
+
+@needs_netconvert
+def test_wrong_sources_are_refused_with_netconverts_words(tmp_path):
+    with pytest.raises(NetworkError, match="no such folder"):
+        build_network(tmp_path / "absent")
+    with pytest.raises(NetworkError, match=r"exactly one NAME.nod.xml is needed here, found none"):
+        build_network(tmp_path)
+    (tmp_path / "own.nod.xml").write_text('<nodes><node id="a" x="0" y="0"/></nodes>')
+    with pytest.raises(NetworkError, match=r"own.edg.xml is missing"):
+        build_network(tmp_path)
+    (tmp_path / "own.edg.xml").write_text('<edges><edge id="e" from="a" to="nowhere"/></edges>')
+    with pytest.raises(NetworkError, match=r"netconvert failed:(.|\n)*nowhere"):
+        build_network(tmp_path)
+    assert not (tmp_path / "own.net.xml").exists()
+
+
+def test_without_netconvert_the_error_says_how_to_get_it(monkeypatch):
+    monkeypatch.setattr(network_build.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.delenv("SUMO_HOME", raising=False)
+    monkeypatch.setattr(network_build.shutil, "which", lambda *args, **kwargs: None)
+    monkeypatch.setattr(subprocess, "run", None)
+    with pytest.raises(NetworkError, match=r"pip install 'rudc\[networks\]'"):
+        build_network(shipped_networks()["four_way"].parent)

@@ -1,0 +1,67 @@
+from dataclasses import replace
+
+import pytest
+
+from rudc.network.check import check_network, waiting_warnings
+from rudc.network.network import load_network, shipped_networks
+
+
+@pytest.mark.parametrize("name", sorted(shipped_networks()))
+def test_shipped_networks_have_nothing_to_complain_of(name):
+    report = check_network(name)
+    assert report.warnings == ()
+    assert report.name == name
+    assert len(report.arms) == len(load_network(name).arms)
+    assert len(report.movements) == len(load_network(name).movements)
+
+
+def test_a_report_says_what_was_understood():
+    report = check_network("four_way")
+    assert (report.junction, report.kind, report.road_km) == ("centre", "priority", pytest.approx(0.48))
+    south = next(arm for arm in report.arms if arm.name == "south")
+    assert (south.in_lanes, south.out_lanes, south.lane_width_m, south.speed_mps) == (2, 2, 3.5, 10.0)
+    assert south.bearing_deg == pytest.approx(-90.0)
+    left = next(m for m in report.movements if (m.origin, m.turn) == ("west", "left"))
+    assert left.lanes == (1,)
+    assert left.yields
+    assert left.least_radius_m == pytest.approx(10.5, rel=0.03)
+    assert left.waiting_m > 7.0
+    assert check_network("roundabout").kind == "roundabout"
+
+
+def changed(tmp_path, *replacements, name="four_way"):
+    """A copy of a shipped network with words replaced."""
+    text = load_network(name).path.read_text()
+    for old, new in replacements:
+        assert old in text
+        text = text.replace(old, new)
+    path = tmp_path / "own.net.xml"
+    path.write_text(text)
+    return check_network(path).warnings
+
+
+def test_each_trouble_is_named(tmp_path):
+    assert any("`unregulated`" in w for w in changed(tmp_path, ('type="priority"', 'type="unregulated"')))
+    assert any("traffic lights" in w for w in changed(tmp_path, ('type="priority"', 'type="traffic_light"')))
+    lane = '<lane id="west_in_0" index="0" speed="{}" length="120.00" width="{}"{}'
+    narrow = changed(
+        tmp_path,
+        (lane.format("10.00", "3.50", ""), lane.format("20.00", "2.40", ' disallow="bicycle truck"')),
+    )
+    assert any("lane west_in_0 is only 2.4 m wide" in w for w in narrow)
+    assert any("lane west_in_0 has a limit of 20.0 m/s" in w for w in narrow)
+    assert any("lane west_in_0 refuses truck, bicycle" in w for w in narrow)
+    short = changed(tmp_path, ('length="120.00"', 'length="40.00"'))
+    assert any("arm south is only 40 m long" in w for w in short)
+    way = '<{} from="south_in" to="west_out"'
+    lost = changed(tmp_path, (way.format("connection"), way.format("param")))
+    assert lost == ("no movement leads from arm south to arm west",)
+
+
+def test_waiting_cars_that_overlap_are_named():
+    network = load_network("four_way")
+    one, other = network.route("south", "left"), network.route("west", "left")
+    deep = [replace(route, waiting_s=route.stop_line_s + 15.0) for route in (one, other)]
+    assert list(waiting_warnings([one, other])) == []
+    (warning,) = waiting_warnings(deep)
+    assert "a car from south to west and one from west to north overlap" in warning

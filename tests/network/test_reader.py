@@ -1,0 +1,204 @@
+"""Networks that are not shipped: what a user's own file may look like."""
+
+import gzip
+import shutil
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+
+from rudc.errors import NetworkError
+from rudc.network.build import build_network
+from rudc.network.network import load_network
+
+needs_netconvert = pytest.mark.skipif(
+    find_spec("sumo") is None and shutil.which("netconvert") is None, reason="netconvert is not installed"
+)
+
+
+def build(folder, nodes, edges, connections=""):
+    """A network from {id: (x, y)} (or (x, y, type)) and [(id, from, to, attributes)]."""
+    rows = "".join(
+        f'<node id="{k}" x="{v[0]}" y="{v[1]}" type="{v[2] if len(v) > 2 else "priority"}"/>'
+        for k, v in nodes.items()
+    )
+    (folder / "own.nod.xml").write_text(f"<nodes>{rows}</nodes>")
+    rows = "".join(f'<edge id="{e}" from="{a}" to="{b}" speed="10" {more}/>' for e, a, b, more in edges)
+    (folder / "own.edg.xml").write_text(f"<edges>{rows}</edges>")
+    if connections:
+        (folder / "own.con.xml").write_text(f"<connections>{connections}</connections>")
+    return build_network(folder)
+
+
+def both_ways(a, b, more='numLanes="1"'):
+    return [(f"{a}_{b}", a, b, more), (f"{b}_{a}", b, a, more)]
+
+
+CROSS = {"c": (0, 0), "n": (0, 100), "e": (100, 0), "s": (0, -100), "w": (-100, 0)}
+
+
+@needs_netconvert
+def test_of_several_junctions_one_must_be_chosen(tmp_path):
+    nodes = {**CROSS, "d": (200, 0), "dn": (200, 100), "ds": (200, -100), "de": (300, 0)}
+    del nodes["e"]
+    pairs = [("c", "n"), ("c", "s"), ("c", "w"), ("c", "d"), ("d", "dn"), ("d", "ds"), ("d", "de")]
+    path = build(tmp_path, nodes, [edge for pair in pairs for edge in both_ways(*pair)])
+    with pytest.raises(NetworkError, match=r"several junctions.*choose one by `junction: ID`: c, d"):
+        load_network(path)
+    west, east = load_network(path, "c"), load_network(path, "d")
+    assert (
+        [arm.name for arm in west.arms]
+        == [arm.name for arm in east.arms]
+        == ["east", "north", "west", "south"]
+    )
+    assert west.arm("east").in_edge == "d_c"
+    assert east.arm("west").in_edge == "c_d"
+    np.testing.assert_allclose(east.center, [200, 0])
+    assert float(west.surface.signed_distance(np.array([150.0, 1.6]))) > 1.0
+    assert west.route("south", "right").path.xy[-1][0] > 150.0
+
+
+@needs_netconvert
+def test_an_arm_goes_on_through_nodes_where_the_road_only_changes(tmp_path):
+    nodes = {**CROSS, "m": (60, 0), "k": (140, 30)}
+    nodes["e"] = (200, 30)
+    pairs = [("c", "n"), ("c", "s"), ("c", "w")]
+    edges = [edge for pair in pairs for edge in both_ways(*pair)]
+    edges += [
+        ("e_k", "e", "k", 'numLanes="1"'),
+        ("k_m", "k", "m", 'numLanes="1"'),
+        ("m_c", "m", "c", 'numLanes="2"'),
+    ]
+    edges += [
+        ("c_m", "c", "m", 'numLanes="2"'),
+        ("m_k", "m", "k", 'numLanes="1"'),
+        ("k_e", "k", "e", 'numLanes="1"'),
+    ]
+    network = load_network(build(tmp_path, nodes, edges))
+    east = network.arm("east")
+    assert east.in_edges == ("e_k", "k_m", "m_c")
+    assert east.out_edges == ("c_m", "m_k", "k_e")
+    assert len(east.in_lanes) == 2
+    assert east.length > 180.0
+    assert network.movement("east", "west").edges[:3] == ("e_k", "k_m", "m_c")
+    x, y, _ = network.place_on_lane("east_in_0", 100.0)
+    assert x > 100.0
+    assert y > 5.0
+    for row in network.movement("east", "west").rows:
+        lane = network.paths.lane_ids[row][0]
+        if lane.startswith("e_k"):
+            found, s = network.paths.locate("east", "west", lane, 0.0)
+            assert s == pytest.approx(0.0)
+            assert found in network.movement("east", "west").rows
+    s = np.arange(0.0, 150.0, 1.0)
+    row = network.movement("west", "east").rows[0]
+    x, y, _ = network.paths.pose(np.full(len(s), row), s)
+    assert network.surface.signed_distance(np.column_stack([x, y])).min() > 1.0
+
+
+@needs_netconvert
+def test_a_roundabout_whose_entries_and_exits_part_before_the_ring_is_one_junction(tmp_path):
+    nodes, edges = {}, []
+    ring = []
+    for k, arm in enumerate("enws"):
+        turn = np.array([[0, -1], [1, 0]])
+        place = np.linalg.matrix_power(turn, k)
+        for name, at in (("x", (17.0, -8.0)), ("i", (17.0, 8.0)), ("y", (45.0, 0.0)), ("z", (140.0, 0.0))):
+            nodes[arm + name] = tuple(float(v) for v in place @ np.array(at))
+        edges += both_ways(arm + "y", arm + "z")
+        edges += [(f"{arm}_enter", arm + "y", arm + "i", ""), (f"{arm}_leave", arm + "x", arm + "y", "")]
+        ring += [arm + "x", arm + "i"]
+    for a, b in zip(ring, [*ring[1:], ring[0]], strict=True):
+        edges.append((f"ring_{a}_{b}", a, b, 'priority="9"'))
+    path = build(tmp_path, nodes, edges)
+    text = path.read_text()
+    if "<roundabout" not in text:
+        names = (
+            " ".join(ring),
+            " ".join(f"ring_{a}_{b}" for a, b in zip(ring, [*ring[1:], ring[0]], strict=True)),
+        )
+        path.write_text(text.replace("</net>", f'<roundabout nodes="{names[0]}" edges="{names[1]}"/></net>'))
+    network = load_network(path)
+    assert network.is_roundabout
+    assert len(network.nodes) == 8
+    assert [arm.name for arm in network.arms] == ["east", "north", "west", "south"]
+    assert network.arm("east").in_edges == ("ez_ey", "e_enter")
+    assert network.arm("east").out_edges == ("e_leave", "ey_ez")
+    assert {m.turn for m in network.movements if m.origin == "south"} >= {"left", "straight", "right"}
+    assert load_network(path, "ni").arms == network.arms
+
+
+@needs_netconvert
+def test_one_way_arms_and_lanes_for_others_are_understood(tmp_path):
+    edges = [edge for pair in (("c", "n"), ("c", "s"), ("c", "w")) for edge in both_ways(*pair)]
+    edges.append(("e_c", "e", "c", 'numLanes="1" width="3.2"'))
+    edges = [(i, a, b, 'numLanes="2"' if i == "w_c" else more) for i, a, b, more in edges]
+    network = load_network(build(tmp_path, CROSS, edges))
+    east = network.arm("east")
+    assert east.out_edge is None
+    assert east.out_lanes == ()
+    assert east.length == pytest.approx(0.5 * 95, abs=8)
+    assert not [m for m in network.movements if m.destination == "east"]
+
+    text = network.path.read_text().replace(
+        '<lane id="w_c_0" index="0"', '<lane id="w_c_0" index="0" allow="pedestrian"'
+    )
+    sidewalk = tmp_path / "sidewalk.net.xml"
+    sidewalk.write_text(text)
+    other = load_network(sidewalk)
+    assert other.arm("west").in_lanes == ("w_c_1",)
+    assert "west_in_0" not in other.lane_names
+    assert "west_in_1" in other.lane_names
+    off_road = other.surface.signed_distance(load_network(network.path).lane("w_c_0").xy.mean(axis=0))
+    assert float(off_road) < 0.0
+
+
+@needs_netconvert
+def test_arms_in_one_direction_carry_their_edges_name(tmp_path):
+    nodes = {"c": (0, 0), "a": (100, 8), "b": (100, -38), "w": (-100, 0)}
+    edges = [edge for pair in (("c", "a"), ("c", "b"), ("c", "w")) for edge in both_ways(*pair)]
+    network = load_network(build(tmp_path, nodes, edges))
+    assert [arm.name for arm in network.arms] == ["east_a_c", "west", "east_b_c"]
+    assert network.movement("west", "straight").destination == "east_a_c"
+    assert network.movement("west", "right").destination == "east_b_c"
+
+
+def test_what_is_no_network_is_refused(tmp_path):
+    text = load_network("four_way").path.read_text()
+    cases = {
+        "no.net.xml": ("hello", "not a SUMO network"),
+        "empty.net.xml": ("<net version='1.20'></net>", "holds no edges"),
+        "left.net.xml": (
+            text.replace("<net ", '<net lefthand="true" '),
+            "left-hand traffic is not supported",
+        ),
+        "bare.net.xml": (text.replace(' via=":', ' nope=":'), "build the network with internal links"),
+    }
+    for name, (content, message) in cases.items():
+        path = tmp_path / name
+        path.write_text(content)
+        with pytest.raises(NetworkError, match=message):
+            load_network(path)
+    with pytest.raises(NetworkError, match="neither shipped nor a file"):
+        load_network(tmp_path / "absent.net.xml")
+
+
+def test_a_road_without_a_junction_is_refused(tmp_path):
+    path = tmp_path / "road.net.xml"
+    path.write_text(
+        "<net version='1.20'><location netOffset='0,0' convBoundary='0,0,9,9' origBoundary='0,0,9,9' "
+        "projParameter='!'/><edge id='r' from='a' to='b'><lane id='r_0' index='0' speed='9' length='9' "
+        "shape='0,0 9,0'/></edge>"
+        "<junction id='a' type='dead_end' x='0' y='0' incLanes='' intLanes='' shape=''/>"
+        "<junction id='b' type='dead_end' x='9' y='0' incLanes='r_0' intLanes='' shape=''/></net>"
+    )
+    with pytest.raises(NetworkError, match="no junction with at least three arms"):
+        load_network(path)
+
+
+def test_a_compressed_network_is_the_same(tmp_path):
+    original = load_network("t_junction")
+    path = tmp_path / "packed.net.xml.gz"
+    path.write_bytes(gzip.compress(original.path.read_bytes()))
+    assert load_network(path).name == "packed"
+    assert load_network(path).movements == original.movements

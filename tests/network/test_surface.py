@@ -1,0 +1,100 @@
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from rudc.network import polyline
+from rudc.network.network import load_network, shipped_networks
+from rudc.network.surface import BAND, CELL, MARGIN
+
+NETWORKS = sorted(shipped_networks())
+AROUND = CELL * np.array([[0.5, 0.5], [0.5, -0.5], [-0.5, 0.5], [-0.5, -0.5]])
+"""m, from the middle of a cell to its corners"""
+
+
+def brute_force_distance(polygons, boundary, xy):
+    """Signed distance to the union's boundary, piece by piece."""
+    start, step = boundary[:, 0], boundary[:, 1] - boundary[:, 0]
+    share = np.clip(np.sum((xy - start) * step, axis=1) / np.sum(step * step, axis=1), 0.0, 1.0)
+    gap = np.hypot(*(start + share[:, None] * step - xy).T).min()
+    return gap if polyline.in_any(polygons, xy[None])[0] else -gap
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+@settings(max_examples=150, deadline=None)
+@given(st.floats(-60.0, 60.0), st.floats(-60.0, 60.0))
+@example(3.125, 3.125)
+def test_signed_distance_is_that_to_the_polygons_boundary(name, x, y):
+    surface = load_network(name).surface
+    xy = np.array([x, y])
+    expected = brute_force_distance(surface.polygons, surface.boundary, xy)
+    corners = [brute_force_distance(surface.polygons, surface.boundary, corner) for corner in xy + AROUND]
+    bend = abs(np.mean(corners) - expected)  # where another edge becomes the nearest: interpolation misses it
+    tolerance = (0.1 if expected > -BAND + CELL else 0.5) + bend
+    assert max(float(surface.signed_distance(xy)), 1.0 - MARGIN) == pytest.approx(
+        max(expected, 1.0 - MARGIN), abs=tolerance
+    )
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+@settings(max_examples=100, deadline=None)
+@given(st.floats(-60.0, 60.0), st.floats(-60.0, 60.0))
+@example(1.1875, 26.125)
+def test_the_projection_lies_on_the_edge_as_far_away_as_stated(name, x, y):
+    surface = load_network(name).surface
+    xy = np.array([x, y])
+    nearest = surface.project(xy)
+    assert abs(float(surface.signed_distance(nearest))) < 0.12
+    expected = abs(brute_force_distance(surface.polygons, surface.boundary, xy))
+    assert np.hypot(*(nearest - xy)) == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+def test_queries_of_many_points_are_those_of_each(name):
+    surface = load_network(name).surface
+    xy = np.random.default_rng(1).uniform(-200, 200, (3, 5, 2))
+    distance, direction, nearest = (
+        surface.signed_distance(xy),
+        surface.lane_direction(xy),
+        surface.project(xy),
+    )
+    assert distance.shape == direction.shape == (3, 5)
+    for index in np.ndindex(3, 5):
+        assert float(surface.signed_distance(xy[index])) == distance[index]
+        np.testing.assert_equal(float(surface.lane_direction(xy[index])), direction[index])
+        np.testing.assert_array_equal(surface.project(xy[index]), nearest[index])
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+def test_the_edge_has_no_gaps_and_no_pieces_inside(name):
+    """A lane's middle, from end to end, is nowhere near an edge, nor is the seam between an arm's lanes."""
+    network = load_network(name)
+    for arm in network.arms:
+        lane = network.lanes[arm.in_lanes[-1]]
+        seam = polyline.offset_polyline(polyline.resample(lane.xy, np.arange(0.0, 90.0, 0.1)), lane.width / 2)
+        assert network.surface.signed_distance(seam).min() > 1.6
+    for row in range(network.paths.count):
+        s = np.arange(0.0, network.paths.length[row], 0.25)
+        x, y, _ = network.paths.pose(np.full(len(s), row), s)
+        assert network.surface.signed_distance(np.column_stack([x, y])).min() > 1.2
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+def test_lane_direction_is_that_of_the_lane_and_nan_elsewhere(name):
+    network = load_network(name)
+    for arm in network.arms:
+        for lane_id in (*arm.in_lanes, *arm.out_lanes):
+            lane = network.lanes[lane_id]
+            middle = 0.5 * (lane.xy[:-1] + lane.xy[1:])
+            heading = np.arctan2(*np.diff(lane.xy, axis=0).T[::-1])
+            error = network.surface.lane_direction(middle) - heading
+            np.testing.assert_allclose(np.cos(error), 1.0, atol=0.01)
+    assert np.isnan(network.surface.lane_direction(np.array([1000.0, 1000.0])))
+    assert np.isnan(network.surface.lane_direction(network.center))
+
+
+def test_the_road_does_not_end_at_an_arms_outer_end():
+    network = load_network("four_way")
+    end = network.lane("south_in_1").xy[0]
+    assert float(network.surface.signed_distance(end - [0.0, 5.0])) > 1.5
+    assert float(network.surface.signed_distance(end - [0.0, 11.0])) < 0.0
