@@ -170,5 +170,6 @@ class Scenario(FileModel, frozen=True):
             traffic=self.traffic.plan(generator(_TRAFFIC)),
             events=tuple(event for event in drawn if event is not None),
             timeout_s=self.episode.timeout.sample(generator(_EPISODE)),
+            event_numbers=tuple(k for k, event in enumerate(drawn, start=1) if event is not None),
             source=self,
         )

@@ -78,6 +78,8 @@ class EpisodePlan:
     events: tuple[Event, ...]
     """in file order, numbers drawn; events whose `probability` failed are absent"""
     timeout_s: float
+    event_numbers: tuple[int, ...] = ()
+    """of each of `events`, its place in the scenario's file, from 1"""
     source: Scenario | None = field(default=None, repr=False, compare=False)
     """what it was drawn from"""
 

@@ -23,7 +23,7 @@ from rudc.world.brakes import Brakes
 from rudc.world.config import WorldConfig
 from rudc.world.contact import NOTHING, Body, Nearest, ego_body, nearer, survey
 from rudc.world.ego import EgoPlant, realised
-from rudc.world.events import Script, Stage
+from rudc.world.events import Happening, Script, Stage
 from rudc.world.fault import Collision, judge
 from rudc.world.perception import Sensors
 from rudc.world.reading import EgoView, Reader
@@ -129,6 +129,10 @@ class World:
         if self._perceived is None:
             self._perceived = self.stage.sensors.perceive(self.scene(), self._sensor_rng)
         return self._perceived
+
+    def happenings(self) -> tuple[Happening, ...]:
+        """How each event of the episode stands, in the order of `plan.events`."""
+        return self._script.happenings()
 
     def advance(self, u: Array) -> Advance:
         """Apply u = (acceleration m/s2, front-wheel angle rad) for one decision, or up to the first

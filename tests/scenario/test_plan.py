@@ -153,6 +153,11 @@ def test_probability_decides_once_an_episode():
     assert all(len(scenario(events=[always, never]).plan(seed).events) == 1 for seed in range(100))
 
 
+def test_events_keep_their_number_in_the_file():
+    never = {**BRAKE, "when": {"probability": 0}}
+    assert scenario(events=[never, BRAKE, never, BRAKE]).plan(0).event_numbers == (2, 4)
+
+
 def test_probability_is_no_condition():
     event = scenario(events=[{**BRAKE, "when": {"probability": 1}}]).plan(0).events[0]
     assert event.when is None

@@ -349,3 +349,23 @@ def test_sumos_driver_in_the_egos_seat_sees_obstacles_too(world):
         world.reset(source.plan(seed), ego_driver="sumo")
         hits = [world.advance(np.zeros(2)).collision for _ in range(200)]
         assert not any(hits), seed
+
+
+def test_happenings_say_what_waits_what_began_and_who_is_involved(world):
+    accident = event("accident", vehicles=[{"position": [2.0, 4.0]}, {"position": [-2.0, -4.0]}])
+    slow = event("slow_vehicle", vehicle="nearest", speed=1.0, duration=0.5, when=LATER)
+    never = event("hard_brake", vehicle="nearest", when={"simulation_time": {"above": 500.0}})
+    world.reset(replace(CALM, events=(accident, slow, never)).plan(0))
+    first = world.happenings()
+    assert [h.name for h in first] == ["accident0", "slow_vehicle1", "hard_brake2"]
+    assert [h.begun_s for h in first] == [0.0, None, None]
+    assert first[0].bodies == {"accident0:0", "accident0:1"} <= set(world.scene().ids)
+    assert not first[1].bodies
+    for _ in range(20):
+        world.advance(STAND)
+    _, after, still = world.happenings()
+    assert after.begun_s == pytest.approx(1.1, abs=0.11)
+    assert after.is_over
+    assert len(after.bodies) == 1, "remembered although nobody is held any more"
+    assert after.bodies < set(world.scene().ids)
+    assert (still.begun_s, still.is_over, still.bodies) == (None, False, frozenset())

@@ -51,6 +51,10 @@ class Effect(Generic[E]):
     def end(self, stage: Stage) -> None:
         """Stop, once it is over."""
 
+    def bodies(self, stage: Stage) -> frozenset[str]:
+        """Names of whom it put on the road or has taken hold of so far."""
+        return frozenset(prop.name for prop in stage.props if prop.name.startswith(f"{self.name}:"))
+
 
 class Held(Effect[H]):
     """An effect on the vehicles it selected when it began."""
@@ -61,11 +65,14 @@ class Held(Effect[H]):
     def __init__(self, event: H, name: str) -> None:
         super().__init__(event, name)
         self.held: list[str] = []
+        self.chosen: frozenset[str] = frozenset()
+        """all whom it ever held"""
 
     def begin(self, stage: Stage, scene: Scene | None) -> bool:
         if scene is None or self.event.vehicle is None:
             return False
         self.held = [scene.ids[i] for i in pick(scene, self.event.vehicle, stage.rng)]
+        self.chosen = frozenset(self.held)
         for name in self.held:
             stage.traffic.drivers[name].overridden += self.overrides
             self.hold(stage, name)
@@ -83,6 +90,9 @@ class Held(Effect[H]):
             if name in stage.traffic.drivers:
                 stage.traffic.drivers[name].overridden -= self.overrides
                 self.let_go(stage, name)
+
+    def bodies(self, stage: Stage) -> frozenset[str]:
+        return self.chosen | super().bodies(stage)
 
     def hold(self, stage: Stage, name: str) -> None:
         """Do to one vehicle, once, what the event says."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from rudc.world.events.conditions import holds
 from rudc.world.events.driving import (
@@ -53,12 +53,26 @@ EFFECTS: dict[str, type[Effect]] = {
 """the class that plays each kind of event"""
 
 
+class Happening(NamedTuple):
+    """How one event of an episode stands."""
+
+    name: str
+    """its kind and its place among the episode's events, as in `Script.log`"""
+    event: Event
+    begun_s: float | None
+    """s when it took effect; None while it waits"""
+    is_over: bool
+    bodies: frozenset[str]
+    """names, as in `Scene.ids`, of whom it put on the road or has taken hold of so far"""
+
+
 class Script:
     """Plays the events of one episode."""
 
     def __init__(self, events: tuple[Event, ...], stage: Stage) -> None:
         self._stage = stage
-        self._waiting = [EFFECTS[event.kind](event, f"{event.kind}{i}") for i, event in enumerate(events)]
+        self._effects = [EFFECTS[event.kind](event, f"{event.kind}{i}") for i, event in enumerate(events)]
+        self._waiting = list(self._effects)
         self._active: list[Effect] = []
         self.log: list[tuple[float, str]] = []
         """(s, event name) of every event that took effect"""
@@ -84,3 +98,17 @@ class Script:
                 self._waiting.remove(effect)
                 self._active.append(effect)
                 self.log.append((effect.begun_s, effect.name))
+
+    def happenings(self) -> tuple[Happening, ...]:
+        """How each event stands, in the order of the episode's plan."""
+        begun = {name: begun_s for begun_s, name in self.log}
+        return tuple(
+            Happening(
+                effect.name,
+                effect.event,
+                begun.get(effect.name),
+                effect.name in begun and effect not in self._active,
+                effect.bodies(self._stage),
+            )
+            for effect in self._effects
+        )
