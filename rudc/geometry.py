@@ -15,10 +15,8 @@ of eight such distances: four corners of B from A, four of A from B. It is exact
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from rudc.arrays import Array, Complex, Flags, Index
 
 _ALONG = np.array([1.0, -1.0, -1.0, 1.0])
 """corners' places along the length in half lengths, counter-clockwise from the front left"""
@@ -76,7 +74,7 @@ def rectangles_overlap(
     position: Array,
     heading: Array,
     size: Array,
-) -> NDArray[np.bool_]:
+) -> Flags:
     """Which (N,) of N rectangles overlap or touch the one given first; arguments as in `rectangle_gaps`."""
     z, r = _seen_from(x, y, psi, position, heading)
     return ~_separated(z, z * r.conj(), r, np.array([0.5 * length, 0.5 * width]), 0.5 * np.asarray(size))
@@ -99,7 +97,7 @@ def separation(r: Complex, facing: Complex, other: Complex, half: Array, half_ot
     return np.maximum(np.maximum(ahead, beside), np.maximum(ahead_back, beside_back))
 
 
-def overlapping_pairs(position: Array, heading: Array, size: Array) -> NDArray[np.int64]:
+def overlapping_pairs(position: Array, heading: Array, size: Array) -> Index:
     """Index pairs (K, 2), lower index first, of the rectangles among N that overlap or touch each other.
 
     Centres (N, 2) m, headings (N,) rad, sizes (N, 2) m. Only pairs whose circumscribed circles
@@ -147,7 +145,7 @@ def _offsets(half: Array) -> Complex:
     return half[..., :1] * _ALONG + half[..., 1:] * _ACROSS
 
 
-def _separated(z: Complex, z_back: Complex, r: Complex, half_a: Array, half_b: Array) -> NDArray[np.bool_]:
+def _separated(z: Complex, z_back: Complex, r: Complex, half_a: Array, half_b: Array) -> Flags:
     """Whether (N,) a side direction of A or of B separates them.
 
     z (N,) is B's centre and r (N,) B's direction seen from A, z_back (N,) is z in B's frame, up to its sign.

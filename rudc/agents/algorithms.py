@@ -16,18 +16,17 @@ from dataclasses import dataclass
 from typing import Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, field_serializer, field_validator, model_validator
 
 from rudc.agents.tracking import steering
+from rudc.arrays import Array, Floats
 from rudc.env.action import to_normalised, to_physical
 from rudc.env.observation import PARTS, Kind, observation_size
 from rudc.errors import InputError
 from rudc.learning.config import LearnerConfig, ObservationLayout
 from rudc.safety.config import FilterConfig
-from rudc.world.scene import Array, Scene
+from rudc.world.scene import Scene
 
-Floats = NDArray[np.float32]
 FilterSettings = dict[str, bool | int | float | str]
 
 

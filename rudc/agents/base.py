@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
 
 import numpy as np
 
-from rudc.world.scene import Array, Scene
+from rudc.arrays import Array
+from rudc.world.scene import Scene
 
 if TYPE_CHECKING:
     from rudc.learning.uncertainty import Uncertainty

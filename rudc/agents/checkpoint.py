@@ -6,8 +6,6 @@ its learner and its algorithm do not say already.
 
 from __future__ import annotations
 
-import os
-import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,10 +14,11 @@ from pydantic import ValidationError
 
 from rudc.agents.algorithms import ALGORITHMS, DriverConfig
 from rudc.agents.variation import vary
+from rudc.arrays import Arrays
 from rudc.data import data_folder
-from rudc.errors import AgentError, StorageError
+from rudc.errors import AgentError
 from rudc.learning.checkpoint import DESCRIPTION, Checkpoint, load_checkpoint, save_checkpoint
-from rudc.learning.parameters import Arrays, fingerprint
+from rudc.learning.parameters import fingerprint
 
 SHIPPED = "results/checkpoints"
 """where trained agents are that come with RUDC"""
@@ -59,16 +58,13 @@ def shipped_checkpoints() -> dict[str, Path]:
 
 
 def save_learnt(folder: Path, learnt: Learnt) -> None:
-    """Write an agent into a folder."""
+    """Write an agent into a folder. Raises StorageError."""
     config = learnt.config
     settings = config.model_dump(mode="json", exclude={"learner", "algorithm"})
     checkpoint = Checkpoint(
         config.algorithm, config.learner, learnt.arrays, learnt.percentiles, settings, learnt.training
     )
-    try:
-        save_checkpoint(folder, checkpoint)
-    except OSError as error:
-        raise StorageError(f"{folder}: the checkpoint could not be written: {error}") from error
+    save_checkpoint(folder, checkpoint)
 
 
 def load_learnt(folder: Path) -> Learnt:
@@ -102,21 +98,3 @@ def learnt_settings(folder: Path, changes: Mapping[str, Any]) -> dict[str, Any]:
         "sigma_percentiles": learnt.percentiles,
         "training": dict(learnt.training),
     }
-
-
-def replace_folder(new: Path, old: Path) -> None:
-    """Let the folder `new` take the place of `old`; at any time one of them stands there or aside."""
-    aside = aside_of(old)
-    try:
-        if old.exists():
-            shutil.rmtree(aside, ignore_errors=True)
-            os.replace(old, aside)
-        os.replace(new, old)
-        shutil.rmtree(aside, ignore_errors=True)
-    except OSError as error:
-        raise StorageError(f"{old}: the checkpoint could not be put in place: {error}") from error
-
-
-def aside_of(folder: Path) -> Path:
-    """Where the old folder stands while it is being replaced."""
-    return folder.with_name(folder.name + ".old")

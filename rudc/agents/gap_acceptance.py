@@ -23,14 +23,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rudc.agents.base import Decision, EgoDriver, unfiltered
 from rudc.agents.tracking import acceleration_towards, speed_allowed, speeds_in_bends, steering
+from rudc.arrays import Array, Flags
 from rudc.network.paths import SPACING
-from rudc.world.scene import Array, Kind, Scene
-
-Flags = NDArray[np.bool_]
+from rudc.world.scene import Kind, Scene
 
 CRUISE = 8.5
 """m/s, desired speed"""

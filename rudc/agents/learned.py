@@ -23,6 +23,7 @@ from rudc.agents.algorithms import DriverConfig
 from rudc.agents.base import Decision, EgoDriver
 from rudc.agents.checkpoint import load_learnt
 from rudc.agents.variation import vary
+from rudc.arrays import Arrays, Floats
 from rudc.env.observation import observe_flat
 from rudc.learning.inference import Decider
 from rudc.learning.parameters import policy_arrays
@@ -31,8 +32,6 @@ from rudc.safety.filter import SafetyFilter
 from rudc.safety.residual import ResidualPredictor, shipped_predictor
 from rudc.safety.slack import Slack
 from rudc.world.scene import Scene
-
-Floats = NDArray[np.float32]
 
 RESIDUAL = "residual/"
 """what the names of the residual predictor's arrays begin with"""
@@ -136,7 +135,7 @@ class LearnedAgent:
         return uncertainty(self._decider.quantiles(observation, action), self.config.learner.beta)
 
 
-def residual_arrays(arrays: Mapping[str, NDArray]) -> dict[str, NDArray]:
+def residual_arrays(arrays: Mapping[str, NDArray]) -> Arrays:
     """The residual predictor's among an agent's arrays; the shipped one's if there are none."""
     own = {k.removeprefix(RESIDUAL): v for k, v in arrays.items() if k.startswith(RESIDUAL)}
     return own or dict(shipped_predictor().arrays)

@@ -6,7 +6,6 @@ What a learnt agent needs besides is imported when one is made.
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -26,6 +25,7 @@ from rudc.agents.gap_acceptance import GapAcceptance
 from rudc.agents.sumo import SumoDriver
 from rudc.agents.variation import Settings, filter_config, parse, split
 from rudc.errors import AgentError
+from rudc.hints import there_are
 from rudc.learning.parameters import fingerprint
 from rudc.safety.residual import shipped_predictor
 
@@ -123,6 +123,4 @@ def _checked(name: str) -> str:
         raise AgentError(f"no agent {name!r}: no filter can be put behind `sumo`, which SUMO itself drives")
     if Path(name).is_dir():
         raise AgentError(f"no agent in {name}: it holds no {DESCRIPTION}")
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-    hint = f" (did you mean {close[0]!r}?)" if close else ""
-    raise AgentError(f"no agent {name!r}{hint}; there are: {', '.join(known)}")
+    raise AgentError(f"no agent {name!r}{there_are(name, known)}")

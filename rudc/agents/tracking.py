@@ -20,9 +20,10 @@ import math
 
 import numpy as np
 
+from rudc.arrays import Array
 from rudc.network.paths import SPACING
 from rudc.network.route import ReferencePath
-from rudc.world.scene import Array, Scene
+from rudc.world.scene import Scene
 
 LATERAL = 3.0
 """m/s2, lateral acceleration accepted in bends"""

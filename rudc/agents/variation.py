@@ -6,7 +6,6 @@ Keys are the fields of `FilterConfig` (`d_safe=0.3`), `residual` (on, off), and 
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
@@ -15,6 +14,7 @@ from pydantic import ValidationError
 
 from rudc.agents.algorithms import DriverConfig
 from rudc.errors import AgentError, InputError
+from rudc.hints import there_are
 from rudc.safety.config import FilterConfig
 
 Settings = dict[str, Any]
@@ -38,9 +38,7 @@ def parse(text: str, *, learnt: bool) -> Settings:
     for part in text.split(","):
         key, equals, value = (piece.strip() for piece in part.partition("="))
         if not equals or key not in known:
-            close = difflib.get_close_matches(key, known, n=1)
-            hint = f" (did you mean {close[0]!r}?)" if close else f"; there are: {', '.join(sorted(known))}"
-            raise AgentError(f"agent setting {part!r}: no setting {key!r}{hint}")
+            raise AgentError(f"agent setting {part!r}: no setting {key!r}{there_are(key, sorted(known))}")
         if key in settings:
             raise AgentError(f"agent setting {key!r} is given twice")
         settings[key] = _value(key, value, known[key])

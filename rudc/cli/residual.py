@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rudc.cli.console import note, print_table
-from rudc.errors import InputError, StorageError
+from rudc.errors import InputError
 
 if TYPE_CHECKING:
     from rudc.safety.residual import ResidualPredictor
@@ -34,7 +34,7 @@ def collect(
     **Example**: `rudc residual collect --out out/residual.safetensors`
     """
     from rudc.agents.registry import make_agent
-    from rudc.evaluation.store import make_folder_of
+    from rudc.files import make_folder_of
     from rudc.training.residual_data import collect as run
     from rudc.training.residual_data import save_dataset
 
@@ -66,9 +66,9 @@ def fit(
     """
     if find_spec("torch") is None:
         raise InputError("fitting needs torch: pip install 'rudc[train]'")
-    from safetensors.numpy import save_file
+    from safetensors.numpy import save
 
-    from rudc.evaluation.store import make_folder_of
+    from rudc.files import make_folder_of, write_atomically
     from rudc.training.residual_data import load_dataset
     from rudc.training.residual_fit import EPOCHS
     from rudc.training.residual_fit import fit as run
@@ -80,10 +80,7 @@ def fit(
     dataset = load_dataset(data)
     make_folder_of(out)
     predictor = run(dataset, seed, progress=progress)
-    try:
-        save_file(predictor.arrays, out)
-    except OSError as error:
-        raise StorageError(f"{out}: the predictor could not be written: {error}") from error
+    write_atomically(out, save(predictor.arrays))
     _show(dataset, predictor, only_held_out=True)
 
 

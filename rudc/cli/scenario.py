@@ -48,7 +48,7 @@ def new(
 
     **Example**: `rudc scenario new my_junction`, then edit `my_junction.yaml`
     """
-    from rudc.evaluation.store import make_folder, write_atomically
+    from rudc.files import make_folder, write_atomically
     from rudc.scenario import json_schema, load_scenario, scenario_template
 
     path = folder / f"{name}.yaml"
@@ -123,7 +123,7 @@ def schema(
     **Example**: `rudc scenario schema --out scenario.schema.json`, and as a file's first line
     `# yaml-language-server: $schema=scenario.schema.json`
     """
-    from rudc.evaluation.store import make_folder_of, write_atomically
+    from rudc.files import make_folder_of, write_atomically
     from rudc.scenario import json_schema
 
     text = json.dumps(json_schema(), indent=2) + "\n"

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from rudc.arrays import Array
 from rudc.vehicle import EgoVehicle
-from rudc.world.scene import Array
 
 
 def to_physical(action: Array, vehicle: EgoVehicle) -> Array:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from PIL import Image, ImageDraw
 
+from rudc.arrays import Array
 from rudc.env.road_picture import GROUND, RoadPicture
-from rudc.world.scene import Array
 
 Colour = tuple[int, int, int] | tuple[int, int, int, int]
 

@@ -36,10 +36,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rudc.arrays import Array, Index
 from rudc.env.remembered import Remembered
 from rudc.env.route_tables import FARTHEST, UNIT, RouteTables
 from rudc.geometry import gaps_between
-from rudc.world.scene import Array, Scene
+from rudc.world.scene import Scene
 
 ACCELERATIONS = (2.5, 1.0, 0.0, -1.5, -4.0)
 """m/s2, what the ego might do"""
@@ -101,9 +102,9 @@ class _View(NamedTuple):
     """(N, 4) see `RouteTables.relative_to`"""
     half: Array
     """(N, 2) m, half sizes"""
-    relevant: NDArray[np.int64]
+    relevant: Index
     """(K,) which have a path and may come into conflict with the ego"""
-    stray: NDArray[np.int64]
+    stray: Index
     """which have no path"""
     s: Array
     """(K, H, T) m, arc lengths on their paths at the steps to come, for each hypothesis"""
@@ -128,7 +129,7 @@ def _view(scene: Scene, tables: RouteTables) -> _View:
     return _View(relative, half, relevant, stray, s[relevant, None, None] + ahead, zone)
 
 
-def _ahead(scene: Scene, which: NDArray[np.int64], limit: Array) -> Array:
+def _ahead(scene: Scene, which: Index, limit: Array) -> Array:
     """(K, H, T) m, ways that others `which` (K,) go; limit (K,) m/s on their paths."""
     velocity = scene.velocity[which]
     v = np.hypot(velocity[:, 0], velocity[:, 1])
@@ -196,7 +197,7 @@ def _gap_features(scene: Scene, tables: RouteTables, view: _View) -> Array:
     return result.ravel()
 
 
-def _gaps_to_stray(scene: Scene, ego_s: Array, which: NDArray[np.int64]) -> Array:
+def _gaps_to_stray(scene: Scene, ego_s: Array, which: Index) -> Array:
     """(A, T) m, least gap to any of those without a path, which (K,), at most `FARTHEST`."""
     position, velocity = scene.position[which], scene.velocity[which]
     speed = np.hypot(velocity[:, 0], velocity[:, 1])

@@ -18,10 +18,11 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
+from rudc.arrays import Array
 from rudc.env.distances import Distances, destination_s, measure
 from rudc.env.reward import reward_terms, step_cost
 from rudc.errors import SimulationError
-from rudc.world.scene import Array, Scene
+from rudc.world.scene import Scene
 
 if TYPE_CHECKING:
     from rudc.scenario.plan import EpisodePlan

@@ -12,6 +12,7 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.utils import EzPickle
 
+from rudc.arrays import Array
 from rudc.env.action import to_physical
 from rudc.env.distances import Distances
 from rudc.env.episode import Episode, Outcome
@@ -22,7 +23,7 @@ from rudc.errors import InputError
 from rudc.network.network import load_network
 from rudc.scenario import EpisodePlan, Scenario, load_scenario
 from rudc.world.config import WorldConfig
-from rudc.world.scene import Array, Scene
+from rudc.world.scene import Scene
 from rudc.world.world import World
 
 Observation = np.ndarray | dict[str, np.ndarray]

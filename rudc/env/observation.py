@@ -32,8 +32,8 @@ from typing import Literal, get_args
 
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
 
+from rudc.arrays import Array, Floats
 from rudc.env.conflict import FEATURES as CONFLICT_FEATURES
 from rudc.env.conflict import conflict_features
 from rudc.env.distances import Distances, measure
@@ -41,10 +41,9 @@ from rudc.env.remembered import Remembered
 from rudc.errors import InputError
 from rudc.network.network import ReferencePath
 from rudc.network.paths import SPACING as STATION
-from rudc.world.scene import Array, Scene
+from rudc.world.scene import Scene
 
 Kind = Literal["paper", "conflict"]
-Floats = NDArray[np.float32]
 
 OTHERS = 12
 """N_SV, surrounding vehicles observed"""

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from rudc.arrays import Array
 from rudc.env.canvas import BODY, HALO, SHAPES, Canvas, Colour, cut, placed
 from rudc.env.distances import destination_s
 from rudc.env.remembered import Remembered
@@ -22,7 +23,7 @@ from rudc.geometry import rectangle_corners
 from rudc.network.network import Network
 from rudc.network.paths import SPACING
 from rudc.network.polyline import strip
-from rudc.world.scene import Array, Kind, Scene
+from rudc.world.scene import Kind, Scene
 
 Frame = NDArray[np.uint8]
 

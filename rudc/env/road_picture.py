@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from PIL import Image, ImageDraw
 
+from rudc.arrays import Array
 from rudc.network.network import Arm, Lane, Network
-from rudc.network.polyline import Array, arc_length, offset_polyline, resample
+from rudc.network.polyline import arc_length, offset_polyline, resample
 
 GROUND, VERGE, ASPHALT = (221, 226, 214), (196, 204, 188), (82, 87, 95)
 MARK, DIVIDER = (235, 237, 240), (240, 196, 68)

@@ -12,12 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from rudc.arrays import Array, Index
 from rudc.geometry import gaps_between
 from rudc.network.network import Network, Route
 from rudc.vehicle import EgoVehicle
-from rudc.world.scene import Array
-
-Index = NDArray[np.int64]
 
 FARTHEST = 10.0
 """m, gaps above count as this"""

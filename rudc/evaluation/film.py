@@ -10,7 +10,7 @@ import numpy as np
 
 from rudc.env.rendering import Frame, Renderer
 from rudc.errors import InputError
-from rudc.evaluation.store import explain
+from rudc.files import explain
 
 if TYPE_CHECKING:
     from rudc.agents.base import Decision

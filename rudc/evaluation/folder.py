@@ -22,8 +22,9 @@ from rudc.errors import SweepError
 from rudc.evaluation.manifest import as_json, manifest, resumed, version_changes
 from rudc.evaluation.metrics import METRIC_COLUMNS, Group, group_metrics
 from rudc.evaluation.record import COLUMNS, CONDITIONS, EpisodeRecord, as_text
-from rudc.evaluation.store import RowFile, format_row, make_folder, read_table, write_atomically
+from rudc.evaluation.store import RowFile, format_row, read_table
 from rudc.evaluation.tasks import Key, SweepPlan, Task
+from rudc.files import make_folder, write_atomically
 
 _ERROR = COLUMNS.index("error")
 

@@ -21,8 +21,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rudc.arrays import Array
 from rudc.evaluation.statistics import Summary, summarise_mean, summarise_rate
-from rudc.world.scene import Array
 
 Row = Mapping[str, str]
 """A row of `episodes.csv`: column name -> text"""

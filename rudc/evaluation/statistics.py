@@ -17,9 +17,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rudc.world.scene import Array
+from rudc.arrays import Array, Flags
 
 Z = 1.959963984540054
 """normal quantile of 0.975"""
@@ -67,7 +66,7 @@ def bootstrap(values: Array, resamples: int = RESAMPLES, seed: int = SEED) -> tu
     return float(low), float(high)
 
 
-def summarise_rate(happened: NDArray[np.bool_]) -> Summary:
+def summarise_rate(happened: Flags) -> Summary:
     """Mean, spread and Wilson interval of happened (n,), in percent."""
     n, k = len(happened), int(np.count_nonzero(happened))
     if n == 0:

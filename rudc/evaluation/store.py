@@ -7,16 +7,15 @@ break. Rewriting (dropping rows, sorting) goes to a file beside it that then rep
 
 from __future__ import annotations
 
-import contextlib
 import csv
 import errno
 import io
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import NoReturn
 
-from rudc.errors import InputError, StorageError, SweepError
+from rudc.errors import SweepError
+from rudc.files import explain, write_atomically
 
 Rows = list[list[str]]
 
@@ -26,57 +25,6 @@ def format_row(cells: Sequence[str]) -> str:
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerow([" ".join(cell.split()) for cell in cells])
     return text.getvalue()
-
-
-def make_folder(path: Path) -> None:
-    """A folder that can be written to, made if there is none. Raises InputError when there cannot be one."""
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        reason = "is a file" if path.is_file() else f"cannot be made a folder ({error.strerror})"
-        raise InputError(f"{path} {reason}; give another folder") from None
-    if not os.access(path, os.R_OK | os.W_OK | os.X_OK):
-        raise InputError(f"{path} cannot be written to (no permission); give another folder")
-
-
-def make_folder_of(path: Path) -> None:
-    """The folder of a file that will be written; one that is there, or a device, needs none. Raises as
-    `make_folder` does.
-    """
-    if not path.exists():
-        make_folder(path.parent)
-
-
-def write_atomically(path: Path, text: str) -> None:
-    """Replace a file's content; a kill leaves the old content or the new, never a mixture.
-
-    What is no plain file (a device, a pipe) is written to, not replaced. Raises StorageError.
-    """
-    try:
-        if path.exists() and not path.is_file():
-            path.write_text(text, encoding="utf-8", newline="")
-            return
-    except OSError as error:
-        explain(path, error)
-    path = path.resolve()  # a link is kept, and what it leads to replaced
-    draft = path.with_name(f".{path.name}.new")
-    try:
-        with open(draft, "w", encoding="utf-8", newline="") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(draft, path)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            draft.unlink()
-        explain(path, error)
-
-
-def explain(path: Path, error: OSError) -> NoReturn:
-    """Raise the StorageError that says why."""
-    full = error.errno in (errno.ENOSPC, errno.EDQUOT)
-    reason = "the disk is full" if full else (error.strerror or str(error))
-    raise StorageError(f"cannot write {path}: {reason}") from error
 
 
 class RowFile:

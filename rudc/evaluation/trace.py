@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rudc.evaluation.record import as_text
-from rudc.evaluation.store import format_row, write_atomically
+from rudc.evaluation.store import format_row
+from rudc.files import write_atomically
 
 if TYPE_CHECKING:
     from rudc.agents.base import Decision

@@ -4,11 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float32]
-Bools = NDArray[np.bool_]
+from rudc.arrays import Flags, Floats
 
 
 class Batch(NamedTuple):
@@ -26,7 +22,7 @@ class Batch(NamedTuple):
     """(B,), gamma^k"""
     next_observation: Floats
     """(B, size), after the k decisions"""
-    terminal: Bools
+    terminal: Flags
     """(B,), whether the episode ended there; False for a time-out, whose value is bootstrapped"""
-    mask: Bools
+    mask: Flags
     """(B, members), m_n of Eq. (ensemble_huber_loss): which critics learn from it"""

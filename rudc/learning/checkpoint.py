@@ -27,12 +27,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 from safetensors import SafetensorError
-from safetensors.numpy import load_file, save_file
+from safetensors.numpy import load_file, save
 
 import rudc
+from rudc.arrays import Arrays
 from rudc.errors import AgentError
+from rudc.files import make_folder, write_atomically
 from rudc.learning.config import LearnerConfig
-from rudc.learning.parameters import Arrays, fingerprint, prior_arrays
+from rudc.learning.parameters import fingerprint, prior_arrays
 
 FORMAT = 1
 WEIGHTS, DESCRIPTION = "agent.safetensors", "agent.json"
@@ -59,8 +61,11 @@ class Checkpoint:
 
 
 def save_checkpoint(folder: Path, checkpoint: Checkpoint) -> None:
-    """Write a checkpoint; an older one in that folder is replaced file by file, never left half-written."""
-    folder.mkdir(parents=True, exist_ok=True)
+    """Write a checkpoint; an older one in that folder is replaced file by file, never left half-written.
+
+    Raises StorageError, or InputError when there cannot be such a folder.
+    """
+    make_folder(folder)
     config = checkpoint.config
     description = {
         "format": FORMAT,
@@ -81,9 +86,7 @@ def save_checkpoint(folder: Path, checkpoint: Checkpoint) -> None:
     }
     save_state(folder / WEIGHTS, checkpoint.arrays)
     text = json.dumps(description, indent=2, allow_nan=False) + "\n"
-    unfinished = folder / (DESCRIPTION + ".part")
-    unfinished.write_text(text, encoding="utf-8")
-    unfinished.replace(folder / DESCRIPTION)
+    write_atomically(folder / DESCRIPTION, text)
 
 
 def load_checkpoint(folder: Path) -> Checkpoint:
@@ -120,10 +123,8 @@ def load_checkpoint(folder: Path) -> Checkpoint:
 
 
 def save_state(path: Path, arrays: Mapping[str, NDArray]) -> None:
-    """Write named arrays to a .safetensors file, whole or not at all."""
-    unfinished = path.with_name(path.name + ".part")
-    save_file({name: np.asarray(value, order="C") for name, value in arrays.items()}, unfinished)
-    unfinished.replace(path)
+    """Write named arrays to a .safetensors file, whole or not at all. Raises StorageError."""
+    write_atomically(path, save({name: np.asarray(value, order="C") for name, value in arrays.items()}))
 
 
 def load_state(path: Path) -> Arrays:

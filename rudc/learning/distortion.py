@@ -26,9 +26,8 @@ from dataclasses import dataclass
 from statistics import NormalDist
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from rudc.arrays import Array
 
 
 @dataclass(frozen=True, slots=True)

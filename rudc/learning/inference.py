@@ -16,8 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rudc.arrays import Arrays, Floats
 from rudc.learning.config import LearnerConfig, NetworkConfig, ObservationLayout
-from rudc.learning.parameters import SCORE_BOUND, Arrays, Floats, prior_arrays, waypoint_positions
+from rudc.learning.parameters import SCORE_BOUND, prior_arrays, waypoint_positions
 from rudc.learning.uncertainty import Uncertainty, uncertainty
 
 

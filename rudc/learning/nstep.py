@@ -15,10 +15,7 @@ from __future__ import annotations
 from collections import deque
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float32]
+from rudc.arrays import Floats
 
 
 class Transition(NamedTuple):

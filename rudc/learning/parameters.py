@@ -14,12 +14,9 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rudc.arrays import Arrays, Floats
 from rudc.learning.config import LearnerConfig, NetworkConfig, ObservationLayout
-
-Floats = NDArray[np.float32]
-Arrays = dict[str, Floats]
 
 TRAINED_GAIN = 1 / math.sqrt(3)
 """standard deviation of a trained weight times sqrt(inputs): that of torch.nn.Linear; outputs start small"""

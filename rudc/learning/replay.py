@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rudc.errors import InputError
+from rudc.files import replacing
 from rudc.learning.batch import Batch
 from rudc.learning.config import LearnerConfig
 
@@ -82,17 +83,17 @@ class Replay:
         return Batch._make(column[rows] for column in self._columns)
 
     def save(self, path: Path) -> None:
-        """Write all that is needed to carry on exactly to a .npz file, whole or not at all."""
+        """Write all that is needed to carry on exactly to a .npz file, whole or not at all. Raises
+        StorageError.
+        """
         state = {
             "stored": self._stored,
             "capacity": self.capacity,
             "generator": self._rng.bit_generator.state,
         }
         columns = {name: column[: len(self)] for name, column in self._columns._asdict().items()}
-        unfinished = path.with_name(path.name + ".part")
-        with unfinished.open("wb") as file:
+        with replacing(path) as file:
             np.savez(file, state=np.array(json.dumps(state)), **columns)
-        unfinished.replace(path)
 
     def load(self, path: Path) -> None:
         """Carry on from a saved replay of the same capacity and layout. InputError if it does not fit."""

@@ -27,15 +27,13 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from rudc.arrays import Arrays
 from rudc.errors import AgentError
 from rudc.learning.batch import Batch
 from rudc.learning.config import LearnerConfig
 from rudc.learning.ensemble import CriticEnsemble
-from rudc.learning.parameters import Arrays
 from rudc.learning.policy import Policy
 from rudc.learning.quantiles import quantile_huber
-
-State = dict[str, NDArray]
 
 
 class RudcLearner:
@@ -149,11 +147,11 @@ class RudcLearner:
         groups = {"policy": self.policy.trained, "critic": self.critics.trained}
         return {f"{group}/{k}": _array(v) for group, weights in groups.items() for k, v in weights.items()}
 
-    def state(self) -> State:
+    def state(self) -> Arrays:
         """All that `load` needs to carry on to the same numbers: weights, targets, moments, generator,
         counters.
         """
-        state: State = dict(self.arrays())
+        state: Arrays = dict(self.arrays())
         for group, weights in {
             "policy_target": self.policy.target,
             "critic_target": self.critics.target,

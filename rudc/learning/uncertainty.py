@@ -23,9 +23,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rudc.arrays import Array, Arrays
 from rudc.learning.distortion import make_distortion
-
-Array = NDArray[np.float64]
 
 
 class Uncertainty(NamedTuple):
@@ -88,7 +87,7 @@ class RunningPercentiles:
             return tuple(float("nan") for _ in self.percentiles)
         return tuple(float(v) for v in np.percentile(self._values[: len(self)], self.percentiles))
 
-    def state(self) -> dict[str, NDArray]:
+    def state(self) -> Arrays:
         """What `load` takes to carry on exactly from here."""
         return {"values": self._values.copy(), "seen": np.array(self._seen)}
 

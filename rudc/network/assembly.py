@@ -7,10 +7,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rudc.arrays import Array, Flags
 from rudc.network.polyline import (
-    Array,
     arc_length,
     headings,
     resample,
@@ -128,20 +127,20 @@ def _lane_ids(edges: Iterable[Any], lanes: dict[str, Lane]) -> tuple[str, ...]:
     return tuple(lane.getID() for edge in edges for lane in edge.getLanes() if lane.getID() in lanes)
 
 
-def decide_major(arms: Sequence[Arm], ways: Sequence[Way], yields: NDArray[np.bool_]) -> list[Arm]:
+def decide_major(arms: Sequence[Arm], ways: Sequence[Way], yields: Flags) -> list[Arm]:
     """The arms, each major if some way from it need not yield to any way from another arm."""
     free = ~_yields_to_others(ways, yields)
     major = {way.source.origin for way, is_free in zip(ways, free, strict=True) if is_free}
     return [replace(arm, major=k in major) for k, arm in enumerate(arms)]
 
 
-def _yields_to_others(ways: Sequence[Way], yields: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _yields_to_others(ways: Sequence[Way], yields: Flags) -> Flags:
     """(P,) whether each way must yield to some way from another arm."""
     origin = np.array([way.source.origin for way in ways])
     return np.any(yields & (origin[:, None] != origin[None, :]), axis=1)
 
 
-def make_movements(arms: Sequence[Arm], ways: Sequence[Way], yields: NDArray[np.bool_]) -> list[Movement]:
+def make_movements(arms: Sequence[Arm], ways: Sequence[Way], yields: Flags) -> list[Movement]:
     """Movements in the order of their first rows."""
     bound = _yields_to_others(ways, yields)
     rows: dict[tuple[int, int], list[int]] = {}

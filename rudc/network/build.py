@@ -11,6 +11,7 @@ import tempfile
 from pathlib import Path
 
 from rudc.errors import NetworkError
+from rudc.files import make_folder_of, write_atomically
 
 SOURCES = {".nod.xml": "--node-files", ".edg.xml": "--edge-files"}
 """files that a network needs, with netconvert's option for each"""
@@ -29,6 +30,7 @@ def build_network(folder: str | Path, out: str | Path | None = None) -> Path:
     """Builds NAME.net.xml from NAME.nod.xml, NAME.edg.xml (and NAME.con.xml, NAME.typ.xml) in a folder.
 
     `out`: the file to write, by default beside the sources. It holds no date and no path of this machine.
+    Raises NetworkError, StorageError, InputError (a folder that cannot be made).
     """
     source = Path(folder)
     name, arguments = _arguments(source)
@@ -41,10 +43,8 @@ def build_network(folder: str | Path, out: str | Path | None = None) -> Path:
             said = (result.stderr.strip() or result.stdout.strip()).replace("\n", "\n  ")
             raise NetworkError(f"{source}: netconvert failed:\n  {said}")
         text = re.sub(r"<!--.*?-->\s*", "", built.read_text(encoding="utf-8"), flags=re.DOTALL)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    partial = target.with_name(f".{target.name}.{os.getpid()}")
-    partial.write_text(text, encoding="utf-8", newline="\n")
-    partial.replace(target)
+    make_folder_of(target)
+    write_atomically(target, text)
     return target
 
 

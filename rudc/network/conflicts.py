@@ -7,11 +7,10 @@ Arc lengths in the table are those of vehicles' centres; half lengths are the re
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from rudc.arrays import Array
 from rudc.network.paths import SPACING, PathTable
-from rudc.network.polyline import Array
 from rudc.network.route import ReferencePath
 from rudc.vehicle import EgoVehicle
 
@@ -64,7 +63,7 @@ def waiting_bumper(path: ReferencePath, paths: PathTable, row: int, stop: float,
     return float(bumper[max(farthest, 0)])
 
 
-def _beyond_stop(paths: PathTable, row: int) -> NDArray[np.float64]:
+def _beyond_stop(paths: PathTable, row: int) -> Array:
     """(K, 2) m, stations of the row from its stop line to 10 m beyond the junction."""
     first, last = int(paths.stop_s[row] / SPACING), int((paths.exit_s[row] + 10.0) / SPACING)
     return paths.xy[row, first:last]

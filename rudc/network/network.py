@@ -11,9 +11,8 @@ major.
 
 from __future__ import annotations
 
-import difflib
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from functools import cache, lru_cache
 from pathlib import Path
 from types import MappingProxyType
@@ -21,12 +20,14 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from rudc.arrays import Array
 from rudc.data import data_folder
 from rudc.errors import NetworkError
+from rudc.hints import there_are
 from rudc.network import assembly, reader
 from rudc.network.conflicts import conflict_table
 from rudc.network.paths import PathTable
-from rudc.network.polyline import Array, without_repeats
+from rudc.network.polyline import without_repeats
 from rudc.network.road import Arm, Lane, Movement, Turn
 from rudc.network.route import ReferencePath, Route
 from rudc.network.route_builder import build_route
@@ -115,7 +116,7 @@ class Network:
             if name == arm.name or name in arm.in_edges or name in arm.out_edges:
                 return arm
         raise NetworkError(
-            _unknown(f"no arm {name!r} in network {self.name}", name, [arm.name for arm in self.arms])
+            f"no arm {name!r} in network {self.name}{there_are(name, [arm.name for arm in self.arms])}"
         )
 
     def lane(self, name: str) -> Lane:
@@ -124,7 +125,7 @@ class Network:
         lane_id = named.get(name, name)
         if lane_id in self.lanes:
             return self.lanes[lane_id]
-        raise NetworkError(_unknown(f"no lane {name!r} in network {self.name}", name, named))
+        raise NetworkError(f"no lane {name!r} in network {self.name}{there_are(name, named)}")
 
     @property
     def lane_names(self) -> dict[str, str]:
@@ -243,13 +244,6 @@ class Network:
         return next((row for row in range(self.paths.count) if end(row) is lane), None)
 
 
-def _unknown(problem: str, given: str, known: Iterable[str]) -> str:
-    names = list(known)
-    close = difflib.get_close_matches(given, names, n=1)
-    hint = f" (did you mean {close[0]!r}?)" if close else ""
-    return f"{problem}{hint}; there are: {', '.join(names)}"
-
-
 @cache
 def shipped_networks() -> Mapping[str, Path]:
     """Name -> .net.xml of the networks that come with RUDC; looked for once."""
@@ -265,8 +259,8 @@ def load_network(source: str | Path, junction: str | None = None) -> Network:
     if path is None:
         path = Path(source)
         if not path.is_file():
-            known = _unknown(f"no network {str(source)!r}, neither shipped nor a file", str(source), shipped)
-            raise NetworkError(known)
+            known = there_are(source, shipped)
+            raise NetworkError(f"no network {str(source)!r}, neither shipped nor a file{known}")
     return _load(path.resolve(), junction, path.stat().st_mtime_ns)
 
 

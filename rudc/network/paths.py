@@ -12,9 +12,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rudc.network.polyline import Array, arc_length, headings, resample, without_repeats
+from rudc.arrays import Array, Flags, Index
+from rudc.network.polyline import arc_length, headings, resample, without_repeats
 
 Edges = Mapping[str, Sequence[str]]
 """lanes of each edge, rightmost first"""
@@ -51,7 +51,7 @@ class PathTable:
     ds = SPACING
 
     def __init__(
-        self, sources: Sequence[PathSource], arms: Sequence[str], edges: Edges, yields: NDArray[np.bool_]
+        self, sources: Sequence[PathSource], arms: Sequence[str], edges: Edges, yields: Flags
     ) -> None:
         lines = [without_repeats(np.concatenate(source.shapes)) for source in sources]
         self.length: Array = np.array([arc_length(line)[-1] for line in lines])
@@ -65,9 +65,9 @@ class PathTable:
         self.heading[:, 0] = self.heading[:, 1]
         self.lane_ids: tuple[tuple[str, ...], ...] = tuple(source.lane_ids for source in sources)
         """lanes of each row, in driving order"""
-        self.origin: NDArray[np.int64] = np.array([source.origin for source in sources])
+        self.origin: Index = np.array([source.origin for source in sources])
         """(P,) index into `Network.arms`"""
-        self.destination: NDArray[np.int64] = np.array([source.destination for source in sources])
+        self.destination: Index = np.array([source.destination for source in sources])
         """(P,) index into `Network.arms`"""
         self.speed_limit: Array = np.array([source.speed for source in sources])
         """(P,) m/s"""
@@ -93,7 +93,7 @@ class PathTable:
         """P."""
         return len(self.length)
 
-    def pose(self, rows: NDArray[np.int64], s: Array) -> tuple[Array, Array, Array]:
+    def pose(self, rows: Index, s: Array) -> tuple[Array, Array, Array]:
         """x m, y m and heading rad, each (...), at arc length s (...) m on rows (...); straight on beyond the
         ends."""
         at = np.asarray(s) * (1.0 / SPACING)

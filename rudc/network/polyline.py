@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from rudc.arrays import Array, Flags
 
 GAP = 0.04
 """m, polygons closer than this touch"""
@@ -74,7 +73,7 @@ def strip(xy: Array, width: float) -> Array:
     return np.vstack([offset_polyline(xy, -width / 2), offset_polyline(xy, width / 2)[::-1]])
 
 
-def inside(polygon: Array, xy: Array) -> NDArray[np.bool_]:
+def inside(polygon: Array, xy: Array) -> Flags:
     """(N,) whether points xy (N, 2) lie in the polygon (K, 2), by the even-odd rule."""
     result = np.zeros(len(xy), dtype=bool)
     low, high = polygon.min(axis=0), polygon.max(axis=0)
@@ -92,7 +91,7 @@ def inside(polygon: Array, xy: Array) -> NDArray[np.bool_]:
     return result
 
 
-def in_any(polygons: Sequence[Array], xy: Array) -> NDArray[np.bool_]:
+def in_any(polygons: Sequence[Array], xy: Array) -> Flags:
     """(N,) whether points xy (N, 2) lie in at least one of the polygons."""
     result = np.zeros(len(xy), dtype=bool)
     for polygon in polygons:

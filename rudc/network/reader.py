@@ -17,11 +17,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rudc.arrays import Array, Flags
 from rudc.errors import NetworkError
 from rudc.network.paths import PathSource
-from rudc.network.polyline import Array
 
 VEHICLE_CLASS = "passenger"
 """SUMO's class of cars: a lane that refuses them is no part of the carriageway"""
@@ -291,7 +290,7 @@ def _links_into(lane: Any) -> list[Any]:
     return [c for links in lane.getEdge().getIncoming().values() for c in links if c.getToLane() is lane]
 
 
-def right_of_way(junction: Junction, ways: list[Way]) -> NDArray[np.bool_]:
+def right_of_way(junction: Junction, ways: list[Way]) -> Flags:
     """(P, P) [i, j]: way i must yield to way j at some node both pass, by SUMO's request matrix."""
     prohibits: dict[str, dict[int, str]] = {node.getID(): node._prohibits for node in junction.nodes}
     yields = np.zeros((len(ways), len(ways)), dtype=bool)

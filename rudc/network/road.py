@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from rudc.network.polyline import Array
+from rudc.arrays import Array
 
 Turn = Literal["left", "straight", "right", "u_turn"]
 

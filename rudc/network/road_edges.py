@@ -14,8 +14,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.ndimage import minimum_filter1d, uniform_filter1d
 
+from rudc.arrays import Array
 from rudc.network.paths import SPACING
-from rudc.network.polyline import Array, union_boundary
+from rudc.network.polyline import union_boundary
 from rudc.network.route import ReferencePath
 
 REACH = 6.0

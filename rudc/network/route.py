@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from rudc.arrays import Array
 from rudc.network.paths import SPACING
-from rudc.network.polyline import Array, arc_length, headings, resample, without_repeats
+from rudc.network.polyline import arc_length, headings, resample, without_repeats
 
 
 class ReferencePath:

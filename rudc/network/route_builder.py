@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rudc.arrays import Array
 from rudc.network.conflicts import waiting_bumper
-from rudc.network.polyline import Array, arc_length, resample, smooth, without_repeats, wrap
+from rudc.network.polyline import arc_length, resample, smooth, without_repeats, wrap
 from rudc.network.road_edges import edge_widths
 from rudc.network.route import ReferencePath, Route, RouteKey
 from rudc.vehicle import EgoVehicle

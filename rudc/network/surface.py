@@ -11,13 +11,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, distance_transform_edt
 from scipy.spatial import KDTree
 
+from rudc.arrays import Array, Flags, Index
 from rudc.network.polyline import GAP, headings, in_any, inside, resample, straightened, union_boundary
-
-Array = NDArray[np.float64]
 
 CELL = 0.25
 """m, spacing of the raster points"""
@@ -114,7 +112,7 @@ class Surface:
             nearest[first : first + len(part), 1] = part[:, 1] - away_y[best]
         return nearest
 
-    def _window(self, polygon: Array) -> tuple[NDArray[np.int64], Array]:
+    def _window(self, polygon: Array) -> tuple[Index, Array]:
         """Flat indices and positions (N, 2) m of the raster points in the polygon's bounding box."""
         low = np.floor((polygon.min(axis=0) - self.origin) / CELL).astype(int)
         high = np.ceil((polygon.max(axis=0) - self.origin) / CELL).astype(int) + 1
@@ -137,7 +135,7 @@ class Surface:
         distance[near] = np.where(drivable[near], gap, -gap)
         return distance
 
-    def _close_seams(self, drivable: NDArray[np.bool_]) -> None:
+    def _close_seams(self, drivable: Flags) -> None:
         """Marks raster points in a seam between lanes as drivable (files state corners to the centimetre).
 
         A seam is what has the area on both sides within GAP, as for `union_boundary`.

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rudc.errors import StorageError
+from rudc.files import replacing
 
 if TYPE_CHECKING:
     import numpy as np
@@ -59,8 +60,9 @@ def grid(
         FigureCanvasAgg(figure)
         yield figure, figure.subplots(rows, columns, squeeze=False, **sharing)
         try:
-            figure.savefig(path, metadata={"Software": None})
-        except (OSError, ValueError) as error:
+            with replacing(path) as file:
+                figure.savefig(file, format=path.suffix[1:] or "png", metadata={"Software": None})
+        except ValueError as error:
             raise StorageError(f"cannot write {path}: {error}") from None
 
 

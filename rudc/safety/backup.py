@@ -33,10 +33,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rudc.arrays import Array, Complex, Flags, Index
 from rudc.geometry import separation
-from rudc.safety.barrier import Array, Complex
 from rudc.safety.config import FilterConfig
 from rudc.safety.prediction import Predictor
 from rudc.world.scene import Scene
@@ -60,7 +59,7 @@ BRAKING = -0.5
 class _Others(NamedTuple):
     """Those whom a manoeuvre might hit, m of them: some twice, for two predictions."""
 
-    who: NDArray[np.int64]
+    who: Index
     """(m,) indices of the scene's others"""
     place: Complex
     """(m, T) m"""
@@ -68,7 +67,7 @@ class _Others(NamedTuple):
     """(m, T)"""
     half: Array
     """(m, 2) m, half lengths and half widths"""
-    still: NDArray[np.bool_]
+    still: Flags
     """(m,) whether they stand still"""
 
 
@@ -80,7 +79,7 @@ class Backup:
         self._times: Array = np.linspace(0.0, HORIZON, round(HORIZON / config.dt) + 1)
         self._predictor = predictor
 
-    def in_the_way(self, scene: Scene, u: Array) -> NDArray[np.int64] | None:
+    def in_the_way(self, scene: Scene, u: Array) -> Index | None:
         """Whom action `u` (2,), m/s2 and rad, would end in hitting, where full braking is better: indices of
         the scene's others. None if `u` may be taken.
         """
@@ -106,7 +105,7 @@ class Backup:
             return None
         return np.unique(others.who[kept & (np.minimum(stopping, going) < -CREEPING)])
 
-    def _behind(self, scene: Scene, who: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _behind(self, scene: Scene, who: Index) -> Index:
         """Those of `who` that drive behind the ego."""
         here: Complex = scene.position[who, 0] + 1j * scene.position[who, 1]
         return who[self._predictor.following(scene, here, np.exp(1j * scene.heading[who]))]

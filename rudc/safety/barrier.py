@@ -46,13 +46,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from rudc.arrays import Array, Complex, Index
 
 if TYPE_CHECKING:
     from rudc.safety.road_points import RoadPoints
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 EPSILON = 1e-6
 """m2, eps0 under the root of the support radii"""
@@ -66,7 +65,7 @@ class Constraints:
 
     names: tuple[str, ...]
     """`veh:ID`, or `road:left:cg` and the like"""
-    others: NDArray[np.int64]
+    others: Index
     """(n,) which of the scene's others the first n of the K are; the rest are road-edge points"""
     position: Complex
     """(K,) m, o"""

@@ -10,9 +10,9 @@ from __future__ import annotations
 import cmath
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rudc.safety.barrier import EPSILON, Array, Complex, Constraints
+from rudc.arrays import Array, Complex, Index
+from rudc.safety.barrier import EPSILON, Constraints
 from rudc.safety.config import FilterConfig
 from rudc.safety.gating import Gate
 from rudc.safety.prediction import Predictor
@@ -75,7 +75,7 @@ class ConstraintBuilder:
         stretch[1] = half[:, 0] ** 2 - across
         return short, stretch
 
-    def _chosen(self, scene: Scene, short: Array, stretch: Array) -> NDArray[np.int64]:
+    def _chosen(self, scene: Scene, short: Array, stretch: Array) -> Index:
         """Indices of the others to be constrained, nearest first."""
         if not scene.count:
             return np.empty(0, dtype=np.int64)

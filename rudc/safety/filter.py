@@ -29,11 +29,11 @@ import math
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rudc.arrays import Array, Index
 from rudc.errors import SolverError
 from rudc.safety.backup import Backup
-from rudc.safety.barrier import Array, Constraints, Terms, barrier_terms
+from rudc.safety.barrier import Constraints, Terms, barrier_terms
 from rudc.safety.config import FilterConfig
 from rudc.safety.constraints import ConstraintBuilder
 from rudc.safety.prediction import Predictor
@@ -159,7 +159,7 @@ class SafetyFilter:
         self.counts[filtered.status] += 1
         return filtered
 
-    def _stopped(self, scene: Scene, proposed: Array, filtered: Filtered, hit: NDArray[np.int64]) -> Filtered:
+    def _stopped(self, scene: Scene, proposed: Array, filtered: Filtered, hit: Index) -> Filtered:
         """Full braking, for the sake of the others `hit`."""
         u = np.array([scene.vehicle.a_min, filtered.u[1]])
         names = tuple(["veh:" + scene.ids[i] for i in hit.tolist()])
@@ -232,7 +232,7 @@ class SafetyFilter:
 
     def _solve(
         self, problem: Problem, conditions: _Conditions, mode: Array
-    ) -> tuple[Status, Solution, NDArray[np.int64]]:
+    ) -> tuple[Status, Solution, Index]:
         """Status, solution, and the indices (k,) of the rows that the solution has multipliers of."""
         spent_ms = 0.0
         kept, hopeless = _undecided(problem)
@@ -288,7 +288,7 @@ class SafetyFilter:
         return _within(body, np.array([a, math.atan(z)])), slack
 
 
-def _undecided(problem: Problem) -> tuple[NDArray[np.int64], bool]:
+def _undecided(problem: Problem) -> tuple[Index, bool]:
     """Indices (k,) of the rows that do not hold everywhere between the bounds; whether any holds nowhere."""
     _, _, rows, b, lower, upper = problem
     middle = rows @ (0.5 * (lower + upper)) - b
@@ -296,7 +296,7 @@ def _undecided(problem: Problem) -> tuple[NDArray[np.int64], bool]:
     return np.flatnonzero(middle < reach), bool((middle + reach).min() < 0.0)
 
 
-def _part(problem: Problem, kept: NDArray[np.int64]) -> Problem:
+def _part(problem: Problem, kept: Index) -> Problem:
     """The problem with some of its rows only."""
     return problem._replace(A=np.asfortranarray(problem.A[kept]), b=problem.b[kept])
 

@@ -19,9 +19,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rudc.safety.barrier import CLOSEST, Array, Complex
+from rudc.arrays import Array, Complex, Index
+from rudc.safety.barrier import CLOSEST
 from rudc.safety.config import FilterConfig
 from rudc.safety.prediction import Predictor
 from rudc.world.scene import Scene
@@ -37,7 +37,7 @@ class Gate:
         self._gap = config.gate_distance
         self._predictor = predictor
 
-    def meeting(self, scene: Scene, short: Array, stretch: Array) -> NDArray[np.int64]:
+    def meeting(self, scene: Scene, short: Array, stretch: Array) -> Index:
         """Indices, nearest first, of those whose ellipse comes closer to the ego's than the gate distance.
 
         `short` and `stretch` (2, N) m2: squares of the half axes across, and along minus across, of ego and

@@ -10,9 +10,8 @@ import cmath
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rudc.safety.barrier import Array, Complex
+from rudc.arrays import Array, Complex, Flags, Index
 from rudc.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -38,7 +37,7 @@ class _Tracks:
         self._step: Complex = np.diff(self.place, append=self.place[:, -1:]).ravel()
         self._place, self._facing = self.place.ravel(), self.facing.ravel()
 
-    def at(self, rows: NDArray[np.int64] | int, s: Array) -> tuple[Complex, Complex]:
+    def at(self, rows: Index | int, s: Array) -> tuple[Complex, Complex]:
         """Places (...) m and directions (...) at arc lengths `s` (...) m; straight on beyond the ends."""
         stations = s * (1.0 / self.spacing)
         i = np.minimum(np.maximum(stations, 0.0), self._stations - 2.0).astype(np.int64)
@@ -61,7 +60,7 @@ class Predictor:
         offset = (complex(scene.ego.x, scene.ego.y) - complex(path[0])) * start
         return path + offset * along, (cmath.exp(1j * scene.ego.psi) * start) * along
 
-    def others(self, scene: Scene, who: NDArray[np.int64], way: Array) -> tuple[Complex, Complex]:
+    def others(self, scene: Scene, who: Index, way: Array) -> tuple[Complex, Complex]:
         """(n, T) m and (n, T): the same of others `who` (n,) after `way` (n, T) m; the first way is 0."""
         if self._network is None or self._network[0] is not scene.network:
             paths = scene.network.paths
@@ -81,7 +80,7 @@ class Predictor:
             turned[free] = heading[free, None]
         return ahead, turned
 
-    def following(self, scene: Scene, place: Complex, facing: Complex) -> NDArray[np.bool_]:
+    def following(self, scene: Scene, place: Complex, facing: Complex) -> Flags:
         """(n,) whether someone at `place` (n,) m, facing `facing` (n,), drives behind the ego on its path."""
         path = self._path(scene)
         here = int(scene.ego_s / path.spacing)

@@ -23,8 +23,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import piqp
 
+from rudc.arrays import Array
 from rudc.errors import SolverError
-from rudc.safety.barrier import Array
 
 TOLERANCE = 1e-6
 """largest violation of an optimality condition that is accepted"""

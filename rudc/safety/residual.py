@@ -28,13 +28,12 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load_file
 
+from rudc.arrays import Array, Arrays, Index
 from rudc.data import data_folder
 from rudc.errors import AgentError
 from rudc.network.paths import SPACING
-from rudc.safety.barrier import Array, Constraints, Terms
+from rudc.safety.barrier import Constraints, Terms
 from rudc.world.scene import Scene
-
-Arrays = dict[str, NDArray]
 
 HEADS = ("vehicle", "road")
 SHIPPED = "results/residual"
@@ -121,7 +120,7 @@ def predicted_change(terms: Terms, a: float, z: float) -> Array:
     return STEP * first + 0.5 * STEP * STEP * second
 
 
-def _yaw_rates(scene: Scene, others: NDArray[np.int64]) -> Array:
+def _yaw_rates(scene: Scene, others: Index) -> Array:
     """(n,) rad/s of vehicles that follow their paths at their speeds; 0 for those that have none."""
     paths, rows = scene.network.paths, scene.path[others]
     here = np.clip(scene.path_s[others] / SPACING, 1, paths.heading.shape[1] - 2).astype(np.int64)

@@ -18,8 +18,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from rudc.arrays import Array, Complex
 from rudc.network.route import Route
-from rudc.safety.barrier import CLOSEST, Array, Complex
+from rudc.safety.barrier import CLOSEST
 from rudc.vehicle import EgoVehicle
 
 REACH = 8.0

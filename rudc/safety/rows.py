@@ -29,7 +29,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rudc.safety.barrier import Array, Terms
+from rudc.arrays import Array
+from rudc.safety.barrier import Terms
 
 
 @dataclass(frozen=True, slots=True)

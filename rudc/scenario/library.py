@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rudc.data import data_folder
 from rudc.errors import ScenarioError
-from rudc.scenario.problems import suggestion
+from rudc.hints import did_you_mean
 
 SUFFIXES = (".yaml", ".yml")
 
@@ -33,9 +33,9 @@ def find_file(source: str | Path) -> Path:
         )
     if _is_path(source):
         beside = [other.name for other in path.parent.glob("*") if other.suffix in SUFFIXES]
-        near = suggestion(path.name, beside) or suggestion(path.stem, list(shipped))
+        near = did_you_mean(path.name, beside) or did_you_mean(path.stem, list(shipped))
         raise ScenarioError(f"{source}: no such file{near}")
-    near = suggestion(source, list(shipped)) or f"; shipped ones: {', '.join(shipped)}"
+    near = did_you_mean(source, list(shipped)) or f"; shipped ones: {', '.join(shipped)}"
     raise ScenarioError(f"{source}: no shipped scenario of this name, and no such file{near}")
 
 

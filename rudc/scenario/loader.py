@@ -9,12 +9,13 @@ from typing import Any
 from pydantic import ValidationError
 
 from rudc.errors import ScenarioError
+from rudc.hints import did_you_mean
 from rudc.scenario.dotted import DottedKeyError, Path, with_value
 from rudc.scenario.inheritance import inherit
 from rudc.scenario.library import find_file, find_files, find_parent, parents_known, shown
 from rudc.scenario.model import Scenario
 from rudc.scenario.networks import is_network_path
-from rudc.scenario.problems import describe, suggestion
+from rudc.scenario.problems import describe
 from rudc.scenario.sweep_check import sweep_reports
 from rudc.scenario.yaml_text import Mark, Report, Sheet, read_yaml
 
@@ -89,7 +90,7 @@ def _read(path: File, children: tuple[File, ...]) -> tuple[Sheet | None, tuple[s
     parent = find_parent(parent_name, path)
     chain = (*children, path.resolve())
     if parent is None:
-        near = suggestion(parent_name, parents_known(path))
+        near = did_you_mean(parent_name, parents_known(path))
         text = f"no scenario {parent_name!r} beside this file, and none shipped{near}"
         return sheet, (), [*reports, sheet.report(("extends",), text)]
     if parent.resolve() in chain:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
 
 from rudc.data import data_folder
+from rudc.hints import nearest
 from rudc.scenario.base import refuse
 
 NETWORK_SUFFIXES = (".net.xml", ".net.xml.gz")
@@ -33,8 +33,8 @@ def existing_network(value: str) -> str:
         return str(path.absolute())
     known = shipped_networks()
     if value not in known:
-        near = get_close_matches(value, known, n=1)
-        meant = f"did you mean {near[0]!r}?" if near else f"shipped ones: {', '.join(known)}"
+        near = nearest(value, known)
+        meant = f"did you mean {near!r}?" if near else f"shipped ones: {', '.join(known)}"
         refuse(
             f"no shipped network {value!r} ({meant}); a network of your own is a path that ends in .net.xml"
         )

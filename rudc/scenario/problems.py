@@ -6,12 +6,12 @@ import inspect
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import Any, get_args
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
+from rudc.hints import did_you_mean, nearest
 from rudc.scenario.base import FileModel
 from rudc.scenario.distributions import FORMS, Choice, Constant, Normal, Uniform
 from rudc.scenario.dotted import Path
@@ -52,17 +52,6 @@ def describe(error: ValidationError, model: type[FileModel], data: Any) -> list[
         for problem, detail in zip(problems, details, strict=True)
         if not (detail["type"] == "missing" and (problem.path[:-1], problem.path[-1]) in misspelt)
     ]
-
-
-def nearest(word: object, known: Sequence[str]) -> str | None:
-    """The known word that is most likely meant."""
-    return next(iter(get_close_matches(str(word), known, n=1, cutoff=0.7)), None)
-
-
-def suggestion(word: object, known: Sequence[str]) -> str:
-    """` (did you mean 'x'?)`, or nothing."""
-    near = nearest(word, known)
-    return f" (did you mean {near!r}?)" if near else ""
 
 
 def got(value: Any) -> str:
@@ -117,7 +106,7 @@ def _in_words(kind: str, value: Any, context: dict[str, Any], message: str, in_n
             return "must not be empty"
         case "literal_error":
             options = re.findall(r"'([^']*)'", context["expected"])
-            near = suggestion(value, options) if isinstance(value, str) else ""
+            near = did_you_mean(value, options) if isinstance(value, str) else ""
             return f"expected one of {', '.join(options)}; got {got(value)}{near}"
         case "tuple_type" | "list_type":
             return f"expected a list, got {got(value)}"
@@ -130,12 +119,12 @@ def _unknown(detail: ErrorDetails, model: type[FileModel]) -> str:
     key, known = detail["loc"][-1], _known(detail, model)
     if key == "<<":
         return "YAML's merge key is not understood here; use `extends`"
-    return "unknown key" + (suggestion(key, known) or f"; known here: {', '.join(known)}")
+    return "unknown key" + (did_you_mean(key, known) or f"; known here: {', '.join(known)}")
 
 
 def _not_a_distribution(path: Path, value: Any) -> Problem:
     forms = ("uniform", "normal", "choice")
-    if isinstance(value, Mapping) and len(value) == 1 and (near := suggestion(next(iter(value)), forms)):
+    if isinstance(value, Mapping) and len(value) == 1 and (near := did_you_mean(next(iter(value)), forms)):
         return Problem((*path, next(iter(value))), f"unknown distribution{near}", on_key=True)
     given = [form for form in forms if isinstance(value, Mapping) and form in value]
     return Problem(path, f"expected {FORMS}; got {' and '.join(given) or got(value)}")
@@ -154,7 +143,7 @@ def _not_an_event(path: Path, value: Any) -> Problem:
     kind = value["kind"]
     if not isinstance(kind, str):
         return Problem((*path, "kind"), f"expected a kind of event, got {got(kind)}")
-    meant = suggestion(kind, list(EVENT_KINDS)) or f"; there are {', '.join(EVENT_KINDS)}"
+    meant = did_you_mean(kind, list(EVENT_KINDS)) or f"; there are {', '.join(EVENT_KINDS)}"
     return Problem((*path, "kind"), f"unknown kind of event {kind!r}{meant}")
 
 

@@ -19,12 +19,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import rankdata
 
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Ints = NDArray[np.int64]
+from rudc.arrays import Array, Flags, Index
 
 RESAMPLES = 1000
 SEED = 20_250
@@ -41,7 +38,7 @@ class Interval(NamedTuple):
     high: float
 
 
-def auroc(scores: Floats, positive: Flags) -> float:
+def auroc(scores: Array, positive: Flags) -> float:
     """How well scores (n,) separate what is positive (n,) from what is not; nan if there is only one kind."""
     positives = int(np.count_nonzero(positive))
     negatives = len(scores) - positives
@@ -52,13 +49,13 @@ def auroc(scores: Floats, positive: Flags) -> float:
 
 
 def auroc_draws(
-    scores: Floats,
+    scores: Array,
     positive: Flags,
-    episode: Ints,
-    stratum: Ints,
+    episode: Index,
+    stratum: Index,
     resamples: int = RESAMPLES,
     seed: int = SEED,
-) -> Floats:
+) -> Array:
     """(resamples,) AUROC with episodes drawn anew; nan where a draw has only one kind.
 
     episode: (n,) index 0 to E - 1 of the episode that each decision belongs to; stratum: (E,) within what an
@@ -74,7 +71,7 @@ def auroc_draws(
     return np.divide(wins, pairs, out=np.full(resamples, math.nan), where=pairs > 0)
 
 
-def _times_drawn(stratum: Ints, resamples: int, seed: int) -> Floats:
+def _times_drawn(stratum: Index, resamples: int, seed: int) -> Array:
     """(resamples, E) how often each episode is drawn."""
     rng = np.random.default_rng(seed)
     times = np.zeros((resamples, len(stratum)))
@@ -86,7 +83,7 @@ def _times_drawn(stratum: Ints, resamples: int, seed: int) -> Floats:
     return times
 
 
-def _bins(scores: Floats) -> Ints:
+def _bins(scores: Array) -> Index:
     """(n,) rising with the score: one for each different score, or BINS with like numbers of decisions if
     there are more; equal scores always share one.
     """
@@ -97,7 +94,7 @@ def _bins(scores: Floats) -> Ints:
     return first * BINS // len(scores)
 
 
-def _counts(episode: Ints, bins: Ints, episodes: int, all_bins: Ints) -> Floats:
+def _counts(episode: Index, bins: Index, episodes: int, all_bins: Index) -> Array:
     """(E, bins) how many decisions of each episode are in each bin."""
     width = int(all_bins.max(initial=0)) + 1
     return (
@@ -105,7 +102,7 @@ def _counts(episode: Ints, bins: Ints, episodes: int, all_bins: Ints) -> Floats:
     )
 
 
-def percentile_interval(value: float, draws: Floats) -> Interval:
+def percentile_interval(value: float, draws: Array) -> Interval:
     """The interval that draws give; none where fewer than nine in ten of them are defined."""
     known = draws[np.isfinite(draws)]
     if len(known) < 0.9 * len(draws):

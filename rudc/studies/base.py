@@ -10,8 +10,8 @@ from typing import Literal
 
 from rudc.agents.checkpoint import shipped_checkpoints
 from rudc.errors import InputError
-from rudc.evaluation.store import write_atomically
 from rudc.evaluation.sweep import Progress
+from rudc.files import write_atomically
 from rudc.scenario import find_scenarios, shipped_scenarios
 from rudc.scenario.model import Scenario
 

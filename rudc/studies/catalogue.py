@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import difflib
-
 from rudc.errors import InputError
+from rudc.hints import there_are
 from rudc.studies import curves, filter_study, sigma_study
 from rudc.studies.base import Order, Study
 
@@ -34,9 +33,7 @@ STUDIES = {
 def find_study(name: str, order: Order) -> Study:
     """The study of that name, if the order fits it. Raises InputError."""
     if name not in STUDIES:
-        close = difflib.get_close_matches(name, STUDIES, n=1)
-        hint = f" (did you mean {close[0]!r}?)" if close else ""
-        raise InputError(f"no study {name!r}{hint}; there are: {', '.join(STUDIES)}")
+        raise InputError(f"no study {name!r}{there_are(name, STUDIES)}")
     study = STUDIES[name]
     if study.takes == "agents" and order.folders:
         raise InputError(f"study {name!r} takes no folders; name agents with --agent")

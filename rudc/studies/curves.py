@@ -19,15 +19,16 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import t as student
 
+from rudc.arrays import Array
 from rudc.errors import InputError
 from rudc.evaluation.metrics import numbers
-from rudc.evaluation.store import make_folder, read_table
+from rudc.evaluation.store import read_table
 from rudc.evaluation.sweep import Progress
+from rudc.files import make_folder
 from rudc.reporting.curves import Curve, draw_curves
 from rudc.reporting.text import csv_text, interval, markdown
 from rudc.studies.base import Order, Report, family, write
 from rudc.training.log import EVALUATION, PROGRESS
-from rudc.world.scene import Array
 
 BIN = 5_000
 """decisions"""

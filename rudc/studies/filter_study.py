@@ -42,9 +42,9 @@ from rudc.evaluation.metrics import numbers
 from rudc.evaluation.preflight import check_scenarios
 from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.statistics import Z, summarise_rate
-from rudc.evaluation.store import make_folder
 from rudc.evaluation.sweep import Progress, run_sweep
 from rudc.evaluation.tasks import SweepPlan
+from rudc.files import make_folder
 from rudc.reporting.text import MISSING, csv_text, interval, markdown
 from rudc.reporting.tradeoff import Point, draw_tradeoff
 from rudc.studies.base import (

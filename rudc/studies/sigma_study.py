@@ -21,19 +21,19 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rudc.agents.base import Agent, Decision, EgoDriver
 from rudc.agents.checkpoint import find_checkpoint
 from rudc.agents.registry import make_agent
 from rudc.agents.variation import split
+from rudc.arrays import Array, Flags, Index
 from rudc.errors import InputError, StorageError
 from rudc.evaluation.preflight import check_scenarios
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.runner import EpisodeRunner
-from rudc.evaluation.store import make_folder
 from rudc.evaluation.sweep import Progress, run_sweep
 from rudc.evaluation.tasks import SweepPlan, Task
+from rudc.files import make_folder, replacing
 from rudc.reporting.separation import Mark, draw_separation
 from rudc.reporting.text import csv_text, interval, markdown
 from rudc.studies.auroc import auroc, auroc_draws, percentile_interval
@@ -57,8 +57,6 @@ EPISODES = {"quick": 10, "full": 100}
 SIGMAS = ("epistemic", "aleatoric", "total")
 INSIDE, OUTSIDE, ALL = "in distribution", "all out of distribution", "all scenarios"
 
-Floats = NDArray[np.float64]
-
 
 class Drive(NamedTuple):
     """What one episode says."""
@@ -66,7 +64,7 @@ class Drive(NamedTuple):
     scenario: str
     violated: bool
     """whether it ended in a violation"""
-    sigmas: Floats
+    sigmas: Array
     """(steps, 3) epistemic, aleatoric, total, reward units"""
 
 
@@ -110,16 +108,12 @@ class ListeningRunner:
         if record.error:
             return record
         path = sigma_file(self._folder, task.agent, task.scenario.name, task.seed)
-        draft = path.with_suffix(".new")
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with open(draft, "wb") as file:
+            make_folder(path.parent)
+            with replacing(path) as file:
                 np.save(file, np.array(self._listeners[task.agent].heard, dtype=np.float32))
-            draft.replace(path)
-        except OSError as error:
-            return EpisodeRecord.failed(
-                record.scenario, record.agent, record.seed, f"{path}: {error.strerror}"
-            )
+        except (InputError, StorageError) as error:
+            return EpisodeRecord.failed(record.scenario, record.agent, record.seed, str(error))
         return record
 
 
@@ -240,13 +234,13 @@ def measure(drives: Mapping[str, Sequence[Drive]]) -> list[dict[str, object]]:
 class _Case(NamedTuple):
     """The decisions that a question is about."""
 
-    sigmas: Floats
+    sigmas: Array
     """(n, 3)"""
-    positive: NDArray[np.bool_]
+    positive: Flags
     """(n,)"""
-    episode: NDArray[np.int64]
+    episode: Index
     """(n,)"""
-    stratum: NDArray[np.int64]
+    stratum: Index
     """(E,) scenario of each episode"""
 
 
@@ -270,7 +264,7 @@ def _case(question: Question, drives: Sequence[Drive]) -> _Case:
     )
 
 
-def _answer(case: _Case, sigma: int) -> tuple[float, Floats]:
+def _answer(case: _Case, sigma: int) -> tuple[float, Array]:
     """AUROC of one sigma, and its bootstrap's draws."""
     scores = np.ascontiguousarray(case.sigmas[:, sigma])
     value = auroc(scores, case.positive)
@@ -279,9 +273,7 @@ def _answer(case: _Case, sigma: int) -> tuple[float, Floats]:
     return value, auroc_draws(scores, case.positive, case.episode, case.stratum)
 
 
-def _line(
-    question: Question, sigma: str, agent: str, cases, value: float, draws: Floats
-) -> dict[str, object]:
+def _line(question: Question, sigma: str, agent: str, cases, value: float, draws: Array) -> dict[str, object]:
     low, high = percentile_interval(value, draws)[1:]
     cases = list(cases)
     return {

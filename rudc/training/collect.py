@@ -15,10 +15,10 @@ from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rudc.agents.gap_acceptance import GapAcceptance
 from rudc.agents.learned import Choice, untrained
+from rudc.arrays import Floats
 from rudc.env.episode import Episode, Outcome, StepResult
 from rudc.env.observation import Kind, observe_flat
 from rudc.evaluation.record import EpisodeRecord
@@ -31,7 +31,6 @@ from rudc.training.curriculum import make_mixture
 from rudc.world.scene import Scene
 from rudc.world.world import World
 
-Floats = NDArray[np.float32]
 By = Literal["reference", "policy"]
 
 

@@ -15,9 +15,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Protocol
 
-from rudc.errors import StorageError
 from rudc.evaluation.record import EpisodeRecord
-from rudc.evaluation.store import write_atomically
+from rudc.files import explain, write_atomically
 from rudc.training.collect import Finished
 
 OUTCOMES = ("success", "frozen", "collision", "off_road", "wrong_way")
@@ -97,7 +96,7 @@ class Log:
             with open(self._folder / f"{name}.csv", "a", encoding="utf-8") as file:
                 file.write(text.getvalue())
         except OSError as error:
-            raise StorageError(f"{self._folder}: the log could not be written: {error}") from error
+            explain(self._folder / f"{name}.csv", error)
         if self._board is not None:
             head = "/".join(str(row[c]) for c in columns if isinstance(row[c], str)) or "train"
             for column in columns:

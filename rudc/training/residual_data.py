@@ -16,12 +16,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from safetensors import SafetensorError
-from safetensors.numpy import load_file, save_file
+from safetensors.numpy import load_file, save
 
 from rudc.agents.algorithms import DriverConfig
 from rudc.agents.base import Agent, Decision
+from rudc.arrays import Array, Floats
 from rudc.env.episode import Episode
-from rudc.errors import InputError, StorageError
+from rudc.errors import InputError
+from rudc.files import write_atomically
 from rudc.network.network import load_network
 from rudc.safety.barrier import Constraints, barrier_terms
 from rudc.safety.config import FilterConfig
@@ -29,7 +31,7 @@ from rudc.safety.constraints import ConstraintBuilder
 from rudc.safety.residual import HEADS, features, predicted_change
 from rudc.training.config import Curriculum
 from rudc.training.curriculum import make_mixture
-from rudc.world.scene import Array, Scene
+from rudc.world.scene import Scene
 from rudc.world.world import World
 
 BUFFERS = {"vehicle": (0.0, 0.8), "road": (0.0, 0.5)}
@@ -46,8 +48,6 @@ STARTING = 0.3
 """share of random actions that do not brake: uniform ones would soon stand still"""
 WAITING = 0.25
 """share of the draws at a standstill that stay there"""
-
-Floats = NDArray[np.float32]
 
 
 class Samples(NamedTuple):
@@ -197,10 +197,7 @@ class _Keeper:
 def save_dataset(path: Path, dataset: Dataset) -> None:
     """Write samples to a file. Raises StorageError."""
     arrays = {f"{head}/{k}": v for head, samples in dataset.items() for k, v in samples._asdict().items()}
-    try:
-        save_file({k: np.ascontiguousarray(v) for k, v in arrays.items()}, path)
-    except (OSError, SafetensorError) as error:
-        raise StorageError(f"{path}: samples could not be written: {error}") from error
+    write_atomically(path, save({k: np.ascontiguousarray(v) for k, v in arrays.items()}))
 
 
 def load_dataset(path: Path) -> Dataset:

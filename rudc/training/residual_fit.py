@@ -23,6 +23,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from rudc.arrays import Arrays, Flags, Floats
 from rudc.safety.residual import HEADS, VEHICLE, ResidualPredictor
 from rudc.training.residual_data import Dataset, Samples
 
@@ -75,17 +76,17 @@ def standing(vehicles: Samples) -> Samples:
     return _chosen(vehicles, slow & (_distance(vehicles) < 10))
 
 
-def _feature(vehicles: Samples, name: str) -> NDArray[np.float32]:
+def _feature(vehicles: Samples, name: str) -> Floats:
     """(M,) one of `VEHICLE`."""
     return vehicles.xi[:, VEHICLE.index(name)]
 
 
-def _distance(vehicles: Samples) -> NDArray[np.float32]:
+def _distance(vehicles: Samples) -> Floats:
     """(M,) m, |r| from the ego."""
     return 20 * _feature(vehicles, "distance / 20")
 
 
-def _chosen(samples: Samples, which: NDArray[np.bool_]) -> Samples:
+def _chosen(samples: Samples, which: Flags) -> Samples:
     return Samples(samples.xi[which], samples.change[which], samples.w[which], samples.episode[which])
 
 
@@ -97,7 +98,7 @@ def fit(
 ) -> ResidualPredictor:
     """Learn both heads. `progress` is told head, epoch and loss."""
     torch.set_num_threads(1)  # layers this small gain nothing by more, and beside other work lose much
-    arrays: dict[str, NDArray] = {}
+    arrays: Arrays = {}
     for number, head in enumerate(HEADS):
         arrays |= _fit(held_out(dataset[head], rest=True), head, (seed, number), epochs, progress)
     return ResidualPredictor(arrays)
@@ -136,7 +137,7 @@ def _fit(
     seed: tuple[int, int],
     epochs: int,
     progress: Callable[[str, int, float], None] | None,
-) -> dict[str, NDArray]:
+) -> Arrays:
     rng = np.random.default_rng((*seed, 78))
     mean, spread = samples.xi.mean(axis=0), np.maximum(samples.xi.std(axis=0), 1e-3)
     unit = np.maximum(_unit(samples, head), 1e-9)

@@ -30,16 +30,15 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
-from rudc.agents.checkpoint import LATEST, Learnt, aside_of, replace_folder, save_learnt
+from rudc.agents.checkpoint import LATEST, Learnt, save_learnt
 from rudc.agents.learned import RESIDUAL
-from rudc.errors import AgentError, InputError, StorageError, TrainingError
+from rudc.arrays import Arrays
+from rudc.errors import AgentError, InputError, TrainingError
 from rudc.evaluation.memory import keep_freed_blocks
-from rudc.evaluation.store import make_folder, write_atomically
+from rudc.files import aside_of, make_folder, replace_folder, write_atomically
 from rudc.learning.checkpoint import load_state, save_state
 from rudc.learning.nstep import Transition
-from rudc.learning.parameters import Arrays
 from rudc.learning.replay import Replay
 from rudc.learning.sac import RudcLearner
 from rudc.learning.uncertainty import RunningPercentiles, uncertainty
@@ -229,12 +228,9 @@ class Trainer:
         state = {f"learner/{k}": v for k, v in self._learner.state().items()}
         state |= {f"sigma/{k}": v for k, v in self._sigmas.state().items()}
         counters = {"round": self._round, "wall_s": self._elapsed()}
-        try:
-            save_state(new / STATE, state)
-            self._replay.save(new / REPLAY)
-            (new / COUNTERS).write_text(json.dumps(counters) + "\n", encoding="utf-8")
-        except OSError as error:
-            raise StorageError(f"{new}: the checkpoint could not be written: {error}") from error
+        save_state(new / STATE, state)
+        self._replay.save(new / REPLAY)
+        write_atomically(new / COUNTERS, json.dumps(counters) + "\n")
         replace_folder(new, self._latest)
 
     def _restore(self) -> None:
@@ -279,7 +275,7 @@ def astray(losses: Mapping[str, float], limit: float) -> bool:
     return not all(abs(losses[name]) <= limit for name in watched)  # nan is not <= anything
 
 
-def _below(state: dict[str, NDArray], prefix: str) -> dict[str, NDArray]:
+def _below(state: Arrays, prefix: str) -> Arrays:
     return {key[len(prefix) :]: value for key, value in state.items() if key.startswith(prefix)}
 
 

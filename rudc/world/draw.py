@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rudc.network.polyline import Array, offset_polyline, resample, strip
+from rudc.arrays import Array
+from rudc.network.polyline import offset_polyline, resample, strip
 from rudc.network.road import Arm, Lane
 
 if TYPE_CHECKING:

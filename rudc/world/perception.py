@@ -6,9 +6,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rudc.world.scene import Array, Scene
+from rudc.arrays import Array, Flags
+from rudc.world.scene import Scene
 
 
 @dataclass(slots=True)
@@ -76,7 +76,7 @@ def _only(scene: Scene, index: np.ndarray) -> Scene:
     )
 
 
-def visible(scene: Scene, occluders: Array) -> NDArray[np.bool_]:
+def visible(scene: Scene, occluders: Array) -> Flags:
     """(N,) whether some line of sight from the ego's centre to a vehicle's centre or corners clears all boxes
     (K, 5)."""
     along = 0.5 * scene.size[:, :1] * np.stack([np.cos(scene.heading), np.sin(scene.heading)], axis=1)
@@ -93,7 +93,7 @@ def visible(scene: Scene, occluders: Array) -> NDArray[np.bool_]:
     return np.any(clear, axis=1)
 
 
-def _segment_meets_box(a: Array, b: Array, half: Array) -> NDArray[np.bool_]:
+def _segment_meets_box(a: Array, b: Array, half: Array) -> Flags:
     """Whether segments from a (2,) to b (..., 2) meet the box |x| <= half[0], |y| <= half[1] (slab
     method)."""
     step = b - a

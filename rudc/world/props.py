@@ -12,8 +12,9 @@ import math
 
 import numpy as np
 
+from rudc.arrays import Array
 from rudc.geometry import rectangles_overlap
-from rudc.world.scene import Array, Kind, Scene
+from rudc.world.scene import Kind, Scene
 
 BRAKING = 6.0
 """m/s2, with which a moving prop stops"""

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from rudc.arrays import Array
 from rudc.vehicle import EgoVehicle
 from rudc.world.contact import overlapping
-from rudc.world.scene import Array, EgoState, Scene
+from rudc.world.scene import EgoState, Scene
 from rudc.world.sumo import Motion, Sumo
 from rudc.world.traffic import EGO, Traffic
 

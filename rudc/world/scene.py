@@ -12,14 +12,12 @@ from enum import IntEnum
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rudc.arrays import Array, Index
 from rudc.vehicle import EgoVehicle
 
 if TYPE_CHECKING:
     from rudc.network.network import Network, Route
-
-Array = NDArray[np.float64]
 
 
 class Kind(IntEnum):
@@ -89,9 +87,9 @@ class Scene:
     """(N,) m/s2, longitudinal"""
     size: Array
     """(N, 2) m, length and width"""
-    kind: NDArray[np.int64]
+    kind: Index
     """(N,) `Kind`"""
-    path: NDArray[np.int64]
+    path: Index
     """(N,) row of `network.paths` along which each drives, -1 for none (obstacle, pedestrian, wrong way)"""
     path_s: Array
     """(N,) m, arc length of each one's centre along that path"""

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rudc.arrays import Array
 from rudc.errors import SimulationError, WorldBusyError
 
 try:
@@ -28,7 +28,6 @@ except ImportError as error:  # pragma: no cover - only on a machine without it
         f"libsumo cannot be imported ({error}); install it with: pip install libsumo"
     ) from error
 
-Array = NDArray[np.float64]
 
 OWN_SPEED = 31
 """SUMO's speed mode with every check on"""

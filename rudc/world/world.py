@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
+from rudc.arrays import Array
 from rudc.errors import SimulationError
 from rudc.world.brakes import Brakes
 from rudc.world.config import WorldConfig
@@ -27,7 +28,7 @@ from rudc.world.events import Happening, Script, Stage
 from rudc.world.fault import Collision, judge
 from rudc.world.perception import Sensors
 from rudc.world.reading import EgoView, Reader
-from rudc.world.scene import Array, EgoState, Kind, Scene
+from rudc.world.scene import EgoState, Kind, Scene
 from rudc.world.spawn import draw_route, safe_to_start
 from rudc.world.sumo import Sumo
 from rudc.world.traffic import EGO, Traffic, type_file

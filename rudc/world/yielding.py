@@ -28,8 +28,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rudc.arrays import Array
 from rudc.network.paths import SPACING
-from rudc.world.scene import Array, Scene
+from rudc.world.scene import Scene
 
 HORIZON_S = 0.25 * np.arange(9.0)
 """(9,) s, the instants looked at; the first is now"""

@@ -18,8 +18,9 @@ os.environ["OPENBLAS_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = "1"  # read
 import numpy as np
 import torch
 
+from rudc.arrays import Floats
 from rudc.learning.config import LearnerConfig
-from rudc.learning.inference import Decider, Floats
+from rudc.learning.inference import Decider
 from rudc.learning.sac import RudcLearner
 from rudc.learning.uncertainty import uncertainty
 from tests.benchmarks.critic_update import configurations

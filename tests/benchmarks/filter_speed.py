@@ -12,7 +12,7 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
-from rudc.safety.barrier import Array
+from rudc.arrays import Array
 from rudc.safety.filter import FilterConfig, SafetyFilter
 from rudc.world.scene import Scene
 from tests.safety.scenes import CROSSING, Other, make_scene

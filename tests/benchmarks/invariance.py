@@ -18,7 +18,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rudc.safety.barrier import Array, Complex, barrier_terms
+from rudc.arrays import Array, Complex
+from rudc.safety.barrier import barrier_terms
 from rudc.safety.filter import FilterConfig, SafetyFilter
 from rudc.world.scene import Scene
 from tests.safety.scenes import Other, make_scene

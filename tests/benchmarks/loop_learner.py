@@ -18,10 +18,10 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import gelu, softplus
 
+from rudc.arrays import Arrays
 from rudc.learning.batch import Batch
 from rudc.learning.config import LearnerConfig, NetworkConfig, ObservationLayout
 from rudc.learning.parameters import (
-    Arrays,
     critic_arrays,
     policy_arrays,
     prior_arrays,

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rudc.errors import StorageError, SweepError
-from rudc.evaluation.store import RowFile, format_row, read_table, write_atomically
+from rudc.evaluation.store import RowFile, format_row, read_table
 
 HEADER = ["name", "text"]
 
@@ -72,44 +72,6 @@ def test_a_full_disk_leaves_the_file_as_it_was(file, monkeypatch, taken):
     with pytest.raises(StorageError, match="the disk is full"):
         file.append(["b", "2"])
     assert file.path.read_bytes() == before
-
-
-def test_writing_atomically_replaces_or_leaves(tmp_path, monkeypatch):
-    path = tmp_path / "file.txt"
-    write_atomically(path, "old")
-    monkeypatch.setattr(
-        "rudc.evaluation.store.os.fsync", lambda _: (_ for _ in ()).throw(OSError(errno.ENOSPC, "x"))
-    )
-    with pytest.raises(StorageError, match="the disk is full"):
-        write_atomically(path, "new")
-    assert path.read_text() == "old"
-    assert os.listdir(tmp_path) == ["file.txt"]
-
-
-def test_a_device_or_pipe_is_written_to_and_stays_what_it_is(tmp_path):
-    pipe = tmp_path / "pipe"
-    os.mkfifo(pipe)
-    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
-    write_atomically(pipe, "text")
-    assert os.read(reader, 10) == b"text"
-    os.close(reader)
-    assert pipe.is_fifo()
-
-
-def test_a_link_is_kept_and_what_it_leads_to_replaced(tmp_path):
-    (tmp_path / "link.txt").symlink_to(tmp_path / "file.txt")
-    for text in ("first", "second"):
-        write_atomically(tmp_path / "link.txt", text)
-    assert (tmp_path / "file.txt").read_text() == "second"
-    assert (tmp_path / "link.txt").is_symlink()
-
-
-def test_where_nothing_can_be_written_is_said_plainly(tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(StorageError, match=r"cannot write .*file/x: Not a directory"):
-        write_atomically(tmp_path / "file" / "x", "text")
-    with pytest.raises(StorageError, match="Is a directory"):
-        write_atomically(tmp_path, "text")
 
 
 def test_a_folder_that_is_no_sweep(tmp_path):

@@ -170,7 +170,7 @@ def test_where_no_folder_can_be_is_said(fakes, make_plan, tmp_path, monkeypatch)
         run_sweep(make_plan(), tmp_path / "file", fakes.Runner)
     with pytest.raises(InputError, match=r"cannot be made a folder \(Not a directory\); give another folder"):
         run_sweep(make_plan(), tmp_path / "file" / "x", fakes.Runner)
-    monkeypatch.setattr("rudc.evaluation.store.os.access", lambda *_: False)
+    monkeypatch.setattr("rudc.files.os.access", lambda *_: False)
     with pytest.raises(InputError, match=r"no permission.*; give another folder"):
         run_sweep(make_plan(), tmp_path / "locked", fakes.Runner)
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rudc.errors import AgentError
+from rudc.errors import AgentError, StorageError
 from rudc.learning.checkpoint import (
     DESCRIPTION,
     WEIGHTS,
@@ -112,3 +112,12 @@ def test_a_training_goes_on_from_its_stored_state(tmp_path: Path) -> None:
     assert one.update(random_batch(CONFIG, 8, 1)) == two.update(random_batch(CONFIG, 8, 1))
     for name, value in one.state().items():
         assert np.array_equal(value, two.state()[name]), name
+
+
+def test_a_full_disk_is_said_and_leaves_the_old_weights(tmp_path):
+    path = tmp_path / WEIGHTS
+    save_state(path, {"x": np.zeros(3)})
+    (tmp_path / f".{WEIGHTS}.new").symlink_to("/dev/full")  # where the draft goes
+    with pytest.raises(StorageError, match="the disk is full"):
+        save_state(path, {"x": np.ones(100_000)})
+    assert load_state(path)["x"].tolist() == [0, 0, 0]

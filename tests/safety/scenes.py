@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from rudc.network.polyline import Array
+from rudc.arrays import Array
 from rudc.network.route import ReferencePath
 from rudc.vehicle import EgoVehicle
 from rudc.world.scene import EgoState, Kind, Scene

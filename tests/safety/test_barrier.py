@@ -9,7 +9,8 @@ import pytest
 import sympy
 import torch
 
-from rudc.safety.barrier import EPSILON, Array, Constraints, barrier_terms
+from rudc.arrays import Array
+from rudc.safety.barrier import EPSILON, Constraints, barrier_terms
 from rudc.safety.rows import RowWeights, affine_rows, ecbf_weights, ttcbf_weights
 
 STATES = 10_000

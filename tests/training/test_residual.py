@@ -5,8 +5,8 @@ import pytest
 import torch
 from safetensors.numpy import save_file
 
+from rudc.arrays import Array
 from rudc.errors import AgentError, InputError
-from rudc.network.polyline import Array
 from rudc.safety.residual import (
     HEADS,
     ROAD,

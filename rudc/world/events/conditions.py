@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rudc.arrays import Array
 from rudc.geometry import rectangle_gaps
 from rudc.world.events.stage import pick
-from rudc.world.scene import Array, Scene
+from rudc.world.scene import Scene
 
 if TYPE_CHECKING:
     from rudc.scenario.triggers import Trigger

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rudc.arrays import Array
 from rudc.geometry import rectangle_corners
-from rudc.world.scene import Array, Scene
+from rudc.world.scene import Scene
 
 if TYPE_CHECKING:
     from rudc.network.network import Network, Route

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rudc.arrays import Array
 from rudc.errors import SimulationError
 from rudc.geometry import rectangle_corners
 from rudc.scenario.events import (
@@ -21,7 +22,7 @@ from rudc.scenario.events import (
 from rudc.scenario.poses import Pose
 from rudc.world.events.effect import Effect, Held
 from rudc.world.props import Prop, standing
-from rudc.world.scene import Array, Kind, Scene
+from rudc.world.scene import Kind, Scene
 from rudc.world.sumo import BRAKE_HARD, OWN_SPEED
 from rudc.world.traffic import VEHICLE_TYPES
 

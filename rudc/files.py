@@ -1,0 +1,104 @@
+"""How files come to the disk: whole or not at all, and a StorageError with a reason where that fails.
+
+A file's new content goes to a draft beside it (`.NAME.new`), is flushed to the disk, and then takes the
+file's place: a kill leaves the old content or the new, never a mixture. A draft that a kill left is written
+over by the next.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO, NoReturn
+
+from rudc.errors import InputError, StorageError
+
+
+def make_folder(path: Path) -> None:
+    """A folder that can be written to, made if there is none. Raises InputError when there cannot be one."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        reason = "is a file" if path.is_file() else f"cannot be made a folder ({error.strerror})"
+        raise InputError(f"{path} {reason}; give another folder") from None
+    if not os.access(path, os.R_OK | os.W_OK | os.X_OK):
+        raise InputError(f"{path} cannot be written to (no permission); give another folder")
+
+
+def make_folder_of(path: Path) -> None:
+    """The folder of a file that will be written; one that is there, or a device, needs none. Raises as
+    `make_folder` does.
+    """
+    if not path.exists():
+        make_folder(path.parent)
+
+
+def write_atomically(path: Path, content: str | bytes) -> None:
+    """Replace a file's content, text as UTF-8 with its line breaks as they are. Raises StorageError."""
+    with replacing(path) as file:
+        file.write(content.encode() if isinstance(content, str) else content)
+
+
+@contextlib.contextmanager
+def replacing(path: Path) -> Iterator[BinaryIO]:
+    """A file to write the new content to; it takes the place of `path` when the block ends, unless by an
+    exception.
+
+    A link is kept, and what it leads to replaced. What is no plain file (a device, a pipe) is written to, not
+    replaced. An OSError in the block, or after it, is raised as StorageError.
+    """
+    try:
+        if path.exists() and not path.is_file():
+            with open(path, "wb") as file:
+                yield file
+            return
+        with _drafted(path.resolve()) as file:
+            yield file
+    except OSError as error:
+        explain(path, error)
+
+
+@contextlib.contextmanager
+def _drafted(path: Path) -> Iterator[BinaryIO]:
+    draft = path.with_name(f".{path.name}.new")
+    try:
+        with open(draft, "wb") as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(draft, path)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            draft.unlink()
+        raise
+
+
+def replace_folder(new: Path, old: Path) -> None:
+    """Let the folder `new` take the place of `old`; at any time one of them stands there or aside. Raises
+    StorageError.
+    """
+    aside = aside_of(old)
+    try:
+        if old.exists():
+            shutil.rmtree(aside, ignore_errors=True)
+            os.replace(old, aside)
+        os.replace(new, old)
+        shutil.rmtree(aside, ignore_errors=True)
+    except OSError as error:
+        explain(old, error)
+
+
+def aside_of(folder: Path) -> Path:
+    """Where the old folder stands while it is being replaced."""
+    return folder.with_name(folder.name + ".old")
+
+
+def explain(path: Path, error: OSError) -> NoReturn:
+    """Raise the StorageError that says what could not be written, and why."""
+    full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+    reason = "the disk is full" if full else (error.strerror or str(error))
+    raise StorageError(f"cannot write {path}: {reason}") from error
