@@ -1,7 +1,7 @@
 """Floor 1: YAML file -> validated `Scenario` -> (seed) -> concrete `EpisodePlan`. Knows nothing of SUMO."""
 
 from rudc.scenario.distributions import Distribution, distribution
-from rudc.scenario.events import EVENT_KINDS, Event
+from rudc.scenario.events import EVENT_KINDS, Event, register_event
 from rudc.scenario.json_schema import json_schema
 from rudc.scenario.library import shipped_scenarios
 from rudc.scenario.loader import find_scenarios, load_scenario
@@ -24,6 +24,7 @@ __all__ = [
     "find_scenarios",
     "json_schema",
     "load_scenario",
+    "register_event",
     "scenario_template",
     "shipped_scenarios",
 ]

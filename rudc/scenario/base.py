@@ -45,7 +45,7 @@ class FileModel(BaseModel, frozen=True):
         try:
             handler(data)
         except ValidationError as error:
-            problems = [*(_again(known) for known in error.errors(include_url=False)), *problems]
+            problems = [*(again(known) for known in error.errors(include_url=False)), *problems]
         raise ValidationError.from_exception_data(cls.__name__, problems)
 
 
@@ -64,15 +64,15 @@ def _detail(message: str, loc: tuple[str | int, ...], data: Any) -> InitErrorDet
     return InitErrorDetails(type=refusal(message, *loc, on_key=True), loc=(), input=data)
 
 
-def _again(error: ErrorDetails) -> InitErrorDetails:
-    """An error that pydantic has reported, to be reported once more."""
-    kind, context = error["type"], error.get("ctx", {})
+def again(error: ErrorDetails, *before: str | int) -> InitErrorDetails:
+    """An error that pydantic has reported, to be reported once more, with `before` in front of its place."""
+    kind, context, loc = error["type"], error.get("ctx", {}), (*before, *error["loc"])
     if kind in ERROR_TYPES:
-        return InitErrorDetails(type=kind, loc=error["loc"], input=error["input"], ctx=context)
+        return InitErrorDetails(type=kind, loc=loc, input=error["input"], ctx=context)
     template = "{message}" if "message" in context else error["msg"]
     # The texts are constants of this package, though no longer known as such here.
-    again = PydanticCustomError(kind, template, context)  # pyright: ignore[reportArgumentType]
-    return InitErrorDetails(type=again, loc=error["loc"], input=error["input"])
+    known = PydanticCustomError(kind, template, context)  # pyright: ignore[reportArgumentType]
+    return InitErrorDetails(type=known, loc=loc, input=error["input"])
 
 
 def _as_text(value: Any) -> Any:

@@ -10,7 +10,7 @@ from rudc.errors import SimulationError
 
 if TYPE_CHECKING:
     from rudc.scenario.distributions import Distribution
-    from rudc.scenario.events import Event
+    from rudc.scenario.events.event import Event
     from rudc.scenario.model import Scenario
 
 Turn = Literal["left", "straight", "right"]

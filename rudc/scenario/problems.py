@@ -15,11 +15,10 @@ from rudc.hints import did_you_mean, nearest
 from rudc.scenario.base import FileModel
 from rudc.scenario.distributions import FORMS, Choice, Constant, Normal, Uniform
 from rudc.scenario.dotted import Path
-from rudc.scenario.events import EVENT_KINDS
+from rudc.scenario.events.registry import EVENT_KINDS, tag_of
 
-_TAGS: dict[str, type[FileModel]] = {
-    **{f"<{kind}>": model for kind, model in EVENT_KINDS.items()},
-    **{f"<{model.__name__.lower()}>": model for model in (Constant, Uniform, Normal, Choice)},
+_FORMS: dict[str, type[FileModel]] = {
+    f"<{model.__name__.lower()}>": model for model in (Constant, Uniform, Normal, Choice)
 }
 _PAIR = {"mean": 0, "std": 1}
 """places in [mean, std]"""
@@ -173,9 +172,10 @@ def _keys(model: type[FileModel] | None) -> list[str]:
 def _model_at(loc: Sequence[str | int], model: type[FileModel]) -> type[FileModel] | None:
     """What the mapping at an error's location is made of."""
     here: type[FileModel] | None = model
+    tags = _FORMS | {tag_of(kind): event for kind, event in EVENT_KINDS.items()}
     for part in loc:
-        if part in _TAGS:
-            here = _TAGS[str(part)]
+        if part in tags:
+            here = tags[str(part)]
         elif isinstance(part, str) and here is not None:
             named = {field.alias or name: field for name, field in here.model_fields.items()}
             here = _model_in(named[part].annotation) if part in named else None

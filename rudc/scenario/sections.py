@@ -18,7 +18,7 @@ from pydantic_core import CoreSchema
 from rudc.errors import InputError
 from rudc.scenario.base import FileModel, Identifier, refuse
 from rudc.scenario.distributions import AnyDistribution, Bounds, Constant, Normal, NormalParameters, Uniform
-from rudc.scenario.events import Speed
+from rudc.scenario.events.event import Speed
 from rudc.scenario.plan import EgoPlan, TrafficPlan
 
 Share = Annotated[AnyDistribution, Bounds(0, 1e6)]

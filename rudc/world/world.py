@@ -24,7 +24,7 @@ from rudc.world.brakes import Brakes
 from rudc.world.config import WorldConfig
 from rudc.world.contact import NOTHING, Body, Nearest, ego_body, nearer, survey
 from rudc.world.ego import EgoPlant, realised
-from rudc.world.events import Happening, Script, Stage
+from rudc.world.events import Happening, Script, WorldStage
 from rudc.world.fault import Collision, judge
 from rudc.world.perception import Sensors
 from rudc.world.reading import EgoView, Reader
@@ -129,10 +129,14 @@ class World:
         """The world as the ego's sensors show it; the same object until the next `advance`."""
         if self._perceived is None:
             self._perceived = self.stage.sensors.perceive(self.scene(), self._sensor_rng)
+            self._script.look(self._perceived)
         return self._perceived
 
     def happenings(self) -> tuple[Happening, ...]:
-        """How each event of the episode stands, in the order of `plan.events`."""
+        """How each event of the episode stands, in the order of `plan.events`.
+
+        What the ego sees of them is noted whenever it looks: at each call of `perceived`.
+        """
         return self._script.happenings()
 
     def advance(self, u: Array) -> Advance:
@@ -185,7 +189,7 @@ class World:
         self._decisions = 0
         self._ego_inside = False
         self._place_ego(ego_rng)
-        self.stage = Stage(
+        self.stage = WorldStage(
             self._sumo, self.network, self.traffic, self._plant, self.route, event_rng,
             Sensors(np.zeros((0, 5))), self.config.decision_s, self._ego_s,
         )  # fmt: skip

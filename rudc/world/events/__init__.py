@@ -1,7 +1,9 @@
-"""Events: what a scenario scripts to go wrong. A new kind is one model in `rudc.scenario.events` and one
-class here."""
+"""Plays a scenario's events in the world: their script, and the stage they act on.
+
+The kinds of event are in `rudc.scenario.events`, one file each.
+"""
 
 from rudc.world.events.script import Happening, Script
-from rudc.world.events.stage import Stage
+from rudc.world.events.stage import WorldStage
 
-__all__ = ["Happening", "Script", "Stage"]
+__all__ = ["Happening", "Script", "WorldStage"]

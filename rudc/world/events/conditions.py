@@ -10,53 +10,53 @@ import numpy as np
 
 from rudc.arrays import Array
 from rudc.geometry import rectangle_gaps
-from rudc.world.events.stage import pick
+from rudc.world.events.selection import pick
 from rudc.world.scene import Scene
 
 if TYPE_CHECKING:
     from rudc.scenario.triggers import Trigger
-    from rudc.world.events.stage import Stage
+    from rudc.world.events.stage import WorldStage
 
 
-def holds(trigger: Trigger, scene: Scene, stage: Stage) -> bool:
+def holds(trigger: Trigger, scene: Scene, stage: WorldStage) -> bool:
     """Whether all conditions of a trigger hold in this scene."""
     return all(_CONDITIONS[name](condition, scene, stage) for name, condition in trigger.conditions.items())
 
 
-def _simulation_time(condition: Any, scene: Scene, stage: Stage) -> bool:
+def _simulation_time(condition: Any, scene: Scene, stage: WorldStage) -> bool:
     return condition.holds(scene.time_s)
 
 
-def _traveled_distance(condition: Any, scene: Scene, stage: Stage) -> bool:
+def _traveled_distance(condition: Any, scene: Scene, stage: WorldStage) -> bool:
     return condition.holds(scene.ego_s - stage.start_s)
 
 
-def _speed(condition: Any, scene: Scene, stage: Stage) -> bool:
+def _speed(condition: Any, scene: Scene, stage: WorldStage) -> bool:
     return condition.holds(scene.ego.v)
 
 
-def _ego_distance_to_junction(condition: Any, scene: Scene, stage: Stage) -> bool:
+def _ego_distance_to_junction(condition: Any, scene: Scene, stage: WorldStage) -> bool:
     return condition.holds(scene.route.stop_line_s - scene.ego_s - 0.5 * scene.vehicle.length)
 
 
-def _reach_position(condition: Any, scene: Scene, stage: Stage) -> bool:
+def _reach_position(condition: Any, scene: Scene, stage: WorldStage) -> bool:
     x, y = (float(value) for value in condition.position)
     away = math.hypot(scene.ego.x - scene.network.center[0] - x, scene.ego.y - scene.network.center[1] - y)
     return away < float(condition.tolerance)
 
 
-def _relative_distance(condition: Any, scene: Scene, stage: Stage) -> bool:
+def _relative_distance(condition: Any, scene: Scene, stage: WorldStage) -> bool:
     rows = pick(scene, condition.vehicle, stage.rng)
     away = scene.position[rows] - (scene.ego.x, scene.ego.y)
     return any(condition.holds(float(distance)) for distance in np.hypot(away[:, 0], away[:, 1]))
 
 
-def _time_headway(condition: Any, scene: Scene, stage: Stage) -> bool:
+def _time_headway(condition: Any, scene: Scene, stage: WorldStage) -> bool:
     gaps = _gaps(scene, pick(scene, condition.vehicle, stage.rng))
     return any(condition.holds(float(gap) / max(scene.ego.v, 1e-6)) for gap in gaps)
 
 
-def _time_to_collision(condition: Any, scene: Scene, stage: Stage) -> bool:
+def _time_to_collision(condition: Any, scene: Scene, stage: WorldStage) -> bool:
     """By the gap and the speed at which the centres approach; never, when they do not."""
     rows = pick(scene, condition.vehicle, stage.rng)
     ego = scene.ego
@@ -84,7 +84,7 @@ def _gaps(scene: Scene, rows: list[int]) -> Array:
     )
 
 
-_CONDITIONS: dict[str, Callable[[Any, Scene, Stage], bool]] = {
+_CONDITIONS: dict[str, Callable[[Any, Scene, WorldStage], bool]] = {
     "simulation_time": _simulation_time,
     "traveled_distance": _traveled_distance,
     "speed": _speed,

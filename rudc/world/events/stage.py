@@ -1,22 +1,31 @@
-"""`Stage`: what an event's effect may touch, and how it picks a vehicle."""
+"""`WorldStage`: what an event may do, done to SUMO's traffic, the ego's plant and its sensors."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rudc.arrays import Array
+from rudc.errors import SimulationError
 from rudc.geometry import rectangle_corners
-from rudc.world.scene import Scene
+from rudc.scenario.events.stage import Body, Stage, XYHeading
+from rudc.world.ego import GRAVITY
+from rudc.world.events.selection import pick
+from rudc.world.props import Prop, standing
+from rudc.world.scene import Kind, Scene
+from rudc.world.sumo import BRAKE_HARD, HEEDLESS, OWN_SPEED
+from rudc.world.traffic import VEHICLE_TYPES
 
 if TYPE_CHECKING:
     from rudc.network.network import Network, Route
     from rudc.network.road import Lane
+    from rudc.scenario.poses import Pose
+    from rudc.scenario.triggers import Selector
     from rudc.world.ego import EgoPlant
     from rudc.world.perception import Sensors
-    from rudc.world.props import Prop
     from rudc.world.sumo import Sumo
     from rudc.world.traffic import Traffic
 
@@ -24,10 +33,16 @@ BLOCK = "block"
 """how the names of SUMO's stand-ins for obstacles begin"""
 SQUEEZE_M = 0.4
 """m that an obstacle may reach into a lane without closing it"""
+PEDESTRIAN_M = 0.5
+"""m, side of the square a pedestrian takes"""
+ROADSIDE_M = 1.5
+"""m beyond the road's edge where a pedestrian starts and ends"""
+BEYOND_M = 80.0
+"""m that a wrong-way driver goes straight on beyond its lane"""
 
 
 @dataclass(slots=True)
-class Stage:
+class WorldStage(Stage):
     """The parts of one episode's world that events act on."""
 
     sumo: Sumo
@@ -40,36 +55,160 @@ class Stage:
     decision_s: float
     start_s: float
     """m, where on its path the ego starts"""
+    scene: Scene | None = None
+    """the world as it is; None before there is traffic"""
     props: list[Prop] = field(default_factory=list)
     unlawful: set[str] = field(default_factory=set)
-    """names of vehicles that an event has break the rules, at fault when they hit the ego"""
     _blocks: int = 0
 
-    def add_obstacle(self, prop: Prop) -> None:
-        """Put a standing prop on the road, and in SUMO's eyes on every lane of an arm that it obstructs.
+    # ---- time and vehicles
 
-        There SVs queue behind it or change lanes around it; inside the junction the yielding layer alone sees
-        it.
+    @property
+    def time_s(self) -> float:
+        return self.scene.time_s if self.scene else 0.0
+
+    @property
+    def present(self) -> tuple[str, ...]:
+        return self.scene.ids if self.scene else ()
+
+    def choose(self, selector: Selector) -> list[str]:
+        if self.scene is None:
+            return []
+        return [self.scene.ids[i] for i in pick(self.scene, selector, self.rng)]
+
+    def speed(self, name: str) -> float:
+        assert self.scene is not None, "nothing is present before there is traffic"
+        return math.hypot(*self.scene.velocity[self.scene.ids.index(name)])
+
+    def seize(self, name: str, *, heedless: bool = False) -> None:
+        self.traffic.drivers[name].overridden += 1
+        self.sumo.set_mode(name, HEEDLESS if heedless else BRAKE_HARD)
+
+    def release(self, name: str) -> None:
+        self.traffic.drivers[name].overridden -= 1
+        self.sumo.set_mode(name, OWN_SPEED)
+
+    def slow_down(self, name: str, deceleration: float) -> None:
+        slower = self.speed(name) - deceleration * self.decision_s
+        self.sumo.slow_down(name, max(slower, 0.0), self.decision_s)
+
+    def set_speed_factor(self, name: str, factor: float | None) -> None:
+        own = self.traffic.drivers[name].speed_factor
+        self.sumo.personality(name, speed_factor=own if factor is None else factor)
+
+    def set_top_speed(self, name: str, speed: float | None) -> None:
+        self.sumo.limit_speed(name, self.traffic.drivers[name].type.max_speed if speed is None else speed)
+
+    @property
+    def density(self) -> float:
+        return self.traffic.density
+
+    @density.setter
+    def density(self, value: float) -> None:
+        self.traffic.density = value
+
+    # ---- places
+
+    def pose(self, place: Pose) -> XYHeading:
+        if place.lane is None or place.at is None:
+            assert place.position is not None, "checked by the scenario"
+            x, y = (float(value) for value in place.position)
+            return x + float(self.network.center[0]), y + float(self.network.center[1]), place.heading_rad
+        return self.network.place_on_lane(
+            place.lane, float(place.at), float(place.lateral), place.heading_offset_rad
+        )
+
+    def pose_on_lane(self, lane: str, at: float) -> XYHeading:
+        return self.network.place_on_lane(lane, at)
+
+    def lane_width(self, lane: str) -> float:
+        return self.network.lane(lane).width
+
+    def against_lane(self, lane: str, at: float) -> Array:
+        way = self.network.lane(lane).xy[::-1]
+        start = np.array(self.network.place_on_lane(lane, at)[:2])
+        way = np.vstack([start, way[(way - start) @ (way[-1] - way[0]) > 0]])
+        direction = (way[-1] - way[-2]) / np.linalg.norm(way[-1] - way[-2])
+        return np.vstack([way, way[-1] + BEYOND_M * direction])
+
+    def across_arm(self, arm: str, at: float) -> Array:
+        found, ends = self.network.arm(arm), []
+        for lanes, other in ((found.in_lanes, found.out_lanes), (found.out_lanes, found.in_lanes)):
+            # A one-way arm is crossed from the right of its outermost lane to the left of its innermost.
+            names, side = (lanes, -1.0) if lanes else (other[::-1], 1.0)
+            aside = side * (0.5 * self.network.lanes[names[0]].width + ROADSIDE_M)
+            ends.append(self.network.place_on_lane(names[0], at, aside)[:2])
+        return np.array(ends)
+
+    # ---- things
+
+    def stand(self, name: str, body: Body, place: XYHeading, size: tuple[float, float] | None = None) -> None:
+        """Inside the junction SVs see it by the yielding layer alone.
+
+        On a lane of an arm they queue behind it or change lanes around it.
         """
-        self.props.append(prop)
-        x, y, heading = prop.pose()
-        corners = rectangle_corners(np.array([x, y]), np.array(heading), np.array([prop.length, prop.width]))
+        x, y, heading = place
+        length, width = size or _size(body)
+        self.props.append(standing(name, Kind[body.upper()], x, y, heading, length, width))
+        corners = rectangle_corners(np.array([x, y]), np.array(heading), np.array([length, width]))
         for arm in self.network.arms:
             for lane_id in (*arm.in_lanes, *arm.out_lanes):
                 lane = self.network.lanes[lane_id]
                 span = _obstructed(lane, corners)
                 if span is not None:
-                    name = f"{BLOCK}{self._blocks}:{prop.name}"
+                    stand_in = f"{BLOCK}{self._blocks}:{name}"
                     self._blocks += 1
-                    self.sumo.block(name, lane.edge, lane.index, *span)
+                    self.sumo.block(stand_in, lane.edge, lane.index, *span)
                     self.traffic.reserve(lane_id, *span)
 
-    def remove_obstacles(self, prefix: str) -> None:
-        """Take away the obstacles whose names begin so."""
-        self.props = [prop for prop in self.props if not prop.name.startswith(prefix)]
+    def send(self, name: str, body: Body, way: Array, speed: float, late_m: float = 0.0) -> None:
+        prop = Prop(name, Kind[body.upper()], _size(body), way, wanted=speed)
+        prop.travelled = -late_m
+        self.props.append(prop)
+
+    def things_of(self, event: str) -> frozenset[str]:
+        """Names of what an event has put on the road and is still there."""
+        return frozenset(prop.name for prop in self.props if prop.name.startswith(f"{event}:"))
+
+    def remove_things(self, event: str) -> None:
+        gone = self.things_of(event)
+        self.props = [prop for prop in self.props if prop.name not in gone]
         for name in self.sumo.vehicles():
-            if name.startswith(BLOCK) and name.split(":", 1)[1].startswith(prefix):
+            if name.startswith(BLOCK) and name.split(":", 1)[1] in gone:
                 self.sumo.remove(name)
+
+    def hide_behind(self, place: XYHeading, size: tuple[float, float]) -> None:
+        x, y, heading = place
+        corners = rectangle_corners(np.array([x, y]), np.array(heading), np.array(size))
+        if self.network.surface.signed_distance(np.vstack([corners, [(x, y)]])).max() > 0:
+            raise SimulationError(
+                f"an occlusion box at ({x:.1f}, {y:.1f}) m reaches onto the road; "
+                "move it beside the road, or use `accident` for what stands on it"
+            )
+        self.sensors.occluders = np.vstack([self.sensors.occluders, [(*place, *size)]])
+
+    # ---- the ego
+
+    def set_noise(self, position: float, speed: float, heading: float) -> None:
+        self.sensors.position_std, self.sensors.speed_std = position, speed
+        self.sensors.heading_std = heading
+
+    def set_dropout(self, probability: float, range_m: float) -> None:
+        self.sensors.miss, self.sensors.range_m = probability, range_m
+
+    def set_friction(self, friction: float) -> None:
+        self.plant.actuation = replace(self.plant.actuation, friction=friction)
+        self.traffic.lose_grip(friction * GRAVITY)
+
+    def set_actuators(self, delay_s: float, lag_s: float) -> None:
+        self.plant.actuation = replace(self.plant.actuation, delay_s=delay_s, lag_s=lag_s)
+
+
+def _size(body: Body) -> tuple[float, float]:
+    """Length and width (m) of a body that has them."""
+    if body in VEHICLE_TYPES:
+        return VEHICLE_TYPES[body].length, VEHICLE_TYPES[body].width
+    return PEDESTRIAN_M, PEDESTRIAN_M
 
 
 def _obstructed(lane: Lane, corners: Array) -> tuple[float, float] | None:
@@ -83,46 +222,3 @@ def _obstructed(lane: Lane, corners: Array) -> tuple[float, float] | None:
     if aside.max() < -free or aside.min() > free or s.max() < 1.0 or s.min() > lane.length - 1.0:
         return None
     return max(float(s.min()), 0.2), min(float(s.max()), lane.length - 0.2)
-
-
-def pick(scene: Scene, selector: str, rng: np.random.Generator) -> list[int]:
-    """Rows of the scene's SVs that a selector names; empty when there is none such now.
-
-    leader: the nearest ahead on the ego's path; follower: the nearest behind in its lane; oncoming and
-    crossing: the one that reaches the junction first among those from the opposite arm, or from the arms to
-    the sides; nearest; random; all.
-    """
-    svs = np.flatnonzero(scene.path >= 0)
-    if selector == "all" or svs.size == 0:
-        return [int(i) for i in svs]
-    if selector == "random":
-        return [int(rng.choice(svs))]
-    if selector == "nearest":
-        return [int(svs[0])]
-    if selector in ("leader", "follower"):
-        return _in_line(scene, svs, ahead=selector == "leader")
-    return _towards_junction(scene, svs, oncoming=selector == "oncoming")
-
-
-def _in_line(scene: Scene, svs: np.ndarray, ahead: bool) -> list[int]:
-    near = [scene.route.path.project(x, y) for x, y in scene.position[svs].tolist()]
-    best, which = np.inf, -1
-    for i, (s, offset) in zip(svs, near, strict=True):
-        gap = s - scene.ego_s if ahead else scene.ego_s - s
-        along = scene.route.path.pose(s)[2]
-        if 0 < gap < best and abs(offset) < 1.5 and np.cos(scene.heading[i] - along) > 0.7:
-            best, which = gap, int(i)
-    return [which] if which >= 0 else []
-
-
-def _towards_junction(scene: Scene, svs: np.ndarray, oncoming: bool) -> list[int]:
-    paths = scene.network.paths
-    rows = scene.path[svs]
-    to_stop = paths.stop_s[rows] - scene.path_s[svs]
-    turn = paths.heading[rows, 0] - scene.route.path.pose(0.0)[2]
-    opposite = np.cos(turn) < -0.7
-    sideways = np.abs(np.cos(turn)) <= 0.7
-    speed = np.maximum(np.hypot(*scene.velocity[svs].T), 0.5)
-    due = np.where((to_stop > 0) & (opposite if oncoming else sideways), to_stop / speed, np.inf)
-    best = int(np.argmin(due))
-    return [int(svs[best])] if np.isfinite(due[best]) else []

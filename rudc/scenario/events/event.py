@@ -1,0 +1,133 @@
+"""What every kind of event has in common: the model of what a file says, and the effect that plays it.
+
+A new kind is one file beside this one: a model (a subclass of `Event` with a `kind` and its numbers), an
+effect (a subclass of `Effect`, or of `Held` if it acts on vehicles), and `register_event(model, effect)`.
+Nothing else knows it by name: what a scenario may say, the errors, the JSON Schema and the script of an
+episode follow from that.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Generic, TypeVar
+
+import numpy as np
+
+from rudc.scenario.base import FileModel
+from rudc.scenario.distributions import AnyDistribution, Bounds, Distribution, draw
+from rudc.scenario.events.stage import Stage
+from rudc.scenario.triggers import Selector, Trigger
+
+Duration = Annotated[AnyDistribution, Bounds(0, 600, "s", above=True)]
+Speed = Annotated[AnyDistribution, Bounds(0, 40, "m/s")]
+MovingSpeed = Annotated[AnyDistribution, Bounds(0, 40, "m/s", above=True)]
+
+
+class Event(FileModel, frozen=True):
+    """Something that happens in an episode: what a file says of it."""
+
+    kind: str
+    """which kind of event"""
+    when: Trigger | None = None
+    """conditions that must all hold for it to happen, once; without them it is there from the start"""
+
+    def drawn(self, rng: np.random.Generator) -> Event | None:
+        """The event with its numbers drawn, or None where its `probability` says that it does not happen.
+
+        What is left of `when` holds conditions only; it is None when there are none.
+        """
+        chance = 1.0 if self.when is None else self.when.chance.sample(rng)
+        # Drawn whatever the chance, so that another probability leaves the event's numbers as they were.
+        happens = rng.random() < chance
+        event = draw(self, rng)
+        if not happens or event.when is None:
+            return event if happens else None
+        when = event.when.model_copy(update={"probability": None}) if event.when.conditions else None
+        return event.model_copy(update={"when": when})
+
+
+class VehicleEvent(Event, frozen=True):
+    """Something that surrounding vehicles do."""
+
+    vehicle: Selector | None = None
+    """which vehicle"""
+
+
+E = TypeVar("E", bound=Event)
+V = TypeVar("V", bound=VehicleEvent)
+
+
+class Effect(Generic[E]):
+    """One event of an episode, acting on the stage."""
+
+    from_the_start = False
+    """whether, without a trigger, it is there before the ego is and traffic warms up around it"""
+    felt = False
+    """whether it has no body, and the ego feels it as soon as it begins"""
+
+    def __init__(self, event: E, name: str) -> None:
+        self.event = event
+        self.name = name
+        self.begun_s = 0.0
+        """s, when it began"""
+        self.chosen: frozenset[str] = frozenset()
+        """surrounding vehicles that it has taken hold of so far"""
+
+    def begin(self, stage: Stage) -> bool:
+        """Take effect; False when there is nothing to act on yet, and the event waits."""
+        raise NotImplementedError(f"{type(self).__name__} must say how it begins")
+
+    def step(self, stage: Stage) -> None:
+        """Go on, before each decision while in effect."""
+
+    def is_over(self, stage: Stage) -> bool:
+        """Whether the event's duration, if it has one, has passed."""
+        duration: Distribution | None = getattr(self.event, "duration", None)
+        return duration is not None and stage.time_s >= self.begun_s + float(duration)
+
+    def end(self, stage: Stage) -> None:
+        """Stop, once it is over."""
+
+
+class Felt(Effect[E]):
+    """An effect without a body: on the ego's sensors or plant, or on traffic as a whole."""
+
+    felt = True
+
+
+class Held(Effect[V]):
+    """An effect on the vehicles it selected when it began."""
+
+    def __init__(self, event: V, name: str) -> None:
+        super().__init__(event, name)
+        self.held: list[str] = []
+
+    def begin(self, stage: Stage) -> bool:
+        if self.event.vehicle is None:
+            return False
+        self.held = stage.choose(self.event.vehicle)
+        self.chosen = frozenset(self.held)
+        for name in self.held:
+            self.hold(stage, name)
+        self.step(stage)
+        return bool(self.held)
+
+    def step(self, stage: Stage) -> None:
+        present = set(stage.present)
+        self.held = [name for name in self.held if name in present]
+        for name in self.held:
+            self.command(stage, name)
+
+    def end(self, stage: Stage) -> None:
+        present = set(stage.present)
+        for name in self.held:
+            if name in present:
+                self.let_go(stage, name)
+
+    def hold(self, stage: Stage, name: str) -> None:
+        """Do to one vehicle, once, what the event says."""
+
+    def command(self, stage: Stage, name: str) -> None:
+        """Do to one held vehicle what the event says at every decision."""
+
+    def let_go(self, stage: Stage, name: str) -> None:
+        """Undo what `hold` did to a vehicle that is still there."""

@@ -1,0 +1,32 @@
+"""`low_friction`: a slippery road."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from rudc.scenario.distributions import AnyDistribution, Bounds
+from rudc.scenario.events.event import Event, Felt
+from rudc.scenario.events.registry import register_event
+from rudc.scenario.events.stage import Stage
+
+
+class LowFriction(Event, frozen=True):
+    """A slippery road."""
+
+    kind: Literal["low_friction"]
+    """a slippery road"""
+    friction: Annotated[AnyDistribution, Bounds(0.03, 1.2)]
+    """coefficient of friction: 0.9 dry, 0.5 wet, 0.3 snow, 0.1 ice"""
+
+
+class LowFrictionEffect(Felt[LowFriction]):
+    """Nobody brakes, accelerates or turns harder than mu g, neither the ego nor the others."""
+
+    from_the_start = True
+
+    def begin(self, stage: Stage) -> bool:
+        stage.set_friction(float(self.event.friction))
+        return True
+
+
+register_event(LowFriction, LowFrictionEffect)

@@ -1,0 +1,48 @@
+"""`pedestrian_crossing`: pedestrians walk across an arm in front of traffic."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from rudc.scenario.base import Identifier
+from rudc.scenario.distributions import AnyDistribution, Bounds, Constant
+from rudc.scenario.events.event import Effect, Event
+from rudc.scenario.events.registry import register_event
+from rudc.scenario.events.stage import Stage
+from rudc.scenario.triggers import Metre
+
+FOLLOWING_S = 1.2
+"""s between one pedestrian and the next"""
+
+
+class PedestrianCrossing(Event, frozen=True):
+    """Pedestrians walk across an arm in front of traffic."""
+
+    kind: Literal["pedestrian_crossing"]
+    """pedestrians walk across an arm"""
+    arm: Identifier
+    """arm they cross"""
+    at: Metre = Constant(value=3.0)
+    """m from the junction, of the line they walk along"""
+    speed: Annotated[AnyDistribution, Bounds(0, 10, "m/s", above=True)] = Constant(value=1.4)
+    """m/s"""
+    count: Annotated[AnyDistribution, Bounds(1, 30, whole=True)] = Constant(value=1.0)
+    """how many, one behind the other"""
+    from_side: Literal["left", "right"] = "right"
+    """side they start from, as seen going towards the junction"""
+
+
+class PedestrianCrossingEffect(Effect[PedestrianCrossing]):
+    """Pedestrians who walk across an arm, one behind the other."""
+
+    def begin(self, stage: Stage) -> bool:
+        event, speed = self.event, float(self.event.speed)
+        way = stage.across_arm(event.arm, float(event.at))
+        if event.from_side == "left":
+            way = way[::-1]
+        for i in range(event.count):
+            stage.send(f"{self.name}:{i}", "pedestrian", way, speed, late_m=i * FOLLOWING_S * speed)
+        return True
+
+
+register_event(PedestrianCrossing, PedestrianCrossingEffect)

@@ -1,0 +1,36 @@
+"""`priority_violation`: a surrounding vehicle disregards the right of way."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from rudc.scenario.events.event import Duration, Held, VehicleEvent
+from rudc.scenario.events.registry import register_event
+from rudc.scenario.events.stage import Stage
+from rudc.scenario.triggers import Selector
+
+
+class PriorityViolation(VehicleEvent, frozen=True):
+    """A surrounding vehicle disregards the right of way."""
+
+    kind: Literal["priority_violation"]
+    """a surrounding vehicle disregards the right of way"""
+    vehicle: Selector = "crossing"
+    """which vehicle"""
+    duration: Duration | None = None
+    """s; by default for good"""
+
+
+class PriorityViolationEffect(Held[PriorityViolation]):
+    """It takes no notice of who has the right of way; it still keeps its distance to its leader."""
+
+    def hold(self, stage: Stage, name: str) -> None:
+        stage.seize(name, heedless=True)
+        stage.unlawful.add(name)
+
+    def let_go(self, stage: Stage, name: str) -> None:
+        stage.release(name)
+        stage.unlawful.discard(name)
+
+
+register_event(PriorityViolation, PriorityViolationEffect)

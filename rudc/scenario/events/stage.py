@@ -1,0 +1,148 @@
+"""`Stage`: all that an event may do to an episode. The world implements it; events know nothing of SUMO.
+
+Angles are in rad counter-clockwise from east, positions in m in the network's frame, speeds in m/s.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rudc.scenario.poses import Pose, VehicleType
+from rudc.scenario.triggers import Selector
+
+XYHeading = tuple[float, float, float]
+Body = VehicleType | Literal["pedestrian", "obstacle"]
+
+
+class Stage(ABC):
+    """What events act on. Names are those of vehicles and things in a scene."""
+
+    unlawful: set[str]
+    """names of those who break the rules, at fault when they hit the ego; for events to add to"""
+    decision_s: float
+    """s between two decisions"""
+
+    # ---- time and vehicles
+
+    @property
+    @abstractmethod
+    def time_s(self) -> float:
+        """s since the episode began; 0 before that."""
+
+    @property
+    @abstractmethod
+    def present(self) -> tuple[str, ...]:
+        """Names of all vehicles and things there are; none before traffic is."""
+
+    @abstractmethod
+    def choose(self, selector: Selector) -> list[str]:
+        """Surrounding vehicles that a selector names now; empty when there are none such."""
+
+    @abstractmethod
+    def speed(self, name: str) -> float:
+        """m/s of something that is present."""
+
+    @abstractmethod
+    def seize(self, name: str, *, heedless: bool = False) -> None:
+        """Take a vehicle's speed into the event's hands: it brakes as hard as it is told to.
+
+        A heedless one drives by itself, but without regard to right of way; it still keeps its distance.
+        """
+
+    @abstractmethod
+    def release(self, name: str) -> None:
+        """Give a seized vehicle back to its driver."""
+
+    @abstractmethod
+    def slow_down(self, name: str, deceleration: float) -> None:
+        """Have a vehicle brake with deceleration m/s2 until the next decision, and not drive backwards."""
+
+    @abstractmethod
+    def set_speed_factor(self, name: str, factor: float | None) -> None:
+        """How many times the limit a vehicle wants to drive; None for its own factor again."""
+
+    @abstractmethod
+    def set_top_speed(self, name: str, speed: float | None) -> None:
+        """m/s that a vehicle does not exceed; None for what its type can do."""
+
+    @property
+    @abstractmethod
+    def density(self) -> float:
+        """veh/km at which traffic is held."""
+
+    @density.setter
+    @abstractmethod
+    def density(self, value: float) -> None: ...
+
+    # ---- places
+
+    @abstractmethod
+    def pose(self, place: Pose) -> XYHeading:
+        """Where something stands that a file places by position or by lane."""
+
+    @abstractmethod
+    def pose_on_lane(self, lane: str, at: float) -> XYHeading:
+        """The place in the middle of a lane, `at` m from the junction."""
+
+    @abstractmethod
+    def lane_width(self, lane: str) -> float:
+        """m."""
+
+    @abstractmethod
+    def against_lane(self, lane: str, at: float) -> NDArray[np.float64]:
+        """(K, 2) m, the way against a lane from `at` m from the junction, and straight on."""
+
+    @abstractmethod
+    def across_arm(self, arm: str, at: float) -> NDArray[np.float64]:
+        """(2, 2) m, the way across an arm `at` m from the junction.
+
+        From the roadside right of traffic that drives towards the junction to the other side.
+        """
+
+    # ---- things
+
+    @abstractmethod
+    def stand(self, name: str, body: Body, place: XYHeading, size: tuple[float, float] | None = None) -> None:
+        """Put something that stands on the road, called `EVENT:...`.
+
+        `size`: length and width in m of an obstacle.
+        """
+
+    @abstractmethod
+    def send(
+        self, name: str, body: Body, way: NDArray[np.float64], speed: float, late_m: float = 0.0
+    ) -> None:
+        """Have something, called `EVENT:...`, move along a way (K, 2) m; it starts `late_m` m before it."""
+
+    @abstractmethod
+    def remove_things(self, event: str) -> None:
+        """Take away what the event of that name has put on the road: what is called `EVENT:...`."""
+
+    @abstractmethod
+    def hide_behind(self, place: XYHeading, size: tuple[float, float]) -> None:
+        """Put up a box (length and width in m) that the ego cannot see through.
+
+        Raises SimulationError if it reaches onto the road.
+        """
+
+    # ---- the ego
+
+    @abstractmethod
+    def set_noise(self, position: float, speed: float, heading: float) -> None:
+        """Standard deviations (m along each axis, m/s, rad) of what the ego perceives of others."""
+
+    @abstractmethod
+    def set_dropout(self, probability: float, range_m: float) -> None:
+        """How likely the ego is to miss a vehicle at a decision, and how far it sees (m)."""
+
+    @abstractmethod
+    def set_friction(self, friction: float) -> None:
+        """The road's coefficient of friction, for the ego and for surrounding vehicles."""
+
+    @abstractmethod
+    def set_actuators(self, delay_s: float, lag_s: float) -> None:
+        """How late the ego's commands take effect, and the time constant (s) with which they are followed."""

@@ -1,0 +1,102 @@
+"""`stalled_vehicle`: a vehicle that stands still in its lane, a new one or one of the traffic."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any, Literal
+
+from pydantic import SerializerFunctionWrapHandler, model_serializer
+
+from rudc.scenario.base import Identifier
+from rudc.scenario.events.event import Duration, Held, VehicleEvent
+from rudc.scenario.events.registry import register_event
+from rudc.scenario.events.stage import Stage
+from rudc.scenario.poses import VehicleType
+from rudc.scenario.triggers import Metre, Selector
+
+STANDS = 0.1
+"""m/s, below which a stalled vehicle stands"""
+STALL_DECEL = 3.0
+"""m/s2, with which a stalling vehicle comes to a stop"""
+
+
+class StalledVehicle(VehicleEvent, frozen=True):
+    """A vehicle that stands still in its lane: a new one, or a surrounding vehicle that stops."""
+
+    kind: Literal["stalled_vehicle"]
+    """a vehicle that stands still in its lane"""
+    lane: Identifier | None = None
+    """lane on which a vehicle stands"""
+    at: Metre | None = None
+    """m from the junction along `lane`"""
+    type: VehicleType = "car"
+    """what vehicle stands on `lane`"""
+    vehicle: Selector | None = None
+    """surrounding vehicle that stops, instead of `lane`"""
+    duration: Duration | None = None
+    """s it stands; by default for good"""
+
+    @classmethod
+    def misfits(cls, given: Mapping[str, Any]) -> Iterator[tuple[str, str | None]]:
+        """Either a lane and a place on it, or a surrounding vehicle."""
+        if ("lane" in given) == ("vehicle" in given):
+            if set(given) <= set(cls.model_fields):
+                yield "expected either `lane` and `at` or `vehicle`", None
+        elif "lane" in given and "at" not in given:
+            yield "needs `at`, the distance from the junction in m", "lane"
+        elif "vehicle" in given:
+            for name in ("at", "type"):
+                if name in given:
+                    yield "goes with `lane` only", name
+
+    @model_serializer(mode="wrap")
+    def _without_idle_type(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data = handler(self)
+        return data if self.lane is not None else {key: value for key, value in data.items() if key != "type"}
+
+
+class StalledVehicleEffect(Held[StalledVehicle]):
+    """It stands on its lane, or comes to a stop; then the duration counts from standstill."""
+
+    _stands_since: float | None = None
+
+    @property
+    def from_the_start(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride] - depends on the event
+        return self.event.lane is not None
+
+    def begin(self, stage: Stage) -> bool:
+        if self.event.lane is None or self.event.at is None:
+            return super().begin(stage)
+        place = stage.pose_on_lane(self.event.lane, float(self.event.at))
+        stage.stand(f"{self.name}:0", self.event.type, place)
+        return True
+
+    def hold(self, stage: Stage, name: str) -> None:
+        stage.seize(name)
+
+    def let_go(self, stage: Stage, name: str) -> None:
+        stage.release(name)
+
+    def step(self, stage: Stage) -> None:
+        super().step(stage)
+        fastest = max(map(stage.speed, self.held), default=math.inf)
+        if self._stands_since is None and fastest < STANDS:
+            self._stands_since = stage.time_s
+
+    def is_over(self, stage: Stage) -> bool:
+        if self.event.vehicle is None or self.event.duration is None:
+            return super().is_over(stage)
+        return self._stands_since is not None and stage.time_s >= self._stands_since + float(
+            self.event.duration
+        )
+
+    def command(self, stage: Stage, name: str) -> None:
+        stage.slow_down(name, STALL_DECEL)
+
+    def end(self, stage: Stage) -> None:
+        stage.remove_things(self.name)
+        super().end(stage)
+
+
+register_event(StalledVehicle, StalledVehicleEffect)

@@ -1,0 +1,41 @@
+"""`wrong_way`: a vehicle drives along a lane against its direction."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from rudc.scenario.base import Identifier
+from rudc.scenario.distributions import Constant
+from rudc.scenario.events.event import Effect, Event, MovingSpeed
+from rudc.scenario.events.registry import register_event
+from rudc.scenario.events.stage import Stage
+from rudc.scenario.poses import VehicleType
+from rudc.scenario.triggers import Metre
+
+
+class WrongWay(Event, frozen=True):
+    """A vehicle drives along a lane against its direction."""
+
+    kind: Literal["wrong_way"]
+    """a vehicle drives along a lane against its direction"""
+    lane: Identifier
+    """lane it drives along; on ARM_out_INDEX it comes towards the junction"""
+    at: Metre
+    """m from the junction, where it appears"""
+    speed: MovingSpeed = Constant(value=6.0)
+    """m/s"""
+    type: VehicleType = "car"
+    """what vehicle"""
+
+
+class WrongWayEffect(Effect[WrongWay]):
+    """It drives its lane against its direction, and straight on through the junction."""
+
+    def begin(self, stage: Stage) -> bool:
+        way = stage.against_lane(self.event.lane, float(self.event.at))
+        stage.send(f"{self.name}:0", self.event.type, way, float(self.event.speed))
+        stage.unlawful.add(f"{self.name}:0")
+        return True
+
+
+register_event(WrongWay, WrongWayEffect)

@@ -1,0 +1,50 @@
+"""Which surrounding vehicles (SVs) a selector names."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rudc.world.scene import Scene
+
+
+def pick(scene: Scene, selector: str, rng: np.random.Generator) -> list[int]:
+    """Rows of the scene's SVs that a selector names; empty when there is none such now.
+
+    leader: the nearest ahead on the ego's path; follower: the nearest behind in its lane; oncoming and
+    crossing: the one that reaches the junction first among those from the opposite arm, or from the arms to
+    the sides; nearest; random; all.
+    """
+    svs = np.flatnonzero(scene.path >= 0)
+    if selector == "all" or svs.size == 0:
+        return [int(i) for i in svs]
+    if selector == "random":
+        return [int(rng.choice(svs))]
+    if selector == "nearest":
+        return [int(svs[0])]
+    if selector in ("leader", "follower"):
+        return _in_line(scene, svs, ahead=selector == "leader")
+    return _towards_junction(scene, svs, oncoming=selector == "oncoming")
+
+
+def _in_line(scene: Scene, svs: np.ndarray, ahead: bool) -> list[int]:
+    near = [scene.route.path.project(x, y) for x, y in scene.position[svs].tolist()]
+    best, which = np.inf, -1
+    for i, (s, offset) in zip(svs, near, strict=True):
+        gap = s - scene.ego_s if ahead else scene.ego_s - s
+        along = scene.route.path.pose(s)[2]
+        if 0 < gap < best and abs(offset) < 1.5 and np.cos(scene.heading[i] - along) > 0.7:
+            best, which = gap, int(i)
+    return [which] if which >= 0 else []
+
+
+def _towards_junction(scene: Scene, svs: np.ndarray, oncoming: bool) -> list[int]:
+    paths = scene.network.paths
+    rows = scene.path[svs]
+    to_stop = paths.stop_s[rows] - scene.path_s[svs]
+    turn = paths.heading[rows, 0] - scene.route.path.pose(0.0)[2]
+    opposite = np.cos(turn) < -0.7
+    sideways = np.abs(np.cos(turn)) <= 0.7
+    speed = np.maximum(np.hypot(*scene.velocity[svs].T), 0.5)
+    due = np.where((to_stop > 0) & (opposite if oncoming else sideways), to_stop / speed, np.inf)
+    best = int(np.argmin(due))
+    return [int(svs[best])] if np.isfinite(due[best]) else []

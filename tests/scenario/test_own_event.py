@@ -1,0 +1,105 @@
+"""An event of one's own: registered, it is read, refused, described, played and pickled as the others are."""
+
+import pickle
+from typing import Annotated, Literal
+
+import numpy as np
+import pytest
+
+from rudc.errors import InputError, ScenarioError
+from rudc.network.network import load_network
+from rudc.scenario import EVENT_KINDS, json_schema, load_scenario, register_event
+from rudc.scenario.distributions import AnyDistribution, Bounds
+from rudc.scenario.events import Event, Felt, Stage, registry
+from rudc.world.world import World
+
+
+class OilSpill(Event, frozen=True):
+    """Oil on the road."""
+
+    kind: Literal["oil_spill"]
+    """oil on the road"""
+    friction: Annotated[AnyDistribution, Bounds(0.03, 1.2)]
+    """coefficient of friction"""
+
+
+class OilSpillEffect(Felt[OilSpill]):
+    """Everybody slips."""
+
+    def begin(self, stage: Stage) -> bool:
+        stage.set_friction(float(self.event.friction))
+        return True
+
+
+@pytest.fixture(autouse=True)
+def _registered(monkeypatch):
+    monkeypatch.setattr(registry, "_REGISTERED", dict(registry._REGISTERED))
+    register_event(OilSpill, OilSpillEffect)
+
+
+def written(tmp_path, event):
+    path = tmp_path / "oily.yaml"
+    path.write_text(f"name: oily\nextends: random_destination\nevents:\n  - {event}\n", encoding="utf-8")
+    return path
+
+
+def test_is_read_played_and_reported(tmp_path):
+    scenario = load_scenario(written(tmp_path, "{kind: oil_spill, friction: {uniform: [0.1, 0.2]}}"))
+    assert isinstance(scenario.events[0], OilSpill)
+    assert load_scenario(written(tmp_path, "{kind: oil_spill, friction: 0.1}")).digest != scenario.digest
+    with World(load_network("four_way")) as world:
+        world.reset(scenario.plan(0))
+        world.perceived()
+        world.advance(np.array([-6.0, 0.0]))
+        assert world.scene().ego.acceleration > -0.2 * 9.81 - 1e-6
+        (oil,) = world.happenings()
+        assert (oil.name, oil.begun_s, oil.visible_s, oil.bodies) == ("oil_spill0", 0.0, 0.0, frozenset())
+
+
+@pytest.mark.parametrize(
+    ("event", "problem"),
+    [
+        ("{kind: oil_spil, friction: 0.1}", "unknown kind of event 'oil_spil' (did you mean 'oil_spill'?)"),
+        ("{kind: oil_spill}", "4:5: events.0.friction: is missing, and it is required"),
+        ("{kind: oil_spill, frictoin: 1}", "4:23: events.0.frictoin: unknown key (did you mean 'friction'?)"),
+        (
+            "{kind: oil_spill, friction: {uniform: [0, 1]}}",
+            "events.0.friction.uniform.0: 0 is not between 0.03 and 1.2",
+        ),
+        ("{kind: oil_spill, friction: 1, when: {speed: {abov: 1}}}", "when.speed.abov: unknown key (did you"),
+    ],
+)
+def test_its_errors_are_like_all_others(tmp_path, event, problem):
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(written(tmp_path, event))
+    assert problem in str(caught.value)
+
+
+def test_its_keys_are_in_the_schema():
+    schema = json_schema()
+    assert (
+        schema["definitions"]["OilSpill"]["properties"]["friction"]["description"]
+        == "coefficient of friction"
+    )
+    assert {"$ref": "#/definitions/OilSpill"} in schema["properties"]["events"]["items"]["oneOf"]
+    assert "oil_spill" in EVENT_KINDS
+
+
+def test_survives_pickling_on_its_way_to_a_worker(tmp_path):
+    scenario = load_scenario(written(tmp_path, "{kind: oil_spill, friction: 0.1}"))
+    assert pickle.loads(pickle.dumps(scenario)) == scenario
+
+
+def test_a_kind_is_taken_once_and_must_be_said():
+    class Other(Event, frozen=True):
+        kind: Literal["hard_brake"]
+
+    class Nameless(Event, frozen=True):
+        pass
+
+    assert "hard_brake" in EVENT_KINDS
+    with pytest.raises(InputError, match="there is an event 'hard_brake' already"):
+        register_event(Other, OilSpillEffect)
+    with pytest.raises(InputError, match="must say its kind"):
+        register_event(Nameless, OilSpillEffect)
+    register_event(OilSpill, OilSpillEffect)
