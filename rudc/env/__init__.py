@@ -1,11 +1,8 @@
-"""Floor 3: the Gymnasium face of the world: observation, reward, outcome, frames.
+"""The Gymnasium face of the world: observation, reward, outcome, frames.
 
-Importing this package registers `rudc/Intersection-v0`, so that `gymnasium.make` knows it.
+`import rudc` registers it; `gymnasium.make("rudc.env:rudc/Intersection-v0")` does so by itself.
 """
 
-import gymnasium
+from rudc import ENV_ID
 
-ENV_ID = "rudc/Intersection-v0"
-
-if ENV_ID not in gymnasium.registry:
-    gymnasium.register(ENV_ID, entry_point="rudc.env.intersection:IntersectionEnv")
+__all__ = ["ENV_ID"]

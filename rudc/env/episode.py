@@ -26,7 +26,8 @@ from rudc.world.scene import Scene
 
 if TYPE_CHECKING:
     from rudc.scenario.plan import EpisodePlan
-    from rudc.world.world import Advance, World
+    from rudc.world.isolated import AnyWorld
+    from rudc.world.world import Advance
 
 BESIDE_M = 6.0
 """m from the path up to which the destination counts as reached: in the lane beside it, not on another arm"""
@@ -105,7 +106,7 @@ class EpisodeMetrics:
 class Episode:
     """Runs one episode after another in a world. The world stays its owner's, to close."""
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: AnyWorld) -> None:
         self.world = world
         self._truth: Scene | None = None
         self._outcome: Outcome | None = None

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numpy as np
 from gymnasium import spaces
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import EzPickle
 
 from rudc.arrays import Array
@@ -23,8 +25,8 @@ from rudc.errors import InputError
 from rudc.network.network import load_network
 from rudc.scenario import EpisodePlan, Scenario, load_scenario
 from rudc.world.config import WorldConfig
+from rudc.world.isolated import open_world
 from rudc.world.scene import Scene
-from rudc.world.world import World
 
 Observation = np.ndarray | dict[str, np.ndarray]
 OPTIONS = ("scenario", "plan")
@@ -40,11 +42,14 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
     say where it starts, where it goes, how dense the traffic is, and what goes wrong.
 
     ```python
-    import gymnasium, rudc.env
+    import gymnasium, rudc
     env = gymnasium.make("rudc/Intersection-v0", scenario="dense_left_turn")
     observation, info = env.reset(seed=0)
     observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
     ```
+
+    `import rudc` registers the environment; where only a name is asked for, `rudc.env:rudc/Intersection-v0`
+    imports what it needs. `env.spec.max_episode_steps` is the scenario's time limit in decisions.
 
     ## Action Space
 
@@ -110,9 +115,9 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
     Terminated: collision, off the road, wrong way (violations), or arrival at the destination (success).
     Truncated: the scenario's time limit has passed (frozen). `info["outcome"]` says which.
 
-    `info` carries `scene` (the `Scene` that the EV's sensors show) and `seed` (the episode's); after a step
-    also `reward_terms`, `cost` and `outcome` (empty while the episode goes on); at the end `metrics`, the
-    fields of `rudc.env.episode.EpisodeMetrics`.
+    `info` carries `scene` (the `Scene` that the EV's sensors show), `seed` (the episode's) and `cost` (0 at a
+    reset); after a step also `reward_terms` and `outcome` (empty while the episode goes on); at the end
+    `metrics`, the fields of `rudc.env.episode.EpisodeMetrics`.
 
     ## Arguments
 
@@ -125,10 +130,13 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
     | `as_dict`     | `False`                | observations as a `Dict` of their parts                       |
     | `config`      | `None`                 | `WorldConfig`: time steps, the EV's body, the yielding layer  |
     | `render_mode` | `None`                 | `"rgb_array"` (no display needed) or `"human"` (with pygame)  |
+    | `isolated`    | `None`                 | whether SUMO runs in a process of its own, see below          |
 
     `reset(options={"scenario": ...})` plays another scenario this once, `{"plan": ...}` a given plan.
-    SUMO runs one simulation per process, so only one environment may have an episode; others are refused
-    until it is closed. For several at once take `AsyncVectorEnv`. To mark a safety filter's active
+    SUMO holds one simulation a process. The first environment with an episode runs it in this process; one
+    that is reset while another has it starts a process for its own (`isolated=True`: always, `False`: never,
+    a WorldBusyError instead). Episodes are the same either way; a decision takes about twice as long there.
+    The simulation ends with `close()`, or with the environment. To mark a safety filter's active
     constraints in the next frame, set `env.unwrapped.active_constraints`.
 
     ## Version History
@@ -150,23 +158,40 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         as_dict: bool = False,
         config: WorldConfig | None = None,
         render_mode: str | None = None,
+        isolated: bool | None = None,
     ) -> None:
-        EzPickle.__init__(self, scenario, network, overrides, observation, as_dict, config, render_mode)
+        EzPickle.__init__(
+            self, scenario, network, overrides, observation, as_dict, config, render_mode, isolated
+        )
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise InputError(f"render_mode {render_mode!r} is not one of {self.metadata['render_modes']}")
         self.render_mode = render_mode
         self._changes = {**(overrides or {}), **({} if network is None else {"network": str(network)})}
         self._scenario = self._find(scenario)
         self._config = config or WorldConfig()
+        self._isolated = isolated
         self._kind: Kind = observation
         self._as_dict = as_dict
         self.observation_space = observation_space(observation, as_dict)
         self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
         self.active_constraints: tuple[str, ...] = ()
         """names of the safety filter's active constraints, to be marked in frames"""
+        self._spec: EnvSpec | None = None
         self._episode: Episode | None = None
         self._renderer: Renderer | None = None
         self._window: Window | None = None
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """As gymnasium made it; `max_episode_steps` is the longest that an episode of the scenario can be."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:  # pyright: ignore[reportIncompatibleVariableOverride]
+        longest = self._scenario.episode.timeout.support[1]
+        if spec is not None and spec.max_episode_steps is None and math.isfinite(longest):
+            spec = replace(spec, max_episode_steps=math.ceil(longest / self._config.decision_s - 1e-6))
+        self._spec = spec
 
     @property
     def episode(self) -> Episode:
@@ -186,7 +211,8 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         self.active_constraints = ()
         if self.render_mode == "human":
             self._show()
-        return self._observe(scene, episode.distances), {"scene": scene, "seed": plan.seed}
+        info = {"scene": scene, "seed": plan.seed, "cost": np.float64(0.0)}
+        return self._observe(scene, episode.distances), info
 
     def step(self, action: np.ndarray) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Apply an action for one decision (0.1 s)."""
@@ -202,7 +228,7 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
             "scene": result.scene,
             "seed": self.episode.world.plan.seed,
             "reward_terms": result.terms,
-            "cost": result.cost,
+            "cost": np.float64(result.cost),
             "outcome": str(ended) if ended else "",
         }
         if ended:
@@ -250,7 +276,7 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
             self._episode.world.close()
             self._episode = None
         if self._episode is None:
-            self._episode = Episode(World(network, self._config))
+            self._episode = Episode(open_world(network, self._config, self._isolated))
             self._renderer = None
         return self._episode
 
@@ -268,7 +294,7 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
             episode.truth,
             active=self.active_constraints,
             seen=set(episode.world.perceived().ids),
-            occluders=episode.world.stage.sensors.occluders,
+            occluders=episode.world.occluders(),
             outcome=episode.outcome,
         )
 

@@ -12,6 +12,7 @@ import contextlib
 import math
 import os
 import tempfile
+import weakref
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -106,8 +107,26 @@ def _as_file(text: str) -> Iterator[str]:
         os.unlink(path)
 
 
+class _Running:
+    """Whether libsumo holds a simulation for one `Sumo`; apart from it, so that it outlives it."""
+
+    def __init__(self) -> None:
+        self.pid = os.getpid()
+        self.started = False
+
+
+def _release(running: _Running) -> None:
+    """End the simulation, so that this process may have another; in a fork of its process, nothing."""
+    global _owner
+    if running.pid != os.getpid():
+        return
+    if running.started:
+        libsumo.close()
+    _owner = None
+
+
 class Sumo:
-    """A running simulation of one road network.
+    """A running simulation of one road network, ended by `close` or when nobody holds it any more.
 
     Raises WorldBusyError when this process already runs one.
     """
@@ -120,33 +139,31 @@ class Sumo:
                 "or run the second in a process of its own"
             )
         self._arguments = ["--net-file", str(net_file), "--step-length", f"{step_s:g}", *_OPTIONS, *options]
-        self._started = False
+        self._running = _Running()
+        self._release = weakref.finalize(self, _release, self._running)
         _owner = os.getpid()
 
     def close(self) -> None:
         """End the simulation; a world may then be made anew in this process."""
-        global _owner
-        if self._started:
-            libsumo.close()
-            self._started = False
-        if _owner == os.getpid():
-            _owner = None
+        self._release()
 
     def load(self, seed: int, additional: str, options: Sequence[str] = ()) -> None:
         """Begin anew: empty roads, the vehicle types of the additional file (its text), SUMO's generator
-        seeded."""
+        seeded. Raises SimulationError after `close`."""
+        if not self._release.alive:
+            raise SimulationError("this world is closed; make another")
         with _as_file(additional) as path:
             self._load([*self._arguments, "--seed", str(seed), "--additional-files", path, *options])
 
     def _load(self, arguments: list[str]) -> None:
         try:
-            if self._started:
+            if self._running.started:
                 libsumo.load(arguments)
             else:
                 libsumo.start(["sumo", *arguments])
-                self._started = True
+                self._running.started = True
         except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
-            self._started = False
+            self._running.started = False
             raise SimulationError(f"SUMO could not begin: {error}") from error
 
     def step(self) -> None:
@@ -155,7 +172,7 @@ class Sumo:
             libsumo.simulationStep()
         except libsumo.FatalTraCIError as error:
             # SUMO has ended the simulation; the next load starts it anew.
-            self._started = False
+            self._running.started = False
             raise SimulationError(f"SUMO ended the simulation: {error}") from error
         except libsumo.TraCIException as error:
             raise SimulationError(f"SUMO failed: {error}") from error

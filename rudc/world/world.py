@@ -71,7 +71,9 @@ class Advance(NamedTuple):
 
 
 class World:
-    """The simulation. Raises WorldBusyError when this process already has one open."""
+    """The simulation, ended by `close` or when nobody holds it any more. Raises WorldBusyError when this
+    process already has one open; `rudc.world.isolated` runs one in a process of its own.
+    """
 
     def __init__(self, network: Network, config: WorldConfig | None = None) -> None:
         self.network = network
@@ -138,6 +140,10 @@ class World:
         What the ego sees of them is noted whenever it looks: at each call of `perceived`.
         """
         return self._script.happenings()
+
+    def occluders(self) -> Array:
+        """(K, 5) opaque boxes beside the road: centre x, y (m), heading (rad), length, width (m)."""
+        return self.stage.sensors.occluders
 
     def advance(self, u: Array) -> Advance:
         """Apply u = (acceleration m/s2, front-wheel angle rad) for one decision, or up to the first

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-import rudc.env
+import rudc
 from rudc.env.intersection import IntersectionEnv
 from rudc.env.reward import TERMS
 from rudc.errors import InputError, WorldBusyError
 from rudc.scenario import load_scenario
 from rudc.world.scene import Scene
 
-ID = rudc.env.ENV_ID
+ID = rudc.ENV_ID
 COAST = np.array([1 / 3, 0.0], dtype=np.float32)
 
 
@@ -54,8 +54,7 @@ def play(env, seed, steps=40, **reset):
     ids=["default", "conflict", "rendered"],
 )
 def test_check_env(make, arguments):
-    # Gymnasium's check of render modes makes a second environment beside the first; see test_render for them.
-    check_env(make(**arguments), skip_render_check=True)
+    check_env(make(**arguments), skip_render_check="render_mode" not in arguments)
 
 
 @pytest.mark.parametrize("mode", ["rgb_array", "human"])
@@ -91,10 +90,13 @@ def test_same_seed_same_episode_and_reset_draws_the_next(make):
 def test_info(make):
     env = make(scenario="dense_left_turn")
     _, info = env.reset(seed=1)
-    assert set(info) == {"scene", "seed"}
+    assert set(info) == {"scene", "seed", "cost"}
+    assert isinstance(info["cost"], np.float64)
+    assert info["cost"] == 0.0
     assert isinstance(info["scene"], Scene)
     _, rewards, info = play(env, 1, steps=500)
     assert set(info) == {"scene", "seed", "reward_terms", "cost", "outcome", "metrics"}
+    assert isinstance(info["cost"], np.float64)
     assert tuple(info["reward_terms"]) == TERMS
     assert sum(info["reward_terms"].values()) == pytest.approx(rewards[-1])
     assert info["metrics"]["outcome"] == info["outcome"] != ""
@@ -114,6 +116,14 @@ def test_time_limit_truncates(make):
     assert truncated
     assert not terminated
     assert info["outcome"] == "frozen"
+
+
+def test_the_longest_episode_is_said(make):
+    assert make().spec.max_episode_steps == 400
+    assert make(overrides={"episode.timeout": 3}).spec.max_episode_steps == 30
+    env = gymnasium.make(ID, overrides={"episode.timeout": {"uniform": [2, 5]}})
+    assert env.spec.max_episode_steps == 50
+    assert "TimeLimit" not in str(env), "the episode itself ends there"
 
 
 def test_leaving_the_road_terminates(make):
@@ -158,8 +168,8 @@ def test_wrong_arguments_are_refused(arguments):
         IntersectionEnv(**arguments)
 
 
-def test_one_episode_per_process_and_reopening(make):
-    first, second = make(), make()
+def test_one_episode_per_process_if_it_must_be_and_reopening(make):
+    first, second = make(isolated=False), make(isolated=False)
     first.reset(seed=0)
     with pytest.raises(WorldBusyError):
         second.reset(seed=0)

@@ -1,0 +1,234 @@
+"""`IsolatedWorld`: a `World` in a process of its own, for what libsumo cannot: two worlds beside one another.
+
+    this process                              the world's process
+    starts it, with network and configuration ->  opens the world
+    sends a method's name and arguments       ->  calls it; answers with what it returned and the new scenes
+    closes the pipe, or is gone               ->  ends
+
+A plain interpreter is started, not one that `multiprocessing` spawns: that would run the user's script once
+more, and a notebook has none. What crosses (plans, scenes) is pickled; networks and routes cross by name.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import pickle
+import subprocess
+import sys
+import threading
+import time
+import traceback
+import weakref
+from typing import IO, TYPE_CHECKING, Any, Literal, NamedTuple
+
+from rudc.errors import RudcError, SimulationError, WorldBusyError
+from rudc.world.config import WorldConfig
+from rudc.world.world import World
+
+if TYPE_CHECKING:
+    from rudc.network.network import Network
+    from rudc.scenario.plan import EpisodePlan
+    from rudc.world.events import Happening
+    from rudc.world.scene import Array, Scene
+    from rudc.world.world import Advance
+
+CHANGING = ("reset", "advance", "put_ego")
+"""methods after which there is another scene"""
+ORPHAN_S = 2.0
+"""s after which the world's process looks whether its parent is still there"""
+
+
+class _Reply(NamedTuple):
+    """What comes back for one call; scenes and plan from those that change them."""
+
+    value: Any
+    """what the method returned, or the exception it raised"""
+    scene: Scene | None = None
+    perceived: Scene | None = None
+    plan: EpisodePlan | None = None
+
+
+def open_world(network: Network, config: WorldConfig, isolated: bool | None = None) -> AnyWorld:
+    """A world in this process, or, if `isolated`, in one of its own; None: only if this one has a world
+    already. Raises WorldBusyError if it has and `isolated` is False.
+    """
+    if isolated:
+        return IsolatedWorld(network, config)
+    try:
+        return World(network, config)
+    except WorldBusyError:
+        if isolated is False:
+            raise
+        return IsolatedWorld(network, config)
+
+
+class IsolatedWorld:
+    """As `World`, same episodes, but run in a process of its own, which ends with this object.
+
+    Its errors are those of `World`, and SimulationError if its process dies. A call that is interrupted ends
+    the process.
+    """
+
+    def __init__(self, network: Network, config: WorldConfig | None = None) -> None:
+        self.network = network
+        self.config = config or WorldConfig()
+        paths = [os.path.abspath(path) for path in sys.path]
+        code = f"import sys; sys.path[:] = {paths!r}; from rudc.world.isolated import serve; serve()"
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", code],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            process_group=0,  # Ctrl-C is for the parent alone
+        )
+        self._end = weakref.finalize(self, _end, self._process, os.getpid())
+        self._reply = _Reply(None)
+        self._ask("open", network, self.config)
+
+    def close(self) -> None:
+        """End the world and its process."""
+        self._end()
+
+    def reset(
+        self,
+        plan: EpisodePlan,
+        *,
+        ego_driver: Literal["agent", "sumo"] = "agent",
+        options: tuple[str, ...] = (),
+    ) -> Scene:
+        """As `World.reset`."""
+        return self._ask("reset", plan, ego_driver=ego_driver, options=options)
+
+    def advance(self, u: Array) -> Advance:
+        """As `World.advance`."""
+        return self._ask("advance", u)
+
+    def put_ego(self, x: float, y: float, psi: float, v: float = 0.0) -> Scene:
+        """As `World.put_ego`."""
+        return self._ask("put_ego", x, y, psi, v)
+
+    def happenings(self) -> tuple[Happening, ...]:
+        """As `World.happenings`."""
+        return self._ask("happenings")
+
+    def occluders(self) -> Array:
+        """As `World.occluders`."""
+        return self._ask("occluders")
+
+    def scene(self) -> Scene:
+        """As `World.scene`."""
+        return self._known(self._reply.scene)
+
+    def perceived(self) -> Scene:
+        """As `World.perceived`."""
+        return self._known(self._reply.perceived)
+
+    @property
+    def plan(self) -> EpisodePlan:
+        """As `World.plan`."""
+        return self._known(self._reply.plan)
+
+    def _known(self, value: Any) -> Any:
+        if value is None:
+            raise SimulationError("the world has no episode yet; call reset(plan) first")
+        return value
+
+    def _ask(self, method: str, *arguments: Any, **named: Any) -> Any:
+        if not self._end.alive:
+            raise SimulationError("this world is closed; make another")
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        try:
+            _send(self._process.stdin, (method, arguments, named))
+            reply: _Reply = _receive(self._process.stdout)
+        except (OSError, EOFError):
+            self._end()
+            raise SimulationError(
+                f"the world's own process has died (exit code {self._process.returncode}); "
+                "reset the environment to start another"
+            ) from None
+        except BaseException:  # an interrupt: its answer is still to come, and would be taken for the next
+            self._end()
+            raise
+        if isinstance(reply.value, RudcError):
+            raise reply.value
+        if reply.scene is not None:
+            self._reply = reply
+        return reply.value
+
+
+AnyWorld = World | IsolatedWorld
+
+
+def _end(process: subprocess.Popen[bytes], owner: int) -> None:
+    """End the world's process at once, and leave no zombie; in a fork of its parent, nothing."""
+    if os.getpid() != owner:
+        return
+    process.kill()
+    process.wait()
+    for pipe in (process.stdin, process.stdout):
+        if pipe is not None:
+            with contextlib.suppress(OSError):
+                pipe.close()
+
+
+def serve() -> None:
+    """What the world's process does, until its pipe closes or its parent is gone."""
+    requests, answers = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what is printed goes to stderr, not among the answers
+    threading.Thread(target=_leave_with, args=(os.getppid(),), daemon=True).start()
+    world: World | None = None
+    with contextlib.suppress(EOFError, BrokenPipeError):
+        while True:
+            try:
+                method, arguments, named = _receive(requests)
+                if world is None:
+                    world, reply = World(*arguments), _Reply(None)
+                else:
+                    reply = _Reply(getattr(world, method)(*arguments, **named))
+                    if method in CHANGING:
+                        reply = reply._replace(
+                            scene=world.scene(), perceived=world.perceived(), plan=world.plan
+                        )
+                _send(answers, reply)
+            except (EOFError, BrokenPipeError):
+                raise
+            except RudcError as error:
+                _send(answers, _Reply(error))
+            except Exception as error:
+                _send(answers, _Reply(_translated(error)))
+
+
+def _translated(error: Exception) -> SimulationError:
+    """One of ours for what is not, with the place, and the whole traceback as a note."""
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    ours = SimulationError(
+        f"in the world's own process: {type(error).__name__}: {error} "
+        f"({os.path.basename(last.filename)}:{last.lineno})"
+    )
+    ours.add_note("".join(traceback.format_exception(error)))
+    return ours
+
+
+def _leave_with(parent: int) -> None:
+    """End this process soon after its parent, whoever else holds the other end of the pipe."""
+    while os.getppid() == parent:
+        time.sleep(ORPHAN_S)
+    os._exit(0)
+
+
+def _send(pipe: IO[bytes], message: Any) -> None:
+    """Length, then the pickled message: one that cannot be unpickled is still read to its end."""
+    data = pickle.dumps(message, pickle.HIGHEST_PROTOCOL)
+    pipe.write(len(data).to_bytes(8, "big") + data)
+    pipe.flush()
+
+
+def _receive(pipe: IO[bytes]) -> Any:
+    """The next message. Raises EOFError when there is none."""
+    head = pipe.read(8)
+    size = int.from_bytes(head, "big")
+    data = pipe.read(size) if len(head) == 8 else b""
+    if not size or len(data) < size:
+        raise EOFError
+    return pickle.loads(data)

@@ -1,0 +1,112 @@
+"""Several environments in one process, as people and libraries make them: nobody has to know of libsumo."""
+
+import gc
+import subprocess
+import sys
+
+import gymnasium
+import numpy as np
+import pytest
+
+import rudc
+from rudc.world.isolated import IsolatedWorld
+from rudc.world.world import World
+
+COAST = np.array([1 / 3, 0.0], dtype=np.float32)
+
+
+def test_two_side_by_side_drive_as_each_alone():
+    here, apart = (gymnasium.make(rudc.ENV_ID, scenario="perfect_storm") for _ in range(2))
+    for seed in (0, 1):
+        (a, _), (b, info) = here.reset(seed=seed), apart.reset(seed=seed)
+        np.testing.assert_array_equal(a, b)
+        ended = False
+        while not ended:
+            mine, theirs = here.step(COAST), apart.step(COAST)
+            np.testing.assert_array_equal(mine[0], theirs[0])
+            assert mine[1:4] == theirs[1:4]
+            info, ended = theirs[4], mine[2] or mine[3]
+            assert info["scene"] == mine[4]["scene"]
+        assert info["metrics"] == mine[4]["metrics"]
+    assert isinstance(here.unwrapped.episode.world, World)
+    assert isinstance(apart.unwrapped.episode.world, IsolatedWorld)
+    here.close()
+    apart.close()
+
+
+def test_frames_are_the_same():
+    pictures = []
+    for isolated in (False, True):
+        env = gymnasium.make(rudc.ENV_ID, scenario="blind_corner", render_mode="rgb_array", isolated=isolated)
+        env.reset(seed=0)
+        for _ in range(20):
+            env.step(COAST)
+        pictures.append(env.render())
+        env.close()
+    np.testing.assert_array_equal(*pictures)
+
+
+def test_a_vector_in_one_process():
+    several = gymnasium.make_vec(rudc.ENV_ID, num_envs=2, vectorization_mode="sync")
+    observations, info = several.reset(seed=[3, 3])
+    for _ in range(5):
+        np.testing.assert_array_equal(observations[0], observations[1])
+        assert info["cost"].dtype == np.float64
+        observations, *_, info = several.step(np.stack([COAST, COAST]))
+    several.close()
+
+
+def test_a_dropped_environment_releases_its_world():
+    env = gymnasium.make(rudc.ENV_ID)
+    env.reset(seed=0)
+    env = gymnasium.make(rudc.ENV_ID, isolated=False)  # a notebook's cell, run again
+    gc.collect()
+    env.reset(seed=0)
+    env.close()
+
+
+def test_closed_and_reset_again():
+    first, second = gymnasium.make(rudc.ENV_ID), gymnasium.make(rudc.ENV_ID)
+    first.reset(seed=0)
+    second.reset(seed=0)
+    second.close()
+    second.close()
+    observation, _ = second.reset(seed=0)
+    np.testing.assert_array_equal(observation, first.reset(seed=0)[0])
+    first.close()
+    second.close()
+
+
+SCRIPT = """
+import gymnasium, rudc
+print("begins")
+first, second = gymnasium.make("rudc/Intersection-v0"), gymnasium.make("rudc/Intersection-v0")
+first.reset(seed=0)
+second.reset(seed=0)
+second.step(second.action_space.sample())
+"""
+
+
+@pytest.mark.parametrize("kind", ["file", "text"])
+def test_a_script_needs_no_main_guard(tmp_path, kind):
+    file = tmp_path / "mine.py"
+    file.write_text(SCRIPT, encoding="utf-8")
+    arguments = [str(file)] if kind == "file" else ["-c", SCRIPT]
+    run = subprocess.run(
+        [sys.executable, "-W", "error", *arguments], capture_output=True, text=True, check=False
+    )
+    assert (run.returncode, run.stdout, run.stderr) == (0, "begins\n", "")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "import rudc, gymnasium; gymnasium.make('rudc/Intersection-v0')",
+        "import gymnasium, rudc; gymnasium.make('rudc/Intersection-v0')",
+        "import gymnasium; gymnasium.make('rudc.env:rudc/Intersection-v0')",
+        "import rudc, sys; assert 'libsumo' not in sys.modules and 'rudc.env' not in sys.modules",
+    ],
+)
+def test_it_is_registered(text):
+    run = subprocess.run([sys.executable, "-W", "error", "-c", text], capture_output=True, check=False)
+    assert (run.returncode, run.stderr) == (0, b"")

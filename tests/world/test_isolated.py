@@ -1,0 +1,165 @@
+"""A world in a process of its own: the same episodes, its errors, its end."""
+
+import contextlib
+import gc
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rudc.errors import SimulationError, WorldBusyError
+from rudc.network.network import load_network
+from rudc.scenario import load_scenario
+from rudc.world.config import WorldConfig
+from rudc.world.isolated import IsolatedWorld, open_world
+from rudc.world.world import World
+
+COAST = np.array([0.0, 0.0])
+
+
+def drive(world, scenario, seed, decisions=60):
+    """All scenes of a coasting ego, true and perceived, and what the world said of each decision."""
+    world.reset(load_scenario(scenario).plan(seed))
+    seen = [(world.scene(), world.perceived(), None)]
+    for _ in range(decisions):
+        advance = world.advance(COAST)
+        seen.append((world.scene(), world.perceived(), advance))
+        if advance.collision is not None:
+            break
+    return seen
+
+
+@pytest.mark.parametrize("scenario", ["dense_left_turn", "perfect_storm", "jaywalkers"])
+def test_the_same_episodes_as_in_this_process(scenario):
+    network = load_network(load_scenario(scenario).network)
+    with World(network) as here:
+        apart = IsolatedWorld(network)
+        for seed in (3, 4):
+            mine, theirs = drive(here, scenario, seed), drive(apart, scenario, seed)
+            assert len(mine) == len(theirs)
+            assert all(a == b for a, b in zip(mine, theirs, strict=True))
+        np.testing.assert_array_equal(here.occluders(), apart.occluders())
+        assert [h.begun_s for h in here.happenings()] == [h.begun_s for h in apart.happenings()]
+        assert apart.plan == here.plan
+        assert here.put_ego(10.0, 2.0, 0.5, 3.0) == apart.put_ego(10.0, 2.0, 0.5, 3.0)
+        assert apart.scene().network is network
+        apart.close()
+
+
+def test_the_second_world_moves_out_by_itself():
+    network, config = load_network("four_way"), WorldConfig()
+    first = open_world(network, config)
+    second = open_world(network, config)
+    assert isinstance(first, World)
+    assert isinstance(second, IsolatedWorld)
+    with pytest.raises(WorldBusyError):
+        open_world(network, config, isolated=False)
+    for world in (first, second):
+        world.close()
+    with pytest.raises(SimulationError, match="closed"):
+        second.scene_after = second.advance(COAST)
+    with pytest.raises(SimulationError, match="closed"):
+        first.reset(load_scenario("random_destination").plan(0))
+
+
+def test_a_dropped_world_is_released():
+    network = load_network("four_way")
+    world = World(network)
+    world.reset(load_scenario("dense_left_turn").plan(0))
+    del world
+    gc.collect()
+    apart = IsolatedWorld(network)
+    with World(network) as world:  # not busy
+        world.reset(load_scenario("dense_left_turn").plan(0))
+    process = apart._process
+    del apart
+    gc.collect()
+    assert process.returncode is not None, "ended, and waited for"
+    assert process.stdin is not None
+    assert process.stdin.closed
+
+
+def test_closing_an_old_world_leaves_the_new_one_alone():
+    network = load_network("four_way")
+    old = World(network)
+    old.close()
+    with World(network) as new:
+        new.reset(load_scenario("dense_left_turn").plan(0))
+        old.close()
+        del old
+        gc.collect()
+        with pytest.raises(WorldBusyError):
+            World(network)
+        new.advance(COAST)
+
+
+def test_its_errors_are_ours():
+    world = IsolatedWorld(load_network("four_way"))
+    with pytest.raises(SimulationError, match="no episode"):
+        world.scene()
+    plan = load_scenario("random_destination", {"ego.distance": 900}).plan(0)
+    with pytest.raises(SimulationError, match=r"ego\.distance 900\.0 m does not fit"):
+        world.reset(plan)
+    world.reset(load_scenario("random_destination").plan(0))
+    with pytest.raises(SimulationError, match=r"own process: IndexError: .*\.py:\d+") as caught:
+        world.advance(np.zeros(0))
+    assert "Traceback" in caught.value.__notes__[0]
+    world.reset(load_scenario("random_destination").plan(0))
+    world.advance(COAST)
+    os.kill(world._process.pid, signal.SIGKILL)
+    with pytest.raises(SimulationError, match="has died"):
+        world.advance(COAST)
+    with pytest.raises(SimulationError, match="closed"):
+        world.advance(COAST)
+
+
+def test_an_interrupt_ends_it():
+    world = IsolatedWorld(load_network("four_way"))
+    world.reset(load_scenario("random_destination").plan(0))
+    signal.signal(signal.SIGALRM, signal.default_int_handler)
+    os.kill(world._process.pid, signal.SIGSTOP)  # it will not answer
+    signal.setitimer(signal.ITIMER_REAL, 0.2)
+    with pytest.raises(KeyboardInterrupt):
+        world.advance(COAST)
+    assert world._process.returncode is not None
+
+
+PARENT = """
+import os, sys, time
+from rudc.network.network import load_network
+from rudc.world.isolated import IsolatedWorld
+world = IsolatedWorld(load_network("four_way"))
+if os.fork() == 0:
+    time.sleep(60)  # holds the pipe's other end, too
+print(world._process.pid, flush=True)
+time.sleep(60)
+"""
+
+
+def test_it_dies_with_its_parent():
+    parent = subprocess.Popen(
+        [sys.executable, "-c", PARENT], stdout=subprocess.PIPE, text=True, start_new_session=True
+    )
+    assert parent.stdout is not None
+    child = int(parent.stdout.readline())
+    parent.kill()
+    parent.wait()
+    deadline = time.monotonic() + 20.0
+    while _runs(child) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert not _runs(child)
+    parent.stdout.close()
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(parent.pid, signal.SIGKILL)
+
+
+def _runs(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().split()[2] != "Z"
+    except FileNotFoundError:
+        return False
