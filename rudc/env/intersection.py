@@ -24,6 +24,7 @@ from rudc.env.window import Window
 from rudc.errors import InputError
 from rudc.network.network import load_network
 from rudc.scenario import EpisodePlan, Scenario, load_scenario
+from rudc.vehicle import EgoVehicle
 from rudc.world.config import WorldConfig
 from rudc.world.isolated import open_world
 from rudc.world.scene import Scene
@@ -128,9 +129,10 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
     | `overrides`   | `None`                 | other values in it, by dotted keys: `{"traffic.density": 30}` |
     | `observation` | `"paper"`              | `"paper"` or `"conflict"`                                     |
     | `as_dict`     | `False`                | observations as a `Dict` of their parts                       |
-    | `config`      | `None`                 | `WorldConfig`: time steps, the EV's body, the yielding layer  |
+    | `config`      | `None`                 | `WorldConfig`: time steps, the yielding layer                 |
     | `render_mode` | `None`                 | `"rgb_array"` (no display needed) or `"human"` (with pygame)  |
     | `isolated`    | `None`                 | whether SUMO runs in a process of its own, see below          |
+    | `vehicle`     | `None`                 | `EgoVehicle`: the EV's body and limits                        |
 
     `reset(options={"scenario": ...})` plays another scenario this once, `{"plan": ...}` a given plan.
     SUMO holds one simulation a process. The first environment with an episode runs it in this process; one
@@ -159,9 +161,10 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         config: WorldConfig | None = None,
         render_mode: str | None = None,
         isolated: bool | None = None,
+        vehicle: EgoVehicle | None = None,
     ) -> None:
         EzPickle.__init__(
-            self, scenario, network, overrides, observation, as_dict, config, render_mode, isolated
+            self, scenario, network, overrides, observation, as_dict, config, render_mode, isolated, vehicle
         )
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise InputError(f"render_mode {render_mode!r} is not one of {self.metadata['render_modes']}")
@@ -170,6 +173,7 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         self._scenario = self._find(scenario)
         self._config = config or WorldConfig()
         self._isolated = isolated
+        self._vehicle = vehicle or EgoVehicle()
         self._kind: Kind = observation
         self._as_dict = as_dict
         self.observation_space = observation_space(observation, as_dict)
@@ -218,7 +222,7 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         """Apply an action for one decision (0.1 s)."""
         if not np.isfinite(action).all():
             raise InputError(f"action {action} is not finite")
-        return self.step_physical(to_physical(action, self._config.vehicle))
+        return self.step_physical(to_physical(action, self._vehicle))
 
     def step_physical(self, u: Array) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """As `step`, with u (2,) in physical units: acceleration m/s2, front-wheel angle rad."""
@@ -271,7 +275,7 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
 
     def _episode_on(self, plan: EpisodePlan) -> Episode:
         """The episode of the world that the plan needs; another network takes another world."""
-        network = load_network(plan.network, plan.junction)
+        network = load_network(plan.network, plan.junction, self._vehicle)
         if self._episode is not None and self._episode.world.network is not network:
             self._episode.world.close()
             self._episode = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
@@ -14,7 +15,6 @@ from rudc.network.network import Network, load_network
 from rudc.network.road import Arm, Movement
 from rudc.network.route import Route
 from rudc.network.route_builder import fits
-from rudc.vehicle import EgoVehicle
 
 SHORT_ARM = 60.0
 """m: less leaves no room to start, follow and brake"""
@@ -22,10 +22,8 @@ NARROW_LANE = 2.6
 """m: less leaves a car of 1.8 m no margin"""
 FAST = 15.0
 """m/s: the ego drives no faster"""
-LEAST_RADIUS = EgoVehicle().wheelbase / float(np.tan(0.5))
-"""m, tightest bend that the ego's path should have: its turning circle at 0.5 rad of steering"""
-CAR = (EgoVehicle().length, EgoVehicle().width)
-"""m, length and width of a waiting car"""
+TURNING = 0.5
+"""rad of steering that the tightest bend of the ego's path should take at most"""
 
 
 @dataclass(frozen=True)
@@ -194,10 +192,10 @@ def _movement_warnings(network: Network) -> Iterator[str]:
 
 def _route_warnings(network: Network, route: Route) -> Iterator[str]:
     way = f"the ego's path from {route.origin} to {route.destination}"
-    radius = _least_radius(route)
-    if radius < LEAST_RADIUS:
-        yield f"{way} bends with a radius of {radius:.1f} m; its turning circle needs {LEAST_RADIUS:.1f} m"
-    if not fits(network, route.path, margin=0.0):
+    radius, least = _least_radius(route), network.vehicle.wheelbase / math.tan(TURNING)
+    if radius < least:
+        yield f"{way} bends with a radius of {radius:.1f} m; its turning circle needs {least:.1f} m"
+    if not fits(network, route.path, network.vehicle, margin=0.0):
         yield f"{way} leaves the road with a corner of the car"
 
 
@@ -214,9 +212,10 @@ def waiting_warnings(routes: list[Route]) -> Iterator[str]:
 
 def waiting_gap(a: Route, b: Route) -> float:
     """m between two cars that wait as far into the junction as their routes allow; 0 where they overlap."""
-    x, y, psi = a.path.pose(np.array([a.waiting_s - CAR[0] / 2, 0.0]))
-    u, v, phi = b.path.pose(np.array([b.waiting_s - CAR[0] / 2, 0.0]))
+    car = (a.key.vehicle.length, a.key.vehicle.width)
+    x, y, psi = a.path.pose(np.array([a.waiting_s - car[0] / 2, 0.0]))
+    u, v, phi = b.path.pose(np.array([b.waiting_s - car[0] / 2, 0.0]))
     position, heading = np.array([[u[0], v[0]]]), phi[:1]
     return float(
-        rectangle_gaps(float(x[0]), float(y[0]), float(psi[0]), *CAR, position, heading, np.array([CAR]))[0]
+        rectangle_gaps(float(x[0]), float(y[0]), float(psi[0]), *car, position, heading, np.array([car]))[0]
     )

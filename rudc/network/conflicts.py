@@ -12,7 +12,6 @@ from scipy.spatial import KDTree
 from rudc.arrays import Array
 from rudc.network.paths import SPACING, PathTable
 from rudc.network.route import ReferencePath
-from rudc.vehicle import EgoVehicle
 
 CONFLICT_WIDTH = 2.2
 """m between centre lines below which they are in conflict"""
@@ -20,8 +19,6 @@ SWEPT_HALF_WIDTH = 1.0
 """m to each side of a lane's centre line that its traffic sweeps"""
 WAITING_GAP = 0.75
 """m that a waiting vehicle keeps from the swept paths of traffic it must yield to"""
-HALF_WIDTH = EgoVehicle().width / 2
-"""m, of the waiting vehicle"""
 
 
 def conflict_table(path: ReferencePath, paths: PathTable) -> Array:
@@ -42,9 +39,11 @@ def conflict_table(path: ReferencePath, paths: PathTable) -> Array:
     return table
 
 
-def waiting_bumper(path: ReferencePath, paths: PathTable, row: int, stop: float, exit_s: float) -> float:
-    """m, farthest arc length of the front bumper clear of the swept paths of the rows to which `row`
-    yields."""
+def waiting_bumper(
+    path: ReferencePath, paths: PathTable, row: int, stop: float, exit_s: float, width: float
+) -> float:
+    """m, farthest arc length of the front bumper, `width` m wide, clear of the swept paths of the rows to
+    which `row` yields."""
     rivals = np.flatnonzero(paths.yields[row] & (paths.origin != paths.origin[row]))
     if not len(rivals):
         return stop
@@ -52,9 +51,8 @@ def waiting_bumper(path: ReferencePath, paths: PathTable, row: int, stop: float,
     bumper = np.arange(stop, exit_s, step)
     x, y, psi = path.pose(bumper)
     normal = np.stack([-np.sin(psi), np.cos(psi)], axis=-1)
-    corners = (
-        np.stack([x, y], axis=-1)[None] + np.array([-HALF_WIDTH, 0.0, HALF_WIDTH])[:, None, None] * normal
-    )
+    sides = np.array([-width / 2, 0.0, width / 2])[:, None, None]
+    corners = np.stack([x, y], axis=-1)[None] + sides * normal
     tree = KDTree(np.concatenate([_beyond_stop(paths, int(rival)) for rival in rivals]))
     gap, _ = tree.query(corners)
     clear = gap.min(axis=0) >= SWEPT_HALF_WIDTH + WAITING_GAP

@@ -1,37 +1,26 @@
-"""`Network`: a junction with its arms, lanes, movements, paths, right of way and drivable area, from a
-.net.xml.
+"""`Network`: a junction as read from a .net.xml (see `Layout`), and the routes of one ego vehicle over it.
 
-World frame: x east, y north, as in the file; angles counter-clockwise from x; SI units. Nothing here knows
-any particular junction. Lanes are numbered as in SUMO: 0 is the rightmost in driving direction.
-
-Right of way is SUMO's request matrix, as netconvert computed it from the node's type. Where it is equal
-(all-way stop), that matrix says of any two crossing ways that each must yield to the other, and no arm is
-major.
+Networks and routes are pickled as what they are found again by, and unpickling gives the process's own: a
+`Scene` that crosses to another process carries neither rasters nor polylines (some 2 kB and 150 B an SV), and
+a route in it is the object that `Network.route` returns there.
 """
 
 from __future__ import annotations
 
-import math
+import copyreg
 from collections.abc import Callable, Mapping
 from functools import cache, lru_cache
 from pathlib import Path
 from types import MappingProxyType
-from weakref import WeakKeyDictionary
 
-import numpy as np
-
-from rudc.arrays import Array
 from rudc.data import data_folder
 from rudc.errors import NetworkError
 from rudc.hints import there_are
-from rudc.network import assembly, reader
-from rudc.network.conflicts import conflict_table
-from rudc.network.paths import PathTable
-from rudc.network.polyline import without_repeats
+from rudc.network.layout import Layout
 from rudc.network.road import Arm, Lane, Movement, Turn
-from rudc.network.route import ReferencePath, Route
+from rudc.network.route import ReferencePath, Route, RouteKey
 from rudc.network.route_builder import build_route
-from rudc.network.surface import Surface
+from rudc.vehicle import EgoVehicle
 
 __all__ = [
     "Arm",
@@ -46,147 +35,18 @@ __all__ = [
 ]
 
 
-class Network:
-    """One junction and its arms. Immutable; routes and conflict tables are computed once and kept."""
+class Network(Layout):
+    """One junction and its arms, and the routes of `vehicle` over it. Immutable; routes are built once."""
 
-    def __init__(self, path: Path, junction: str | None = None) -> None:
-        """Reads the .net.xml at `path`; `junction` names the node (or one of the roundabout's) if there are
-        several."""
-        chosen = reader.choose_junction(reader.read_net(path), junction, path)
-        self.path = path
-        """the .net.xml"""
-        self.junction = junction
-        """what was asked for"""
-        self.name = path.name.removesuffix(".gz").removesuffix(".net.xml").removesuffix(".xml")
-        """file name without its endings"""
-        self.nodes: tuple[str, ...] = tuple(node.getID() for node in chosen.nodes)
-        """SUMO nodes of the junction: one, or all of a roundabout"""
-        self.node_type = str(chosen.nodes[0].getType())
-        """SUMO's type of the junction's (first) node: priority, allway_stop, ..."""
-        self.is_roundabout = chosen.is_roundabout
-        """whether the junction is a whole roundabout"""
-        self.ring_edges: frozenset[str] = chosen.ring
-        """edges of a roundabout's ring"""
-        self.center: Array = assembly.centre_of(chosen)
-        """(2,) m, what positions in scenario files are relative to"""
-        raw_arms = assembly.in_order(reader.find_arms(chosen), self.center)
-        ways = reader.find_ways(chosen, raw_arms)
-        if not ways:
-            raise NetworkError(f"{path}: no connection leads through the junction {self.nodes[0]!r}")
-        yields = reader.right_of_way(chosen, ways)
-        self.lanes: dict[str, Lane] = assembly.make_lanes(chosen, raw_arms, ways)
-        """all lanes by SUMO's id: of the arms, of the ring, and inside the nodes"""
-        arms = assembly.make_arms(raw_arms, self.lanes, self.center)
-        self.arms: tuple[Arm, ...] = tuple(assembly.decide_major(arms, ways, yields))
-        """counter-clockwise from the east"""
-        self.road_km = sum(arm.length for arm in self.arms) / 1000.0
-        """km of two-way road on the arms: density is vehicles / road_km"""
-        self.movements: tuple[Movement, ...] = tuple(assembly.make_movements(self.arms, ways, yields))
-        """permitted ways between arms"""
-        self._sources = [way.source for way in ways]
-        edges: dict[str, list[str]] = {}
-        for lane in self.lanes.values():
-            edges.setdefault(lane.edge, []).append(lane.id)
-        self.paths = PathTable(self._sources, [arm.name for arm in self.arms], edges, yields)
-        """all lane-to-lane ways"""
-        self.node_polygons: tuple[Array, ...] = tuple(reader.shape_of(node) for node in chosen.nodes)
-        """(K, 2) m each, shapes of the junction's nodes"""
-        directed = [(lane.xy, lane.polygon) for lane in self.lanes.values() if not lane.internal]
-        self.surface = Surface(assembly.drivable_polygons(chosen, raw_arms, self.lanes), directed)
-        """the drivable area"""
+    def __init__(self, path: Path, junction: str | None = None, vehicle: EgoVehicle | None = None) -> None:
+        """`path` and `junction` as for `Layout`; `vehicle`: who drives the routes, None: an ordinary car."""
+        super().__init__(path, junction)
+        self.vehicle = vehicle or EgoVehicle()
+        """whose routes keep its body on the road, and who waits clear of others"""
         self._routes: dict[tuple[str, str, int | None], Route] = {}
-        self._conflicts: WeakKeyDictionary[ReferencePath, Array] = WeakKeyDictionary()
-        self.center.flags.writeable = False
 
-    def __reduce__(self) -> tuple[Callable[..., Network], tuple[Path, str | None]]:
-        """Pickled as the file it comes from: a `Scene` that crosses to another process carries no rasters."""
-        return load_network, (self.path, self.junction)
-
-    def __repr__(self) -> str:
-        return f"Network({self.name!r}, arms={[arm.name for arm in self.arms]})"
-
-    @property
-    def half_extent(self) -> float:
-        """m, half the side of the square about the centre that holds all arms."""
-        return float(max(np.abs(lane.xy - self.center).max() for lane in self.lanes.values()))
-
-    def arm(self, name: str) -> Arm:
-        """The arm of that name; also found by the id of one of its edges."""
-        for arm in self.arms:
-            if name == arm.name or name in arm.in_edges or name in arm.out_edges:
-                return arm
-        raise NetworkError(
-            f"no arm {name!r} in network {self.name}{there_are(name, [arm.name for arm in self.arms])}"
-        )
-
-    def lane(self, name: str) -> Lane:
-        """The lane with a scenario's name (`west_in_0`, `west_out_1`) or SUMO's id."""
-        named = self.lane_names
-        lane_id = named.get(name, name)
-        if lane_id in self.lanes:
-            return self.lanes[lane_id]
-        raise NetworkError(f"no lane {name!r} in network {self.name}{there_are(name, named)}")
-
-    @property
-    def lane_names(self) -> dict[str, str]:
-        """Scenario names of the arms' lanes -> SUMO's ids."""
-        names = {}
-        for arm in self.arms:
-            for way, lane_ids in (("in", arm.in_lanes), ("out", arm.out_lanes)):
-                names.update({f"{arm.name}_{way}_{self.lanes[i].index}": i for i in lane_ids})
-        return names
-
-    def place_on_lane(
-        self, lane_name: str, at_m_from_junction: float, lateral: float = 0.0, heading_offset_rad: float = 0.0
-    ) -> tuple[float, float, float]:
-        """x m, y m and heading rad of a place on an arm's lane, `lateral` m to the left of its centre line.
-
-        `at_m_from_junction` runs outwards from the stop line (inbound) or the junction's exit (outbound).
-        """
-        lane = self.lane(lane_name)
-        arm = next((arm for arm in self.arms if lane.id in (*arm.in_lanes, *arm.out_lanes)), None)
-        if arm is None:
-            raise NetworkError(f"lane {lane_name!r} of network {self.name} is not next to the junction")
-        inbound = lane.id in arm.in_lanes
-        row = self._row_through(lane, inbound=inbound)
-        if row is None:
-            line = ReferencePath(lane.xy)
-            start, length = line.length if inbound else 0.0, line.length
-        else:
-            line = None
-            start, length = (
-                float((self.paths.stop_s if inbound else self.paths.exit_s)[row]),
-                self.paths.length[row],
-            )
-        s = start - at_m_from_junction if inbound else start + at_m_from_junction
-        if at_m_from_junction < 0.0 or not 0.0 <= s <= length:
-            raise NetworkError(
-                f"{at_m_from_junction:g} m from the junction is not on lane {lane_name!r} of network "
-                f"{self.name} (the arm is {arm.length:.0f} m long)"
-            )
-        pose = line.pose(s) if line is not None else self.paths.pose(np.array(row), np.array(s))
-        x, y, psi = (float(v) for v in pose)
-        return x - lateral * math.sin(psi), y + lateral * math.cos(psi), psi + heading_offset_rad
-
-    def movement(self, origin: str, towards: str) -> Movement:
-        """The movement from an arm to another (by name or edge id), or by its turn: left, straight, right,
-        u_turn."""
-        start = self.arm(origin).name
-        options = [m for m in self.movements if m.origin == start]
-        if towards in ("left", "straight", "right", "u_turn"):
-            found = [m for m in options if m.turn == towards]
-        else:
-            end = self.arm(towards).name
-            found = [m for m in options if m.destination == end]
-        if len(found) == 1:
-            return found[0]
-        known = ", ".join(f"{m.destination} ({m.turn})" for m in options) or "nowhere"
-        problem = (
-            f"leads {towards} to several arms; name the one meant"
-            if found
-            else f"does not lead to {towards!r}"
-        )
-        raise NetworkError(f"network {self.name}: arm {start!r} {problem}; from there one gets to {known}")
+    def __reduce__(self) -> tuple[Callable[..., Network], tuple[Path, str | None, EgoVehicle]]:
+        return load_network, (self.path, self.junction, self.vehicle)
 
     def route(self, origin: str, towards: str, lane: int | None = None) -> Route:
         """The ego's route from an arm to another, or by its turn; `lane` is the index of the inbound lane.
@@ -202,46 +62,8 @@ class Network:
                     f"network {self.name}: {movement.turn} from {movement.origin!r} is not permitted from "
                     f"lane {lane}, only from {', '.join(map(str, allowed))}"
                 )
-            self._routes[key] = build_route(self, movement, lane)
+            self._routes[key] = build_route(self, movement, lane, self.vehicle)
         return self._routes[key]
-
-    def conflict(self, path: ReferencePath | Route) -> Array:
-        """(P, 4) m: s_ego_in, s_ego_out, s_sv_in, s_sv_out of the path's conflict with each row of `paths`.
-
-        From the first to the last place where the two centre lines are closer than 2.2 m; nan where they
-        never are.
-        """
-        line = path.path if isinstance(path, Route) else path
-        if line not in self._conflicts:
-            table = conflict_table(line, self.paths)
-            table.flags.writeable = False
-            self._conflicts[line] = table
-        return self._conflicts[line]
-
-    def inbound_lane(self, row: int) -> Lane:
-        """The last lane before the junction of a row of `paths`."""
-        return self.lanes[self._sources[row].lane_ids[self._sources[row].before_junction - 1]]
-
-    def outbound_lane(self, row: int) -> Lane:
-        """The first lane after the junction of a row of `paths`."""
-        return self.lanes[self._sources[row].lane_ids[-self._sources[row].after_junction]]
-
-    def centre_line(self, row: int) -> Array:
-        """(K, 2) m, the lanes' centre lines of a row of `paths`, joined."""
-        return without_repeats(np.concatenate(self._sources[row].shapes))
-
-    def carriageway(self, movement: Movement) -> list[Array]:
-        """Polygons (K, 2) m that a movement's traffic may use: all lanes of its edges, and the junction."""
-        edges = {*movement.edges, *self.ring_edges}
-        lanes = [
-            assembly.lane_area(lane) for lane in self.lanes.values() if lane.internal or lane.edge in edges
-        ]
-        return [*lanes, *self.node_polygons]
-
-    def _row_through(self, lane: Lane, *, inbound: bool) -> int | None:
-        """A row of `paths` that enters (or leaves) the junction by the lane, if there is one."""
-        end = self.inbound_lane if inbound else self.outbound_lane
-        return next((row for row in range(self.paths.count) if end(row) is lane), None)
 
 
 @cache
@@ -252,8 +74,12 @@ def shipped_networks() -> Mapping[str, Path]:
     return MappingProxyType({path.name.removesuffix(".net.xml"): path for path in found})
 
 
-def load_network(source: str | Path, junction: str | None = None) -> Network:
-    """A shipped network by name, or any .net.xml by its path; read once per process."""
+def load_network(
+    source: str | Path, junction: str | None = None, vehicle: EgoVehicle | None = None
+) -> Network:
+    """A shipped network by name, or any .net.xml by its path, with the routes of `vehicle` (None: an ordinary
+    car's); read once per process. Raises NetworkError.
+    """
     shipped = shipped_networks()
     path = shipped.get(str(source))
     if path is None:
@@ -261,9 +87,22 @@ def load_network(source: str | Path, junction: str | None = None) -> Network:
         if not path.is_file():
             known = there_are(source, shipped)
             raise NetworkError(f"no network {str(source)!r}, neither shipped nor a file{known}")
-    return _load(path.resolve(), junction, path.stat().st_mtime_ns)
+    return _load(path.resolve(), junction, vehicle or EgoVehicle(), path.stat().st_mtime_ns)
 
 
 @lru_cache(maxsize=32)
-def _load(path: Path, junction: str | None, _modified: int) -> Network:
-    return Network(path, junction)
+def _load(path: Path, junction: str | None, vehicle: EgoVehicle, _modified: int) -> Network:
+    return Network(path, junction, vehicle)
+
+
+def find_route(key: RouteKey) -> Route:
+    """The route of that key, from its network (read if need be)."""
+    return load_network(key.network, key.junction, key.vehicle).route(key.origin, key.destination, key.lane)
+
+
+def _as_key(route: Route) -> tuple[Callable[[RouteKey], Route], tuple[RouteKey]]:
+    return find_route, (route.key,)
+
+
+# Said here and not in `Route.__reduce__`, since a route knows nothing of networks.
+copyreg.pickle(Route, _as_key)

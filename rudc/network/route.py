@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import numpy as np
 from rudc.arrays import Array
 from rudc.network.paths import SPACING
 from rudc.network.polyline import arc_length, headings, resample, without_repeats
+from rudc.vehicle import EgoVehicle
 
 
 class ReferencePath:
@@ -94,11 +94,15 @@ class RouteKey:
     """arm"""
     lane: int | None
     """inbound lane asked for"""
+    vehicle: EgoVehicle
+    """who drives it"""
 
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """One movement of the ego: reference path, where to stop and wait, the road's edges beside it."""
+    """One movement of the ego: reference path, where to stop and wait, the road's edges beside it. Pickled as
+    its key (see `rudc.network.network`).
+    """
 
     origin: str
     """arm it comes from"""
@@ -147,14 +151,3 @@ class Route:
     north)"""
     key: RouteKey
     """what it can be found again by"""
-
-    def __reduce__(self) -> tuple[Callable[[RouteKey], Route], tuple[RouteKey]]:
-        """Pickled as its key: a `Scene` that crosses to another process carries no polylines."""
-        return find_route, (self.key,)
-
-
-def find_route(key: RouteKey) -> Route:
-    """The route of that key, from its network (read if need be)."""
-    from rudc.network.network import load_network
-
-    return load_network(key.network, key.junction).route(key.origin, key.destination, key.lane)

@@ -10,20 +10,16 @@ serve. All lines are smoothed by a moving average of SMOOTHING m, so that curvat
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from rudc.arrays import Array
 from rudc.network.conflicts import waiting_bumper
+from rudc.network.layout import Layout
 from rudc.network.polyline import arc_length, resample, smooth, without_repeats, wrap
+from rudc.network.road import Movement
 from rudc.network.road_edges import edge_widths
 from rudc.network.route import ReferencePath, Route, RouteKey
 from rudc.vehicle import EgoVehicle
-
-if TYPE_CHECKING:
-    from rudc.network.network import Network
-    from rudc.network.road import Movement
 
 LEFT_RADIUS = 10.5
 """m, arc of the ego's left turns"""
@@ -37,12 +33,10 @@ SMOOTHING = 4.0
 """m, window of the moving average"""
 FINE = 0.05
 """m, spacing at which lines are drawn before they are sampled"""
-BODY = EgoVehicle()
-"""the car that must stay on the road"""
 TASKS = {"left": 0, "u_turn": 0, "straight": 1, "right": 2}
 
 
-def build_route(network: Network, movement: Movement, lane: int | None) -> Route:
+def build_route(network: Layout, movement: Movement, lane: int | None, vehicle: EgoVehicle) -> Route:
     """The ego's route over a movement, from inbound lane index `lane` (None: left turns from the leftmost
     lane that permits the movement, all others from the rightmost)."""
     paths = network.paths
@@ -50,7 +44,7 @@ def build_route(network: Network, movement: Movement, lane: int | None) -> Route
     arm = network.arm(movement.origin)
     line = network.centre_line(row)
     stop, exit_s = float(paths.stop_s[row]), float(paths.exit_s[row])
-    path = _reference(network, line, stop, exit_s, movement)
+    path = _reference(network, line, stop, exit_s, movement, vehicle)
     table = network.conflict(path)
     stop_line_s = _station_of(path, resample(line, np.array([stop]))[0], stop)
     exit_line_s = _station_of(path, resample(line, np.array([exit_s]))[0], exit_s)
@@ -65,9 +59,9 @@ def build_route(network: Network, movement: Movement, lane: int | None) -> Route
         edges=movement.edges,
         row=row,
         path=path,
-        alternatives=_alternatives(network, movement, row),
+        alternatives=_alternatives(network, movement, row, vehicle),
         stop_line_s=stop_line_s,
-        waiting_s=waiting_bumper(path, paths, row, stop_line_s, exit_line_s),
+        waiting_s=waiting_bumper(path, paths, row, stop_line_s, exit_line_s, vehicle.width),
         zone_start_s=float(crossing[:, 0].min()) if len(crossing) else stop_line_s,
         zone_end_s=min(float(crossing[:, 1].max()), exit_line_s) if len(crossing) else stop_line_s,
         exit_s=exit_line_s,
@@ -79,7 +73,7 @@ def build_route(network: Network, movement: Movement, lane: int | None) -> Route
         left_width=left,
         right_width=right,
         canonical_angle=float(wrap(arm.heading_in - np.pi / 2)),
-        key=RouteKey(network.path, network.junction, movement.origin, movement.destination, lane),
+        key=RouteKey(network.path, network.junction, movement.origin, movement.destination, lane, vehicle),
     )
 
 
@@ -87,7 +81,7 @@ def _station_of(path: ReferencePath, point: Array, near: float) -> float:
     return path.project(float(point[0]), float(point[1]), near)[0]
 
 
-def _choose_row(network: Network, movement: Movement, lane: int | None) -> int:
+def _choose_row(network: Layout, movement: Movement, lane: int | None) -> int:
     rows = list(movement.rows)
     indices = [network.inbound_lane(row).index for row in rows]
     if lane is None:
@@ -95,7 +89,9 @@ def _choose_row(network: Network, movement: Movement, lane: int | None) -> int:
     return rows[indices.index(lane)]
 
 
-def _alternatives(network: Network, movement: Movement, row: int) -> tuple[ReferencePath, ...]:
+def _alternatives(
+    network: Layout, movement: Movement, row: int, vehicle: EgoVehicle
+) -> tuple[ReferencePath, ...]:
     """Lines from the row's inbound lane to the other outbound lanes, where a car stays on the road."""
     line, stop = network.centre_line(row), float(network.paths.stop_s[row])
     candidates = []
@@ -104,10 +100,10 @@ def _alternatives(network: Network, movement: Movement, row: int) -> tuple[Refer
         joined = _join(line, stop, network.centre_line(other), exit_s, movement.angle)
         if joined is not None:
             candidates.append(ReferencePath(joined))
-    return tuple(path for path in candidates if fits(network, path))
+    return tuple(path for path in candidates if fits(network, path, vehicle))
 
 
-def _other_exits(network: Network, movement: Movement, row: int) -> list[int]:
+def _other_exits(network: Layout, movement: Movement, row: int) -> list[int]:
     """For each outbound lane other than the row's own, a row (from any lane) that ends on it."""
     own = network.outbound_lane(row).id
     exits: dict[str, int] = {}
@@ -119,12 +115,12 @@ def _other_exits(network: Network, movement: Movement, row: int) -> list[int]:
 
 
 def _reference(
-    network: Network, line: Array, stop: float, exit_s: float, movement: Movement
+    network: Layout, line: Array, stop: float, exit_s: float, movement: Movement, vehicle: EgoVehicle
 ) -> ReferencePath:
     """The path over a row: with a fillet if one fits and stays on the road, else along the lanes."""
     if abs(movement.angle) > STRAIGHT_ON and not network.is_roundabout:
         joined = _join(line, stop, line, exit_s, movement.angle)
-        if joined is not None and fits(network, path := ReferencePath(joined)):
+        if joined is not None and fits(network, path := ReferencePath(joined), vehicle):
             return path
     fine = resample(line, np.arange(0.0, arc_length(line)[-1], FINE))
     return ReferencePath(smooth(fine, FINE, SMOOTHING))
@@ -185,14 +181,14 @@ def _shift(p: Array, u: Array, q: Array, v: Array) -> Array:
     )
 
 
-def fits(network: Network, path: ReferencePath, margin: float = 0.1) -> bool:
-    """Whether a car that follows the path keeps all of its body at least `margin` m on the road."""
+def fits(network: Layout, path: ReferencePath, vehicle: EgoVehicle, margin: float = 0.1) -> bool:
+    """Whether a vehicle that follows the path keeps all of its body at least `margin` m on the road."""
     x, y, psi = path.pose(path.s)
     forward = np.column_stack([np.cos(psi), np.sin(psi)])
     left = np.column_stack([-np.sin(psi), np.cos(psi)])
     xy = np.column_stack([x, y])
-    for along in (-BODY.length / 2, 0.0, BODY.length / 2):
-        for across in (-BODY.width / 2, BODY.width / 2):
+    for along in (-vehicle.length / 2, 0.0, vehicle.length / 2):
+        for across in (-vehicle.width / 2, vehicle.width / 2):
             if network.surface.signed_distance(xy + along * forward + across * left).min() < margin:
                 return False
     return True

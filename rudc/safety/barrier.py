@@ -43,20 +43,15 @@ Numbers: points and vectors of the plane are complex; r conj(e) = p + i q, conj(
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from rudc.arrays import Array, Complex, Index
-
-if TYPE_CHECKING:
-    from rudc.safety.road_points import RoadPoints
-
+from rudc.safety.road_points import CLOSEST, RoadPoints
 
 EPSILON = 1e-6
 """m2, eps0 under the root of the support radii"""
-CLOSEST = 1e-6
-"""m2, |r|^2 below which a bearing means nothing; taken as this"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -21,9 +21,9 @@ import math
 import numpy as np
 
 from rudc.arrays import Array, Complex, Index
-from rudc.safety.barrier import CLOSEST
 from rudc.safety.config import FilterConfig
 from rudc.safety.prediction import Predictor
+from rudc.safety.road_points import CLOSEST
 from rudc.world.scene import Scene
 
 

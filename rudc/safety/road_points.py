@@ -20,9 +20,10 @@ import numpy as np
 
 from rudc.arrays import Array, Complex
 from rudc.network.route import Route
-from rudc.safety.barrier import CLOSEST
 from rudc.vehicle import EgoVehicle
 
+CLOSEST = 1e-6
+"""m2, |r|^2 below which a bearing means nothing; taken as this"""
 REACH = 8.0
 """m of path before and after the ego within which projections are looked for"""
 POINTS = ("cg", "third", "two_thirds")

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, Protocol
 
 from rudc.errors import SimulationError
 
 if TYPE_CHECKING:
     from rudc.scenario.distributions import Distribution
     from rudc.scenario.events.event import Event
-    from rudc.scenario.model import Scenario
 
 Turn = Literal["left", "straight", "right"]
 
@@ -60,6 +59,14 @@ class TrafficPlan:
     """s simulated before the ego appears"""
 
 
+class Drawable(Protocol):
+    """What episodes are drawn from: a `Scenario`."""
+
+    def plan(self, seed: int, attempt: int = 0) -> EpisodePlan:
+        """One episode, the same for the same seed and attempt."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class EpisodePlan:
     """Everything the world needs to set up and run one episode."""
@@ -80,7 +87,7 @@ class EpisodePlan:
     timeout_s: float
     event_numbers: tuple[int, ...] = ()
     """of each of `events`, its place in the scenario's file, from 1"""
-    source: Scenario | None = field(default=None, repr=False, compare=False)
+    source: Drawable | None = field(default=None, repr=False, compare=False)
     """what it was drawn from"""
 
     def redrawn(self) -> EpisodePlan:

@@ -1,19 +1,16 @@
 """How the world is simulated; the same for every scenario unless a study says otherwise."""
 
-from dataclasses import dataclass, field
-
-from rudc.vehicle import EgoVehicle
+from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
 class WorldConfig:
-    """Time steps, the ego's body and the yielding layer."""
+    """Time steps and the yielding layer."""
 
     decision_s: float = 0.1
     """s between two decisions (the paper: 10 Hz)"""
     substep_s: float = 0.05
     """s between two simulation steps (the paper: 15 Hz; 20 Hz divides the decision evenly)"""
-    vehicle: EgoVehicle = field(default_factory=EgoVehicle)
     yielding: bool = True
     """whether surrounding vehicles look 2 s ahead for what SUMO does not see (Sec. "Simulation
     Environment")"""

@@ -27,10 +27,11 @@ from rudc.world.config import WorldConfig
 from rudc.world.world import World
 
 if TYPE_CHECKING:
+    from rudc.arrays import Array
     from rudc.network.network import Network
     from rudc.scenario.plan import EpisodePlan
     from rudc.world.events import Happening
-    from rudc.world.scene import Array, Scene
+    from rudc.world.scene import Scene
     from rudc.world.world import Advance
 
 CHANGING = ("reset", "advance", "put_ego")

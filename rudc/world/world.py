@@ -78,9 +78,10 @@ class World:
     def __init__(self, network: Network, config: WorldConfig | None = None) -> None:
         self.network = network
         self.config = config or WorldConfig()
+        self.vehicle = network.vehicle
         self._sumo = Sumo(network.path, self.config.substep_s, self.config.sumo_options)
         self.traffic = Traffic(self._sumo, network)
-        self._plant = EgoPlant(self.config.vehicle)
+        self._plant = EgoPlant(self.vehicle)
         self._scene: Scene | None = None
         self._perceived: Scene | None = None
 
@@ -158,7 +159,7 @@ class World:
         reached = self._drive(scene, float(u[0]), float(u[1]))
         if self._driven_by_sumo:
             passed_s = self._sumo.time() - self._time0 - scene.time_s
-            self._last_u = np.array(realised(scene.ego, self._plant.state, passed_s, self.config.vehicle))
+            self._last_u = np.array(realised(scene.ego, self._plant.state, passed_s, self.vehicle))
         before, scene = scene, self._refresh()
         if reached.touched is None:
             reached = min(reached, self._nearest, key=lambda found: found.gap)
@@ -170,7 +171,7 @@ class World:
 
     def put_ego(self, x: float, y: float, psi: float, v: float = 0.0) -> Scene:
         """Place the ego anew (m, m, rad, m/s), as studies and tests need it, and return the scene."""
-        length = self.config.vehicle.length
+        length = self.vehicle.length
         # A vehicle that jumps within its lane keeps its rank in SUMO's list of that lane, and others change
         # lanes into it; so it leaves the road for a step.
         self._sumo.place(EGO, x + FAR_M, y + FAR_M, psi, v, length)
@@ -187,7 +188,7 @@ class World:
         plan = self.plan
         traffic_rng, ego_rng, self._sensor_rng, event_rng = np.random.default_rng(plan.world_seed).spawn(4)
         self._driven_by_sumo = ego_driver == "sumo"
-        types = type_file(plan.traffic, self.config.vehicle)
+        types = type_file(plan.traffic, self.vehicle)
         self._sumo.load(int(traffic_rng.integers(2**31 - 1)), types, options)
         self._time0 = self._waited = 0.0
         self._last_u = np.zeros(2)
@@ -209,7 +210,7 @@ class World:
 
     def _place_ego(self, rng: np.random.Generator) -> None:
         """Draw the route and put the plant where the ego starts."""
-        plan, half = self.plan.ego, 0.5 * self.config.vehicle.length
+        plan, half = self.plan.ego, 0.5 * self.vehicle.length
         route = self.route = draw_route(self.network, plan, rng)
         self._ego_s = route.stop_line_s - plan.distance_m - half
         if self._ego_s < half:
@@ -233,7 +234,7 @@ class World:
                 prop.look_out(scene)
 
     def _enter_ego(self) -> bool:
-        plan, body = self.plan.ego, self.config.vehicle
+        plan, body = self.plan.ego, self.vehicle
         lane = self.network.lanes[self.network.paths.lane_ids[self.route.row][0]]
         self._sumo.add_route(EGO, self.route.edges)
         self._sumo.add(EGO, EGO, EGO, lane.index, self._ego_s + 0.5 * body.length, plan.speed_mps)
@@ -275,7 +276,7 @@ class World:
         dt = self.config.substep_s
         if not self._driven_by_sumo:
             state = self._plant.step(a, delta, dt)
-            self._sumo.place(EGO, state.x, state.y, state.psi, state.v, self.config.vehicle.length)
+            self._sumo.place(EGO, state.x, state.y, state.psi, state.v, self.vehicle.length)
         self._sumo.step()
         self._move_props()
         if self._driven_by_sumo:
@@ -294,13 +295,13 @@ class World:
         if EGO not in self._sumo.vehicles():
             self._ego_inside = False
             return
-        x, y, psi = self._sumo.pose(EGO, self.config.vehicle.length)
+        x, y, psi = self._sumo.pose(EGO, self.vehicle.length)
         v, a = self._sumo.drive(EGO)
         turned = (psi - self._plant.state.psi + math.pi) % (2 * math.pi) - math.pi
         self._plant.state = EgoState(x, y, psi, v, 0.0, turned / self.config.substep_s, a, 0.0)
 
     def _ego(self) -> Body:
-        return ego_body(self._plant.state, self.config.vehicle)
+        return ego_body(self._plant.state, self.vehicle)
 
     def _bodies_now(self, then: list[Body]) -> list[Body]:
         """The same bodies where they are now, without those that have left the road."""
@@ -333,7 +334,7 @@ class World:
     def _off_road(self, state: EgoState) -> bool:
         """Whether a corner sticks out too far; looked up anew once one may have moved that far."""
         x, y, psi, room = self._on_road
-        body = self.config.vehicle
+        body = self.vehicle
         radius = 0.5 * math.hypot(body.length, body.width)
         if math.hypot(state.x - x, state.y - y) + radius * abs(state.psi - psi) < room:
             return False
@@ -361,7 +362,7 @@ class World:
         state = self._plant.state
         self._ego_s, offset = self.route.path.project(state.x, state.y, self._ego_s)
         ego = EgoView(
-            self._sumo.time() - self._time0, self.plan.timeout_s, state, self.config.vehicle, self.route,
+            self._sumo.time() - self._time0, self.plan.timeout_s, state, self.vehicle, self.route,
             self._ego_s, offset, self._waited, self._last_u, self._destination_s,
         )  # fmt: skip
         scene = self._scene = self._reader.scene(ego, self.stage.props)
@@ -384,7 +385,7 @@ class World:
             for row, deceleration in zip(braking.rows, braking.deceleration, strict=True)
         }
         if self._driven_by_sumo and self._ego_inside and self.stage.props:
-            path, path_s = self._reader.locate_ego(self.route, self.config.vehicle.length)
+            path, path_s = self._reader.locate_ego(self.route, self.vehicle.length)
             deceleration = min(ego_must_yield(scene, path, path_s), most)
             if deceleration > 0:
                 wanted[EGO] = scene.ego.v, deceleration

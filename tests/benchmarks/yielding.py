@@ -145,7 +145,7 @@ def waiting(world: World, tries: int, density: float) -> int:
             if inside and route.waiting_s < route.stop_line_s + 1.0:
                 continue
             front = route.waiting_s if inside else route.stop_line_s - 1.0
-            x, y, psi = (float(v) for v in route.path.pose(front - 0.5 * world.config.vehicle.length))
+            x, y, psi = (float(v) for v in route.path.pose(front - 0.5 * world.vehicle.length))
             if not fair_moment(world, (x, y, psi)):
                 continue
             scene = world.put_ego(x, y, psi)

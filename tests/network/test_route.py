@@ -1,3 +1,4 @@
+import copy
 import pickle
 
 import numpy as np
@@ -11,6 +12,7 @@ from rudc.network.network import load_network, shipped_networks
 from rudc.network.paths import SPACING
 from rudc.network.polyline import wrap
 from rudc.network.route_builder import fits
+from rudc.vehicle import EgoVehicle
 
 NETWORKS = sorted(shipped_networks())
 STEERING_LIMIT = np.tan(0.5) / 2.8
@@ -32,7 +34,7 @@ def test_paths_are_smooth_drivable_and_on_the_road(name):
             assert steps.min() > 0.45
             assert np.abs(np.diff(path.heading)).max() < 0.5 * STEERING_LIMIT
             assert np.abs(path.curvature).max() <= STEERING_LIMIT
-            assert fits(network, path, margin=0.1)
+            assert fits(network, path, network.vehicle, margin=0.1)
 
 
 @pytest.mark.parametrize("name", NETWORKS)
@@ -231,3 +233,17 @@ def test_a_pickled_route_is_the_same_route():
     again, network = pickle.loads(data)
     assert again is route
     assert network is load_network("skewed_four_way")
+
+
+def test_routes_are_those_of_a_vehicle():
+    wide = EgoVehicle(width=2.6, length=8.0)
+    ordinary, network = load_network("four_way"), load_network("four_way", vehicle=wide)
+    assert load_network("four_way", vehicle=EgoVehicle()) is ordinary
+    assert load_network("four_way", vehicle=EgoVehicle(width=2.6, length=8.0)) is network
+    route = network.route("south", "left")
+    assert route.waiting_s < ordinary.route("south", "left").waiting_s
+    assert fits(network, route.path, wide)
+    again = pickle.loads(pickle.dumps((route, network)))
+    assert again[0] is route
+    assert again[1] is network
+    assert copy.deepcopy(route) is route
