@@ -1,13 +1,4 @@
-"""Learning algorithms by name, and `DriverConfig`: all that decides how a learnt policy drives.
-
-What a policy's action (2,) in [-1, 1] means, by `action`:
-
-    direct       -1 and 1 are the vehicle's limits on both axes, as in rudc/env/action.py
-    adjustment   acceleration: a_max x for x >= 0, -a_min x below, so that 0 coasts;
-                 steering: that of a driver who follows the path (rudc/agents/tracking.py) + adjustment y
-
-The second leaves to learning what is hard, when to go, and lets it deviate from the path where that helps.
-"""
+"""Learning algorithms by name, and `DriverConfig`: all that decides how a learnt policy drives."""
 
 from __future__ import annotations
 
@@ -15,17 +6,14 @@ import math
 from dataclasses import dataclass
 from typing import Literal, Self
 
-import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_serializer, field_validator, model_validator
 
-from rudc.agents.tracking import steering
-from rudc.arrays import Array, Floats
-from rudc.env.action import to_normalised, to_physical
+from rudc.agents.correction import CbfSettings, CorrectionKind, NoCorrection
+from rudc.env.action import ActionKind, Adjustment, Direct
 from rudc.env.observation import PARTS, Kind, observation_size
 from rudc.errors import InputError
 from rudc.learning.config import LearnerConfig, ObservationLayout
 from rudc.safety.config import FilterConfig
-from rudc.world.scene import Scene
 
 FilterSettings = dict[str, bool | int | float | str]
 
@@ -39,12 +27,12 @@ class Algorithm:
     filter: Literal["ttcbf", "ecbf"] | None
     """safety filter behind the policy, in training and after"""
     slack_gain: float = 0.0
-    """eta of delta(sigma) that its training starts from, see `DriverConfig`"""
+    """gain of the slack that its training starts from, see `SlackSettings`"""
 
 
 ALGORITHMS = {
-    "rudc-t": Algorithm("RUDC with truncated Taylor control barrier functions.", "ttcbf", 0.05),
-    "rudc-e": Algorithm("RUDC with exponential control barrier functions.", "ecbf", 0.04),
+    "rudc-t": Algorithm("RUDC with truncated Taylor control barrier functions.", "ttcbf", 0.5),
+    "rudc-e": Algorithm("RUDC with exponential control barrier functions.", "ecbf", 0.5),
     "rudc-wo-cbf": Algorithm("RUDC without a safety filter.", None),
 }
 """name -> what it is"""
@@ -76,7 +64,7 @@ class DriverConfig(BaseModel):
     observation: Kind = "conflict"
     """the paper's observation, or the same with predicted conflicts"""
     action: Literal["direct", "adjustment"] = "adjustment"
-    """what the policy's two numbers mean, see above"""
+    """what the policy's two numbers mean, see rudc/env/action.py"""
     adjustment: float = Field(default=0.1, gt=0)
     """rad, largest change of the path follower's steering (`adjustment` only)"""
     filtering: bool = True
@@ -86,7 +74,7 @@ class DriverConfig(BaseModel):
     residual: bool = False
     """whether the filter gets the residuals that a learnt predictor expects (rudc/safety/residual.py)"""
     slack_gain: float = Field(default=0.0, ge=0)
-    """eta of delta(sigma), m2 per step over reward units; 0 leaves the slack out"""
+    """gain of the slack, m2 at rest over reward units, see `SlackSettings`; 0 leaves the slack out"""
     learner: LearnerConfig = LearnerConfig.quick()
     """networks and objective"""
 
@@ -109,35 +97,26 @@ class DriverConfig(BaseModel):
         if needing and ALGORITHMS[self.algorithm].filter is None:
             raise ValueError(f"{needing[0]} needs a filter, and {self.algorithm!r} has none")
         try:
-            _ = self.filter  # evaluated once, so that bad settings are refused here
+            _ = self.correction  # evaluated once, so that bad settings are refused here
         except InputError as error:
             raise ValueError(str(error)) from None
         return self
 
     @property
+    def correction(self) -> CorrectionKind:
+        """What corrects the policy's actions."""
+        rule = ALGORITHMS[self.algorithm].filter
+        if rule is None or not self.filtering:
+            return NoCorrection()
+        slack = {"gain": self.slack_gain}
+        return CbfSettings.preset(rule, **self.filter_settings, slack=slack, residual=self.residual)
+
+    @property
     def filter(self) -> FilterConfig | None:
-        """Settings of the safety filter behind the policy; None without one."""
-        kind = ALGORITHMS[self.algorithm].filter
-        if kind is None or not self.filtering:
-            return None
-        return FilterConfig.preset(kind, **self.filter_settings)
+        """The same, None without a filter."""
+        return self.correction if isinstance(self.correction, CbfSettings) else None
 
-    def physical(self, action: Array | Floats, scene: Scene) -> Array:
-        """(2,) acceleration m/s2 and front-wheel angle rad that an action (2,) stands for, within limits."""
-        body = scene.vehicle
-        if self.action == "direct":
-            return to_physical(np.asarray(action, dtype=float), body)
-        x, y = (min(max(float(value), -1.0), 1.0) for value in action)
-        delta = steering(scene) + self.adjustment * y
-        delta = min(max(delta, -body.delta_max), body.delta_max)
-        return np.array([(body.a_max if x >= 0 else -body.a_min) * x, delta])
-
-    def normalised(self, u: Array, scene: Scene) -> Array:
-        """(2,) the action in [-1, 1] that stands for u (2,), or for the nearest that any action reaches."""
-        body = scene.vehicle
-        if self.action == "direct":
-            return to_normalised(u, body)
-        a = float(u[0])
-        x = a / (body.a_max if a >= 0 else -body.a_min)
-        y = (float(u[1]) - steering(scene)) / self.adjustment
-        return np.array([min(max(x, -1.0), 1.0), min(max(y, -1.0), 1.0)])
+    @property
+    def action_kind(self) -> ActionKind:
+        """What the policy's two numbers mean."""
+        return Direct() if self.action == "direct" else Adjustment(adjustment=self.adjustment)

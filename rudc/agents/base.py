@@ -14,7 +14,7 @@ from rudc.world.scene import Scene
 
 if TYPE_CHECKING:
     from rudc.learning.uncertainty import Uncertainty
-    from rudc.safety.filter import Filtered
+    from rudc.safety.corrected import Corrected
 
 EgoDriver = Literal["agent", "sumo"]
 
@@ -25,13 +25,13 @@ class Decision(NamedTuple):
     u: Array
     """(2,) what is applied: acceleration m/s2, front-wheel angle rad"""
     u_rl: Array
-    """(2,) what the driver itself proposed, before any filter, in the same units"""
+    """(2,) what the driver itself proposed, before any correction, in the same units"""
     uncertainty: Uncertainty | None = None
     """of the return that follows the proposal, reward units; None for drivers that state none"""
-    filtered: Filtered | None = None
-    """what the safety filter says about its work; None without a filter"""
+    corrected: Corrected | None = None
+    """what a correction, such as the safety filter, says about its work; None without one"""
     timing_ms: Mapping[str, float] = MappingProxyType({})
-    """ms spent in each part (`policy`, `critic`, `filter`)"""
+    """ms spent in each part (`policy`, `critic`, `correction`)"""
 
     @property
     def sigma(self) -> float:
@@ -40,7 +40,7 @@ class Decision(NamedTuple):
 
 
 def unfiltered(acceleration: float, steering: float) -> Decision:
-    """The decision of a driver without uncertainty and without filter, in m/s2 and rad."""
+    """The decision of a driver without uncertainty and without correction, in m/s2 and rad."""
     u = np.array([acceleration, steering])
     return Decision(u, u)
 

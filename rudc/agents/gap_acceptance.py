@@ -25,8 +25,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rudc.agents.base import Decision, EgoDriver, unfiltered
-from rudc.agents.tracking import acceleration_towards, speed_allowed, speeds_in_bends, steering
 from rudc.arrays import Array, Flags
+from rudc.env.tracking import acceleration_towards, speed_allowed, speeds_in_bends, steering
 from rudc.network.paths import SPACING
 from rudc.world.scene import Kind, Scene
 

@@ -7,7 +7,6 @@ What a learnt agent needs besides is imported when one is made.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,7 @@ from rudc.agents.filtered import FILTERS, FilteredAgent
 from rudc.agents.follower import Follower
 from rudc.agents.gap_acceptance import GapAcceptance
 from rudc.agents.sumo import SumoDriver
-from rudc.agents.variation import Settings, filter_config, parse, split
+from rudc.agents.variation import Settings, filter_settings, parse, split
 from rudc.errors import AgentError
 from rudc.hints import there_are
 from rudc.learning.parameters import fingerprint
@@ -55,10 +54,7 @@ def make_agent(name: str) -> Agent:
         driver = load_learned(name, _folder(base), {} if suffix else settings)
     if not suffix:
         return driver
-    predictor = shipped_predictor() if settings.get("residual") else None
-    filtered = FilteredAgent(driver, suffix, filter_config(suffix, settings), predictor)
-    filtered.name = name
-    return filtered
+    return FilteredAgent(driver, name, filter_settings(suffix, settings).make({}))
 
 
 def agent_summary(name: str) -> str:
@@ -81,7 +77,11 @@ def agent_settings(name: str) -> dict[str, Any]:
     if not suffix:
         return driver
     residual = fingerprint(shipped_predictor().arrays) if settings.get("residual") else None
-    return {**driver, "filter": asdict(filter_config(suffix, settings)), "residual": residual}
+    return {
+        **driver,
+        "correction": filter_settings(suffix, settings).model_dump(mode="json"),
+        "predictor": residual,
+    }
 
 
 def _folder(name: str) -> Path:

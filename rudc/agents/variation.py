@@ -7,19 +7,20 @@ Keys are the fields of `FilterConfig` (`d_safe=0.3`), `residual` (on, off), and 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
 from typing import Any
 
+import yaml
 from pydantic import ValidationError
 
 from rudc.agents.algorithms import DriverConfig
+from rudc.agents.correction import CbfSettings
 from rudc.errors import AgentError, InputError
 from rudc.hints import there_are
 from rudc.safety.config import FilterConfig
 
 Settings = dict[str, Any]
 
-_FILTER = {field.name: str(field.type) for field in fields(FilterConfig) if field.name != "kind"}
+_FILTER = {name: "yaml" for name in FilterConfig.model_fields if name != "rule"}
 _LEARNT = {"filter": "bool", "residual": "bool", "slack_gain": "float"}
 _BEHIND = {"residual": "bool"}
 _SWITCH = {"on": True, "true": True, "off": False, "false": False}
@@ -62,21 +63,23 @@ def vary(config: DriverConfig, settings: Mapping[str, Any]) -> DriverConfig:
         raise AgentError(f"agent settings: {reasons}") from None
 
 
-def filter_config(kind: str, settings: Mapping[str, Any]) -> FilterConfig:
-    """A filter's preset with settings changed; what is not the filter's is left out. Raises AgentError."""
+def filter_settings(rule: str, settings: Mapping[str, Any]) -> CbfSettings:
+    """A filter's preset with settings changed. Raises AgentError."""
     try:
-        return FilterConfig.preset(kind, **{k: v for k, v in settings.items() if k in _FILTER})
+        return CbfSettings.preset(rule, **settings)
     except InputError as error:
         raise AgentError(f"agent settings: {error}") from None
 
 
 def _value(key: str, text: str, kind: str) -> bool | int | float | str:
     try:
+        if kind == "yaml":
+            return yaml.safe_load(text)
         if kind == "bool":
             return _SWITCH[text.lower()]
         if kind in ("int", "float"):
             return int(text) if kind == "int" else float(text)
-    except (KeyError, ValueError):
+    except (KeyError, ValueError, yaml.YAMLError):
         wanted = {"bool": "on or off", "int": "a whole number"}.get(kind, "a number")
         raise AgentError(f"agent setting {key!r} must be {wanted}, not {text!r}") from None
     return text

@@ -28,18 +28,22 @@ def collect(
     agent: Annotated[
         str | None, typer.Option("--agent", "-a", help="Whose actions; random ones if left out.")
     ] = None,
+    action: Annotated[
+        str, typer.Option(metavar="KIND", help="What kind random actions are of.")
+    ] = "adjustment",
 ) -> None:
     """Drive, and record what the filter predicts and what comes true.
 
     **Example**: `rudc residual collect --out out/residual.safetensors`
     """
     from rudc.agents.registry import make_agent
+    from rudc.env.action import ActionKind, read_action
     from rudc.files import make_folder_of
     from rudc.training.residual_data import collect as run
     from rudc.training.residual_data import save_dataset
 
-    driver = None if agent is None else make_agent(agent)
-    if driver is not None and driver.ego_driver == "sumo":
+    driver = read_action(action) if agent is None else make_agent(agent)
+    if not isinstance(driver, ActionKind) and driver.ego_driver == "sumo":
         raise InputError("SUMO's own driver takes no actions: nothing can be predicted of them")
     make_folder_of(out)
     said = 0

@@ -1,26 +1,107 @@
-"""Actions in [-1, 1], as the environment and learning agents use them, and in the world's physical units.
+"""What an action (2,) in [-1, 1] means: a kind of the environment, with its own settings, space and inverse.
 
-The map is affine on each axis: -1 and 1 are the vehicle's limits, [a_min, a_max] m/s2 and +-delta_max rad. As
-braking is harder than acceleration, 0 on the first axis is a light braking of (a_min + a_max) / 2.
+    direct       -1 and 1 are the vehicle's limits on both axes: a from a_min to a_max, delta_f +-delta_max.
+                 As braking is harder than acceleration, 0 on the first axis is a light braking of (a_min +
+                 a_max) / 2
+    adjustment   acceleration: a_max x for x >= 0, -a_min x below, so that 0 coasts; steering: that of a
+                 driver who follows the path (rudc/env/tracking.py) + adjustment y
+
+The first is the paper's. The second (ours) leaves to learning what is hard, when to go, and lets it deviate
+from the path where that helps. The environment, our agents, their collection and the residual predictor's
+samples all take the same kinds; a further one is a class here or elsewhere and an entry in `ACTIONS`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
 import numpy as np
+from gymnasium import spaces
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, SerializeAsAny
 
-from rudc.arrays import Array
-from rudc.vehicle import EgoVehicle
+from rudc.arrays import Array, Floats
+from rudc.env.tracking import steering
+from rudc.kinds import of_kind, read_kind
+from rudc.world.scene import Scene
+
+Action = Array | Floats
 
 
-def to_physical(action: Array, vehicle: EgoVehicle) -> Array:
-    """(2,) acceleration m/s2 and front-wheel angle rad, of an action (2,), which is cut to [-1, 1]."""
-    a, delta = (min(max(float(value), -1.0), 1.0) for value in action)
-    middle, half = 0.5 * (vehicle.a_max + vehicle.a_min), 0.5 * (vehicle.a_max - vehicle.a_min)
-    return np.array([middle + half * a, vehicle.delta_max * delta])
+class ActionKind(BaseModel):
+    """Base of all kinds of action; subclasses have `kind`, their name in `ACTIONS`, and settings."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+
+    def space(self) -> spaces.Box:
+        """What actions are drawn from."""
+        return spaces.Box(-1.0, 1.0, (2,), np.float32)
+
+    def physical(self, action: Action, scene: Scene) -> Array:
+        """(2,) acceleration m/s2 and front-wheel angle rad that an action (2,), cut to the space, stands for
+        in this scene; within the vehicle's limits.
+        """
+        raise NotImplementedError
+
+    def normalised(self, u: Array, scene: Scene) -> Array:
+        """(2,) the action that stands for u (2,), m/s2 and rad, or for the nearest that is reached."""
+        raise NotImplementedError
 
 
-def to_normalised(u: Array, vehicle: EgoVehicle) -> Array:
-    """(2,) the action in [-1, 1] that `to_physical` turns into u (2,), which is cut to the limits."""
-    middle, half = 0.5 * (vehicle.a_max + vehicle.a_min), 0.5 * (vehicle.a_max - vehicle.a_min)
-    a, delta = (float(u[0]) - middle) / half, float(u[1]) / vehicle.delta_max
-    return np.array([min(max(a, -1.0), 1.0), min(max(delta, -1.0), 1.0)])
+class Direct(ActionKind):
+    """-1 and 1 are the vehicle's limits, as in the paper."""
+
+    kind: Literal["direct"] = "direct"
+
+    def physical(self, action: Action, scene: Scene) -> Array:
+        """See `ActionKind`."""
+        body, (a, delta) = scene.vehicle, _cut(action)
+        middle, half = 0.5 * (body.a_max + body.a_min), 0.5 * (body.a_max - body.a_min)
+        return np.array([middle + half * a, body.delta_max * delta])
+
+    def normalised(self, u: Array, scene: Scene) -> Array:
+        """See `ActionKind`."""
+        body = scene.vehicle
+        middle, half = 0.5 * (body.a_max + body.a_min), 0.5 * (body.a_max - body.a_min)
+        return np.array(_cut(((float(u[0]) - middle) / half, float(u[1]) / body.delta_max)))
+
+
+class Adjustment(ActionKind):
+    """Relative to a driver who coasts along the path."""
+
+    kind: Literal["adjustment"] = "adjustment"
+    adjustment: float = Field(default=0.1, gt=0)
+    """rad, largest change of the path follower's steering"""
+
+    def physical(self, action: Action, scene: Scene) -> Array:
+        """See `ActionKind`."""
+        body, (x, y) = scene.vehicle, _cut(action)
+        delta = steering(scene) + self.adjustment * y
+        delta = min(max(delta, -body.delta_max), body.delta_max)
+        return np.array([(body.a_max if x >= 0 else -body.a_min) * x, delta])
+
+    def normalised(self, u: Array, scene: Scene) -> Array:
+        """See `ActionKind`."""
+        body, a = scene.vehicle, float(u[0])
+        x = a / (body.a_max if a >= 0 else -body.a_min)
+        return np.array(_cut((x, (float(u[1]) - steering(scene)) / self.adjustment)))
+
+
+ACTIONS: dict[str, type[ActionKind]] = {"direct": Direct, "adjustment": Adjustment}
+"""name of a kind -> its class"""
+
+
+def read_action(value: str | Mapping[str, Any] | ActionKind) -> ActionKind:
+    """The kind of action that a name, or a mapping of `kind` and settings, stands for. Raises InputError."""
+    return read_kind(value, ACTIONS, ActionKind, "action")
+
+
+ActionSettings = Annotated[
+    SerializeAsAny[ActionKind], BeforeValidator(lambda value: of_kind(value, ACTIONS, ActionKind))
+]
+"""a field that takes any kind of action, as it takes a name or a mapping"""
+
+
+def _cut(action: Action | tuple[float, float]) -> tuple[float, float]:
+    x, y = (min(max(float(value), -1.0), 1.0) for value in action)
+    return x, y

@@ -10,12 +10,11 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium import spaces
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import EzPickle
 
 from rudc.arrays import Array
-from rudc.env.action import to_physical
+from rudc.env.action import ActionKind, read_action
 from rudc.env.distances import Distances
 from rudc.env.episode import Episode, Outcome
 from rudc.env.observation import Kind, observation_space, observe_flat, unflatten
@@ -54,12 +53,17 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
 
     ## Action Space
 
-    `Box(-1, 1, (2,), float32)`, mapped affinely; actions beyond are cut.
+    `Box(-1, 1, (2,), float32)`; actions beyond are cut. With `action="direct"` mapped affinely:
 
     | Num | Action                              | Min        | Max       | Unit |
     |-----|-------------------------------------|------------|-----------|------|
     | 0   | longitudinal acceleration           | a_min (-6) | a_max (3) | m/s2 |
     | 1   | front-wheel angle, left is positive | -0.6       | 0.6       | rad  |
+
+    With `action="adjustment"`, as the shipped agents have it, relative to a driver who coasts along the path:
+    0 on the first axis is 0 m/s2 (a_min and a_max at its ends), and the second adds up to 0.1 rad to the
+    steering that follows the path. `action={"kind": "adjustment", "adjustment": 0.2}` gives settings; kinds
+    and their inverses are in `rudc/env/action.py`.
 
     ## Observation Space
 
@@ -129,6 +133,7 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
     | `overrides`   | `None`                 | other values in it, by dotted keys: `{"traffic.density": 30}` |
     | `observation` | `"paper"`              | `"paper"` or `"conflict"`                                     |
     | `as_dict`     | `False`                | observations as a `Dict` of their parts                       |
+    | `action`      | `"direct"`             | kind of action, or a mapping of `kind` and its settings       |
     | `config`      | `None`                 | `WorldConfig`: time steps, the yielding layer                 |
     | `render_mode` | `None`                 | `"rgb_array"` (no display needed) or `"human"` (with pygame)  |
     | `isolated`    | `None`                 | whether SUMO runs in a process of its own, see below          |
@@ -162,9 +167,20 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         render_mode: str | None = None,
         isolated: bool | None = None,
         vehicle: EgoVehicle | None = None,
+        action: str | Mapping[str, Any] | ActionKind = "direct",
     ) -> None:
         EzPickle.__init__(
-            self, scenario, network, overrides, observation, as_dict, config, render_mode, isolated, vehicle
+            self,
+            scenario,
+            network,
+            overrides,
+            observation,
+            as_dict,
+            config,
+            render_mode,
+            isolated,
+            vehicle,
+            action,
         )
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise InputError(f"render_mode {render_mode!r} is not one of {self.metadata['render_modes']}")
@@ -177,7 +193,10 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         self._kind: Kind = observation
         self._as_dict = as_dict
         self.observation_space = observation_space(observation, as_dict)
-        self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
+        self.action = read_action(action)
+        """what an action means"""
+        self.action_space = self.action.space()
+        self._scene: Scene | None = None
         self.active_constraints: tuple[str, ...] = ()
         """names of the safety filter's active constraints, to be marked in frames"""
         self._spec: EnvSpec | None = None
@@ -204,6 +223,13 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
             raise InputError("the environment has no episode yet; call reset() first")
         return self._episode
 
+    @property
+    def scene(self) -> Scene:
+        """What the EV's sensors show now. Raises InputError before the first `reset`."""
+        if self._episode is None or self._scene is None:
+            raise InputError("the environment has no episode yet; call reset() first")
+        return self._scene
+
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
@@ -211,7 +237,7 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         super().reset(seed=seed)
         plan = self._plan(seed, options or {})
         episode = self._episode_on(plan)
-        scene = episode.reset(plan)
+        scene = self._scene = episode.reset(plan)
         self.active_constraints = ()
         if self.render_mode == "human":
             self._show()
@@ -222,11 +248,12 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         """Apply an action for one decision (0.1 s)."""
         if not np.isfinite(action).all():
             raise InputError(f"action {action} is not finite")
-        return self.step_physical(to_physical(action, self._vehicle))
+        return self.step_physical(self.action.physical(action, self.scene))
 
     def step_physical(self, u: Array) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """As `step`, with u (2,) in physical units: acceleration m/s2, front-wheel angle rad."""
         result = self.episode.step(u)
+        self._scene = result.scene
         ended = result.outcome
         info: dict[str, Any] = {
             "scene": result.scene,

@@ -46,7 +46,7 @@ class Film:
         """Draw what a decision led to."""
         frame = self._renderer.frame(
             self._episode.truth,
-            active=decision.filtered.active if decision.filtered else (),
+            active=decision.corrected.active if decision.corrected else (),
             seen=set(result.scene.ids),
             outcome=str(result.outcome) if result.outcome else None,
         )

@@ -62,11 +62,11 @@ class _Tally:
         self._times.append(spent_ms)
         if not math.isnan(decision.sigma):
             self._sigmas.append(decision.sigma)
-        filtered = decision.filtered
-        if filtered is not None:
+        corrected = decision.corrected
+        if corrected is not None:
             self._corrections += float(np.hypot(*((decision.u - decision.u_rl) / self._half_range)))
-            self._interventions += filtered.status != "nominal"
-            self._infeasible += filtered.infeasible
+            self._interventions += corrected.status != "nominal"
+            self._infeasible += corrected.infeasible
 
     def record(self, episode: Episode, plan: EpisodePlan, agent: Agent) -> EpisodeRecord:
         metrics, route = episode.metrics(), episode.truth.route

@@ -26,7 +26,7 @@ class Trace:
 
     def watch(self, scene: Scene, decision: Decision, result: StepResult) -> None:
         """Keep a decision: the scene it was taken in, and what came of it."""
-        ego, filtered = scene.ego, decision.filtered
+        ego, corrected = scene.ego, decision.corrected
         row: dict[str, object] = {
             "time_s": scene.time_s,
             "x_m": ego.x,
@@ -40,12 +40,12 @@ class Trace:
             "acceleration_mps2": decision.u[0],
             "steering_rad": decision.u[1],
             "sigma": decision.sigma,
-            "filter_status": filtered.status if filtered else "",
-            "filter_active": " ".join(filtered.active) if filtered else "",
-            "filter_least_h_m2": float(np.min(filtered.h)) if filtered and len(filtered.h) else math.nan,
-            "filter_slack": filtered.slack_used if filtered else math.nan,
-            "filter_residual": filtered.residual if filtered else math.nan,
-            "filter_ms": filtered.solve_ms if filtered else math.nan,
+            "filter_status": corrected.status if corrected else "",
+            "filter_active": " ".join(corrected.active) if corrected else "",
+            "filter_least_h_m2": float(np.min(corrected.h)) if corrected and len(corrected.h) else math.nan,
+            "filter_violation": corrected.violation if corrected else math.nan,
+            "filter_optimality_gap": corrected.optimality_gap if corrected else math.nan,
+            "filter_ms": corrected.solve_ms if corrected else math.nan,
             "gap_m": result.advance.min_dtc_m,
             "reward": result.reward,
             "cost": result.cost,

@@ -18,9 +18,9 @@ _COLOURS: dict[str, str] = {
     "residual": PALETTE[2],
     "slack": PALETTE[4],
     "both": PALETTE[1],
-    "backup": PALETTE[3],
+    "last_resort": PALETTE[3],
 }
-_MARKERS = {"fixed": "o", "residual": "s", "slack": "^", "both": "D", "backup": "v"}
+_MARKERS = {"fixed": "o", "residual": "s", "slack": "^", "both": "D", "last_resort": "v"}
 
 Estimate = tuple[float, float, float]
 """value and ends of its interval"""
@@ -111,7 +111,7 @@ def _handles(variants: set[str]) -> list:
         "residual": "residual only",
         "slack": "slack only",
         "both": "residual and slack",
-        "backup": "and last resort",
+        "last_resort": "and last resort",
     }
     rest = [
         Line2D([], [], color=_COLOURS[v], marker=_MARKERS[v], markersize=5, label=label)

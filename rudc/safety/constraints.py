@@ -80,7 +80,7 @@ class ConstraintBuilder:
         if not scene.count:
             return np.empty(0, dtype=np.int64)
         if self._config.constrained == "all":
-            return np.arange(min(scene.count, self._config.max_vehicles))
+            return np.arange(scene.count)[: self._config.max_vehicles]
         return self._gate.meeting(scene, short, stretch)[: self._config.max_vehicles]
 
     def _points(self, scene: Scene) -> RoadPoints | None:

@@ -11,16 +11,16 @@ and delta_f = atan(z). a_low = max(a_min, -v / dt): the model would drive backwa
 stands, and a row that holds only by driving backwards does not hold. A nominal action that brakes
 harder than that counts as a_low and is passed on unchanged.
 
-What comes out, by `Filtered.status`:
+What comes out, by `Corrected.status`:
 
     nominal   the action satisfies all rows (or there are none): it is the solution, nothing is solved
     solved    the QP's solution, certified (see `qp`); rows are linearised about it and the QP is solved again
               until the conditions themselves hold, not only rows made about an action that is not taken
-    relaxed   no action satisfies all rows; the one that violates them least, slack s >= 0 for each row,
+    relaxed   no action satisfies all rows; the one that violates them least, a violation s >= 0 of each row,
               minimise ... + sum_i r_i s_i^2 / 2,  A u + s >= b,  r of vehicles a thousand times r of the road
     braking   not even that could be solved: full braking, steering as proposed
-    stopping  whatever of the above, it would have left the ego no way to stop or to go on without hitting
-              somebody (see `backup`): full braking instead
+    last_resort   whatever of the above, it would have left the ego no way to stop or to go on without
+              hitting somebody (see `last_resort`): full braking instead
 """
 
 from __future__ import annotations
@@ -32,19 +32,20 @@ import numpy as np
 
 from rudc.arrays import Array, Index
 from rudc.errors import SolverError
-from rudc.safety.backup import Backup
 from rudc.safety.barrier import Constraints, Terms, barrier_terms
 from rudc.safety.config import FilterConfig
 from rudc.safety.constraints import ConstraintBuilder
+from rudc.safety.corrected import Corrected
+from rudc.safety.last_resort import LastResort
 from rudc.safety.prediction import Predictor
 from rudc.safety.qp import TOLERANCE, Problem, Solution, make_solver
 from rudc.safety.rows import RowWeights, affine_rows, per_row
 from rudc.vehicle import EgoVehicle
 from rudc.world.scene import Scene
 
-__all__ = ["FilterConfig", "Filtered", "SafetyFilter", "Status"]
+__all__ = ["Corrected", "FilterConfig", "SafetyFilter", "Status"]
 
-Status = Literal["nominal", "solved", "relaxed", "braking", "stopping"]
+Status = Literal["nominal", "solved", "relaxed", "braking", "last_resort"]
 
 MOST_PASSES = 4
 """how often rows are linearised at most; two do nearly always"""
@@ -52,31 +53,6 @@ LEAST_ROOM = 1e-3
 """m/s2 between the bounds of acceleration at least, since interior-point solvers need an interior"""
 PUSHING = 1e-6
 """multiplier (cost per m2) above which a row counts as active"""
-
-
-class Filtered(NamedTuple):
-    """What the filter did with one action."""
-
-    u: Array
-    """(2,) safe action: acceleration m/s2, front-wheel angle rad"""
-    correction: Array
-    """(2,) u minus the nominal action, m/s2 and rad"""
-    status: Status
-    """how it came about"""
-    active: tuple[str, ...]
-    """names of the constraints that hold the solution where it is, or that had to be violated"""
-    h: Array
-    """(K,) m2, barrier values of all constraints"""
-    names: tuple[str, ...]
-    """(K,) their names"""
-    slack_used: float
-    """m2 per step, largest violation of a row in a `relaxed` solution; inf when braking"""
-    residual: float
-    """largest violation of the optimality conditions; 0 where nothing was solved, inf when braking"""
-    solve_ms: float
-    """ms in QP solvers"""
-    infeasible: bool
-    """whether no action within bounds satisfied all rows, as far as the solver could tell"""
 
 
 class _Bounds(NamedTuple):
@@ -109,14 +85,14 @@ class SafetyFilter:
     def __init__(self, config: FilterConfig | None = None) -> None:
         """Raises SolverError if the configured solver is not installed."""
         self.config = config = config or FilterConfig()
-        self.counts: dict[Status, int] = {}
+        self.counts: dict[str, int] = {}
         """how often each status came out since the last `reset`"""
         self.last_problem: Problem | None = None
         """the last QP of the last decision, solved or not; None if it had no constraints"""
         self._weights = config.row_weights(road=False), config.row_weights(road=True)
         predictor = Predictor()
         self._builder = ConstraintBuilder(config, predictor)
-        self._backup = Backup(config, predictor) if config.backup else None
+        self._last_resort = LastResort(config, predictor) if config.last_resort else None
         self._solver = make_solver(config.solver)
         self._prices: Array = np.array([config.acceleration_weight, config.steering_weight])
         self._cost: Array = np.diag(self._prices)
@@ -139,7 +115,7 @@ class SafetyFilter:
 
     def filter(
         self, scene: Scene, u_rl: Array, slack: float = 0.0, residual: Array | None = None
-    ) -> Filtered:
+    ) -> Corrected:
         """The safe action for a nominal one `u_rl` (2,): acceleration m/s2, front-wheel angle rad.
 
         `slack`: delta(sigma), m2 per step, for all rows. `residual`: (K,) m2 per step, predicted h(x_next)
@@ -152,20 +128,20 @@ class SafetyFilter:
                 f"the filter was given an action or slack that is not finite: {proposed}, {slack}"
             )
         filtered = self._corrected(scene, proposed, slack, residual)
-        if self._backup is not None:
-            hit = self._backup.in_the_way(scene, filtered.u)
+        if self._last_resort is not None:
+            hit = self._last_resort.in_the_way(scene, filtered.u)
             if hit is not None:
                 filtered = self._stopped(scene, proposed, filtered, hit)
         self.counts[filtered.status] += 1
         return filtered
 
-    def _stopped(self, scene: Scene, proposed: Array, filtered: Filtered, hit: Index) -> Filtered:
+    def _stopped(self, scene: Scene, proposed: Array, filtered: Corrected, hit: Index) -> Corrected:
         """Full braking, for the sake of the others `hit`."""
         u = np.array([scene.vehicle.a_min, filtered.u[1]])
         names = tuple(["veh:" + scene.ids[i] for i in hit.tolist()])
-        return filtered._replace(u=u, correction=u - proposed, status="stopping", active=names)
+        return filtered._replace(u=u, correction=u - proposed, status="last_resort", active=names)
 
-    def _corrected(self, scene: Scene, proposed: Array, slack: float, residual: Array | None) -> Filtered:
+    def _corrected(self, scene: Scene, proposed: Array, slack: float, residual: Array | None) -> Corrected:
         """What the rows make of the action."""
         constraints = self.constraints(scene)
         bounds = self._bounds(scene, proposed)
@@ -183,19 +159,19 @@ class SafetyFilter:
         if excess.min() >= 0.0:
             return self._passed(scene, proposed, h, constraints.names)
         status, solution, kept = self._solve(problem, conditions, constraints.mode)
-        u, slack = self._action(status, scene.vehicle, proposed, bounds, solution)
+        u, violation = self._action(status, scene.vehicle, proposed, bounds, solution)
         pushing = (
             np.flatnonzero(excess < 0.0) if status == "braking" else kept[solution.multipliers > PUSHING]
         )
-        return Filtered(
+        return Corrected(
             u=u,
             correction=u - proposed,
             status=status,
             active=tuple([constraints.names[i] for i in pushing.tolist()]),
             h=h,
             names=constraints.names,
-            slack_used=slack,
-            residual=solution.residual,
+            violation=violation,
+            optimality_gap=solution.optimality_gap,
             solve_ms=solution.solve_ms,
             infeasible=status != "solved",
         )
@@ -253,11 +229,16 @@ class SafetyFilter:
         return ("relaxed" if relaxed.found else "braking"), relaxed, kept
 
     def _relaxed(self, problem: Problem, mode: Array) -> Problem:
-        """The same problem with a slack for every row, in (a, z, s_1 .. s_k); s < 0 is never worth it.
+        """The same problem with a violation of every row as variable, in (a, z, s_1 .. s_k); s < 0 is never
+        worth it.
 
         The whole cost is scaled to the middle of its weights: piqp diverges now and then on the bare numbers.
         """
-        k, road, vehicle = len(problem.b), self.config.road_slack_weight, self.config.vehicle_slack_weight
+        k, road, vehicle = (
+            len(problem.b),
+            self.config.road_violation_weight,
+            self.config.vehicle_violation_weight,
+        )
         scale = 1.0 / math.sqrt(road * vehicle)
         prices = np.empty(k + 2)
         prices[:2], prices[2:] = self._prices, road + mode * (vehicle - road)
@@ -270,22 +251,22 @@ class SafetyFilter:
         lower[:2], upper[:2] = problem.lower, problem.upper
         return Problem(cost, q, rows, problem.b, lower, upper)
 
-    def _passed(self, scene: Scene, proposed: Array, h: Array, names: tuple[str, ...]) -> Filtered:
+    def _passed(self, scene: Scene, proposed: Array, h: Array, names: tuple[str, ...]) -> Corrected:
         """The nominal action itself."""
         u = _within(scene.vehicle, proposed)
-        return Filtered(u, u - proposed, "nominal", (), h, names, 0.0, 0.0, 0.0, infeasible=False)
+        return Corrected(u, u - proposed, "nominal", (), h, names)
 
     def _action(
         self, status: Status, body: EgoVehicle, proposed: Array, bounds: _Bounds, solution: Solution
     ) -> tuple[Array, float]:
-        """The action (m/s2, rad) that a solution stands for, and the slack used (m2 per step)."""
+        """The action (m/s2, rad) that a solution stands for, and the largest violation (m2 per step)."""
         if status == "braking":  # whatever the solver left is not looked at
             return np.array([body.a_min, _within(body, proposed)[1]]), math.inf
         a, z = np.clip(solution.x[:2], bounds.lower, bounds.upper)
         if a <= bounds.lower[0] + 1e-6:  # as good as standing still: brake as hard as was proposed
             a = min(a, max(proposed[0], body.a_min))
-        slack = max(float(solution.x[2:].max()), 0.0) if status == "relaxed" else 0.0
-        return _within(body, np.array([a, math.atan(z)])), slack
+        violation = max(float(solution.x[2:].max()), 0.0) if status == "relaxed" else 0.0
+        return _within(body, np.array([a, math.atan(z)])), violation
 
 
 def _undecided(problem: Problem) -> tuple[Index, bool]:

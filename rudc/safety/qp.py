@@ -64,8 +64,8 @@ class Solution(NamedTuple):
     x: Array
     """(n,), of no meaning unless `found`"""
     found: bool
-    """whether the solver says so and the residual is below TOLERANCE"""
-    residual: float
+    """whether the solver says so and the optimality gap is below TOLERANCE"""
+    optimality_gap: float
     """largest violation of the optimality conditions; inf if the solver found nothing"""
     multipliers: Array
     """(m,) of the rows, not negative; zeros unless `found`"""
@@ -150,7 +150,7 @@ def make_solver(name: str) -> Solver:
 def certified(
     problem: Problem, x: Array, y: Array, y_lower: Array, y_upper: Array, spent_ms: float
 ) -> Solution:
-    """`x` with the residual of the optimality conditions, given the multipliers of rows and bounds."""
+    """`x` with its optimality gap, given the multipliers of rows and bounds."""
     P, q, A, b, lower, upper = problem
     excess = A @ x - b
     above, below = np.minimum(x - lower, UNBOUNDED), np.minimum(upper - x, UNBOUNDED)
@@ -162,14 +162,14 @@ def certified(
     optimality[n : n + m] = y * excess
     optimality[n + m : m + 2 * n] = y_lower * above
     optimality[m + 2 * n :] = y_upper * below
-    residual = max(
+    gap = max(
         float(np.abs(optimality).max()) * scale,
         -float(excess.min(initial=0.0)),
         -float(above.min()),
         -float(below.min()),
     )
-    found = residual <= TOLERANCE
-    return Solution(x, found, residual, y if found else np.zeros(len(b)), spent_ms)
+    found = gap <= TOLERANCE
+    return Solution(x, found, gap, y if found else np.zeros(len(b)), spent_ms)
 
 
 def _nothing(problem: Problem, spent_ms: float) -> Solution:

@@ -8,7 +8,7 @@ agent's name alone, where it gives one):
     residual   with what its prediction lacks                w,     delta = 0
     slack      with the uncertainty-embedded slack           w = 0, delta(sigma)
     both       as in the paper                               w,     delta(sigma)
-    backup     and the last resort (rudc/safety/backup.py)   w,     delta(sigma)
+    last_resort  and the last resort (rudc/safety/last_resort.py)  w,  delta(sigma)
 
 Those before the last have none, so that they show what the rows alone do.
 
@@ -63,7 +63,7 @@ VARIANTS = {
     "residual": (True, False, False),
     "slack": (False, True, False),
     "both": (True, True, False),
-    "backup": (True, True, True),
+    "last_resort": (True, True, True),
 }
 """name -> whether residuals, slack and the last resort are at work"""
 D_SAFE = {"quick": (0.1, 0.5), "full": (0.1, 0.5, 0.8)}
@@ -73,7 +73,7 @@ EPISODES = {"quick": 3, "full": 84}
 """for each task and agent, by budget; full: 504 for two tasks and three training seeds"""
 INSIDE, OUTSIDE = "in distribution", "out of distribution"
 RATES = ("SR", "VR", "FR")
-_VARIED = ("filter", "residual", "backup", "constrained")
+_VARIED = ("filter", "residual", "last_resort", "constrained")
 
 Row = Mapping[str, str]
 
@@ -146,7 +146,7 @@ def variants_of(name: str, distances: Sequence[float]) -> list[Variant]:
     off = whole.rpartition("+")[0] if gain is None else _named(whole, {"filter": "off"})
     found = [Variant(off, name, family(name), "off")]
     for constrained in CONSTRAINED:
-        for kind, (residual, slack, backup) in VARIANTS.items():
+        for kind, (residual, slack, last_resort) in VARIANTS.items():
             if slack and gain is None:
                 continue
             for d_safe in distances:
@@ -154,7 +154,7 @@ def variants_of(name: str, distances: Sequence[float]) -> list[Variant]:
                     "constrained": constrained,
                     "d_safe": f"{d_safe:g}",
                     "residual": "on" if residual else "off",
-                    "backup": "on" if backup else "off",
+                    "last_resort": "on" if last_resort else "off",
                 }
                 if gain is not None:
                     own |= {"filter": "on", "slack_gain": gain if slack else "0"}

@@ -71,7 +71,7 @@ class Collector:
         self._reference = GapAcceptance()
         self._agent = untrained(config.driver)
         learner = config.driver.learner
-        self._filtering = True
+        self._correcting = True
         self._steps = NStep(learner.n_step, learner.discount)
 
     def load(self, arrays: Mapping[str, Floats], percentiles: tuple[float, float] | None) -> None:
@@ -121,7 +121,7 @@ class Collector:
             self._seen = observe_flat(self._scene, self._kind)
             self._reference.reset(self._scene, plan.seed)
             self._agent.reset(self._scene, plan.seed)
-            self._filtering = bool(rng.random() < self._config.filtered_share)
+            self._correcting = bool(rng.random() < self._config.filtered_share)
         return self._episode, self._scene
 
     def _move_to(self, network: str, junction: str | None) -> None:
@@ -131,12 +131,12 @@ class Collector:
 
     def _choose(self, scene: Scene, by: By, rng: np.random.Generator) -> Choice:
         if by == "policy":
-            return self._agent.choose(scene, rng, self._seen, filtering=self._filtering)
-        driver = self._config.driver
+            return self._agent.choose(scene, rng, self._seen, correcting=self._correcting)
+        means = self._config.driver.action_kind
         proposed = self._reference.act(scene)
-        action = driver.normalised(proposed.u, scene) + self._config.seed_noise * rng.standard_normal(2)
+        action = means.normalised(proposed.u, scene) + self._config.seed_noise * rng.standard_normal(2)
         action = np.clip(action, -1.0, 1.0).astype(np.float32)  # as it will be learnt from
-        decision = proposed._replace(u=driver.physical(action, scene))
+        decision = proposed._replace(u=means.physical(action, scene))
         return Choice(decision, self._seen, action, action)
 
     def _transitions(self, choice: Choice, result: StepResult, *, cut: bool) -> list[Transition]:

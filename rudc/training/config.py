@@ -132,7 +132,7 @@ class TrainConfig(_Model):
             as_written["filter_settings"] = {
                 "constrained": "all",
                 "max_added_acceleration": math.inf,
-                "backup": False,
+                "last_resort": False,
             }
         return cls._made(LearnerConfig.of, algorithm, learner or {}, {**as_written, **changes})
 

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load_file, save
 
-from rudc.agents.algorithms import DriverConfig
 from rudc.agents.base import Agent, Decision
 from rudc.arrays import Array, Floats
+from rudc.env.action import ActionKind
 from rudc.env.episode import Episode
 from rudc.errors import InputError
 from rudc.files import write_atomically
@@ -68,10 +68,10 @@ Dataset = dict[str, Samples]
 
 
 class RandomActions:
-    """Actions at random, each held for a while, from the same space as learnt agents' (`adjustment`)."""
+    """Actions of a kind at random, each held for a while."""
 
-    def __init__(self, rng: np.random.Generator) -> None:
-        self._rng, self._config = rng, DriverConfig()
+    def __init__(self, rng: np.random.Generator, kind: ActionKind) -> None:
+        self._rng, self._kind = rng, kind
         self._action, self._left = np.zeros(2), 0
 
     def act(self, scene: Scene) -> Decision:
@@ -86,13 +86,13 @@ class RandomActions:
             elif slow or self._rng.random() < STARTING:
                 self._action[0] = abs(self._action[0])
         self._left -= 1
-        u = self._config.physical(self._action, scene)
+        u = self._kind.physical(self._action, scene)
         return Decision(u, u)
 
 
-def collect(samples: int, seed: int, agent: Agent | None, advance: Callable[[int], None]) -> Dataset:
-    """So many samples of each head from random destinations. `agent`: whose actions, None for random ones;
-    `advance` is told how many there are.
+def collect(samples: int, seed: int, driver: Agent | ActionKind, advance: Callable[[int], None]) -> Dataset:
+    """So many samples of each head from random destinations. `driver`: an agent, or the kind that random
+    actions are of; `advance` is told how many there are.
     """
     rng = np.random.default_rng((seed, 77))
     mixture = make_mixture("random_destination", Curriculum())
@@ -103,7 +103,14 @@ def collect(samples: int, seed: int, agent: Agent | None, advance: Callable[[int
         number = 0
         while not all(keeper.full for keeper in keepers.values()):
             plan = mixture.draw(rng)
-            _drive(Episode(world), plan, agent or RandomActions(rng), rng, keepers, number)
+            _drive(
+                Episode(world),
+                plan,
+                RandomActions(rng, driver) if isinstance(driver, ActionKind) else driver,
+                rng,
+                keepers,
+                number,
+            )
             number += 1
             advance(min(keeper.count for keeper in keepers.values()))
     finally:

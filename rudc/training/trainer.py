@@ -32,7 +32,7 @@ import numpy as np
 import torch
 
 from rudc.agents.checkpoint import LATEST, Learnt, save_learnt
-from rudc.agents.learned import RESIDUAL
+from rudc.agents.correction import RESIDUAL
 from rudc.arrays import Arrays
 from rudc.errors import AgentError, InputError, TrainingError
 from rudc.evaluation.memory import keep_freed_blocks

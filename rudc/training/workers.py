@@ -38,11 +38,13 @@ class WorkerPool:
                 process.start()
             theirs.close()
             self._workers.append((process, ours))
-        self._critics = config.driver.slack_gain > 0
+        self._critics = config.driver.correction.asks_critics
         self._answers()
 
     def load(self, arrays: Mapping[str, Any], percentiles: Percentiles) -> None:
-        """Give all workers these weights and percentiles of sigma; critics only where slack needs them."""
+        """Give all workers these weights and percentiles of sigma; critics only where the correction asks
+        them.
+        """
         wanted = {k: v for k, v in arrays.items() if self._critics or k.startswith("policy/")}
         self._ask([("load", (wanted, percentiles))] * len(self._workers))
         self._answers()

@@ -18,7 +18,7 @@ HALF = 2.5
 def act(driver, scene):
     driver.reset(scene, 0)
     decision = driver.act(scene)
-    assert decision.filtered is None
+    assert decision.corrected is None
     assert math.isnan(decision.sigma)
     np.testing.assert_array_equal(decision.u, decision.u_rl)
     return decision.u

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from rudc.agents.algorithms import DriverConfig, observation_layout
+from rudc.agents.correction import CbfCorrection
 from rudc.agents.learned import LearnedAgent, untrained
 from rudc.env.observation import observe_flat
 from rudc.learning.config import LearnerConfig
@@ -37,11 +38,11 @@ def test_drives_by_the_policys_mean_and_says_how_sure_it_is(scene, observation):
     known = Decider(learner, _arrays(learner)).decide(observe_flat(scene, observation))
     np.testing.assert_array_equal(choice.nominal, known.action)
     np.testing.assert_array_equal(choice.action, choice.nominal)
-    np.testing.assert_array_equal(decision.u, config.physical(known.action, scene))
+    np.testing.assert_array_equal(decision.u, config.action_kind.physical(known.action, scene))
     np.testing.assert_array_equal(decision.u, decision.u_rl)
     assert decision.sigma == pytest.approx(float(known.uncertainty.total))
-    assert decision.filtered is None
-    assert set(decision.timing_ms) == {"observation", "policy", "critic", "filter"}
+    assert decision.corrected is None
+    assert set(decision.timing_ms) == {"observation", "policy", "critic", "correction"}
 
 
 def test_explores_with_a_generator_only(scene):
@@ -74,10 +75,11 @@ def test_the_filter_gets_the_slack_and_its_action_is_the_one_executed(scene):
     config = DriverConfig(algorithm="rudc-t", slack_gain=2.0)
     agent = LearnedAgent("mine", config, _arrays(config.learner), (3.0, 5.0))
     recorder = Recorder((-6.0, 0.05))
-    agent._filter = recorder  # pyright: ignore[reportAttributeAccessIssue] -- stands in for a filter
+    assert isinstance(agent.correction, CbfCorrection)
+    agent.correction.filter = recorder  # pyright: ignore[reportAttributeAccessIssue] -- stands in for a filter
     choice = agent.choose(scene)
-    assert recorder.slacks == [Slack(2.0, 3.0, 5.0)(choice.decision.sigma)]
-    assert choice.action == pytest.approx(config.normalised(np.array([-6.0, 0.05]), scene))
+    assert recorder.slacks == [Slack(2.0 * 0.1, 3.0, 5.0)(choice.decision.sigma)]
+    assert choice.action == pytest.approx(config.action_kind.normalised(np.array([-6.0, 0.05]), scene))
     assert choice.action[0] == -1.0
     assert choice.nominal[0] > -0.9
     agent.load(_arrays(config.learner))  # no percentiles known: the filter as it is
@@ -89,9 +91,9 @@ def test_the_filter_gets_the_slack_and_its_action_is_the_one_executed(scene):
 def test_algorithms_bring_their_filter(scene, algorithm, kind):
     config = DriverConfig(algorithm=algorithm, filter_settings={"constrained": "all"})
     assert config.filter is not None
-    assert (config.filter.kind, config.filter.constrained) == (kind, "all")
+    assert (config.filter.rule, config.filter.constrained) == (kind, "all")
     agent = untrained(config)
     agent.reset(scene, 0)
     decision = agent.act(scene)
-    assert decision.filtered is not None
-    np.testing.assert_array_equal(decision.u, decision.filtered.u)
+    assert decision.corrected is not None
+    np.testing.assert_array_equal(decision.u, decision.corrected.u)

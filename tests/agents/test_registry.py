@@ -28,8 +28,8 @@ def test_filters_stand_behind_all_but_sumo():
         "sumo", "follower", "gap-acceptance",
         "follower+ttcbf", "follower+ecbf", "gap-acceptance+ttcbf", "gap-acceptance+ecbf",
     }  # fmt: skip
-    assert agent_settings("follower+ecbf")["filter"]["kind"] == "ecbf"
-    assert "filter" not in agent_settings("follower")
+    assert agent_settings("follower+ecbf")["correction"]["rule"] == "ecbf"
+    assert "correction" not in agent_settings("follower")
 
 
 @pytest.mark.parametrize(
@@ -61,10 +61,10 @@ def test_a_filtered_agent_reports_proposal_and_correction(kind, scene_on):
     assert isinstance(agent, FilteredAgent)
     agent.reset(scene, 0)
     decision = agent.act(scene)
-    assert decision.filtered is not None
-    np.testing.assert_allclose(decision.u - decision.u_rl, decision.filtered.correction)
+    assert decision.corrected is not None
+    np.testing.assert_allclose(decision.u - decision.u_rl, decision.corrected.correction)
     assert decision.u[0] < decision.u_rl[0] - 1.0, "the filter must brake for who stands 7 m ahead"
-    assert decision.timing_ms["filter"] > 0.0
+    assert decision.timing_ms["correction"] > 0.0
 
 
 def test_a_filter_leaves_an_empty_road_alone(scene_on):
@@ -73,6 +73,6 @@ def test_a_filter_leaves_an_empty_road_alone(scene_on):
     agent.reset(scene, 0)
     bare.reset(scene, 0)
     decision = agent.act(scene)
-    assert decision.filtered is not None
-    assert decision.filtered.status == "nominal"
+    assert decision.corrected is not None
+    assert decision.corrected.status == "nominal"
     np.testing.assert_allclose(decision.u, bare.act(scene).u)

@@ -35,7 +35,7 @@ def test_a_learnt_agents_configuration_is_varied():
     assert varied.filter_settings == {"d_safe": 0.1, "road": False}
     assert (varied.residual, varied.slack_gain) == (True, 0.5)
     assert varied.filter is not None
-    assert (varied.filter.kind, varied.filter.d_safe) == ("ecbf", 0.1)
+    assert (varied.filter.rule, varied.filter.d_safe) == ("ecbf", 0.1)
     assert vary(config, {"filter": False}).filter is None
     assert config.filter_settings["d_safe"] == 0.4
 
@@ -44,11 +44,11 @@ def test_a_learnt_agents_configuration_is_varied():
     ("name", "said"),
     [
         ("gap-acceptance+ttcbf:d_saf=0.3", "did you mean 'd_safe'"),
-        ("gap-acceptance+ttcbf:d_safe=much", "must be a number, not 'much'"),
-        ("gap-acceptance+ttcbf:d_safe=-1", "d_safe must be at least 0"),
-        ("gap-acceptance+ttcbf:constrained=some", "constrained must be one of gated, all"),
-        ("gap-acceptance+ttcbf:road=perhaps", "must be on or off"),
-        ("gap-acceptance+ttcbf:max_vehicles=2.5", "must be a whole number"),
+        ("gap-acceptance+ttcbf:d_safe=much", "correction.d_safe: Input should be a valid number"),
+        ("gap-acceptance+ttcbf:d_safe=-1", "correction.d_safe: Input should be greater than or equal to 0"),
+        ("gap-acceptance+ttcbf:constrained=some", "correction.constrained: Input should be 'gated' or 'all'"),
+        ("gap-acceptance+ttcbf:road=perhaps", "correction.road: Input should be a valid boolean"),
+        ("gap-acceptance+ttcbf:max_vehicles=2.5", "correction.max_vehicles: Input should be a valid integer"),
         ("gap-acceptance+ttcbf:d_safe=1,d_safe=2", "given twice"),
         ("gap-acceptance+ttcbf:slack_gain=1", "no setting 'slack_gain'"),
         ("gap-acceptance:d_safe=1", "has no filter"),
@@ -65,5 +65,5 @@ def test_the_whole_name_stands_in_tables_and_settings_in_manifests():
     name = "follower+ttcbf:d_safe=0.25,constrained=all"
     assert make_agent(name).name == name
     settings = agent_settings(name)
-    assert (settings["filter"]["d_safe"], settings["filter"]["constrained"]) == (0.25, "all")
-    assert agent_settings("follower+ttcbf")["filter"]["d_safe"] == 0.5
+    assert (settings["correction"]["d_safe"], settings["correction"]["constrained"]) == (0.25, "all")
+    assert agent_settings("follower+ttcbf")["correction"]["d_safe"] == 0.5

@@ -56,13 +56,13 @@ def measure(config: FilterConfig, vehicles: int, seed: int = 0) -> tuple[Array, 
 def main() -> None:
     """Print the figures."""
     for kind in ("ttcbf", "ecbf"):
-        for constrained, vehicles, backup in (
+        for constrained, vehicles, last_resort in (
             ("all", 12, False),
             ("all", 12, True),
             ("gated", 20, False),
             ("gated", 20, True),
         ):
-            config = FilterConfig.preset(kind, constrained=constrained, backup=backup)
+            config = FilterConfig.preset(kind, constrained=constrained, last_resort=last_resort)
             spent, answers, count = measure(config, vehicles)
             median, late = np.percentile(spent, [50, 99])
             by_status = ", ".join(
@@ -70,7 +70,7 @@ def main() -> None:
                 for status in np.unique(answers)
             )
             print(
-                f"{kind} {constrained:<5} {'backup' if backup else 'rows':<6} {vehicles} vehicles, "
+                f"{kind} {constrained:<5} {'last resort' if last_resort else 'rows':<11} {vehicles} others, "
                 f"{count:4.1f} constraints: "
                 f"median {median:.3f} ms, p99 {late:.3f} ms; {by_status}"
             )

@@ -154,7 +154,7 @@ def _safe(scene: Scene, filter: SafetyFilter) -> bool:
     terms = barrier_terms(complex(ego.x, ego.y), heading, ego.v, scene.vehicle.wheelbase, constraints)
     z = math.tan(adversary(scene)[1])
     falling = terms.lf + terms.lg * z + filter.config.ecbf_rate2 * terms.h
-    return bool(terms.h.min() > 0 and (filter.config.kind == "ttcbf" or falling.min() > 0))
+    return bool(terms.h.min() > 0 and (filter.config.rule == "ttcbf" or falling.min() > 0))
 
 
 def run(config: FilterConfig, starts: int, seed: int) -> Figures:
@@ -188,7 +188,7 @@ def _look(figures: Figures, filter: SafetyFilter, scene: Scene, u: Array, now: A
     figures.deepest_sample = min(figures.deepest_sample, float(h[-1].min()))
     figures.samples_below += bool(h[-1].min() < 0)
     figures.inside_below += bool(h.min() < 0)
-    if config.kind == "ttcbf":
+    if config.rule == "ttcbf":
         excess = problem.A @ (u[0], math.tan(u[1])) - problem.b
         road = np.arange(len(now)) >= scene.count
         rate = np.where(road, config.ttcbf_road_rate, config.ttcbf_rate)
@@ -216,10 +216,10 @@ def main(starts: int) -> None:
         f"{'min h any':>10} {'remainder':>10} {'broken':>7}"
     )
     for gamma in (100.0, 1000.0, 8000.0):
-        config = FilterConfig.preset("ttcbf", constrained="all", backup=False, ttcbf_gamma=gamma)
+        config = FilterConfig.preset("ttcbf", constrained="all", last_resort=False, ttcbf_gamma=gamma)
         print(report(f"TTCBF Gamma {gamma:g}", run(config, starts, 0)))
     for dt in (0.4, 0.2, 0.1, 0.05):
-        config = FilterConfig.preset("ecbf", constrained="all", backup=False, dt=dt)
+        config = FilterConfig.preset("ecbf", constrained="all", last_resort=False, dt=dt)
         print(report(f"ECBF dt {dt:g}", run(config, starts, 0)))
 
 

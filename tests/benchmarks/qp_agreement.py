@@ -14,11 +14,11 @@ from itertools import count, product
 
 import numpy as np
 
+from rudc.agents.correction import CbfCorrection, CbfSettings
 from rudc.agents.filtered import FilteredAgent
 from rudc.agents.follower import Follower
 from rudc.env.episode import Episode
 from rudc.network.network import load_network
-from rudc.safety.filter import FilterConfig
 from rudc.safety.qp import Problem, Solution, make_solver
 from rudc.scenario import load_scenario
 from rudc.world.world import World
@@ -27,20 +27,21 @@ OTHERS = ("daqp", "quadprog")
 SCENARIOS = ("random_destination", "dense_left_turn")
 
 
-def collect(episode: Episode, scenario: str, config: FilterConfig, wanted: int) -> list[Problem]:
+def collect(episode: Episode, scenario: str, config: CbfSettings, wanted: int) -> list[Problem]:
     """The first `wanted` problems of a scenario in which the proposed action did not satisfy every row."""
     source, problems = load_scenario(scenario), []
-    agent = FilteredAgent(Follower(), config.kind, config)
+    correction = CbfCorrection(config, {})
+    agent = FilteredAgent(Follower(), "follower", correction)
     for seed in count():
         scene = episode.reset(source.plan(seed))
         agent.reset(scene, seed)
         while episode.outcome is None:
             decision = agent.act(scene)
-            problem = agent.filter.last_problem
+            problem = correction.filter.last_problem
             if (
                 problem is not None
-                and decision.filtered is not None
-                and decision.filtered.status != "nominal"
+                and decision.corrected is not None
+                and decision.corrected.status != "nominal"
             ):
                 problems.append(problem)
                 if len(problems) == wanted:
@@ -77,7 +78,7 @@ def main() -> None:
     with World(load_network("four_way")) as world:
         episode = Episode(world)
         for scenario, kind, constrained in cases:
-            config = FilterConfig.preset(kind, constrained=constrained)
+            config = CbfSettings.preset(kind, constrained=constrained)
             problems += collect(episode, scenario, config, -(-wanted // len(cases)))
     compare(problems)
 

@@ -27,7 +27,7 @@ SWITCHES: dict[str, tuple[str, ...]] = {
     "all vehicles constrained": ("driver.filter_settings.constrained=all",),
     "filter in every episode": ("filtered_share=1",),
     "filter in every episode, proposals replayed": ("filtered_share=1", "replayed=nominal"),
-    "no last resort": ("driver.filter_settings.backup=false",),
+    "no last resort": ("driver.filter_settings.last_resort=false",),
     "filter may accelerate": ("driver.filter_settings.max_added_acceleration=inf",),
     "no residual": ("driver.residual=false",),
     "no slack": ("driver.slack_gain=0",),

@@ -112,7 +112,7 @@ def test_agents_are_listed_and_shown(rudc):
     assert "gap-acceptance+ecbf" in rudc("agent", "list").out
     head, _, settings = rudc("agent", "show", "follower+ttcbf").out.partition("\n")
     assert head.startswith("follower+ttcbf: ")
-    assert json.loads(settings)["filter"]["kind"] == "ttcbf"
+    assert json.loads(settings)["correction"]["rule"] == "ttcbf"
 
 
 @pytest.fixture(scope="module")

@@ -9,6 +9,7 @@ import pytest
 from rudc.network.network import Network, load_network
 from rudc.vehicle import EgoVehicle
 from rudc.world.scene import EgoState, Kind, Scene
+from tests.agents.conftest import scene_on  # noqa: F401  # a fixture of both
 
 SceneMaker = Callable[..., Scene]
 

@@ -66,7 +66,7 @@ def test_watching_sees_every_decision_and_changes_nothing(episode, tmp_path):
     def watch(scene, decision, result):
         trace.watch(scene, decision, result)
         film.watch(scene, decision, result)
-        frames.append(decision.filtered)
+        frames.append(decision.corrected)
 
     record = run_episode(episode, plan, agent, watch=watch)
     assert comparable(record) == comparable(bare)

@@ -9,7 +9,9 @@ from tests.benchmarks.invariance import run
 @pytest.mark.parametrize("gamma", [100.0, 1000.0])
 def test_ttcbf_keeps_h_positive_where_gamma_bounds_the_remainder(gamma: float) -> None:
     figures = run(
-        FilterConfig.preset("ttcbf", constrained="all", backup=False, ttcbf_gamma=gamma), starts=50, seed=1
+        FilterConfig.preset("ttcbf", constrained="all", last_resort=False, ttcbf_gamma=gamma),
+        starts=50,
+        seed=1,
     )
     assert figures.corrected > 20
     assert figures.broken == 0
@@ -19,6 +21,8 @@ def test_ttcbf_keeps_h_positive_where_gamma_bounds_the_remainder(gamma: float) -
 
 
 def test_ecbf_keeps_h_positive_at_small_steps() -> None:
-    figures = run(FilterConfig.preset("ecbf", constrained="all", backup=False, dt=0.025), starts=12, seed=2)
+    figures = run(
+        FilterConfig.preset("ecbf", constrained="all", last_resort=False, dt=0.025), starts=12, seed=2
+    )
     assert figures.corrected > 100
     assert figures.deepest_inside > -1e-3

@@ -74,7 +74,7 @@ def box(rows: list[list[float]], b: list[float]) -> Problem:
 def test_every_solver_finds_the_nearest_point(name: str) -> None:
     solution = make_solver(name).solve(box([[3.0, 4.0]], [5.0]))
     assert solution.found
-    assert solution.residual < 1e-6
+    assert solution.optimality_gap < 1e-6
     assert solution.x == pytest.approx([0.6, 0.8], abs=1e-6)
     assert solution.multipliers == pytest.approx([0.2], abs=1e-6)
 
@@ -83,7 +83,7 @@ def test_every_solver_finds_the_nearest_point(name: str) -> None:
 def test_no_solver_finds_what_is_not_there(name: str) -> None:
     solution = make_solver(name).solve(box([[1.0, 1.0], [-1.0, -1.0]], [1.0, 1.0]))
     assert not solution.found
-    assert solution.residual == np.inf
+    assert solution.optimality_gap == np.inf
 
 
 @pytest.mark.parametrize("name", ["piqp", "daqp", "quadprog"])

@@ -26,12 +26,12 @@ def test_full_grid_of_a_trained_agent(trained):
     assert off["filtering"] is False
     for (kind, constrained, d_safe), settings in found.items():
         assert settings["filtering"] is True
-        assert settings["residual"] is (kind in ("residual", "both", "backup"))
-        assert settings["slack_gain"] == (0.04 if kind in ("slack", "both", "backup") else 0.0)
+        assert settings["residual"] is (kind in ("residual", "both", "last_resort"))
+        assert settings["slack_gain"] == (0.04 if kind in ("slack", "both", "last_resort") else 0.0)
         assert settings["filter_settings"] == {
             "constrained": constrained,
             "d_safe": d_safe,
-            "backup": kind == "backup",
+            "last_resort": kind == "last_resort",
         }
 
 
@@ -41,7 +41,7 @@ def test_settings_given_are_kept_and_the_slacks_gain_is_taken(trained):
     for variant in variants[1:]:
         settings = agent_settings(variant.agent)["driver"]
         assert settings["filter_settings"]["ttcbf_rate"] == 0.2
-        assert settings["slack_gain"] == (0.02 if variant.kind in ("slack", "both", "backup") else 0.0)
+        assert settings["slack_gain"] == (0.02 if variant.kind in ("slack", "both", "last_resort") else 0.0)
 
 
 def test_a_distance_in_the_name_is_the_only_one():
@@ -49,7 +49,7 @@ def test_a_distance_in_the_name_is_the_only_one():
     assert [v.kind for v in variants] == ["off", "fixed", "residual", "fixed", "residual"]
     for variant in variants[1:]:
         assert variant.d_safe == 0.4
-        assert agent_settings(variant.agent)["filter"]["d_safe"] == 0.4
+        assert agent_settings(variant.agent)["correction"]["d_safe"] == 0.4
 
 
 def test_a_filter_behind_a_driver_has_no_slack():

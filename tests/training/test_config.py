@@ -82,9 +82,9 @@ def test_the_papers_configuration_is_as_written():
     driver, learner = config.driver, config.driver.learner
     assert (driver.observation, driver.action) == ("paper", "direct")
     assert driver.filter is not None
-    assert (driver.filter.kind, driver.filter.constrained) == ("ecbf", "all")
+    assert (driver.filter.rule, driver.filter.constrained) == ("ecbf", "all")
     assert driver.filter.max_added_acceleration == math.inf
-    assert not driver.filter.backup
+    assert not driver.filter.last_resort
     assert TrainConfig.model_validate_json(config.model_dump_json()) == config
     assert (learner.members, learner.n_step, learner.critic.encoder, learner.critic.hidden) == (
         5,
@@ -120,7 +120,7 @@ def test_single_values_can_be_changed_by_their_keys():
         ({"driver.observation": "all"}, "observation"),
         ({"steps.more": 1}, "steps.more"),
         ({"": 1}, "dotted key"),
-        ({"driver.filter_settings.d_saf": 1}, "no such setting: d_saf"),
+        ({"driver.filter_settings.d_saf": 1}, "d_saf: there is no such setting"),
     ],
 )
 def test_changes_that_cannot_be_are_refused(settings: dict, said: str):

@@ -6,6 +6,7 @@ import torch
 from safetensors.numpy import save_file
 
 from rudc.arrays import Array
+from rudc.env.action import Adjustment
 from rudc.errors import AgentError, InputError
 from rudc.safety.residual import (
     HEADS,
@@ -20,12 +21,15 @@ from rudc.training.residual_fit import _initial, _predict, evaluate, fit, standi
 
 @pytest.fixture(scope="module")
 def dataset():
-    return collect(1500, 3, None, lambda count: None)
+    return collect(1500, 3, Adjustment(), lambda count: None)
 
 
 def test_samples_are_the_same_with_the_same_seed_and_survive_a_file(dataset, tmp_path):
     save_dataset(tmp_path / "data.safetensors", dataset)
-    for again in (collect(1500, 3, None, lambda count: None), load_dataset(tmp_path / "data.safetensors")):
+    for again in (
+        collect(1500, 3, Adjustment(), lambda count: None),
+        load_dataset(tmp_path / "data.safetensors"),
+    ):
         for head in HEADS:
             for one, other in zip(dataset[head], again[head], strict=True):
                 np.testing.assert_array_equal(one, other)

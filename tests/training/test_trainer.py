@@ -145,7 +145,7 @@ def test_a_trained_folder_is_an_agent(trained: Path):
     agent = make_agent(str(trained))
     assert agent.name == str(trained)
     assert "without a safety filter. Learnt in 300 steps with seed 0." in agent_summary(str(trained))
-    assert agent_settings(f"{trained}+ttcbf")["filter"]["kind"] == "ttcbf"
+    assert agent_settings(f"{trained}+ttcbf")["correction"]["rule"] == "ttcbf"
     assert make_agent(f"{trained}+ttcbf").name == f"{trained}+ttcbf"
     json.dumps(agent_settings(str(trained)))
     low, high = load_learnt(trained / "checkpoint").percentiles or (0.0, 0.0)

@@ -78,10 +78,10 @@ def test_braking_comes_late_and_names_whom_it_is_for() -> None:
     assert status(make_scene([truck], v=8.0)) == "nominal", "13.75 m are left, 5.3 to stop"
     near = make_scene([replace(truck, x=12.2)], v=8.0)
     answer = SafetyFilter(ALONE).filter(near, THROTTLE)
-    assert (answer.status, answer.active) == ("stopping", ("veh:sv0",))
+    assert (answer.status, answer.active) == ("last_resort", ("veh:sv0",))
     assert answer.u[0] == near.vehicle.a_min
     assert answer.correction == pytest.approx([-9.0, 0.0])
-    assert status(near, config=replace(ALONE, backup=False)) == "nominal"
+    assert status(near, config=FilterConfig(max_vehicles=0, road=False, last_resort=False)) == "nominal"
 
 
 def test_going_on_is_as_good_as_stopping() -> None:
@@ -90,7 +90,7 @@ def test_going_on_is_as_good_as_stopping() -> None:
     assert status(ahead_of_it) == "nominal", "it cannot stop before the crossing, but is through in 1 s"
     late = replace(crossing, y=-14.0, s=86.0)
     answer = SafetyFilter(ALONE).filter(make_scene([late], x=-6.8, v=6.0), THROTTLE)
-    assert answer.status == "stopping", "they would meet, and it can still stop"
+    assert answer.status == "last_resort", "they would meet, and it can still stop"
 
 
 def test_where_neither_helps_the_driver_is_left_to_it() -> None:
@@ -112,7 +112,7 @@ def test_a_truck_ahead_is_not_hit_for_the_sake_of_somebody_behind() -> None:
     truck, pushing = Other(6.7, 0.0, length=7.5, width=2.4), Other(-5.4, -7.5, 0.6, 4.0)
     scene = make_scene([truck, pushing], v=0.8)
     answer = SafetyFilter(ALONE).filter(scene, THROTTLE)
-    assert answer.status == "stopping"
+    assert answer.status == "last_resort"
     assert "veh:sv0" in answer.active
 
 
@@ -120,7 +120,7 @@ def test_a_leader_that_brakes_is_taken_to_go_on_braking() -> None:
     leader = Other(6.9, 0.0, 0.0, 9.0)
     scene = make_scene([leader], v=9.0)
     assert status(scene, np.zeros(2)) == "nominal"
-    assert status(replace(scene, acceleration=np.array([-7.0])), np.zeros(2)) == "stopping"
+    assert status(replace(scene, acceleration=np.array([-7.0])), np.zeros(2)) == "last_resort"
 
 
 def test_beside_somebody_it_may_drive_off_but_not_come_closer() -> None:
@@ -129,4 +129,4 @@ def test_beside_somebody_it_may_drive_off_but_not_come_closer() -> None:
     assert status(beside, np.array([1.0, 0.0])) == "nominal"
     assert status(beside, np.array([1.0, -0.3])) == "nominal"
     towards = make_scene([Other(1.0, 2.0)], v=1.0)
-    assert status(towards, np.array([1.0, 0.4])) == "stopping"
+    assert status(towards, np.array([1.0, 0.4])) == "last_resort"

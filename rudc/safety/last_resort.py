@@ -9,7 +9,7 @@ judged by two manoeuvres that begin with it (commit or stop):
 
 A manoeuvre's room is the least that it leaves at any of the instants within the horizon towards anybody of
 
-    separation - min(backup_margin, separation now)
+    separation - min(last_resort_margin, separation now)
 
 separation being the largest along the four side directions of the ego's rectangle and the other's, which
 their distance is not below. Others are predicted along their paths (see `prediction`), at their present speed
@@ -71,11 +71,11 @@ class _Others(NamedTuple):
     """(m,) whether they stand still"""
 
 
-class Backup:
+class LastResort:
     """Judges actions."""
 
     def __init__(self, config: FilterConfig, predictor: Predictor) -> None:
-        self._dt, self._margin = config.dt, config.backup_margin
+        self._dt, self._margin = config.dt, config.last_resort_margin
         self._times: Array = np.linspace(0.0, HORIZON, round(HORIZON / config.dt) + 1)
         self._predictor = predictor
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from rudc.agents.tracking import LATERAL, acceleration_towards, speed_allowed, speeds_in_bends, steering
+from rudc.env.tracking import LATERAL, acceleration_towards, speed_allowed, speeds_in_bends, steering
 from rudc.network.network import load_network, shipped_networks
 from rudc.vehicle import EgoVehicle
 from rudc.world.ego import EgoPlant

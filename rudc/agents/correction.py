@@ -1,0 +1,186 @@
+"""The seat of whatever corrects an action: a proposal goes in, an action that may be taken comes out.
+
+    correct(scene, proposal, critics) -> Corrected
+
+The proposal says what would be done, in physical units and, where a policy proposed it, in [-1, 1], how
+unsure the driver is, and what it saw. `critics` is what a learnt agent offers to be asked about other
+actions; None behind drivers that offer nothing. A correction states what it asks of them as a protocol of its
+own that goes beyond `Critics`, and refuses, by AgentError, an agent that does not offer it. So the seat stays
+as it is for
+
+    CBF filter             the one below: asks for sigma only, which the proposal carries
+    safety layer (QPSL)    c(s') = c(s) + g(observation) . action with g learnt: g's weights come by `load`,
+                           the QP is rudc/safety/qp.py's; asks `critics` for nothing
+    unrolled corrections   action <- action - eta grad Q_c(observation, action) until Q_c <= d: asks for
+    (USL)                  `cost(observation, actions (n, 2)) -> (n,)` and its gradient, or takes differences
+                           of four actions of a batch for it; starts from `proposal.action`
+    Recovery RL            where the risk of `proposal.action` exceeds epsilon, the recovery policy's action
+                           instead: asks for `cost` and `recovery(observation) -> (2,)`
+
+An entry in `CORRECTIONS` is a class of settings; its `make` gives the correction.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, NamedTuple, Protocol
+
+from numpy.typing import NDArray
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, SerializeAsAny
+
+from rudc.arrays import Array, Arrays, Floats
+from rudc.kinds import of_kind, read_kind
+from rudc.safety.config import FilterConfig
+from rudc.safety.corrected import Corrected
+from rudc.safety.filter import SafetyFilter
+from rudc.safety.residual import ResidualPredictor, shipped_predictor
+from rudc.safety.slack import Slack
+from rudc.world.scene import Scene
+
+Percentiles = tuple[float, float] | None
+RESIDUAL = "residual/"
+"""what the names of the residual predictor's arrays begin with"""
+
+
+class Proposal(NamedTuple):
+    """What a driver would do."""
+
+    u: Array
+    """(2,) acceleration m/s2, front-wheel angle rad"""
+    action: Floats | None = None
+    """(2,) the same in [-1, 1] as the policy chose it; None of drivers that have no such action"""
+    sigma: float = math.nan
+    """sigma_total, reward units; nan of drivers that state none"""
+    observation: Floats | None = None
+    """(size,) what a policy saw"""
+
+
+class Critics(Protocol):
+    """What any learnt agent with critics answers."""
+
+    def quantiles(self, observation: Floats, action: Floats) -> Floats:
+        """(members, quantiles) of the return, reward units, of an action (2,) at an observation (size,)."""
+        ...
+
+
+class Correction(Protocol):
+    """Corrects actions, one decision after the other."""
+
+    def load(self, arrays: Mapping[str, NDArray], percentiles: Percentiles) -> None:
+        """Take over what training has changed: weights, named as in a checkpoint, and sigma_l, sigma_h."""
+        ...
+
+    def reset(self, scene: Scene, seed: int) -> None:
+        """Begin a new episode."""
+        ...
+
+    def correct(self, scene: Scene, proposal: Proposal, critics: Critics | None) -> Corrected:
+        """What to do instead; `u` is the proposal's own where nothing needs correction."""
+        ...
+
+
+class CorrectionKind(BaseModel):
+    """Base of the settings of all corrections; subclasses have `kind`, their name in `CORRECTIONS`."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+
+    @property
+    def asks_critics(self) -> bool:
+        """Whether it needs sigma or asks critics otherwise, so that whoever drives must have them."""
+        return False
+
+    def make(self, arrays: Mapping[str, NDArray], percentiles: Percentiles = None) -> Correction | None:
+        """The correction; None if there is none. `arrays` and `percentiles` as for `Correction.load`."""
+        raise NotImplementedError
+
+
+class NoCorrection(CorrectionKind):
+    """What is proposed is done."""
+
+    kind: Literal["none"] = "none"
+
+    def make(self, arrays: Mapping[str, NDArray], percentiles: Percentiles = None) -> None:
+        """None."""
+
+
+class SlackSettings(BaseModel):
+    """The slack delta(sigma) of the rows (rudc/safety/slack.py)."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+
+    gain: float = Field(default=0.0, ge=0, allow_inf_nan=False)
+    """m2 of h towards vehicles that one is willing to give up at rest for each unit of sigma (reward units)
+    below sigma_l; eta is this times the rows' weight of h, so that it means the same under each rule. 0: no
+    slack
+    """
+
+
+class CbfSettings(FilterConfig, CorrectionKind):
+    """The safety filter of control barrier functions, with predicted residuals and slack."""
+
+    kind: Literal["cbf"] = "cbf"
+    slack: SlackSettings = SlackSettings()
+    """how much the rows are relaxed where the policy is sure"""
+    residual: bool = False
+    """whether rows take in the residuals that a learnt predictor expects (rudc/safety/residual.py)"""
+
+    @property
+    def asks_critics(self) -> bool:
+        """With slack."""
+        return self.slack.gain > 0
+
+    def make(self, arrays: Mapping[str, NDArray], percentiles: Percentiles = None) -> Correction:
+        """The filter, with the residual predictor among `arrays` or else the shipped one."""
+        return CbfCorrection(self, arrays, percentiles)
+
+
+class CbfCorrection:
+    """u = filter(u_rl, slack delta(sigma), residuals w)."""
+
+    def __init__(
+        self, settings: CbfSettings, arrays: Mapping[str, NDArray], percentiles: Percentiles = None
+    ) -> None:
+        self.filter = SafetyFilter(settings)
+        self._eta = settings.slack.gain * float(settings.row_weights(road=False).h)
+        self._predictor = ResidualPredictor(residual_arrays(arrays)) if settings.residual else None
+        self.load(arrays, percentiles)
+
+    def load(self, arrays: Mapping[str, NDArray], percentiles: Percentiles) -> None:
+        """Take over sigma_l and sigma_h; the residual predictor stays as it is."""
+        self.slack = Slack(self._eta, *percentiles) if self._eta and percentiles is not None else None
+
+    def reset(self, scene: Scene, seed: int) -> None:
+        """Forget the last solution."""
+        self.filter.reset()
+
+    def correct(self, scene: Scene, proposal: Proposal, critics: Critics | None) -> Corrected:
+        """See `Correction`; without sigma there is no slack."""
+        stated = not math.isnan(proposal.sigma)
+        slack = self.slack(proposal.sigma) if self.slack is not None and stated else 0.0
+        residual = None
+        if self._predictor is not None:
+            residual = self._predictor(scene, self.filter.constraints(scene), proposal.u)
+        return self.filter.filter(scene, proposal.u, slack, residual)
+
+
+CORRECTIONS: dict[str, type[CorrectionKind]] = {"none": NoCorrection, "cbf": CbfSettings}
+"""name of a kind -> its settings"""
+
+
+def read_correction(value: str | Mapping[str, Any] | CorrectionKind) -> CorrectionKind:
+    """The settings that a name, or a mapping of `kind` and settings, stands for. Raises InputError."""
+    return read_kind(value, CORRECTIONS, CorrectionKind, "correction")
+
+
+CorrectionSettings = Annotated[
+    SerializeAsAny[CorrectionKind],
+    BeforeValidator(lambda value: of_kind(value, CORRECTIONS, CorrectionKind)),
+]
+"""a field that takes any correction's settings, as it takes a name or a mapping"""
+
+
+def residual_arrays(arrays: Mapping[str, NDArray]) -> Arrays:
+    """The residual predictor's among an agent's arrays; the shipped one's if there are none."""
+    own = {k.removeprefix(RESIDUAL): v for k, v in arrays.items() if k.startswith(RESIDUAL)}
+    return own or dict(shipped_predictor().arrays)

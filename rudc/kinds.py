@@ -1,0 +1,45 @@
+"""Settings of which several kinds are registered by name, such as actions and corrections."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from rudc.errors import InputError
+from rudc.hints import there_are
+
+M = TypeVar("M", bound=BaseModel)
+
+
+def of_kind(value: Any, registered: Mapping[str, type[M]], base: type[M]) -> M:
+    """The settings that `value` stands for: themselves, the name of a kind (with its defaults), or a mapping
+    of `kind` and settings. For a pydantic validator: raises ValueError, or pydantic's own.
+    """
+    if isinstance(value, base):
+        return value
+    given = {"kind": value} if isinstance(value, str) else value
+    if not isinstance(given, Mapping) or "kind" not in given:
+        raise ValueError(f"expected one of {', '.join(registered)}, or a mapping with `kind`")
+    if given["kind"] not in registered:
+        raise ValueError(f"there is no {given['kind']!r}{there_are(given['kind'], registered)}")
+    return registered[given["kind"]].model_validate(dict(given))
+
+
+def read_kind(value: Any, registered: Mapping[str, type[M]], base: type[M], what: str) -> M:
+    """The same, of what a user gave; `what` it is goes into messages. Raises InputError."""
+    try:
+        return of_kind(value, registered, base)
+    except ValidationError as error:
+        raise InputError(problems(error, what)) from None
+    except ValueError as error:
+        raise InputError(f"{what}: {error}") from None
+
+
+def problems(error: ValidationError, what: str) -> str:
+    """All that pydantic found wrong, one `what.key: message` each."""
+    return "; ".join(
+        f"{'.'.join((what, *map(str, e['loc'])))}: {e['msg'].removeprefix('Value error, ')}"
+        for e in error.errors()
+    )

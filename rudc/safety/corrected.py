@@ -1,0 +1,34 @@
+"""`Corrected`: what a correction, such as the safety filter, made of a proposed action."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rudc.arrays import Array
+
+
+class Corrected(NamedTuple):
+    """An action after correction, and how it came about; corrections without barriers leave out the rest."""
+
+    u: Array
+    """(2,) safe action: acceleration m/s2, front-wheel angle rad"""
+    correction: Array
+    """(2,) u minus the nominal action, m/s2 and rad"""
+    status: str
+    """how it came about: `nominal` where nothing needed correction, else as the correction names it"""
+    active: tuple[str, ...] = ()
+    """names of the constraints that hold the solution where it is, or that had to be violated"""
+    h: Array = np.zeros(0)
+    """(K,) m2, barrier values of all constraints"""
+    names: tuple[str, ...] = ()
+    """(K,) their names"""
+    violation: float = 0.0
+    """m2 per step, largest violation of a row by a `relaxed` solution; inf when braking"""
+    optimality_gap: float = 0.0
+    """largest violation of the QP's optimality conditions; 0 where nothing was solved, inf when braking"""
+    solve_ms: float = 0.0
+    """ms in QP solvers"""
+    infeasible: bool = False
+    """whether no action within bounds satisfied all rows, as far as the solver could tell"""

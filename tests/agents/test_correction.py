@@ -1,0 +1,129 @@
+"""The seat of corrections: settings by kind, and what a correction is given."""
+
+import math
+from collections.abc import Mapping
+from typing import Literal
+
+import numpy as np
+import pytest
+from pydantic import BaseModel
+
+from rudc.agents.algorithms import DriverConfig
+from rudc.agents.correction import (
+    CORRECTIONS,
+    CbfSettings,
+    CorrectionKind,
+    CorrectionSettings,
+    NoCorrection,
+    Proposal,
+    read_correction,
+)
+from rudc.agents.filtered import FilteredAgent
+from rudc.agents.follower import Follower
+from rudc.agents.learned import LearnedAgent
+from rudc.errors import InputError
+from rudc.learning.parameters import critic_arrays, policy_arrays
+from rudc.safety.config import Rule
+from rudc.safety.corrected import Corrected
+from tests.safety.scenes import Other, make_scene
+
+
+def test_a_name_or_a_mapping_says_which_is_meant():
+    assert read_correction("none") == NoCorrection()
+    given = {"kind": "cbf", "rule": "ecbf", "ecbf_rate1": 2.0, "slack": {"gain": 0.5}, "residual": True}
+    found = read_correction(given)
+    assert isinstance(found, CbfSettings)
+    assert (found.rule, found.ecbf_rate1, found.slack.gain, found.residual) == ("ecbf", 2.0, 0.5, True)
+    for wrong, said in (
+        ("cfb", "correction: there is no 'cfb' .did you mean 'cbf'"),
+        ({"kind": "none", "d_safe": 0.2}, r"correction\.d_safe: Extra inputs"),
+        ({"kind": "cbf", "ecbf_rate1": 2.0}, "ecbf_rate1 has no effect with rule=ttcbf"),
+        ({"kind": "cbf", "slack": {"gain": -1}}, r"correction\.slack\.gain: Input should be greater"),
+    ):
+        with pytest.raises(InputError, match=said):
+            read_correction(wrong)
+
+
+def test_a_field_takes_any_kind_and_gives_it_back():
+    class Settings(BaseModel):
+        correction: CorrectionSettings = NoCorrection()
+
+    given = {"kind": "cbf", "max_added_acceleration": math.inf, "slack": {"gain": 0.5}}
+    found = Settings.model_validate({"correction": given})
+    assert Settings.model_validate_json(found.model_dump_json()) == found
+    assert found.model_dump(mode="json")["correction"]["max_added_acceleration"] == "inf"
+
+
+@pytest.mark.parametrize("rule", ["ttcbf", "ecbf"])
+def test_one_gain_accepts_the_same_h_at_rest_under_both_rules(rule: Rule):
+    """An ego stands nearer to a lorry than the rows allow: what it may do depends on h and the gain alone."""
+    scene = make_scene([Other(4.2, 0.0, math.pi / 2, 0.0, 8.0, 2.5)], v=0.0)
+    gamma = {"ttcbf_gamma": 0.0} if rule == "ttcbf" else {}  # ECBF has no such margin
+    settings = {"rule": rule, "constrained": "all", "road": False, "last_resort": False, **gamma}
+    standing, sigma, percentiles = np.zeros(2), 3.0, (5.0, 6.0)
+
+    def status(gain: float) -> tuple[str, float]:
+        correction = CbfSettings.preset(**settings, slack={"gain": gain}).make({}, percentiles)
+        answer = correction.correct(scene, Proposal(standing, sigma=sigma), None)
+        return answer.status, float(answer.h[0])
+
+    _, h = status(0.0)
+    assert -2.0 < h < -0.5
+    accepted = -h / (percentiles[0] - sigma)
+    assert status(1.001 * accepted)[0] == "nominal"
+    assert status(0.999 * accepted)[0] == "relaxed"
+
+
+class Halved(CorrectionKind):
+    """Half the proposed acceleration: a correction that is no filter, made of what the seat offers alone."""
+
+    kind: Literal["halved"] = "halved"
+    share: float = 0.5
+
+    def make(self, arrays, percentiles=None):
+        return Halving(self.share)
+
+
+class Halving:
+    def __init__(self, share: float) -> None:
+        self.share, self.seen = share, []
+
+    def load(self, arrays: Mapping, percentiles) -> None: ...
+
+    def reset(self, scene, seed: int) -> None:
+        self.seen.clear()
+
+    def correct(self, scene, proposal, critics) -> Corrected:
+        if critics is not None:  # any other action may be asked about
+            assert critics.quantiles(proposal.observation, np.zeros(2, np.float32)).ndim == 2
+        self.seen.append((proposal, critics))
+        u = proposal.u * [self.share, 1.0]
+        return Corrected(u, u - proposal.u, "halved")
+
+
+def test_another_correction_takes_the_same_seat(monkeypatch, scene_on):
+    monkeypatch.setitem(CORRECTIONS, "halved", Halved)
+    correction = read_correction({"kind": "halved", "share": 0.25}).make({})
+    assert isinstance(correction, Halving)
+    scene = scene_on("south", "left", 50.0, 4.0)
+    agent = FilteredAgent(Follower(), "follower, halved", correction)
+    agent.reset(scene, 0)
+    decision = agent.act(scene)
+    assert decision.u == pytest.approx(decision.u_rl * [0.25, 1.0])
+    assert decision.u_rl[0] > 0
+    proposal, critics = correction.seen[0]
+    assert (proposal.action, critics) == (None, None)
+
+    config = DriverConfig()
+    learner = {f"policy/{k}": v for k, v in policy_arrays(config.learner).items()}
+    learner |= {f"critic/{k}": v for k, v in critic_arrays(config.learner).items()}
+    learnt = LearnedAgent("mine", config, learner)
+    learnt.correction = correction
+    learnt.reset(scene, 0)
+    choice = learnt.choose(scene)
+    assert choice.decision.u == pytest.approx(choice.decision.u_rl * [0.25, 1.0])
+    assert choice.action == pytest.approx(config.action_kind.normalised(choice.decision.u, scene), abs=1e-6)
+    proposal, _ = correction.seen[0]
+    assert proposal.sigma == choice.decision.sigma
+    np.testing.assert_array_equal(proposal.action, choice.nominal)
+    np.testing.assert_array_equal(proposal.observation, choice.observation)
