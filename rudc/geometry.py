@@ -77,24 +77,18 @@ def rectangles_overlap(
 ) -> Flags:
     """Which (N,) of N rectangles overlap or touch the one given first; arguments as in `rectangle_gaps`."""
     z, r = _seen_from(x, y, psi, position, heading)
-    return ~_separated(z, z * r.conj(), r, np.array([0.5 * length, 0.5 * width]), 0.5 * np.asarray(size))
+    half = np.array([0.5 * length, 0.5 * width])
+    return _separation(z, z * r.conj(), r, half, 0.5 * np.asarray(size)) <= 0.0
 
 
 def separation(r: Complex, facing: Complex, other: Complex, half: Array, half_other: Array) -> Array:
-    """(m, T) m, largest separation of rectangles along their side directions; negative where they overlap.
+    """(...) m, largest separation of rectangles along their side directions; negative where they overlap.
 
-    `r` (m, T) m from the ego's centre to the others', `facing` (T,) and `other` (m, T) their directions,
-    `half` (2,) and `half_other` (m, 2) m their half sizes.
+    `r` m from the one's centre to the other's, `facing` and `other` their directions, all (...), and `half`
+    and `half_other` (..., 2) m their half sizes; everything is broadcast.
     """
-    seen, seen_back = r * facing.conj(), r * other.conj()
-    turn = other * facing.conj()
-    cos, sin = np.abs(turn.real), np.abs(turn.imag)
-    length, width = half_other[:, :1], half_other[:, 1:]
-    ahead = np.abs(seen.real) - (half[0] + length * cos + width * sin)
-    beside = np.abs(seen.imag) - (half[1] + length * sin + width * cos)
-    ahead_back = np.abs(seen_back.real) - (length + half[0] * cos + half[1] * sin)
-    beside_back = np.abs(seen_back.imag) - (width + half[0] * sin + half[1] * cos)
-    return np.maximum(np.maximum(ahead, beside), np.maximum(ahead_back, beside_back))
+    back = facing.conj()
+    return _separation(r * back, r * other.conj(), other * back, half, half_other)
 
 
 def overlapping_pairs(position: Array, heading: Array, size: Array) -> Index:
@@ -113,7 +107,7 @@ def overlapping_pairs(position: Array, heading: Array, size: Array) -> Index:
     turn = np.exp(1j * heading)
     z = (centre[second] - centre[first]) * turn[first].conj()
     r = turn[second] * turn[first].conj()
-    hit = ~_separated(z, z * r.conj(), r, half[first], half[second])
+    hit = _separation(z, z * r.conj(), r, half[first], half[second]) <= 0.0
     return np.stack([first[hit], second[hit]], axis=1)
 
 
@@ -137,7 +131,8 @@ def _gaps(z: Complex, r: Complex, half_a: Array, half_b: Array) -> Array:
     np.maximum(beyond, 0.0, out=beyond)
     beyond *= beyond
     squares = beyond[..., 0] + beyond[..., 1]
-    return np.sqrt(np.minimum(squares[0], squares[1]).min(axis=1)) * _separated(z, z_back, r, half_a, half_b)
+    apart = _separation(z, z_back, r, half_a, half_b) > 0.0
+    return np.sqrt(np.minimum(squares[0], squares[1]).min(axis=1)) * apart
 
 
 def _offsets(half: Array) -> Complex:
@@ -145,15 +140,14 @@ def _offsets(half: Array) -> Complex:
     return half[..., :1] * _ALONG + half[..., 1:] * _ACROSS
 
 
-def _separated(z: Complex, z_back: Complex, r: Complex, half_a: Array, half_b: Array) -> Flags:
-    """Whether (N,) a side direction of A or of B separates them.
-
-    z (N,) is B's centre and r (N,) B's direction seen from A, z_back (N,) is z in B's frame, up to its sign.
+def _separation(z: Complex, z_back: Complex, r: Complex, half_a: Array, half_b: Array) -> Array:
+    """(...) m, as `separation`: z is B's centre and r B's direction seen from A, z_back is z in B's frame, up
+    to its sign.
     """
-    turn = np.abs(r.view(np.float64)).reshape(-1, 2)
-    cos, sin = turn[:, :1], turn[:, 1:]
-    in_a, in_b = np.abs(z.view(np.float64)).reshape(-1, 2), np.abs(z_back.view(np.float64)).reshape(-1, 2)
-    apart = (in_a > half_a + half_b * cos + half_b[:, ::-1] * sin) | (
-        in_b > half_b + half_a * cos + half_a[..., ::-1] * sin
-    )
-    return apart[:, 0] | apart[:, 1]
+    cos, sin = np.abs(r.real), np.abs(r.imag)
+    length_a, width_a, length_b, width_b = half_a[..., 0], half_a[..., 1], half_b[..., 0], half_b[..., 1]
+    ahead = np.abs(z.real) - (length_a + length_b * cos + width_b * sin)
+    beside = np.abs(z.imag) - (width_a + length_b * sin + width_b * cos)
+    ahead_back = np.abs(z_back.real) - (length_b + length_a * cos + width_a * sin)
+    beside_back = np.abs(z_back.imag) - (width_b + length_a * sin + width_a * cos)
+    return np.maximum(np.maximum(ahead, beside), np.maximum(ahead_back, beside_back))

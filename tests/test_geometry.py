@@ -66,6 +66,19 @@ def test_separation_is_positive_where_the_gap_is_and_within_a_corner_of_it(a, b)
     assert gap(a, b) / np.sqrt(2) - 1e-6 <= max(found, 0.0) <= gap(a, b) + 1e-6
 
 
+def test_separation_by_hand_broadcast():
+    away = np.array([4.9, 5.1, 3.0j, 3.5j])
+    other = np.array([1.0, 1.0, 1.0j, 1.0j])
+    half = np.array([2.5, 0.9])
+    expected = [-0.1, 0.1, -0.4, 0.1]
+    np.testing.assert_allclose(separation(away, np.ones(1, complex), other, half, half), expected, atol=1e-12)
+    many = separation(
+        away[:, None, None], np.ones((2, 3), complex), other[:, None, None], half, np.tile(half, (4, 1, 1, 1))
+    )
+    assert many.shape == (4, 2, 3)
+    np.testing.assert_allclose(many[:, 1, 2], expected, atol=1e-12)
+
+
 @settings(max_examples=200, deadline=None)
 @given(rectangle, rectangle, coordinate, coordinate, angle)
 def test_gap_is_symmetric_and_survives_rigid_motion(a, b, dx, dy, turn):

@@ -51,7 +51,8 @@ OTHERS_ACCELERATION = 1.5
 MERGED = 6.0
 """m beyond the start of a merge after which its vehicles follow one another"""
 SLOWEST = 1.0
-"""m/s, below which a vehicle counts as standing"""
+"""m/s, below which a vehicle counts as stopping: twice STANDING, since when one that creeps will have passed
+says nothing"""
 
 
 class _Conflicts(NamedTuple):

@@ -51,7 +51,7 @@ CREEPING = 1e-3
 AS_GOOD = 0.01
 """m/s2, from full braking, which is as good"""
 STILL = 0.2
-"""m/s, below which somebody stands still"""
+"""m/s, below which somebody stands still: less than STANDING, since who creeps may yet clear the way"""
 BRAKING = -0.5
 """m/s2, who decelerates by more is taken to go on doing so, too"""
 
@@ -139,7 +139,7 @@ class LastResort:
         close = np.flatnonzero(np.abs(r).min(axis=1) < near)
         if len(close):
             half = np.array([0.5 * body.length, 0.5 * body.width])
-            apart = separation(r[close], facing, others.facing[close], half, others.half[close])
+            apart = separation(r[close], facing, others.facing[close], half, others.half[close, None])
             room[close] = (apart - np.minimum(self._margin, apart[:, :1])).min(axis=1)
         return room
 

@@ -67,6 +67,10 @@ Dataset = dict[str, Samples]
 """head -> its samples"""
 
 
+SLOW = 1.0
+"""m/s, below which a wait or a start is drawn: twice STANDING, since actions at random seldom come to rest"""
+
+
 class RandomActions:
     """Actions of a kind at random, each held for a while."""
 
@@ -77,7 +81,7 @@ class RandomActions:
     def act(self, scene: Scene) -> Decision:
         """What was drawn last, or a new draw."""
         if self._left == 0:
-            slow = scene.ego.v < 1.0
+            slow = scene.ego.v < SLOW
             waits = slow and self._rng.random() < WAITING
             self._action = self._rng.uniform(-1.0, 1.0, 2)
             self._left = int(self._rng.integers(1, (LONGEST_WAIT if waits else LONGEST_HOLD) + 1))

@@ -26,6 +26,7 @@ from torch import Tensor
 from rudc.arrays import Arrays, Flags, Floats
 from rudc.safety.residual import HEADS, VEHICLE, ResidualPredictor
 from rudc.training.residual_data import Dataset, Samples
+from rudc.world.scene import STANDING
 
 HIDDEN = 64
 EPOCHS, BATCH, RATE = 300, 4096, 3e-4
@@ -68,11 +69,11 @@ def held_out(samples: Samples, *, rest: bool = False) -> Samples:
 
 
 def standing(vehicles: Samples) -> Samples:
-    """Those of vehicles that stand near an ego that stands: slower than 0.5 m/s, within 10 m."""
+    """Those of vehicles that stand near an ego that stands, within 10 m."""
     drift = np.hypot(
         _feature(vehicles, "its speed ahead / 10"), _feature(vehicles, "its speed to the left / 10")
     )
-    slow = np.maximum(_feature(vehicles, "speed / 10"), drift) < 0.05
+    slow = np.maximum(_feature(vehicles, "speed / 10"), drift) < STANDING / 10
     return _chosen(vehicles, slow & (_distance(vehicles) < 10))
 
 

@@ -15,11 +15,9 @@ from __future__ import annotations
 import math
 from typing import Literal, NamedTuple
 
-from rudc.world.scene import Kind, Scene
+from rudc.world.scene import STANDING, Kind, Scene
 
 Fault = Literal["ego", "other", "shared"]
-STANDS = 0.5
-"""m/s, below which a vehicle counts as standing"""
 
 
 class Collision(NamedTuple):
@@ -36,12 +34,12 @@ def judge(scene: Scene, index: int, unlawful: bool) -> Fault:
     ego = scene.ego
     dx, dy = scene.position[index] - (ego.x, ego.y)
     other_speed = math.hypot(*scene.velocity[index])
-    if scene.kind[index] == Kind.PEDESTRIAN or other_speed < STANDS:
-        return "ego" if ego.v >= STANDS else "shared"
+    if scene.kind[index] == Kind.PEDESTRIAN or other_speed < STANDING:
+        return "ego" if ego.v >= STANDING else "shared"
     turn = math.cos(scene.heading[index] - ego.psi)
     ahead = dx * math.cos(ego.psi) + dy * math.sin(ego.psi)
     if (
-        ego.v < STANDS
+        ego.v < STANDING
         and abs(scene.ego_offset) < 1.0
         and (_may_wait(scene) or (turn > math.cos(math.pi / 4) and ahead < 0))
     ):

@@ -14,7 +14,7 @@ import numpy as np
 
 from rudc.arrays import Array
 from rudc.geometry import rectangles_overlap
-from rudc.world.scene import Kind, Scene
+from rudc.world.scene import STANDING, Kind, Scene
 
 BRAKING = 6.0
 """m/s2, with which a moving prop stops"""
@@ -22,8 +22,6 @@ ACCELERATION = 2.0
 """m/s2, with which it goes on"""
 CLEARANCE_M = 0.8
 """m, it stops short by at least this"""
-STANDS = 0.5
-"""m/s, below which something counts as standing"""
 
 
 class Prop:
@@ -96,7 +94,7 @@ class Prop:
         reach = CLEARANCE_M + (0.0 if walks else self.speed**2 / (2 * BRAKING))
         box = (*self.pose(0.5 * (self.length + reach)), reach, self.width)
         ego, body = scene.ego, scene.vehicle
-        if walks or ego.v < STANDS:
+        if walks or ego.v < STANDING:
             here, facing = np.array([[ego.x, ego.y]]), np.array([ego.psi])
             if rectangles_overlap(*box, here, facing, np.array([[body.length, body.width]])).any():
                 return False
@@ -104,7 +102,7 @@ class Prop:
         way = np.zeros_like(speed) if walks else speed**2 / (2 * BRAKING)
         heeded = np.array([name != self.name for name in scene.ids], dtype=bool)
         if not walks:
-            heeded &= (scene.path >= 0) | (speed < STANDS)
+            heeded &= (scene.path >= 0) | (speed < STANDING)
         away = scene.position - box[:2]
         rows = np.flatnonzero(heeded & (np.hypot(away[:, 0], away[:, 1]) < reach + way + 10.0))
         course = np.column_stack([np.cos(scene.heading[rows]), np.sin(scene.heading[rows])])

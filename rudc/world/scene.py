@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     from rudc.network.network import Network, Route
 
 
+STANDING = 0.5
+"""m/s, below which a road user stands; a threshold that differs says why"""
+
+
 class Kind(IntEnum):
     """What a road user or obstacle is."""
 
@@ -71,7 +75,7 @@ class Scene:
     ego_offset: float
     """m, lateral offset from `route.path`, positive to its left"""
     waited_s: float
-    """s the ego has been standing (below 0.5 m/s) without a break"""
+    """s the ego has been standing (below STANDING) without a break"""
     last_u: Array
     """(2,) the action applied before this instant: acceleration m/s2, front-wheel angle rad"""
     network: Network

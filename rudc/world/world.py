@@ -28,7 +28,7 @@ from rudc.world.events import Happening, Script, WorldStage
 from rudc.world.fault import Collision, judge
 from rudc.world.perception import Sensors
 from rudc.world.reading import EgoView, Reader
-from rudc.world.scene import EgoState, Kind, Scene
+from rudc.world.scene import STANDING, EgoState, Kind, Scene
 from rudc.world.spawn import draw_route, safe_to_start
 from rudc.world.sumo import Sumo
 from rudc.world.traffic import EGO, Traffic, type_file
@@ -281,7 +281,7 @@ class World:
         self._move_props()
         if self._driven_by_sumo:
             self._read_ego()
-        self._waited = self._waited + dt if self._plant.state.v < 0.5 else 0.0
+        self._waited = self._waited + dt if self._plant.state.v < STANDING else 0.0
 
     def _move_props(self) -> None:
         props = self.stage.props

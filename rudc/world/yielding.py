@@ -29,6 +29,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rudc.arrays import Array
+from rudc.geometry import separation
 from rudc.network.paths import SPACING
 from rudc.world.scene import Scene
 
@@ -42,8 +43,9 @@ BRAKE_MOST = 9.0
 """m/s2, on a dry road"""
 CREEP = 1.0
 """m/s, speed at which a standing SV is taken to set off"""
-STANDING = 1.0
-"""m/s, below which the ego counts as standing in the way"""
+LINGERS = 1.0
+"""m/s, below which the ego is taken to stay where it is: twice STANDING, since one that creeps is in the way
+for the next 2 s all the same"""
 CREEPS = 3.0
 """m/s, up to which an SV in the junction looks out for faster ones"""
 SWEPT_M = 2.5 * np.arange(9.0)
@@ -102,13 +104,14 @@ def must_yield(scene: Scene, *, ego_present: bool = True, brake_most: float = BR
     rows = np.flatnonzero(threats.heeded.any(axis=1))
     speed = np.maximum(speed[rows], CREEP)
     x, y, psi = _ahead(scene, rows, speed[:, None] * HORIZON_S)
-    overlap = boxes_overlap(
-        (x[:, None], y[:, None], psi[:, None]),
+    apart = separation(
+        (threats.x + 1j * threats.y) - (x + 1j * y)[:, None],
+        np.exp(1j * psi)[:, None],
+        np.exp(1j * threats.psi),
         0.5 * (scene.size[rows] + GROW)[:, None, None],
-        (threats.x, threats.y, threats.psi),
         threats.half[:, None],
     )
-    hit = np.any(overlap & threats.heeded[rows, :, None], axis=1)
+    hit = np.any((apart <= 0.0) & threats.heeded[rows, :, None], axis=1)
     if not hit.any():
         return NOBODY
     return _braking(rows, speed, hit, brake_most)
@@ -134,7 +137,8 @@ def ego_must_yield(scene: Scene, path: int, path_s: float) -> float:
 
 
 def _ahead(scene: Scene, rows: np.ndarray, way: Array) -> tuple[Array, Array, Array]:
-    """Poses (k, n) of SVs `way` (k, n) or (n,) m on: along their paths, as far beside them as they are now.
+    """Poses (k, n) of SVs `way` (k, n) or (n,) m on: along their paths, as far beside them as they are now
+    (`safety.prediction` says why it has one of its own).
 
     A vehicle that passes an obstacle on a lane without a way to its destination is such a one.
     """
@@ -172,7 +176,7 @@ def _ego(scene: Scene, speed: Array, driven: np.ndarray) -> _Threats | None:
     stray, half = off_path(scene), 0.5 * body.length
     waits, past = scene.ego_s + half <= route.waiting_s + 1.0, scene.ego_s - half > route.exit_s + PAST_M
     owe = scene.network.paths.yields[:, route.row]
-    if not stray and (past or (waits and (ego.v < STANDING or not owe.any()))):
+    if not stray and (past or (waits and (ego.v < LINGERS or not owe.any()))):
         return None
     concerned = driven & (_near_ego(scene, speed) if stray else _meets_ego(scene, speed))
     if waits and not stray:
@@ -198,7 +202,7 @@ def _meets_ego(scene: Scene, speed: Array) -> np.ndarray:
     meets = scene.network.conflict(scene.route)[scene.path]
     half = 0.5 * scene.size[:, 0] + SLACK_M
     rear, front = scene.ego_s - 0.5 * body.length - SLACK_M, scene.ego_s + 0.5 * body.length + SLACK_M
-    way = HORIZON_S[-1] * ego.v if ego.v >= STANDING else 0.0
+    way = HORIZON_S[-1] * ego.v if ego.v >= LINGERS else 0.0
     ours = (meets[:, 0] < front + way) & (meets[:, 1] > rear)
     reach = scene.path_s + half + HORIZON_S[-1] * np.maximum(speed, CREEP)
     return ours & (meets[:, 2] < reach) & (meets[:, 3] > scene.path_s - half)
@@ -245,10 +249,10 @@ def _passing(scene: Scene, speed: Array, driven: np.ndarray) -> _Threats | None:
 def _predicted(scene: Scene, stray: bool) -> Array:
     """(3, 9) x m, y m, heading rad of the ego over the horizon: standing, along its path, or straight on."""
     ego = scene.ego
-    if ego.v >= STANDING and not stray:
+    if ego.v >= LINGERS and not stray:
         return np.array(scene.route.path.pose(scene.ego_s + ego.v * HORIZON_S))
     course = ego.psi + ego.slip
-    way = HORIZON_S * (ego.v if ego.v >= STANDING else 0.0)
+    way = HORIZON_S * (ego.v if ego.v >= LINGERS else 0.0)
     return np.array(
         [ego.x + way * math.cos(course), ego.y + way * math.sin(course), np.full(len(way), ego.psi)]
     )
@@ -260,21 +264,3 @@ def off_path(scene: Scene) -> bool:
     heading = scene.route.path.heading
     along = heading.item(min(max(int(scene.ego_s / SPACING), 0), len(heading) - 1))
     return abs(scene.ego_offset) > 1.0 or math.cos(scene.ego.psi - along) < _COS_OFF
-
-
-def boxes_overlap(
-    a: tuple[Array, Array, Array], half_a: Array, b: tuple[Array, Array, Array], half_b: Array
-) -> np.ndarray:
-    """Whether rectangles overlap, by separating axes; a and b are x, y (m) and heading (rad), half sizes
-    (..., 2) m, all broadcast."""
-    dx, dy = b[0] - a[0], b[1] - a[1]
-    cos_a, sin_a = np.cos(a[2]), np.sin(a[2])
-    cos_b, sin_b = np.cos(b[2]), np.sin(b[2])
-    cos_d, sin_d = np.abs(cos_a * cos_b + sin_a * sin_b), np.abs(sin_b * cos_a - cos_b * sin_a)
-    la, wa, lb, wb = half_a[..., 0], half_a[..., 1], half_b[..., 0], half_b[..., 1]
-    return (
-        (np.abs(dx * cos_a + dy * sin_a) <= la + lb * cos_d + wb * sin_d)
-        & (np.abs(dy * cos_a - dx * sin_a) <= wa + lb * sin_d + wb * cos_d)
-        & (np.abs(dx * cos_b + dy * sin_b) <= lb + la * cos_d + wa * sin_d)
-        & (np.abs(dy * cos_b - dx * sin_b) <= wb + la * sin_d + wa * cos_d)
-    )

@@ -8,7 +8,7 @@ import pytest
 
 from rudc.world.config import WorldConfig
 from rudc.world.scene import EgoState, Kind
-from rudc.world.yielding import boxes_overlap, must_yield
+from rudc.world.yielding import must_yield
 from tests.benchmarks.yielding import awkward_poses, stand, waiting
 from tests.plans import PlanSource
 
@@ -134,13 +134,6 @@ def test_one_that_creeps_in_the_junction_holds_before_one_that_passes(make_scene
     )
     assert found({"row": fast, "s": past + 6.0, "v": 9.0}) == [], "it has passed"
     assert found({"row": fast, "s": 80.0, "v": 9.0}) == [], "it is not there yet: SUMO's right of way decides"
-
-
-def test_boxes_overlap_by_hand():
-    here = np.zeros(3), np.zeros(3), np.zeros(3)
-    there = np.array([4.9, 5.1, 0.0]), np.array([0.0, 0.0, 3.0]), np.array([0.0, 0.0, math.pi / 2])
-    half = np.array([[2.5, 0.9]])
-    assert boxes_overlap(here, half, there, half).tolist() == [True, False, True]
 
 
 def test_spares_an_ego_in_awkward_poses(four_way, world):

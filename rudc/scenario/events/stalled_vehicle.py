@@ -16,7 +16,7 @@ from rudc.scenario.poses import VehicleType
 from rudc.scenario.triggers import Metre, Selector
 
 STANDS = 0.1
-"""m/s, below which a stalled vehicle stands"""
+"""m/s, below which a stalled vehicle has come to rest; nearly 0, since its duration counts from there"""
 STALL_DECEL = 3.0
 """m/s2, with which a stalling vehicle comes to a stop"""
 
