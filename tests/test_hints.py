@@ -1,10 +1,7 @@
 """What a misspelt word probably means."""
 
-from pathlib import Path
-
 import pytest
 
-import rudc
 from rudc.hints import did_you_mean, nearest, there_are
 
 KNOWN = ["density", "speed", "mix"]
@@ -22,8 +19,3 @@ def test_the_nearest_word_is_offered_if_it_is_near(word, meant):
 def test_all_words_can_be_listed():
     assert there_are("sped", iter(KNOWN)) == " (did you mean 'speed'?); there are: density, speed, mix"
     assert there_are("zzz", dict.fromkeys(KNOWN)) == "; there are: density, speed, mix"
-
-
-def test_only_hints_measures_likeness():
-    users = [file.name for file in Path(rudc.__file__).parent.rglob("*.py") if "difflib" in file.read_text()]
-    assert users == ["hints.py"]

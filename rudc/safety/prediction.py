@@ -4,10 +4,10 @@ Others follow their row of `network.paths`, straight on if they have none; the e
 offset from the path, and the angle to it, that they have now.
 
 Not `world.yielding`'s prediction, whose vehicles turn with the path between its stations and keep only their
-offset to its side: the two differ by up to 0.1 m and 4 degrees in two seconds, so that one for both would make
-surrounding vehicles, or the filter, brake elsewhere than measured; and this one, in complex numbers and without
-interpolated headings, takes 0.55 of the time for 26 instants of 14 vehicles. `env.conflict` needs no poses: it
-looks gaps up by arc length.
+offset to its side. The two differ by up to 0.1 m and 4 degrees in two seconds, so one for both would make
+surrounding vehicles, or the filter, brake elsewhere than measured; and this one, in complex numbers and
+without interpolated headings, takes 0.55 of the time for 26 instants of 14 vehicles. `env.conflict` needs no
+poses: it looks gaps up by arc length.
 """
 
 from __future__ import annotations
