@@ -90,9 +90,9 @@ def _window(title: str, decision_s: float) -> Window:
 
 
 def _show(record: EpisodeRecord) -> None:
-    from rudc.evaluation.record import COLUMNS, CONDITIONS
+    from rudc.evaluation.columns import COLUMNS
 
-    rows = [*zip(COLUMNS, record.row(), strict=True), *zip(CONDITIONS, record.conditions_row(), strict=True)]
+    rows = list(zip(COLUMNS, record.row(), strict=True))
     width = max(len(name) for name, _ in rows)
     for name, text in rows:
         if text:

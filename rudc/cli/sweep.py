@@ -73,10 +73,9 @@ def sweep(
 ) -> None:
     """Run scenarios x agents x seeds in parallel, into a folder of CSV files.
 
-    DIR gets `episodes.csv` (a row an episode, written as each ends), `conditions.csv` (arm, turn, priority,
-    density), `metrics.csv` (a row for each scenario, agent and swept value) and `manifest.json`. The rows
-    depend neither on the number of workers nor on the engine. Ctrl-C keeps everything finished; `--resume`
-    goes on from there, after any kill.
+    DIR gets `episodes.csv` (a row an episode, written as each ends), `metrics.csv` (a row for each scenario,
+    agent and swept value) and `manifest.json`. The rows depend neither on the number of workers nor on the
+    engine. Ctrl-C keeps everything finished; `--resume` goes on from there, after any kill.
 
     **Examples**
 
@@ -139,11 +138,11 @@ def _plan(scenarios: list[str], agents: list[str], shipped: bool, episodes: int,
 
 
 def _report(result: SweepResult) -> None:
-    from rudc.cli.table import print_metrics
+    from rudc.cli.metrics_table import print_metrics
 
     by = ["scenario", *result.parameters, "agent"]
     print_metrics(result.rows, by)
-    note(f"in {result.folder}: episodes.csv, conditions.csv, metrics.csv, manifest.json")
+    note(f"in {result.folder}: episodes.csv, metrics.csv, manifest.json")
     if result.errors:
         kinds = dict.fromkeys(row["error"] for row in result.errors)
         note(

@@ -1,14 +1,13 @@
-"""`rudc table`, and the table at the end of a sweep."""
+"""`rudc table`."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
-from rudc.cli.console import console
+from rudc.cli.complete import complete_columns, complete_metrics
 
 
 def table(
@@ -21,8 +20,18 @@ def table(
         str | None,
         typer.Option(
             metavar="COLUMN,...",
-            help="Columns to group by, also those of conditions.csv: `priority`, `turn`, `origin`. "
+            help="Columns of episodes.csv to group by: `priority`, `turn`, `events_fired`, ... "
             "Default: scenario, swept values, agent.",
+            autocompletion=complete_columns,
+        ),
+    ] = None,
+    metrics: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME,...",
+            help="What is shown: SR, VR, ..., or columns: `interventions`, `mean_sigma`, ... "
+            "Default: the paper's seven metrics.",
+            autocompletion=complete_metrics,
         ),
     ] = None,
     against: Annotated[
@@ -30,7 +39,8 @@ def table(
         typer.Option(help="Put a table of the paper beside, or both."),
     ] = None,
 ) -> None:
-    """The metrics of a sweep, with 95 % intervals: Wilson's for rates, bootstrap for means.
+    """The metrics of a sweep, with 95 % intervals: Wilson's for rates, bootstrap for means. Bold: better than
+    all other agents in the scenario, by intervals that do not overlap.
 
     **Examples**
 
@@ -38,52 +48,23 @@ def table(
 
     `rudc table out/all --by scenario,agent,priority`
 
+    `rudc table out/all --by agent,events_fired --metrics SR,VR,interventions`
+
     `rudc table out/all --against comparison --format markdown`
     """
+    from rudc.cli.metrics_table import print_metrics
+    from rudc.evaluation.columns import METRICS
     from rudc.evaluation.folder import read_sweep
-    from rudc.evaluation.tables import make_table
+    from rudc.evaluation.tables import make_table, named_metrics
 
     rows, parameters = read_sweep(folder)
-    columns = [name.strip() for name in by.split(",")] if by else ["scenario", *parameters, "agent"]
+    columns = _names(by) if by else ["scenario", *parameters, "agent"]
+    chosen = named_metrics(_names(metrics)) if metrics else None
     if style is None:
-        print_metrics(rows, columns, against)
+        print_metrics(rows, columns, against, chosen)
     else:
-        typer.echo(make_table(rows, columns, style, against), nl=False)
+        typer.echo(make_table(rows, columns, style, against, chosen or METRICS), nl=False)
 
 
-def print_metrics(rows: Sequence[dict[str, str]], by: Sequence[str], against: str | None = None) -> None:
-    """The table for a screen: rates with their intervals, means without, the best in bold."""
-    from rich.table import Table
-    from rich.text import Text
-
-    from rudc.evaluation.metrics import METRICS
-    from rudc.evaluation.paper import is_from_paper
-    from rudc.evaluation.tables import MISSING, best_of, cell, decimals, heading, measured
-
-    groups = measured(rows, by, against)
-    best = best_of(groups, by)
-    grid = Table(header_style="bold", pad_edge=False, box=None)
-    for name in by:
-        grid.add_column(name, overflow="fold")
-    for name in ("n", *map(heading, METRICS), "decision (ms)"):
-        grid.add_column(name, justify="right")
-    before: tuple[str, ...] = ()
-    for i, group in enumerate(groups):
-        key = ["" if group.key[: k + 1] == before[: k + 1] else value for k, value in enumerate(group.key)]
-        cells = []
-        for metric in METRICS:
-            value = group.metrics[metric.name]
-            means_only = metric.column and not is_from_paper(group) and value.mean == value.mean
-            text = f"{value.mean:.{decimals(metric)}f}" if means_only else cell(metric, value)
-            cells.append(Text(text, style="bold" if (i, metric.name) in best else ""))
-        count = (
-            MISSING
-            if is_from_paper(group)
-            else str(group.episodes) + (f"+{group.errors}!" if group.errors else "")
-        )
-        spent = f"{group.decision_ms:.2f}" if group.decision_ms == group.decision_ms else MISSING
-        if before and group.key[:1] != before[:1] and len(by) > 1:
-            grid.add_section()
-        grid.add_row(*map(Text, key), count, *cells, spent)
-        before = group.key
-    console().print(grid)
+def _names(text: str) -> list[str]:
+    return [name.strip() for name in text.split(",") if name.strip()]

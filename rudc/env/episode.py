@@ -101,6 +101,12 @@ class EpisodeMetrics:
     """veh/km on the road, mean over the decisions; nan before the first"""
     redraws: int
     """how often the episode was drawn again because the ego could not start safely"""
+    events_fired: int | None = None
+    """how many of the scripted events happened so far; None where nothing is scripted"""
+    first_event_s: float = math.nan
+    """s, when the first of them began; nan if none did"""
+    first_event_visible_s: float = math.nan
+    """s, when the ego's sensors first showed one of them; nan if they never did"""
 
 
 class Episode:

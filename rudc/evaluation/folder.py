@@ -1,12 +1,11 @@
 """A sweep's folder: manifest, rows, metrics; and what is finished when a sweep is resumed.
 
     manifest.json    what the rows were made from
-    episodes.csv     one row an episode
-    conditions.csv   one row an episode: arm, turn, priority, density, redraws
+    episodes.csv     one row an episode, its conditions included; columns as in `columns.py`
     metrics.csv      one row for each scenario, agent and swept value, when all episodes are there
 
-An episode is finished when both files have its row and that row has no error: episodes that failed are run
-again.
+An episode is finished when it has a row without an error: episodes that failed are run again. Folders that an
+earlier version wrote are read (`read_sweep`), and not resumed: their rows would mix with others.
 """
 
 from __future__ import annotations
@@ -14,19 +13,24 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from rudc.errors import SweepError
-from rudc.evaluation.manifest import as_json, manifest, resumed, version_changes
-from rudc.evaluation.metrics import METRIC_COLUMNS, Group, group_metrics
-from rudc.evaluation.record import COLUMNS, CONDITIONS, EpisodeRecord, as_text
-from rudc.evaluation.store import RowFile, format_row, read_table
+from rudc.evaluation.columns import COLUMNS, IDENTITY, METRICS, Metric, missing_columns
+from rudc.evaluation.manifest import FORMAT, as_json, manifest, resumed, version_changes
+from rudc.evaluation.metrics import STATISTICS, Group, group_metrics
+from rudc.evaluation.record import EpisodeRecord, as_text
+from rudc.evaluation.store import RowFile, format_row, read_header, read_table
 from rudc.evaluation.tasks import Key, SweepPlan, Task
 from rudc.files import make_folder, write_atomically
 
-_ERROR = COLUMNS.index("error")
+_ERROR = list(COLUMNS).index("error")
+_RENAMED = {"interventions": "engaged_steps"}
+"""old name -> present one, in files that have no column of the present name"""
+_DROPPED = ("violation",)
+"""columns of old files that say nothing which others do not"""
 
 
 class SweepFolder:
@@ -38,8 +42,6 @@ class SweepFolder:
         self.tasks = plan.tasks()
         self._plan = plan
         self._episodes = RowFile(path / "episodes.csv", [*COLUMNS, *plan.parameters])
-        names = ["scenario", "agent", "seed", *plan.parameters, *CONDITIONS]
-        self._conditions = RowFile(path / "conditions.csv", names)
         self._lock: int | None = None
         self.finished: set[Key] = set()
         """keys of the episodes that need not be run"""
@@ -51,7 +53,6 @@ class SweepFolder:
 
     def __exit__(self, *_: object) -> None:
         self._episodes.close()
-        self._conditions.close()
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None
@@ -69,7 +70,9 @@ class SweepFolder:
                 "add --resume to finish the sweep in it, or give another --out"
             )
         if present:
-            content = resumed(self._manifest(), content, self.path)
+            old = self._manifest()
+            self._refuse_other_columns(old)
+            content = resumed(old, content, self.path)
             changes = version_changes(content)
             if changes:
                 self.warnings.append(f"rows in {self.path} come from several versions: {', '.join(changes)}")
@@ -79,20 +82,18 @@ class SweepFolder:
     def add(self, task: Task, record: EpisodeRecord) -> None:
         """Append an episode. Raises StorageError."""
         key = task.key(self.parameters)
-        self._conditions.append([*key, *record.conditions_row()])
-        self._episodes.append([*key[:3], *record.row()[3:], *key[3:]])
+        n = len(IDENTITY)
+        self._episodes.append([*key[:n], *record.row()[n:], *key[n:]])
 
     def complete(self) -> list[dict[str, str]]:
         """Sort the files into the canonical order, write the metrics, and return the episodes' rows."""
         order = {task.key(self.parameters): i for i, task in enumerate(self.tasks)}
         rows = sorted(self._episodes.read(), key=lambda row: order[self._key(row)])
-        width = 3 + len(self.parameters)
-        conditions = sorted(self._conditions.read(), key=lambda row: order[tuple(row[:width])])
-        self._conditions.rewrite(conditions)
         self._episodes.rewrite(rows)
         table = [dict(zip(self._episodes.header, row, strict=True)) for row in rows]
         by = ("scenario", "agent", *self.parameters)
-        write_atomically(self.path / "metrics.csv", metrics_csv(group_metrics(table, by), by))
+        groups = group_metrics(table, by, METRICS)
+        write_atomically(self.path / "metrics.csv", metrics_csv(groups, by))
         return table
 
     def _take_lock(self) -> None:
@@ -120,43 +121,72 @@ class SweepFolder:
         except (OSError, ValueError) as error:
             raise SweepError(f"{path} cannot be read ({error}); give another --out") from None
 
+    def _refuse_other_columns(self, old: Mapping[str, Any]) -> None:
+        """Raises SweepError when the folder's rows have not the meaning that new ones would have."""
+        header = read_header(self.path / "episodes.csv")
+        lacking = missing_columns(header) if header else []
+        more = [name for name in header[: len(COLUMNS)] if name not in COLUMNS]
+        if old.get("format") == FORMAT and not lacking and not more:
+            return
+        difference = f", without {', '.join(lacking)}" if lacking else ""
+        difference += f", with {', '.join(more)}" if more else ""
+        raise SweepError(
+            f"{self.path} was written by another version of RUDC{difference}: its rows and new ones would "
+            f"mix. `rudc table {self.path}` reads it; to run the sweep again, give another --out"
+        )
+
     def _key(self, row: Sequence[str]) -> Key:
-        return (*row[:3], *row[len(COLUMNS) :])
+        return (*row[: len(IDENTITY)], *row[len(COLUMNS) :])
 
     def _keep_finished(self) -> None:
         """Keep the rows of finished episodes, once each, and drop what a kill or an error left."""
         wanted = {task.key(self.parameters) for task in self.tasks}
-        width = 3 + len(self.parameters)
-        conditions = {tuple(row[:width]): row for row in self._conditions.read()}
         episodes = {}
         for row in self._episodes.read():
             key = self._key(row)
-            if key in wanted and key in conditions and not row[_ERROR]:
+            if key in wanted and not row[_ERROR]:
                 episodes.setdefault(key, row)
         self.finished = set(episodes)
-        self._conditions.rewrite([conditions[key] for key in episodes])
         self._episodes.rewrite(episodes.values())
         with contextlib.suppress(FileNotFoundError):
             (self.path / "metrics.csv").unlink()
 
 
-def metrics_csv(groups: Sequence[Group], by: Sequence[str]) -> str:
+def metrics_csv(groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Metric] = METRICS) -> str:
     """The text of `metrics.csv`: the columns grouped by, episodes, errors, and each metric's statistics."""
-    lines = [[*by, "episodes", "errors", *METRIC_COLUMNS]]
-    lines += [[*group.key, *map(as_text, group.row())] for group in groups]
+    lines = [[*by, "episodes", "errors", *(f"{m.name}_{s}" for m in metrics for s in STATISTICS)]]
+    for group in groups:
+        values = [value for metric in metrics for value in group.metrics[metric.name]]
+        lines.append([*group.key, *map(as_text, (group.episodes, group.errors, *values))])
     return "".join(map(format_row, lines))
 
 
 def read_sweep(path: Path) -> tuple[list[dict[str, str]], tuple[str, ...]]:
-    """All rows of a sweep's folder, conditions joined on, and the names of its swept parameters."""
-    rows = read_table(path / "episodes.csv")
-    missing = [name for name in COLUMNS if rows and name not in rows[0]]
+    """All rows of a sweep's folder and the names of its swept parameters. Columns that were not there yet
+    when the folder was written are empty. Raises SweepError when it is not the folder of a sweep.
+    """
+    rows = _with_conditions(path, read_table(path / "episodes.csv"))
+    if not rows:
+        return [], ()
+    missing = [name for name in (*IDENTITY, "outcome", "error") if name not in rows[0]]
     if missing:
         raise SweepError(f"{path / 'episodes.csv'} has no column {missing[0]!r}; is it the file of a sweep?")
-    parameters = tuple(name for name in rows[0] if name not in COLUMNS) if rows else ()
-    if (path / "conditions.csv").is_file():
-        names = ("scenario", "agent", "seed", *parameters)
-        known = {tuple(row[n] for n in names): row for row in read_table(path / "conditions.csv")}
-        nothing = dict.fromkeys(CONDITIONS, "")
-        rows = [{**(known.get(tuple(row[n] for n in names)) or nothing), **row} for row in rows]
-    return rows, parameters
+    renamed = {old: new for old, new in _RENAMED.items() if new not in rows[0]}
+    there = [renamed.get(name, name) for name in rows[0]]
+    parameters = tuple(name for name in there if name not in COLUMNS and name not in _DROPPED)
+    found = []
+    for row in rows:
+        known = dict(zip(there, row.values(), strict=True))
+        found.append({name: known.get(name, "") for name in (*COLUMNS, *parameters)})
+    return found, parameters
+
+
+def _with_conditions(path: Path, rows: list[dict[str, str]]) -> list[dict[str, str]]:
+    """Rows of `episodes.csv` with those of `conditions.csv`, which earlier versions kept apart."""
+    if not rows or not (path / "conditions.csv").is_file():
+        return rows
+    apart = read_table(path / "conditions.csv")
+    names = [name for name in (apart[0] if apart else {}) if name in rows[0]]
+    known = {tuple(row[name] for name in names): row for row in apart}
+    nothing = dict.fromkeys(apart[0] if apart else (), "")
+    return [{**row, **known.get(tuple(row[n] for n in names), nothing), **row} for row in rows]

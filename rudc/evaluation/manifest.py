@@ -16,6 +16,8 @@ from rudc.agents.registry import agent_settings
 from rudc.errors import SweepError
 from rudc.evaluation.tasks import SweepPlan
 
+FORMAT = 2
+"""of a sweep's folder; 1 had `conditions.csv`, and counted interventions in another way"""
 PACKAGES = ("libsumo", "sumolib", "numpy", "scipy", "qpsolvers", "piqp", "gymnasium", "pydantic")
 """whose versions can change a row"""
 
@@ -54,7 +56,7 @@ def configuration(plan: SweepPlan) -> dict[str, Any]:
 
 def manifest(plan: SweepPlan) -> dict[str, Any]:
     """The content of `manifest.json`."""
-    return {"format": 1, "configuration": configuration(plan), "versions": versions()}
+    return {"format": FORMAT, "configuration": configuration(plan), "versions": versions()}
 
 
 def as_json(content: Mapping[str, Any]) -> str:

@@ -12,7 +12,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rudc.errors import InputError
-from rudc.evaluation.metrics import METRICS, Group
+from rudc.evaluation.columns import METRICS
+from rudc.evaluation.metrics import Group
 from rudc.evaluation.statistics import Summary
 
 TABLES: dict[str, tuple[str, ...]] = {
@@ -40,7 +41,7 @@ def paper_groups(table: str, by: Sequence[str]) -> list[Group]:
             known = {"scenario": row["scenario"], "agent": row["agent"] + _MARK}
             key = tuple(known.get(name, "") for name in by)
             metrics = {m.name: _summary(row, m.name) for m in METRICS}
-            found.setdefault(key, Group(key, 0, 0, metrics, math.nan))
+            found.setdefault(key, Group(key, 0, 0, metrics))
     return list(found.values())
 
 

@@ -51,8 +51,12 @@ def wilson(successes: int, trials: int) -> tuple[float, float]:
     return low, high
 
 
-def bootstrap(values: Array, resamples: int = RESAMPLES, seed: int = SEED) -> tuple[float, float]:
-    """Ends of the 95 % percentile bootstrap interval of the mean of values (n,); (nan, nan) if n < 2."""
+def bootstrap(
+    values: Array, resamples: int = RESAMPLES, seed: int = SEED, *, over: Array | None = None
+) -> tuple[float, float]:
+    """Ends of the 95 % percentile bootstrap interval of the mean of values (n,), or of their sum divided by
+    that of `over` (n,); (nan, nan) if n < 2.
+    """
     n = len(values)
     if n < 2:
         return math.nan, math.nan
@@ -61,7 +65,9 @@ def bootstrap(values: Array, resamples: int = RESAMPLES, seed: int = SEED) -> tu
     means = np.empty(resamples)
     for start in range(0, resamples, rows):
         draws = rng.integers(n, size=(min(rows, resamples - start), n))
-        means[start : start + rows] = values[draws].mean(axis=1)
+        drawn = values[draws]
+        found = drawn.mean(axis=1) if over is None else drawn.sum(axis=1) / over[draws].sum(axis=1)
+        means[start : start + rows] = found
     low, high = np.quantile(means, [0.025, 0.975])
     return float(low), float(high)
 
@@ -84,3 +90,15 @@ def summarise_mean(values: Array) -> Summary:
         return Summary(math.nan, math.nan, math.nan, math.nan)
     std = float(values.std(ddof=1)) if len(values) > 1 else math.nan
     return Summary(float(values.mean()), std, *bootstrap(values))
+
+
+def summarise_ratio(totals: Array, parts: Array) -> Summary:
+    """sum(totals) / sum(parts), both (n,), with the spread of their ratios and the bootstrap interval over
+    pairs; pairs of which one is nan count as not there. parts are positive.
+    """
+    known = ~(np.isnan(totals) | np.isnan(parts))
+    totals, parts = totals[known], parts[known]
+    if len(totals) == 0:
+        return Summary(math.nan, math.nan, math.nan, math.nan)
+    std = float((totals / parts).std(ddof=1)) if len(totals) > 1 else math.nan
+    return Summary(float(totals.sum() / parts.sum()), std, *bootstrap(totals, over=parts))

@@ -84,6 +84,15 @@ class RowFile:
             self._descriptor = None
 
 
+def read_header(path: Path) -> list[str]:
+    """The names of a CSV file's columns; none if there is no file, or no whole line in it."""
+    if not path.is_file():
+        return []
+    with path.open(encoding="utf-8", errors="replace", newline="") as file:
+        line = file.readline()
+    return next(csv.reader([line]), []) if line.endswith("\n") else []
+
+
 def read_table(path: Path) -> list[dict[str, str]]:
     """The whole rows of a CSV file as dictionaries. Raises SweepError when there is none."""
     if not path.is_file():

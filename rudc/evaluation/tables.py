@@ -1,4 +1,7 @@
-"""Metrics as tables: CSV (numbers in full), Markdown and LaTeX (rounded, with intervals, best in bold)."""
+"""Metrics as tables: CSV (numbers in full), Markdown and LaTeX (rounded, with intervals).
+
+Bold: the best of the agents in a scenario, if its 95 % interval does not overlap with that of the next best.
+"""
 
 from __future__ import annotations
 
@@ -7,38 +10,63 @@ from collections.abc import Sequence
 from typing import Literal
 
 from rudc.errors import InputError
+from rudc.evaluation.columns import DECISION_MS, METRICS, Metric, metric_names, metric_of
 from rudc.evaluation.folder import metrics_csv
-from rudc.evaluation.metrics import METRICS, Group, Metric, group_metrics
+from rudc.evaluation.metrics import Group, group_metrics
 from rudc.evaluation.paper import is_from_paper, paper_groups
 from rudc.evaluation.statistics import Summary
+from rudc.hints import did_you_mean, there_are
 
 Format = Literal["csv", "markdown", "latex"]
 MISSING = "–"
 """stands where a number is not known"""
+_ARROWS = {"higher": " ↑", "lower": " ↓", None: ""}
+_LATEX_ARROWS = {"higher": "\\,$\\uparrow$", "lower": "\\,$\\downarrow$", None: ""}
 
 
 def make_table(
-    rows: Sequence[dict[str, str]], by: Sequence[str], style: Format = "markdown", against: str | None = None
+    rows: Sequence[dict[str, str]],
+    by: Sequence[str],
+    style: Format = "markdown",
+    against: str | None = None,
+    metrics: Sequence[Metric] = METRICS,
 ) -> str:
     """The metrics of a sweep's rows grouped by columns, as text ending in a line break.
 
     `against`: which of the paper's tables (`rudc.evaluation.paper.TABLES`) to put beside. Raises InputError
     for an unknown column.
     """
-    groups = measured(rows, by, against)
+    groups = measured(rows, by, against, metrics)
     if style == "csv":
-        return metrics_csv(groups, by)
-    return _markdown(groups, by) if style == "markdown" else _latex(groups, by)
+        return metrics_csv(groups, by, metrics)
+    return _markdown(groups, by, metrics) if style == "markdown" else _latex(groups, by, metrics)
 
 
-def measured(rows: Sequence[dict[str, str]], by: Sequence[str], against: str | None = None) -> list[Group]:
+def named_metrics(names: Sequence[str]) -> tuple[Metric, ...]:
+    """Metrics by name, those of the paper and means of columns. Raises InputError for an unknown one."""
+    found = {name: metric_of(name) for name in names}
+    for name, metric in found.items():
+        if metric is None:
+            raise InputError(f"no metric {name!r}{there_are(name, metric_names())}")
+    return tuple(metric for metric in found.values() if metric is not None)
+
+
+def measured(
+    rows: Sequence[dict[str, str]],
+    by: Sequence[str],
+    against: str | None = None,
+    metrics: Sequence[Metric] = (*METRICS, DECISION_MS),
+) -> list[Group]:
     """The groups of a table, those of the paper after ours of the same scenario."""
     if not rows:
         raise InputError("there is no finished episode to make a table of")
     unknown = [name for name in by if name not in rows[0]]
     if unknown or not by:
-        raise InputError(f"no column {', '.join(unknown)!r} to group by; there are: {', '.join(rows[0])}")
-    groups = group_metrics(rows, by)
+        hint = did_you_mean(unknown[0], list(rows[0])) if unknown else ""
+        raise InputError(
+            f"no column {', '.join(unknown)!r} to group by{hint}; there are: {', '.join(rows[0])}"
+        )
+    groups = group_metrics(rows, by, metrics)
     if against is None:
         return groups
     if not {"scenario", "agent"} <= set(by):
@@ -50,14 +78,9 @@ def measured(rows: Sequence[dict[str, str]], by: Sequence[str], against: str | N
     return [group for family in ordered for group in family]
 
 
-def decimals(metric: Metric) -> int:
-    """Decimals that a metric is shown with."""
-    return 2 if metric.name == "min_DTC" else 1
-
-
 def cell(metric: Metric, value: Summary) -> str:
     """`mean [low, high]`; `mean (std)` where there is no interval."""
-    n = decimals(metric)
+    n = metric.decimals
     if math.isnan(value.mean):
         return MISSING
     if not math.isnan(value.low):
@@ -70,8 +93,9 @@ def heading(metric: Metric) -> str:
     return metric.name.replace("_", "-") + (f" ({metric.unit})" if metric.unit else "")
 
 
-def best_of(groups: Sequence[Group], by: Sequence[str]) -> set[tuple[int, str]]:
-    """(index of a group, metric) of the best values, as shown, among groups that differ in their agent only.
+def best_of(groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Metric]) -> set[tuple[int, str]]:
+    """(index of a group, metric) of values that are better than all others by more than chance, among groups
+    that differ in their agent only: whose interval does not overlap with that of the next best.
 
     A group without competitors has no best value, and the paper's do not compete: its simulator is another.
     """
@@ -82,21 +106,30 @@ def best_of(groups: Sequence[Group], by: Sequence[str]) -> set[tuple[int, str]]:
             families.setdefault(rest, []).append(i)
     best = set()
     for members in families.values():
-        for metric in METRICS if len(members) > 1 else ():
-            shown = {i: round(groups[i].metrics[metric.name].mean, decimals(metric)) for i in members}
-            known = [value for value in shown.values() if not math.isnan(value)]
-            top = (max if metric.higher_is_better else min)(known, default=math.nan)
-            best |= {(i, metric.name) for i, value in shown.items() if value == top}
+        for metric in metrics:
+            known = [i for i in members if not math.isnan(groups[i].metrics[metric.name].mean)]
+            values = [groups[i].metrics[metric.name] for i in known]
+            if metric.better is None or len(values) < 2:
+                continue
+            sign = 1.0 if metric.better == "higher" else -1.0
+            order = sorted(range(len(values)), key=lambda k: sign * values[k].mean, reverse=True)
+            if _apart(values[order[0]], values[order[1]]):
+                best.add((known[order[0]], metric.name))
     return best
 
 
-def _markdown(groups: Sequence[Group], by: Sequence[str]) -> str:
-    best = best_of(groups, by)
-    lines = [[*by, "episodes", *(heading(m) + (" ↑" if m.higher_is_better else " ↓") for m in METRICS)]]
+def _apart(a: Summary, b: Summary) -> bool:
+    """Whether two intervals have nothing in common; False where one is not known."""
+    return a.low > b.high or a.high < b.low
+
+
+def _markdown(groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Metric]) -> str:
+    best = best_of(groups, by, metrics)
+    lines = [[*by, "episodes", *(heading(m) + _ARROWS[m.better] for m in metrics)]]
     for i, group in enumerate(groups):
-        cells = [cell(m, group.metrics[m.name]) for m in METRICS]
+        cells = [cell(m, group.metrics[m.name]) for m in metrics]
         bold = [
-            f"**{text}**" if (i, m.name) in best else text for m, text in zip(METRICS, cells, strict=True)
+            f"**{text}**" if (i, m.name) in best else text for m, text in zip(metrics, cells, strict=True)
         ]
         lines.append([*group.key, _count(group), *bold])
     widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
@@ -111,12 +144,16 @@ def _markdown(groups: Sequence[Group], by: Sequence[str]) -> str:
     return "".join(f"| {' | '.join(line)} |\n" for line in [padded[0], rule, *padded[1:]])
 
 
-def _latex(groups: Sequence[Group], by: Sequence[str]) -> str:
-    best, columns = best_of(groups, by), len(METRICS) + 1
+def _latex(groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Metric]) -> str:
+    best, columns = best_of(groups, by, metrics), len(metrics) + 1
     names = " & ".join(
-        [*map(_escaped, by), "$n$", *(_escaped(m.name.replace("_", "-")) + _arrow(m) for m in METRICS)]
+        [
+            *map(_escaped, by),
+            "$n$",
+            *(_escaped(m.name.replace("_", "-")) + _LATEX_ARROWS[m.better] for m in metrics),
+        ]
     )
-    units = " & ".join([*[""] * len(by), "", *(f"({_escaped(m.unit)})" if m.unit else "" for m in METRICS)])
+    units = " & ".join([*[""] * len(by), "", *(f"({_escaped(m.unit)})" if m.unit else "" for m in metrics)])
     lines = [
         "% needs \\usepackage{booktabs}; brackets: 95 % intervals, parentheses: standard deviations",
         f"\\begin{{tabular}}{{{'l' * len(by)}{'r' * columns}}}",
@@ -130,7 +167,7 @@ def _latex(groups: Sequence[Group], by: Sequence[str]) -> str:
         if family != before:
             lines.append("\\midrule")
             before = family
-        cells = [_latex_cell(m, group.metrics[m.name], (i, m.name) in best) for m in METRICS]
+        cells = [_latex_cell(m, group.metrics[m.name], (i, m.name) in best) for m in metrics]
         lines.append(" & ".join([*map(_escaped, group.key), _count(group), *cells]) + " \\\\")
     return "\n".join([*lines, "\\bottomrule", "\\end{tabular}", ""])
 
@@ -147,10 +184,6 @@ def _count(group: Group) -> str:
     if is_from_paper(group):
         return MISSING
     return str(group.episodes) + (f" (+{group.errors} failed)" if group.errors else "")
-
-
-def _arrow(metric: Metric) -> str:
-    return "\\,$\\uparrow$" if metric.higher_is_better else "\\,$\\downarrow$"
 
 
 def _escaped(text: str) -> str:

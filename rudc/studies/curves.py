@@ -21,6 +21,7 @@ from scipy.stats import t as student
 
 from rudc.arrays import Array
 from rudc.errors import InputError
+from rudc.evaluation.columns import RATES
 from rudc.evaluation.metrics import numbers
 from rudc.evaluation.store import read_table
 from rudc.evaluation.sweep import Progress
@@ -32,7 +33,7 @@ from rudc.training.log import EVALUATION, PROGRESS
 
 BIN = 5_000
 """decisions"""
-METRICS = {"SR": ("success",), "VR": ("collision", "off_road", "wrong_way"), "FR": ("frozen",)}
+METRICS = {rate: RATES[rate] for rate in ("SR", "VR", "FR")}
 """rate -> columns that it is the sum of"""
 
 Key = tuple[str, str, str, str]

@@ -38,7 +38,8 @@ from rudc.agents.checkpoint import find_checkpoint, load_learnt
 from rudc.agents.registry import make_agent
 from rudc.agents.variation import split
 from rudc.errors import InputError
-from rudc.evaluation.metrics import numbers
+from rudc.evaluation.columns import happened, metric_of
+from rudc.evaluation.metrics import average, numbers
 from rudc.evaluation.preflight import check_scenarios
 from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.statistics import Z, summarise_rate
@@ -235,18 +236,12 @@ def _episode(row: Row, by_name: Mapping[str, Variant]) -> tuple[str, ...]:
     return by_name[row["agent"]].trained, row["scenario"], row["seed"]
 
 
-def _happened(rate: str, row: Row) -> bool:
-    if rate == "VR":
-        return bool(row["violation"])
-    return row["outcome"] == {"SR": "success", "FR": "frozen"}[rate]
-
-
 def _rate(rate: str, rows: Sequence[Row], by_name: Mapping[str, Variant]) -> dict[str, float]:
     """A rate in percent with its interval, and its least and largest value among the training seeds."""
-    pooled = summarise_rate(np.array([_happened(rate, row) for row in rows], dtype=bool))
+    pooled = summarise_rate(np.array([happened(rate, row["outcome"]) for row in rows], dtype=bool))
     seeds: dict[str, list[bool]] = {}
     for row in rows:
-        seeds.setdefault(by_name[row["agent"]].trained, []).append(_happened(rate, row))
+        seeds.setdefault(by_name[row["agent"]].trained, []).append(happened(rate, row["outcome"]))
     each = [100.0 * float(np.mean(values)) for values in seeds.values()] or [math.nan]
     return {
         rate: pooled.mean,
@@ -262,7 +257,7 @@ def _change(
 ) -> dict[str, float]:
     """Percentage points more than with the filter off, in the same episodes, and the interval."""
     pairs = [(row, without.get(_episode(row, by_name))) for row in rows]
-    pair = [(_happened(rate, a), _happened(rate, b)) for a, b in pairs if b is not None]
+    pair = [(happened(rate, a["outcome"]), happened(rate, b["outcome"])) for a, b in pairs if b is not None]
     change, low, high = paired_change(len(pair), pair.count((True, False)), pair.count((False, True)))
     return {f"{rate}_change": change, f"{rate}_change_low": low, f"{rate}_change_high": high}
 
@@ -281,14 +276,17 @@ def paired_change(n: int, more: int, less: int) -> tuple[float, float, float]:
 
 def _effort(rows: Sequence[Row]) -> dict[str, float | int]:
     """How much the filter had to do, over all decisions."""
-    steps = numbers(rows, "steps")
-    total = max(float(steps.sum()), 1.0)
-    infeasible = numbers(rows, "infeasible_steps").sum()
+    found = {}
+    for column in ("interventions", "engaged_steps", "mean_correction", "infeasible_steps"):
+        metric = metric_of(column)
+        assert metric is not None
+        found[column] = average(metric, rows)
     return {
-        "interventions_percent": 100.0 * float(numbers(rows, "interventions").sum()) / total,
-        "mean_correction": float((numbers(rows, "mean_correction") * steps).sum()) / total,
-        "infeasible_steps": int(infeasible),
-        "infeasible_percent": 100.0 * float(infeasible) / total,
+        "interventions_percent": found["interventions"],
+        "engaged_percent": found["engaged_steps"],
+        "mean_correction": found["mean_correction"],
+        "infeasible_steps": int(numbers(rows, "infeasible_steps").sum()),
+        "infeasible_percent": found["infeasible_steps"],
     }
 
 
@@ -297,7 +295,7 @@ def as_markdown(lines: Sequence[Mapping]) -> str:
     headings = [
         "agent", "scenarios", "constrained", "variant", "d_safe (m)", "episodes",
         *(f"{rate} (%)" for rate in RATES), "VR − off", "FR − off",
-        "interventions (%)", "mean correction", "infeasible (%)",
+        "interventions (%)", "engaged (%)", "mean correction", "infeasible (%)",
     ]  # fmt: skip
     rows = []
     for line in lines:
@@ -313,9 +311,10 @@ def as_markdown(lines: Sequence[Mapping]) -> str:
         d_safe = MISSING if math.isnan(line["d_safe_m"]) else f"{line['d_safe_m']:g}"
         where = [line["agent"], line["domain"], line["constrained"] or MISSING, line["variant"], d_safe]
         effort = [
-            f"{line['interventions_percent']:.1f}",
-            f"{line['mean_correction']:.3f}",
-            f"{line['infeasible_percent']:.2f}",
+            interval(line["interventions_percent"], math.nan, math.nan),
+            interval(line["engaged_percent"], math.nan, math.nan),
+            interval(line["mean_correction"], math.nan, math.nan, 3),
+            interval(line["infeasible_percent"], math.nan, math.nan, 2),
         ]
         rows.append([*where, str(line["episodes"]), *rates, *changes, *effort])
     return markdown(headings, rows, left=4)

@@ -28,6 +28,7 @@ from rudc.agents.registry import make_agent
 from rudc.agents.variation import split
 from rudc.arrays import Array, Flags, Index
 from rudc.errors import InputError, StorageError
+from rudc.evaluation.columns import happened
 from rudc.evaluation.preflight import check_scenarios
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.runner import EpisodeRunner
@@ -174,7 +175,7 @@ def _drives(rows: Sequence[Mapping[str, str]], folder: Path) -> list[Drive]:
             ) from None
         if not np.isfinite(stated).all():
             raise InputError(f"{row['agent']} states no uncertainty, so there is nothing to study")
-        found.append(Drive(row["scenario"], bool(row["violation"]), stated))
+        found.append(Drive(row["scenario"], happened("VR", row["outcome"]), stated))
     return found
 
 

@@ -15,11 +15,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Protocol
 
+from rudc.env.episode import Outcome
 from rudc.evaluation.record import EpisodeRecord
 from rudc.files import explain, write_atomically
 from rudc.training.collect import Finished
 
-OUTCOMES = ("success", "frozen", "collision", "off_road", "wrong_way")
+OUTCOMES = tuple(map(str, Outcome))
 LOSSES = (
     "critic_loss",
     "policy_loss",
@@ -126,9 +127,7 @@ def evaluation_rows(steps: int, records: Sequence[EpisodeRecord]) -> list[dict[s
     for scenario in dict.fromkeys(record.scenario for record in records):
         for priority in ("all", "major", "minor"):
             chosen = [
-                r
-                for r in records
-                if r.scenario == scenario and priority in ("all", r.conditions and r.conditions.priority)
+                r for r in records if r.scenario == scenario and priority in ("all", r.text("priority"))
             ]
             if chosen:
                 rows.append(_evaluation_row(steps, scenario, priority, chosen))
@@ -147,7 +146,7 @@ def _evaluation_row(
     for outcome in OUTCOMES:
         row[outcome] = _mean([record.outcome == outcome for record in records])
     for column in ("episode_reward", "mean_speed_mps", "duration_s"):
-        row[column] = _mean([getattr(record, column) for record in records])
+        row[column] = _mean([record.number(column) for record in records])
     return row
 
 

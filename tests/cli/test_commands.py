@@ -147,7 +147,7 @@ def test_a_sweep_prints_its_table_and_says_where_it_is(swept):
     assert "6/6 episodes" in result.stderr
     assert str(out) in result.stderr
     assert sorted(path.name for path in out.iterdir()) == [
-        "conditions.csv", "episodes.csv", "manifest.json", "metrics.csv",
+        "episodes.csv", "manifest.json", "metrics.csv",
     ]  # fmt: skip
 
 

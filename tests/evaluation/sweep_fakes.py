@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from rudc.errors import SimulationError
-from rudc.evaluation.record import Conditions, EpisodeRecord
+from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.tasks import Task
 
 
@@ -19,24 +19,26 @@ def made_up(task: Task) -> EpisodeRecord:
     outcome = rng.choice(["success", "success", "frozen", "collision"])
     collided = outcome == "collision"
     return EpisodeRecord(
-        scenario=task.scenario.name,
-        agent=task.agent,
-        seed=task.seed,
-        outcome=outcome,
-        violation=outcome if collided else "",
-        steps=rng.randrange(50, 400),
-        duration_s=round(rng.uniform(5, 40), 6),
-        route_completion=1.0 if outcome == "success" else round(rng.random(), 6),
-        mean_speed_mps=round(rng.uniform(2, 9), 6),
-        episode_reward=round(rng.gauss(50, 40), 6),
-        min_dtc_m=round(rng.uniform(0, 4), 6),
-        interventions=rng.randrange(5),
-        mean_correction=round(rng.random(), 6),
-        infeasible_steps=0,
-        decision_ms_mean=time.perf_counter() % 1,
-        decision_ms_max=time.perf_counter() % 2,
-        fault=rng.choice(["ego", "other"]) if collided else "",
-        conditions=Conditions("south", "west", "left", rng.choice(["major", "minor"]), 0, 20.5, 0),
+        {
+            "scenario": task.scenario.name,
+            "agent": task.agent,
+            "seed": task.seed,
+            "outcome": outcome,
+            "steps": rng.randrange(50, 400),
+            "duration_s": round(rng.uniform(5, 40), 6),
+            "route_completion": 1.0 if outcome == "success" else round(rng.random(), 6),
+            "mean_speed_mps": round(rng.uniform(2, 9), 6),
+            "episode_reward": round(rng.gauss(50, 40), 6),
+            "min_dtc_m": round(rng.uniform(0, 4), 6),
+            "interventions": rng.randrange(5),
+            "mean_correction": round(rng.random(), 6),
+            "infeasible_steps": 0,
+            "decision_ms_mean": time.perf_counter() % 1,
+            "decision_ms_max": time.perf_counter() % 2,
+            "fault": rng.choice(["ego", "other"]) if collided else "",
+            "origin": "south",
+            "priority": rng.choice(["major", "minor"]),
+        }
     )
 
 

@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rudc.evaluation.metrics import METRIC_COLUMNS, METRICS, group_metrics
-from rudc.evaluation.record import COLUMNS, TIMING, EpisodeRecord
+from rudc.evaluation.columns import COLUMNS, METRICS, TIMING, metric_of
+from rudc.evaluation.metrics import average, group_metrics, measure
+from rudc.evaluation.record import EpisodeRecord
 
 
 def row(outcome="success", agent="sumo", **numbers):
-    violation = outcome if outcome in ("collision", "off_road", "wrong_way") else ""
     numbers = {"steps": 10, "route_completion": 0.5, "decision_ms_mean": 1.0, **numbers}
-    record = EpisodeRecord("s", agent, 0, outcome, violation, **numbers)
+    record = EpisodeRecord({"scenario": "s", "agent": agent, "seed": 0, "outcome": outcome, **numbers})
     return dict(zip(COLUMNS, record.row(), strict=True))
 
 
@@ -24,12 +24,12 @@ def failed():
 
 def test_columns_are_those_of_the_contract():
     assert ",".join(COLUMNS) == (
-        "scenario,agent,seed,outcome,violation,steps,duration_s,route_completion,mean_speed_mps,episode_reward,"
-        "min_dtc_m,interventions,mean_correction,infeasible_steps,mean_sigma,max_sigma,decision_ms_mean,"
-        "decision_ms_max,fault,error"
+        "scenario,agent,seed,outcome,steps,duration_s,route_completion,mean_speed_mps,episode_reward,"
+        "min_dtc_m,interventions,engaged_steps,mean_correction,infeasible_steps,mean_sigma,max_sigma,"
+        "decision_ms_mean,decision_ms_max,fault,events_fired,first_event_s,first_event_visible_s,error,"
+        "origin,destination,turn,priority,redraws,density,sv_collisions"
     )
     assert set(TIMING) < set(COLUMNS)
-    assert METRIC_COLUMNS[:5] == ("SR_mean", "SR_std", "SR_low", "SR_high", "FR_mean")
     assert [m.name for m in METRICS] == ["SR", "FR", "RC", "AES", "AER", "VR", "min_DTC"]
 
 
@@ -48,7 +48,7 @@ def test_means_are_in_their_units_and_leave_out_what_is_not_there():
     assert group.metrics["RC"].mean == pytest.approx(50.0)
     assert group.metrics["min_DTC"].mean == 2.0
     assert math.isnan(group.metrics["AES"].mean)
-    assert group.decision_ms == 1.0
+    assert group.metrics["decision"].mean == 1.0
 
 
 def test_failed_episodes_are_counted_and_enter_no_metric():
@@ -58,7 +58,7 @@ def test_failed_episodes_are_counted_and_enter_no_metric():
     (none,) = group_metrics([failed()], ["scenario"])
     assert (none.episodes, none.errors) == (0, 1)
     assert all(math.isnan(value) for value in none.metrics["SR"])
-    assert math.isnan(none.decision_ms)
+    assert math.isnan(none.metrics["decision"].mean)
 
 
 def test_groups_come_in_the_order_of_their_first_row():
@@ -77,3 +77,22 @@ def test_a_failed_record_has_one_line_of_error_and_no_numbers():
         "agent": "a",
         "seed": "4",
     }
+
+
+def test_any_column_with_a_mean_is_a_metric():
+    rows = [
+        row(steps=10, interventions=4, mean_correction=0.1),
+        row(steps=30, interventions=0, mean_correction=0.5),
+    ]
+    share, size, speed = (metric_of(name) for name in ("interventions", "mean_correction", "aes"))
+    assert share is not None
+    assert size is not None
+    assert speed is METRICS[3]
+    summary = measure(share, rows)
+    assert (summary.mean, average(share, rows)) == (10.0, 10.0)
+    assert summary.low == 0.0
+    assert summary.high == pytest.approx(40.0)
+    assert average(size, rows) == pytest.approx((10 * 0.1 + 30 * 0.5) / 40)
+    assert math.isnan(average(size, [row()]))
+    assert metric_of("agent") is None
+    assert metric_of("nothing") is None

@@ -6,11 +6,12 @@ import math
 import numpy as np
 import pytest
 
+from rudc.agents.base import Decision
 from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode
 from rudc.errors import InputError
+from rudc.evaluation.columns import COLUMNS, TIMING, is_intervention
 from rudc.evaluation.film import Film, check_film
-from rudc.evaluation.record import COLUMNS, CONDITIONS, TIMING
 from rudc.evaluation.rollout import run_episode
 from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.sweep import run_sweep
@@ -37,23 +38,19 @@ def test_a_record_is_consistent_and_repeats(episode, name):
     record = run_episode(episode, plan, agent)
     assert (record.scenario, record.agent, record.seed, record.error) == ("random_destination", name, 3, "")
     assert record.outcome in ("success", "frozen", "collision", "off_road", "wrong_way")
-    assert record.violation == ("" if record.outcome in ("success", "frozen") else record.outcome)
-    assert record.duration_s == pytest.approx(0.1 * record.steps, abs=0.06)
-    assert 0.0 <= record.route_completion <= 1.0
-    assert (record.route_completion == 1.0) == (record.outcome == "success")
-    assert 0.0 < record.decision_ms_mean <= record.decision_ms_max
-    assert math.isnan(record.mean_sigma)
-    assert record.conditions.origin in ("north", "east", "south", "west")
-    assert record.conditions.priority == (
-        "major" if record.conditions.origin in ("east", "west") else "minor"
-    )
-    assert record.conditions.density == pytest.approx(20.0, rel=0.2)
+    assert record.number("duration_s") == pytest.approx(0.1 * record.number("steps"), abs=0.06)
+    assert 0.0 <= record.number("route_completion") <= 1.0
+    assert (record.number("route_completion") == 1.0) == (record.outcome == "success")
+    assert 0.0 < record.number("decision_ms_mean") <= record.number("decision_ms_max")
+    assert math.isnan(record.number("mean_sigma"))
+    assert record.text("origin") in ("north", "east", "south", "west")
+    assert record.text("priority") == ("major" if record.text("origin") in ("east", "west") else "minor")
+    assert record.number("density") == pytest.approx(20.0, rel=0.2)
     if "+" not in name:
-        assert (record.interventions, record.mean_correction, record.infeasible_steps) == (0, 0.0, 0)
+        counted = ("interventions", "engaged_steps", "mean_correction", "infeasible_steps")
+        assert [record.number(column) for column in counted] == [0, 0, 0.0, 0]
     again = run_episode(episode, plan, make_agent(name))
     assert comparable(again) == comparable(record)
-    assert again.conditions_row() == record.conditions_row()
-    assert len(record.conditions_row()) == len(CONDITIONS)
 
 
 def test_watching_sees_every_decision_and_changes_nothing(episode, tmp_path):
@@ -61,31 +58,43 @@ def test_watching_sees_every_decision_and_changes_nothing(episode, tmp_path):
     bare = run_episode(episode, plan, agent)
     trace = Trace()
     film = Film(episode, size=120)
-    frames = []
+    decisions = []
 
     def watch(scene, decision, result):
         trace.watch(scene, decision, result)
         film.watch(scene, decision, result)
-        frames.append(decision.corrected)
+        decisions.append(decision)
 
     record = run_episode(episode, plan, agent, watch=watch)
     assert comparable(record) == comparable(bare)
-    assert len(frames) == record.steps
-    assert record.interventions == sum(f.status != "nominal" for f in frames)
-    assert record.infeasible_steps == sum(f.infeasible for f in frames)
+    frames = [decision.corrected for decision in decisions]
+    assert len(frames) == record.number("steps")
+    assert record.number("engaged_steps") == sum(f.status != "nominal" for f in frames)
+    assert record.number("infeasible_steps") == sum(f.infeasible for f in frames)
     half_range = np.array([4.5, 0.6])
     sizes = [float(np.hypot(*(f.correction / half_range))) for f in frames]
-    assert record.interventions > 0
-    assert record.mean_correction == pytest.approx(np.mean(sizes), abs=1e-6)
+    assert record.number("mean_correction") == pytest.approx(np.mean(sizes), abs=1e-6)
+    changed = [abs(f.correction[0]) > 0.1 or abs(f.correction[1]) > 0.005 for f in frames]
+    assert record.number("interventions") == sum(changed) == sum(map(is_intervention, decisions)) > 0
 
     trace.save(tmp_path / "steps.csv")
     with (tmp_path / "steps.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
-    assert len(rows) == record.steps
-    assert sum(float(row["reward"]) for row in rows) == pytest.approx(record.episode_reward, abs=1e-3)
+    assert len(rows) == record.number("steps")
+    assert sum(float(row["reward"]) for row in rows) == pytest.approx(
+        record.number("episode_reward"), abs=1e-3
+    )
     assert {row["filter_status"] for row in rows} >= {"nominal", "solved"}
     film.save(tmp_path / "film.gif")
     assert (tmp_path / "film.gif").read_bytes()[:4] == b"GIF8"
+
+
+@pytest.mark.parametrize(
+    ("acceleration", "steering", "counts"), [(0.09, 0.004, False), (-0.11, 0.0, True), (0.0, 0.006, True)]
+)
+def test_a_correction_too_small_to_feel_is_no_intervention(acceleration, steering, counts):
+    proposed = np.array([1.0, 0.1])
+    assert is_intervention(Decision(proposed + np.array([acceleration, steering]), proposed)) is counts
 
 
 def test_films_of_another_kind_are_refused(tmp_path):

@@ -15,13 +15,13 @@ import pytest
 
 from rudc.errors import InputError, SimulationError, StorageError, SweepError
 from rudc.evaluation import folder as folder_module
+from rudc.evaluation.columns import COLUMNS, TIMING
 from rudc.evaluation.folder import read_sweep
-from rudc.evaluation.record import COLUMNS, TIMING
 from rudc.evaluation.store import RowFile, read_table
 from rudc.evaluation.sweep import run_sweep
 from rudc.evaluation.tasks import SweepPlan
 
-FILES = ("manifest.json", "metrics.csv", "conditions.csv")
+FILES = ("manifest.json", "metrics.csv")
 
 
 def episodes(folder: Path) -> list[dict[str, str]]:
@@ -142,16 +142,57 @@ def test_failed_episodes_have_a_row_and_are_run_again_on_resume(fakes, make_plan
     assert_same(tmp_path / "out", tmp_path / "clean")
 
 
-def test_a_row_missing_in_one_of_the_files_is_run_again(fakes, make_plan, tmp_path):
-    plan = make_plan()
+def test_a_missing_row_is_run_again(fakes, make_plan, tmp_path):
+    plan, rows = make_plan(), tmp_path / "out" / "episodes.csv"
     run_sweep(plan, tmp_path / "whole", fakes.Runner)
-    for name in ("episodes.csv", "conditions.csv"):
-        out = tmp_path / name
-        shutil.copytree(tmp_path / "whole", out)
-        lines = (out / name).read_text().splitlines(keepends=True)
-        (out / name).write_text("".join(lines[:3] + lines[4:]))
-        run_sweep(plan, out, fakes.Runner, resume=True)
-        assert_same(tmp_path / "whole", out)
+    shutil.copytree(tmp_path / "whole", tmp_path / "out")
+    lines = rows.read_text().splitlines(keepends=True)
+    rows.write_text("".join(lines[:3] + lines[4:]))
+    run_sweep(plan, tmp_path / "out", fakes.Runner, resume=True)
+    assert_same(tmp_path / "whole", tmp_path / "out")
+
+
+def as_written_before(folder: Path) -> None:
+    """Make a finished folder what the first version would have left of the same episodes."""
+    rows = [{**row, "violation": ""} for row in read_table(folder / "episodes.csv")]
+    apart = ("origin", "destination", "turn", "priority", "redraws", "density", "sv_collisions")
+    lost = ("engaged_steps", "events_fired", "first_event_s", "first_event_visible_s")
+    episodes = [name for name in rows[0] if name not in (*apart, *lost)]
+    for name, header in (
+        ("episodes.csv", episodes),
+        ("conditions.csv", ["scenario", "agent", "seed", "traffic.density", *apart]),
+    ):
+        RowFile(folder / name, header).rewrite([[row[column] for column in header] for row in rows])
+    manifest = json.loads((folder / "manifest.json").read_text())
+    (folder / "manifest.json").write_text(json.dumps({**manifest, "format": 1}))
+
+
+def test_a_folder_of_an_earlier_version_reads_and_is_not_gone_on_with(fakes, make_plan, tmp_path):
+    plan = make_plan(("density_sweep",))
+    now = run_sweep(plan, tmp_path, fakes.Runner).rows
+    as_written_before(tmp_path)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    rows, parameters = read_sweep(tmp_path)
+    assert parameters == ("traffic.density",)
+    assert list(rows[0]) == [*COLUMNS, "traffic.density"]
+    for old, new in zip(rows, now, strict=True):
+        assert (old["interventions"], old["engaged_steps"]) == ("", new["interventions"])
+        counted = ("interventions", "engaged_steps")
+        assert {k: v for k, v in old.items() if k not in counted} == {
+            k: v for k, v in new.items() if k not in counted
+        }
+    with pytest.raises(SweepError, match=r"another version of RUDC, without engaged_steps, .*another --out"):
+        run_sweep(plan, tmp_path, fakes.Runner, resume=True)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_rows_that_lack_a_column_are_never_mixed_with_others(fakes, make_plan, tmp_path):
+    rows = run_sweep(make_plan(), tmp_path, fakes.Runner).rows
+    header = [name for name in COLUMNS if name != "density"]
+    RowFile(tmp_path / "episodes.csv", header).rewrite([[row[name] for name in header] for row in rows])
+    assert read_sweep(tmp_path)[0][0]["density"] == ""
+    with pytest.raises(SweepError, match="another version of RUDC, without density: its rows and new ones"):
+        run_sweep(make_plan(), tmp_path, fakes.Runner, resume=True)
 
 
 def test_a_folder_with_something_in_it_is_refused(fakes, make_plan, tmp_path):
@@ -235,7 +276,7 @@ def test_a_full_disk_ends_the_sweep_and_keeps_what_is_there(fakes, make_plan, tm
         patch.setattr(RowFile, "_write", full)
         with pytest.raises(StorageError, match=r"the disk is full\. .* are kept; .* with --resume"):
             run_sweep(plan, tmp_path / "out", fakes.Runner)
-    assert len(read_sweep(tmp_path / "out")[0]) == 4
+    assert len(read_sweep(tmp_path / "out")[0]) == 8
     run_sweep(plan, tmp_path / "out", fakes.Runner, resume=True)
     run_sweep(plan, tmp_path / "whole", fakes.Runner)
     assert_same(tmp_path / "whole", tmp_path / "out")

@@ -7,10 +7,10 @@ import itertools
 import pytest
 
 from rudc.errors import InputError
-from rudc.evaluation.metrics import METRICS
+from rudc.evaluation.columns import COLUMNS, METRICS
 from rudc.evaluation.paper import TABLES, paper_groups
-from rudc.evaluation.record import COLUMNS, EpisodeRecord
-from rudc.evaluation.tables import make_table, measured
+from rudc.evaluation.record import EpisodeRecord
+from rudc.evaluation.tables import make_table, measured, named_metrics
 
 
 @pytest.fixture
@@ -23,13 +23,16 @@ def rows():
         good = agent == "good_one"
         outcome = "success" if good and i else "collision" if i % 2 else "frozen"
         record = EpisodeRecord(
-            scenario, agent, i, outcome, "collision" if outcome == "collision" else "", 100, 10.0,
-            1.0 if good else 0.4, 6.0 if good else 9.0, 100.0 + i if good else -20.0,
-            2.5 if good else 0.5 + 0.01 * i, 0, 0.0, 0, decision_ms_mean=0.5, decision_ms_max=1.0,
+            {
+                "scenario": scenario, "agent": agent, "seed": i, "outcome": outcome, "steps": 100,
+                "duration_s": 10.0, "route_completion": 1.0 if good else 0.4,
+                "mean_speed_mps": 6.0 if good else 9.0, "episode_reward": 100.0 + i if good else -20.0,
+                "min_dtc_m": 2.5 if good else 0.5 + 0.01 * i, "interventions": 0, "mean_correction": 0.0,
+                "infeasible_steps": 0, "decision_ms_mean": 0.5, "decision_ms_max": 1.0, "events_fired": i % 3,
+                "priority": "minor" if i % 2 else "major",
+            }
         )  # fmt: skip
-        found.append(
-            {"priority": "minor" if i % 2 else "major", **dict(zip(COLUMNS, record.row(), strict=True))}
-        )
+        found.append(dict(zip(COLUMNS, record.row(), strict=True)))
     return found
 
 
@@ -38,6 +41,7 @@ BY = ("scenario", "agent")
 
 def test_csv_has_every_statistic_in_full(rows):
     table = list(csv.DictReader(io.StringIO(make_table(rows, BY, "csv"))))
+    assert list(table[0])[2:8] == ["episodes", "errors", "SR_mean", "SR_std", "SR_low", "SR_high"]
     assert [(row["scenario"], row["agent"]) for row in table] == [
         ("random_destination", "good_one"), ("random_destination", "bad&ugly"),
         ("50%_off", "good_one"), ("50%_off", "bad&ugly"),
@@ -54,7 +58,7 @@ def test_csv_has_every_statistic_in_full(rows):
     assert 102 < float(first["AER_low"]) < float(first["AER_mean"]) == 104.5 < float(first["AER_high"]) < 107
 
 
-def test_markdown_shows_intervals_and_bolds_the_best_of_each_scenario(rows):
+def test_markdown_shows_intervals_and_bolds_what_is_best_beyond_chance(rows):
     lines = make_table(rows, BY, "markdown").splitlines()
     assert len({len(line) for line in lines}) == 1, "columns must line up"
     assert "SR (%) ↑" in lines[0]
@@ -64,6 +68,28 @@ def test_markdown_shows_intervals_and_bolds_the_best_of_each_scenario(rows):
     assert bad[3].strip() == "0.0 [0.0, 27.8]"
     assert "**" in bad[6], "the faster one is better in speed"
     assert good[9].strip(" |") == "**2.50 [2.50, 2.50]**"
+
+
+def test_nothing_is_bold_that_may_be_chance(rows):
+    """Of 40 and 50 % success in ten episodes each, neither is shown to be better."""
+    for row in rows:
+        if row["agent"] == "bad&ugly":
+            row["outcome"] = "success" if int(row["seed"]) < 6 else "frozen"
+    best = make_table(rows, BY, "markdown").splitlines()[2].split(" | ")[3].strip()
+    assert best == "90.0 [59.6, 98.2]"
+
+
+def test_any_metric_can_be_shown(rows):
+    chosen = named_metrics(["VR", "interventions", "duration_s"])
+    lines = make_table(rows, BY, "markdown", metrics=chosen).splitlines()
+    assert [cell.strip() for cell in lines[0].split("|")[4:-1]] == [
+        "VR (%) ↓",
+        "interventions (%)",
+        "duration-s (s) ↓",
+    ]
+    assert "VR_mean" in make_table(rows, BY, "csv", metrics=chosen)
+    with pytest.raises(InputError, match=r"no metric 'interventons' \(did you mean 'interventions'\?\)"):
+        named_metrics(["interventons"])
 
 
 def test_latex_compiles_in_its_head(rows):
@@ -90,8 +116,10 @@ def test_any_column_can_be_grouped_by(rows):
     groups = measured(rows, ["agent", "priority"])
     assert [group.key for group in groups][:2] == [("good_one", "major"), ("good_one", "minor")]
     assert sum(group.episodes for group in groups) == 40
-    with pytest.raises(InputError, match=r"no column 'prio' .*there are: priority, scenario"):
-        measured(rows, ["agent", "prio"])
+    fired = measured(rows, ["events_fired"])
+    assert [(group.key, group.episodes) for group in fired] == [(("0",), 16), (("1",), 12), (("2",), 12)]
+    with pytest.raises(InputError, match=r"no column 'priorty' .*mean 'priority'\?\); there are: scenario"):
+        measured(rows, ["agent", "priorty"])
     with pytest.raises(InputError, match="no finished episode"):
         measured([], BY)
 

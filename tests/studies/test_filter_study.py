@@ -86,10 +86,10 @@ def row(
     error: str = "",
 ):
     """A row of episodes.csv."""
-    violation = "collision" if outcome == "violation" else ""
+    outcome = "collision" if outcome == "violation" else outcome
     return {
-        "agent": agent, "scenario": scenario, "seed": str(seed), "outcome": outcome, "violation": violation,
-        "steps": str(steps), "interventions": str(busy), "mean_correction": str(0.1 * bool(busy)),
+        "agent": agent, "scenario": scenario, "seed": str(seed), "outcome": outcome, "steps": str(steps),
+        "interventions": str(busy), "engaged_steps": str(2 * busy), "mean_correction": str(0.1 * bool(busy)),
         "infeasible_steps": str(busy // 2), "error": error,
     }  # fmt: skip
 
@@ -123,6 +123,7 @@ def test_training_seeds_are_pooled_and_episodes_compared_in_pairs():
     assert fixed["VR_change"] == pytest.approx(-200 / 3)
     assert fixed["FR_change"] == pytest.approx(100 / 3)
     assert fixed["interventions_percent"] == pytest.approx(100 * 6 / 50)
+    assert fixed["engaged_percent"] == pytest.approx(100 * 12 / 50)
     assert fixed["mean_correction"] == pytest.approx(0.1 * 30 / 50)
     assert fixed["infeasible_steps"] == 3
     assert [line["scenario"] for line in lines] == ["all", "all", "fog", "fog"]

@@ -1,0 +1,57 @@
+"""What a shell offers when the user presses tab: `rudc --install-completion` sets it up."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import click
+
+
+def complete_scenarios(incomplete: str) -> list[str]:
+    """Shipped names, and files and folders beside."""
+    from rudc.scenario.library import SUFFIXES, shipped_scenarios
+
+    folder, _, start = incomplete.rpartition("/")
+    here = Path(folder or ("/" if incomplete.startswith("/") else ".")).expanduser()
+    head = f"{folder}/" if "/" in incomplete else ""
+    beside = []
+    if here.is_dir():
+        for path in sorted(here.iterdir()):
+            if path.name.startswith(start) and (path.is_dir() or path.suffix in SUFFIXES):
+                beside.append(f"{head}{path.name}{'/' if path.is_dir() else ''}")
+    return [*_starting(incomplete, shipped_scenarios()), *(b for b in beside if not b.startswith("."))]
+
+
+def complete_agents(incomplete: str) -> list[str]:
+    """Names of agents."""
+    from rudc.agents.registry import agent_names
+
+    return _starting(incomplete, agent_names())
+
+
+def complete_columns(ctx: click.Context, incomplete: str) -> list[str]:
+    """Columns of the folder given, or all there are, after a comma too."""
+    from rudc.evaluation.columns import COLUMNS
+    from rudc.evaluation.store import read_header
+
+    folder = ctx.params.get("folder")
+    header = read_header(Path(folder) / "episodes.csv") if folder else []
+    return _next_in_list(incomplete, [*COLUMNS, *(name for name in header if name not in COLUMNS)])
+
+
+def complete_metrics(incomplete: str) -> list[str]:
+    """Metrics and columns that have a mean, after a comma too."""
+    from rudc.evaluation.columns import metric_names
+
+    return _next_in_list(incomplete, metric_names())
+
+
+def _starting(incomplete: str, names: Iterable[str]) -> list[str]:
+    return [name for name in names if name.startswith(incomplete)]
+
+
+def _next_in_list(incomplete: str, names: Iterable[str]) -> list[str]:
+    before, comma, last = incomplete.rpartition(",")
+    given = before.split(",")
+    return [before + comma + name for name in _starting(last, names) if name not in given]
