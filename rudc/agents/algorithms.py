@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_serializer, field_valid
 
 from rudc.agents.correction import CbfSettings, CorrectionKind, NoCorrection
 from rudc.env.action import ActionKind, Adjustment, Direct
-from rudc.env.observation import PARTS, Kind, observation_size
+from rudc.env.observation import PARTS, ObservationKind, observation_size
 from rudc.errors import InputError
 from rudc.learning.config import LearnerConfig, ObservationLayout
 from rudc.safety.config import FilterConfig
@@ -38,7 +38,7 @@ ALGORITHMS = {
 """name -> what it is"""
 
 
-def observation_layout(kind: Kind) -> ObservationLayout:
+def observation_layout(kind: ObservationKind) -> ObservationLayout:
     """Where each part of an observation stands."""
     vehicles, vehicle = PARTS["others"]
     waypoints, waypoint = PARTS["waypoints"]
@@ -61,7 +61,7 @@ class DriverConfig(BaseModel):
 
     algorithm: str = "rudc-wo-cbf"
     """name in `ALGORITHMS`"""
-    observation: Kind = "conflict"
+    observation: ObservationKind = "conflict"
     """the paper's observation, or the same with predicted conflicts"""
     action: Literal["direct", "adjustment"] = "adjustment"
     """what the policy's two numbers mean, see rudc/env/action.py"""

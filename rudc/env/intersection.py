@@ -17,7 +17,7 @@ from rudc.arrays import Array
 from rudc.env.action import ActionKind, read_action
 from rudc.env.distances import Distances
 from rudc.env.episode import Episode, Outcome
-from rudc.env.observation import Kind, observation_space, observe_flat, unflatten
+from rudc.env.observation import ObservationKind, observation_space, observe_flat, unflatten
 from rudc.env.rendering import Frame, Renderer
 from rudc.env.window import Window
 from rudc.errors import InputError
@@ -161,7 +161,7 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         scenario: str | Path | Scenario = "random_destination",
         network: str | Path | None = None,
         overrides: Mapping[str, object] | None = None,
-        observation: Kind = "paper",
+        observation: ObservationKind = "paper",
         as_dict: bool = False,
         config: WorldConfig | None = None,
         render_mode: str | None = None,
@@ -190,7 +190,7 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         self._config = config or WorldConfig()
         self._isolated = isolated
         self._vehicle = vehicle or EgoVehicle()
-        self._kind: Kind = observation
+        self._kind: ObservationKind = observation
         self._as_dict = as_dict
         self.observation_space = observation_space(observation, as_dict)
         self.action = read_action(action)

@@ -43,7 +43,7 @@ from rudc.network.network import ReferencePath
 from rudc.network.paths import SPACING as STATION
 from rudc.world.scene import Scene
 
-Kind = Literal["paper", "conflict"]
+ObservationKind = Literal["paper", "conflict"]
 
 OTHERS = 12
 """N_SV, surrounding vehicles observed"""
@@ -75,31 +75,33 @@ _SPAN = WAYPOINTS * _STRIDE + 1
 _lines: Remembered[ReferencePath, Array] = Remembered()
 
 
-def parts(kind: Kind) -> tuple[str, ...]:
+def parts(kind: ObservationKind) -> tuple[str, ...]:
     """Names of the parts of a kind of observation, in order. Raises InputError for an unknown kind."""
-    if kind not in get_args(Kind):
-        raise InputError(f"observation {kind!r} is not known; there are {', '.join(get_args(Kind))}")
+    if kind not in get_args(ObservationKind):
+        raise InputError(
+            f"observation {kind!r} is not known; there are {', '.join(get_args(ObservationKind))}"
+        )
     return tuple(PARTS) if kind == "conflict" else tuple(name for name in PARTS if name != "conflict")
 
 
-def observation_size(kind: Kind) -> int:
+def observation_size(kind: ObservationKind) -> int:
     """How many numbers an observation has."""
     return sum(math.prod(PARTS[name]) for name in parts(kind))
 
 
-def observation_space(kind: Kind, as_dict: bool = False) -> spaces.Box | spaces.Dict:
+def observation_space(kind: ObservationKind, as_dict: bool = False) -> spaces.Box | spaces.Dict:
     """Gymnasium space of the flat observation, or of the Dict of its parts."""
     if not as_dict:
         return spaces.Box(-LIMIT, LIMIT, (observation_size(kind),), np.float32)
     return spaces.Dict({name: spaces.Box(-LIMIT, LIMIT, PARTS[name], np.float32) for name in parts(kind)})
 
 
-def observe(scene: Scene, kind: Kind, distances: Distances | None = None) -> dict[str, Floats]:
+def observe(scene: Scene, kind: ObservationKind, distances: Distances | None = None) -> dict[str, Floats]:
     """The observation's parts by name. `distances`: those of this scene, where they are known already."""
     return unflatten(observe_flat(scene, kind, distances), kind)
 
 
-def observe_flat(scene: Scene, kind: Kind, distances: Distances | None = None) -> Floats:
+def observe_flat(scene: Scene, kind: ObservationKind, distances: Distances | None = None) -> Floats:
     """The observation as one array of float32, the parts one after another, freshly allocated."""
     result = np.zeros(observation_size(kind))
     cos, sin = math.cos(scene.ego.psi), math.sin(scene.ego.psi)
@@ -119,7 +121,7 @@ def flatten(observation: Mapping[str, Floats]) -> Floats:
     return np.concatenate([observation[name].ravel() for name in PARTS if name in observation])
 
 
-def unflatten(flat: Floats, kind: Kind) -> dict[str, Floats]:
+def unflatten(flat: Floats, kind: ObservationKind) -> dict[str, Floats]:
     """The parts of a flat observation, as views of it."""
     result, start = {}, 0
     for name in parts(kind):

@@ -20,7 +20,7 @@ from rudc.agents.gap_acceptance import GapAcceptance
 from rudc.agents.learned import Choice, untrained
 from rudc.arrays import Floats
 from rudc.env.episode import Episode, Outcome, StepResult
-from rudc.env.observation import Kind, observe_flat
+from rudc.env.observation import ObservationKind, observe_flat
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.rollout import run_episode
 from rudc.learning.nstep import NStep, Transition
@@ -66,7 +66,7 @@ class Collector:
         self._at = (first.network, first.junction)
         self._episode: Episode | None = None
         self._scene: Scene | None = None
-        self._kind: Kind = config.driver.observation
+        self._kind: ObservationKind = config.driver.observation
         self._seen: Floats = np.empty(0, np.float32)
         self._reference = GapAcceptance()
         self._agent = untrained(config.driver)

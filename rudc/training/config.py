@@ -9,7 +9,7 @@ from typing import Any, Literal, Self, get_args
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from rudc.agents.algorithms import ALGORITHMS, DriverConfig, observation_layout
-from rudc.env.observation import Kind
+from rudc.env.observation import ObservationKind
 from rudc.env.reward import COLLISION
 from rudc.errors import InputError
 from rudc.learning.config import LearnerConfig
@@ -171,7 +171,7 @@ class TrainConfig(_Model):
                 values, _ = with_value(values, key, value)
             except (DottedKeyError, TypeError) as error:
                 raise InputError(f"training setting {key!r}: {error}") from None
-        if "driver.observation" in settings and settings["driver.observation"] in get_args(Kind):
+        if "driver.observation" in settings and settings["driver.observation"] in get_args(ObservationKind):
             values["driver"]["learner"]["layout"] = observation_layout(values["driver"]["observation"])
         try:
             return type(self).model_validate(values)

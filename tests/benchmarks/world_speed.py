@@ -31,7 +31,7 @@ import numpy as np
 import rudc.env.episode as episode_module
 import rudc.world.world as world_module
 from rudc.env.intersection import IntersectionEnv
-from rudc.env.observation import Kind
+from rudc.env.observation import ObservationKind
 from rudc.scenario import load_scenario
 from rudc.scenario.model import Scenario
 from rudc.world.ego import EgoPlant
@@ -126,7 +126,7 @@ def play(env: IntersectionEnv, seed: int) -> tuple[list[float], list[int]]:
     return taken, counts
 
 
-def against_sumo(kind: Kind, episodes: int) -> float:
+def against_sumo(kind: ObservationKind, episodes: int) -> float:
     """Prints the ratios and returns the environment's decisions/s."""
     env = IntersectionEnv(busy_scenario(), observation=kind)
     env.reset(seed=0)
@@ -188,7 +188,7 @@ class Clock:
         setattr(owner, name, timed)
 
 
-def where_time_goes(kind: Kind, episodes: int) -> None:
+def where_time_goes(kind: ObservationKind, episodes: int) -> None:
     """Run in a process of its own: it wraps functions for good."""
     clock = Clock()
     for owner, name, label in (

@@ -26,13 +26,19 @@ class Worlds:
 
     def __init__(self) -> None:
         self._world: World | None = None
-        self._asked: tuple[str, WorldConfig | None] | None = None
+        self._asked: object = None
 
-    def __call__(self, name: str = "four_way", config: WorldConfig | None = None) -> World:
+    def __call__(
+        self,
+        name: str = "four_way",
+        config: WorldConfig | None = None,
+        vehicle: EgoVehicle | None = None,
+    ) -> World:
         """That world, closed and opened anew only where another is asked for."""
-        if self._world is None or self._asked != (name, config):
+        if self._world is None or self._asked != (name, config, vehicle):
             self.close()
-            self._world, self._asked = World(load_network(name), config), (name, config)
+            self._world = World(load_network(name, vehicle=vehicle), config)
+            self._asked = (name, config, vehicle)
         return self._world
 
     def close(self) -> None:

@@ -1,0 +1,33 @@
+"""Scenes cross to other processes small, and their network and route are that process's own."""
+
+import pickle
+import subprocess
+import sys
+
+from rudc.vehicle import EgoVehicle
+from rudc.world.scene import Scene
+from tests.plans import PlanSource
+
+CHECK = """
+import pickle, sys
+from rudc.network.network import load_network
+scene = pickle.load(sys.stdin.buffer)
+network = load_network("four_way", vehicle=scene.vehicle)
+assert scene.network is network
+assert scene.route is network.route(scene.route.origin, scene.route.destination)
+sys.stdout.buffer.write(pickle.dumps(scene))
+"""
+
+
+def test_a_scene_crosses_small_and_comes_back_the_same(world_on):
+    world = world_on(vehicle=EgoVehicle(width=1.7))
+    scene = world.reset(PlanSource(density=30.0).plan(0))
+    data = pickle.dumps(scene)
+    assert len(data) < 1_500 + 100 * scene.count
+    there = subprocess.run([sys.executable, "-c", CHECK], input=data, capture_output=True, check=False)
+    assert there.returncode == 0, there.stderr.decode()
+    again: Scene = pickle.loads(there.stdout)
+    assert again == scene
+    assert again.route is scene.route
+    assert again.network is world.network
+    assert again.vehicle == EgoVehicle(width=1.7)
