@@ -69,5 +69,6 @@ class PlanSource:
             traffic=traffic,
             events=self.events,
             timeout_s=self.timeout_s,
+            event_numbers=tuple(range(1, len(self.events) + 1)),
             source=self,  # pyright: ignore[reportArgumentType] - it stands in for a scenario
         )

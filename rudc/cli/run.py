@@ -73,7 +73,10 @@ def run(
                 film.watch(scene, decision, result)
 
         record = run_episode(episode, scenario.plan(seed), driver, options=options, watch=watch)
+        events = world.event_lines()
     _show(record)
+    for line in events:
+        typer.echo(f"event {line}")
     if steps is not None:
         trace.save(steps)
     if video is not None:

@@ -179,6 +179,9 @@ class Episode:
         hit = self._last.collision if self._last else None
         whole = max(destination_s(truth) - self._start_s, 1e-9)
         done = 1.0 if outcome is Outcome.SUCCESS else (self._farthest_s - self._start_s) / whole
+        happenings = self.world.happenings()
+        begun = [event.begun_s for event in happenings if event.begun_s is not None]
+        seen = [event.visible_s for event in happenings if event.visible_s is not None]
         return EpisodeMetrics(
             outcome=str(outcome) if outcome else "",
             violation=str(outcome) if outcome and violated else "",
@@ -194,6 +197,9 @@ class Episode:
             sv_collisions=self._sv_collisions,
             density=self._densities / steps if steps else math.nan,
             redraws=self.world.plan.attempt,
+            events_fired=len(begun) if self.world.plan.is_scripted else None,
+            first_event_s=min(begun, default=math.nan),
+            first_event_visible_s=min(seen, default=math.nan),
         )
 
     def _begin(self, scene: Scene) -> None:

@@ -49,6 +49,7 @@ class Trace:
             "gap_m": result.advance.min_dtc_m,
             "reward": result.reward,
             "cost": result.cost,
+            "events": " ".join(result.advance.events),
         }
         row |= {f"reward_{name}": value for name, value in result.terms.items()}
         self._rows.append(row)

@@ -90,6 +90,11 @@ class EpisodePlan:
     source: Drawable | None = field(default=None, repr=False, compare=False)
     """what it was drawn from"""
 
+    @property
+    def is_scripted(self) -> bool:
+        """Whether its scenario has events, in this episode or in another."""
+        return bool(self.events) or (self.source is not None and bool(self.source.events))
+
     def redrawn(self) -> EpisodePlan:
         """The same episode drawn once more, for when the ego cannot start safely in this one."""
         if self.source is None:

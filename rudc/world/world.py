@@ -24,7 +24,7 @@ from rudc.world.brakes import Brakes
 from rudc.world.config import WorldConfig
 from rudc.world.contact import NOTHING, Body, Nearest, ego_body, nearer, survey
 from rudc.world.ego import EgoPlant, realised
-from rudc.world.events import Happening, Script, WorldStage
+from rudc.world.events import Happening, Script, WorldStage, event_lines
 from rudc.world.fault import Collision, judge
 from rudc.world.perception import Sensors
 from rudc.world.reading import EgoView, Reader
@@ -68,6 +68,8 @@ class Advance(NamedTuple):
     """veh/km on the road at the end"""
     gap_m: float | None = None
     """m, the smallest gap at the end, where the world has measured it"""
+    events: tuple[str, ...] = ()
+    """names of the scripted events that took effect at its beginning"""
 
 
 class World:
@@ -146,11 +148,15 @@ class World:
         """(K, 5) opaque boxes beside the road: centre x, y (m), heading (rad), length, width (m)."""
         return self.stage.sensors.occluders
 
+    def event_lines(self) -> list[str]:
+        """A line for each event of the scenario's file: since when, or why it is not there."""
+        return event_lines(self.plan, self.happenings())
+
     def advance(self, u: Array) -> Advance:
         """Apply u = (acceleration m/s2, front-wheel angle rad) for one decision, or up to the first
         violation."""
         scene = self.scene()
-        self._script.step(scene)
+        began = self._script.step(scene)
         every = LAYER_EVERY_MOVING if any(prop.moves for prop in self.stage.props) else LAYER_EVERY
         if self._decisions % every == 0:
             self._brake(scene, every * self.config.decision_s)
@@ -167,7 +173,7 @@ class World:
         overlaps = self._reader.new_overlaps(scene) if self._decisions % OVERLAPS_EVERY == 0 else 0
         density = len(self._reader.names) / self.network.road_km
         hit = None if reached.touched is None else self._collision(reached.touched, scene, before)
-        return Advance(hit, off_road, wrong_way, reached.gap, overlaps, density, self._nearest.gap)
+        return Advance(hit, off_road, wrong_way, reached.gap, overlaps, density, self._nearest.gap, began)
 
     def put_ego(self, x: float, y: float, psi: float, v: float = 0.0) -> Scene:
         """Place the ego anew (m, m, rad, m/s), as studies and tests need it, and return the scene."""

@@ -26,7 +26,7 @@ class Script:
     def __init__(self, *played):
         self.scenes, self.advances = [scene for scene, _ in played], [advance for _, advance in played]
         self.at = 0
-        self.plan = SimpleNamespace(attempt=2)
+        self.plan = SimpleNamespace(attempt=2, is_scripted=False)
 
     def reset(self, plan, *, ego_driver="agent", options=()):
         self.at = 0
@@ -36,6 +36,9 @@ class Script:
         return self.scenes[self.at]
 
     perceived = scene
+
+    def happenings(self):
+        return ()
 
     def advance(self, u):
         self.at += 1
@@ -159,3 +162,26 @@ def test_with_a_real_world(driver):
             assert episode.truth.ego_s >= start
             if driver == "sumo":
                 assert metrics.outcome in ("success", "frozen")
+
+
+def test_metrics_say_whether_the_scripted_events_happened():
+    brake = {
+        "kind": "slow_vehicle",
+        "vehicle": "random",
+        "speed": 2,
+        "when": {"simulation_time": {"above": 0.5}},
+    }
+    never = {**brake, "when": {"probability": 0}}
+    found = {}
+    with World(load_network("four_way")) as world:
+        episode = Episode(world)
+        for name, events in (("none", []), ("absent", [never]), ("one", [never, brake])):
+            episode.reset(load_scenario("random_destination", {"events": events}).plan(0))
+            for _ in range(10):
+                episode.step(U)
+            metrics = episode.metrics()
+            found[name] = (metrics.events_fired, metrics.first_event_s, metrics.first_event_visible_s)
+    assert found["none"][0] is None
+    assert found["absent"][0] == 0
+    assert math.isnan(found["absent"][1])
+    assert found["one"] == (1, pytest.approx(0.6, abs=0.11), pytest.approx(0.7, abs=0.11))

@@ -39,10 +39,10 @@ class Script:
         self._visible: dict[str, float] = {}
         self._begin([e for e in self._waiting if e.from_the_start and e.event.when is None])
 
-    def step(self, scene: Scene) -> None:
-        """Go on with what is in effect, end what is over, begin what is triggered."""
+    def step(self, scene: Scene) -> tuple[str, ...]:
+        """Go on with what is in effect, end what is over, begin what is triggered; names of what began."""
         if not self._waiting and not self._active:
-            return
+            return ()
         stage = self._stage
         stage.scene = scene
         for effect in list(self._active):
@@ -51,7 +51,8 @@ class Script:
                 self._active.remove(effect)
             else:
                 effect.step(stage)
-        self._begin([e for e in self._waiting if e.event.when is None or holds(e.event.when, scene, stage)])
+        due = [e for e in self._waiting if e.event.when is None or holds(e.event.when, scene, stage)]
+        return self._begin(due)
 
     def look(self, perceived: Scene) -> None:
         """Note what the ego sees of the events in effect."""
@@ -73,14 +74,15 @@ class Script:
             for effect in self._effects
         )
 
-    def _begin(self, effects: list[Effect[Any]]) -> None:
-        for effect in effects:
-            if effect.begin(self._stage):
-                effect.begun_s = self._begun[effect.name] = self._stage.time_s
-                if effect.felt:
-                    self._visible[effect.name] = effect.begun_s
-                self._waiting.remove(effect)
-                self._active.append(effect)
+    def _begin(self, effects: list[Effect[Any]]) -> tuple[str, ...]:
+        begun = [effect for effect in effects if effect.begin(self._stage)]
+        for effect in begun:
+            effect.begun_s = self._begun[effect.name] = self._stage.time_s
+            if effect.felt:
+                self._visible[effect.name] = effect.begun_s
+            self._waiting.remove(effect)
+            self._active.append(effect)
+        return tuple(effect.name for effect in begun)
 
     def _bodies(self, effect: Effect[Any]) -> frozenset[str]:
         return effect.chosen | self._stage.things_of(effect.name)

@@ -1,0 +1,51 @@
+"""Says of the events of an episode, in words, since when they are there, or why they are not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rudc.scenario.events import Event
+    from rudc.scenario.plan import EpisodePlan
+    from rudc.world.events.script import Happening
+
+
+def event_lines(plan: EpisodePlan, happenings: Sequence[Happening]) -> list[str]:
+    """`2 hard_brake: not there, it waits for ...`, one line for each event of the scenario's file."""
+    numbers = plan.event_numbers or range(1, len(plan.events) + 1)
+    lines = {number: _line(number, event) for number, event in zip(numbers, happenings, strict=True)}
+    for number, scripted in enumerate(plan.source.events if plan.source else (), start=1):
+        if number not in lines:
+            lines[number] = f"{number} {scripted.kind}: not in this episode, its probability decided so"
+    return [lines[number] for number in sorted(lines)]
+
+
+def _line(number: int, happening: Happening) -> str:
+    head = f"{number} {happening.event.kind}"
+    if happening.begun_s is None:
+        return f"{head}: not there, it waits for {_awaited(happening.event)}"
+    since = f"began at {happening.begun_s:.1f} s" if happening.begun_s > 0 else "from the start"
+    over = ", over" if happening.is_over else ""
+    if happening.visible_s is None:
+        return f"{head}: {since}{over}, not seen by the ego"
+    seen = f", seen by the ego at {happening.visible_s:.1f} s" if happening.bodies else ""
+    return f"{head}: {since}{over}{seen}"
+
+
+def _awaited(event: Event) -> str:
+    parts = [
+        f"{name} {_words(condition)}"
+        for name, condition in (event.when.conditions if event.when else {}).items()
+    ]
+    who = getattr(event, "vehicle", None)
+    if who is not None:
+        parts.append(f"a vehicle to act on ({who})")
+    return " and ".join(parts) or "the first decision"
+
+
+def _words(condition: Any) -> str:
+    data = condition.model_dump(mode="json", exclude_none=True)
+    return " ".join(
+        f"{key} {value:.3g}" if isinstance(value, float) else f"{key} {value}" for key, value in data.items()
+    )
