@@ -55,6 +55,7 @@ def run(
     from rudc.evaluation.trace import Trace
     from rudc.network.network import load_network
     from rudc.scenario import load_scenario
+    from rudc.world.events import event_lines
     from rudc.world.world import World
 
     driver = make_agent(agent)
@@ -73,7 +74,7 @@ def run(
                 film.watch(scene, decision, result)
 
         record = run_episode(episode, scenario.plan(seed), driver, options=options, watch=watch)
-        events = world.event_lines()
+        events = event_lines(world.plan, world.happenings())
     _show(record)
     for line in events:
         typer.echo(f"event {line}")

@@ -197,7 +197,7 @@ class Episode:
             sv_collisions=self._sv_collisions,
             density=self._densities / steps if steps else math.nan,
             redraws=self.world.plan.attempt,
-            events_fired=len(begun) if self.world.plan.is_scripted else None,
+            events_fired=len(begun) if self.world.plan.scripted else None,
             first_event_s=min(begun, default=math.nan),
             first_event_visible_s=min(seen, default=math.nan),
         )

@@ -34,6 +34,7 @@ def misfits(scenario: Scenario, seed: int = 0) -> list[str]:
     """In what the scenario does not fit its network; empty when it does."""
     try:
         network = load_network(scenario.network, scenario.junction)
+        network.refuse_lights()
     except InputError as error:
         return [str(error)]
     found = []

@@ -155,8 +155,8 @@ def _node_warnings(network: Network) -> Iterator[str]:
             "the junction is `unregulated`: SUMO's vehicles drive through each other there; give its node "
             "the type `priority` or `allway_stop`"
         )
-    if network.node_type.startswith("traffic_light"):
-        yield "the junction has traffic lights, to which the ego pays no attention"
+    if network.lights:
+        yield "the junction has traffic lights, to which the ego pays no attention: no scenario can use it"
 
 
 def _arm_warnings(network: Network, arm: Arm) -> Iterator[str]:

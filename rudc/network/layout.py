@@ -46,6 +46,10 @@ class Layout:
         """SUMO nodes of the junction: one, or all of a roundabout"""
         self.node_type = str(chosen.nodes[0].getType())
         """SUMO's type of the junction's (first) node: priority, allway_stop, ..."""
+        self.lights = tuple(
+            node.getID() for node in chosen.nodes if str(node.getType()).startswith("traffic_light")
+        )
+        """those of `nodes` that have traffic lights"""
         self.is_roundabout = chosen.is_roundabout
         """whether the junction is a whole roundabout"""
         self.ring_edges: frozenset[str] = chosen.ring
@@ -83,6 +87,15 @@ class Layout:
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.name!r}, arms={[arm.name for arm in self.arms]})"
 
+    def refuse_lights(self) -> None:
+        """Raise NetworkError if the junction has traffic lights, to which nobody here pays attention."""
+        if self.lights:
+            raise NetworkError(
+                f"{self.path}: junction {self.lights[0]!r} has traffic lights, to which the ego pays no "
+                f"attention; take them away: netconvert -s {self.path.name} --tls.discard-loaded "
+                f"--tls.unset {','.join(self.lights)} -o {self.name}_without_lights.net.xml"
+            )
+
     @property
     def half_extent(self) -> float:
         """m, half the side of the square about the centre that holds all arms."""
@@ -104,6 +117,10 @@ class Layout:
         if lane_id in self.lanes:
             return self.lanes[lane_id]
         raise NetworkError(f"no lane {name!r} in network {self.name}{there_are(name, named)}")
+
+    def speed_limit(self, edge: str) -> float:
+        """m/s, the lowest limit among the lanes of an edge."""
+        return min(lane.speed for lane in self.lanes.values() if lane.edge == edge)
 
     @property
     def lane_names(self) -> dict[str, str]:

@@ -171,5 +171,6 @@ class Scenario(FileModel, frozen=True):
             events=tuple(event for event in drawn if event is not None),
             timeout_s=self.episode.timeout.sample(generator(_EPISODE)),
             event_numbers=tuple(k for k, event in enumerate(drawn, start=1) if event is not None),
+            scripted=tuple(event.kind for event in self.events),
             source=self,
         )

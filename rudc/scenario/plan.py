@@ -87,13 +87,10 @@ class EpisodePlan:
     timeout_s: float
     event_numbers: tuple[int, ...] = ()
     """of each of `events`, its place in the scenario's file, from 1"""
+    scripted: tuple[str, ...] = ()
+    """kinds of all events in the scenario's file, those that are absent from this episode included"""
     source: Drawable | None = field(default=None, repr=False, compare=False)
     """what it was drawn from"""
-
-    @property
-    def is_scripted(self) -> bool:
-        """Whether its scenario has events, in this episode or in another."""
-        return bool(self.events) or (self.source is not None and bool(self.source.events))
 
     def redrawn(self) -> EpisodePlan:
         """The same episode drawn once more, for when the ego cannot start safely in this one."""

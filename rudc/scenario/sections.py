@@ -71,7 +71,7 @@ class Ego(FileModel, frozen=True):
     route: EgoRoute = EgoRoute()
     """random, {from: ARM, turn: TURN} or {from: EDGE, to: EDGE}"""
     speed: Speed = Uniform(uniform=(6.0, 10.0))
-    """m/s, at the start"""
+    """m/s, at the start; at most the limit of its road"""
     distance: Annotated[AnyDistribution, Bounds(0, 1000, "m", above=True)] = Uniform(uniform=(35.0, 45.0))
     """m from its front to the stop line, at the start"""
     destination: Annotated[AnyDistribution, Bounds(0, 1000, "m", above=True)] = Constant(value=30.0)
@@ -138,7 +138,7 @@ class Traffic(FileModel, frozen=True):
     density: Annotated[AnyDistribution, Bounds(0, 150, "veh/km")] = Constant(value=20.0)
     """veh/km of two-way road, held throughout the episode"""
     speed: Speed = Uniform(uniform=(6.0, 10.0))
-    """m/s, at the start; drawn anew for each vehicle"""
+    """m/s, at the start, at most the limit of its road; drawn anew for each vehicle"""
     mix: Mix = Mix(car=Constant(value=1.0))
     """relative share of each type of vehicle"""
     impatience: Annotated[AnyDistribution, Bounds(0, 1)] = Constant(value=0.6)

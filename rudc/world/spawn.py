@@ -3,7 +3,7 @@ out."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from rudc.geometry import rectangle_gaps
 from rudc.world.scene import Scene
 
 if TYPE_CHECKING:
-    from rudc.network.network import Network, Route
+    from rudc.network.network import Lane, Network, Route
     from rudc.scenario.plan import EgoPlan
 
 MARGIN_M = 2.0
@@ -46,6 +46,29 @@ def draw_route(network: Network, plan: EgoPlan, rng: np.random.Generator) -> Rou
     choices = [m for m in movements if m.origin == origin]
     movement = choices[rng.integers(len(choices))]
     return network.route(movement.origin, movement.destination)
+
+
+class Entry(NamedTuple):
+    """Where a vehicle enters a route."""
+
+    edges: tuple[str, ...]
+    """what is left of the route, SUMO's edges"""
+    lane: Lane
+    """which lane"""
+    front: float
+    """m along the lane, of its front bumper"""
+
+
+def entry(network: Network, route: Route, front_s: float) -> Entry:
+    """Where a vehicle enters a route whose front bumper is at front_s m of its path.
+
+    An arm may consist of several edges one behind the other, and the outermost is not always the one.
+    """
+    edges, ids = network.arm(route.origin).in_edges, network.paths.lane_ids[route.row]
+    inbound = [lane for lane in map(network.lanes.get, ids) if lane is not None and lane.edge in edges]
+    starts = [network.paths.locate(route.origin, route.destination, lane.id, 0.0)[1] for lane in inbound]
+    start, lane = [pair for pair in zip(starts, inbound, strict=True) if pair[0] <= front_s][-1]
+    return Entry(route.edges[route.edges.index(lane.edge) :], lane, front_s - start)
 
 
 def safe_to_start(scene: Scene) -> bool:

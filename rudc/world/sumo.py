@@ -9,13 +9,14 @@ libsumo holds one simulation per process: a second `start` would silently destro
 from __future__ import annotations
 
 import contextlib
+import functools
 import math
 import os
 import tempfile
 import weakref
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 
@@ -87,6 +88,26 @@ def _sumo_angle(psi: float) -> float:
     return (90.0 - math.degrees(psi)) % 360.0
 
 
+Method = TypeVar("Method", bound=Callable[..., Any])
+
+
+def _to(what: str) -> Callable[[Method], Method]:
+    """Has a method raise SimulationError where SUMO refuses: `what` it was asked to do, and its arguments."""
+
+    def decorate(method: Method) -> Method:
+        @functools.wraps(method)
+        def asked(self: Sumo, *args: Any, **kwargs: Any) -> Any:
+            try:
+                return method(self, *args, **kwargs)
+            except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
+                given = ", ".join([*map(str, args), *(f"{key}={value}" for key, value in kwargs.items())])
+                raise self.refused(f"{what} ({given})" if given else what, error) from error
+
+        return cast(Method, asked)
+
+    return decorate
+
+
 @contextlib.contextmanager
 def _as_file(text: str) -> Iterator[str]:
     """Path of a file with that text, there only while SUMO loads: a process that is killed leaves nothing."""
@@ -128,7 +149,8 @@ def _release(running: _Running) -> None:
 class Sumo:
     """A running simulation of one road network, ended by `close` or when nobody holds it any more.
 
-    Raises WorldBusyError when this process already runs one.
+    Raises WorldBusyError when this process already runs one; its methods raise SimulationError where SUMO
+    refuses.
     """
 
     def __init__(self, net_file: Path, step_s: float, options: Sequence[str] = ()) -> None:
@@ -138,10 +160,17 @@ class Sumo:
                 "this process already runs a world, and libsumo holds only one; close it first, "
                 "or run the second in a process of its own"
             )
+        self._network = net_file.name
         self._arguments = ["--net-file", str(net_file), "--step-length", f"{step_s:g}", *_OPTIONS, *options]
         self._running = _Running()
         self._release = weakref.finalize(self, _release, self._running)
         _owner = os.getpid()
+
+    def refused(self, what: str, error: Exception) -> SimulationError:
+        """What to raise where SUMO could not do `what`."""
+        if isinstance(error, libsumo.FatalTraCIError):
+            self._running.started = False  # SUMO has ended the simulation; the next load starts it anew
+        return SimulationError(f"network {self._network}: SUMO could not {what}: {error}")
 
     def close(self) -> None:
         """End the simulation; a world may then be made anew in this process."""
@@ -164,27 +193,24 @@ class Sumo:
                 self._running.started = True
         except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
             self._running.started = False
-            raise SimulationError(f"SUMO could not begin: {error}") from error
+            raise self.refused("begin", error) from error
 
+    @_to("take a step")
     def step(self) -> None:
         """Advance by one simulation step."""
-        try:
-            libsumo.simulationStep()
-        except libsumo.FatalTraCIError as error:
-            # SUMO has ended the simulation; the next load starts it anew.
-            self._running.started = False
-            raise SimulationError(f"SUMO ended the simulation: {error}") from error
-        except libsumo.TraCIException as error:
-            raise SimulationError(f"SUMO failed: {error}") from error
+        libsumo.simulationStep()
 
+    @_to("say the time")
     def time(self) -> float:
         """s since `load`."""
         return libsumo.simulation.getTime()
 
+    @_to("name a route")
     def add_route(self, name: str, edges: Sequence[str]) -> None:
         """Name a sequence of edges."""
         libsumo.route.add(name, list(edges))
 
+    @_to("add a vehicle")
     def add(self, vehicle: str, route: str, kind: str, lane: int, front: float, speed: float) -> None:
         """Ask for a vehicle on lane index `lane` of its route's first edge, front bumper at `front` m, at
         speed m/s."""
@@ -197,14 +223,17 @@ class Sumo:
             departSpeed=f"{speed:.3f}",
         )
 
+    @_to("remove a vehicle")
     def remove(self, vehicle: str) -> None:
         """Take a vehicle off the road."""
         libsumo.vehicle.remove(vehicle)
 
+    @_to("list its vehicles")
     def vehicles(self) -> tuple[str, ...]:
         """Names of the vehicles on the road."""
         return libsumo.vehicle.getIDList()
 
+    @_to("say where vehicles are")
     def motion(self, vehicles: Sequence[str], lengths: Array) -> Motion:
         """Read n vehicles at once; lengths is (n,) m."""
         count = len(vehicles)
@@ -218,20 +247,24 @@ class Sumo:
         position -= (0.5 * lengths)[:, None] * course
         return Motion(position, heading, course, speed, acceleration, list(map(_lane, vehicles)), along)
 
+    @_to("say where a vehicle is")
     def pose(self, vehicle: str, length: float) -> tuple[float, float, float]:
         """Centre (m, m) and heading (rad) of a vehicle `length` m long."""
         x, y = libsumo.vehicle.getPosition(vehicle)
         psi = _QUARTER - libsumo.vehicle.getAngle(vehicle) * _RADIAN
         return x - 0.5 * length * math.cos(psi), y - 0.5 * length * math.sin(psi), psi
 
+    @_to("say how fast a vehicle is")
     def drive(self, vehicle: str) -> tuple[float, float]:
         """Speed m/s and acceleration m/s2 of a vehicle."""
         return libsumo.vehicle.getSpeed(vehicle), libsumo.vehicle.getAcceleration(vehicle)
 
+    @_to("say on which lane a vehicle is")
     def lane_place(self, vehicle: str) -> tuple[str, float]:
         """Lane of a vehicle, and where its front bumper is on it, m."""
         return libsumo.vehicle.getLaneID(vehicle), libsumo.vehicle.getLanePosition(vehicle)
 
+    @_to("place a vehicle")
     def place(self, vehicle: str, x: float, y: float, psi: float, v: float, length: float) -> None:
         """Put a vehicle's centre at (x, y) m, heading psi rad, speed v m/s, whatever its lane."""
         front_x = x + 0.5 * length * math.cos(psi)
@@ -239,6 +272,7 @@ class Sumo:
         libsumo.vehicle.moveToXY(vehicle, "", -1, front_x, front_y, _sumo_angle(psi), 2, MATCH_M)
         libsumo.vehicle.setSpeed(vehicle, v)
 
+    @_to("block a lane")
     def block(self, vehicle: str, edge: str, lane: int, start: float, end: float) -> None:
         """Have something stand for good on a lane of an edge, from start to end m."""
         self.add_route(vehicle, [edge])
@@ -247,11 +281,13 @@ class Sumo:
         libsumo.vehicle.setLaneChangeMode(vehicle, 0)
         libsumo.vehicle.setStop(vehicle, edge, end, lane, 1e6)
 
+    @_to("hand a vehicle over")
     def take_over(self, vehicle: str) -> None:
         """From now on `place` alone moves this vehicle."""
         libsumo.vehicle.setSpeedMode(vehicle, OBEDIENT)
         libsumo.vehicle.setLaneChangeMode(vehicle, 0)
 
+    @_to("give a driver its character")
     def personality(self, vehicle: str, **values: float) -> None:
         """Set a driver's `tau` s, `min_gap` m, `accel` and `decel` m/s2, `speed_factor`."""
         setters = {
@@ -265,14 +301,17 @@ class Sumo:
         for name, value in values.items():
             setters[name](vehicle, value)
 
+    @_to("slow a vehicle down")
     def slow_down(self, vehicle: str, speed: float, duration: float) -> None:
         """Bring a vehicle to a speed (m/s) evenly within duration s; then it is SUMO's again."""
         libsumo.vehicle.slowDown(vehicle, speed, duration)
 
+    @_to("set a vehicle's speed mode")
     def set_mode(self, vehicle: str, mode: int) -> None:
         """Which of SUMO's checks hold for a vehicle's speed."""
         libsumo.vehicle.setSpeedMode(vehicle, mode)
 
+    @_to("limit a vehicle's speed")
     def limit_speed(self, vehicle: str, speed: float) -> None:
         """Set the fastest a vehicle can go, m/s."""
         libsumo.vehicle.setMaxSpeed(vehicle, speed)

@@ -24,12 +24,12 @@ from rudc.world.brakes import Brakes
 from rudc.world.config import WorldConfig
 from rudc.world.contact import NOTHING, Body, Nearest, ego_body, nearer, survey
 from rudc.world.ego import EgoPlant, realised
-from rudc.world.events import Happening, Script, WorldStage, event_lines
+from rudc.world.events import Happening, Script, WorldStage
 from rudc.world.fault import Collision, judge
 from rudc.world.perception import Sensors
 from rudc.world.reading import EgoView, Reader
 from rudc.world.scene import STANDING, EgoState, Kind, Scene
-from rudc.world.spawn import draw_route, safe_to_start
+from rudc.world.spawn import draw_route, entry, safe_to_start
 from rudc.world.sumo import Sumo
 from rudc.world.traffic import EGO, Traffic, type_file
 from rudc.world.yielding import BRAKE_MOST, ego_must_yield, must_yield
@@ -73,11 +73,14 @@ class Advance(NamedTuple):
 
 
 class World:
-    """The simulation, ended by `close` or when nobody holds it any more. Raises WorldBusyError when this
-    process already has one open; `rudc.world.isolated` runs one in a process of its own.
+    """The simulation, ended by `close` or when nobody holds it any more.
+
+    Raises WorldBusyError when this process already has one open (`rudc.world.isolated` runs one in a process
+    of its own), NetworkError for a junction with traffic lights.
     """
 
     def __init__(self, network: Network, config: WorldConfig | None = None) -> None:
+        network.refuse_lights()
         self.network = network
         self.config = config or WorldConfig()
         self.vehicle = network.vehicle
@@ -147,10 +150,6 @@ class World:
     def occluders(self) -> Array:
         """(K, 5) opaque boxes beside the road: centre x, y (m), heading (rad), length, width (m)."""
         return self.stage.sensors.occluders
-
-    def event_lines(self) -> list[str]:
-        """A line for each event of the scenario's file: since when, or why it is not there."""
-        return event_lines(self.plan, self.happenings())
 
     def advance(self, u: Array) -> Advance:
         """Apply u = (acceleration m/s2, front-wheel angle rad) for one decision, or up to the first
@@ -226,7 +225,9 @@ class World:
             )
         self._destination_s = min(route.exit_s + plan.destination_m, route.length - half - 1.0)
         x, y, psi = (float(value) for value in route.path.pose(self._ego_s))
-        self._plant.reset(x, y, psi, plan.speed_mps)
+        self._entry = entry(self.network, route, self._ego_s + half)
+        limit = self.network.speed_limit(self._entry.lane.edge)
+        self._plant.reset(x, y, psi, min(plan.speed_mps, limit))
 
     def _warm_up(self, duration_s: float) -> None:
         for _ in range(max(round(duration_s / self.config.decision_s), 1)):
@@ -240,10 +241,9 @@ class World:
                 prop.look_out(scene)
 
     def _enter_ego(self) -> bool:
-        plan, body = self.plan.ego, self.vehicle
-        lane = self.network.lanes[self.network.paths.lane_ids[self.route.row][0]]
-        self._sumo.add_route(EGO, self.route.edges)
-        self._sumo.add(EGO, EGO, EGO, lane.index, self._ego_s + 0.5 * body.length, plan.speed_mps)
+        state, body = self._plant.state, self.vehicle
+        self._sumo.add_route(EGO, self._entry.edges)
+        self._sumo.add(EGO, EGO, EGO, self._entry.lane.index, self._entry.front, state.v)
         self._sumo.step()
         self._move_props()
         if EGO not in self._sumo.vehicles():
@@ -253,7 +253,6 @@ class World:
             self._read_ego()
         else:
             self._sumo.take_over(EGO)
-            state = self._plant.state
             self._sumo.place(EGO, state.x, state.y, state.psi, state.v, body.length)
         self._time0 = self._sumo.time()
         self._refresh()

@@ -26,7 +26,7 @@ class Script:
     def __init__(self, *played):
         self.scenes, self.advances = [scene for scene, _ in played], [advance for _, advance in played]
         self.at = 0
-        self.plan = SimpleNamespace(attempt=2, is_scripted=False)
+        self.plan = SimpleNamespace(attempt=2, scripted=())
 
     def reset(self, plan, *, ego_driver="agent", options=()):
         self.at = 0

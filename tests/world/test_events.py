@@ -10,6 +10,7 @@ import pytest
 
 from rudc.geometry import rectangle_gaps
 from rudc.scenario import load_scenario
+from rudc.world.events import event_lines
 from rudc.world.events.selection import pick
 from rudc.world.scene import Kind
 from tests.plans import PlanSource, event
@@ -385,7 +386,7 @@ def test_when_an_event_was_seen_first(world, four_way):
     assert seen["open"] == [0.0]
     assert seen["hidden"][0] > 0.5
     assert seen["hidden"][1] == 0.0
-    assert world.event_lines() == [
+    assert event_lines(world.plan, world.happenings()) == [
         f"1 accident: from the start, seen by the ego at {seen['hidden'][0]:.1f} s",
         "2 occlusion: from the start",
     ]
@@ -394,7 +395,7 @@ def test_when_an_event_was_seen_first(world, four_way):
 def test_event_lines_say_why_something_is_not_there(world):
     scenario = load_scenario("perfect_storm", {"traffic.density": 0, "events.3.when.probability": 0})
     world.reset(scenario.plan(0))
-    assert world.event_lines()[3:] == [
+    assert event_lines(world.plan, world.happenings())[3:] == [
         "4 hard_brake: not in this episode, its probability decided so",
         "5 priority_violation: not there, it waits for reach_position position [1.75, -16.0] tolerance 5 "
         "and a vehicle to act on (crossing)",

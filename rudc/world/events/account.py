@@ -13,11 +13,11 @@ if TYPE_CHECKING:
 
 def event_lines(plan: EpisodePlan, happenings: Sequence[Happening]) -> list[str]:
     """`2 hard_brake: not there, it waits for ...`, one line for each event of the scenario's file."""
-    numbers = plan.event_numbers or range(1, len(plan.events) + 1)
-    lines = {number: _line(number, event) for number, event in zip(numbers, happenings, strict=True)}
-    for number, scripted in enumerate(plan.source.events if plan.source else (), start=1):
+    pairs = zip(plan.event_numbers, happenings, strict=True)
+    lines = {number: _line(number, happening) for number, happening in pairs}
+    for number, kind in enumerate(plan.scripted, start=1):
         if number not in lines:
-            lines[number] = f"{number} {scripted.kind}: not in this episode, its probability decided so"
+            lines[number] = f"{number} {kind}: not in this episode, its probability decided so"
     return [lines[number] for number in sorted(lines)]
 
 

@@ -1,0 +1,52 @@
+"""Networks that tests make for themselves: four_way with other limits, and one with arms in pieces."""
+
+import re
+from collections.abc import Callable
+from itertools import cycle, pairwise
+from pathlib import Path
+
+from rudc.network.build import build_network
+from rudc.network.network import shipped_networks
+
+PIECES = {
+    "east": (0.0, 15.0, 70.0, 150.0),
+    "north": (0.0, 40.0, 150.0),
+    "west": (0.0, 150.0),
+    "south": (0.0, 60.0, 120.0),
+}
+"""m from the centre at which the edges of each arm meet"""
+AWAY = {"east": (1, 0), "north": (0, 1), "west": (-1, 0), "south": (0, -1)}
+
+
+def with_limits(folder: Path, limits: Callable[[str], float], node_type: str = "priority") -> Path:
+    """four_way, with a limit (m/s) for each edge's name, and another type of junction."""
+    text = shipped_networks()["four_way"].read_text(encoding="utf-8")
+    edge, lines = "", []
+    for line in text.splitlines():
+        found = re.search(r'<edge id="([^"]+)"', line)
+        edge = found.group(1) if found else edge
+        if "<lane" in line:
+            line = re.sub(r'speed="[0-9.]+"', f'speed="{limits(edge):.2f}"', line)
+        lines.append(re.sub(r'(<junction id="centre" type=")\w+', rf"\g<1>{node_type}", line))
+    path = folder / "limited.net.xml"
+    path.write_text("\n".join(lines), encoding="utf-8")
+    return path
+
+
+def in_pieces(folder: Path) -> Path:
+    """Four arms of several edges each, as imported maps have them, every one with another limit."""
+    nodes = ['<node id="centre" x="0" y="0" type="priority"/>']
+    edges, limits = [], cycle((5.0, 8.33, 13.9, 27.8))
+    for arm, places in PIECES.items():
+        names = ["centre", *(f"{arm}{i}" for i in range(1, len(places)))]
+        for name, away in zip(names[1:], places[1:], strict=True):
+            nodes.append(f'<node id="{name}" x="{AWAY[arm][0] * away}" y="{AWAY[arm][1] * away}"/>')
+        for i, (inner, outer) in enumerate(pairwise(names)):
+            for way, (start, end) in {"in": (outer, inner), "out": (inner, outer)}.items():
+                edges.append(
+                    f'<edge id="{arm}_{way}{i}" from="{start}" to="{end}" numLanes="1" '
+                    f'speed="{next(limits)}" priority="{2 if AWAY[arm][0] else 1}"/>'
+                )
+    for ending, tag, parts in ((".nod.xml", "nodes", nodes), (".edg.xml", "edges", edges)):
+        (folder / f"pieces{ending}").write_text(f"<{tag}>{''.join(parts)}</{tag}>", encoding="utf-8")
+    return build_network(folder)
