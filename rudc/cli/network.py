@@ -78,8 +78,10 @@ def check(
     for warning in report.warnings:
         note(f"warning: {warning}")
     if out is not None:
-        _draw(report.network, out)
-        typer.echo(f"\n{out}")
+        from rudc.drawing.network_picture import draw_network
+        from rudc.drawing.picture_file import save_picture
+
+        typer.echo(f"\n{save_picture(draw_network(report.network), out)}")
 
 
 @app.command()
@@ -103,18 +105,3 @@ def build(
 
 def _radius(radius_m: float) -> str:
     return "straight" if radius_m > 1e3 else f"{radius_m:.1f}"
-
-
-def _draw(network: object, out: Path) -> None:
-    from rudc.errors import StorageError
-    from rudc.network.network import Network
-    from rudc.world.draw import draw_network, draw_route, save
-
-    assert isinstance(network, Network)
-    axes = draw_network(network)
-    for movement in network.movements:
-        draw_route(axes, network.route(movement.origin, movement.destination), edges=False)
-    try:
-        save(axes, out)
-    except (OSError, ValueError) as error:
-        raise StorageError(f"cannot write {out}: {error}") from None

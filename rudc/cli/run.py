@@ -12,8 +12,8 @@ from rudc.cli.scenario import Overrides, parse_overrides
 
 if TYPE_CHECKING:
     from rudc.agents.base import Decision
+    from rudc.drawing.window import Window
     from rudc.env.episode import StepResult
-    from rudc.env.window import Window
     from rudc.evaluation.record import EpisodeRecord
     from rudc.world.scene import Scene
 
@@ -49,8 +49,9 @@ def run(
     `rudc run random_destination --set traffic.density=40 --steps steps.csv`
     """
     from rudc.agents.registry import make_agent
+    from rudc.drawing.picture_file import check_film
     from rudc.env.episode import Episode
-    from rudc.evaluation.film import Film, check_film
+    from rudc.evaluation.film import Film
     from rudc.evaluation.rollout import run_episode
     from rudc.evaluation.trace import Trace
     from rudc.network.network import load_network
@@ -66,7 +67,7 @@ def run(
     with World(load_network(scenario.network, scenario.junction)) as world:
         episode = Episode(world)
         trace = Trace()
-        film = Film(episode, _window(scenario.name, world.config.decision_s) if gui else None)
+        film = Film(episode, driver.name, _window(scenario.name, world.config.decision_s) if gui else None)
 
         def watch(scene: Scene, decision: Decision, result: StepResult) -> None:
             trace.watch(scene, decision, result)
@@ -88,7 +89,7 @@ def run(
 
 
 def _window(title: str, decision_s: float) -> Window:
-    from rudc.env.window import Window
+    from rudc.drawing.window import Window
 
     return Window(title, 1.0 / decision_s)
 

@@ -101,11 +101,12 @@ def preview(
     ] = None,
     overrides: Overrides = None,
 ) -> None:
-    """Draw a scenario: the road, the ego (yellow) and its path, events (red), and traffic as one seed has it.
+    """Draw a scenario's first scene as one seed has it: the ego (yellow) and its path, traffic (blue), events
+    (orange, numbered), and a grid of the metres that a file's `position: [x, y]` counts.
 
     **Example**: `rudc scenario preview blocked_left_turn --seed 3 --out blocked.png`
     """
-    from rudc.evaluation.preview import draw_preview
+    from rudc.drawing.preview import draw_preview
     from rudc.scenario import load_scenario
 
     scenario = load_scenario(source, parse_overrides(overrides))

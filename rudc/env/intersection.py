@@ -14,12 +14,13 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import EzPickle
 
 from rudc.arrays import Array
+from rudc.drawing.frames import Frame, Renderer
+from rudc.drawing.view import Driving, view_of
+from rudc.drawing.window import Window
 from rudc.env.action import ActionKind, read_action
 from rudc.env.distances import Distances
 from rudc.env.episode import Episode, Outcome
 from rudc.env.observation import ObservationKind, observation_space, observe_flat, unflatten
-from rudc.env.rendering import Frame, Renderer
-from rudc.env.window import Window
 from rudc.errors import InputError
 from rudc.network.network import load_network
 from rudc.scenario import EpisodePlan, Scenario, load_scenario
@@ -321,13 +322,8 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         episode = self.episode
         if self._renderer is None:
             self._renderer = Renderer(episode.world.network)
-        return self._renderer.frame(
-            episode.truth,
-            active=self.active_constraints,
-            seen=set(episode.world.perceived().ids),
-            occluders=episode.world.occluders(),
-            outcome=episode.outcome,
-        )
+        driving = Driving(active=self.active_constraints)
+        return self._renderer.frame(view_of(episode.world, episode.outcome), driving)
 
     def _show(self) -> None:
         if self._window is None:

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from rudc.network.network import Network
     from rudc.scenario.plan import EpisodePlan
     from rudc.world.events import Happening
+    from rudc.world.perception import Sensors
     from rudc.world.scene import Scene
     from rudc.world.world import Advance
 
@@ -112,9 +113,9 @@ class IsolatedWorld:
         """As `World.happenings`."""
         return self._ask("happenings")
 
-    def occluders(self) -> Array:
-        """As `World.occluders`."""
-        return self._ask("occluders")
+    def sensors(self) -> Sensors:
+        """As `World.sensors`."""
+        return self._ask("sensors")
 
     def scene(self) -> Scene:
         """As `World.scene`."""

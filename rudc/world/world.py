@@ -147,9 +147,9 @@ class World:
         """
         return self._script.happenings()
 
-    def occluders(self) -> Array:
-        """(K, 5) opaque boxes beside the road: centre x, y (m), heading (rad), length, width (m)."""
-        return self.stage.sensors.occluders
+    def sensors(self) -> Sensors:
+        """The flaws of the ego's perception as they are now."""
+        return self.stage.sensors
 
     def advance(self, u: Array) -> Advance:
         """Apply u = (acceleration m/s2, front-wheel angle rad) for one decision, or up to the first

@@ -9,9 +9,8 @@ import pytest
 from rudc.agents.base import Decision
 from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode
-from rudc.errors import InputError
 from rudc.evaluation.columns import COLUMNS, TIMING, is_intervention
-from rudc.evaluation.film import Film, check_film
+from rudc.evaluation.film import Film
 from rudc.evaluation.rollout import run_episode
 from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.sweep import run_sweep
@@ -95,17 +94,6 @@ def test_watching_sees_every_decision_and_changes_nothing(episode, tmp_path):
 def test_a_correction_too_small_to_feel_is_no_intervention(acceleration, steering, counts):
     proposed = np.array([1.0, 0.1])
     assert is_intervention(Decision(proposed + np.array([acceleration, steering]), proposed)) is counts
-
-
-def test_films_of_another_kind_are_refused(tmp_path):
-    with pytest.raises(InputError, match=r"a film is a \.gif or a \.mp4"):
-        check_film(tmp_path / "film.avi")
-
-
-def test_mp4_without_its_extra_says_what_to_install(tmp_path, monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
-    with pytest.raises(InputError, match=r"rudc\[video\]"):
-        check_film(tmp_path / "film.mp4")
 
 
 def test_a_runner_goes_from_network_to_network_and_survives_what_fails(tmp_path, monkeypatch, episode):

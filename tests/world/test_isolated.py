@@ -43,7 +43,7 @@ def test_the_same_episodes_as_in_this_process(scenario):
             mine, theirs = drive(here, scenario, seed), drive(apart, scenario, seed)
             assert len(mine) == len(theirs)
             assert all(a == b for a, b in zip(mine, theirs, strict=True))
-        np.testing.assert_array_equal(here.occluders(), apart.occluders())
+        np.testing.assert_array_equal(here.sensors().occluders, apart.sensors().occluders)
         assert [h.begun_s for h in here.happenings()] == [h.begun_s for h in apart.happenings()]
         assert apart.plan == here.plan
         assert here.put_ego(10.0, 2.0, 0.5, 3.0) == apart.put_ego(10.0, 2.0, 0.5, 3.0)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from rudc.env.rendering import Frame
+import sys
+
+from rudc.drawing.frames import Frame
 from rudc.errors import SimulationError
 
 
@@ -16,7 +18,7 @@ class Window:
         except ImportError:
             raise SimulationError(
                 'render_mode="human" opens a window with pygame, which is not installed: '
-                'pip install pygame-ce, or use render_mode="rgb_array"'
+                f'{sys.executable} -m pip install pygame-ce, or use render_mode="rgb_array"'
             ) from None
         self._pygame = pygame
         self._title = title

@@ -1,0 +1,196 @@
+"""Road users as shapes: each kind has its own, and all show which way they head. Events' numbers beside."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from functools import cache
+
+import numpy as np
+from PIL import ImageFont
+
+from rudc.arrays import Array
+from rudc.drawing.canvas import FINE, Canvas
+from rudc.drawing.palette import (
+    BRAKE_LIGHT,
+    EGO,
+    EVENT,
+    FAINT_TEXT,
+    GLASS,
+    INK,
+    PAPER,
+    SHADOW,
+    TRAFFIC,
+    Colour,
+    faint,
+)
+from rudc.world.scene import Kind, Scene
+
+_Points = list[tuple[float, float]]
+
+
+def _both(points: _Points) -> list[_Points]:
+    """A shape on the left side, and the same on the right."""
+    return [points, [(x, -y) for x, y in points]]
+
+
+_FRONT: _Points = [(0.44, 0.5), (0.5, 0.3), (0.5, -0.3), (0.44, -0.5)]
+_BACK: _Points = [(-0.46, -0.5), (-0.5, -0.36), (-0.5, 0.36), (-0.46, 0.5)]
+BODY: Array = np.array([*_FRONT, *_BACK])
+"""(8, 2) a vehicle's outline in its lengths (front positive) and widths (left positive)"""
+_LIGHTS = _both([(-0.5, 0.46), (-0.45, 0.46), (-0.45, 0.2), (-0.5, 0.2)])
+_GLASS: dict[Kind, list[_Points]] = {
+    Kind.CAR: [
+        [(0.24, 0.4), (0.08, 0.34), (0.08, -0.34), (0.24, -0.4)],
+        [(-0.36, 0.34), (-0.27, 0.3), (-0.27, -0.3), (-0.36, -0.34)],
+    ],
+    Kind.TRUCK: [
+        [(0.46, 0.36), (0.38, 0.36), (0.38, -0.36), (0.46, -0.36)],
+        [(0.26, 0.5), (0.23, 0.5), (0.23, -0.5), (0.26, -0.5)],
+    ],
+    Kind.BUS: [
+        [(0.48, 0.4), (0.43, 0.4), (0.43, -0.4), (0.48, -0.4)],
+        *_both([(0.38, 0.46), (0.38, 0.34), (-0.46, 0.34), (-0.46, 0.46)]),
+    ],
+    Kind.MOTORCYCLE: [[(0.18, 0.4), (0.02, 0.5), (0.02, -0.5), (0.18, -0.4)]],
+    Kind.BICYCLE: [[(0.12, 0.4), (-0.06, 0.5), (-0.06, -0.5), (0.12, -0.4)]],
+    Kind.OBSTACLE: [[(x + 0.06, 0.5), (x - 0.02, -0.5), (x + 0.06, -0.5), (x + 0.14, 0.5)] for x in
+                    (-0.46, -0.26, -0.06, 0.14, 0.34)],
+}  # fmt: skip
+"""dark parts of each kind: windows, the gap behind a cab, riders, the stripes of a barrier"""
+_HAS_LIGHTS = (Kind.CAR, Kind.TRUCK, Kind.BUS)
+
+PEDESTRIAN_M = 0.6
+"""m, radius of the disc that stands for a pedestrian, larger than life"""
+EDGE_M = 0.16
+"""m, width of outlines"""
+BADGE_PX, BADGE_TEXT_PX = 8.5, 12.0
+"""pixels of the picture: radius of an event's number, height of its digits"""
+
+
+def placed(shape: Array, position: Array, heading: Array, size: Array) -> Array:
+    """(N, K, 2) m, a shape (K, 2) put at positions (N, 2) m, headings (N,) rad, in sizes (N, 2) m."""
+    cos, sin = np.cos(heading)[:, None], np.sin(heading)[:, None]
+    along, across = shape[:, 0] * size[:, :1], shape[:, 1] * size[:, 1:]
+    turned = np.stack([along * cos - across * sin, along * sin + across * cos], axis=-1)
+    return position[:, None] + turned
+
+
+@cache
+def _parts(kind: Kind) -> tuple[Array, tuple[slice, ...], tuple[slice, ...]]:
+    """All points (K, 2) of a kind's shape; where in them its dark parts are, and its brake lights."""
+    shapes, spans, n = [BODY], [], len(BODY)
+    lights = _LIGHTS if kind in _HAS_LIGHTS else []
+    for part in (*_GLASS[kind], *lights):
+        shapes.append(np.array(part))
+        spans.append(slice(2 * n, 2 * (n + len(part))))
+        n += len(part)
+    dark = len(_GLASS[kind])
+    return np.concatenate(shapes), tuple(spans[:dark]), tuple(spans[dark:])
+
+
+def draw_others(
+    canvas: Canvas, scene: Scene, involved: Collection[str], hidden: Collection[str] = ()
+) -> None:
+    """Everybody but the ego. `involved`: who takes part in an event; `hidden`: whom the ego does not see."""
+    in_view = canvas.holds(scene.position, 10.0)
+    braking = (scene.acceleration < -0.7) | (np.hypot(*scene.velocity.T) < 0.3)
+    for kind in Kind:
+        rows = np.flatnonzero((scene.kind == int(kind)) & in_view)
+        if not len(rows):
+            continue
+        if kind is Kind.PEDESTRIAN:
+            for i in rows:
+                colour = EVENT if scene.ids[i] in involved else TRAFFIC
+                _draw_pedestrian(canvas, scene, int(i), colour, seen=scene.ids[i] not in hidden)
+            continue
+        shape, dark, lights = _parts(kind)
+        flat = canvas.pixels(placed(shape, scene.position[rows], scene.heading[rows], scene.size[rows]))
+        for i, points in zip(rows, flat.reshape(len(rows), -1).tolist(), strict=True):
+            colour = EVENT if scene.ids[i] in involved else TRAFFIC
+            lit = lights if braking[i] and kind is not Kind.OBSTACLE else ()
+            _draw_body(canvas, points, colour, dark, lit, seen=scene.ids[i] not in hidden)
+
+
+def draw_ego(canvas: Canvas, scene: Scene) -> None:
+    """The ego."""
+    ego, body = scene.ego, scene.vehicle
+    shape, dark, lights = _parts(Kind.CAR)
+    place = np.array([[ego.x, ego.y]]), np.array([ego.psi]), np.array([[body.length, body.width]])
+    points = canvas.pixels(placed(shape, *place)).ravel().tolist()
+    braking = ego.acceleration < -0.7 or ego.v < 0.3
+    _draw_body(canvas, points, EGO, dark, lights if braking else (), seen=True)
+
+
+def draw_sensed(canvas: Canvas, scene: Scene, perceived: Scene, colour: Colour) -> None:
+    """Outlines where the ego's sensors show the others of a scene, if that is not where they are."""
+    rows = {name: i for i, name in enumerate(scene.ids)}
+    for k, name in enumerate(perceived.ids):
+        i = rows.get(name)
+        if i is None or np.abs(perceived.position[k] - scene.position[i]).max() < 0.1:
+            continue
+        shape = placed(
+            BODY, perceived.position[k : k + 1], perceived.heading[k : k + 1], perceived.size[k : k + 1]
+        )
+        canvas.outline(shape[0], colour, 0.2)
+
+
+def draw_badge(canvas: Canvas, x: float, y: float, number: int, *, there: bool = True) -> None:
+    """An event's number, centred on (x, y) m; grey where nothing of the event is there yet."""
+    (px, py), r = canvas.pixels(np.array([x, y])).tolist(), BADGE_PX * FINE
+    box, edge = (px - r, py - r, px + r, py + r), round(1.4 * FINE)
+    canvas.draw.ellipse(box, fill=PAPER, outline=EVENT if there else FAINT_TEXT, width=edge)
+    ink = INK if there else (110, 116, 124)
+    canvas.draw.text((px, py), str(number), fill=ink, font=_badge_font(), anchor="mm")
+
+
+def draw_badges(canvas: Canvas, scene: Scene, numbers: Mapping[str, int]) -> None:
+    """The number of its event beside everybody in `numbers` (name -> number) who is in view."""
+    away = (BADGE_PX * FINE + 3) / canvas.scale
+    for i, name in enumerate(scene.ids):
+        if name in numbers and canvas.holds(scene.position[i]):
+            x, y = scene.position[i].tolist()
+            aside = 0.35 * float(scene.size[i].min()) + away
+            draw_badge(canvas, x + 0.8 * aside, y + 0.8 * aside, numbers[name])
+
+
+@cache
+def _badge_font() -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    return ImageFont.load_default(BADGE_TEXT_PX * FINE)
+
+
+def _draw_body(
+    canvas: Canvas,
+    points: list[float],
+    colour: Colour,
+    dark: tuple[slice, ...],
+    lights: tuple[slice, ...],
+    *,
+    seen: bool,
+) -> None:
+    """A vehicle or an obstacle, `points` in pixels, x and y in turn; only its outline where not seen."""
+    draw, body = canvas.draw, points[: 2 * len(BODY)]
+    edge = max(round(EDGE_M * canvas.scale), 1)
+    if not seen:
+        draw.polygon(body, fill=faint(colour, 50))
+        draw.line([*body, *body[:4]], fill=faint(colour, 200), width=edge)
+        return
+    shift = 0.35 * canvas.scale
+    draw.polygon([v + shift for v in body], fill=SHADOW)
+    draw.polygon(body, fill=colour)
+    for span in dark:
+        draw.polygon(points[span], fill=GLASS)
+    for span in lights:
+        draw.polygon(points[span], fill=BRAKE_LIGHT)
+    draw.line([*body, *body[:4]], fill=INK if colour is not EVENT else PAPER, width=edge)
+
+
+def _draw_pedestrian(canvas: Canvas, scene: Scene, i: int, colour: Colour, *, seen: bool) -> None:
+    """A disc, and a dark tick that points the way the pedestrian walks."""
+    (x, y), psi = scene.position[i].tolist(), float(scene.heading[i])
+    if not seen:
+        canvas.ring(x, y, PEDESTRIAN_M, faint(colour, 200), EDGE_M)
+        return
+    canvas.dot(x, y, PEDESTRIAN_M + EDGE_M, PAPER)
+    canvas.dot(x, y, PEDESTRIAN_M, colour)
+    tip = np.array([[x, y], [x + np.cos(psi), y + np.sin(psi)]])
+    canvas.line(tip, INK, 0.25)

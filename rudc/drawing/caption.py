@@ -1,0 +1,180 @@
+"""What a picture says in words: who drives where, how the ego moves, how it is corrected, what happens."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from typing import TYPE_CHECKING, Any
+
+from rudc.drawing.view import Driving, ShownEvent, View
+from rudc.world.scene import Kind, Scene
+
+if TYPE_CHECKING:
+    from rudc.scenario.events import Event
+
+GAP = "      "
+"""between the parts of a line"""
+UNITS = {
+    "speed": "m/s", "deceleration": "m/s2", "duration": "s", "at": "m", "length": "m", "density": "veh/km",
+    "range": "m", "delay": "s", "lag": "s", "position": "m", "heading": "deg", "simulation_time": "s",
+    "traveled_distance": "m", "relative_distance": "m", "time_headway": "s", "time_to_collision": "s",
+    "ego_distance_to_junction": "m", "reach_position": "m",
+}  # fmt: skip
+"""of what an event or its `when` says"""
+WHEN = {
+    "simulation_time": "the time is",
+    "traveled_distance": "the ego has driven",
+    "relative_distance": "the ego's distance to a vehicle is",
+    "time_headway": "the ego's headway is",
+    "time_to_collision": "the ego's time to collision is",
+    "reach_position": "the ego reaches",
+    "speed": "the ego's speed is",
+    "ego_distance_to_junction": "the ego's distance to its stop line is",
+}
+"""conditions of `when` in words, where their names do not say enough"""
+SENSED = frozenset({"sensor_noise", "sensor_dropout"})
+"""kinds of events that show in how the ego sees others"""
+REMARKS = {
+    "nominal": "none needed",
+    "solved": "",
+    "relaxed": "no action keeps all constraints",
+    "braking": "full braking, nothing else was found",
+    "stopping": "full braking, or there would be no way out",
+}
+"""what the safety filter's statuses mean"""
+
+
+def title(view: View, driving: Driving) -> str:
+    """Scenario, agent and seed."""
+    seed = "" if view.seed is None else f"seed {view.seed}"
+    return GAP.join(part for part in (view.scenario, driving.agent, seed) if part)
+
+
+def state_line(scene: Scene, driving: Driving) -> str:
+    """Time, and how the ego moves; sigma if the driver states one."""
+    ego = scene.ego
+    parts = [
+        f"time {scene.time_s:.1f} s",
+        f"speed {ego.v:.1f} m/s",
+        f"accel. {_unsigned_zero(ego.acceleration, 1)} m/s2",
+        f"steering {_unsigned_zero(math.degrees(ego.steering), 1)} deg",
+    ]
+    if math.isfinite(driving.sigma):
+        parts.append(f"sigma {driving.sigma:.2f}")
+    return GAP.join(parts)
+
+
+def correction_line(view: View, driving: Driving) -> str:
+    """What a correction such as the safety filter does, and because of whom; empty if nobody drives."""
+    if not driving.status and not driving.active:
+        return "no correction" if driving.agent else ""
+    a, steering = driving.correction[0], math.degrees(driving.correction[1])
+    parts = [f"{v:+.1f} {unit}" for v, unit in ((a, "m/s2"), (steering, "deg")) if abs(v) >= 0.05]
+    parts.append(REMARKS.get(driving.status, driving.status))
+    because = _named(view, driving.active)
+    if because:
+        parts.append(f"because of {because}")
+    return "correction: " + ", ".join(part for part in parts if part)
+
+
+def events_line(events: tuple[ShownEvent, ...]) -> str:
+    """Each event's number and kind, and since when; empty if there are none."""
+    return GAP.join(
+        f"({event.number}) {event.event.kind.replace('_', ' ')}{_since(event)}" for event in events
+    )
+
+
+def _since(event: ShownEvent) -> str:
+    if event.begun_s is None:
+        return ": waits"
+    if event.is_over:
+        return ": over"
+    return f": since {event.begun_s:.1f} s" if event.begun_s > 0 else ""
+
+
+def _named(view: View, active: tuple[str, ...]) -> str:
+    """Constraints in words: a car (2), 2 cars, left edge."""
+    scene, numbers = view.truth, view.numbers
+    kinds = {name: Kind(int(kind)).name.lower() for name, kind in zip(scene.ids, scene.kind, strict=True)}
+    named: Counter[str] = Counter()
+    for name in active:
+        kind, _, rest = name.partition(":")
+        if kind == "veh":
+            number = f" ({numbers[rest]})" if rest in numbers else ""
+            named[kinds.get(rest, "vehicle") + number] += 1
+        elif kind == "road":
+            named[f"{rest.partition(':')[0]} road edge"] = 1
+        else:
+            named[name] = 1
+    return ", ".join(f"{n} x {what}" if n > 1 else what for what, n in named.items())
+
+
+def _unsigned_zero(value: float, digits: int) -> str:
+    """With its sign, but no -0.0."""
+    return f"{round(value, digits) + 0.0:+.{digits}f}"
+
+
+def describe(event: Event) -> str:
+    """An event in a line: what it is and its numbers; its `when` is left out."""
+    data: dict[str, Any] = event.model_dump(mode="json", by_alias=True, exclude_none=True)
+    for name in ("when", "kind"):
+        data.pop(name, None)
+    parts = [event.kind.replace("_", " ")]
+    for key, value in data.items():
+        many = isinstance(value, list)
+        parts.append(f"{len(value)} {key}" if many else f"{_words(key)} {_value(value, key)}")
+    return ", ".join(parts)
+
+
+def conditions(event: Event) -> str:
+    """An event's conditions in words; empty if it has none."""
+    if event.when is None:
+        return ""
+    data = event.when.model_dump(mode="json", by_alias=True, exclude_none=True)
+    return " and ".join(_condition(key, value) for key, value in data.items() if key != "probability")
+
+
+def _condition(name: str, says: dict[str, Any]) -> str:
+    """One condition in words: the ego's distance to its stop line below 20 m."""
+    bounds = dict(says)
+    towards, place = bounds.pop("vehicle", None), bounds.pop("position", None)
+    words = WHEN.get(name, _words(name))
+    if towards is not None:
+        words += f" ({towards})"
+    if place is not None:
+        words += f" [{', '.join(_value(v) for v in place)}]"
+    return f"{words} {_value(bounds, name)}"
+
+
+def probability(event: Event) -> str:
+    """How probable an event of a scenario's file is, in words."""
+    chance = None if event.when is None else event.when.probability
+    return "1" if chance is None else _value(chance.model_dump(mode="json"))
+
+
+def missing(event: ShownEvent) -> str:
+    """Why an event is not in the picture of an episode's first scene; empty if it is."""
+    if not event.waits:
+        drawn = event.bodies or event.places or event.event.kind in SENSED
+        return "" if drawn else "nothing to draw"
+    until = conditions(event.event)
+    parts = [f"not drawn: waits until {until}" if until else "not drawn: begins with the first decision"]
+    chosen = getattr(event.event, "vehicle", None)
+    if chosen is not None:
+        parts.append(f"its vehicle ({chosen}) is chosen then")
+    elif event.places:
+        parts.append("its place is marked")
+    return ", ".join(parts)
+
+
+def _words(key: str) -> str:
+    return key.replace("_", " ")
+
+
+def _value(value: Any, key: str = "") -> str:
+    if isinstance(value, dict):
+        return " ".join(f"{_words(inner)} {_value(v, key)}" for inner, v in value.items())
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return str(value)
+    unit = UNITS.get(key, "")
+    return f"{value:.3g} {unit}".rstrip()

@@ -1,0 +1,92 @@
+"""A picture of what a scenario says: the road, the ego's path, what happens, and one seed's traffic.
+
+It shows the first scene of the seed's episode, drawn as its frames are; the caption lists the events by their
+numbers in the file, and says of each that is not to be seen why not.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from PIL import Image
+
+from rudc.drawing.caption import GAP, describe, missing, probability
+from rudc.drawing.frames import draw_view
+from rudc.drawing.map import finished, name_arms, new_map
+from rudc.drawing.palette import EGO, EVENT_TEXT, FAINT_TEXT, TEXT, TRAFFIC
+from rudc.drawing.picture_file import save_picture
+from rudc.drawing.text import Line
+from rudc.drawing.view import Driving, View, view_of
+from rudc.network.network import load_network
+from rudc.world.world import World
+
+if TYPE_CHECKING:
+    from rudc.scenario.model import Scenario
+
+REACH_M = 70.0
+"""m shown each way from the junction's centre, more where the ego or an event is farther out"""
+AROUND_M = 8.0
+"""m shown around those"""
+
+
+def draw_preview(scenario: Scenario, seed: int, path: Path) -> Path:
+    """Set up the seed's episode and draw its first scene to an image file. Errors: those of `World.reset`."""
+    return save_picture(preview_picture(scenario, seed), path)
+
+
+def preview_picture(scenario: Scenario, seed: int) -> Image.Image:
+    """The picture itself. Errors: those of `World.reset`."""
+    network = load_network(scenario.network, scenario.junction)
+    with World(network) as world:
+        world.reset(scenario.plan(seed))
+        view = view_of(world)
+    reach = _reach(view)
+    canvas = new_map(network, reach).copy(shaded=view.sensors_limited)
+    draw_view(canvas, view, Driving())
+    name_arms(canvas, network, reach)
+    return finished(canvas, reach, caption(scenario, view))
+
+
+def _reach(view: View) -> float:
+    """m to be shown each way from the junction's centre."""
+    network, scene = view.truth.network, view.truth
+    where = [scene.ego_position, *(np.array(place) for event in view.events for place in event.places)]
+    where += [scene.position[i] for i, name in enumerate(scene.ids) if name in view.numbers]
+    farthest = max(float(np.abs(place - network.center).max()) for place in where)
+    return min(max(REACH_M, farthest + AROUND_M), max(network.half_extent, REACH_M))
+
+
+def caption(scenario: Scenario, view: View) -> list[Line]:
+    """What stands above the picture."""
+    scene = view.truth
+    route = f"ego (yellow) from {scene.route.origin} to {scene.route.destination}"
+    before = scene.route.stop_line_s - scene.ego_s - 0.5 * scene.vehicle.length
+    start = f"at {scene.ego.v:.1f} m/s, {before:.0f} m before the stop line"
+    lines: list[Line] = [
+        ((f"{scenario.name}{GAP}seed {view.seed}", TEXT),),
+        ((f"{route}, {start}", EGO),),
+        ((others(view), TRAFFIC),),
+    ]
+    shown = {event.number: event for event in view.events}
+    for number, event in enumerate(scenario.events, start=1):
+        if number in shown:
+            why = missing(shown[number])
+            text = describe(shown[number].event) + (f" - {why}" if why else "")
+        else:
+            why = f"does not happen with this seed (probability {probability(event)})"
+            text = f"{event.kind.replace('_', ' ')} - {why}"
+        lines.append(((f"({number}) {text}", FAINT_TEXT if why else EVENT_TEXT),))
+    return lines
+
+
+def others(view: View) -> str:
+    """How many others there are, and how they are drawn."""
+    numbered = "; orange and numbered: part of an event" if view.numbers else ""
+    parts = [f"{view.truth.count} others on the road (blue{numbered})"]
+    if view.hidden:
+        parts.append(f"{len(view.hidden)} hidden from the ego (pale)")
+    if view.perceived is not None and view.perceived.count:
+        parts.append("white outlines: where the ego's sensors show them, if not where they are")
+    return ", ".join(parts)

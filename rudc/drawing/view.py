@@ -1,0 +1,136 @@
+"""`View`: what there is to see of an episode at one instant. Frames, films and previews are drawn from it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rudc.arrays import Array
+from rudc.scenario.poses import Pose
+from rudc.world.scene import Scene
+
+if TYPE_CHECKING:
+    from rudc.network.network import Network
+    from rudc.scenario.events import Event
+    from rudc.world.isolated import AnyWorld
+
+
+@dataclass(frozen=True)
+class ShownEvent:
+    """One event of the episode, as a picture numbers it."""
+
+    number: int
+    """its place in the scenario's file, from 1"""
+    event: Event
+    begun_s: float | None = None
+    """s when it took effect; None while it waits"""
+    is_over: bool = False
+    bodies: frozenset[str] = frozenset()
+    """names, as in `Scene.ids`, of whom it put on the road or has taken hold of"""
+    places: tuple[tuple[float, float], ...] = ()
+    """m, where its number goes while no body carries it"""
+
+    @property
+    def waits(self) -> bool:
+        """Whether it has not begun."""
+        return self.begun_s is None
+
+
+@dataclass(frozen=True)
+class Driving:
+    """What the driver says of its last decision."""
+
+    agent: str = ""
+    """its name in tables"""
+    sigma: float = math.nan
+    """its uncertainty, reward units; nan if it states none"""
+    status: str = ""
+    """what a correction such as the safety filter did (`nominal`, `solved`, ...); empty without one"""
+    correction: tuple[float, float] = (0.0, 0.0)
+    """by how much it changed the action: m/s2, rad"""
+    active: tuple[str, ...] = ()
+    """names of the constraints that it acts on: `veh:ID`, `road:left:PLACE`"""
+    constrained: tuple[str, ...] = ()
+    """names of all its constraints"""
+
+
+@dataclass(frozen=True)
+class View:
+    """A scene, what the ego's sensors show of it, and what the scenario does to it."""
+
+    truth: Scene
+    perceived: Scene | None = None
+    """what the sensors show; None if that is the truth"""
+    occluders: Array = field(default_factory=lambda: np.zeros((0, 5)))
+    """(K, 5) opaque boxes: centre x, y (m), heading (rad), length, width (m)"""
+    range_m: float = math.inf
+    """m, how far the sensors reach"""
+    scenario: str = ""
+    seed: int | None = None
+    events: tuple[ShownEvent, ...] = ()
+    outcome: str = ""
+    """how the episode ended; empty while it goes on"""
+
+    @property
+    def hidden(self) -> frozenset[str]:
+        """Names of those whom the ego's sensors do not show."""
+        return frozenset() if self.perceived is None else frozenset(self.truth.ids) - set(self.perceived.ids)
+
+    @property
+    def sensors_limited(self) -> bool:
+        """Whether there are places that the ego cannot see."""
+        return math.isfinite(self.range_m) or len(self.occluders) > 0
+
+    @property
+    def numbers(self) -> dict[str, int]:
+        """Name of each body that takes part in an event -> the event's number."""
+        return {name: event.number for event in self.events for name in event.bodies}
+
+
+def view_of(world: AnyWorld, outcome: str | None = None) -> View:
+    """The episode that a world plays, as it is now."""
+    scene, seen, sensors, plan = world.scene(), world.perceived(), world.sensors(), world.plan
+    happenings = world.happenings()
+    numbers = plan.event_numbers or range(1, len(happenings) + 1)
+    return View(
+        truth=scene,
+        perceived=None if seen is scene else seen,
+        occluders=sensors.occluders,
+        range_m=sensors.range_m,
+        scenario=plan.scenario,
+        seed=plan.seed,
+        events=tuple(
+            ShownEvent(
+                number, happening.event, happening.begun_s, happening.is_over, happening.bodies,
+                () if happening.bodies else places(world.network, happening.event),
+            )
+            for number, happening in zip(numbers, happenings, strict=True)
+        ),
+        outcome=outcome or "",
+    )  # fmt: skip
+
+
+def places(network: Network, event: Event) -> tuple[tuple[float, float], ...]:
+    """m, m: where an event takes place, as far as it says so itself."""
+    parts: Any = getattr(event, "vehicles", None) or getattr(event, "boxes", None) or [event]
+    found = []
+    for part in parts:
+        # the `position` of `sensor_noise` is no place
+        position = getattr(part, "position", None) if isinstance(part, Pose) else None
+        lane, arm_name, at = (getattr(part, name, None) for name in ("lane", "arm", "at"))
+        if position is not None:
+            x, y = (float(v) for v in position)
+            found.append((float(network.center[0]) + x, float(network.center[1]) + y))
+        elif lane is not None:
+            lateral = float(getattr(part, "lateral", 0.0))
+            found.append(network.place_on_lane(lane, float(at or 0.0), lateral)[:2])
+        elif arm_name is not None:
+            arm = network.arm(arm_name)
+            lanes = [*arm.in_lanes, *arm.out_lanes]
+            spots = np.array([network.place_on_lane(lane, float(at or 0.0))[:2] for lane in lanes])
+            x, y = spots.mean(axis=0)
+            found.append((float(x), float(y)))
+    return tuple(found)

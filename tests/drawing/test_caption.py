@@ -1,0 +1,75 @@
+import math
+
+import pytest
+
+from rudc.drawing.caption import events_line, correction_line, state_line, title
+from rudc.drawing.palette import TEXT
+from rudc.drawing.text import fitted, font, wrapped
+from rudc.drawing.view import Driving, ShownEvent, View
+from tests.plans import event
+
+BRAKE = event("hard_brake", when={"simulation_time": {"above": 3}})
+
+
+def test_who_drives_where(make_scene):
+    view = View(make_scene(), scenario="fog", seed=3)
+    assert title(view, Driving(agent="rudc-t")).split() == ["fog", "rudc-t", "seed", "3"]
+    assert title(View(make_scene()), Driving()) == ""
+
+
+def test_how_the_ego_moves(make_scene):
+    scene = make_scene(v=8.04)
+    assert state_line(scene, Driving()).split("  ")[0] == "time 3.0 s"
+    assert "speed 8.0 m/s" in state_line(scene, Driving())
+    assert "accel. +0.0 m/s2" in state_line(scene, Driving())
+    assert "sigma" not in state_line(scene, Driving(sigma=math.nan))
+    assert "sigma 0.43" in state_line(scene, Driving(sigma=0.432))
+
+
+@pytest.mark.parametrize(
+    ("driving", "words"),
+    [
+        (Driving(), ""),
+        (Driving(agent="follower"), "no correction"),
+        (Driving(status="nominal"), "correction: none needed"),
+        (
+            Driving(status="solved", correction=(-1.23, 0.02),
+                    active=("veh:v0", "road:left:cg", "road:left:third")),
+            "correction: -1.2 m/s2, +1.1 deg, because of car (2), left road edge",
+        ),
+        (
+            Driving(status="relaxed", correction=(-1.23, 0.0), active=("veh:v0",)),
+            "correction: -1.2 m/s2, no action keeps all constraints, because of car (2)",
+        ),
+        (Driving(status="recovered", correction=(-3.0, 0.0)), "correction: -3.0 m/s2, recovered"),
+        (Driving(active=("veh:v1", "veh:v2")), "correction: because of 2 x car"),
+    ],
+)  # fmt: skip
+def test_what_the_correction_does(make_scene, driving, words):
+    scene = make_scene(others=[(2, 115.0, 5.0, 0.0), (3, 115.0, 5.0, 0.0), (4, 115.0, 5.0, 0.0)])
+    view = View(scene, events=(ShownEvent(2, BRAKE, 1.0, bodies=frozenset({"v0"})),))
+    assert correction_line(view, driving) == words
+
+
+def test_events_say_whether_they_happened():
+    shown = (
+        ShownEvent(1, BRAKE),
+        ShownEvent(2, BRAKE, begun_s=3.1),
+        ShownEvent(4, BRAKE, begun_s=3.1, is_over=True),
+        ShownEvent(5, BRAKE, begun_s=0.0),
+    )
+    assert [part.strip() for part in events_line(shown).split("   ") if part.strip()] == [
+        "(1) hard brake: waits", "(2) hard brake: since 3.1 s", "(4) hard brake: over", "(5) hard brake"
+    ]  # fmt: skip
+
+
+def test_texts_fit():
+    long = "a scenario of so long a name that it does not fit"
+    assert fitted(long, 1000.0, 15.0) == long
+    assert fitted(long, 150.0, 15.0).endswith("...")
+    assert font(15.0).getlength(fitted(long, 150.0, 15.0)) <= 150.0
+    lines = wrapped(((long, TEXT),), 150.0, 15.0)
+    texts = ["".join(text for text, _ in line) for line in lines]
+    assert len(lines) > 2
+    assert all(font(15.0).getlength(text.rstrip()) <= 150.0 for text in texts)
+    assert " ".join(" ".join(texts).split()) == long

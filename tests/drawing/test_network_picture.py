@@ -1,0 +1,54 @@
+import numpy as np
+import pytest
+
+from rudc.drawing.map import LEFT_PX, SIDE_PX, name_arms, new_map, ticks
+from rudc.drawing.network_picture import draw_network
+from rudc.drawing.palette import ASPHALT, GROUND, TURNS
+from rudc.network.network import load_network, shipped_networks
+from tests.drawing.pixels import count
+
+
+@pytest.mark.parametrize("name", sorted(shipped_networks()))
+def test_asphalt_is_drawn_where_the_road_is_and_ground_where_not(name):
+    network = load_network(name)
+    canvas = new_map(network, 40.0)
+    image = np.asarray(canvas.image).astype(int)[::4, ::4]
+    side = image.shape[0]
+    place = (np.arange(side) + 0.125) / side * 80.0 - 40.0
+    x, y = np.meshgrid(place, -place)
+    distance = network.surface.signed_distance(np.stack([x, y], axis=-1) + network.center)
+    is_ground = np.abs(image - GROUND[:3]).sum(axis=-1) < 12
+    assert is_ground[distance < -1.6].mean() > 0.97, "all but the grid"
+    assert is_ground[distance > 0.6].mean() < 0.01
+    is_asphalt = np.abs(image - ASPHALT[:3]).sum(axis=-1) < 12
+    assert is_asphalt[distance > 0.6].mean() > 0.8, "all but marks and the grid"
+    assert is_asphalt[distance < -0.6].mean() < 0.01
+
+
+@pytest.mark.parametrize("name", sorted(shipped_networks()))
+def test_names_of_arms_stay_off_the_road(name):
+    network = load_network(name)
+    plain, named = new_map(network, 70.0), new_map(network, 70.0)
+    name_arms(named, network, 70.0)
+    rows, columns = np.nonzero(np.any(np.asarray(plain.image) != np.asarray(named.image), axis=-1))
+    assert len(rows) > 500 * len(network.arms)
+    xy = np.column_stack([named.left + columns / named.scale, named.top - rows / named.scale])
+    assert network.surface.signed_distance(xy).max() < 0.0
+
+
+def test_a_grid_counts_from_the_junctions_centre():
+    assert ticks(70.0) == [10.0 * k for k in range(-7, 8)]
+    assert len(ticks(300.0)) <= 17
+    canvas = new_map(load_network("four_way"), 70.0)
+    x, y = canvas.pixels(load_network("four_way").center + np.array([30.0, 40.0])).tolist()
+    near = np.asarray(canvas.image)[int(y) - 3 : int(y) + 3, int(x) + 20]
+    assert np.any(near != GROUND[:3]), "a line passes 40 m north of the centre"
+
+
+def test_every_turn_is_drawn_in_its_colour():
+    picture = draw_network(load_network("t_junction"))
+    assert picture.width == LEFT_PX + SIDE_PX
+    body = np.asarray(picture)[100:]
+    for turn in ("left", "straight", "right"):
+        assert count(body, TURNS[turn]) > 200
+    assert count(body, TURNS["u_turn"]) == 0

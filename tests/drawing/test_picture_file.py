@@ -1,0 +1,48 @@
+import sys
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from rudc.drawing.picture_file import check_film, save_film, save_picture
+from rudc.errors import InputError, StorageError
+
+FRAMES = [np.full((40, 60, 3), shade, dtype=np.uint8) for shade in (0, 120, 240)]
+
+
+def test_pictures_make_their_folder(tmp_path):
+    path = save_picture(Image.new("RGB", (30, 20)), tmp_path / "new" / "picture.png")
+    with Image.open(path) as picture:
+        assert picture.size == (30, 20)
+
+
+@pytest.mark.parametrize("name", ["picture.nonsense", "file/picture.png"])
+def test_pictures_that_cannot_be_written(tmp_path, name):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StorageError, match="cannot write"):
+        save_picture(Image.new("RGB", (30, 20)), tmp_path / name)
+
+
+def test_a_gif_holds_all_frames_and_pauses_at_the_end(tmp_path):
+    save_film(FRAMES, tmp_path / "film.gif", 10.0)
+    with Image.open(tmp_path / "film.gif") as film:
+        assert film.n_frames == 3
+        film.seek(2)
+        assert film.info["duration"] == 1500
+
+
+def test_films_of_another_kind_are_refused(tmp_path):
+    with pytest.raises(InputError, match=r"a film is a \.gif or a \.mp4"):
+        check_film(tmp_path / "film.avi")
+
+
+def test_mp4_without_its_extra_says_what_to_install(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(InputError, match=rf"{sys.executable} -m pip install imageio imageio-ffmpeg"):
+        check_film(tmp_path / "film.mp4")
+
+
+def test_a_film_that_cannot_be_written(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StorageError, match="cannot write"):
+        save_film(FRAMES, tmp_path / "file" / "film.gif", 10.0)

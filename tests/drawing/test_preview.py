@@ -1,0 +1,71 @@
+"""Previews of real scenarios: events by their numbers in the file, and why some are not to be seen."""
+
+import numpy as np
+import pytest
+
+from rudc.drawing.palette import EGO, EVENT, OCCLUDER
+from rudc.drawing.preview import caption, draw_preview
+from rudc.drawing.view import view_of
+from rudc.network.network import load_network
+from rudc.scenario import load_scenario
+from rudc.scenario.model import Scenario
+from rudc.world.world import World
+from tests.drawing.pixels import count
+
+MIXED = {
+    "name": "mixed",
+    "ego": {"route": {"from": "south", "turn": "left"}},
+    "events": [
+        {"kind": "hard_brake", "when": {"probability": 0}},
+        {"kind": "accident", "vehicles": [{"position": [2, 4]}, {"lane": "west_out_1", "at": 12}]},
+        {"kind": "slow_vehicle", "speed": 2, "when": {"ego_distance_to_junction": {"below": 20}}},
+        {"kind": "low_friction", "friction": 0.3},
+        {"kind": "wrong_way", "lane": "west_out_0", "at": 100,
+         "when": {"reach_position": {"position": [1.75, -16]}}},
+    ],
+}  # fmt: skip
+
+
+def test_the_caption_says_what_is_not_drawn_and_why():
+    scenario = Scenario.model_validate(MIXED)
+    with World(load_network("four_way")) as world:
+        world.reset(scenario.plan(1))
+        view = view_of(world)
+    lines = ["".join(text for text, _ in line) for line in caption(scenario, view)]
+    assert lines[0].split() == ["mixed", "seed", "1"]
+    assert lines[1].startswith("ego (yellow) from south to west")
+    assert lines[3] == "(1) hard brake - does not happen with this seed (probability 0)"
+    assert lines[4] == "(2) accident, 2 vehicles"
+    assert lines[5] == (
+        "(3) slow vehicle, vehicle leader, speed 2 m/s - not drawn: waits until the ego's distance to its "
+        "stop line is below 20 m, its vehicle (leader) is chosen then"
+    )
+    assert lines[6] == "(4) low friction, friction 0.3 - nothing to draw"
+    assert lines[7].endswith("waits until the ego reaches [1.75, -16] tolerance 2 m, its place is marked")
+    assert {event.number for event in view.events} == {2, 3, 4, 5}
+    assert set(view.numbers.values()) == {2}
+    assert len(view.numbers) == 2
+
+
+def test_events_far_out_widen_the_picture():
+    scenario = Scenario.model_validate(MIXED)
+    from rudc.drawing.preview import _reach
+
+    with World(load_network("four_way")) as world:
+        world.reset(scenario.plan(1))
+        view = view_of(world)
+    assert 107 < _reach(view) < 130
+
+
+@pytest.mark.parametrize(
+    ("name", "colour", "least"),
+    [("blocked_left_turn", EVENT, 500), ("blind_corner", OCCLUDER, 10_000), ("fog", EGO, 200),
+     ("roundabout_crossing", EGO, 150), ("jaywalkers", EGO, 200)],
+)  # fmt: skip
+def test_shipped_scenarios(tmp_path, name, colour, least):
+    from PIL import Image
+
+    path = draw_preview(load_scenario(name), 1, tmp_path / "picture.png")
+    assert path.stat().st_size < 300_000
+    with Image.open(path) as picture:
+        assert count(np.asarray(picture.convert("RGB"))[150:], colour) > least
