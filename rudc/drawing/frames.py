@@ -13,7 +13,7 @@ from PIL import Image, ImageDraw
 
 from rudc.drawing.bodies import draw_badge, draw_badges, draw_ego, draw_others, draw_sensed
 from rudc.drawing.canvas import FINE, Canvas, cut
-from rudc.drawing.caption import events_line, correction_line, state_line, title
+from rudc.drawing.caption import correction_line, events_line, state_line, title
 from rudc.drawing.overlays import draw_constraints, draw_path, draw_sensor_reach
 from rudc.drawing.palette import (
     ACTIVE,

@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from rudc.drawing.caption import events_line, correction_line, state_line, title
+from rudc.drawing.caption import correction_line, events_line, state_line, title
 from rudc.drawing.palette import TEXT
 from rudc.drawing.text import fitted, font, wrapped
 from rudc.drawing.view import Driving, ShownEvent, View
