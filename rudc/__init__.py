@@ -1,7 +1,11 @@
 """RUDC: a SUMO-backed testbed for safe decision-making at unsignalized intersections.
 
-Importing it registers `rudc/Intersection-v0`, so that `gymnasium.make` knows it.
+Importing it registers `rudc/Intersection-v0`, so that `gymnasium.make` knows it. `rudc.register_agent` lets
+names of `--agent` mean agents of one's own; see CONTRIBUTING.md for what else can be added, and how.
 """
+
+import importlib
+from typing import Any
 
 import gymnasium
 
@@ -11,3 +15,12 @@ ENV_ID = "rudc/Intersection-v0"
 
 if ENV_ID not in gymnasium.registry:
     gymnasium.register(ENV_ID, entry_point="rudc.env.intersection:IntersectionEnv")
+
+PUBLIC = {"register_agent": "rudc.agents.drivers"}
+"""what can be imported from here, and where it stands; imported when asked for"""
+
+
+def __getattr__(name: str) -> Any:
+    if name in PUBLIC:
+        return getattr(importlib.import_module(PUBLIC[name]), name)
+    raise AttributeError(f"module 'rudc' has no attribute {name!r}")

@@ -28,6 +28,10 @@ class AgentError(InputError):
     """No such agent or checkpoint, or it does not fit."""
 
 
+class AgentFailedError(RudcError):
+    """An agent raised an exception, or answered what is no action; the text says when, and where in it."""
+
+
 class SweepError(InputError):
     """A sweep cannot start or resume; the text says what differs."""
 

@@ -1,12 +1,12 @@
-"""Names of drivers and what they stand for: `sumo`, `follower`, `gap-acceptance`, a checkpoint's folder, and
-`NAME+FILTER`; with settings behind it as in rudc/agents/variation.py.
+"""Names of agents and what they stand for: a driver (rudc/agents/drivers.py), the place of a class
+(`FILE.py:Class`), a checkpoint's folder, and `NAME+FILTER`; with settings behind it as in
+rudc/agents/variation.py.
 
 What a learnt agent needs besides is imported when one is made.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,36 +18,38 @@ from rudc.agents.checkpoint import (
     learnt_summary,
     shipped_checkpoints,
 )
+from rudc.agents.drivers import (
+    driver_names,
+    driver_settings,
+    driver_summary,
+    find_own,
+    is_driver,
+    make_driver,
+)
 from rudc.agents.filtered import FILTERS, FilteredAgent
-from rudc.agents.follower import Follower
-from rudc.agents.gap_acceptance import GapAcceptance
-from rudc.agents.sumo import SumoDriver
 from rudc.agents.variation import Settings, filter_settings, parse, split
 from rudc.errors import AgentError
 from rudc.hints import there_are
 from rudc.learning.parameters import fingerprint
 from rudc.safety.residual import shipped_predictor
 
-_DRIVERS: dict[str, Callable[[], Agent]] = {
-    "sumo": SumoDriver,
-    "follower": Follower,
-    "gap-acceptance": GapAcceptance,
-}
-
 
 def agent_names() -> tuple[str, ...]:
-    """Every name that `make_agent` knows; it takes folders of learnt agents too, with filters or without."""
-    filtered = (f"{name}+{suffix}" for name in _DRIVERS if name != "sumo" for suffix in FILTERS)
-    return (*_DRIVERS, *filtered, *shipped_checkpoints())
+    """Every name that `make_agent` knows; it takes folders of learnt agents and places of classes too, with
+    filters or without.
+    """
+    drivers = driver_names()
+    filtered = (f"{name}+{suffix}" for name in drivers if name != "sumo" for suffix in FILTERS)
+    return (*drivers, *filtered, *shipped_checkpoints())
 
 
 def make_agent(name: str) -> Agent:
-    """The driver of that name, or of the checkpoint in that folder, new. Raises AgentError, with a
-    suggestion, when there is none.
+    """The agent of that name, place or checkpoint's folder, new. Raises AgentError, with a suggestion, when
+    there is none.
     """
     base, suffix, settings = _parts(name)
-    if base in _DRIVERS:
-        driver = _DRIVERS[base]()
+    if is_driver(base):
+        driver = make_driver(base)
     else:
         from rudc.agents.learned import load_learned
 
@@ -60,18 +62,15 @@ def make_agent(name: str) -> Agent:
 def agent_summary(name: str) -> str:
     """What a driver does, in a sentence."""
     base, suffix, _ = _parts(name)
-    if base in _DRIVERS:
-        summary = (_DRIVERS[base].__doc__ or "").partition("\n")[0]
-    else:
-        summary = learnt_summary(_folder(base))
+    summary = driver_summary(base) if is_driver(base) else learnt_summary(_folder(base))
     return f"{summary} {FILTERS[suffix]}" if suffix else summary
 
 
 def agent_settings(name: str) -> dict[str, Any]:
     """Everything besides its name that decides what a driver does; of what can be written as JSON."""
     base, suffix, settings = _parts(name)
-    if base in _DRIVERS:
-        driver: dict[str, Any] = {"driver": base}
+    if is_driver(base):
+        driver = driver_settings(base)
     else:
         driver = learnt_settings(_folder(base), {} if suffix else settings)
     if not suffix:
@@ -93,18 +92,32 @@ def _folder(name: str) -> Path:
 
 def _parts(name: str) -> tuple[str, str, Settings]:
     """Driver or folder, suffix of the filter behind it (empty for none), and settings."""
-    whole, text = (name, "") if find_checkpoint(name) is not None else split(name)
-    base, suffix = _base(whole)
+    if find_checkpoint(name) is not None:
+        base, suffix, text = name, "", ""
+    elif own := find_own(name):
+        base, (behind, text) = own[0], split(own[1])
+        suffix = _suffix(behind, name)
+    else:
+        whole, text = split(name)
+        base, suffix = _base(whole)
     if not text:
         return base, suffix, {}
-    if base in _DRIVERS and not suffix:
-        raise AgentError(f"{whole!r} has no filter, and nothing that {text!r} could set")
+    if is_driver(base) and not suffix:
+        raise AgentError(f"{base!r} has no filter, and nothing that {text!r} could set")
     return base, suffix, parse(text, learnt=not suffix)
+
+
+def _suffix(behind: str, name: str) -> str:
+    """Of the filter that a text like `+ttcbf` puts behind the agent `name`; empty for none."""
+    suffix = behind.removeprefix("+")
+    if behind in ("", *(f"+{known}" for known in FILTERS)):
+        return suffix
+    raise AgentError(f"agent {name}: no filter {suffix!r}{there_are(suffix, FILTERS)}")
 
 
 def _base(name: str) -> tuple[str, str]:
     """Driver or folder, and suffix of the filter behind it (empty for none)."""
-    if name.partition("+")[0] not in _DRIVERS:
+    if name.partition("+")[0] not in driver_names():
         if find_checkpoint(name) is not None:
             return name, ""
         base, _, suffix = name.rpartition("+")
@@ -123,4 +136,6 @@ def _checked(name: str) -> str:
         raise AgentError(f"no agent {name!r}: no filter can be put behind `sumo`, which SUMO itself drives")
     if Path(name).is_dir():
         raise AgentError(f"no agent in {name}: it holds no {DESCRIPTION}")
+    if name.endswith(".py"):
+        raise AgentError(f"{name} is a file; name the class in it, too: {name}:Class")
     raise AgentError(f"no agent {name!r}{there_are(name, known)}")

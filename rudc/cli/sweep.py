@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -94,7 +95,7 @@ def sweep(
         result = run_sweep(
             plan,
             out,
-            EpisodeRunner,
+            partial(EpisodeRunner, limit_s=limit, folder=Path.cwd()),
             workers=workers or _cores(),
             engine=engine,
             resume=resume,
@@ -139,15 +140,16 @@ def _plan(scenarios: list[str], agents: list[str], shipped: bool, episodes: int,
 
 def _report(result: SweepResult) -> None:
     from rudc.cli.metrics_table import print_metrics
+    from rudc.evaluation.folder import TRACEBACK
 
     by = ["scenario", *result.parameters, "agent"]
     print_metrics(result.rows, by)
     note(f"in {result.folder}: episodes.csv, metrics.csv, manifest.json")
     if result.errors:
-        kinds = dict.fromkeys(row["error"] for row in result.errors)
+        kinds = dict.fromkeys(row["error"].partition(TRACEBACK)[0] for row in result.errors)
         note(
             f"{len(result.errors)} of {len(result.rows)} episodes failed, in {len(kinds)} way(s); the first:"
         )
-        note(f"  {next(iter(kinds))}")
+        note(f"  {result.errors[0]['error']}")
         note("--resume tries them again")
         raise typer.Exit(1)

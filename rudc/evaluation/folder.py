@@ -2,6 +2,7 @@
 
     manifest.json    what the rows were made from
     episodes.csv     one row an episode, its conditions included; columns as in `columns.py`
+    errors/          a traceback for each episode that went wrong, named in its row
     metrics.csv      one row for each scenario, agent and swept value, when all episodes are there
 
 An episode is finished when it has a row without an error: episodes that failed are run again. Folders that an
@@ -13,6 +14,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -31,6 +33,8 @@ _RENAMED = {"interventions": "engaged_steps"}
 """old name -> present one, in files that have no column of the present name"""
 _DROPPED = ("violation",)
 """columns of old files that say nothing which others do not"""
+TRACEBACK = "; traceback in "
+"""stands in a row's error before the name of the file"""
 
 
 class SweepFolder:
@@ -79,11 +83,24 @@ class SweepFolder:
         write_atomically(self.path / "manifest.json", as_json(content))
         self._keep_finished()
 
-    def add(self, task: Task, record: EpisodeRecord) -> None:
-        """Append an episode. Raises StorageError."""
+    def add(self, task: Task, record: EpisodeRecord) -> EpisodeRecord:
+        """Append an episode, and return it as its row says; a traceback goes to a file that the row names.
+        Raises StorageError.
+        """
         key = task.key(self.parameters)
+        if record.traceback:
+            record = self._keep_traceback(task, record)
         n = len(IDENTITY)
         self._episodes.append([*key[:n], *record.row()[n:], *key[n:]])
+        return record
+
+    def _keep_traceback(self, task: Task, record: EpisodeRecord) -> EpisodeRecord:
+        folder, number = self.path / "errors", self.tasks.index(task) + 1
+        make_folder(folder)
+        file = folder / f"{number:0{len(str(len(self.tasks)))}}.txt"
+        write_atomically(file, f"{task}\n{record.error}\n\n{record.traceback}")
+        told = f"{record.error}{TRACEBACK}{file.relative_to(self.path)}"
+        return EpisodeRecord({**record.values, "error": told}, record.traceback)
 
     def complete(self) -> list[dict[str, str]]:
         """Sort the files into the canonical order, write the metrics, and return the episodes' rows."""
@@ -150,6 +167,7 @@ class SweepFolder:
         self._episodes.rewrite(episodes.values())
         with contextlib.suppress(FileNotFoundError):
             (self.path / "metrics.csv").unlink()
+        shutil.rmtree(self.path / "errors", ignore_errors=True)
 
 
 def metrics_csv(groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Metric] = METRICS) -> str:

@@ -18,12 +18,14 @@ class EpisodeRecord:
 
     values: Mapping[str, Cell]
     """column -> value; a column that is not there is empty"""
+    traceback: str = ""
+    """of what went wrong, in lines; goes to a file of its own"""
 
     @staticmethod
-    def failed(scenario: str, agent: str, seed: int, error: str) -> EpisodeRecord:
+    def failed(scenario: str, agent: str, seed: int, error: str, traceback: str = "") -> EpisodeRecord:
         """The record of an episode that could not be run."""
         told = " ".join(error.split()) or "unknown"
-        return EpisodeRecord({"scenario": scenario, "agent": agent, "seed": seed, "error": told})
+        return EpisodeRecord({"scenario": scenario, "agent": agent, "seed": seed, "error": told}, traceback)
 
     @property
     def scenario(self) -> str:

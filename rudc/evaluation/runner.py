@@ -2,27 +2,48 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import threading
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 
 from rudc.agents.base import Agent
+from rudc.agents.own import in_words
 from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode
-from rudc.errors import RudcError
+from rudc.errors import AgentFailedError, RudcError
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.rollout import run_episode
 from rudc.evaluation.tasks import Task
 from rudc.network.network import load_network
 from rudc.world.world import World
 
+SOONER = 0.95
+"""share of the time limit after which an episode is stopped; a worker that does not stop is killed after all
+of it, and nobody learns where it was"""
+
 
 class EpisodeRunner:
     """Task -> record. Whatever goes wrong in an episode becomes the `error` of its record."""
 
-    def __init__(self, make: Callable[[str], Agent] = make_agent) -> None:
-        """`make`: an agent's name -> the agent."""
+    def __init__(
+        self,
+        make: Callable[[str], Agent] = make_agent,
+        limit_s: float | None = None,
+        folder: Path | None = None,
+    ) -> None:
+        """`make`: an agent's name -> the agent. `limit_s`: s of wall time after which an episode is given up,
+        wherever it stands. `folder`: what relative paths in agents' names are relative to, should this
+        process have been started elsewhere.
+        """
+        if folder is not None and folder.is_dir():
+            os.chdir(folder)
         self._make = make
+        self._limit_s = limit_s
         self._world: World | None = None
         self._network: tuple[str, str | None] | None = None
         self._agents: dict[str, Agent] = {}
@@ -30,17 +51,26 @@ class EpisodeRunner:
     def __call__(self, task: Task) -> EpisodeRecord:
         """Run the task's episode."""
         try:
-            if task.agent not in self._agents:
-                self._agents[task.agent] = self._make(task.agent)
-            episode = Episode(self._world_of(task))
-            return run_episode(episode, task.scenario.plan(task.seed), self._agents[task.agent])
+            return self._run(task)
+        except _OutOfTime as error:
+            place = traceback.extract_tb(error.__traceback__)[-2]  # the last is where it was raised, `stop`
+            where = f"{Path(place.filename).name}:{place.lineno}, in {place.name}"
+            reason, told = f"no result within {self._limit_s:g} s; it was at {where}", _lines(error)
         except RudcError as error:
-            reason = str(error)
-        except Exception as error:  # a defect of ours or of a user's agent: the other episodes go on
-            last = traceback.extract_tb(error.__traceback__)[-1]
-            reason = f"{type(error).__name__}: {error} ({Path(last.filename).name}:{last.lineno})"
+            reason, told = str(error), ""
+            if isinstance(error, AgentFailedError):
+                told = _lines(error.__cause__ or error)
+        except Exception as error:  # a defect of ours: the other episodes go on
+            reason, told = in_words(error), _lines(error)
         self.close()
-        return EpisodeRecord.failed(task.scenario.name, task.agent, task.seed, reason)
+        return EpisodeRecord.failed(task.scenario.name, task.agent, task.seed, reason, told)
+
+    def _run(self, task: Task) -> EpisodeRecord:
+        if task.agent not in self._agents:
+            self._agents[task.agent] = self._make(task.agent)
+        episode = Episode(self._world_of(task))
+        with _time_limit(None if self._limit_s is None else SOONER * self._limit_s):
+            return run_episode(episode, task.scenario.plan(task.seed), self._agents[task.agent])
 
     def close(self) -> None:
         """Forget everything; the next task starts afresh."""
@@ -59,3 +89,31 @@ class EpisodeRunner:
             self._end_world()
             self._world, self._network = World(network), wanted
         return self._world
+
+
+class _OutOfTime(BaseException):
+    """Raised wherever an episode stands when its time is up; no agent's `except Exception` stops it."""
+
+
+@contextmanager
+def _time_limit(limit_s: float | None) -> Iterator[None]:
+    """Raise _OutOfTime in the block after limit_s of wall time, where this thread can be told."""
+    main = threading.current_thread() is threading.main_thread()
+    if limit_s is None or not main or not hasattr(signal, "setitimer"):
+        yield
+        return
+
+    def stop(_number: int, _frame: FrameType | None) -> None:
+        raise _OutOfTime
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.setitimer(signal.ITIMER_REAL, limit_s)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def _lines(error: BaseException) -> str:
+    return "".join(traceback.format_exception(error))

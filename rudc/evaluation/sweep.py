@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, Protocol
 
+from rudc.agents.drivers import MakeAgent, register_agent, registered_agents
 from rudc.errors import StorageError, SweepError
-from rudc.evaluation.engine import Result, RunnerFactory, run_local
+from rudc.evaluation.engine import Result, Runner, RunnerFactory, run_local
 from rudc.evaluation.folder import SweepFolder
 from rudc.evaluation.ray_engine import find_ray, run_ray
 from rudc.evaluation.record import EpisodeRecord
@@ -74,9 +75,9 @@ def run_sweep(
 ) -> SweepResult:
     """Run what is not finished yet, and write episodes, conditions, metrics and manifest to `out`.
 
-    make_runner is called once in each worker (`EpisodeRunner`); it must be importable there. Raises
-    SweepError when the folder holds something else, StorageError when it cannot be written. Whatever ends a
-    sweep early (Ctrl-C included), all rows of finished episodes are kept.
+    make_runner is called once in each worker (`EpisodeRunner`); it must be importable there, and so must
+    registered agents. Raises SweepError when the folder holds something else, StorageError when it cannot be
+    written. Whatever ends a sweep early (Ctrl-C included), all rows of finished episodes are kept.
     """
     if workers < 1:
         raise SweepError(f"a sweep needs at least one worker, not {workers}")
@@ -105,8 +106,21 @@ def _finish(
     todo = [task for task in folder.tasks if task.key(folder.parameters) not in folder.finished]
     progress.begin(len(folder.tasks), len(folder.finished), folder.warnings)
     if todo:
+        make_runner = _Prepared(make_runner, registered_agents())
         with closing(ENGINES[engine](todo, workers, limit_s, make_runner)) as results:  # pyright: ignore
             for task, record in results:
-                folder.add(task, record)
-                progress.advance(task, record)
+                progress.advance(task, folder.add(task, record))
     return SweepResult(folder.path, folder.complete(), folder.parameters)
+
+
+@dataclass(frozen=True)
+class _Prepared:
+    """Makes a runner in a process that knows the same agents by name as this one."""
+
+    make_runner: RunnerFactory
+    agents: dict[str, MakeAgent]
+
+    def __call__(self) -> Runner:
+        for name, make in self.agents.items():
+            register_agent(name, make)
+        return self.make_runner()

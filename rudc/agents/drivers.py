@@ -1,0 +1,126 @@
+"""Drivers that need no checkpoint, by name: RUDC's own, those of installed packages, those registered.
+
+A package brings agents by entry points of the group `rudc.agents`, a class or function for each name:
+
+    [project.entry-points."rudc.agents"]
+    careful = "my_package.agents:Careful"
+
+A script or notebook registers them: `rudc.register_agent("careful", Careful)`. And without either, an agent
+is named by the place of its class, `my_agents.py:Careful(speed=6)`, see rudc/agents/own.py.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import re
+from collections.abc import Callable, Mapping
+from functools import cache
+from types import MappingProxyType
+from typing import Any
+
+from rudc.agents.base import Agent
+from rudc.agents.follower import Follower
+from rudc.agents.gap_acceptance import GapAcceptance
+from rudc.agents.guarded import GuardedAgent
+from rudc.agents.own import OwnAgent, construct, parse_own, source_digest
+from rudc.agents.sumo import SumoDriver
+from rudc.errors import AgentError, InputError
+
+MakeAgent = Callable[[], Agent]
+
+GROUP = "rudc.agents"
+"""of the entry points"""
+SHIPPED: Mapping[str, MakeAgent] = MappingProxyType(
+    {"sumo": SumoDriver, "follower": Follower, "gap-acceptance": GapAcceptance}
+)
+
+_registered: dict[str, MakeAgent] = {}
+
+
+def register_agent(name: str, make: MakeAgent) -> None:
+    """Let `--agent NAME` and `make_agent(NAME)` mean what `make()` returns: a class, or a function.
+
+    A sweep's workers know it too if they can import it. Raises InputError when the name is one of RUDC's, or
+    can be no name; one registered before is replaced.
+    """
+    if not re.fullmatch(r"[A-Za-z]\w*([.-]\w+)*", name):
+        raise InputError(
+            f"{name!r} can be no agent's name: letters, digits, '_', and '-' or '.' between them"
+        )
+    if name in SHIPPED:
+        raise InputError(f"there is an agent {name!r} already, and it is RUDC's own; take another name")
+    if not callable(make):
+        raise InputError(f"agent {name!r}: register its class, or a function that makes it, not {make!r}")
+    _registered[name] = make
+
+
+def registered_agents() -> dict[str, MakeAgent]:
+    """All that `register_agent` was told in this process."""
+    return dict(_registered)
+
+
+def driver_names() -> tuple[str, ...]:
+    """RUDC's, those of packages, those registered."""
+    return tuple(dict.fromkeys([*SHIPPED, *_installed(), *_registered]))
+
+
+def find_own(name: str) -> tuple[str, str] | None:
+    """Of an agent given by the place of its class: that part of the name, and the rest; None for others."""
+    if name.partition(":")[0] in driver_names():
+        return None
+    found = parse_own(name)
+    return None if found is None else (found[0].text, found[1])
+
+
+def is_driver(name: str) -> bool:
+    """Whether it is the name of one, or the place of a class."""
+    return name in driver_names() or find_own(name) is not None
+
+
+def make_driver(name: str) -> Agent:
+    """The driver, new. Raises AgentError."""
+    if name in SHIPPED:
+        return SHIPPED[name]()
+    own = _own(name)
+    return GuardedAgent(own.make() if own else construct(_find(name), name), name)
+
+
+def driver_summary(name: str) -> str:
+    """What it does, in a sentence."""
+    own = _own(name)
+    first = ((own.find() if own else _find(name)).__doc__ or "").strip().partition("\n")[0]
+    return first or "Says nothing of itself."
+
+
+def driver_settings(name: str) -> dict[str, Any]:
+    """Everything besides its name that decides what it does; of what can be written as JSON."""
+    if name in SHIPPED:
+        return {"driver": name}
+    own = _own(name)
+    return own.settings() if own else {"driver": name, "source": source_digest(_find(name))}
+
+
+def _own(name: str) -> OwnAgent | None:
+    found = None if name in driver_names() else parse_own(name)
+    return found[0] if found else None
+
+
+def _find(name: str) -> MakeAgent:
+    if name in SHIPPED:
+        return SHIPPED[name]
+    if name in _registered:
+        return _registered[name]
+    entry = _installed()[name]
+    try:
+        return entry.load()
+    except Exception as error:
+        package = entry.dist.name if entry.dist else "a package"
+        raise AgentError(
+            f"agent {name!r} of {package} cannot be imported ({entry.value}): {error}"
+        ) from error
+
+
+@cache
+def _installed() -> dict[str, importlib.metadata.EntryPoint]:
+    """Those that installed packages bring, by name."""
+    return {entry.name: entry for entry in importlib.metadata.entry_points(group=GROUP)}
