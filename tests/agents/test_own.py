@@ -1,0 +1,228 @@
+"""Agents of other people: by the place of their class, registered, of packages; and what they answer."""
+
+import sys
+
+import numpy as np
+import pytest
+
+import rudc
+from rudc.agents import drivers
+from rudc.agents.base import Decision
+from rudc.agents.filtered import FilteredAgent
+from rudc.agents.own import parse_own
+from rudc.agents.registry import agent_names, agent_settings, agent_summary, make_agent
+from rudc.errors import AgentError, AgentFailedError, InputError
+
+SOURCE = '''
+"""Agents for tests."""
+from beside import GENTLE
+
+class Steady:
+    """Holds a speed.
+
+    And more.
+    """
+
+    def __init__(self, speed=8.0, path=None, more=()):
+        self.speed, self.more = speed, more
+
+    def reset(self, scene, seed):
+        self.seed = seed
+
+    def act(self, scene):
+        return GENTLE * (self.speed - scene.ego.v), 0.0
+
+class NoReset:
+    def act(self, scene):
+        return 0.0, 0.0
+
+class Answers(Steady):
+    def act(self, scene):
+        return {"nan": (float("nan"), 0.0), "shape": [1.0], "text": "left", "none": None}[self.speed]
+
+class Raises(Steady):
+    def act(self, scene):
+        return scene.no_such_thing
+
+class Costly(Steady):
+    def __init__(self):
+        raise FileNotFoundError("no weights")
+'''
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder to work in, with `mine.py` and `beside.py`."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    for name in ("beside", "my_module", "pack.inner"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    (tmp_path / "mine.py").write_text(SOURCE, encoding="utf-8")
+    (tmp_path / "beside.py").write_text("GENTLE = 0.5", encoding="utf-8")
+    yield tmp_path
+    for name in ("beside", "my_module", "pack", "pack.inner"):
+        sys.modules.pop(name, None)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "positional", "named", "rest"),
+    [
+        ("a/b c.py:K", "a/b c.py:K", (), (), ""),
+        ("a.py:K(speed=3)", "a.py:K(speed=3)", (), (("speed", 3),), ""),
+        ("p:K([1, -2], t='):+x(')+ecbf", "p:K([1, -2], t='):+x(')", ([1, -2],), (("t", "):+x("),), "+ecbf"),
+        ("p:K()+ttcbf:d_safe=0.3", "p:K()", (), (), "+ttcbf:d_safe=0.3"),
+    ],
+)  # fmt: skip
+def test_what_a_name_says(name, text, positional, named, rest):
+    own, behind = parse_own(name)
+    assert (own.text, own.positional, own.named, behind) == (text, positional, named, rest)
+
+
+@pytest.mark.parametrize(
+    "name", ["follower", "rudc-t:d_safe=0.3", "some/folder", "follower+ttcbf:d_safe=0.3"]
+)
+def test_other_names_are_none(name):
+    assert parse_own(name) is None
+
+
+def test_from_a_file(folder, scene_on):
+    scene = scene_on("south", "straight", 60.0, 7.0)
+    agent = make_agent("mine.py:Steady(speed=9)")
+    assert (agent.name, agent.ego_driver) == ("mine.py:Steady(speed=9)", "agent")
+    agent.reset(scene, 3)
+    decision = agent.act(scene)
+    assert isinstance(decision, Decision)
+    np.testing.assert_array_equal(decision.u, [1.0, 0.0])
+    assert agent_summary("mine.py:Steady") == "Holds a speed."
+    assert agent_summary("mine.py:Steady()+ttcbf").startswith("Holds a speed. Behind it")
+
+
+def test_a_filter_behind_it(folder, scene_on):
+    scene = scene_on("south", "straight", 60.0, 7.0)
+    agent = make_agent("mine.py:Steady(9)+ttcbf:d_safe=0.3")
+    assert isinstance(agent, FilteredAgent)
+    assert agent.name == "mine.py:Steady(9)+ttcbf:d_safe=0.3"
+    agent.reset(scene, 0)
+    assert agent.act(scene).corrected is not None
+    assert agent_settings(agent.name)["correction"]["d_safe"] == 0.3
+
+
+def test_from_a_module_of_the_working_folder(folder, scene_on):
+    (folder / "my_module.py").write_text("from mine import *", encoding="utf-8")
+    (folder / "pack").mkdir()
+    (folder / "pack" / "__init__.py").touch()
+    (folder / "pack" / "inner.py").write_text(SOURCE, encoding="utf-8")
+    for name in ("my_module:Steady(speed=9)", "pack.inner:Steady(speed=9)"):
+        assert make_agent(name).act(scene_on("south", "straight", 60.0, 7.0)).u[0] == 1.0
+
+
+def test_settings_change_with_the_source_and_with_files_in_arguments(folder):
+    (folder / "weights.bin").write_bytes(b"1")
+    name = "mine.py:Steady(path='weights.bin')"
+    first = agent_settings(name)
+    assert first["driver"] == name
+    assert agent_settings(name) == first
+    (folder / "weights.bin").write_bytes(b"2")
+    second = agent_settings(name)
+    assert (first["source"], first["files"].keys()) == (second["source"], second["files"].keys())
+    assert first["files"] != second["files"]
+    (folder / "mine.py").write_text(SOURCE + "# changed\n", encoding="utf-8")
+    assert agent_settings(name)["source"] != first["source"]
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("mein.py:Steady", "there is no such file (did you mean 'mine.py'?)"),
+        ("mine.py:Stedy", "no class 'Stedy' in it (did you mean 'Steady'?); there are: Steady, NoReset"),
+        ("mine.py", "name the class in it, too: mine.py:Class"),
+        ("mine.py:Steady(sped=3)", "unexpected keyword argument 'sped' (did you mean 'speed'?)"),
+        ("mine.py:Steady(speed=open('x'))", "arguments are numbers, texts in quotes"),
+        ("mine.py:Steady(3", "are not Python"),
+        ("mine.py:NoReset", "has no method reset(scene, seed)"),
+        ("mine.py:Costly", "cannot be made: FileNotFoundError: no weights (mine.py:"),
+        ("mine.py:Steady+tcbf", "no filter 'tcbf' (did you mean 'ttcbf'?)"),
+        ("mine.py:Steady:d_safe=3", "has no filter, and nothing that 'd_safe=3' could set"),
+        ("minne:Steady", "there is no module 'minne'"),
+        ("broken.py:Steady", "cannot be imported: ZeroDivisionError: division by zero (broken.py:2)"),
+    ],
+)
+def test_what_is_wrong_is_said(folder, name, told):
+    (folder / "broken.py").write_text("x = 1\nx / 0\n", encoding="utf-8")
+    with pytest.raises(AgentError) as caught:
+        make_agent(name)
+    assert told in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("answer", "told"),
+    [("nan", "(nan, 0.0)"), ("shape", "[1.0]"), ("text", "'left'"), ("none", "None")],
+)
+def test_no_action_is_an_error(folder, scene_on, answer, told):
+    name = f"mine.py:Answers('{answer}')"
+    for whole in (name, f"{name}+ttcbf"):
+        agent = make_agent(whole)
+        scene = scene_on("south", "straight", 60.0, 7.0)
+        agent.reset(scene, 0)
+        with pytest.raises(AgentFailedError) as caught:
+            agent.act(scene)
+        assert f"act answered {told}, where two finite numbers" in str(caught.value)
+        assert name in str(caught.value)
+
+
+def test_its_exception_is_an_error_of_ours(folder, scene_on):
+    with pytest.raises(AgentFailedError, match=r"act raised AttributeError: .* \(mine\.py:30\)") as caught:
+        make_agent("mine.py:Raises").act(scene_on("south", "straight", 60.0, 7.0))
+    assert isinstance(caught.value.__cause__, AttributeError)
+
+
+class Registered:
+    """Stands still."""
+
+    def reset(self, scene, seed):
+        pass
+
+    def act(self, scene):
+        return np.array([-1.0, 0.0])
+
+
+def test_registered(monkeypatch, scene_on):
+    monkeypatch.setattr(drivers, "_registered", {})
+    rudc.register_agent("stand-still", Registered)
+    assert {"stand-still", "stand-still+ttcbf"} <= set(agent_names())
+    agent = make_agent("stand-still")
+    assert agent.act(scene_on("south", "straight", 60.0, 7.0)).u[0] == -1.0
+    assert agent_summary("stand-still+ecbf").startswith("Stands still. Behind it")
+    assert len(agent_settings("stand-still")["source"]) == 16
+    rudc.register_agent("stand-still", Registered)  # a notebook's cell, run again
+    for name in ("follower", "stand+still", "a:b", ""):
+        with pytest.raises(InputError):
+            rudc.register_agent(name, Registered)
+    with pytest.raises(InputError):
+        rudc.register_agent("mine", "no class")
+
+
+def test_brought_by_a_package(folder, monkeypatch, scene_on):
+    """As pip leaves it: the package, and beside it what it says of itself."""
+    info = folder / "brought-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: brought\nVersion: 1.0\n", encoding="utf-8")
+    (info / "entry_points.txt").write_text(
+        "[rudc.agents]\nsteady = mine:Steady\ngone = mine:Gone\n", encoding="utf-8"
+    )
+    sys.path.append(str(folder))
+    drivers._installed.cache_clear()
+    try:
+        assert "steady+ttcbf" in agent_names()
+        assert make_agent("steady").act(scene_on("south", "straight", 60.0, 7.0)).u[0] == 0.5
+        with pytest.raises(AgentError, match=r"agent 'gone' of brought cannot be imported \(mine:Gone\)"):
+            make_agent("gone")
+    finally:
+        drivers._installed.cache_clear()
+        sys.modules.pop("mine", None)
+
+
+def test_public_names():
+    assert all(callable(getattr(rudc, name)) for name in rudc.PUBLIC)
+    with pytest.raises(AttributeError, match="no_such_thing"):
+        _ = rudc.no_such_thing

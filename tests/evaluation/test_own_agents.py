@@ -1,0 +1,115 @@
+"""Sweeps of agents that are not RUDC's: workers find them; one that fails costs its own episodes only."""
+
+import json
+import sys
+
+import pytest
+
+from rudc.agents import drivers
+from rudc.errors import SweepError
+from rudc.evaluation.runner import EpisodeRunner
+from rudc.evaluation.sweep import run_sweep
+from rudc.evaluation.tasks import SweepPlan, Task
+from rudc.scenario import load_scenario
+
+SOURCE = """
+import time
+
+class Steady:
+    def __init__(self, speed=8.0):
+        self.speed = speed
+    def reset(self, scene, seed):
+        pass
+    def act(self, scene):
+        return self.speed - scene.ego.v, 0.0
+
+class Raises(Steady):
+    def act(self, scene):
+        if scene.time_s > 0.5:
+            raise ValueError("I am lost")
+        return 0.0, 0.0
+
+class Nan(Steady):
+    def act(self, scene):
+        return float("nan"), 0.0
+
+class Slow(Steady):
+    def act(self, scene):
+        try:
+            time.sleep(60.0)
+        except Exception:
+            pass
+"""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    (tmp_path / "mine.py").write_text(SOURCE, encoding="utf-8")
+    return tmp_path
+
+
+def plan_of(agents, episodes=1):
+    return SweepPlan((load_scenario("random_destination"),), tuple(agents), episodes, 0)
+
+
+def test_the_others_go_on(folder):
+    agents = ["mine.py:Steady(speed=6)", "mine.py:Raises", "mine.py:Nan", "follower"]
+    plan = plan_of(agents, 2)
+    result = run_sweep(plan, folder / "out", EpisodeRunner)
+    by_agent = {name: [row for row in result.rows if row["agent"] == name] for name in agents}
+    assert all(row["outcome"] for name in ("follower", "mine.py:Steady(speed=6)") for row in by_agent[name])
+    for row, file in zip(by_agent["mine.py:Raises"], ("3", "4"), strict=True):
+        assert row["error"] == (
+            "agent mine.py:Raises at 0.6 s: act raised ValueError: I am lost (mine.py:15); "
+            f"traceback in errors/{file}.txt"
+        )
+        text = (folder / "out/errors" / f"{file}.txt").read_text()
+        assert text.startswith("random_destination, mine.py:Raises, seed ")
+        assert "raise ValueError" in text
+        assert 'mine.py", line 15, in act' in text
+    assert all("act answered (nan, 0.0)" in row["error"] for row in by_agent["mine.py:Nan"])
+    assert "act answered (nan, 0.0)" in (folder / "out/errors/5.txt").read_text()
+    settings = json.loads((folder / "out/manifest.json").read_text())["configuration"]["agents"]
+    assert len(settings["mine.py:Raises"]["source"]) == 16
+
+    (folder / "mine.py").write_text(SOURCE.replace("time_s > 0.5", "time_s > 99"), encoding="utf-8")
+    with pytest.raises(SweepError, match=r"agents\.mine\.py:Raises\.source"):
+        run_sweep(plan, folder / "out", EpisodeRunner, resume=True)
+
+
+def test_tracebacks_of_episodes_that_are_run_again_go(folder):
+    plan = plan_of(["mine.py:Raises"])
+    run_sweep(plan, folder / "out", EpisodeRunner)
+    stale = folder / "out/errors/7.txt"
+    stale.touch()
+    result = run_sweep(plan, folder / "out", EpisodeRunner, resume=True)
+    assert result.errors[0]["error"].endswith("traceback in errors/1.txt")
+    assert not stale.exists()
+
+
+def test_too_slow_is_said_with_the_place(folder):
+    run = EpisodeRunner(limit_s=1.0)
+    scenario = load_scenario("random_destination")
+    record = run(Task(scenario, {}, "mine.py:Slow", 0))
+    assert "no result within 1 s; it was at mine.py:25, in act" in record.error
+    assert "time.sleep(60.0)" in record.traceback
+    run.close()
+
+
+class Registered:
+    """Goes straight on."""
+
+    def reset(self, scene, seed):
+        pass
+
+    def act(self, scene):
+        return 0.5, 0.0
+
+
+def test_workers_know_registered_agents(folder, monkeypatch):
+    monkeypatch.setattr(drivers, "_registered", {})
+    drivers.register_agent("straight-on", Registered)
+    plan = plan_of(["straight-on"])
+    assert not run_sweep(plan, folder / "out", EpisodeRunner).errors
