@@ -11,7 +11,9 @@ import rudc
 from rudc.env.intersection import IntersectionEnv
 from rudc.env.reward import TERMS
 from rudc.errors import InputError, WorldBusyError
+from rudc.network.network import load_network
 from rudc.scenario import load_scenario
+from rudc.vehicle import EgoVehicle
 from rudc.world.scene import Scene
 
 ID = rudc.ENV_ID
@@ -116,6 +118,18 @@ def test_time_limit_truncates(make):
     assert truncated
     assert not terminated
     assert info["outcome"] == "frozen"
+
+
+def test_the_vehicle_can_be_another(make):
+    van = EgoVehicle(length=6.0, width=2.2, a_max=1.5)
+    env = make(scenario="dense_left_turn", vehicle=van, overrides={"traffic.density": 0})
+    _, info = env.reset(seed=0)
+    assert info["scene"].vehicle == van
+    assert info["scene"].route is load_network("four_way", vehicle=van).route(
+        info["scene"].route.origin, info["scene"].route.destination
+    )
+    full = np.array([1.0, 0.0], dtype=np.float32)
+    assert env.step(full)[-1]["scene"].last_u.tolist() == [1.5, 0.0]
 
 
 def test_the_longest_episode_is_said(make):
