@@ -6,13 +6,15 @@ import importlib
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
+from typing import Any, BinaryIO
 
 import numpy as np
 from PIL import Image
 
 from rudc.drawing.frames import Frame
-from rudc.errors import InputError, StorageError
+from rudc.errors import InputError
+from rudc.files import make_folder_of, replacing
 
 FILMS = (".gif", ".mp4")
 PAUSE_S = 1.5
@@ -22,13 +24,16 @@ COLOURS = 128
 
 
 def save_picture(picture: Image.Image, path: str | Path) -> Path:
-    """Write a picture; its file's ending says as what. Raises StorageError."""
+    """Write a picture; its file's ending says as what. Raises InputError for an ending that says nothing,
+    StorageError.
+    """
     target = Path(path)
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        picture.save(target, optimize=True)
-    except (OSError, ValueError) as error:  # no such folder, no permission, unknown kind of image
-        raise StorageError(f"cannot write {target}: {error}") from None
+    known = Image.registered_extensions()
+    if target.suffix.lower() not in known:
+        raise InputError(f"cannot write {target}: {target.suffix!r} is no kind of picture; name a .png")
+    make_folder_of(target)
+    with replacing(target) as file:
+        picture.save(file, format=known[target.suffix.lower()], optimize=True)
     return target
 
 
@@ -43,24 +48,30 @@ def check_film(path: Path) -> None:
 def save_film(frames: Sequence[Frame], path: Path, frames_per_s: float) -> None:
     """Write frames (height, width, 3) as a film. Raises InputError for another kind of file, StorageError."""
     check_film(path)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+    make_folder_of(path)
+    with replacing(path) as file:
         if path.suffix.lower() == ".gif":
-            _save_gif(frames, path, frames_per_s)
+            _save_gif(frames, file, frames_per_s)
         else:
-            longer = [*frames, *[frames[-1]] * round(PAUSE_S * frames_per_s)]
-            _imageio().mimwrite(path, longer, fps=frames_per_s, macro_block_size=8)
-    except OSError as error:
-        raise StorageError(f"cannot write {path}: {error.strerror or error}") from None
+            _save_mp4(frames, file, frames_per_s)
 
 
-def _save_gif(frames: Sequence[Frame], path: Path, frames_per_s: float) -> None:
+def _save_gif(frames: Sequence[Frame], file: BinaryIO, frames_per_s: float) -> None:
     few = np.concatenate(frames[:: max(len(frames) // 8, 1)])
     palette = Image.fromarray(few).quantize(COLOURS)
     plain = Image.Dither.NONE
     first, *rest = [Image.fromarray(frame).quantize(palette=palette, dither=plain) for frame in frames]
     durations = [round(1000 / frames_per_s)] * len(rest) + [round(1000 * PAUSE_S)]
-    first.save(path, save_all=True, append_images=rest, duration=durations, loop=0, optimize=False)
+    first.save(file, "GIF", save_all=True, append_images=rest, duration=durations, loop=0, optimize=False)
+
+
+def _save_mp4(frames: Sequence[Frame], file: BinaryIO, frames_per_s: float) -> None:
+    """ffmpeg writes to a path of its own only."""
+    longer = [*frames, *[frames[-1]] * round(PAUSE_S * frames_per_s)]
+    with TemporaryDirectory() as scratch:
+        film = Path(scratch) / "film.mp4"
+        _imageio().mimwrite(film, longer, fps=frames_per_s, macro_block_size=8)
+        file.write(film.read_bytes())
 
 
 def _imageio() -> Any:

@@ -1,0 +1,78 @@
+"""What is said of an episode's events: which wait, when each began, who is involved, when the ego saw it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rudc.scenario import load_scenario
+from rudc.world.events import event_lines
+from tests.plans import PlanSource, event
+
+CALM = PlanSource(density=25.0, speed=(0.0, 0.0))
+"""the ego stands on its arm and watches"""
+STAND = np.array([-6.0, 0.0])
+LATER = {"simulation_time": {"above": 1.0}}
+
+
+def test_happenings_say_what_waits_what_began_and_who_is_involved(world):
+    accident = event("accident", vehicles=[{"position": [2.0, 4.0]}, {"position": [-2.0, -4.0]}])
+    slow = event("slow_vehicle", vehicle="nearest", speed=1.0, duration=0.5, when=LATER)
+    never = event("hard_brake", vehicle="nearest", when={"simulation_time": {"above": 500.0}})
+    world.reset(replace(CALM, events=(accident, slow, never)).plan(0))
+    first = world.happenings()
+    assert [h.name for h in first] == ["accident0", "slow_vehicle1", "hard_brake2"]
+    assert [h.begun_s for h in first] == [0.0, None, None]
+    assert first[0].bodies == {"accident0:0", "accident0:1"} <= set(world.scene().ids)
+    assert not first[1].bodies
+    for _ in range(20):
+        world.advance(STAND)
+    _, after, still = world.happenings()
+    assert after.begun_s == pytest.approx(1.1, abs=0.11)
+    assert after.is_over
+    assert len(after.bodies) == 1, "remembered although nobody is held any more"
+    assert after.bodies < set(world.scene().ids)
+    assert (still.begun_s, still.is_over, still.bodies) == (None, False, frozenset())
+
+
+def test_when_an_event_was_seen_first(world, four_way):
+    """Behind a wall, or out of range, it happens unseen; without a body it is felt at once."""
+    x, y, _ = four_way.place_on_lane("south_in_0", 20.0)
+    wall = event("occlusion", boxes=[{"position": [x + 8.0, y + 10.0], "heading": 90, "size": [30, 4]}])
+    accident = event("accident", vehicles=[{"lane": "east_in_0", "at": 40}])
+    source = replace(
+        CALM, density=0.0, origin="south", turn="straight", distance=(25.0, 25.0), speed=(8.0, 8.0)
+    )
+    seen = {}
+    for name, events in (("open", (accident,)), ("hidden", (accident, wall))):
+        world.reset(replace(source, events=events).plan(0))
+        world.perceived()
+        for _ in range(45):
+            world.advance(np.zeros(2))
+            world.perceived()
+        seen[name] = [happening.visible_s for happening in world.happenings()]
+    assert seen["open"] == [0.0]
+    assert seen["hidden"][0] > 0.5
+    assert seen["hidden"][1] == 0.0
+    assert event_lines(world.plan, world.happenings()) == [
+        f"1 accident: from the start, seen by the ego at {seen['hidden'][0]:.1f} s",
+        "2 occlusion: from the start",
+    ]
+
+
+def test_event_lines_say_why_something_is_not_there(world):
+    scenario = load_scenario("perfect_storm", {"traffic.density": 0, "events.3.when.probability": 0})
+    world.reset(scenario.plan(0))
+    assert event_lines(world.plan, world.happenings())[3:] == [
+        "4 hard_brake: not in this episode, its probability decided so",
+        "5 priority_violation: not there, it waits for reach_position position [1.75, -16.0] tolerance 5 "
+        "and a vehicle to act on (crossing)",
+    ]
+
+
+def test_a_decision_says_which_events_it_began(world):
+    surge = event("density_surge", density=50, when=LATER)
+    world.reset(replace(CALM, density=5.0, events=(surge,)).plan(0))
+    begun = [world.advance(STAND).events for _ in range(20)]
+    assert [names for names in begun if names] == [("density_surge0",)]
+    assert begun.index(("density_surge0",)) == pytest.approx(11, abs=1)
