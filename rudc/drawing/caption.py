@@ -70,11 +70,9 @@ def correction_line(view: View, driving: Driving) -> str:
         return "no correction" if driving.agent else ""
     a, steering = driving.correction[0], math.degrees(driving.correction[1])
     parts = [f"{v:+.1f} {unit}" for v, unit in ((a, "m/s2"), (steering, "deg")) if abs(v) >= 0.05]
-    parts.append(REMARKS.get(driving.status, driving.status))
-    because = _named(view, driving.active)
-    if because:
-        parts.append(f"because of {because}")
-    return "correction: " + ", ".join(part for part in parts if part)
+    because, remark = _named(view, driving.active), REMARKS.get(driving.status, driving.status)
+    done = ", ".join(parts) + (f" because of {because}" if because else "")
+    return "correction: " + "; ".join(part for part in (done.strip(), remark) if part)
 
 
 def events_line(events: tuple[ShownEvent, ...]) -> str:

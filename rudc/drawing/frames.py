@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw
 from rudc.drawing.bodies import draw_badge, draw_badges, draw_ego, draw_others, draw_sensed
 from rudc.drawing.canvas import FINE, Canvas, cut
 from rudc.drawing.caption import correction_line, events_line, state_line, title
-from rudc.drawing.overlays import draw_constraints, draw_path, draw_sensor_reach
+from rudc.drawing.overlays import draw_constraints, draw_path, draw_sensor_reach, draw_way
 from rudc.drawing.palette import (
     ACTIVE,
     EVENT,
@@ -52,6 +52,8 @@ def draw_view(canvas: Canvas, view: View, driving: Driving) -> None:
     draw_ego(canvas, scene)
     draw_constraints(canvas, scene, driving)
     for event in view.events:
+        if event.way is not None:
+            draw_way(canvas, event.way)
         for x, y in event.places:
             draw_badge(canvas, x, y, event.number, there=not event.waits)
     draw_badges(canvas, scene, numbers)

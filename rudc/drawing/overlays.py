@@ -13,6 +13,7 @@ from rudc.drawing.palette import (
     ACTIVE,
     CONSTRAINED,
     EGO,
+    EVENT,
     INK,
     OCCLUDER,
     PATH,
@@ -43,6 +44,14 @@ def draw_path(canvas: Canvas, scene: Scene) -> None:
     x, y, _ = (float(v) for v in path.pose(goal))
     canvas.ring(x, y, 1.7, EGO)
     canvas.dot(x, y, 0.8, EGO)
+
+
+def draw_way(canvas: Canvas, way: Array) -> None:
+    """A broken line with a head along a way (K, 2) m: somebody will move there."""
+    canvas.dashes(way, faint(EVENT, 200), 0.3, 1.0, 0.8)
+    u = (way[-1] - way[-2]) / np.hypot(*(way[-1] - way[-2]))
+    v = np.array([-u[1], u[0]])
+    canvas.area(np.array([way[-1] + 1.2 * u, way[-1] + 0.7 * v, way[-1] - 0.7 * v]), faint(EVENT, 220))
 
 
 def draw_sensor_reach(canvas: Canvas, view: View) -> None:

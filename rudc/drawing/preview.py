@@ -84,7 +84,10 @@ def caption(scenario: Scenario, view: View) -> list[Line]:
 def others(view: View) -> str:
     """How many others there are, and how they are drawn."""
     numbered = "; orange and numbered: part of an event" if view.numbers else ""
-    parts = [f"{view.truth.count} others on the road (blue{numbered})"]
+    parts = [f"{view.truth.count} others (blue{numbered})"]
+    away = np.abs(view.truth.position - view.truth.network.center).max(axis=1, initial=0.0)
+    if beyond := int((away > _reach(view)).sum()):
+        parts.append(f"{beyond} of them beyond the picture's edges")
     if view.hidden:
         parts.append(f"{len(view.hidden)} hidden from the ego (pale)")
     if view.perceived is not None and view.perceived.count:

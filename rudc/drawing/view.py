@@ -9,13 +9,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rudc.arrays import Array
+from rudc.network.polyline import resample
 from rudc.scenario.poses import Pose
+from rudc.world.events.stage import across_arm, against_lane
 from rudc.world.scene import Scene
 
 if TYPE_CHECKING:
     from rudc.network.network import Network
     from rudc.scenario.events import Event
     from rudc.world.isolated import AnyWorld
+
+
+WAY_M = 20.0
+"""m of a long way that are drawn"""
 
 
 @dataclass(frozen=True)
@@ -32,6 +38,8 @@ class ShownEvent:
     """names, as in `Scene.ids`, of whom it put on the road or has taken hold of"""
     places: tuple[tuple[float, float], ...] = ()
     """m, where its number goes while no body carries it"""
+    way: Array | None = None
+    """(K, 2) m, where somebody will move who is not there yet"""
 
     @property
     def waits(self) -> bool:
@@ -106,6 +114,7 @@ def view_of(world: AnyWorld, outcome: str | None = None) -> View:
             ShownEvent(
                 number, happening.event, happening.begun_s, happening.is_over, happening.bodies,
                 () if happening.bodies else places(world.network, happening.event),
+                way_of(world.network, happening.event) if happening.begun_s is None else None,
             )
             for number, happening in zip(numbers, happenings, strict=True)
         ),
@@ -128,9 +137,22 @@ def places(network: Network, event: Event) -> tuple[tuple[float, float], ...]:
             lateral = float(getattr(part, "lateral", 0.0))
             found.append(network.place_on_lane(lane, float(at or 0.0), lateral)[:2])
         elif arm_name is not None:
-            arm = network.arm(arm_name)
-            lanes = [*arm.in_lanes, *arm.out_lanes]
-            spots = np.array([network.place_on_lane(lane, float(at or 0.0))[:2] for lane in lanes])
-            x, y = spots.mean(axis=0)
-            found.append((float(x), float(y)))
+            x, y = across_arm(network, arm_name, float(at or 0.0))[_side(part)].tolist()
+            found.append((x, y))
     return tuple(found)
+
+
+def way_of(network: Network, event: Event) -> Array | None:
+    """(K, 2) m, the beginning of the way that an event sends somebody along; None if it sends nobody."""
+    arm_name, lane, at = (getattr(event, name, None) for name in ("arm", "lane", "at"))
+    if arm_name is not None:
+        way = across_arm(network, arm_name, float(at or 0.0))
+        return way[::-1] if _side(event) else way
+    if event.kind == "wrong_way":
+        return resample(against_lane(network, str(lane), float(at or 0.0)), np.linspace(0.0, WAY_M, 9))
+    return None
+
+
+def _side(crossing: Any) -> int:
+    """Which end of the way across an arm comes first."""
+    return 1 if getattr(crossing, "from_side", "right") == "left" else 0

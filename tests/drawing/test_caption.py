@@ -35,13 +35,13 @@ def test_how_the_ego_moves(make_scene):
         (
             Driving(status="solved", correction=(-1.23, 0.02),
                     active=("veh:v0", "road:left:cg", "road:left:third")),
-            "correction: -1.2 m/s2, +1.1 deg, because of car (2), left road edge",
+            "correction: -1.2 m/s2, +1.1 deg because of car (2), left road edge",
         ),
         (
             Driving(status="relaxed", correction=(-1.23, 0.0), active=("veh:v0",)),
-            "correction: -1.2 m/s2, no action keeps all constraints, because of car (2)",
+            "correction: -1.2 m/s2 because of car (2); no action keeps all constraints",
         ),
-        (Driving(status="recovered", correction=(-3.0, 0.0)), "correction: -3.0 m/s2, recovered"),
+        (Driving(status="recovered", correction=(-3.0, 0.0)), "correction: -3.0 m/s2; recovered"),
         (Driving(active=("veh:v1", "veh:v2")), "correction: because of 2 x car"),
     ],
 )  # fmt: skip

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rudc.drawing.palette import EGO, EVENT, OCCLUDER
-from rudc.drawing.preview import caption, draw_preview
+from rudc.drawing.palette import ASPHALT, EGO, EVENT, OCCLUDER
+from rudc.drawing.preview import caption, draw_preview, preview_picture
 from rudc.drawing.view import view_of
 from rudc.network.network import load_network
 from rudc.scenario import load_scenario
@@ -49,12 +49,34 @@ def test_the_caption_says_what_is_not_drawn_and_why():
 
 def test_events_far_out_widen_the_picture():
     scenario = Scenario.model_validate(MIXED)
-    from rudc.drawing.preview import _reach
+    near = scenario.varied({"events.4.at": 20})
+    far, usual = (np.asarray(preview_picture(s, 1))[250:] for s in (scenario, near))
+    assert far.shape == usual.shape
+    assert count(far, ASPHALT) < 0.8 * count(usual, ASPHALT), "drawn smaller"
 
-    with World(load_network("four_way")) as world:
+
+@pytest.mark.parametrize("name", ["jaywalkers", "wrong_way_driver"])
+def test_who_is_not_there_yet_comes_where_the_picture_says(name):
+    scenario = load_scenario(name)
+    with World(load_network(scenario.network)) as world:
         world.reset(scenario.plan(1))
-        view = view_of(world)
-    assert 107 < _reach(view) < 130
+        (waiting,) = view_of(world).events
+        assert waiting.waits
+        assert waiting.way is not None
+        np.testing.assert_allclose(waiting.way[0], waiting.places[0])
+        begun, seen = waiting, []
+        for _ in range(60):
+            world.advance(np.zeros(2))
+            view = view_of(world)
+            (begun,) = view.events
+            first = f"{world.happenings()[0].name}:0"
+            if first in view.truth.ids:
+                seen.append(view.truth.position[view.truth.ids.index(first)])
+    assert begun.way is None
+    assert begun.places == ()
+    assert np.linalg.norm(seen[0] - waiting.way[0]) < 1.5
+    along = (waiting.way[1] - waiting.way[0]) / np.linalg.norm(waiting.way[1] - waiting.way[0])
+    assert (seen[20] - seen[0]) @ along > 0.9 * np.linalg.norm(seen[20] - seen[0]) > 0.5
 
 
 @pytest.mark.parametrize(

@@ -125,20 +125,10 @@ class WorldStage(Stage):
         return self.network.lane(lane).width
 
     def against_lane(self, lane: str, at: float) -> Array:
-        way = self.network.lane(lane).xy[::-1]
-        start = np.array(self.network.place_on_lane(lane, at)[:2])
-        way = np.vstack([start, way[(way - start) @ (way[-1] - way[0]) > 0]])
-        direction = (way[-1] - way[-2]) / np.linalg.norm(way[-1] - way[-2])
-        return np.vstack([way, way[-1] + BEYOND_M * direction])
+        return against_lane(self.network, lane, at)
 
     def across_arm(self, arm: str, at: float) -> Array:
-        found, ends = self.network.arm(arm), []
-        for lanes, other in ((found.in_lanes, found.out_lanes), (found.out_lanes, found.in_lanes)):
-            # A one-way arm is crossed from the right of its outermost lane to the left of its innermost.
-            names, side = (lanes, -1.0) if lanes else (other[::-1], 1.0)
-            aside = side * (0.5 * self.network.lanes[names[0]].width + ROADSIDE_M)
-            ends.append(self.network.place_on_lane(names[0], at, aside)[:2])
-        return np.array(ends)
+        return across_arm(self.network, arm, at)
 
     # ---- things
 
@@ -222,3 +212,23 @@ def _obstructed(lane: Lane, corners: Array) -> tuple[float, float] | None:
     if aside.max() < -free or aside.min() > free or s.max() < 1.0 or s.min() > lane.length - 1.0:
         return None
     return max(float(s.min()), 0.2), min(float(s.max()), lane.length - 0.2)
+
+
+def against_lane(network: Network, name: str, at: float) -> Array:
+    """(K, 2) m, as `Stage.against_lane`."""
+    way = network.lane(name).xy[::-1]
+    start = np.array(network.place_on_lane(name, at)[:2])
+    way = np.vstack([start, way[(way - start) @ (way[-1] - way[0]) > 0]])
+    direction = (way[-1] - way[-2]) / np.linalg.norm(way[-1] - way[-2])
+    return np.vstack([way, way[-1] + BEYOND_M * direction])
+
+
+def across_arm(network: Network, name: str, at: float) -> Array:
+    """(2, 2) m, as `Stage.across_arm`."""
+    arm, ends = network.arm(name), []
+    for lanes, other in ((arm.in_lanes, arm.out_lanes), (arm.out_lanes, arm.in_lanes)):
+        # A one-way arm is crossed from the right of its outermost lane to the left of its innermost.
+        names, side = (lanes, -1.0) if lanes else (other[::-1], 1.0)
+        aside = side * (0.5 * network.lanes[names[0]].width + ROADSIDE_M)
+        ends.append(network.place_on_lane(names[0], at, aside)[:2])
+    return np.array(ends)
