@@ -1,9 +1,12 @@
-"""What a misspelt word probably means: "did you mean", everywhere with one measure."""
+"""Hints that go with messages: what a misspelt word probably means, and how to install what is missing."""
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Iterable
 from difflib import get_close_matches
+from pathlib import Path
 
 LIKENESS = 0.6
 """how like two words must be, 0 to 1, for one to be offered for the other (difflib's ratio)"""
@@ -24,3 +27,22 @@ def there_are(word: object, known: Iterable[str]) -> str:
     """` (did you mean 'x'?); there are: x, y, z`, to stand behind the words that say what there is not."""
     names = list(known)
     return f"{did_you_mean(word, names)}; there are: {', '.join(names)}"
+
+
+def install_command(extra: str) -> str:
+    """The command that installs an extra, for a checkout (from whatever folder) and for a package alike."""
+    root = Path(__file__).resolve().parent.parent
+    if not (root / "pyproject.toml").is_file():
+        return f'{_near(Path(sys.executable))} -m pip install "rudc[{extra}]"'
+    constraints, editable = _near(root / "constraints.txt"), "." if root == Path.cwd() else str(root)
+    python = _near(Path(sys.executable))
+    return f'{python} -m pip install --constraint {constraints} --editable "{editable}[{extra}]"'
+
+
+def _near(path: Path) -> str:
+    """A path as one would type it here: relative if it lies in the working folder."""
+    try:
+        text = os.path.relpath(path) if path.is_relative_to(Path.cwd()) else str(path)
+    except OSError:  # the working folder is gone
+        text = str(path)
+    return f'"{text}"' if " " in text else text

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from rudc.cli.complete import complete_agents
 from rudc.cli.console import print_table
 
 app = typer.Typer(no_args_is_help=True, help="Who can drive the ego vehicle.")
@@ -21,7 +22,9 @@ def list_() -> None:
 
 
 @app.command()
-def show(name: Annotated[str, typer.Argument(help="Name of an agent.")]) -> None:
+def show(
+    name: Annotated[str, typer.Argument(help="Name of an agent.", autocompletion=complete_agents)],
+) -> None:
     """What an agent does, and all its settings.
 
     **Example**: `rudc agent show gap-acceptance+ttcbf`

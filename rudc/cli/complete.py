@@ -9,25 +9,17 @@ import click
 
 
 def complete_scenarios(incomplete: str) -> list[str]:
-    """Shipped names, and files and folders beside."""
+    """Shipped names, scenario files and folders."""
     from rudc.scenario.library import SUFFIXES, shipped_scenarios
 
-    folder, _, start = incomplete.rpartition("/")
-    here = Path(folder or ("/" if incomplete.startswith("/") else ".")).expanduser()
-    head = f"{folder}/" if "/" in incomplete else ""
-    beside = []
-    if here.is_dir():
-        for path in sorted(here.iterdir()):
-            if path.name.startswith(start) and (path.is_dir() or path.suffix in SUFFIXES):
-                beside.append(f"{head}{path.name}{'/' if path.is_dir() else ''}")
-    return [*_starting(incomplete, shipped_scenarios()), *(b for b in beside if not b.startswith("."))]
+    return [*_starting(incomplete, shipped_scenarios()), *_paths(incomplete, SUFFIXES)]
 
 
 def complete_agents(incomplete: str) -> list[str]:
-    """Names of agents."""
+    """Names of agents, and folders, which may be checkpoints."""
     from rudc.agents.registry import agent_names
 
-    return _starting(incomplete, agent_names())
+    return [*_starting(incomplete, agent_names()), *_paths(incomplete, (".py",))]
 
 
 def complete_columns(ctx: click.Context, incomplete: str) -> list[str]:
@@ -45,6 +37,22 @@ def complete_metrics(incomplete: str) -> list[str]:
     from rudc.evaluation.columns import metric_names
 
     return _next_in_list(incomplete, metric_names())
+
+
+def _paths(incomplete: str, suffixes: tuple[str, ...]) -> list[str]:
+    """Folders, and files with these suffixes, that begin so; hidden ones only if asked for."""
+    folder, slash, start = incomplete.rpartition("/")
+    here = Path(folder + slash or ".").expanduser()
+    try:
+        inside = sorted(here.iterdir())
+    except OSError:
+        return []
+    found = [p for p in inside if p.name.startswith(start) and (start or not p.name.startswith("."))]
+    return [
+        f"{folder}{slash}{path.name}{'/' * path.is_dir()}"
+        for path in found
+        if path.is_dir() or path.suffix in suffixes
+    ]
 
 
 def _starting(incomplete: str, names: Iterable[str]) -> list[str]:

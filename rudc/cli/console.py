@@ -51,6 +51,25 @@ def sweep_progress() -> SweepBar | SweepLines:
     return SweepBar() if sys.stderr.isatty() else SweepLines()
 
 
+class _Outcomes:
+    """How the episodes run so far have ended."""
+
+    def __init__(self) -> None:
+        self._ends: list[str] = []
+
+    def __str__(self) -> str:
+        """`SR 97 %, VR 1 %`, or nothing before the first."""
+        from rudc.evaluation.columns import rates_of
+
+        rates = rates_of(self._ends)
+        return f"SR {rates['SR']:.0f} %, VR {rates['VR']:.0f} %" if self._ends else ""
+
+    def count(self, record: EpisodeRecord) -> None:
+        """Take in an episode that has ended."""
+        if not record.error:
+            self._ends.append(record.outcome)
+
+
 class SweepLines:
     """Says how far a sweep is: at each tenth, and at least every 30 s."""
 
@@ -58,12 +77,14 @@ class SweepLines:
         """Say what there is to do."""
         self._total, self._done, self._first, self._failed = total, finished, finished, 0
         self._start = self._last = time.monotonic()
+        self._outcomes = _Outcomes()
         _begin_notes(total, finished, warnings)
 
     def advance(self, task: Task, record: EpisodeRecord) -> None:
         """Count an episode."""
         self._done += 1
         self._failed += bool(record.error)
+        self._outcomes.count(record)
         if record.error:
             _note_failure(self._failed, task, record)
         now = time.monotonic()
@@ -73,7 +94,10 @@ class SweepLines:
             rate = (self._done - self._first) / max(now - self._start, 1e-9)
             left = (self._total - self._done) / rate
             failed = f", {self._failed} failed" if self._failed else ""
-            note(f"{self._done}/{self._total} episodes{failed}, {rate:.1f}/s, about {left:.0f} s left")
+            so_far = f", {self._outcomes}" if str(self._outcomes) else ""
+            note(
+                f"{self._done}/{self._total} episodes{failed}{so_far}, {rate:.1f}/s, about {left:.0f} s left"
+            )
 
     def close(self) -> None:
         """Nothing to tidy up."""
@@ -98,6 +122,7 @@ class SweepBar:
     def __init__(self) -> None:
         self._progress = progress_bar()
         self._failed = 0
+        self._outcomes = _Outcomes()
 
     def begin(self, total: int, finished: int, warnings: Sequence[str]) -> None:
         """Show the bar."""
@@ -111,8 +136,10 @@ class SweepBar:
         if record.error:
             self._failed += 1
             _note_failure(self._failed, task, record, self._progress.console)
-        failed = f"{self._failed} failed, " if self._failed else ""
-        self._progress.update(self._id, advance=1, description=f"{failed}{task.scenario.name}, {task.agent}")
+        self._outcomes.count(record)
+        failed = f"{self._failed} failed" if self._failed else ""
+        parts = [failed, str(self._outcomes), task.scenario.name, task.agent]
+        self._progress.update(self._id, advance=1, description=", ".join(filter(None, parts)))
 
     def close(self) -> None:
         """Take it away."""

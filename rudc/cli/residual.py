@@ -10,6 +10,7 @@ import typer
 
 from rudc.cli.console import note, print_table
 from rudc.errors import InputError
+from rudc.hints import install_command
 
 if TYPE_CHECKING:
     from rudc.safety.residual import ResidualPredictor
@@ -69,7 +70,7 @@ def fit(
     **Example**: `rudc residual fit out/residual.safetensors --out out/predictor.safetensors`
     """
     if find_spec("torch") is None:
-        raise InputError("fitting needs torch: pip install 'rudc[train]'")
+        raise InputError(f"fitting needs torch: {install_command('train')}")
     from safetensors.numpy import save
 
     from rudc.files import make_folder_of, write_atomically
@@ -103,7 +104,7 @@ def evaluate(
     **Example**: `rudc residual evaluate out/residual.safetensors --held-out`
     """
     if find_spec("torch") is None:
-        raise InputError("measuring needs torch: pip install 'rudc[train]'")
+        raise InputError(f"measuring needs torch: {install_command('train')}")
     from rudc.safety.residual import load_predictor, shipped_predictor
     from rudc.training.residual_data import load_dataset
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rudc.cli.complete import complete_agents, complete_scenarios
 from rudc.cli.console import note
 from rudc.cli.scenario import Overrides, parse_overrides
 
@@ -19,9 +20,15 @@ if TYPE_CHECKING:
 
 
 def run(
-    source: Annotated[str, typer.Argument(metavar="SCENARIO", help="Shipped name or file.")],
+    source: Annotated[
+        str,
+        typer.Argument(metavar="SCENARIO", help="Shipped name or file.", autocompletion=complete_scenarios),
+    ],
     agent: Annotated[
-        str, typer.Option("--agent", "-a", help="Who drives. See `rudc agent list`.")
+        str,
+        typer.Option(
+            "--agent", "-a", help="Who drives. See `rudc agent list`.", autocompletion=complete_agents
+        ),
     ] = "gap-acceptance",
     seed: Annotated[int, typer.Option(min=0, help="Which episode.")] = 0,
     video: Annotated[

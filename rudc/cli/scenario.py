@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from rudc.cli.complete import complete_scenarios
 from rudc.cli.console import note, print_table
 from rudc.errors import InputError, ScenarioError
 
@@ -68,7 +69,12 @@ def new(
 
 @app.command()
 def validate(
-    files: Annotated[list[str], typer.Argument(metavar="FILE...", help="Files, shipped names, or patterns.")],
+    files: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="FILE...", help="Files, shipped names, or patterns.", autocompletion=complete_scenarios
+        ),
+    ],
 ) -> None:
     """Check scenario files, and that each fits its network and can be set up (first seed, each swept value).
 
@@ -94,7 +100,9 @@ def validate(
 
 @app.command()
 def preview(
-    source: Annotated[str, typer.Argument(metavar="FILE", help="File or shipped name.")],
+    source: Annotated[
+        str, typer.Argument(metavar="FILE", help="File or shipped name.", autocompletion=complete_scenarios)
+    ],
     seed: Annotated[int, typer.Option(min=0, help="Which episode is shown.")] = 0,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", metavar="F.png", help="Image. Default: NAME.png.")
@@ -136,8 +144,8 @@ def schema(
 
 
 def parse_overrides(given: list[str] | None) -> dict[str, object]:
-    """`KEY=VALUE` texts as a dictionary; values are YAML. Raises InputError."""
-    import yaml
+    """`KEY=VALUE` texts as a dictionary; values are read as in a scenario file. Raises InputError."""
+    from rudc.scenario.yaml_text import read_value
 
     found: dict[str, object] = {}
     for text in given or []:
@@ -145,7 +153,7 @@ def parse_overrides(given: list[str] | None) -> dict[str, object]:
         if not equals or not key.strip():
             raise InputError(f"--set {text!r}: expected KEY=VALUE")
         try:
-            found[key.strip()] = yaml.safe_load(value)
-        except yaml.YAMLError:
-            raise InputError(f"--set {text!r}: {value!r} is not a value as in a YAML file") from None
+            found[key.strip()] = read_value(value)
+        except ValueError as error:
+            raise InputError(f"--set {text!r}: {error}") from None
     return found

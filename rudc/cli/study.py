@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from rudc.cli.complete import complete_agents
 from rudc.cli.console import SweepBar, SweepLines, note, print_table, sweep_progress
 from rudc.errors import InputError
 
@@ -24,6 +25,7 @@ def study(
             "-a",
             metavar="NAME",
             help="An agent; repeat for several. Default: rudc-t and rudc-e as shipped, all training seeds.",
+            autocompletion=complete_agents,
         ),
     ] = None,
     episodes: Annotated[

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from rudc.cli.complete import complete_agents, complete_scenarios
 from rudc.cli.console import note, sweep_progress
+from rudc.cli.scenario import parse_overrides
 from rudc.errors import InputError
 
 if TYPE_CHECKING:
@@ -32,12 +34,20 @@ SHIPPED_AGENTS = (
 def sweep(
     scenarios: Annotated[
         list[str] | None,
-        typer.Argument(metavar="SCENARIO...", help="Shipped names, files, or patterns of either."),
+        typer.Argument(
+            metavar="SCENARIO...",
+            help="Shipped names, files, or patterns of either.",
+            autocompletion=complete_scenarios,
+        ),
     ] = None,
     agents: Annotated[
         list[str] | None,
         typer.Option(
-            "--agent", "-a", metavar="NAME", help="A driver; repeat for several. See `rudc agent list`."
+            "--agent",
+            "-a",
+            metavar="NAME",
+            help="A driver; repeat for several. See `rudc agent list`.",
+            autocompletion=complete_agents,
         ),
     ] = None,
     episodes: Annotated[
@@ -54,6 +64,14 @@ def sweep(
     ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder for the results.")
+    ] = None,
+    overrides: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE|LIST",
+            help="Another value at a dotted key of all scenarios; each value of a list is run. Repeat: grid.",
+        ),
     ] = None,
     engine: Annotated[
         Literal["local", "ray"], typer.Option(help="Processes on this machine, or actors of a ray cluster.")
@@ -82,12 +100,14 @@ def sweep(
 
     `rudc sweep dense_left_turn --agent gap-acceptance --episodes 20 --out out/first`
 
+    `rudc sweep dense_left_turn -a rudc-t --set 'traffic.density=[10, 20, 30]' --out out/density`
+
     `rudc sweep random_destination '*left*' my.yaml -a sumo -a gap-acceptance+ttcbf -w 8 -o out/all --resume`
     """
     from rudc.evaluation.runner import EpisodeRunner
     from rudc.evaluation.sweep import run_sweep
 
-    plan = _plan(scenarios or [], agents or [], shipped, episodes, seed)
+    plan = _plan(scenarios or [], agents or [], shipped, episodes, seed, parse_overrides(overrides))
     if out is None:
         raise InputError("where to? give a folder for the results: --out DIR")
     progress = sweep_progress()
@@ -116,7 +136,14 @@ def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _plan(scenarios: list[str], agents: list[str], shipped: bool, episodes: int, seed: int) -> SweepPlan:
+def _plan(
+    scenarios: list[str],
+    agents: list[str],
+    shipped: bool,
+    episodes: int,
+    seed: int,
+    overrides: dict[str, object],
+) -> SweepPlan:
     from rudc.agents.registry import make_agent
     from rudc.evaluation.preflight import check_scenarios
     from rudc.evaluation.tasks import SweepPlan
@@ -133,7 +160,9 @@ def _plan(scenarios: list[str], agents: list[str], shipped: bool, episodes: int,
         raise InputError("which agents? give at least one --agent NAME; see `rudc agent list`")
     for name in agents:
         make_agent(name)
-    plan = SweepPlan(tuple(find_scenarios(scenarios)), tuple(dict.fromkeys(agents)), episodes, seed)
+    plan = SweepPlan(
+        tuple(find_scenarios(scenarios, overrides=overrides)), tuple(dict.fromkeys(agents)), episodes, seed
+    )
     check_scenarios(plan.scenarios, seed)
     return plan
 

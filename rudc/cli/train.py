@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
@@ -13,6 +14,7 @@ import typer
 from rudc.cli.console import note, progress_bar
 from rudc.cli.scenario import parse_overrides
 from rudc.errors import InputError
+from rudc.hints import install_command
 
 if TYPE_CHECKING:
     from rudc.training.config import TrainConfig
@@ -68,7 +70,7 @@ def train(
     if out is None:
         raise InputError("where to? give a folder for the agent: --out DIR")
     if find_spec("torch") is None:
-        raise InputError("training needs torch: pip install 'rudc[train]'")
+        raise InputError(f"training needs torch: {install_command('train')}")
     from rudc.training.trainer import train as run
 
     given = {"scenario": scenario, "steps": steps, "seed": seed, "device": device, "envs": envs}
@@ -124,25 +126,43 @@ def _config(
     return stored
 
 
+SILENCE_S = 30.0
+"""s without a word at most, off a terminal"""
+
+
 class TrainLines:
-    """A line for each row of progress.csv."""
+    """A line at the beginning, for each row of progress.csv, and at least every 30 s."""
 
     def __init__(self, config: TrainConfig) -> None:
         self._config = config
+        self._start = self._last = time.monotonic()
+        self._first: int | None = None
+        total, seeding = config.rounds * config.round_steps, config.seed_rounds * config.round_steps
+        note(f"training: {total} decisions, the first {seeding} by a reference driver")
 
     def advance(self, steps: int) -> None:
-        """Nothing to show."""
+        """Say how far it is, if nothing was said for a while."""
+        now = time.monotonic()
+        self._first = steps if self._first is None else self._first
+        if now - self._last > SILENCE_S:
+            rate = (steps - self._first) / (now - self._start)
+            total = self._config.rounds * self._config.round_steps
+            self._say(f"{steps}/{total} decisions, {rate:.0f}/s")
 
     def progress(self, row: Mapping[str, Any]) -> None:
         """The row in short."""
-        note(f"{row['steps']}/{self._config.steps} steps, {_shown(row)}, {row['wall_s']:.0f} s")
+        self._say(f"{row['steps']}/{self._config.steps} steps, {_shown(row)}, {row['wall_s']:.0f} s")
 
     def note(self, text: str) -> None:
         """A line of its own."""
-        note(text)
+        self._say(text)
 
     def close(self) -> None:
         """Nothing to tidy up."""
+
+    def _say(self, text: str) -> None:
+        self._last = time.monotonic()
+        note(text)
 
 
 class TrainBar:

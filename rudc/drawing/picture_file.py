@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,6 +14,7 @@ from PIL import Image
 from rudc.drawing.frames import Frame
 from rudc.errors import InputError
 from rudc.files import make_folder_of, replacing
+from rudc.hints import install_command
 
 FILMS = (".gif", ".mp4")
 PAUSE_S = 1.5
@@ -81,5 +81,5 @@ def _imageio() -> Any:
     except ImportError:
         raise InputError(
             "an .mp4 needs imageio and ffmpeg (the extra `video`): "
-            f"{sys.executable} -m pip install imageio imageio-ffmpeg; a .gif needs nothing"
+            f"{install_command('video')}; a .gif needs nothing"
         ) from None

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import sys
-
 from rudc.drawing.frames import Frame
 from rudc.errors import SimulationError
+from rudc.hints import install_command
 
 
 class Window:
@@ -18,7 +17,7 @@ class Window:
         except ImportError:
             raise SimulationError(
                 'render_mode="human" opens a window with pygame, which is not installed: '
-                f'{sys.executable} -m pip install pygame-ce, or use render_mode="rgb_array"'
+                f'{install_command("window")}, or use render_mode="rgb_array"'
             ) from None
         self._pygame = pygame
         self._title = title

@@ -1,4 +1,4 @@
-"""The ray engine: the same tasks on the actors of a ray cluster. Needs `pip install 'rudc[ray]'`.
+"""The ray engine: the same tasks on the actors of a ray cluster. Needs the extra `ray`.
 
 The rows are those of the local engine; only who computes them differs. An actor gets its first episode when
 it says that it is there: a cluster with fewer cores than workers leaves the others waiting, for good or until
@@ -17,6 +17,7 @@ from rudc.errors import InputError, SimulationError
 from rudc.evaluation.engine import START_FAILURES, TRIES, Result, Runner, RunnerFactory
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.tasks import Task
+from rudc.hints import install_command
 
 
 class _Remote:
@@ -37,7 +38,9 @@ def find_ray() -> Any:
     try:
         return importlib.import_module("ray")
     except ImportError:
-        raise InputError("--engine ray needs ray, which is not installed: pip install 'rudc[ray]'") from None
+        raise InputError(
+            f"--engine ray needs ray, which is not installed: {install_command('ray')}"
+        ) from None
 
 
 def run_ray(

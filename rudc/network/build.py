@@ -12,6 +12,7 @@ from pathlib import Path
 
 from rudc.errors import NetworkError
 from rudc.files import make_folder_of, write_atomically
+from rudc.hints import install_command
 
 SOURCES = {".nod.xml": "--node-files", ".edg.xml": "--edge-files"}
 """files that a network needs, with netconvert's option for each"""
@@ -63,9 +64,7 @@ def find_netconvert() -> Path:
     found = shutil.which("netconvert")
     if found:
         return Path(found)
-    raise NetworkError(
-        "netconvert, which builds networks, is not installed: pip install 'rudc[networks]' (or eclipse-sumo)"
-    )
+    raise NetworkError(f"netconvert, which builds networks, is not installed: {install_command('networks')}")
 
 
 def _arguments(folder: Path) -> tuple[str, list[str]]:

@@ -20,8 +20,14 @@ from rudc.scenario.sweep_check import sweep_reports
 from rudc.scenario.yaml_text import Mark, Report, Sheet, read_yaml
 
 
-def load_scenario(source: str | File, overrides: Mapping[str, object] | None = None) -> Scenario:
-    """The scenario of a shipped name or a file, with other values at some dotted keys.
+def load_scenario(
+    source: str | File,
+    overrides: Mapping[str, object] | None = None,
+    *,
+    grid: Mapping[str, Sequence[object]] | None = None,
+) -> Scenario:
+    """The scenario of a shipped name or a file, with other values at some dotted keys, which are swept no
+    more, and with others swept (`grid`: dotted key -> values).
 
     Raises ScenarioError, one line for every problem.
     """
@@ -31,6 +37,8 @@ def load_scenario(source: str | File, overrides: Mapping[str, object] | None = N
         raise _error(reports, path)
     for key, value in (overrides or {}).items():
         reports += _override(sheet, key, value)
+    for key, values in (grid or {}).items():
+        _sweep(sheet, key, values)
     scenario, more = _checked(sheet, {report.path for report in reports}, sweeps=not reports)
     reports += more
     if reports or scenario is None:
@@ -38,16 +46,21 @@ def load_scenario(source: str | File, overrides: Mapping[str, object] | None = N
     return scenario.read_from(path.absolute(), overridden)
 
 
-def find_scenarios(patterns: Sequence[str]) -> list[Scenario]:
+def find_scenarios(
+    patterns: Sequence[str], *, overrides: Mapping[str, object] | None = None
+) -> list[Scenario]:
     """The scenarios that shipped names, paths and globs stand for, each once, in the order given.
 
+    `overrides`: other values at some dotted keys of all of them; those of a list are swept.
     Raises ScenarioError with every problem of every file, and when two files have the same `name`.
     """
     found: dict[str, Scenario] = {}
     failures: list[str] = []
+    grid = {key: value for key, value in (overrides or {}).items() if isinstance(value, list)}
+    single = {key: value for key, value in (overrides or {}).items() if key not in grid}
     for path in find_files(patterns):
         try:
-            scenario = load_scenario(path)
+            scenario = load_scenario(path, single, grid=grid)
         except ScenarioError as error:
             failures.append(str(error))
             continue
@@ -124,7 +137,19 @@ def _override(sheet: Sheet, key: str, value: object) -> list[Report]:
         return [Report("override", 0, 0, tuple(key.split(".")), str(error))]
     sheet.marks = {known: mark for known, mark in sheet.marks.items() if known[: len(path)] != path}
     sheet.marks[path] = Mark("override", 0, 0, 0, 0)
+    swept = sheet.data.get("sweep")
+    if isinstance(swept, dict):
+        swept.pop(key, None)  # or the file's own values would take the place of the one given
     return []
+
+
+def _sweep(sheet: Sheet, key: str, values: Sequence[object]) -> None:
+    """Sweep a dotted key of a sheet over values."""
+    before = sheet.data.get("sweep")
+    sheet.data["sweep"] = {**(before if isinstance(before, dict) else {}), key: list(values)}
+    path: Path = ("sweep", key)
+    sheet.marks = {known: mark for known, mark in sheet.marks.items() if known[:2] != path}
+    sheet.marks[path] = Mark("override", 0, 0, 0, 0)
 
 
 def _checked(sheet: Sheet, known: set[Path], sweeps: bool) -> tuple[Scenario | None, list[Report]]:

@@ -109,6 +109,21 @@ def read_yaml(text: str, file: str) -> tuple[Sheet | None, list[Report]]:
     return Sheet(data, reader.marks), reader.reports
 
 
+def read_value(text: str) -> Any:
+    """A single value, read as one in a file. Raises ValueError, in words, where it cannot be."""
+    try:
+        node = yaml.compose(text, Loader=_Loader)
+    except yaml.YAMLError:
+        raise ValueError(f"{text!r} is not a value as in a YAML file") from None
+    if node is None:
+        return None
+    reader = _Reader("")
+    value = reader.value(node, (), node.start_mark)
+    if reader.reports:
+        raise ValueError(reader.reports[0].text)
+    return value
+
+
 class _Reader:
     """Turns nodes into plain data, marking where each comes from."""
 

@@ -219,3 +219,21 @@ def test_failed_episodes_are_named_and_end_with_1(rudc, tmp_path):
     assert "1 of 1 episodes failed" in answer.err
     (row,) = read_table(tmp_path / "out" / "episodes.csv")
     assert "no safe start" in row["error"]
+
+
+def test_a_list_makes_a_grid_of_a_sweep(rudc, tmp_path):
+    answer = rudc(
+        "sweep", "random_destination", "-a", "sumo", "-n", 1, "-w", 1, "-o", "out",
+        "--set", "traffic.density=[10, 20]", "--set", "episode.timeout=5",
+    )  # fmt: skip
+    assert answer.status == 0, answer.err
+    rows = read_table(tmp_path / "out" / "episodes.csv")
+    assert [(row["traffic.density"], row["outcome"]) for row in rows] == [("10", "frozen"), ("20", "frozen")]
+    assert "traffic.density" in answer.out.splitlines()[0]
+    table = rudc("table", "out", "--by", "traffic.density", "--metrics", "SR,duration_s")
+    assert table.out.splitlines()[0].split() == ["traffic.density", "n", "SR", "(%)", "duration-s", "(s)"]
+    other = rudc("sweep", "random_destination", "-a", "sumo", "-n", 1, "-o", "out", "--resume")
+    assert other.status == 2
+    assert "differs" in other.err
+    run = rudc("run", "random_destination", "-a", "sumo", "--set", "episode.timeout=1e0")
+    assert dict(line.split(maxsplit=1) for line in run.out.splitlines())["duration_s"] == "1.0"

@@ -5,7 +5,8 @@ import textwrap
 import pytest
 
 from rudc.errors import ScenarioError
-from rudc.scenario import load_scenario
+from rudc.scenario import find_scenarios, load_scenario
+from rudc.scenario.yaml_text import read_value
 
 
 def load(tmp_path, text):
@@ -155,3 +156,51 @@ def test_varied_says_what_is_wrong():
         load_scenario("random_destination").varied({"traffic.densty": 3})
     with pytest.raises(ScenarioError, match="no part 'x'"):
         load_scenario("random_destination").varied({"network.x": 3})
+
+
+def test_values_given_are_swept_if_they_are_lists():
+    (plain, swept) = find_scenarios(
+        ["random_destination", "density_sweep"],
+        overrides={"traffic.density": [15, 25], "episode.timeout": 30},
+    )
+    assert plain.points() == swept.points() == [{"traffic.density": 15}, {"traffic.density": 25}]
+    assert [float(scenario.episode.timeout) for _, scenario in plain.grid()] == [30, 30]
+
+
+def test_a_value_given_is_not_swept_over_by_the_files_own():
+    (scenario,) = find_scenarios(["density_sweep"], overrides={"traffic.density": 15})
+    assert scenario.sweep == {}
+    assert float(scenario.traffic.density) == 15
+
+
+@pytest.mark.parametrize(
+    ("overrides", "said"),
+    [
+        ({"traffic.densty": [10, 20]}, r"sweep\.'?traffic\.densty'?.*did you mean 'density'"),
+        ({"traffic.density": [10, "many"]}, "many"),
+        ({"traffic.density": []}, "sweep"),
+    ],
+)
+def test_a_grid_that_cannot_be_is_refused(overrides, said):
+    with pytest.raises(ScenarioError, match=said) as caught:
+        find_scenarios(["density_sweep"], overrides=overrides)
+    assert str(caught.value).startswith("override: ")
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("30", 30), ("1e3", 1000.0), ("on", "on"), ("no", "no"), ("12:30", "12:30"), ("null", None),
+        ("", None), ("[1, 2.5]", [1, 2.5]), ("{uniform: [6, 10]}", {"uniform": [6, 10]}),
+        ("'30'", "30"), ("true", True),
+    ],
+)  # fmt: skip
+def test_a_single_value_reads_as_in_a_file(text, value):
+    assert read_value(text) == value
+    assert type(read_value(text)) is type(value)
+
+
+@pytest.mark.parametrize("text", ["[1", "{a: 1, a: 2}", "!!python/object:os.system x", "a: b: c"])
+def test_a_single_value_that_cannot_be_is_refused_in_words(text):
+    with pytest.raises(ValueError, match=r"is not a value|given twice|not understood"):
+        read_value(text)

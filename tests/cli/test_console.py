@@ -1,0 +1,108 @@
+"""What is said while a sweep or a training runs, and tables on narrow screens."""
+
+import io
+from types import SimpleNamespace
+
+import pytest
+from rich.console import Console
+
+from rudc.cli import metrics_table
+from rudc.cli.console import SweepBar, SweepLines
+from rudc.cli.metrics_table import print_metrics
+from rudc.cli.train import SILENCE_S, TrainLines
+from rudc.evaluation.columns import COLUMNS
+from rudc.evaluation.record import EpisodeRecord
+
+
+def record(outcome, agent="follower+ttcbf", seed=0):
+    return EpisodeRecord(
+        {
+            "scenario": "random_destination", "agent": agent, "seed": seed, "outcome": outcome, "steps": 100,
+            "route_completion": 0.5, "mean_speed_mps": 7.77, "episode_reward": 111.1, "min_dtc_m": 1.23,
+            "decision_ms_mean": 0.5,
+        }
+    )  # fmt: skip
+
+
+TASK = SimpleNamespace(scenario=SimpleNamespace(name="fog"), agent="sumo")
+
+
+def test_lines_say_how_it_goes_so_far(capsys):
+    lines = SweepLines()
+    lines.begin(4, 0, [])
+    for outcome in ("success", "collision", "frozen", "success"):
+        lines.advance(TASK, record(outcome))
+    said = capsys.readouterr().err.splitlines()
+    assert said[1].startswith("1/4 episodes, SR 100 %, VR 0 %, ")
+    assert said[-1].startswith("4/4 episodes, SR 50 %, VR 25 %, ")
+
+
+def test_the_bar_says_how_it_goes_so_far():
+    bar = SweepBar()
+    bar.begin(3, 3, [])
+    bar.advance(TASK, EpisodeRecord.failed("fog", "sumo", 0, "broke"))
+    assert bar._progress.tasks[0].description == "1 failed, fog, sumo"
+    bar.advance(TASK, record("wrong_way"))
+    assert bar._progress.tasks[0].description == "1 failed, SR 0 %, VR 100 %, fog, sumo"
+
+
+def test_training_speaks_off_a_terminal(capsys, monkeypatch):
+    config = SimpleNamespace(rounds=10, round_steps=100, seed_rounds=2)
+    now = [0.0]
+    monkeypatch.setattr("rudc.cli.train.time", SimpleNamespace(monotonic=lambda: now[0]))
+    lines = TrainLines(config)  # pyright: ignore[reportArgumentType]
+    assert capsys.readouterr().err == "training: 1000 decisions, the first 200 by a reference driver\n"
+    lines.advance(100)
+    assert capsys.readouterr().err == ""
+    now[0] = SILENCE_S + 10.0
+    lines.advance(300)
+    assert capsys.readouterr().err == "300/1000 decisions, 5/s\n"
+    lines.advance(400)
+    assert capsys.readouterr().err == ""
+
+
+ROWS = [
+    dict(zip(COLUMNS, record(outcome, agent, seed).row(), strict=True))
+    for agent in ("gap-acceptance+ttcbf", "rudc-t")
+    for seed, outcome in enumerate(["success", "success", "frozen", "collision"])
+]
+
+
+@pytest.fixture
+def shown(monkeypatch, capsys):
+    """The table on a screen of some width, and what is said beside it."""
+
+    def show(width, rows=ROWS):
+        screen = Console(file=io.StringIO(), width=width, highlight=False)
+        monkeypatch.setattr(metrics_table, "console", lambda: screen)
+        print_metrics(rows, ["scenario", "agent"])
+        return screen.file.getvalue().splitlines(), capsys.readouterr().err
+
+    return show
+
+
+def test_a_wide_screen_shows_everything_in_a_line_each(shown):
+    lines, said = shown(200)
+    assert len(lines) == 3
+    assert "decision (ms)" in lines[0]
+    assert lines[1].startswith("random_destination  gap-acceptance+ttcbf  4  50.0 [15.0, 85.0]")
+    assert said == ""
+
+
+@pytest.mark.parametrize("width", [80, 90, 100, 120, 140])
+def test_a_narrow_screen_breaks_no_number_and_says_what_is_missing(shown, width):
+    lines, said = shown(width)
+    assert max(map(len, lines)) <= width
+    assert sum("50.0 [15.0, 85.0]" in line for line in lines) == 2
+    assert sum("25.0 [4.6, 69.9]  " in line for line in lines) == 2
+    assert any(line.startswith("random_destination") for line in lines)
+    head = "".join(lines[:2])
+    for name in ("AER", "RC", "AES", "min-DTC"):
+        assert (name in head) != (name in said)
+
+
+def test_long_names_get_a_line_of_their_own(shown):
+    long = "rudc-t:correction.d_safe=0.3,correction.slack.gain=0.05,correction.residual=off"
+    lines, _ = shown(100, [{**row, "agent": f"{long},{row['agent']}"} for row in ROWS])
+    assert f"random_destination, {long},rudc-t" in lines
+    assert sum("50.0 [15.0, 85.0]" in line for line in lines) == 2
