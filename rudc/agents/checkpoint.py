@@ -1,7 +1,7 @@
-"""Folders of learnt agents: which is meant by a name, what is in it, how a new one takes an old one's place.
+"""Folders of learnt agents: which is meant by a name, and what is in it.
 
-The files are those of rudc/learning/checkpoint.py; `settings` holds the fields of `DriverConfig` that
-its learner and its algorithm do not say already.
+The files are those of rudc/learning/checkpoint.py; settings are the tree of rudc/agents/config.py. Frozen
+networks are not stored: they are rebuilt from the seed of the training.
 """
 
 from __future__ import annotations
@@ -12,13 +12,15 @@ from typing import Any, NamedTuple
 
 from pydantic import ValidationError
 
-from rudc.agents.algorithms import ALGORITHMS, DriverConfig
+from rudc.agents.config import AgentConfig
 from rudc.agents.variation import vary
 from rudc.arrays import Arrays
 from rudc.data import data_folder
 from rudc.errors import AgentError
 from rudc.learning.checkpoint import DESCRIPTION, Checkpoint, load_checkpoint, save_checkpoint
-from rudc.learning.parameters import fingerprint
+from rudc.learning.config import Problem
+from rudc.learning.parameters import fingerprint, frozen_arrays, group, grouped, policy_arrays
+from rudc.settings import problems
 
 SHIPPED = "results/checkpoints"
 """where trained agents are that come with RUDC"""
@@ -29,14 +31,16 @@ LATEST = "checkpoint"
 class Learnt(NamedTuple):
     """A learnt agent as stored."""
 
-    config: DriverConfig
+    config: AgentConfig
     """how it sees and acts"""
     arrays: Arrays
-    """weights, as `RudcLearner.arrays` names them"""
+    """weights, as `Learner.weights` names them"""
     percentiles: tuple[float, float] | None
     """sigma_l and sigma_h, reward units; None if unknown"""
     training: Mapping[str, Any]
-    """summary of how it was trained: `steps` and `seed` at least"""
+    """how it was trained: settings, `seed` at least"""
+    trained: Mapping[str, Any]
+    """summary of its training: `steps` at least"""
 
 
 def find_checkpoint(name: str) -> Path | None:
@@ -59,32 +63,56 @@ def shipped_checkpoints() -> dict[str, Path]:
 
 def save_learnt(folder: Path, learnt: Learnt) -> None:
     """Write an agent into a folder. Raises StorageError."""
-    config = learnt.config
-    settings = config.model_dump(mode="json", exclude={"learner", "algorithm"})
-    checkpoint = Checkpoint(
-        config.algorithm, config.learner, learnt.arrays, learnt.percentiles, settings, learnt.training
+    config, seed = learnt.config, int(learnt.training["seed"])
+    problem = config.problem(seed)
+    box = config.action.space()
+    save_checkpoint(
+        folder,
+        Checkpoint(
+            settings={**config.model_dump(mode="json"), "training": dict(learnt.training)},
+            arrays={k: v for k, v in learnt.arrays.items() if not k.startswith("prior/")},
+            spaces={
+                "observation": {"shape": [problem.layout.size]},
+                "action": {"shape": list(box.shape), "low": float(box.low[0]), "high": float(box.high[0])},
+            },
+            sigma=learnt.percentiles,
+            prior=fingerprint(group(frozen_arrays(config.learner, problem, learnt.arrays), "prior")),
+            trained=learnt.trained,
+        ),
     )
-    save_checkpoint(folder, checkpoint)
 
 
 def load_learnt(folder: Path) -> Learnt:
     """Read an agent. Raises AgentError."""
     stored = load_checkpoint(folder)
+    settings = dict(stored.settings)
+    training = settings.pop("training")
     try:
-        values = {**stored.settings, "algorithm": stored.algorithm, "learner": stored.config}
-        config = DriverConfig.model_validate(values)
-    except (ValidationError, TypeError) as error:
-        raise AgentError(f"{folder / DESCRIPTION}: {error}") from error
-    if not {"steps", "seed"} <= stored.training.keys():
+        config = AgentConfig.model_validate(settings)
+    except ValidationError as error:
+        raise AgentError(problems(error, str(folder / DESCRIPTION), ())) from error
+    if not isinstance(training, dict) or "seed" not in training or "steps" not in stored.trained:
         raise AgentError(f"{folder / DESCRIPTION}: does not say how the agent was trained")
-    return Learnt(config, stored.arrays, stored.sigma, stored.training)
+    problem = config.problem(int(training["seed"]))
+    _check_shapes(folder, config, problem, stored.arrays)
+    frozen = frozen_arrays(config.learner, problem, stored.arrays)
+    if stored.prior != fingerprint(group(frozen, "prior")):
+        raise AgentError(f"{folder}: the prior networks cannot be rebuilt as they were in training")
+    return Learnt(config, stored.arrays | frozen, stored.sigma, training, stored.trained)
+
+
+def _check_shapes(folder: Path, config: AgentConfig, problem: Problem, arrays: Arrays) -> None:
+    for name, value in grouped(policy=policy_arrays(config.learner, problem)).items():
+        found = arrays.get(name)
+        if found is None or found.shape != value.shape:
+            raise AgentError(f"{folder}: its weights do not fit its settings (observation, networks): {name}")
 
 
 def learnt_summary(folder: Path) -> str:
     """What drives, and how it was trained, in a sentence."""
     learnt = load_learnt(folder)
-    summary, training = ALGORITHMS[learnt.config.algorithm].summary, learnt.training
-    return f"{summary} Learnt in {training['steps']} steps with seed {training['seed']}."
+    summary, trained = learnt.config.entry.summary, learnt.trained
+    return f"{summary} Learnt in {trained['steps']} steps with seed {learnt.training['seed']}."
 
 
 def learnt_settings(folder: Path, changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -93,8 +121,9 @@ def learnt_settings(folder: Path, changes: Mapping[str, Any]) -> dict[str, Any]:
     """
     learnt = load_learnt(folder)
     return {
-        "driver": vary(learnt.config, changes).model_dump(mode="json"),
+        **vary(learnt.config, changes).model_dump(mode="json"),
+        "training": dict(learnt.training),
         "weights": fingerprint(learnt.arrays),
         "sigma_percentiles": learnt.percentiles,
-        "training": dict(learnt.training),
+        "trained": dict(learnt.trained),
     }

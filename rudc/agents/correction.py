@@ -27,7 +27,7 @@ from collections.abc import Mapping
 from typing import Annotated, Any, Literal, NamedTuple, Protocol
 
 from numpy.typing import NDArray
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, SerializeAsAny
+from pydantic import BeforeValidator, Field, SerializeAsAny
 
 from rudc.arrays import Array, Arrays, Floats
 from rudc.kinds import of_kind, read_kind
@@ -36,6 +36,7 @@ from rudc.safety.corrected import Corrected
 from rudc.safety.filter import SafetyFilter
 from rudc.safety.residual import ResidualPredictor, shipped_predictor
 from rudc.safety.slack import Slack
+from rudc.settings import Settings
 from rudc.world.scene import Scene
 
 Percentiles = tuple[float, float] | None
@@ -80,15 +81,19 @@ class Correction(Protocol):
         ...
 
 
-class CorrectionKind(BaseModel):
+class CorrectionKind(Settings):
     """Base of the settings of all corrections; subclasses have `kind`, their name in `CORRECTIONS`."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
     @property
     def asks_critics(self) -> bool:
         """Whether it needs sigma or asks critics otherwise, so that whoever drives must have them."""
         return False
+
+    def arrays(self) -> Arrays:
+        """Weights of its own that a trained agent takes along, named as in a checkpoint: others may be
+        shipped one day.
+        """
+        return {}
 
     def make(self, arrays: Mapping[str, NDArray], percentiles: Percentiles = None) -> Correction | None:
         """The correction; None if there is none. `arrays` and `percentiles` as for `Correction.load`."""
@@ -104,10 +109,8 @@ class NoCorrection(CorrectionKind):
         """None."""
 
 
-class SlackSettings(BaseModel):
+class SlackSettings(Settings):
     """The slack delta(sigma) of the rows (rudc/safety/slack.py)."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
     gain: float = Field(default=0.0, ge=0, allow_inf_nan=False)
     """m2 of h towards vehicles that one is willing to give up at rest for each unit of sigma (reward units)
@@ -129,6 +132,10 @@ class CbfSettings(FilterConfig, CorrectionKind):
     def asks_critics(self) -> bool:
         """With slack."""
         return self.slack.gain > 0
+
+    def arrays(self) -> Arrays:
+        """The residual predictor's, where it has one."""
+        return {RESIDUAL + k: v for k, v in shipped_predictor().arrays.items()} if self.residual else {}
 
     def make(self, arrays: Mapping[str, NDArray], percentiles: Percentiles = None) -> Correction:
         """The filter, with the residual predictor among `arrays` or else the shipped one."""

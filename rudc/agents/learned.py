@@ -19,16 +19,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rudc.agents.algorithms import DriverConfig
 from rudc.agents.base import Decision, EgoDriver
 from rudc.agents.checkpoint import load_learnt
+from rudc.agents.config import AgentConfig
 from rudc.agents.correction import Proposal
 from rudc.agents.variation import vary
 from rudc.arrays import Floats
 from rudc.env.observation import observe_flat
 from rudc.learning.inference import Decider
-from rudc.learning.parameters import policy_arrays
-from rudc.learning.uncertainty import Uncertainty, uncertainty
+from rudc.learning.parameters import grouped, policy_arrays
 from rudc.world.scene import Scene
 
 
@@ -38,9 +37,9 @@ class Choice(NamedTuple):
     decision: Decision
     observation: Floats
     """(size,)"""
-    action: Floats
+    executed: Floats
     """(2,) what is executed, after correction, in [-1, 1]"""
-    nominal: Floats
+    proposed: Floats
     """(2,) what the policy proposed, in [-1, 1]"""
 
 
@@ -52,7 +51,7 @@ class LearnedAgent:
     def __init__(
         self,
         name: str,
-        config: DriverConfig,
+        config: AgentConfig,
         arrays: Mapping[str, NDArray],
         percentiles: tuple[float, float] | None = None,
     ) -> None:
@@ -61,17 +60,15 @@ class LearnedAgent:
         """
         self.name = name
         self.config = config
-        self._decider = Decider(config.learner, arrays)
-        self._means = config.action_kind
+        self._decider = Decider(config.learner, config.problem().layout, arrays)
         self.correction = config.correction.make(arrays, percentiles)
         self.load(arrays, percentiles)
 
     def load(self, arrays: Mapping[str, NDArray], percentiles: tuple[float, float] | None = None) -> None:
-        """Take over weights, named `policy/...` and `critic/...` as `RudcLearner.arrays` names them, and
-        sigma_l and sigma_h of the slack. Without critics there is neither sigma nor slack.
+        """Take over weights, named as in `Learner.weights`, and sigma_l and sigma_h of the slack. Without
+        critics there is neither sigma nor slack.
         """
         self._decider.refresh(arrays)
-        self._critics = any(name.startswith("critic/") for name in arrays)
         if self.correction is not None:
             self.correction.load(arrays, percentiles)
 
@@ -99,35 +96,31 @@ class LearnedAgent:
         if observation is None:
             observation = observe_flat(scene, self.config.observation)
         clock.append(time.perf_counter())
-        nominal = self._decider.action(observation, rng)
-        u_rl = self._means.physical(nominal, scene)
+        proposed = self._decider.action(observation, rng)
+        u_rl = self.config.action.physical(proposed, scene)
         clock.append(time.perf_counter())
-        unsure = self._uncertainty(observation, nominal)
+        unsure = self._decider.uncertainty(observation, proposed)
         clock.append(time.perf_counter())
         if self.correction is None or not correcting:
-            u, action, corrected = u_rl, nominal, None
+            u, executed, corrected = u_rl, proposed, None
         else:
             sigma = math.nan if unsure is None else float(unsure.total)
-            critics = self._decider if self._critics else None
-            corrected = self.correction.correct(scene, Proposal(u_rl, nominal, sigma, observation), critics)
+            proposal = Proposal(u_rl, proposed, sigma, observation)
+            critics = self._decider if self._decider.has_critics else None
+            corrected = self.correction.correct(scene, proposal, critics)
             u = corrected.u
             same = np.array_equal(u, u_rl)
-            action = nominal if same else self._means.normalised(u, scene).astype(np.float32)
+            executed = proposed if same else self.config.action.normalised(u, scene).astype(np.float32)
         clock.append(time.perf_counter())
         parts = ("observation", "policy", "critic", "correction")
         timing = {part: 1000.0 * float(clock[i + 1] - clock[i]) for i, part in enumerate(parts)}
-        return Choice(Decision(u, u_rl, unsure, corrected, timing), observation, action, nominal)
-
-    def _uncertainty(self, observation: Floats, action: Floats) -> Uncertainty | None:
-        if not self._critics:
-            return None
-        return uncertainty(self._decider.quantiles(observation, action), self.config.learner.beta)
+        return Choice(Decision(u, u_rl, unsure, corrected, timing), observation, executed, proposed)
 
 
-def untrained(config: DriverConfig) -> LearnedAgent:
+def untrained(config: AgentConfig, seed: int = 0) -> LearnedAgent:
     """An agent whose policy has learnt nothing yet."""
-    arrays = {f"policy/{name}": value for name, value in policy_arrays(config.learner).items()}
-    return LearnedAgent("untrained", config, arrays)
+    policy = policy_arrays(config.learner, config.problem(seed))
+    return LearnedAgent("untrained", config, grouped(policy=policy))
 
 
 def load_learned(name: str, folder: Path, changes: Mapping[str, Any]) -> LearnedAgent:

@@ -27,7 +27,7 @@ from rudc.agents.drivers import (
     make_driver,
 )
 from rudc.agents.filtered import FILTERS, FilteredAgent
-from rudc.agents.variation import Settings, filter_settings, parse, split
+from rudc.agents.variation import Changes, filter_behind, parse, split
 from rudc.errors import AgentError
 from rudc.hints import there_are
 from rudc.learning.parameters import fingerprint
@@ -56,7 +56,9 @@ def make_agent(name: str) -> Agent:
         driver = load_learned(name, _folder(base), {} if suffix else settings)
     if not suffix:
         return driver
-    return FilteredAgent(driver, name, filter_settings(suffix, settings).make({}))
+    correction = filter_behind(suffix, settings).make({})
+    assert correction is not None
+    return FilteredAgent(driver, name, correction)
 
 
 def agent_summary(name: str) -> str:
@@ -75,10 +77,10 @@ def agent_settings(name: str) -> dict[str, Any]:
         driver = learnt_settings(_folder(base), {} if suffix else settings)
     if not suffix:
         return driver
-    residual = fingerprint(shipped_predictor().arrays) if settings.get("residual") else None
+    residual = fingerprint(shipped_predictor().arrays) if settings.get("correction.residual") else None
     return {
         **driver,
-        "correction": filter_settings(suffix, settings).model_dump(mode="json"),
+        "correction": filter_behind(suffix, settings).model_dump(mode="json"),
         "predictor": residual,
     }
 
@@ -90,7 +92,7 @@ def _folder(name: str) -> Path:
     return folder
 
 
-def _parts(name: str) -> tuple[str, str, Settings]:
+def _parts(name: str) -> tuple[str, str, Changes]:
     """Driver or folder, suffix of the filter behind it (empty for none), and settings."""
     if find_checkpoint(name) is not None:
         base, suffix, text = name, "", ""
@@ -104,7 +106,7 @@ def _parts(name: str) -> tuple[str, str, Settings]:
         return base, suffix, {}
     if is_driver(base) and not suffix:
         raise AgentError(f"{base!r} has no filter, and nothing that {text!r} could set")
-    return base, suffix, parse(text, learnt=not suffix)
+    return base, suffix, parse(text)
 
 
 def _suffix(behind: str, name: str) -> str:

@@ -1,29 +1,24 @@
 """Settings written behind an agent's name, `NAME:key=value,key=value`, so that a sweep can compare variants.
 
-Keys are the fields of `FilterConfig` (`d_safe=0.3`), `residual` (on, off), and for learnt agents `filter`
-(on, off) and `slack_gain` as well: `rudc-t:residual=off,slack_gain=0,constrained=all`.
+Keys are those of the tree of settings (rudc/agents/config.py), values are read as YAML:
+`rudc-t:correction.d_safe=0.3,correction.slack.gain=0`, `rudc-t:correction.kind=none`. What only learning
+depends on is refused.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 import yaml
-from pydantic import ValidationError
 
-from rudc.agents.algorithms import DriverConfig
-from rudc.agents.correction import CbfSettings
+from rudc.agents.config import AgentConfig, refuse_old_keys
+from rudc.agents.correction import CbfSettings, CorrectionKind, CorrectionSettings
 from rudc.errors import AgentError, InputError
-from rudc.hints import there_are
-from rudc.safety.config import FilterConfig
+from rudc.settings import Settings, changed
 
-Settings = dict[str, Any]
-
-_FILTER = {name: "yaml" for name in FilterConfig.model_fields if name != "rule"}
-_LEARNT = {"filter": "bool", "residual": "bool", "slack_gain": "float"}
-_BEHIND = {"residual": "bool"}
-_SWITCH = {"on": True, "true": True, "off": False, "false": False}
+Changes = dict[str, Any]
+S = TypeVar("S", bound=Settings)
 
 
 def split(name: str) -> tuple[str, str]:
@@ -32,54 +27,49 @@ def split(name: str) -> tuple[str, str]:
     return (base, text) if colon and "=" in text else (name, "")
 
 
-def parse(text: str, *, learnt: bool) -> Settings:
-    """Settings by key. `learnt`: whether they are a learnt agent's. Raises AgentError."""
-    known = {**_FILTER, **(_LEARNT if learnt else _BEHIND)}
-    settings: Settings = {}
+def parse(text: str) -> Changes:
+    """Values by key. Raises AgentError."""
+    changes: Changes = {}
     for part in text.split(","):
         key, equals, value = (piece.strip() for piece in part.partition("="))
-        if not equals or key not in known:
-            raise AgentError(f"agent setting {part!r}: no setting {key!r}{there_are(key, sorted(known))}")
-        if key in settings:
+        if not equals or not key:
+            raise AgentError(f"agent setting {part!r}: expected key=value")
+        if key in changes:
             raise AgentError(f"agent setting {key!r} is given twice")
-        settings[key] = _value(key, value, known[key])
+        try:
+            changes[key] = yaml.safe_load(value)
+        except yaml.YAMLError:
+            raise AgentError(f"agent setting {part!r}: {value!r} is not a value as in a YAML file") from None
+    return changes
+
+
+def vary(config: AgentConfig, changes: Mapping[str, Any]) -> AgentConfig:
+    """A learnt agent's configuration with settings changed. Raises AgentError."""
+    for key in changes:
+        section = key.partition(".")[0]
+        if section in ("algorithm", "observation", "learner", "training"):
+            raise AgentError(f"agent setting {key!r} decides what is learnt: give it to `rudc train --set`")
+    return _changed(config, changes)
+
+
+def filter_behind(rule: str, changes: Mapping[str, Any]) -> CorrectionKind:
+    """The filter behind a driver (`+ttcbf`, `+ecbf`), with settings changed. Raises AgentError."""
+    for key in changes:
+        if key in ("correction", "correction.kind", "correction.rule"):
+            raise AgentError(f"agent setting {key!r}: what stands behind the driver is said by +{rule}")
+    settings = _changed(_Behind(correction=CbfSettings.preset(rule)), changes).correction
+    if settings.asks_critics:
+        raise AgentError("agent setting 'correction.slack.gain' has no effect behind a driver without sigma")
     return settings
 
 
-def vary(config: DriverConfig, settings: Mapping[str, Any]) -> DriverConfig:
-    """A learnt agent's configuration with settings changed. Raises AgentError."""
-    changed = config.model_dump()
-    for key, value in settings.items():
-        if key == "filter":
-            changed["filtering"] = value
-        elif key in _LEARNT:
-            changed[key] = value
-        else:
-            changed["filter_settings"] = {**changed["filter_settings"], key: value}
-    try:
-        return DriverConfig.model_validate(changed)
-    except ValidationError as error:
-        reasons = "; ".join(e["msg"].removeprefix("Value error, ") for e in error.errors())
-        raise AgentError(f"agent settings: {reasons}") from None
+class _Behind(Settings):
+    correction: CorrectionSettings
 
 
-def filter_settings(rule: str, settings: Mapping[str, Any]) -> CbfSettings:
-    """A filter's preset with settings changed. Raises AgentError."""
+def _changed(settings: S, changes: Mapping[str, Any]) -> S:
     try:
-        return CbfSettings.preset(rule, **settings)
+        refuse_old_keys(changes, "agent settings")
+        return changed(settings, changes, "agent settings")
     except InputError as error:
-        raise AgentError(f"agent settings: {error}") from None
-
-
-def _value(key: str, text: str, kind: str) -> bool | int | float | str:
-    try:
-        if kind == "yaml":
-            return yaml.safe_load(text)
-        if kind == "bool":
-            return _SWITCH[text.lower()]
-        if kind in ("int", "float"):
-            return int(text) if kind == "int" else float(text)
-    except (KeyError, ValueError, yaml.YAMLError):
-        wanted = {"bool": "on or off", "int": "a whole number"}.get(kind, "a number")
-        raise AgentError(f"agent setting {key!r} must be {wanted}, not {text!r}") from None
-    return text
+        raise AgentError(str(error)) from None

@@ -23,7 +23,9 @@ if TYPE_CHECKING:
 def train(
     algorithm: Annotated[
         str | None,
-        typer.Argument(metavar="ALGORITHM", help="rudc-t, rudc-e or rudc-wo-cbf; may be left out to resume."),
+        typer.Argument(
+            metavar="ALGORITHM", help="One of `rudc agent algorithms`; may be left out to resume."
+        ),
     ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder for agent and logs.")
@@ -41,13 +43,15 @@ def train(
         int | None, typer.Option(min=1, help="Worlds, each in a process of its own. Default: 2.")
     ] = None,
     configuration: Annotated[
-        str, typer.Option(metavar="NAME", help="`default`, or `paper`: everything as the paper has it.")
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="Preset: `default`, `paper` (everything as the paper has it), or a YAML file.",
+        ),
     ] = "default",
     settings: Annotated[
         list[str] | None,
-        typer.Option(
-            "--set", metavar="KEY=VALUE", help="Any value of config.json, e.g. driver.learner.n_step=1."
-        ),
+        typer.Option("--set", metavar="KEY=VALUE", help="Any value of config.json, e.g. learner.n_step=1."),
     ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the training in DIR; start it if there is none.")
@@ -65,7 +69,7 @@ def train(
 
     `rudc sweep dense_left_turn --agent out/first --episodes 100 --out out/first-sweep`
 
-    `rudc train rudc-t --set driver.observation=paper --set driver.learner.n_step=1 --out out/ablation`
+    `rudc train rudc-t --set observation=paper --set learner.n_step=1 --out out/ablation`
     """
     if out is None:
         raise InputError("where to? give a folder for the agent: --out DIR")
@@ -74,14 +78,10 @@ def train(
     from rudc.training.trainer import train as run
 
     given = {"scenario": scenario, "steps": steps, "seed": seed, "device": device, "envs": envs}
-    config = _config(
-        algorithm,
-        {k: v for k, v in given.items() if v is not None},
-        configuration,
-        parse_overrides(settings),
-        out,
-        resume,
-    )
+    changes = {f"training.{k}": v for k, v in given.items() if v is not None}
+    if scenario is not None:
+        changes["training.curriculum"] = None
+    config = _config(algorithm, changes, configuration, parse_overrides(settings), out, resume)
     watcher = TrainBar(config) if sys.stderr.isatty() else TrainLines(config)
     try:
         done = run(config, out, watcher, resume=resume)
@@ -95,34 +95,32 @@ def train(
 
 def _config(
     algorithm: str | None,
-    given: dict[str, Any],
-    configuration: str,
+    changes: dict[str, Any],
+    preset: str,
     settings: dict[str, Any],
     out: Path,
     resume: bool,
 ) -> TrainConfig:
+    from rudc.learning.algorithms import ALGORITHMS
     from rudc.training.config import TrainConfig
     from rudc.training.trainer import stored_config
 
+    twice = sorted(changes.keys() & settings.keys() - {"training.curriculum"})
+    if twice:
+        raise InputError(f"{twice[0]} is given twice, as an option and by --set")
     stored = stored_config(out) if resume else None
     if stored is None:
         if algorithm is None:
-            raise InputError("which algorithm? give rudc-t, rudc-e or rudc-wo-cbf")
-        makers = {"default": TrainConfig.default, "paper": TrainConfig.paper}
-        if configuration not in makers:
-            raise InputError(f"no configuration {configuration!r}; there are default and paper")
-        if "scenario" in given:
-            given["curriculum"] = None
-        return makers[configuration](algorithm, **given).changed(settings)
-    wanted = {**given, **({"algorithm": algorithm} if algorithm else {})}
-    there = {**stored.model_dump(), "algorithm": stored.driver.algorithm}
-    for name, value in wanted.items():
-        if there[name] != value:
-            raise InputError(
-                f"{out} holds a training with {name} {there[name]}, not {value}: resume it as it is"
-            )
-    if stored.changed(settings) != stored:
-        raise InputError(f"{out} holds a training with other settings: resume it as it is, without --set")
+            raise InputError(f"which algorithm? there are {', '.join(ALGORITHMS)}")
+        return TrainConfig.of(algorithm, changes | settings, preset)
+    if algorithm not in (None, stored.algorithm):
+        raise InputError(
+            f"{out} holds a training with algorithm {stored.algorithm}, not {algorithm}: resume it as it is"
+        )
+    given = changes | settings
+    other = [key for key in given if stored.changed({key: given[key]}) != stored]
+    if other:
+        raise InputError(f"{out} holds a training with another {', '.join(other)}: resume it as it is")
     return stored
 
 
@@ -151,7 +149,7 @@ class TrainLines:
 
     def progress(self, row: Mapping[str, Any]) -> None:
         """The row in short."""
-        self._say(f"{row['steps']}/{self._config.steps} steps, {_shown(row)}, {row['wall_s']:.0f} s")
+        self._say(f"{row['steps']}/{self._config.training.steps} steps, {_shown(row)}, {row['wall_s']:.0f} s")
 
     def note(self, text: str) -> None:
         """A line of its own."""

@@ -18,20 +18,19 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from gymnasium import spaces
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, SerializeAsAny
+from pydantic import BeforeValidator, Field, SerializeAsAny
 
 from rudc.arrays import Array, Floats
 from rudc.env.tracking import steering
 from rudc.kinds import of_kind, read_kind
+from rudc.settings import Settings
 from rudc.world.scene import Scene
 
 Action = Array | Floats
 
 
-class ActionKind(BaseModel):
+class ActionKind(Settings):
     """Base of all kinds of action; subclasses have `kind`, their name in `ACTIONS`, and settings."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
     def space(self) -> spaces.Box:
         """What actions are drawn from."""

@@ -1,5 +1,6 @@
-"""The learning core: distributional critic ensemble, policy, update, uncertainty, inference, checkpoints.
+"""Learning: critics, policies, temperature, multiplier, replay, n-step; one file an algorithm.
 
-Modules that decide (config, parameters, distortion, uncertainty, inference, checkpoint) need numpy only;
-torch is imported by those that learn (networks, attention, quantiles, ensemble, policy, sac).
+Modules that decide (config, algorithms, parameters, distortion, uncertainty, inference, replay, checkpoint)
+need numpy only; torch is imported by those that learn (networks, attention, quantiles, ensemble, twins,
+policy, and the learners: rudc, sac, sac_lagrangian).
 """

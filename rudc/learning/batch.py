@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from rudc.arrays import Flags, Floats
 
@@ -12,12 +12,14 @@ class Batch(NamedTuple):
 
     observation: Floats
     """(B, size)"""
-    action: Floats
-    """(B, actions), what was executed, after the safety filter, in [-1, 1]"""
-    nominal: Floats
+    executed: Floats
+    """(B, actions), what was executed, after the correction, in [-1, 1]"""
+    proposed: Floats
     """(B, actions), what the policy had proposed, in [-1, 1]"""
     reward: Floats
     """(B,), discounted sum of the k rewards"""
+    cost: Floats
+    """(B,), discounted sum of the k costs, each at least 0"""
     discount: Floats
     """(B,), gamma^k"""
     next_observation: Floats
@@ -25,4 +27,8 @@ class Batch(NamedTuple):
     terminal: Flags
     """(B,), whether the episode ended there; False for a time-out, whose value is bootstrapped"""
     mask: Flags
-    """(B, members), m_n of Eq. (ensemble_huber_loss): which critics learn from it"""
+    """(B, masked critics), m_n of Eq. (ensemble_huber_loss): which critics learn from it"""
+
+    def action(self, which: Literal["executed", "proposed"]) -> Floats:
+        """(B, actions), the action that critics are to learn about."""
+        return self.executed if which == "executed" else self.proposed

@@ -2,15 +2,14 @@
 
 agent.json:
     format          number of this layout
-    algorithm       its name, as `rudc train` takes it
-    configuration   of the learner (config.py)
+    algorithm, observation, action, correction, learner, training
+                    what was set, key by key as in config.json; nothing that follows from it
     spaces          shapes and bounds of observation and action
-    settings        how it is used: observation kind, meaning of the action, filter; written by the trainer
     sigma           sigma_l and sigma_h, 95th and 97.5th percentile of the uncertainty; null: not measured
-    prior           digest of the frozen prior networks, which are rebuilt from their seed and must match it
+    prior           digest of the frozen prior networks, which are rebuilt from the seed and must match it
     weights         digest of the arrays in agent.safetensors: a mixture of two checkpoints is noticed
     code            version that wrote it
-    training        summary: steps, episodes, success rate, whatever the trainer reports
+    trained         summary: steps, updates, whatever the trainer reports
 
 The training state for resuming (optimisers, targets, generators, replay) stands apart, see `save_state`.
 """
@@ -25,7 +24,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ValidationError
 from safetensors import SafetensorError
 from safetensors.numpy import load_file, save
 
@@ -33,28 +31,29 @@ import rudc
 from rudc.arrays import Arrays
 from rudc.errors import AgentError
 from rudc.files import make_folder, write_atomically
-from rudc.learning.config import LearnerConfig
-from rudc.learning.parameters import fingerprint, prior_arrays
+from rudc.learning.parameters import fingerprint
 
-FORMAT = 1
+FORMAT = 2
 WEIGHTS, DESCRIPTION = "agent.safetensors", "agent.json"
+SECTIONS = ("algorithm", "observation", "action", "correction", "learner", "training")
+"""of the settings"""
 
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """A trained agent."""
+    """A trained agent, as stored."""
 
-    algorithm: str
-    """name, as `rudc train` takes it"""
-    config: LearnerConfig
-    """of the learner"""
+    settings: Mapping[str, Any]
+    """`SECTIONS`, plain JSON values"""
     arrays: Arrays
-    """weights, as `RudcLearner.arrays` gives them"""
+    """weights, as `Learner.weights` gives them"""
+    spaces: Mapping[str, Any] = field(default_factory=dict)
+    """of observation and action; plain JSON values"""
     sigma: tuple[float, float] | None = None
     """sigma_l and sigma_h, reward units; None where not measured"""
-    settings: Mapping[str, Any] = field(default_factory=dict)
-    """how the agent is used; plain JSON values"""
-    training: Mapping[str, Any] = field(default_factory=dict)
+    prior: str = ""
+    """digest of the frozen networks, which are not among the stored arrays"""
+    trained: Mapping[str, Any] = field(default_factory=dict)
     """summary of its training; plain JSON values"""
     code: str = rudc.__version__
     """version of the code that wrote it"""
@@ -66,27 +65,19 @@ def save_checkpoint(folder: Path, checkpoint: Checkpoint) -> None:
     Raises StorageError, or InputError when there cannot be such a folder.
     """
     make_folder(folder)
-    config = checkpoint.config
+    sigma = checkpoint.sigma
     description = {
         "format": FORMAT,
-        "algorithm": checkpoint.algorithm,
-        "configuration": config.model_dump(mode="json"),
-        "spaces": {
-            "observation": {"shape": [config.layout.size]},
-            "action": {"shape": [config.actions], "low": -1.0, "high": 1.0},
-        },
-        "settings": dict(checkpoint.settings),
-        "sigma": None
-        if checkpoint.sigma is None
-        else dict(zip(("low", "high"), checkpoint.sigma, strict=True)),
-        "prior": fingerprint(prior_arrays(config)),
+        **{name: checkpoint.settings[name] for name in SECTIONS},
+        "spaces": dict(checkpoint.spaces),
+        "sigma": None if sigma is None else dict(zip(("low", "high"), sigma, strict=True)),
+        "prior": checkpoint.prior,
         "weights": fingerprint(checkpoint.arrays),
         "code": checkpoint.code,
-        "training": dict(checkpoint.training),
+        "trained": dict(checkpoint.trained),
     }
     save_state(folder / WEIGHTS, checkpoint.arrays)
-    text = json.dumps(description, indent=2, allow_nan=False) + "\n"
-    write_atomically(folder / DESCRIPTION, text)
+    write_atomically(folder / DESCRIPTION, json.dumps(description, indent=2, allow_nan=False) + "\n")
 
 
 def load_checkpoint(folder: Path) -> Checkpoint:
@@ -101,24 +92,23 @@ def load_checkpoint(folder: Path) -> Checkpoint:
         raise AgentError(f"{folder / DESCRIPTION}: is not a checkpoint of format {FORMAT}")
     arrays = load_state(folder / WEIGHTS)
     try:
-        config = LearnerConfig.model_validate(description["configuration"])
         sigma = description["sigma"]
         checkpoint = Checkpoint(
-            algorithm=description["algorithm"],
-            config=config,
+            settings={name: description[name] for name in SECTIONS},
             arrays=arrays,
+            spaces=description["spaces"],
             sigma=None if sigma is None else (float(sigma["low"]), float(sigma["high"])),
-            settings=description["settings"],
-            training=description["training"],
+            prior=description["prior"],
+            trained=description["trained"],
             code=description["code"],
         )
-        digests = description["weights"], description["prior"]
-    except (ValidationError, KeyError, TypeError, ValueError) as error:
+        digest = description["weights"]
+    except KeyError as error:
+        raise AgentError(f"{folder / DESCRIPTION}: {error.args[0]} is missing") from error
+    except (TypeError, ValueError) as error:
         raise AgentError(f"{folder / DESCRIPTION}: {error}") from error
-    if digests[0] != fingerprint(arrays):
+    if digest != fingerprint(arrays):
         raise AgentError(f"{folder}: {WEIGHTS} and {DESCRIPTION} are not of the same checkpoint")
-    if digests[1] != fingerprint(prior_arrays(config)):
-        raise AgentError(f"{folder}: the prior networks cannot be rebuilt as they were in training")
     return checkpoint
 
 

@@ -1,38 +1,38 @@
-"""What a learning agent is made of: its observation, its networks, its objective, its optimisation.
+"""What a learning agent is made of: its networks, its objective, its optimisation.
 
-Defaults are the paper's (Tab. "Hyper-Parameters") wherever it gives a value; `LearnerConfig.quick()` is a
-small variant that trains on one core.
+Defaults are the paper's (Tab. "Hyper-Parameters") wherever it gives a value. What a learner is given by
+where it is used is no setting: `Problem`.
 """
 
 from __future__ import annotations
 
-from typing import Literal, Self
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from rudc.learning.distortion import Distortion, make_distortion
+from rudc.settings import Settings
 
 
-class _Model(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
-
-
-class ObservationLayout(_Model):
+@dataclass(frozen=True, slots=True)
+class ObservationLayout:
     """Where each part stands in the flat observation: ego, vehicles row by row, waypoints, task, conflict."""
 
-    ego: int = Field(default=10, ge=1)
+    ego: int = 10
     """numbers about the ego"""
-    vehicles: int = Field(default=12, ge=0)
+    vehicles: int = 12
     """rows of surrounding vehicles (SVs)"""
-    vehicle: int = Field(default=6, ge=1)
+    vehicle: int = 6
     """numbers in each row; the first is its validity, 1 or 0"""
-    waypoints: int = Field(default=10, ge=0)
+    waypoints: int = 10
     """reference points"""
-    waypoint: int = Field(default=2, ge=1)
+    waypoint: int = 2
     """numbers for each of them"""
-    task: int = Field(default=3, ge=0)
+    task: int = 3
     """length of the one-hot task"""
-    conflict: int = Field(default=0, ge=0)
+    conflict: int = 0
     """numbers about predicted conflicts; 0 for the paper's observation"""
 
     @property
@@ -64,7 +64,7 @@ class ObservationLayout(_Model):
         return self.conflict_at.stop
 
 
-class NetworkConfig(_Model):
+class NetworkConfig(Settings):
     """One network: an encoder of the observation, then two hidden layers (paper, "Network Architecture").
 
     The paper gives the hidden size. The other widths are as small, and as fast, as they may be. Measured
@@ -88,52 +88,56 @@ class NetworkConfig(_Model):
     hops: int = Field(default=2, ge=1)
     """times the EV looks over the SVs, each time with what it saw before"""
 
+    def without_effect(self) -> Mapping[str, str]:
+        """Only the hidden size counts where there is no attention."""
+        why = "with encoder=mlp, which sees the flat observation"
+        return {} if self.encoder == "attention" else dict.fromkeys(_ATTENTION, why)
 
-class LearnerConfig(_Model):
-    """Distributional soft actor-critic with an ensemble of critics and a distorted objective."""
+
+_ATTENTION = ("embedding", "waypoint_embedding", "vehicle_layers", "heads", "hops")
+"""fields that the encoder `attention` alone has"""
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """What a learner is given by where it is used; nothing of it is a setting."""
 
     layout: ObservationLayout = ObservationLayout()
     """what is observed"""
-    actions: int = Field(default=2, ge=1)
+    actions: int = 2
     """numbers in an action, each in [-1, 1]"""
+    seed: int = 0
+    """of initial weights, priors and sampled actions"""
+    updates: int = 25_000
+    """gradient steps over which learning rates fall linearly; they stay at the last value afterwards"""
+
+
+class LearnerConfig(Settings):
+    """What all soft actor-critics have; plain SAC has nothing else."""
+
+    states_sigma: ClassVar[bool] = False
+    """whether its critics say how sure they are"""
+
     policy: NetworkConfig = NetworkConfig()
     """the policy's network"""
     critic: NetworkConfig = NetworkConfig()
-    """the network of each critic, of its target and of its prior"""
-    members: int = Field(default=5, ge=1)
-    """N_ens, critics"""
-    quantiles: int = Field(default=32, ge=1)
-    """N_q, fixed quantile midpoints"""
-    prior_factor: float = Field(default=10.0, ge=0)
-    """rho of Eq. (fpn); 0 leaves the priors out"""
-    prior_scale: float = Field(default=10.0, gt=0)
-    """reward units, about the standard deviation of a prior's output over inputs and members"""
+    """the network of each critic, and of its target"""
     value_scale: float = Field(default=50.0, gt=0)
     """reward units, what one unit of a critic's raw output is worth: the order of the returns"""
-    mask_probability: float = Field(default=0.9, gt=0, le=1)
-    """p, chance that a critic learns from a transition"""
-    kappa: float = Field(default=1.0, gt=0)
-    """reward units, where the quantile Huber loss turns linear"""
-    distortion: Literal["expectation", "cvar", "wang", "cpw"] = "cvar"
-    """risk measure that the policy maximises"""
-    distortion_parameter: float | None = None
-    """of `wang` and `cpw`; None takes the usual one. CVaR's is `beta`"""
-    beta: float = Field(default=0.25, gt=0, le=1)
-    """CVaR level, and the lower tail in which uncertainty is measured"""
+    learns_from: Literal["executed", "proposed"] = "executed"
+    """action that critics learn about: executed, after the correction, or as the policy proposed it"""
     discount: float = Field(default=0.99, gt=0, lt=1)
-    """gamma, for whoever fills the replay"""
+    """gamma, of rewards and costs"""
     n_step: int = Field(default=1, ge=1)
-    """rewards summed before bootstrapping, for whoever fills the replay"""
+    """rewards summed before bootstrapping"""
     batch_size: int = Field(default=256, ge=1)
-    """transitions in an update, for whoever samples the replay"""
+    """transitions in an update"""
     actor_rate: tuple[float, float] = (3e-4, 1e-5)
     """learning rate of the policy, first and last"""
     critic_rate: tuple[float, float] = (3e-3, 1e-4)
     """learning rate of the critics, first and last"""
     temperature_rate: float = Field(default=3e-4, ge=0)
     """learning rate of the logarithm of the temperature; 0 keeps it"""
-    schedule_updates: int = Field(default=100_000, ge=1)
-    """updates over which learning rates fall linearly from first to last; they stay there afterwards"""
     temperature: float = Field(default=0.005, gt=0)
     """alpha_tem at the start, reward units"""
     temperature_floor: float = Field(default=0.001, gt=0)
@@ -148,19 +152,67 @@ class LearnerConfig(_Model):
     """bounds of the logarithm of the policy's standard deviation before squashing"""
     initial_log_std: float = -1.0
     """where it starts"""
-    seed: int = Field(default=0, ge=0)
-    """of initial weights, priors and sampled actions"""
+
+    def without_effect(self) -> Mapping[str, str]:
+        """A temperature that is kept has neither target nor floor."""
+        kept = "with temperature_rate=0, which keeps the temperature"
+        return {} if self.temperature_rate else {"target_entropy": kept, "temperature_floor": kept}
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if not self.log_std[0] < self.initial_log_std < self.log_std[1]:
             raise ValueError(f"initial_log_std {self.initial_log_std} must lie within log_std {self.log_std}")
-        if self.temperature < self.temperature_floor:
+        if self.temperature_rate and self.temperature < self.temperature_floor:
             raise ValueError("temperature must not lie below temperature_floor")
-        if "attention" in (self.policy.encoder, self.critic.encoder) and not (
-            self.layout.vehicles and self.layout.waypoints
-        ):
-            raise ValueError("encoder 'attention' needs vehicles and waypoints in the layout")
+        return self
+
+
+class ConstrainedConfig(LearnerConfig):
+    """What methods with a limit of the expected cost share (paper, "Safe Reinforcement Learning")."""
+
+    cost_limit: float = Field(default=0.2, ge=0)
+    """d_th, of the discounted sum of the step-wise costs that is to be expected"""
+    cost_scale: float = Field(default=5.0, gt=0)
+    """units of cost, what one unit of a cost critic's raw output is worth: the order of the costs to come"""
+
+
+class EnsembleConfig(LearnerConfig):
+    """RUDC's: an ensemble of quantile critics with priors, and a distorted objective."""
+
+    states_sigma = True
+
+    members: int = Field(default=5, ge=1)
+    """N_ens, critics"""
+    quantiles: int = Field(default=32, ge=1)
+    """N_q, fixed quantile midpoints"""
+    prior_factor: float = Field(default=10.0, ge=0)
+    """rho of Eq. (fpn); 0 leaves the priors out"""
+    prior_scale: float = Field(default=10.0, gt=0)
+    """reward units, about the standard deviation of a prior's output over inputs and members"""
+    mask_probability: float = Field(default=0.9, gt=0, le=1)
+    """p, chance that a critic learns from a transition"""
+    kappa: float = Field(default=1.0, gt=0)
+    """reward units, where the quantile Huber loss turns linear"""
+    distortion: Literal["expectation", "cvar", "wang", "cpw"] = "cvar"
+    """risk measure that the policy maximises"""
+    distortion_parameter: float | None = None
+    """of `wang` and `cpw`; None takes the usual one. CVaR's is `beta`"""
+    beta: float = Field(default=0.25, gt=0, le=1)
+    """CVaR level, and the lower tail in which uncertainty is measured"""
+
+    def without_effect(self) -> Mapping[str, str]:
+        """Besides what is so for all: what priors and other distortions have."""
+        idle = dict(super().without_effect())
+        if self.prior_factor == 0:
+            idle["prior_scale"] = "with prior_factor=0, which leaves the priors out"
+        if self.distortion == "expectation":
+            idle["distortion_parameter"] = "with distortion=expectation, which has none"
+        if self.distortion == "cvar":
+            idle["distortion_parameter"] = "with distortion=cvar, whose parameter is beta"
+        return idle
+
+    @model_validator(mode="after")
+    def _known_risk(self) -> Self:
         self.risk()  # evaluated once, so that a bad parameter is refused here
         return self
 
@@ -171,27 +223,5 @@ class LearnerConfig(_Model):
 
     @property
     def prior_share(self) -> float:
-        """What a unit of a bare prior network's output adds to a return, reward units: rho / (1 + rho) P."""
+        """What a unit of a prior network's output adds to a return, reward units: rho / (1 + rho) P."""
         return self.prior_factor / (1 + self.prior_factor) * self.prior_scale
-
-    @classmethod
-    def of(cls, layout: ObservationLayout, **changes: object) -> Self:
-        """The paper's networks and optimisation on another observation."""
-        return cls.model_validate({"layout": layout, **changes})
-
-    @classmethod
-    def quick(cls, layout: ObservationLayout | None = None, **changes: object) -> Self:
-        """Three critics of 128 x 2 on the flat observation, n-step returns: trains in minutes on one core."""
-        network = NetworkConfig(encoder="mlp", hidden=128)
-        values: dict[str, object] = {
-            "layout": layout or ObservationLayout(conflict=41),
-            "policy": network,
-            "critic": network,
-            "members": 3,
-            "n_step": 3,
-            "batch_size": 128,
-            "critic_rate": (1e-3, 1e-4),
-            "temperature": 0.2,
-            "temperature_floor": 0.02,
-        }
-        return cls.model_validate(values | changes)

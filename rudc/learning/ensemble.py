@@ -28,20 +28,24 @@ from collections.abc import Mapping
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
-from rudc.learning.config import LearnerConfig
+from rudc.learning.config import EnsembleConfig, Problem
 from rudc.learning.networks import Stack
-from rudc.learning.parameters import critic_arrays, prior_arrays
+from rudc.learning.parameters import critic_arrays, group, normalised, prior_arrays
+from rudc.learning.saving import State, array
+from rudc.learning.tracked import Tracked
 
 
-class CriticEnsemble:
+class CriticEnsemble(Tracked):
     """N critics, their targets and priors. Quantiles are (N, B, N_q) in reward units."""
 
-    def __init__(self, config: LearnerConfig, device: str | torch.device = "cpu") -> None:
+    def __init__(self, config: EnsembleConfig, problem: Problem, device: torch.device) -> None:
+        super().__init__(config.target_rate)
         self.config = config
-        self.stack = Stack(config.layout, config.critic)
-        trained, prior = critic_arrays(config), prior_arrays(config)
+        self.stack = Stack(problem.layout, config.critic)
+        trained, prior = critic_arrays(config, problem), prior_arrays(config, problem)
         members = config.members
         stacks = {k: np.concatenate([v, *([prior[k]] if prior else []), v]) for k, v in trained.items()}
         weights = {k: torch.from_numpy(v).to(device) for k, v in stacks.items()}
@@ -52,7 +56,9 @@ class CriticEnsemble:
         self.target = {k: v[:members] for k, v in weights.items()}
         self.prior = {k: v[members:-members] for k, v in weights.items()}
         self.trained = {k: v[-members:].requires_grad_() for k, v in weights.items()}
-        self._share = config.prior_share
+        self.normal: State = {}
+        """`mean` and `deviation` (N, 1, N_q) that the priors were normalised with; empty before"""
+        self._problem, self._share = problem, config.prior_share
 
     @property
     def has_prior(self) -> bool:
@@ -106,10 +112,32 @@ class CriticEnsemble:
         return self.quantiles(latent, self.prior_latent(observation), action)
 
     @torch.no_grad()
-    def follow(self) -> None:
-        """Let the targets go a step towards the trained networks (Polyak; a rate of 1 copies)."""
-        for name, target in self.target.items():
-            target.lerp_(self.trained[name], self.config.target_rate)
+    def normalise_priors(self, observation: Tensor, action: Tensor) -> None:
+        """Give each prior's output mean 0 and standard deviation 1 over these (B, ...), so that P F_n
+        varies by P from state to state.
+        """
+        latent = self.prior_latent(observation)
+        if latent is None:
+            return
+        outputs = self.stack.decode(self.prior, latent, action)
+        deviation = outputs.std(dim=1, keepdim=True, correction=0).clamp_(min=1e-6)
+        self._take_normal({"mean": array(outputs.mean(dim=1, keepdim=True)), "deviation": array(deviation)})
+
+    @torch.no_grad()
+    def _take_normal(self, normal: State) -> None:
+        self.normal = normal
+        for name, value in normalised(prior_arrays(self.config, self._problem), **normal).items():
+            self.prior[name].copy_(torch.from_numpy(value))
+
+    def state(self) -> State:
+        """Trained and target weights, and what the priors were normalised with."""
+        return super().state() | {f"normal/{k}": v.copy() for k, v in self.normal.items()}
+
+    def load(self, state: Mapping[str, NDArray]) -> None:
+        """Take over what `state` gave. KeyError or ValueError if it does not fit."""
+        super().load(state)
+        if normal := group(state, "normal"):
+            self._take_normal(normal)
 
 
 def _collapsed(weights: Mapping[str, Tensor], by: Tensor) -> dict[str, Tensor]:

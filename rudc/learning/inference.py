@@ -12,23 +12,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
 
-from rudc.arrays import Arrays, Floats
-from rudc.learning.config import LearnerConfig, NetworkConfig, ObservationLayout
-from rudc.learning.parameters import SCORE_BOUND, prior_arrays, waypoint_positions
+from rudc.arrays import Floats
+from rudc.learning.config import (
+    ConstrainedConfig,
+    EnsembleConfig,
+    LearnerConfig,
+    NetworkConfig,
+    ObservationLayout,
+)
+from rudc.learning.parameters import SCORE_BOUND, group, waypoint_positions
 from rudc.learning.uncertainty import Uncertainty, uncertainty
-
-
-class Choice(NamedTuple):
-    """What a trained agent does, and how sure its critics are of it."""
-
-    action: Floats
-    """(actions,) in [-1, 1]"""
-    uncertainty: Uncertainty
-    """of the return that follows, reward units"""
 
 
 class Network:
@@ -113,50 +109,70 @@ class Network:
 
 
 class Decider:
-    """A trained policy and its critics."""
+    """A trained policy, and the critics that come with it."""
 
-    def __init__(self, config: LearnerConfig, arrays: Mapping[str, Floats]) -> None:
-        self.config = config
-        self._prior = prior_arrays(config)
+    def __init__(
+        self, config: LearnerConfig, layout: ObservationLayout, arrays: Mapping[str, Floats]
+    ) -> None:
+        self.config, self._layout = config, layout
         self.refresh(arrays)
 
     def refresh(self, arrays: Mapping[str, Floats]) -> None:
-        """Take over weights named as in `RudcLearner.arrays`; without critics there is no uncertainty."""
-        config = self.config
-        policy, critic = _group(arrays, "policy"), _group(arrays, "critic")
-        self._policy = Network(config.layout, config.policy, policy)
-        self._critics = None
-        if critic:
-            both = {k: np.concatenate([v, self._prior[k]]) if self._prior else v for k, v in critic.items()}
-            self._critics = Network(config.layout, config.critic, both)
+        """Take over weights named as in `Learner.weights`: `policy/...`, and what critics there are."""
+        config, layout = self.config, self._layout
+        policy = group(arrays, "policy")
+        self._policy = Network(layout, config.policy, policy)
+        self._actions = policy["out.bias"].shape[-1] // 2
+        self._critics: dict[str, Network] = {}
+        for name in ("critic", "cost"):
+            if critic := group(arrays, name):
+                prior = group(arrays, "prior") if name == "critic" else {}
+                both = {k: np.concatenate([v, prior[k]]) if prior else v for k, v in critic.items()}
+                self._critics[name] = Network(layout, config.critic, both)
 
     def action(self, observation: Floats, rng: np.random.Generator | None = None) -> Floats:
         """The policy's most likely action (actions,) in [-1, 1], or one drawn from it with `rng`."""
         outputs = self._policy.decode(self._policy.encode(observation))[0]
-        mean = outputs[: self.config.actions]
+        mean = outputs[: self._actions]
         if rng is not None:
-            spread = np.exp(outputs[self.config.actions :].clip(*self.config.log_std))
+            spread = np.exp(outputs[self._actions :].clip(*self.config.log_std))
             mean = mean + spread * rng.standard_normal(len(mean), dtype=np.float32)
         return np.tanh(mean)
 
+    @property
+    def has_critics(self) -> bool:
+        """Whether it can say anything of actions."""
+        return bool(self._critics)
+
     def quantiles(self, observation: Floats, action: Floats) -> Floats:
-        """Z_n of each critic, (N, N_q), reward units (Eq. (fpn))."""
-        if self._critics is None:
-            raise ValueError("this decider was built without critics")
-        outputs = self._critics.decode(self._critics.encode(observation), action)
-        z = np.float32(self.config.value_scale) * outputs[: self.config.members]
-        if self._prior:
-            z += np.float32(self.config.prior_share) * outputs[self.config.members :]
+        """What the critics of returns say of an action, (N, outputs) reward units: Z_n of Eq. (fpn) of an
+        ensemble's members, or one number of each critic.
+        """
+        config, outputs = self.config, self._outputs("critic", observation, action)
+        z = np.float32(config.value_scale) * outputs
+        if isinstance(config, EnsembleConfig) and len(outputs) > config.members:
+            z = z[: config.members] + np.float32(config.prior_share) * outputs[config.members :]
         return z
 
-    def decide(self, observation: Floats) -> Choice:
-        """Most likely action and its uncertainty."""
-        action = self.action(observation)
-        return Choice(action, uncertainty(self.quantiles(observation, action), self.config.beta))
+    def cost(self, observation: Floats, action: Floats) -> float:
+        """The larger of the costs that two cost critics expect after an action."""
+        if not isinstance(self.config, ConstrainedConfig):
+            raise ValueError("this algorithm has no cost critics")
+        return self.config.cost_scale * float(self._outputs("cost", observation, action).max())
 
+    def _outputs(self, critic: str, observation: Floats, action: Floats) -> Floats:
+        if critic not in self._critics:
+            raise ValueError(f"this decider was built without {critic} networks")
+        network = self._critics[critic]
+        return network.decode(network.encode(observation), action)
 
-def _group(arrays: Mapping[str, Floats], group: str) -> Arrays:
-    return {k.removeprefix(f"{group}/"): v for k, v in arrays.items() if k.startswith(f"{group}/")}
+    def uncertainty(self, observation: Floats, action: Floats) -> Uncertainty | None:
+        """Of the return that follows from an action, reward units; None where critics are no ensemble of
+        distributions, or left out.
+        """
+        if not isinstance(self.config, EnsembleConfig) or "critic" not in self._critics:
+            return None
+        return uncertainty(self.quantiles(observation, action), self.config.beta)
 
 
 _P, *_A = (

@@ -1,8 +1,10 @@
 """Transitions over several decisions (n-step returns).
 
-From s_t, with rewards r_t ... r_{t+k-1} and k = n, or fewer where the episode ends earlier:
+From s_t, with rewards r_t ... r_{t+k-1}, costs c_t ... c_{t+k-1} and k = n, or fewer where the episode ends
+earlier:
 
-    reward = sum_{i<k} gamma^i r_{t+i},   discount = gamma^k,   next state s_{t+k}
+    reward = sum_{i<k} gamma^i r_{t+i},   cost = sum_{i<k} gamma^i c_{t+i},   discount = gamma^k,
+    next state s_{t+k}
 
 An episode that ends by itself (success, violation) is terminal: nothing follows. One that is cut off by the
 time limit is not: its transitions are stored with the state it was cut off in, and the value of that state
@@ -19,15 +21,17 @@ from rudc.arrays import Floats
 
 
 class Transition(NamedTuple):
-    """What `Replay.add` takes."""
+    """One transition, as it is stored in the replay."""
 
     observation: Floats
     """(size,)"""
-    action: Floats
-    """(actions,), executed"""
-    nominal: Floats
-    """(actions,), proposed"""
+    executed: Floats
+    """(actions,)"""
+    proposed: Floats
+    """(actions,)"""
     reward: float
+    """discounted sum over the decisions in between"""
+    cost: float
     """discounted sum over the decisions in between"""
     discount: float
     """gamma to the number of those"""
@@ -43,21 +47,22 @@ class NStep:
     def __init__(self, steps: int, discount: float) -> None:
         self._steps = steps
         self._discount = discount
-        self._waiting: deque[tuple[Floats, Floats, Floats, float]] = deque()
+        self._waiting: deque[tuple[Floats, Floats, Floats, float, float]] = deque()
 
     def add(
         self,
         observation: Floats,
-        action: Floats,
-        nominal: Floats,
+        executed: Floats,
+        proposed: Floats,
         reward: float,
+        cost: float,
         next_observation: Floats,
         *,
         terminal: bool,
         truncated: bool = False,
     ) -> list[Transition]:
         """Take in one decision; give back the transitions it completes, oldest first."""
-        self._waiting.append((observation, action, nominal, reward))
+        self._waiting.append((observation, executed, proposed, reward, cost))
         if terminal or truncated:
             return [self._oldest(next_observation, terminal) for _ in range(len(self._waiting))]
         if len(self._waiting) == self._steps:
@@ -69,9 +74,10 @@ class NStep:
         self._waiting.clear()
 
     def _oldest(self, next_observation: Floats, terminal: bool) -> Transition:
-        reward = 0.0
-        for *_, later in reversed(self._waiting):
-            reward = later + self._discount * reward
+        reward = cost = 0.0
+        for *_, later_reward, later_cost in reversed(self._waiting):
+            reward = later_reward + self._discount * reward
+            cost = later_cost + self._discount * cost
         discount = self._discount ** len(self._waiting)
-        observation, action, nominal, _ = self._waiting.popleft()
-        return Transition(observation, action, nominal, reward, discount, next_observation, terminal)
+        observation, executed, proposed, *_ = self._waiting.popleft()
+        return Transition(observation, executed, proposed, reward, cost, discount, next_observation, terminal)

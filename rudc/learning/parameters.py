@@ -16,7 +16,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from rudc.arrays import Arrays, Floats
-from rudc.learning.config import LearnerConfig, NetworkConfig, ObservationLayout
+from rudc.learning.config import (
+    EnsembleConfig,
+    LearnerConfig,
+    NetworkConfig,
+    ObservationLayout,
+    Problem,
+)
 
 TRAINED_GAIN = 1 / math.sqrt(3)
 """standard deviation of a trained weight times sqrt(inputs): that of torch.nn.Linear; outputs start small"""
@@ -35,6 +41,8 @@ def shapes(
     hidden, width = network.hidden, network.embedding
     maps: dict[str, tuple[int, int]] = {}
     if network.encoder == "attention":
+        if not (layout.vehicles and layout.waypoints):
+            raise ValueError("encoder 'attention' needs vehicles and waypoints in the observation")
         maps["ego"] = (layout.ego + layout.task, width)
         for layer in range(network.vehicle_layers):
             maps[f"vehicle{layer}"] = (width if layer else layout.vehicle, width)
@@ -90,34 +98,68 @@ def waypoint_positions(waypoints: int, width: int) -> Floats:
     return np.where(np.arange(width) % 2 == 0, np.sin(angle), np.cos(angle)).astype(np.float32)
 
 
-CRITIC, PRIOR, POLICY = 1, 2, 3
-"""tags that keep the generators of the three apart"""
+CRITIC, PRIOR, POLICY, COST = 1, 2, 3, 4
+"""tags that keep the generators of the groups apart"""
+TWINS = 2
+"""critics where there is no ensemble"""
 
 
-def critic_arrays(config: LearnerConfig) -> Arrays:
-    """Initial weights of the trained networks o_n of the critics (see ensemble.py)."""
-    return initial(_critic_shapes(config), config.members, (config.seed, CRITIC))
+def critic_arrays(config: EnsembleConfig, problem: Problem) -> Arrays:
+    """Initial weights of the trained networks o_n of an ensemble of quantile critics (see ensemble.py)."""
+    return initial(_quantile_shapes(config, problem), config.members, (problem.seed, CRITIC))
 
 
-def prior_arrays(config: LearnerConfig) -> Arrays:
+def twin_arrays(config: LearnerConfig, problem: Problem, tag: int = CRITIC) -> Arrays:
+    """Initial weights of two critics of one output each (see twins.py)."""
+    maps = shapes(problem.layout, config.critic, problem.actions, 1)
+    return initial(maps, TWINS, (problem.seed, tag))
+
+
+def prior_arrays(config: EnsembleConfig, problem: Problem) -> Arrays:
     """Weights of the frozen networks f_n, rebuilt from the seed; none if rho is 0."""
     if config.prior_factor == 0:
         return {}
-    return initial(_critic_shapes(config), config.members, (config.seed, PRIOR), PRIOR_GAIN)
+    return initial(_quantile_shapes(config, problem), config.members, (problem.seed, PRIOR), PRIOR_GAIN)
 
 
-def policy_arrays(config: LearnerConfig) -> Arrays:
+def normalised(prior: Arrays, mean: Floats, deviation: Floats) -> Arrays:
+    """The networks (f - mean) / deviation, by the weights of their last map; both (N, 1, outputs)."""
+    out = {"out.weight": prior["out.weight"] / deviation, "out.bias": (prior["out.bias"] - mean) / deviation}
+    return {**prior, **out}
+
+
+def frozen_arrays(config: LearnerConfig, problem: Problem, stored: Mapping[str, Floats]) -> Arrays:
+    """What is frozen in training and therefore not stored, named `prior/...`: rebuilt from the seed, and
+    normalised with what is stored (`normal/...`); older agents have priors that are not. {} without priors.
+    """
+    if not isinstance(config, EnsembleConfig):
+        return {}
+    prior, normal = prior_arrays(config, problem), group(stored, "normal")
+    return grouped(prior=normalised(prior, **normal) if prior and normal else prior)
+
+
+def policy_arrays(config: LearnerConfig, problem: Problem) -> Arrays:
     """Initial weights of the policy, a stack of one."""
-    maps = shapes(config.layout, config.policy, 0, 2 * config.actions)
-    arrays = initial(maps, 1, (config.seed, POLICY))
+    maps = shapes(problem.layout, config.policy, 0, 2 * problem.actions)
+    arrays = initial(maps, 1, (problem.seed, POLICY))
     arrays["out.weight"] *= np.float32(OUTPUT_GAIN)
     arrays["out.bias"][:] = 0.0
-    arrays["out.bias"][..., config.actions :] = config.initial_log_std
+    arrays["out.bias"][..., problem.actions :] = config.initial_log_std
     return arrays
 
 
-def _critic_shapes(config: LearnerConfig) -> dict[str, tuple[int, int]]:
-    return shapes(config.layout, config.critic, config.actions, config.quantiles)
+def _quantile_shapes(config: EnsembleConfig, problem: Problem) -> dict[str, tuple[int, int]]:
+    return shapes(problem.layout, config.critic, problem.actions, config.quantiles)
+
+
+def grouped(**groups: Mapping[str, Floats]) -> Arrays:
+    """Arrays of several networks as one mapping, named `GROUP/NAME`."""
+    return {f"{group}/{name}": value for group, arrays in groups.items() for name, value in arrays.items()}
+
+
+def group(arrays: Mapping[str, Floats], name: str) -> Arrays:
+    """The arrays of one network out of those; empty if there are none."""
+    return {key.removeprefix(f"{name}/"): v for key, v in arrays.items() if key.startswith(f"{name}/")}
 
 
 def fingerprint(arrays: Mapping[str, Floats]) -> str:

@@ -15,9 +15,10 @@ import torch
 from torch import Tensor
 from torch.nn.functional import softplus
 
-from rudc.learning.config import LearnerConfig
+from rudc.learning.config import LearnerConfig, Problem
 from rudc.learning.networks import Stack
 from rudc.learning.parameters import policy_arrays
+from rudc.learning.tracked import Tracked
 
 
 class Drawn(NamedTuple):
@@ -29,21 +30,25 @@ class Drawn(NamedTuple):
     """(B,), nats"""
 
 
-class Policy:
-    """A policy that learns, and the target policy that follows it."""
+class Policy(Tracked):
+    """A policy that learns, and, where one is wanted, the target policy that follows it."""
 
-    def __init__(self, config: LearnerConfig, device: str | torch.device = "cpu") -> None:
-        self.config = config
-        self.stack = Stack(config.layout, config.policy)
-        arrays = policy_arrays(config)
+    def __init__(
+        self, config: LearnerConfig, problem: Problem, device: torch.device, *, target: bool = False
+    ) -> None:
+        super().__init__(config.target_rate)
+        self.stack = Stack(problem.layout, config.policy)
+        self._log_std = config.log_std
+        arrays = policy_arrays(config, problem)
         self.trained = {k: torch.tensor(v, device=device, requires_grad=True) for k, v in arrays.items()}
-        self.target = {k: torch.tensor(v, device=device) for k, v in arrays.items()}
+        followed = arrays if target else {}
+        self.target = {k: torch.tensor(v, device=device) for k, v in followed.items()}
 
     def distribution(self, weights: Mapping[str, Tensor], observation: Tensor) -> tuple[Tensor, Tensor]:
         """Mean and logarithm of the standard deviation before squashing, (B, actions) each."""
         outputs = self.stack.decode(weights, self.stack.encode(weights, observation))[0]
         mean, log_std = outputs.chunk(2, dim=1)
-        return mean, log_std.clamp(*self.config.log_std)
+        return mean, log_std.clamp(*self._log_std)
 
     def draw(self, weights: Mapping[str, Tensor], observation: Tensor, noise: Tensor) -> Drawn:
         """Actions from standard normal noise (B, actions), differentiable."""
@@ -52,9 +57,3 @@ class Policy:
         log_normal = -0.5 * noise.square() - log_std - 0.5 * math.log(2 * math.pi)
         log_slope = 2 * (math.log(2) - u - softplus(-2 * u))
         return Drawn(u.tanh(), (log_normal - log_slope).sum(dim=1))
-
-    @torch.no_grad()
-    def follow(self) -> None:
-        """Let the target policy go a step towards the trained one."""
-        for name, target in self.target.items():
-            target.lerp_(self.trained[name], self.config.target_rate)

@@ -1,12 +1,12 @@
 """The replay: a ring of transitions, kept as arrays.
 
-What is stored of an action: both what the policy proposed (`nominal`) and what was executed after the safety
-filter (`action`). The critics learn from the executed one, since reward and next state followed from it: a
-critic told the nominal action would credit the policy's proposal with the filter's doing. The nominal one is
-kept for methods that learn from the difference, and for studying it.
+Both actions are stored: what the policy proposed, and what was executed after the correction. Which one
+critics learn from is the learner's choice (`learns_from`): reward and next state followed from the executed
+one, and a critic told the proposed action credits the policy's proposal with the correction's doing.
 
 Masks m_n ~ Bernoulli(p), one for each critic, are drawn when a transition is stored and stay with it
-(bootstrap, paper Eq. (ensemble_huber_loss)): a critic that does not learn from it never does.
+(bootstrap, paper Eq. (ensemble_huber_loss)): a critic that does not learn from it never does. Learners
+without masks have none.
 """
 
 from __future__ import annotations
@@ -16,31 +16,36 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from rudc.errors import InputError
 from rudc.files import replacing
 from rudc.learning.batch import Batch
-from rudc.learning.config import LearnerConfig
+from rudc.learning.config import Problem
+from rudc.learning.nstep import Transition
 
 
 class Replay:
     """The last `capacity` transitions; drawing and masks have one generator, so that a seed fixes both."""
 
-    def __init__(self, config: LearnerConfig, capacity: int = 100_000, seed: int = 0) -> None:
-        size, actions = config.layout.size, config.actions
+    def __init__(
+        self, problem: Problem, capacity: int = 100_000, masks: int = 0, probability: float = 1.0
+    ) -> None:
+        """`masks`: critics that each learn from a transition with this probability; 0 for no masks."""
+        size, actions = problem.layout.size, problem.actions
         self.capacity = capacity
-        self._probability = config.mask_probability
-        self._rng = np.random.default_rng([seed, config.seed])
+        self._probability = probability
+        self._rng = np.random.default_rng([problem.seed, problem.seed])
         self._columns = Batch(
             observation=np.zeros((capacity, size), np.float32),
-            action=np.zeros((capacity, actions), np.float32),
-            nominal=np.zeros((capacity, actions), np.float32),
+            executed=np.zeros((capacity, actions), np.float32),
+            proposed=np.zeros((capacity, actions), np.float32),
             reward=np.zeros(capacity, np.float32),
+            cost=np.zeros(capacity, np.float32),
             discount=np.zeros(capacity, np.float32),
             next_observation=np.zeros((capacity, size), np.float32),
             terminal=np.zeros(capacity, np.bool_),
-            mask=np.zeros((capacity, config.members), np.bool_),
+            mask=np.zeros((capacity, masks), np.bool_),
         )
         self._stored = 0
 
@@ -52,28 +57,19 @@ class Replay:
         """Transitions ever stored, those that are forgotten by now included."""
         return self._stored
 
-    def add(
-        self,
-        observation: ArrayLike,
-        action: ArrayLike,
-        nominal: ArrayLike,
-        reward: float,
-        discount: float,
-        next_observation: ArrayLike,
-        terminal: bool,
-    ) -> None:
-        """Store one transition (see `Batch` for what each number means) and draw its masks."""
-        row = self._stored % self.capacity
-        columns = self._columns
-        columns.observation[row] = observation
-        columns.action[row] = action
-        columns.nominal[row] = nominal
-        columns.reward[row] = reward
-        columns.discount[row] = discount
-        columns.next_observation[row] = next_observation
-        columns.terminal[row] = terminal
+    def add(self, transition: Transition) -> None:
+        """Store one transition and draw its masks."""
+        row, columns = self._stored % self.capacity, self._columns
+        for name, value in transition._asdict().items():
+            getattr(columns, name)[row] = value
         columns.mask[row] = self._rng.random(columns.mask.shape[1]) < self._probability
         self._stored += 1
+
+    def first(self, count: int) -> Batch:
+        """The `count` oldest transitions that are still kept, or as many as there are."""
+        start = self._stored % self.capacity if self._stored > self.capacity else 0
+        rows = (start + np.arange(min(count, len(self)))) % self.capacity
+        return Batch._make(column[rows] for column in self._columns)
 
     def sample(self, count: int) -> Batch:
         """`count` transitions drawn with replacement."""

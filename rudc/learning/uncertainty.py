@@ -26,6 +26,9 @@ from numpy.typing import ArrayLike, NDArray
 from rudc.arrays import Array, Arrays
 from rudc.learning.distortion import make_distortion
 
+PERCENTILES = (95.0, 97.5)
+"""of sigma_total, that are called sigma_l and sigma_h"""
+
 
 class Uncertainty(NamedTuple):
     """Standard deviations of the return in the lower tail, reward units; floats, or arrays of one shape."""
@@ -64,7 +67,7 @@ class RunningPercentiles:
     A window, since the critics change as they learn and old sigmas with them; exact, and without chance.
     """
 
-    def __init__(self, window: int = 20_000, percentiles: tuple[float, ...] = (95.0, 97.5)) -> None:
+    def __init__(self, window: int = 20_000, percentiles: tuple[float, ...] = PERCENTILES) -> None:
         self.percentiles = percentiles
         self._values = np.full(window, np.nan)
         self._seen = 0

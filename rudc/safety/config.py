@@ -9,21 +9,13 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    PlainSerializer,
-    SerializerFunctionWrapHandler,
-    ValidationError,
-    model_serializer,
-    model_validator,
-)
+from pydantic import Field, PlainSerializer, ValidationError
 
 from rudc.errors import InputError
 from rudc.hints import there_are
 from rudc.kinds import problems
 from rudc.safety.rows import RowWeights, ecbf_weights, ttcbf_weights
+from rudc.settings import Settings
 
 Rule = Literal["ttcbf", "ecbf"]
 Constrained = Literal["gated", "all"]
@@ -40,12 +32,10 @@ Unbounded = Annotated[
 """at least 0; infinity, which JSON lacks, is written "inf" """
 
 
-class FilterConfig(BaseModel):
+class FilterConfig(Settings):
     """Settings of a `SafetyFilter`. What has no effect under the others (`ecbf_rate1` under `ttcbf`) is
-    refused if it is not what it is by default, and is not written.
+    refused, and is not written.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
     rule: Rule = "ttcbf"
     """truncated Taylor or exponential control barrier function"""
@@ -116,19 +106,6 @@ class FilterConfig(BaseModel):
     """m, how far it stays away from others then (ours)"""
     solver: str = "piqp"
     """QP solver: `piqp` by its own interface, any other by the name it has in qpsolvers"""
-
-    @model_validator(mode="after")
-    def _every_setting_has_an_effect(self) -> Self:
-        fields = type(self).model_fields
-        for name, why in self.without_effect().items():
-            if name in self.model_fields_set and getattr(self, name) != fields[name].default:
-                raise ValueError(f"{name} has no effect {why}")
-        return self
-
-    @model_serializer(mode="wrap")
-    def _write_what_has_an_effect(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        idle = self.without_effect()
-        return {name: value for name, value in handler(self).items() if name not in idle}
 
     def without_effect(self) -> dict[str, str]:
         """Name of each setting that the others leave without effect -> where (`with rule=ttcbf`)."""

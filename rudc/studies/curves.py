@@ -29,8 +29,10 @@ from rudc.files import make_folder
 from rudc.reporting.curves import Curve, draw_curves
 from rudc.reporting.text import csv_text, interval, markdown
 from rudc.studies.base import Order, Report, family, write
-from rudc.training.log import EVALUATION, PROGRESS
+from rudc.training.log import EVALUATION, OUTCOMES
 
+NEEDED = ("steps", "episodes", *OUTCOMES, "episode_reward")
+"""columns of progress.csv; learners add others of their own"""
 BIN = 5_000
 """decisions"""
 METRICS = {rate: RATES[rate] for rate in ("SR", "VR", "FR")}
@@ -72,7 +74,7 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
 
 def read_training(folder: Path) -> dict[Key, Series]:
     """All curves of a training's folder. Raises InputError when its logs are not there."""
-    driven = _log(folder / "progress.csv", PROGRESS)
+    driven = _log(folder / "progress.csv", NEEDED)
     tested = _log(folder / "evaluation.csv", EVALUATION)
     curves: dict[Key, Series] = {}
     bins: dict[int, list[dict[str, str]]] = {}

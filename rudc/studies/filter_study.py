@@ -33,8 +33,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rudc.agents.algorithms import ALGORITHMS
 from rudc.agents.checkpoint import find_checkpoint, load_learnt
+from rudc.agents.correction import CbfSettings
 from rudc.agents.registry import make_agent
 from rudc.agents.variation import split
 from rudc.errors import InputError
@@ -74,7 +74,7 @@ EPISODES = {"quick": 3, "full": 84}
 """for each task and agent, by budget; full: 504 for two tasks and three training seeds"""
 INSIDE, OUTSIDE = "in distribution", "out of distribution"
 RATES = ("SR", "VR", "FR")
-_VARIED = ("filter", "residual", "last_resort", "constrained")
+_VARIED = tuple(f"correction.{key}" for key in ("kind", "residual", "last_resort", "constrained"))
 
 Row = Mapping[str, str]
 
@@ -141,10 +141,10 @@ def variants_of(name: str, distances: Sequence[float]) -> list[Variant]:
     taken = [key for key in _VARIED if key in settings]
     if taken:
         raise InputError(f"{name}: the study itself sets {', '.join(taken)}; leave that out")
-    gain = _gain(whole, settings.pop("slack_gain", ""))
-    if "d_safe" in settings:
-        distances = (float(settings.pop("d_safe")),)
-    off = whole.rpartition("+")[0] if gain is None else _named(whole, {"filter": "off"})
+    gain = _gain(whole, settings.pop("correction.slack.gain", ""))
+    if "correction.d_safe" in settings:
+        distances = (float(settings.pop("correction.d_safe")),)
+    off = whole.rpartition("+")[0] if gain is None else _named(whole, {"correction.kind": "none"})
     found = [Variant(off, name, family(name), "off")]
     for constrained in CONSTRAINED:
         for kind, (residual, slack, last_resort) in VARIANTS.items():
@@ -152,33 +152,35 @@ def variants_of(name: str, distances: Sequence[float]) -> list[Variant]:
                 continue
             for d_safe in distances:
                 own = {
-                    "constrained": constrained,
-                    "d_safe": f"{d_safe:g}",
-                    "residual": "on" if residual else "off",
-                    "last_resort": "on" if last_resort else "off",
+                    "correction.constrained": constrained,
+                    "correction.d_safe": f"{d_safe:g}",
+                    "correction.residual": "on" if residual else "off",
+                    "correction.last_resort": "on" if last_resort else "off",
                 }
                 if gain is not None:
-                    own |= {"filter": "on", "slack_gain": gain if slack else "0"}
+                    own |= {"correction.slack.gain": gain if slack else "0"}
                 varied = _named(whole, settings | own)
                 found.append(Variant(varied, name, family(name), kind, constrained, d_safe))
     return found
 
 
 def _gain(whole: str, wanted: str) -> str | None:
-    """eta of the slack: the one wanted, the agent's own, or that of its algorithm; None where a filter stands
-    behind a driver, which has no slack. Raises InputError if there is no filter, or nothing for eta.
+    """The slack's gain: the one wanted, the agent's own, or that of its algorithm; None where a filter stands
+    behind a driver, which has no slack. Raises InputError if there is no filter, or no gain.
     """
     folder = find_checkpoint(whole)
     if folder is None and "+" in whole:
         return None
     learnt = None if folder is None else load_learnt(folder)
-    if learnt is None or ALGORITHMS[learnt.config.algorithm].filter is None:
+    if learnt is None or not isinstance(learnt.config.correction, CbfSettings):
         raise InputError(f"{whole} has no safety filter to study; put one behind it: {whole}+ttcbf")
     if learnt.percentiles is None:
         raise InputError(f"{whole} does not say what sigma is usual, so there is no slack to study")
-    own = learnt.config.slack_gain or ALGORITHMS[learnt.config.algorithm].slack_gain
+    usual = learnt.config.entry.defaults.get("correction", {}).get("slack", {}).get("gain", 0.0)
+    own = learnt.config.correction.slack.gain or usual
     if not (wanted or own):
-        raise InputError(f"{whole} has no gain of its slack; give one: --agent {whole}:slack_gain=0.02")
+        hint = f"--agent {whole}:correction.slack.gain=0.5"
+        raise InputError(f"{whole} has no gain of its slack; give one: {hint}")
     return wanted or f"{own:g}"
 
 

@@ -3,9 +3,9 @@
 The reward is the environment's, save that a collision costs `collision_reward`. A time-out, and an episode
 broken off at a checkpoint, are not the end of anything: their value is bootstrapped from where they stopped.
 
-What is replayed is the action that was executed, and a share of the episodes is driven without the filter.
-So all transitions are of one and the same decision process, the unfiltered one, and critics learn what a
-proposal leads to where the filter would have corrected it. With the filter in every episode nobody learns
+A share of the episodes is driven without correction. So, where critics learn about the executed action, all
+transitions are of one and the same decision process, the uncorrected one, and critics learn what a proposal
+leads to where the filter would have corrected it. With the filter in every episode nobody learns
 that, whichever action is replayed: the policy drives on and leaves braking to the filter.
 """
 
@@ -18,7 +18,7 @@ import numpy as np
 
 from rudc.agents.gap_acceptance import GapAcceptance
 from rudc.agents.learned import Choice, untrained
-from rudc.arrays import Floats
+from rudc.arrays import Array, Floats
 from rudc.env.episode import Episode, Outcome, StepResult
 from rudc.env.observation import ObservationKind, observe_flat
 from rudc.evaluation.record import EpisodeRecord
@@ -26,6 +26,7 @@ from rudc.evaluation.rollout import run_episode
 from rudc.learning.nstep import NStep, Transition
 from rudc.network.network import load_network
 from rudc.scenario import load_scenario
+from rudc.training.calibration import sigmas_of
 from rudc.training.config import TrainConfig
 from rudc.training.curriculum import make_mixture
 from rudc.world.scene import Scene
@@ -41,6 +42,8 @@ class Finished(NamedTuple):
     """see rudc/env/episode.py"""
     reward: float
     """sum of the environment's rewards"""
+    cost: float
+    """sum of its costs"""
     steps: int
     """decisions"""
 
@@ -60,19 +63,19 @@ class Collector:
     def __init__(self, config: TrainConfig, worker: int) -> None:
         self._config = config
         self._worker = worker
-        self._mixture = make_mixture(config.scenario, config.curriculum)
+        self._training = config.training
+        self._mixture = make_mixture(config.training.scenario, config.training.curriculum)
         first = self._mixture.scenarios[0]
         self._world = World(load_network(first.network, first.junction))
         self._at = (first.network, first.junction)
         self._episode: Episode | None = None
         self._scene: Scene | None = None
-        self._kind: ObservationKind = config.driver.observation
+        self._kind: ObservationKind = config.observation
         self._seen: Floats = np.empty(0, np.float32)
         self._reference = GapAcceptance()
-        self._agent = untrained(config.driver)
-        learner = config.driver.learner
+        self._agent = untrained(config.agent, config.training.seed)
         self._correcting = True
-        self._steps = NStep(learner.n_step, learner.discount)
+        self._steps = NStep(config.learner.n_step, config.learner.discount)
 
     def load(self, arrays: Mapping[str, Floats], percentiles: tuple[float, float] | None) -> None:
         """Drive with these weights from now on."""
@@ -80,7 +83,7 @@ class Collector:
 
     def collect(self, round_: int, decisions: int, by: By, *, drop: bool) -> Collected:
         """Take so many decisions. `drop`: break the running episode off afterwards."""
-        rng = np.random.default_rng((self._config.seed, self._worker, round_))
+        rng = np.random.default_rng((self._training.seed, self._worker, round_))
         new: list[Transition] = []
         finished: list[Finished] = []
         for k in range(decisions):
@@ -91,7 +94,9 @@ class Collector:
             new += self._transitions(choice, result, cut=drop and k == decisions - 1)
             if result.outcome is not None:
                 metrics = episode.metrics()
-                finished.append(Finished(metrics.outcome, metrics.episode_reward, metrics.steps))
+                finished.append(
+                    Finished(metrics.outcome, metrics.episode_reward, metrics.episode_cost, metrics.steps)
+                )
                 self._episode = None
         if drop:
             self._episode = None
@@ -108,6 +113,17 @@ class Collector:
             records.append(run_episode(Episode(self._world), scenario.plan(seed), self._agent))
         return tuple(records)
 
+    def sigmas(self, tasks: tuple[tuple[str, int], ...]) -> tuple[Array, ...]:
+        """sigma_total of each decision in these episodes, driven as in `evaluate`."""
+        self._episode = None
+        self._steps.clear()
+        seen = []
+        for name, seed in tasks:
+            scenario = load_scenario(name)
+            self._move_to(scenario.network, scenario.junction)
+            seen.append(sigmas_of(self._world, scenario.plan(seed), self._agent))
+        return tuple(seen)
+
     def close(self) -> None:
         """End the world."""
         self._world.close()
@@ -121,7 +137,7 @@ class Collector:
             self._seen = observe_flat(self._scene, self._kind)
             self._reference.reset(self._scene, plan.seed)
             self._agent.reset(self._scene, plan.seed)
-            self._correcting = bool(rng.random() < self._config.filtered_share)
+            self._correcting = bool(rng.random() < self._training.filtered_share)
         return self._episode, self._scene
 
     def _move_to(self, network: str, junction: str | None) -> None:
@@ -132,9 +148,9 @@ class Collector:
     def _choose(self, scene: Scene, by: By, rng: np.random.Generator) -> Choice:
         if by == "policy":
             return self._agent.choose(scene, rng, self._seen, correcting=self._correcting)
-        means = self._config.driver.action_kind
+        means = self._config.action
         proposed = self._reference.act(scene)
-        action = means.normalised(proposed.u, scene) + self._config.seed_noise * rng.standard_normal(2)
+        action = means.normalised(proposed.u, scene) + self._training.seed_noise * rng.standard_normal(2)
         action = np.clip(action, -1.0, 1.0).astype(np.float32)  # as it will be learnt from
         decision = proposed._replace(u=means.physical(action, scene))
         return Choice(decision, self._seen, action, action)
@@ -142,12 +158,13 @@ class Collector:
     def _transitions(self, choice: Choice, result: StepResult, *, cut: bool) -> list[Transition]:
         reward, outcome = result.reward, result.outcome
         if outcome is Outcome.COLLISION:
-            reward += self._config.collision_reward - result.terms["collision"]
+            reward += self._training.collision_reward - result.terms["collision"]
         return self._steps.add(
             choice.observation,
-            choice.nominal if self._config.replayed == "nominal" else choice.action,
-            choice.nominal,
+            choice.executed,
+            choice.proposed,
             reward,
+            result.cost,
             self._seen,
             terminal=outcome not in (None, Outcome.FROZEN),
             truncated=cut or outcome is Outcome.FROZEN,

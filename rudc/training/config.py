@@ -1,26 +1,23 @@
-"""Every choice in training, one stated option each."""
+"""Every choice in training, one stated option each, in the tree of settings (rudc/agents/config.py)."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping
-from typing import Any, Literal, Self, get_args
+from collections.abc import Mapping
+from typing import Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
-from rudc.agents.algorithms import ALGORITHMS, DriverConfig, observation_layout
-from rudc.env.observation import ObservationKind
-from rudc.env.reward import COLLISION
+from rudc.agents.config import AgentConfig, refuse_old_keys
+from rudc.agents.correction import NoCorrection
 from rudc.errors import InputError
-from rudc.learning.config import LearnerConfig
-from rudc.scenario.dotted import DottedKeyError, with_value
+from rudc.hints import there_are
+from rudc.learning.algorithms import ALGORITHMS
+from rudc.learning.config import Problem
+from rudc.settings import Settings, changed, settled
+from rudc.training.presets import read_preset, with_preset
 
 
-class _Model(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
-
-
-class Curriculum(_Model):
+class Curriculum(Settings):
     """Starts and traffic drawn anew for each training episode, instead of the scenario's own."""
 
     minor_share: float = Field(default=0.65, ge=0, le=1)
@@ -33,11 +30,9 @@ class Curriculum(_Model):
     """m before the stop line, uniform"""
 
 
-class TrainConfig(_Model):
+class Training(Settings):
     """How an agent is trained."""
 
-    driver: DriverConfig = DriverConfig()
-    """what is trained: observation, action, filter, networks, objective"""
     scenario: str = "random_destination"
     """shipped name or file"""
     curriculum: Curriculum | None = Curriculum()
@@ -46,8 +41,6 @@ class TrainConfig(_Model):
     """replaces the reward's collision term (the paper's is -50), in learning only"""
     filtered_share: float = Field(default=0.5, ge=0, le=1)
     """share of training episodes that are driven behind the filter, from the first on; the paper's is 1"""
-    replayed: Literal["executed", "nominal"] = "executed"
-    """which action critics learn about: what the filter made of the policy's, or the policy's itself"""
     steps: int = Field(default=100_000, ge=1)
     """decisions taken by the policy, rounded up to whole rounds like all that counts decisions below"""
     seed_steps: int = Field(default=8_000, ge=0)
@@ -58,6 +51,8 @@ class TrainConfig(_Model):
     """worlds, each in a process of its own"""
     round_decisions: int = Field(default=100, ge=1)
     """decisions of each world between two exchanges of weights and transitions (a round)"""
+    learning_starts: int = Field(default=2_000, ge=1)
+    """transitions in the replay before the first update; priors are normalised on them"""
     update_every: int = Field(default=4, ge=1)
     """decisions for each gradient step"""
     replay_size: int = Field(default=100_000, ge=1)
@@ -76,111 +71,86 @@ class TrainConfig(_Model):
     """scenarios"""
     evaluation_episodes: int = Field(default=20, ge=0)
     """for each of them, always the same held-out seeds; 0 for no evaluation"""
+    calibration_episodes: int = Field(default=50, ge=0)
+    """for each scenario of `evaluate_on`, held-out ones that the final policy drives as it is deployed, of
+    which sigma_l and sigma_h are taken; 0 keeps those of the last decisions of training
+    """
     loss_limit: float = Field(default=1e6, gt=0)
     """largest magnitude of a loss or a value, reward units, beyond which training is stopped as failed"""
 
+    def without_effect(self) -> Mapping[str, str]:
+        """Where nobody drives first, or nothing is evaluated."""
+        idle = {}
+        if self.seed_steps == 0:
+            idle["seed_noise"] = "with seed_steps=0"
+        if self.evaluation_episodes == 0 and self.calibration_episodes == 0:
+            idle["evaluate_on"] = "with evaluation_episodes=0 and calibration_episodes=0"
+        return idle
+
+
+class TrainConfig(AgentConfig):
+    """A training: an agent, and how it is trained."""
+
+    training: Training = Training()
+    """how it is trained"""
+
+    def without_effect(self) -> Mapping[str, str]:
+        """Besides what is so for the agent: without correction no episode is corrected, and where no sigma is
+        stated there is nothing to calibrate.
+        """
+        idle = dict(super().without_effect())
+        if isinstance(self.correction, NoCorrection):
+            idle["training.filtered_share"] = "with correction.kind=none"
+        if not self.learner.states_sigma:
+            idle["training.calibration_episodes"] = f"with {self.algorithm}, which states no sigma"
+        return idle
+
     @model_validator(mode="after")
-    def _consistent(self) -> Self:
-        if self.round_decisions < self.driver.learner.n_step:
-            raise ValueError("a round must have n_step decisions at least")
-        if self.driver.learner.seed != self.seed:
-            raise ValueError("the learner's seed must be the same as that of training")
+    def _long_enough_rounds(self) -> Self:
+        if self.training.round_decisions < self.learner.n_step:
+            raise ValueError("training.round_decisions must be learner.n_step at least")
         return self
+
+    @property
+    def agent(self) -> AgentConfig:
+        """What is trained."""
+        return AgentConfig.model_validate(self.model_dump(exclude={"training"}))
+
+    @property
+    def given(self) -> Problem:
+        """What the learner is given."""
+        training = self.training
+        return self.problem(training.seed, max(training.steps // training.update_every, 1))
 
     @property
     def round_steps(self) -> int:
         """Decisions of all worlds in a round."""
-        return self.envs * self.round_decisions
+        return self.training.envs * self.training.round_decisions
 
     @property
     def seed_rounds(self) -> int:
         """Rounds driven by the gap-acceptance driver."""
-        return -(-self.seed_steps // self.round_steps)
+        return -(-self.training.seed_steps // self.round_steps)
 
     @property
     def rounds(self) -> int:
         """All rounds, those included."""
-        return self.seed_rounds - (-self.steps // self.round_steps)
+        return self.seed_rounds - (-self.training.steps // self.round_steps)
 
     @classmethod
-    def default(
-        cls, algorithm: str = "rudc-wo-cbf", *, learner: dict[str, Any] | None = None, **changes: Any
-    ) -> Self:
-        """The shipped configuration of an algorithm. `changes`: fields of this class, or of `DriverConfig`;
-        `learner`: fields of `LearnerConfig`. Raises InputError.
+    def of(cls, algorithm: str, changes: Mapping[str, Any] | None = None, preset: str = "default") -> Self:
+        """The training of an algorithm that a preset describes, with values changed at dotted keys. Raises
+        InputError.
         """
-        return cls._made(LearnerConfig.quick, algorithm, learner or {}, changes)
-
-    @classmethod
-    def paper(
-        cls, algorithm: str = "rudc-t", *, learner: dict[str, Any] | None = None, **changes: Any
-    ) -> Self:
-        """The paper as written: its observation, steering and acceleration chosen directly, attention
-        networks of its size, five critics, one-step returns, every vehicle constrained by a filter in every
-        episode that may accelerate as well and has no last resort, its rewards, episodes as the scenario
-        draws them, and no driver to learn from. Arguments as for `default`. Raises InputError.
-        """
-        as_written: dict[str, Any] = {
-            "observation": "paper",
-            "action": "direct",
-            "curriculum": None,
-            "collision_reward": COLLISION,
-            "seed_steps": 0,
-            "filtered_share": 1.0,
-        }
-        if algorithm in ALGORITHMS and ALGORITHMS[algorithm].filter:
-            as_written["filter_settings"] = {
-                "constrained": "all",
-                "max_added_acceleration": math.inf,
-                "last_resort": False,
-            }
-        return cls._made(LearnerConfig.of, algorithm, learner or {}, {**as_written, **changes})
-
-    @classmethod
-    def _made(
-        cls,
-        make_learner: Callable[..., LearnerConfig],
-        algorithm: str,
-        learner: dict[str, Any],
-        changes: dict[str, Any],
-    ) -> Self:
         if algorithm not in ALGORITHMS:
-            raise InputError(f"no algorithm {algorithm!r}; there are {', '.join(ALGORITHMS)}")
-        own = ALGORITHMS[algorithm]
-        of_driver: dict[str, Any] = {"residual": own.filter is not None, "slack_gain": own.slack_gain}
-        of_driver |= {k: changes.pop(k) for k in tuple(changes) if k in DriverConfig.model_fields}
-        steps, seed = changes.get("steps", cls.model_fields["steps"].default), changes.get("seed", 0)
-        every = changes.get("update_every", cls.model_fields["update_every"].default)
-        try:
-            core = make_learner(
-                observation_layout(of_driver.get("observation", "conflict")),
-                **{"seed": seed, "schedule_updates": max(steps // every, 1)} | learner,
-            )
-            driver = DriverConfig(algorithm=algorithm, learner=core, **of_driver)
-            return cls(driver=driver, **changes)
-        except ValidationError as error:
-            raise InputError(f"training: {_problems(error)}") from None
+            raise InputError(f"there is no algorithm {algorithm!r}{there_are(algorithm, ALGORITHMS)}")
+        tree = with_preset(ALGORITHMS[algorithm], read_preset(preset))
+        config = settled(cls, {"algorithm": algorithm, **tree}, (), f"preset {preset!r}")
+        return config.changed(changes or {})
 
-    def changed(self, settings: Mapping[str, Any]) -> Self:
-        """With values changed at dotted keys as they stand in config.json, such as `driver.learner.n_step`.
-        Another observation brings its layout along. Raises InputError.
+    def changed(self, changes: Mapping[str, Any]) -> Self:
+        """With values changed at dotted keys as they stand in config.json, such as `learner.n_step`. Raises
+        InputError.
         """
-        values = self.model_dump()
-        for key, value in settings.items():
-            try:
-                values, _ = with_value(values, key, value)
-            except (DottedKeyError, TypeError) as error:
-                raise InputError(f"training setting {key!r}: {error}") from None
-        if "driver.observation" in settings and settings["driver.observation"] in get_args(ObservationKind):
-            values["driver"]["learner"]["layout"] = observation_layout(values["driver"]["observation"])
-        try:
-            return type(self).model_validate(values)
-        except ValidationError as error:
-            raise InputError(f"training: {_problems(error)}") from None
-
-
-def _problems(error: ValidationError) -> str:
-    return "; ".join(
-        f"{'.'.join(map(str, e['loc'])) or 'configuration'}: {e['msg'].removeprefix('Value error, ')}"
-        for e in error.errors()
-    )
+        refuse_old_keys(changes, "training")
+        return changed(self, changes, "training")

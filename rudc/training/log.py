@@ -21,29 +21,12 @@ from rudc.files import explain, write_atomically
 from rudc.training.collect import Finished
 
 OUTCOMES = tuple(map(str, Outcome))
-LOSSES = (
-    "critic_loss",
-    "policy_loss",
-    "value",
-    "target",
-    "entropy",
-    "temperature",
-    "critic_gradient",
-    "policy_gradient",
-)
-PROGRESS = (
-    "steps",
-    "updates",
-    "episodes",
-    *OUTCOMES,
-    "episode_reward",
-    "episode_steps",
-    *LOSSES,
-    "sigma_l",
-    "sigma_h",
-    "wall_s",
-)
-"""columns of progress.csv; outcomes are shares of the episodes that ended since the last row"""
+BEFORE = ("steps", "updates", "episodes", *OUTCOMES, "episode_reward", "episode_cost", "episode_steps")
+AFTER = ("sigma_l", "sigma_h", "wall_s")
+"""columns of progress.csv, before and after the learner's statistics; outcomes are shares of the episodes
+that ended since the last row, sigma_l and sigma_h those of the last decisions, empty where no sigma is
+stated
+"""
 EVALUATION = (
     "steps",
     "scenario",
@@ -76,9 +59,11 @@ class Watcher(Protocol):
 class Log:
     """The files in a training's folder."""
 
-    def __init__(self, folder: Path, from_step: int) -> None:
-        """Rows beyond `from_step` of files that are there already are removed."""
-        self._files = {"progress": PROGRESS, "evaluation": EVALUATION}
+    def __init__(self, folder: Path, from_step: int, statistics: Sequence[str]) -> None:
+        """`statistics`: names of the learner's. Rows beyond `from_step` of files that are there already are
+        removed.
+        """
+        self._files = {"progress": (*BEFORE, *statistics, *AFTER), "evaluation": EVALUATION}
         self._folder = folder
         for name, columns in self._files.items():
             _cut(folder / f"{name}.csv", columns, from_step)
@@ -117,6 +102,7 @@ def episode_columns(finished: Sequence[Finished]) -> dict[str, float]:
     for outcome in OUTCOMES:
         row[outcome] = _mean([episode.outcome == outcome for episode in finished])
     row["episode_reward"] = _mean([episode.reward for episode in finished])
+    row["episode_cost"] = _mean([episode.cost for episode in finished])
     row["episode_steps"] = _mean([episode.steps for episode in finished])
     return row
 

@@ -23,31 +23,33 @@ import shutil
 import signal
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
+from pydantic import ValidationError
 
 from rudc.agents.checkpoint import LATEST, Learnt, save_learnt
-from rudc.agents.correction import RESIDUAL
 from rudc.arrays import Arrays
 from rudc.errors import AgentError, InputError, TrainingError
 from rudc.evaluation.memory import keep_freed_blocks
 from rudc.files import aside_of, make_folder, replace_folder, write_atomically
 from rudc.learning.checkpoint import load_state, save_state
+from rudc.learning.learner import Statistics
 from rudc.learning.nstep import Transition
 from rudc.learning.replay import Replay
-from rudc.learning.sac import RudcLearner
-from rudc.learning.uncertainty import RunningPercentiles, uncertainty
-from rudc.safety.residual import shipped_predictor
+from rudc.learning.uncertainty import RunningPercentiles
 from rudc.scenario import load_scenario
+from rudc.settings import problems
+from rudc.training.calibration import calibration_tasks, percentiles_of
 from rudc.training.collect import Finished
 from rudc.training.config import TrainConfig
 from rudc.training.curriculum import HELD_OUT_SEED, make_mixture
-from rudc.training.log import LOSSES, Log, Watcher, episode_columns, evaluation_rows
+from rudc.training.log import Log, Watcher, episode_columns, evaluation_rows
 from rudc.training.workers import WorkerPool
 
 CONFIG, STATE, REPLAY, COUNTERS = "config.json", "training.safetensors", "replay.npz", "training.json"
@@ -61,24 +63,25 @@ class Trainer:
     def __init__(self, config: TrainConfig, folder: Path, watcher: Watcher) -> None:
         """Start afresh, or where the checkpoint in the folder stands."""
         self._config, self._folder, self._watcher = config, folder, watcher
-        torch.set_num_threads(max(torch.get_num_threads() - config.envs, 1))
+        torch.set_num_threads(max(torch.get_num_threads() - config.training.envs, 1))
         keep_freed_blocks()
         try:
-            self._learner = RudcLearner(config.driver.learner, config.device)
+            device = config.training.device
+            self._learner = config.entry.make(config.learner, config.given, device)
         except (RuntimeError, AssertionError) as error:
-            raise InputError(f"device {config.device!r} cannot be used: {error}") from error
-        self._replay = Replay(config.driver.learner, config.replay_size, config.seed)
-        self._residual: Arrays = {}  # the agent takes its predictor along: another may be shipped one day
-        if config.driver.residual:
-            self._residual = {RESIDUAL + name: part for name, part in shipped_predictor().arrays.items()}
+            raise InputError(f"device {config.training.device!r} cannot be used: {error}") from error
+        self._replay = Replay(config.given, config.training.replay_size, *self._learner.masks)
+        self._statistics = [field.name for field in fields(self._learner.statistics)]
+        self._taken_along = config.correction.arrays()
         self._sigmas = RunningPercentiles()
+        self._calibrated: tuple[float, float] | None = None
         self._round = 0
         self._finished: list[Finished] = []
-        self._losses: list[dict[str, float]] = []
+        self._losses: list[Statistics] = []
         self._wall_s = 0.0
         self._stop = False
         self._restore()
-        self._log = Log(folder, self.steps)
+        self._log = Log(folder, self.steps, self._statistics)
 
     @property
     def steps(self) -> int:
@@ -108,13 +111,13 @@ class Trainer:
     def _one_round(self) -> None:
         config = self._config
         seeding = self._round < config.seed_rounds
-        self._pool.load(self._learner.arrays(), self._percentiles())
+        self._pool.load(self._learner.weights(), self._percentiles())
         self._pool.start(self._round, "reference" if seeding else "policy", drop=self._breaks(1))
         self._learn()
         collected = self._pool.finish()
         for part in collected:
             for transition in part.transitions:
-                self._replay.add(*transition)
+                self._replay.add(transition)
             self._finished += part.finished
         if not seeding:
             self._measure(collected[0].transitions)
@@ -122,27 +125,28 @@ class Trainer:
         self._watcher.advance(self._round * config.round_steps)
 
     def _learn(self) -> None:
-        config, rows = self._config, self._config.driver.learner.batch_size
-        if len(self._replay) < rows:
+        training, rows = self._config.training, self._config.learner.batch_size
+        if len(self._replay) < max(rows, training.learning_starts):
             return
-        for _ in range(config.round_steps // config.update_every):
+        if self._learner.updates == 0:
+            self._learner.start(self._replay.first(len(self._replay)))
+        for _ in range(self._config.round_steps // training.update_every):
             losses = self._learner.update(self._replay.sample(rows))
-            if astray(losses, config.loss_limit):
+            if astray(losses, training.loss_limit):
                 raise TrainingError(
                     f"training went astray at step {self.steps}: "
-                    + ", ".join(f"{name} {value:.3g}" for name, value in losses.items())
+                    + ", ".join(f"{name} {value:.3g}" for name, value in asdict(losses).items())
                     + f"; {self._kept()}"
                 )
             self._losses.append(losses)
 
     def _measure(self, new: Sequence[Transition]) -> None:
-        """Take in how uncertain the critics are about decisions of this round."""
-        learner = self._learner
+        """Take in how uncertain the critics are about decisions of this round, if they say."""
         observation = np.stack([transition.observation for transition in new[:SIGMA_ROWS]])
-        action = np.stack([transition.nominal for transition in new[:SIGMA_ROWS]])
-        seen, done = (torch.from_numpy(array).to(learner.device) for array in (observation, action))
-        quantiles = learner.critics.evaluate(seen, done).cpu().numpy()
-        self._sigmas.add(uncertainty(quantiles, self._config.driver.learner.beta).total)
+        action = np.stack([transition.proposed for transition in new[:SIGMA_ROWS]])
+        sigma = self._learner.sigma(observation, action)
+        if sigma is not None:
+            self._sigmas.add(sigma)
 
     # ---- milestones
 
@@ -157,13 +161,16 @@ class Trainer:
         """Whether worlds begin new episodes after that round: at checkpoints, the first after seeding."""
         config = self._config
         seeded = self._round + ahead == config.seed_rounds
-        return seeded or self._at(config.checkpoint_every, ahead) or self._at(config.evaluate_every, ahead)
+        every = (config.training.checkpoint_every, config.training.evaluate_every)
+        return seeded or any(self._at(decisions, ahead) for decisions in every)
 
     def _milestones(self) -> None:
-        config = self._config
-        if self.steps and (self._at(config.log_every) or self._breaks()):
+        training = self._config.training
+        if self.steps and (self._at(training.log_every) or self._breaks()):
             self._write_progress()
-        if self.steps and self._at(config.evaluate_every) and config.evaluation_episodes:
+        if self._round == self._config.rounds:
+            self._calibrate()
+        if self.steps and self._at(training.evaluate_every) and training.evaluation_episodes:
             self._evaluate()
         if self._breaks():  # last, so that what is cut off before is done again
             self._finished, self._losses = [], []  # of the seeding, which no row is about; else empty by now
@@ -175,10 +182,9 @@ class Trainer:
             "updates": self._learner.updates,
             **episode_columns(self._finished),
         }
-        for name in LOSSES:
-            row[name] = (
-                float(np.mean([losses[name] for losses in self._losses])) if self._losses else math.nan
-            )
+        for name in self._statistics:
+            values = [getattr(losses, name) for losses in self._losses]
+            row[name] = float(np.mean(values)) if values else math.nan
         row["sigma_l"], row["sigma_h"] = self._sigmas.values()
         row["wall_s"] = round(self._elapsed(), 1)
         self._log.write("progress", row)
@@ -186,17 +192,30 @@ class Trainer:
         self._finished, self._losses = [], []
 
     def _evaluate(self) -> None:
-        config = self._config
-        seeds = range(HELD_OUT_SEED, HELD_OUT_SEED + config.evaluation_episodes)
-        self._pool.load(self._learner.arrays(), self._percentiles())
-        records = self._pool.evaluate([(name, seed) for name in config.evaluate_on for seed in seeds])
+        training = self._config.training
+        seeds = range(HELD_OUT_SEED, HELD_OUT_SEED + training.evaluation_episodes)
+        self._pool.load(self._learner.weights(), self._percentiles())
+        records = self._pool.evaluate([(name, seed) for name in training.evaluate_on for seed in seeds])
         for row in evaluation_rows(self.steps, records):
             self._log.write("evaluation", row)
             if row["priority"] == "all":
                 rates = ", ".join(f"{k} {row[k]:.0%}" for k in ("success", "frozen", "collision"))
                 self._watcher.note(f"step {self.steps}, {row['scenario']}: {rates}")
 
+    def _calibrate(self) -> None:
+        """Take sigma_l and sigma_h of the final policy as it is deployed (see calibration.py)."""
+        training = self._config.training
+        if not (
+            self._config.learner.states_sigma and training.calibration_episodes and self._learner.updates
+        ):
+            return
+        self._pool.load(self._learner.weights(), self._percentiles(), critics=True)
+        tasks = calibration_tasks(training.evaluate_on, training.calibration_episodes)
+        self._calibrated = percentiles_of(self._pool.sigmas(tasks))
+
     def _percentiles(self) -> tuple[float, float] | None:
+        if self._calibrated is not None:
+            return self._calibrated
         low, high = self._sigmas.values()
         return (low, high) if math.isfinite(low) else None
 
@@ -220,11 +239,10 @@ class Trainer:
         summary = {
             "steps": self.steps,
             "updates": self._learner.updates,
-            "seed": self._config.seed,
-            "configuration": self._config.model_dump(mode="json", exclude={"driver"}),
         }
-        arrays = self._learner.arrays() | self._residual
-        save_learnt(new, Learnt(self._config.driver, arrays, self._percentiles(), summary))
+        arrays = self._learner.weights() | self._taken_along
+        training = self._config.model_dump(mode="json")["training"]
+        save_learnt(new, Learnt(self._config.agent, arrays, self._percentiles(), training, summary))
         state = {f"learner/{k}": v for k, v in self._learner.state().items()}
         state |= {f"sigma/{k}": v for k, v in self._sigmas.state().items()}
         counters = {"round": self._round, "wall_s": self._elapsed()}
@@ -269,10 +287,9 @@ class Trainer:
             signal.signal(signal.SIGINT, before)
 
 
-def astray(losses: Mapping[str, float], limit: float) -> bool:
-    """Whether a loss or a value is not finite, or larger than the limit."""
-    watched = ("critic_loss", "policy_loss", "value", "target", "critic_gradient", "policy_gradient")
-    return not all(abs(losses[name]) <= limit for name in watched)  # nan is not <= anything
+def astray(losses: Statistics, limit: float) -> bool:
+    """Whether one of the statistics is not finite, or larger than the limit."""
+    return not all(abs(value) <= limit for value in asdict(losses).values())  # nan is not <= anything
 
 
 def _below(state: Arrays, prefix: str) -> Arrays:
@@ -283,8 +300,8 @@ def train(config: TrainConfig, folder: Path, watcher: Watcher, *, resume: bool =
     """Train into a folder; see `Trainer.run`. Raises InputError if the folder holds another training, or if
     there is nothing to train on.
     """
-    make_mixture(config.scenario, config.curriculum)
-    for name in config.evaluate_on:
+    make_mixture(config.training.scenario, config.training.curriculum)
+    for name in config.training.evaluate_on:
         load_scenario(name)
     path = folder / CONFIG
     text = config.model_dump_json(indent=2) + "\n"
@@ -307,5 +324,7 @@ def stored_config(folder: Path) -> TrainConfig | None:
         return TrainConfig.model_validate_json((folder / CONFIG).read_text(encoding="utf-8"))
     except FileNotFoundError:
         return None
+    except ValidationError as error:
+        raise InputError(problems(error, str(folder / CONFIG), ())) from None
     except (OSError, ValueError) as error:
         raise InputError(f"{folder / CONFIG} cannot be read: {error}") from error

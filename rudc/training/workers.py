@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from multiprocessing.connection import Connection
 from typing import Any
 
+from rudc.arrays import Array
 from rudc.errors import RudcError, TrainingError
 from rudc.evaluation.engine import quiet_start
 from rudc.evaluation.record import EpisodeRecord
@@ -26,10 +27,10 @@ class WorkerPool:
     """`config.envs` workers; requests go to all of them, answers come in their order."""
 
     def __init__(self, config: TrainConfig) -> None:
-        self._share = config.round_decisions
+        self._share = config.training.round_decisions
         context = multiprocessing.get_context("spawn")
         self._workers: list[tuple[Any, Connection]] = []
-        for index in range(config.envs):
+        for index in range(config.training.envs):
             ours, theirs = context.Pipe()
             process = context.Process(
                 target=_work, args=(theirs, config, index), name=f"rudc-worker-{index}", daemon=True
@@ -38,14 +39,15 @@ class WorkerPool:
                 process.start()
             theirs.close()
             self._workers.append((process, ours))
-        self._critics = config.driver.correction.asks_critics
+        self._critics = config.correction.asks_critics
         self._answers()
 
-    def load(self, arrays: Mapping[str, Any], percentiles: Percentiles) -> None:
+    def load(self, arrays: Mapping[str, Any], percentiles: Percentiles, *, critics: bool = False) -> None:
         """Give all workers these weights and percentiles of sigma; critics only where the correction asks
-        them.
+        them, or with `critics`.
         """
-        wanted = {k: v for k, v in arrays.items() if self._critics or k.startswith("policy/")}
+        critics = critics or self._critics
+        wanted = {k: v for k, v in arrays.items() if critics or k.startswith("policy/")}
         self._ask([("load", (wanted, percentiles))] * len(self._workers))
         self._answers()
 
@@ -59,8 +61,15 @@ class WorkerPool:
 
     def evaluate(self, tasks: Sequence[tuple[str, int]]) -> list[EpisodeRecord]:
         """Drive held-out episodes (scenario, seed); records in the order of the tasks."""
+        return self._shared("evaluate", tasks)
+
+    def sigmas(self, tasks: Sequence[tuple[str, int]]) -> list[Array]:
+        """sigma_total of each decision in held-out episodes (scenario, seed), episode by episode."""
+        return self._shared("sigmas", tasks)
+
+    def _shared(self, request: str, tasks: Sequence[tuple[str, int]]) -> list[Any]:
         count = len(self._workers)
-        self._ask([("evaluate", (tuple(tasks[index::count]),)) for index in range(count)])
+        self._ask([(request, (tuple(tasks[index::count]),)) for index in range(count)])
         parts = self._answers()
         return [parts[k % count][k // count] for k in range(len(tasks))]
 
@@ -125,5 +134,7 @@ def _answer(collector: Collector, request: str, arguments: tuple[Any, ...]) -> A
         return collector.load(*arguments)
     if request == "evaluate":
         return collector.evaluate(*arguments)
+    if request == "sigmas":
+        return collector.sigmas(*arguments)
     round_, decisions, by, drop = arguments
     return collector.collect(round_, decisions, by, drop=drop)

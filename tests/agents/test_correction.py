@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 
-from rudc.agents.algorithms import DriverConfig
 from rudc.agents.correction import (
     CORRECTIONS,
     CbfSettings,
@@ -22,9 +21,9 @@ from rudc.agents.filtered import FilteredAgent
 from rudc.agents.follower import Follower
 from rudc.agents.learned import LearnedAgent
 from rudc.errors import InputError
-from rudc.learning.parameters import critic_arrays, policy_arrays
 from rudc.safety.config import Rule
 from rudc.safety.corrected import Corrected
+from tests.agents.learners import arrays_of, small
 from tests.safety.scenes import Other, make_scene
 
 
@@ -37,7 +36,7 @@ def test_a_name_or_a_mapping_says_which_is_meant():
     for wrong, said in (
         ("cfb", "correction: there is no 'cfb' .did you mean 'cbf'"),
         ({"kind": "none", "d_safe": 0.2}, r"correction\.d_safe: Extra inputs"),
-        ({"kind": "cbf", "ecbf_rate1": 2.0}, "ecbf_rate1 has no effect with rule=ttcbf"),
+        ({"kind": "cbf", "ecbf_rate1": 2.0}, "ecbf_rate1: has no effect with rule=ttcbf"),
         ({"kind": "cbf", "slack": {"gain": -1}}, r"correction\.slack\.gain: Input should be greater"),
     ):
         with pytest.raises(InputError, match=said):
@@ -114,16 +113,14 @@ def test_another_correction_takes_the_same_seat(monkeypatch, scene_on):
     proposal, critics = correction.seen[0]
     assert (proposal.action, critics) == (None, None)
 
-    config = DriverConfig()
-    learner = {f"policy/{k}": v for k, v in policy_arrays(config.learner).items()}
-    learner |= {f"critic/{k}": v for k, v in critic_arrays(config.learner).items()}
-    learnt = LearnedAgent("mine", config, learner)
+    config = small()
+    learnt = LearnedAgent("mine", config, arrays_of(config))
     learnt.correction = correction
     learnt.reset(scene, 0)
     choice = learnt.choose(scene)
     assert choice.decision.u == pytest.approx(choice.decision.u_rl * [0.25, 1.0])
-    assert choice.action == pytest.approx(config.action_kind.normalised(choice.decision.u, scene), abs=1e-6)
+    assert choice.executed == pytest.approx(config.action.normalised(choice.decision.u, scene), abs=1e-6)
     proposal, _ = correction.seen[0]
     assert proposal.sigma == choice.decision.sigma
-    np.testing.assert_array_equal(proposal.action, choice.nominal)
+    np.testing.assert_array_equal(proposal.action, choice.proposed)
     np.testing.assert_array_equal(proposal.observation, choice.observation)

@@ -19,39 +19,39 @@ import numpy as np
 import torch
 
 from rudc.evaluation.memory import keep_freed_blocks
-from rudc.learning.config import LearnerConfig, ObservationLayout
-from rudc.learning.sac import RudcLearner
+from rudc.learning.config import EnsembleConfig, Problem
+from rudc.learning.rudc import RudcLearner
 from tests.benchmarks.loop_learner import LoopLearner
-from tests.learning.helpers import random_batch
+from tests.learning.helpers import Case, quick_case, random_batch
 
 TURN = 8
 """updates in a row"""
 
 
-def configurations(members: int) -> dict[str, LearnerConfig]:
+def configurations(members: int) -> dict[str, Case]:
     """Sizes that are measured, by name."""
     return {
-        "paper": LearnerConfig(members=members),
-        "quick": LearnerConfig.quick(ObservationLayout(conflict=41), members=members),
+        "paper": Case(EnsembleConfig(members=members), Problem()),
+        "quick": quick_case(members=members),
     }
 
 
-def contestants(config: LearnerConfig) -> dict[str, Callable[..., dict[str, float]]]:
+def contestants(case: Case) -> dict[str, Callable[..., object]]:
     """Updates by name, ours first."""
-    result: dict[str, Callable[..., dict[str, float]]] = {
-        "stack": RudcLearner(config).update,
-        "loop": LoopLearner(config).update,
-        "lean loop": LoopLearner(config, lean=True).update,
+    result: dict[str, Callable[..., object]] = {
+        "stack": RudcLearner(*case).update,
+        "loop": LoopLearner(*case).update,
+        "lean loop": LoopLearner(*case, lean=True).update,
     }
-    if config.critic.encoder == "attention":
-        result["loop, projections"] = LoopLearner(config, projections=True).update
+    if case.config.critic.encoder == "attention":
+        result["loop, projections"] = LoopLearner(*case, projections=True).update
     return result
 
 
-def measure(config: LearnerConfig, repeats: int) -> dict[str, list[float]]:
+def measure(case: Case, repeats: int) -> dict[str, list[float]]:
     """Seconds of each update, by name."""
-    batches = [random_batch(config, config.batch_size, seed) for seed in range(4)]
-    updates = contestants(config)
+    batches = [random_batch(case, case.config.batch_size, seed) for seed in range(4)]
+    updates = contestants(case)
     seconds: dict[str, list[float]] = {name: [] for name in updates}
     for turn in range(-1, repeats):  # the first warms up
         for name, update in updates.items():
@@ -73,8 +73,8 @@ def main() -> None:
     torch.set_num_threads(options.threads)
     keep_freed_blocks()  # as the trainer does
     print(f"gradient update, {options.members} critics, {options.threads} threads")
-    for size, config in configurations(options.members).items():
-        seconds = measure(config, options.repeats)
+    for size, case in configurations(options.members).items():
+        seconds = measure(case, options.repeats)
         ours = seconds["stack"]
         print(f"{size:8s}{'stack':20s}{1e3 * float(np.median(ours)):8.1f} ms")
         for name, theirs in seconds.items():

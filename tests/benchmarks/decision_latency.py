@@ -19,33 +19,35 @@ import numpy as np
 import torch
 
 from rudc.arrays import Floats
-from rudc.learning.config import LearnerConfig
 from rudc.learning.inference import Decider
-from rudc.learning.sac import RudcLearner
+from rudc.learning.rudc import RudcLearner
 from rudc.learning.uncertainty import uncertainty
 from tests.benchmarks.critic_update import configurations
-from tests.learning.helpers import observations
+from tests.learning.helpers import Case, observations
 
 
-def parts(config: LearnerConfig) -> dict[str, Callable[[Floats], object]]:
+def parts(case: Case) -> dict[str, Callable[[Floats], object]]:
     """What is timed, by name; each takes an observation."""
-    learner = RudcLearner(config)
-    decider = Decider(config, learner.arrays())
-    action = np.zeros(config.actions, np.float32)
-    quantiles = decider.quantiles(np.zeros(config.layout.size, np.float32), action)
+    learner = RudcLearner(*case)
+    decider = Decider(case.config, case.problem.layout, learner.weights())
+    action = np.zeros(case.problem.actions, np.float32)
+    quantiles = decider.quantiles(np.zeros(case.problem.layout.size, np.float32), action)
+
+    def decide(observation: Floats) -> object:
+        return decider.uncertainty(observation, decider.action(observation))
 
     def in_torch(observation: Floats) -> object:
         with torch.inference_mode():
             seen = torch.from_numpy(observation[None])
             mean, _ = learner.policy.distribution(learner.policy.trained, seen)
             z = learner.critics.evaluate(seen, mean.tanh())[:, 0]
-        return uncertainty(z.numpy(), config.beta)
+        return uncertainty(z.numpy(), case.config.beta)
 
     return {
         "policy": decider.action,
-        f"{config.members} critics": lambda observation: decider.quantiles(observation, action),
-        "uncertainty": lambda _: uncertainty(quantiles, config.beta),
-        "decision": decider.decide,
+        f"{case.config.members} critics": lambda observation: decider.quantiles(observation, action),
+        "uncertainty": lambda _: uncertainty(quantiles, case.config.beta),
+        "decision": decide,
         "decision in torch": in_torch,
     }
 
@@ -56,9 +58,9 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=1000)
     options = parser.parse_args()
     torch.set_num_threads(1)
-    for size, config in configurations(5).items():
-        seen = observations(config.layout, 64, np.random.default_rng(0))
-        timed = parts(config)
+    for size, case in configurations(5).items():
+        seen = observations(case.problem.layout, 64, np.random.default_rng(0))
+        timed = parts(case)
         seconds: dict[str, list[float]] = {name: [] for name in timed}
         for turn in range(-20, options.repeats):
             for name, part in timed.items():

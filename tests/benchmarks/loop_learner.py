@@ -1,7 +1,7 @@
 """The learner's update as one writes it down: separate modules, a loop over the critics, autograd for all.
 
-Yardstick for critic_update.py, and what tests/learning/test_sac.py compares with. The maths are those
-of rudc/learning/sac.py, networks and weights are the same; nothing is shared between critics, computed
+Yardstick for critic_update.py, and what tests/learning/test_rudc.py compares with. The maths are those
+of rudc/learning/rudc.py, networks and weights are the same; nothing is shared between critics, computed
 once for several uses, or left out. Two variants:
 
     lean          with the two economies a careful author makes at once: the critics' weights get no gradient
@@ -20,7 +20,7 @@ from torch.nn.functional import gelu, softplus
 
 from rudc.arrays import Arrays
 from rudc.learning.batch import Batch
-from rudc.learning.config import LearnerConfig, NetworkConfig, ObservationLayout
+from rudc.learning.config import EnsembleConfig, NetworkConfig, ObservationLayout, Problem
 from rudc.learning.parameters import (
     critic_arrays,
     policy_arrays,
@@ -99,22 +99,28 @@ class Network(nn.Module):
 class LoopLearner:
     """The update of RudcLearner in plain form."""
 
-    def __init__(self, config: LearnerConfig, *, lean: bool = False, projections: bool = False) -> None:
-        self.config, self.lean = config, lean
+    def __init__(
+        self, config: EnsembleConfig, problem: Problem, *, lean: bool = False, projections: bool = False
+    ) -> None:
+        self.config, self.problem, self.lean = config, problem, lean
 
         def critics(arrays: Arrays) -> list[Network]:
             members = range(config.members)
-            return [Network(config.layout, config.critic, arrays, n, projections) for n in members]
+            return [Network(problem.layout, config.critic, arrays, n, projections) for n in members]
 
-        self.critics, self.targets = critics(critic_arrays(config)), critics(critic_arrays(config))
-        self.priors = critics(prior_arrays(config))
+        self.critics, self.targets = (
+            critics(critic_arrays(config, problem)),
+            critics(critic_arrays(config, problem)),
+        )
+        self.priors = critics(prior_arrays(config, problem))
         self.policy, self.target_policy = (
-            Network(config.layout, config.policy, policy_arrays(config), 0, projections) for _ in range(2)
+            Network(problem.layout, config.policy, policy_arrays(config, problem), 0, projections)
+            for _ in range(2)
         )
         for network in (*self.priors, *self.targets, self.target_policy):
             network.requires_grad_(False)
         self.log_alpha = torch.tensor([math.log(config.temperature)], requires_grad=True)
-        self.generator = torch.Generator().manual_seed(config.seed)
+        self.generator = torch.Generator().manual_seed(problem.seed)
         critic_rate, actor_rate = config.critic_rate[0], config.actor_rate[0]
         self.critic_adams = [torch.optim.Adam(c.parameters(), critic_rate, fused=lean) for c in self.critics]
         self.policy_adam = torch.optim.Adam(self.policy.parameters(), actor_rate, fused=lean)
@@ -128,7 +134,7 @@ class LoopLearner:
 
     def draw(self, policy: Network, observation: Tensor) -> tuple[Tensor, Tensor]:
         """Actions and the logarithms of their probability."""
-        noise = torch.randn(len(observation), self.config.actions, generator=self.generator)
+        noise = torch.randn(len(observation), self.problem.actions, generator=self.generator)
         mean, log_std = policy(observation).chunk(2, 1)
         log_std = log_std.clamp(*self.config.log_std)
         u = mean + log_std.exp() * noise
@@ -146,7 +152,7 @@ class LoopLearner:
 
     def update(self, batch: Batch) -> dict[str, float]:
         """One update."""
-        observation, action, _, reward, discount, after, terminal, mask = map(torch.from_numpy, batch)
+        observation, action, _, reward, _, discount, after, terminal, mask = map(torch.from_numpy, batch)
         alpha = self.log_alpha.detach().exp()
         with torch.no_grad():
             next_action, log_p = self.draw(self.target_policy, after)
@@ -171,7 +177,7 @@ class LoopLearner:
         for adam in (*self.critic_adams, self.policy_adam):
             adam.step()
         self.alpha_adam.zero_grad()
-        (-self.log_alpha * (log_p.detach().mean() - self.config.actions)).sum().backward()
+        (-self.log_alpha * (log_p.detach().mean() - self.problem.actions)).sum().backward()
         self.alpha_adam.step()
         with torch.no_grad():
             pairs = zip((*self.targets, self.target_policy), (*self.critics, self.policy), strict=True)

@@ -20,24 +20,27 @@ import pandas as pd
 
 SWITCHES: dict[str, tuple[str, ...]] = {
     "default": (),
-    "default, seed 1": ("seed=1", "driver.learner.seed=1"),
-    "default, seed 2": ("seed=2", "driver.learner.seed=2"),
-    "paper's observation": ("driver.observation=paper",),
-    "steering chosen directly": ("driver.action=direct",),
-    "all vehicles constrained": ("driver.filter_settings.constrained=all",),
-    "filter in every episode": ("filtered_share=1",),
-    "filter in every episode, proposals replayed": ("filtered_share=1", "replayed=nominal"),
-    "no last resort": ("driver.filter_settings.last_resort=false",),
-    "filter may accelerate": ("driver.filter_settings.max_added_acceleration=inf",),
-    "no residual": ("driver.residual=false",),
-    "no slack": ("driver.slack_gain=0",),
-    "expectation for CVaR": ("driver.learner.distortion=expectation",),
-    "one-step returns": ("driver.learner.n_step=1",),
-    "no reference driver first": ("seed_steps=0",),
-    "no curriculum": ("curriculum=null",),
-    "collisions at -50": ("collision_reward=-50",),
-    "attention": ("driver.learner.policy.encoder=attention", "driver.learner.critic.encoder=attention"),
-    "five critics": ("driver.learner.members=5",),
+    "default, seed 1": ("training.seed=1",),
+    "default, seed 2": ("training.seed=2",),
+    "paper's observation": ("observation=paper",),
+    "steering chosen directly": ("action.kind=direct",),
+    "all vehicles constrained": ("correction.constrained=all",),
+    "filter in every episode": ("training.filtered_share=1",),
+    "filter in every episode, proposals replayed": (
+        "training.filtered_share=1",
+        "learner.learns_from=proposed",
+    ),
+    "no last resort": ("correction.last_resort=false",),
+    "filter may accelerate": ("correction.max_added_acceleration=.inf",),
+    "no residual": ("correction.residual=false",),
+    "no slack": ("correction.slack.gain=0",),
+    "expectation for CVaR": ("learner.distortion=expectation",),
+    "one-step returns": ("learner.n_step=1",),
+    "no reference driver first": ("training.seed_steps=0",),
+    "no curriculum": ("training.curriculum=null",),
+    "collisions at -50": ("training.collision_reward=-50",),
+    "attention": ("learner.policy.encoder=attention", "learner.critic.encoder=attention"),
+    "five critics": ("learner.members=5",),
 }
 """variant -> what is changed"""
 TASKS = ("random_destination", "dense_left_turn")
@@ -56,7 +59,7 @@ def folder(out: Path, name: str) -> Path:
 def train(out: Path, name: str, steps: int) -> None:
     """Train one variant."""
     changes = [part for change in SWITCHES[name] for part in ("--set", change)]
-    quiet = ("--set", "evaluation_episodes=0")
+    quiet = ("--set", "training.evaluation_episodes=0")
     rudc("train", "rudc-t", "--steps", steps, *changes, *quiet, "--out", folder(out, name), "--resume")
 
 

@@ -42,16 +42,17 @@ def rudc(steps: int, algorithm: str) -> float:
         def note(self, text: str) -> None:
             """Nothing to say."""
 
-    config = TrainConfig.default(
-        algorithm,
-        learner={"members": 5},
-        steps=WARM_UP + steps,
-        seed_steps=2_000,
-        log_every=1_000,
-        checkpoint_every=10**9,
-        evaluate_every=10**9,
-        evaluation_episodes=0,
-    )
+    settings = {
+        "steps": WARM_UP + steps,
+        "seed_steps": 2_000,
+        "log_every": 1_000,
+        "checkpoint_every": 10**9,
+        "evaluate_every": 10**9,
+        "evaluation_episodes": 0,
+        "calibration_episodes": 0,
+    }
+    changes = {f"training.{key}": value for key, value in settings.items()}
+    config = TrainConfig.of(algorithm, {"learner.members": 5, **changes})
     watcher = Quiet()
     with tempfile.TemporaryDirectory() as folder:
         Trainer(config, Path(folder), watcher).run()

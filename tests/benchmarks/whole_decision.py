@@ -16,34 +16,28 @@ os.environ["OPENBLAS_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = "1"  # read
 
 import numpy as np
 
-from rudc.agents.algorithms import DriverConfig, observation_layout
 from rudc.agents.base import Agent, Decision
 from rudc.agents.learned import LearnedAgent
 from rudc.agents.registry import agent_names, make_agent
 from rudc.env.episode import Episode
 from rudc.evaluation.rollout import run_episode
-from rudc.learning.config import LearnerConfig
-from rudc.learning.parameters import critic_arrays, policy_arrays
+from rudc.learning.config import EnsembleConfig
+from rudc.learning.parameters import critic_arrays, frozen_arrays, grouped, policy_arrays
 from rudc.network.network import load_network
 from rudc.scenario import load_scenario
+from rudc.training.config import TrainConfig
 from rudc.world.world import World
 
-PARTS = ("observation", "policy", "critic", "filter")
+PARTS = ("observation", "policy", "critic", "correction")
 
 
 def of_papers_size(algorithm: str) -> Agent:
     """Networks as in the paper, not trained, with slack and residual at work."""
-    learner = LearnerConfig(layout=observation_layout("paper"))
-    config = DriverConfig(
-        algorithm=algorithm,
-        observation="paper",
-        filter_settings={"constrained": "all"},
-        residual=True,
-        slack_gain=0.1,
-        learner=learner,
-    )
-    arrays = {f"policy/{k}": v for k, v in policy_arrays(learner).items()}
-    arrays |= {f"critic/{k}": v for k, v in critic_arrays(learner).items()}
+    config = TrainConfig.of(algorithm, {"correction.slack.gain": 1.0}, "paper").agent
+    learner, problem = config.learner, config.problem()
+    assert isinstance(learner, EnsembleConfig)
+    arrays = grouped(policy=policy_arrays(learner, problem), critic=critic_arrays(learner, problem))
+    arrays |= frozen_arrays(learner, problem, {})
     return LearnedAgent(f"{algorithm}, paper's size", config, arrays, (5.0, 6.0))
 
 

@@ -20,33 +20,34 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[tuple[TrainConfig, Path, bool
         watcher.note("a note")
         folder.mkdir(exist_ok=True)
         (folder / trainer.CONFIG).write_text(config.model_dump_json())
-        return config.seed != 130
+        return config.training.seed != 130
 
     monkeypatch.setattr(trainer, "train", run)
     return seen
 
 
 def test_any_value_of_the_configuration_can_be_set(rudc, calls):
-    said = ("train", "rudc-t", "--steps", 2000, "--set", "driver.observation=paper", "--out", "x")
-    answer = rudc(*said, "--set", "curriculum=null")
+    said = ("train", "rudc-t", "--steps", 2000, "--set", "observation=paper", "--out", "x")
+    answer = rudc(*said, "--set", "training.curriculum=null")
     assert answer.status == 0
-    wanted = {"driver.observation": "paper", "curriculum": None}
-    assert calls[0][0] == TrainConfig.default("rudc-t", steps=2000).changed(wanted)
+    wanted = {"training.steps": 2000, "observation": "paper", "training.curriculum": None}
+    assert calls[0][0] == TrainConfig.of("rudc-t", wanted)
     assert rudc(*said, "--resume").status == 0
-    again = rudc(*said, "--set", "driver.learner.n_step=1", "--resume")
+    again = rudc(*said, "--set", "learner.n_step=1", "--resume")
     assert again.status == 2
-    assert "without --set" in again.err
+    assert "holds a training with another learner.n_step: resume it as it is" in again.err
     assert rudc("train", "rudc-e", "--configuration", "paper", "--out", "y").status == 0
-    assert calls[-1][0] == TrainConfig.paper("rudc-e")
+    assert calls[-1][0] == TrainConfig.of("rudc-e", preset="paper")
 
 
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
         (("--set", "n_step"), "KEY=VALUE"),
-        (("--set", "driver.lerner.n_step=1"), "driver.lerner"),
-        (("--set", "steps=[1"), "is not a value"),
-        (("--configuration", "papr"), "there are default and paper"),
+        (("--set", "lerner.n_step=1"), "did you mean 'learner.n_step'"),
+        (("--steps", 100, "--set", "training.steps=200"), "training.steps is given twice"),
+        (("--set", "training.steps=[1"), "is not a value"),
+        (("--configuration", "papr"), "did you mean 'paper'"),
     ],
 )
 def test_settings_that_cannot_be_are_refused(rudc, calls, wrong, said):
@@ -60,8 +61,10 @@ def test_options_reach_the_configuration(rudc, calls):
     answer = rudc("train", "rudc-t", "--steps", 2000, "--seed", 4, "--envs", 3, "--out", "x")
     assert answer.status == 0
     config, folder, resume = calls[0]
-    assert config == TrainConfig.default("rudc-t", steps=2000, seed=4, envs=3)
-    assert config.curriculum == Curriculum()
+    assert config == TrainConfig.of(
+        "rudc-t", {"training.steps": 2000, "training.seed": 4, "training.envs": 3}
+    )
+    assert config.training.curriculum == Curriculum()
     assert (folder, resume) == (Path("x"), False)
     assert "10/2000 steps, 50% success, reward 62, 3 s" in answer.err
     assert "a note" in answer.err
@@ -70,7 +73,7 @@ def test_options_reach_the_configuration(rudc, calls):
 
 def test_a_scenario_is_trained_on_as_it_is(rudc, calls):
     rudc("train", "rudc-wo-cbf", "--scenario", "dense_left_turn", "--out", "x")
-    assert (calls[0][0].scenario, calls[0][0].curriculum) == ("dense_left_turn", None)
+    assert (calls[0][0].training.scenario, calls[0][0].training.curriculum) == ("dense_left_turn", None)
 
 
 def test_resuming_takes_the_settings_from_the_folder(rudc, calls):
@@ -89,7 +92,7 @@ def test_resuming_takes_the_settings_from_the_folder(rudc, calls):
     [
         (("rudc-t",), "--out DIR"),
         (("--out", "x"), "which algorithm?"),
-        (("sac", "--out", "x"), "no algorithm 'sac'; there are rudc-t"),
+        (("sak", "--out", "x"), "no algorithm 'sak' (did you mean 'sac'?); there are: rudc-t"),
         (("rudc-t", "--scenario", "nowhere", "--out", "x"), "nowhere: no shipped scenario"),
         (("rudc-t", "--device", "cuda:99", "--steps", "200", "--out", "x"), "device 'cuda:99'"),
     ],

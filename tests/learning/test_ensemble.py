@@ -7,13 +7,13 @@ import torch
 from rudc.learning.ensemble import CriticEnsemble
 from rudc.learning.parameters import prior_arrays
 from rudc.learning.quantiles import quantile_huber
-from rudc.learning.sac import RudcLearner
-from tests.learning.helpers import observations, random_batch, small_config, toy_config
+from rudc.learning.rudc import RudcLearner
+from tests.learning.helpers import CPU, observations, random_batch, small_case, toy_case
 
 
 def test_prior_equation_by_hand() -> None:
     """Eq. (fpn) with rho = 3: O = 4 * 50 * o, F = 20 f, Z = (O + 3 F) / 4."""
-    critics = CriticEnsemble(toy_config(prior_factor=3.0, prior_scale=20.0, value_scale=50.0))
+    critics = CriticEnsemble(*toy_case(prior_factor=3.0, prior_scale=20.0, value_scale=50.0), CPU)
     o, f = torch.tensor([0.1, -2.0]), torch.tensor([0.5, 1.0])
     by_hand = torch.tensor([(200 * 0.1 + 3 * 20 * 0.5) / 4, (200 * -2.0 + 3 * 20 * 1.0) / 4])
     assert torch.allclose(critics.combine(o, f), by_hand)
@@ -22,10 +22,9 @@ def test_prior_equation_by_hand() -> None:
 def test_learning_is_as_fast_with_a_prior_as_without() -> None:
     """The gain at the head makes up for 1 / (1 + rho): with a prior of no size the same step is taken."""
     after = []
-    for rho in (0.0, 10.0):
-        config = small_config(prior_factor=rho, prior_scale=1e-12)
-        learner = RudcLearner(config)
-        learner.update(random_batch(config, 16))
+    for case in (small_case(prior_factor=0.0), small_case(prior_scale=1e-12)):
+        learner = RudcLearner(*case)
+        learner.update(random_batch(case, 16))
         after.append(learner.critics.trained["out.weight"].detach())
     assert torch.allclose(*after, atol=1e-6)
 
@@ -40,7 +39,7 @@ def constant(critics: CriticEnsemble, trained: list[float], prior: list[float]) 
 
 
 def test_targets_are_the_mean_over_members_with_their_priors() -> None:
-    critics = CriticEnsemble(toy_config(prior_factor=1.0, prior_scale=2.0, value_scale=10.0))
+    critics = CriticEnsemble(*toy_case(prior_factor=1.0, prior_scale=2.0, value_scale=10.0), CPU)
     constant(critics, [1.0, 2.0, 6.0], [0.0, 3.0, 6.0])
     seen, action = torch.zeros(4, 2), torch.zeros(4, 1)
     members = critics.evaluate(seen, action)[:, 0, 0]
@@ -61,32 +60,32 @@ def test_masked_members_do_not_learn() -> None:
 
 
 def test_a_member_masked_everywhere_stays_as_it_is() -> None:
-    config = small_config()
-    learner = RudcLearner(config)
-    before = learner.arrays()
-    batch = random_batch(config, 16)
+    case = small_case()
+    learner = RudcLearner(*case)
+    before = learner.weights()
+    batch = random_batch(case, 16)
     batch.mask[:, 1] = False
     learner.update(batch)
-    for name, value in learner.arrays().items():
+    for name, value in learner.weights().items():
         if name.startswith("critic/"):
             assert np.array_equal(value[1], before[name][1])
             assert not np.array_equal(value[0], before[name][0])
 
 
 def test_priors_stay_and_are_rebuilt_from_the_seed() -> None:
-    config = small_config(seed=11)
-    learner = RudcLearner(config)
+    case = small_case(seed=11)
+    learner = RudcLearner(*case)
     for seed in range(3):
-        learner.update(random_batch(config, 16, seed))
-    for name, value in prior_arrays(config).items():
+        learner.update(random_batch(case, 16, seed))
+    for name, value in prior_arrays(*case).items():
         assert np.array_equal(learner.critics.prior[name].numpy(), value)
 
 
 def test_members_disagree_where_nothing_was_learnt() -> None:
     """Trained parts at zero: what is left are the priors, apart by about prior_scale."""
-    config = small_config(prior_scale=10.0)
-    critics = CriticEnsemble(config)
-    seen = torch.from_numpy(observations(config.layout, 64, np.random.default_rng(0)))
+    case = small_case(prior_scale=10.0)
+    critics = CriticEnsemble(*case, CPU)
+    seen = torch.from_numpy(observations(case.problem.layout, 64, np.random.default_rng(0)))
     with torch.no_grad():
         critics.trained["out.weight"].zero_()
         critics.trained["out.bias"].zero_()
@@ -95,12 +94,12 @@ def test_members_disagree_where_nothing_was_learnt() -> None:
 
 
 def test_without_prior() -> None:
-    config = small_config(prior_factor=0.0)
-    critics = CriticEnsemble(config)
+    case = small_case(prior_factor=0.0)
+    critics = CriticEnsemble(*case, CPU)
     assert not critics.has_prior
-    seen = torch.from_numpy(observations(config.layout, 3, np.random.default_rng(0)))
+    seen = torch.from_numpy(observations(case.problem.layout, 3, np.random.default_rng(0)))
     action = torch.zeros(3, 2)
-    z = config.value_scale * critics.stack.decode(
+    z = case.config.value_scale * critics.stack.decode(
         critics.trained, critics.stack.encode(critics.trained, seen), action
     )
     assert torch.allclose(critics.evaluate(seen, action), z)
@@ -109,7 +108,7 @@ def test_without_prior() -> None:
 @pytest.mark.parametrize(("rate", "expected"), [(0.25, 2.0), (1.0, 5.0)])
 def test_targets_follow(rate: float, expected: float) -> None:
     """A share of the way (Polyak), or all of it (hard copy); priors stay."""
-    critics = CriticEnsemble(toy_config(target_rate=rate))
+    critics = CriticEnsemble(*toy_case(target_rate=rate), CPU)
     prior = {name: value.clone() for name, value in critics.prior.items()}
     with torch.no_grad():
         for name, tensor in critics.trained.items():
@@ -122,13 +121,13 @@ def test_targets_follow(rate: float, expected: float) -> None:
 
 
 def test_objective_is_the_mean_of_the_weighted_quantiles() -> None:
-    config = small_config()
-    learner = RudcLearner(config)
+    case = small_case()
+    learner = RudcLearner(*case)
     critics = learner.critics
     rng = np.random.default_rng(2)
-    seen = torch.from_numpy(observations(config.layout, 5, rng))
+    seen = torch.from_numpy(observations(case.problem.layout, 5, rng))
     action = torch.from_numpy(np.tanh(rng.normal(size=(5, 2))).astype(np.float32)).requires_grad_()
-    weights = torch.tensor(config.risk().weights(config.quantiles), dtype=torch.float32)
+    weights = torch.tensor(case.config.risk().weights(case.config.quantiles), dtype=torch.float32)
     latent = critics.stack.encode(critics.trained, seen)
     value = critics.objective(latent, critics.prior_latent(seen), action, weights)
     expected = (critics.evaluate(seen, action) @ weights).mean(dim=0)

@@ -8,46 +8,50 @@ import pytest
 import torch
 from scipy.special import erf
 
-from rudc.learning.config import LearnerConfig, NetworkConfig, ObservationLayout
+from rudc.learning.config import EnsembleConfig, NetworkConfig, ObservationLayout, Problem
 from rudc.learning.inference import Decider, gelu
-from rudc.learning.sac import RudcLearner
+from rudc.learning.rudc import RudcLearner
 from rudc.learning.uncertainty import uncertainty
-from tests.learning.helpers import SMALL, observations, random_batch, small_config
+from tests.learning.helpers import SMALL, Case, observations, quick_case, random_batch, small_case
 
-CONFIGS = {
-    "small": small_config(),
-    "paper": LearnerConfig(),
-    "conflict": LearnerConfig(layout=ObservationLayout(conflict=41), critic=NetworkConfig(vehicle_layers=2)),
-    "quick": LearnerConfig.quick(),
-    "no prior": small_config(prior_factor=0.0, policy=SMALL.model_copy(update={"hops": 3, "heads": 1})),
+CASES = {
+    "small": small_case(),
+    "paper": Case(EnsembleConfig(), Problem()),
+    "conflict": Case(
+        EnsembleConfig(critic=NetworkConfig(vehicle_layers=2)), Problem(ObservationLayout(conflict=41))
+    ),
+    "quick": quick_case(),
+    "no prior": small_case(prior_factor=0.0, policy=SMALL.model_copy(update={"hops": 3, "heads": 1})),
 }
 
 
-@pytest.mark.parametrize("name", CONFIGS)
+@pytest.mark.parametrize("name", CASES)
 def test_same_numbers_as_the_trained_networks(name: str) -> None:
-    config = CONFIGS[name]
-    learner = RudcLearner(config)
+    case = CASES[name]
+    learner = RudcLearner(*case)
     for seed in range(2):
-        learner.update(random_batch(config, 16, seed))
-    decider = Decider(config, learner.arrays())
-    seen = observations(config.layout, 6, np.random.default_rng(1))
-    seen[0, config.layout.vehicles_at] = 0.0  # nobody there
+        learner.update(random_batch(case, 16, seed))
+    decider = Decider(case.config, case.problem.layout, learner.weights())
+    seen = observations(case.problem.layout, 6, np.random.default_rng(1))
+    seen[0, case.problem.layout.vehicles_at] = 0.0  # nobody there
     flat = torch.from_numpy(seen)
     with torch.no_grad():
         mean = learner.policy.distribution(learner.policy.trained, flat)[0].tanh().numpy()
         quantiles = learner.critics.evaluate(flat, torch.from_numpy(mean)).numpy()
     for i, observation in enumerate(seen):
-        action, sigma = decider.decide(observation)
+        action = decider.action(observation)
+        sigma = decider.uncertainty(observation, action)
+        assert sigma is not None
         assert action == pytest.approx(mean[i], abs=1e-5)
         assert decider.quantiles(observation, mean[i]) == pytest.approx(quantiles[:, i], abs=2e-3, rel=1e-4)
-        assert sigma.total == pytest.approx(uncertainty(quantiles[:, i], config.beta).total, rel=1e-3)
+        assert sigma.total == pytest.approx(uncertainty(quantiles[:, i], case.config.beta).total, rel=1e-3)
 
 
 def test_drawn_actions_are_the_policys() -> None:
-    config = small_config()
-    learner = RudcLearner(config)
-    decider = Decider(config, learner.arrays())
-    observation = observations(config.layout, 1, np.random.default_rng(0))[0]
+    case = small_case()
+    learner = RudcLearner(*case)
+    decider = Decider(case.config, case.problem.layout, learner.weights())
+    observation = observations(case.problem.layout, 1, np.random.default_rng(0))[0]
     rng = np.random.default_rng(1)
     drawn = np.arctanh(np.array([decider.action(observation, rng) for _ in range(3000)]))
     mean, log_std = learner.policy.distribution(learner.policy.trained, torch.from_numpy(observation[None]))
@@ -59,15 +63,15 @@ def test_drawn_actions_are_the_policys() -> None:
 
 
 def test_new_weights_are_taken_over_and_critics_may_be_left_out() -> None:
-    config = small_config()
-    learner = RudcLearner(config)
-    decider = Decider(config, learner.arrays())
-    observation = observations(config.layout, 1, np.random.default_rng(0))[0]
+    case = small_case()
+    learner = RudcLearner(*case)
+    decider = Decider(case.config, case.problem.layout, learner.weights())
+    observation = observations(case.problem.layout, 1, np.random.default_rng(0))[0]
     before = decider.action(observation)
-    learner.update(random_batch(config, 16))
-    decider.refresh({name: value for name, value in learner.arrays().items() if name.startswith("policy/")})
+    learner.update(random_batch(case, 16))
+    decider.refresh({name: value for name, value in learner.weights().items() if name.startswith("policy/")})
     assert not np.array_equal(decider.action(observation), before)
-    with pytest.raises(ValueError, match="without critics"):
+    with pytest.raises(ValueError, match="without critic"):
         decider.quantiles(observation, before)
 
 

@@ -1,5 +1,7 @@
 """Networks: what they must not depend on (order, padding, other members), and what they must."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -10,7 +12,7 @@ from rudc.learning.attention import attend
 from rudc.learning.config import NetworkConfig, ObservationLayout
 from rudc.learning.networks import Stack
 from rudc.learning.parameters import critic_arrays, initial, prior_arrays, shapes
-from tests.learning.helpers import SMALL, observations, small_config
+from tests.learning.helpers import SMALL, observations, small_case
 
 LAYOUT = ObservationLayout(conflict=4)
 MEMBERS, ACTIONS, OUTPUTS = 3, 2, 5
@@ -51,7 +53,7 @@ def test_order_and_padding_do_not_matter(seed: int, layers: int) -> None:
 def test_layout_with_fewer_rows_sees_the_same() -> None:
     """Three SVs in a layout of twelve rows, and in one of three."""
     rng = np.random.default_rng(3)
-    few = LAYOUT.model_copy(update={"vehicles": 3})
+    few = replace(LAYOUT, vehicles=3)
     observation = observations(few, 2, rng)
     wide = np.zeros((2, LAYOUT.size), np.float32)
     wide[:, : few.vehicles_at.stop] = observation[:, : few.vehicles_at.stop]
@@ -131,7 +133,7 @@ def test_a_look_by_hand() -> None:
 
 
 def test_members_do_not_depend_on_how_many_there_are() -> None:
-    few, many = critic_arrays(small_config(members=2)), critic_arrays(small_config(members=4))
+    few, many = critic_arrays(*small_case(members=2)), critic_arrays(*small_case(members=4))
     for name, value in few.items():
         assert np.array_equal(value, many[name][:2])
         if not name.startswith("importance"):
@@ -139,8 +141,8 @@ def test_members_do_not_depend_on_how_many_there_are() -> None:
 
 
 def test_priors_are_other_networks_of_the_same_architecture() -> None:
-    config = small_config()
-    trained, prior = critic_arrays(config), prior_arrays(config)
+    case = small_case()
+    trained, prior = critic_arrays(*case), prior_arrays(*case)
     assert {k: v.shape for k, v in trained.items()} == {k: v.shape for k, v in prior.items()}
     scale = np.sqrt(3) * 1.5
     assert not np.allclose(trained["hidden.weight"] * scale, prior["hidden.weight"])
@@ -148,4 +150,4 @@ def test_priors_are_other_networks_of_the_same_architecture() -> None:
 
 def test_attention_needs_someone_to_look_at() -> None:
     with pytest.raises(ValueError, match="needs vehicles and waypoints"):
-        small_config(layout=ObservationLayout(vehicles=0))
+        critic_arrays(*small_case(layout=ObservationLayout(vehicles=0)))

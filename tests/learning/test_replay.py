@@ -1,5 +1,6 @@
 """The replay and n-step transitions: what is stored, drawn, forgotten, saved."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,31 +9,32 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rudc.errors import InputError
-from rudc.learning.config import LearnerConfig, ObservationLayout
+from rudc.learning.config import ObservationLayout, Problem
 from rudc.learning.nstep import NStep, Transition
 from rudc.learning.replay import Replay
 
 LAYOUT = ObservationLayout(ego=3, vehicles=0, waypoints=0, task=0)
-CONFIG = LearnerConfig.quick(LAYOUT, members=4)
+PROBLEM = Problem(LAYOUT, seed=1)
 
 
 def transition(i: int) -> Transition:
     """One that tells its number everywhere."""
     return Transition(
         observation=np.full(3, i, np.float32),
-        action=np.full(2, 0.01 * i, np.float32),
-        nominal=np.full(2, -0.01 * i, np.float32),
+        executed=np.full(2, 0.01 * i, np.float32),
+        proposed=np.full(2, -0.01 * i, np.float32),
         reward=float(i),
+        cost=2.0 * i,
         discount=0.9,
         next_observation=np.full(3, i + 0.5, np.float32),
         terminal=i % 3 == 0,
     )
 
 
-def filled(count: int, capacity: int = 8, config: LearnerConfig = CONFIG) -> Replay:
-    replay = Replay(config, capacity, seed=1)
+def filled(count: int, capacity: int = 8, probability: float = 0.9) -> Replay:
+    replay = Replay(PROBLEM, capacity, masks=4, probability=probability)
     for i in range(count):
-        replay.add(*transition(i))
+        replay.add(transition(i))
     return replay
 
 
@@ -45,10 +47,12 @@ def test_the_last_ones_are_kept_whole() -> None:
     assert set(number.tolist()) == set(range(13, 21))
     assert np.array_equal(batch.observation, np.repeat(number[:, None], 3, axis=1))
     assert np.array_equal(batch.next_observation[:, 0], number + 0.5)
-    assert batch.action[:, 1] == pytest.approx(0.01 * number)
-    assert batch.nominal[:, 1] == pytest.approx(-0.01 * number)
+    assert batch.executed[:, 1] == pytest.approx(0.01 * number)
+    assert batch.proposed[:, 1] == pytest.approx(-0.01 * number)
     assert np.array_equal(batch.terminal, number % 3 == 0)
     assert batch.discount == pytest.approx(0.9)
+    assert batch.cost == pytest.approx(2 * number)
+    assert replay.first(3).reward.tolist() == [13, 14, 15]
 
 
 def test_masks_stay_with_their_transition() -> None:
@@ -60,18 +64,27 @@ def test_masks_stay_with_their_transition() -> None:
 
 
 def test_masks_are_as_frequent_as_configured() -> None:
-    replay = filled(3000, 3000, LearnerConfig.quick(LAYOUT, members=4, mask_probability=0.7))
+    replay = filled(3000, 3000, 0.7)
     assert replay.sample(3000).mask.mean() == pytest.approx(0.7, abs=0.03)
+
+
+def test_learners_without_masks_have_none() -> None:
+    replay = Replay(PROBLEM, 8)
+    replay.add(transition(1))
+    batch = replay.sample(3)
+    assert batch.mask.shape == (3, 0)
+    assert np.array_equal(batch.action("executed"), batch.executed)
+    assert np.array_equal(batch.action("proposed"), batch.proposed)
 
 
 def test_a_saved_replay_goes_on_as_if_never_stopped(tmp_path: Path) -> None:
     one = filled(11)
     one.sample(5)
     one.save(tmp_path / "replay.npz")
-    two = Replay(CONFIG, 8, seed=99)
+    two = Replay(replace(PROBLEM, seed=99), 8, 4, 0.9)
     two.load(tmp_path / "replay.npz")
     for replay in (one, two):
-        replay.add(*transition(11))
+        replay.add(transition(11))
     for ours, theirs in zip(one.sample(50), two.sample(50), strict=True):
         assert np.array_equal(ours, theirs)
     assert [file.name for file in tmp_path.iterdir()] == ["replay.npz"]
@@ -81,15 +94,15 @@ def test_what_does_not_fit_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "replay.npz"
     filled(5).save(path)
     with pytest.raises(InputError, match="holds 8 transitions, not 9"):
-        Replay(CONFIG, 9).load(path)
-    other = LearnerConfig.quick(LAYOUT.model_copy(update={"ego": 4}), members=4)
+        Replay(PROBLEM, 9, 4).load(path)
+    other = Problem(replace(LAYOUT, ego=4))
     with pytest.raises(InputError, match="observation has shape"):
-        Replay(other, 8).load(path)
+        Replay(other, 8, 4).load(path)
     path.write_bytes(b"nothing")
     with pytest.raises(InputError, match="not a saved replay"):
-        Replay(CONFIG, 8).load(path)
+        Replay(PROBLEM, 8, 4).load(path)
     with pytest.raises(InputError, match="empty"):
-        Replay(CONFIG, 8).sample(1)
+        Replay(PROBLEM, 8, 4).sample(1)
 
 
 def episode(steps: int, rewards: list[float], *, terminal: bool, truncated: bool) -> list[Transition]:
@@ -101,7 +114,14 @@ def episode(steps: int, rewards: list[float], *, terminal: bool, truncated: bool
         state, after = np.full(3, t, np.float32), np.full(3, t + 1, np.float32)
         action = np.zeros(2, np.float32)
         result += collector.add(
-            state, action, action, reward, after, terminal=terminal and last, truncated=truncated and last
+            state,
+            action,
+            action,
+            reward,
+            2 * reward,
+            after,
+            terminal=terminal and last,
+            truncated=truncated and last,
         )
     return result
 
@@ -109,6 +129,7 @@ def episode(steps: int, rewards: list[float], *, terminal: bool, truncated: bool
 def test_three_steps_by_hand() -> None:
     result = episode(3, [1.0, 2.0, 4.0, 8.0], terminal=True, truncated=False)
     assert [t.reward for t in result] == [1 + 1 + 1, 2 + 2 + 2, 4 + 4, 8]
+    assert [t.cost for t in result] == [2 * t.reward for t in result]
     assert [t.discount for t in result] == [0.125, 0.125, 0.25, 0.5]
     assert [t.next_observation[0] for t in result] == [3, 4, 4, 4]
     assert [t.terminal for t in result] == [False, True, True, True]
@@ -145,7 +166,7 @@ def test_values_agree_with_the_whole_return(
 def test_episodes_do_not_run_into_each_other() -> None:
     collector = NStep(3, 0.5)
     state, action = np.zeros(3, np.float32), np.zeros(2, np.float32)
-    assert collector.add(state, action, action, 100.0, state, terminal=False) == []
+    assert collector.add(state, action, action, 100.0, 1.0, state, terminal=False) == []
     collector.clear()
-    (only,) = collector.add(state, action, action, 1.0, state, terminal=True)
+    (only,) = collector.add(state, action, action, 1.0, 0.0, state, terminal=True)
     assert only.reward == 1.0

@@ -1,179 +1,199 @@
-"""The update: against a plain loop over separate critics, deterministic, resumable."""
+"""Plain SAC: against stable-baselines3 on the same batches, and on problems whose answer is known."""
 
-import math
+from collections.abc import Iterator
 
+import gymnasium
 import numpy as np
 import pytest
 import torch
-from torch._subclasses.fake_tensor import FakeTensorMode
-from torch.utils._python_dispatch import TorchDispatchMode
+from stable_baselines3 import SAC
+from stable_baselines3.common.logger import Logger
+from stable_baselines3.common.type_aliases import ReplayBufferSamples
+from torch.distributions import normal
 
-from rudc.errors import AgentError
-from rudc.learning import sac
-from rudc.learning.sac import RudcLearner
-from tests.benchmarks.loop_learner import LoopLearner
-from tests.learning.helpers import SMALL, random_batch, small_config
+from rudc.learning.batch import Batch
+from rudc.learning.config import LearnerConfig, NetworkConfig, ObservationLayout, Problem
+from rudc.learning.sac import SacLearner
+from tests.learning.helpers import TOY
 
-
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {},
-        {"layout": {}, "distortion": "expectation", "kappa": 3.0, "members": 5},
-        {"critic": SMALL.model_copy(update={"encoder": "mlp"}), "max_gradient": 0.05},
-        {"policy": SMALL.model_copy(update={"vehicle_layers": 2, "hops": 1}), "distortion": "wang"},
-    ],
-    ids=["default", "expectation", "mlp critic, clipped", "deep policy"],
+PLAIN = NetworkConfig(encoder="mlp", hidden=24)
+PROBLEM = Problem(ObservationLayout(ego=5, vehicles=0, waypoints=0, task=0), actions=2, seed=4)
+CONFIG = LearnerConfig(
+    policy=PLAIN,
+    critic=PLAIN,
+    value_scale=1.0,
+    actor_rate=(1e-3, 1e-3),
+    critic_rate=(2e-3, 2e-3),
+    temperature=0.3,
+    temperature_rate=5e-3,
+    max_gradient=1e9,
+    log_std=(-20.0, 2.0),
 )
-def test_same_numbers_as_a_loop_over_separate_critics(changes: dict[str, object]) -> None:
-    config = small_config(temperature=0.3, **changes)
-    stacked, loop = RudcLearner(config), LoopLearner(config)
-    for seed in range(4):
-        batch = random_batch(config, 24, seed)
-        ours, plain = stacked.update(batch), loop.update(batch)
-        for name, value in plain.items():
-            assert ours[name] == pytest.approx(value, rel=2e-4, abs=1e-3)
-    for n, critic in enumerate(loop.critics):
-        for name, linear in critic.maps.items():
-            weight = stacked.critics.trained[f"{name}.weight"][n].detach().T
-            assert torch.allclose(weight, linear.weight, atol=2e-4), name  # pyright: ignore[reportArgumentType]
-    for name, linear in loop.target_policy.maps.items():
-        weight = stacked.policy.target[f"{name}.weight"][0].T
-        assert torch.allclose(weight, linear.weight, atol=2e-4), name  # pyright: ignore[reportArgumentType]
 
 
-def test_same_seed_same_numbers() -> None:
-    config = small_config(seed=5)
-    one, two = RudcLearner(config), RudcLearner(config)
-    other = RudcLearner(small_config(seed=6))
-    for seed in range(3):
-        batch = random_batch(config, 16, seed)
-        losses = one.update(batch)
-        assert losses == two.update(batch)
-        assert losses != other.update(batch)
-    for name, value in one.state().items():
-        assert np.array_equal(value, two.state()[name]), name
+class Anything(gymnasium.Env):
+    """Spaces for stable-baselines3; nobody steps it."""
+
+    observation_space = gymnasium.spaces.Box(-9.0, 9.0, (5,), np.float32)
+    action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
+
+
+def batch(seed: int, count: int = 32) -> Batch:
+    rng = np.random.default_rng(seed)
+
+    def floats(*shape: int) -> np.ndarray:
+        return rng.normal(size=shape).astype(np.float32)
+
+    return Batch(
+        observation=floats(count, 5),
+        executed=np.tanh(floats(count, 2)),
+        proposed=np.tanh(floats(count, 2)),
+        reward=floats(count),
+        cost=np.abs(floats(count)),
+        discount=np.full(count, 0.99, np.float32),
+        next_observation=floats(count, 5),
+        terminal=rng.random(count) < 0.3,
+        mask=np.zeros((count, 0), np.bool_),
+    )
+
+
+def copy_layer(linear: torch.nn.Module, weight: torch.Tensor, bias: torch.Tensor) -> None:
+    assert isinstance(linear, torch.nn.Linear)
+    with torch.no_grad():
+        linear.weight.copy_(weight.T)
+        linear.bias.copy_(bias.reshape(-1))
+
+
+def reference(learner: SacLearner) -> SAC:
+    """stable-baselines3's SAC with our initial weights and settings."""
+    config = learner.config
+    model = SAC(
+        "MlpPolicy",
+        Anything(),
+        learning_rate=1.0,
+        tau=config.target_rate,
+        gamma=0.99,
+        ent_coef=f"auto_{config.temperature}",
+        policy_kwargs={"net_arch": [24, 24], "activation_fn": torch.nn.GELU},
+    )
+    model.set_logger(Logger(None, []))
+    model._update_learning_rate = lambda optimizers: None
+    rates = (
+        (model.actor.optimizer, config.actor_rate[0]),
+        (model.critic.optimizer, config.critic_rate[0]),
+        (model.ent_coef_optimizer, config.temperature_rate),
+    )
+    for optimizer, rate in rates:
+        assert optimizer is not None
+        optimizer.param_groups[0]["lr"] = rate
+    w = learner.policy.trained
+    for layer, name in ((model.actor.latent_pi[0], "fuse"), (model.actor.latent_pi[2], "hidden")):
+        copy_layer(layer, w[f"{name}.weight"][0], w[f"{name}.bias"][0])
+    for head, part in ((model.actor.mu, slice(0, 2)), (model.actor.log_std, slice(2, 4))):
+        copy_layer(head, w["out.weight"][0][:, part], w["out.bias"][0][:, part])
+    w = learner.critics.trained
+    for critic in (model.critic, model.critic_target):
+        for n, network in enumerate(critic.q_networks):
+            joint = torch.cat([w["fuse.weight"][n], w["action.weight"][n]])
+            copy_layer(network[0], joint, w["fuse.bias"][n])
+            for layer, name in ((network[2], "hidden"), (network[4], "out")):
+                copy_layer(layer, w[f"{name}.weight"][n], w[f"{name}.bias"][n])
+    return model
+
+
+def test_same_numbers_as_stable_baselines3(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ten updates on the same batches with the same noise: critics, policy, temperature, targets."""
+    learner = SacLearner(CONFIG, PROBLEM)
+    model = reference(learner)
+    drawn: list[torch.Tensor] = []
+    plain = learner.noise
+
+    def noise(rows: int, columns: int) -> torch.Tensor:
+        drawn.append(plain(rows, columns))
+        return drawn[-1]
+
+    learner.noise = noise  # pyright: ignore[reportAttributeAccessIssue]
+
+    def replayed() -> Iterator[torch.Tensor]:
+        while True:  # theirs draws for the policy first, ours for the target
+            yield drawn[-1]
+            yield drawn[-2]
+
+    source = replayed()
+    monkeypatch.setattr(normal, "_standard_normal", lambda shape, dtype, device: next(source))
+    for seed in range(10):
+        b = batch(seed)
+        learner.update(b)
+        samples = [b.observation, b.executed, b.next_observation, b.terminal[:, None], b.reward[:, None]]
+        tensors = [torch.from_numpy(np.asarray(x, np.float32)) for x in samples]
+        monkeypatch.setattr(
+            model.replay_buffer, "sample", lambda *_, t=tensors, **__: ReplayBufferSamples(*t)
+        )
+        model.train(gradient_steps=1, batch_size=32)
+    assert model.log_ent_coef is not None
+    assert float(learner.temperature.value) == pytest.approx(
+        float(model.log_ent_coef.detach().exp()), rel=1e-4
+    )
+    for ours, theirs in (
+        (learner.critics.trained, model.critic),
+        (learner.critics.target, model.critic_target),
+    ):
+        for n, network in enumerate(theirs.q_networks):
+            assert torch.allclose(ours["hidden.weight"][n].T, network[2].weight, atol=2e-5)
+            assert torch.allclose(ours["out.weight"][n].T, network[4].weight, atol=2e-5)
+    assert torch.allclose(
+        learner.policy.trained["hidden.weight"][0].T, model.actor.latent_pi[2].weight, atol=5e-5
+    )
+    assert torch.allclose(learner.policy.trained["out.weight"][0][:, :2].T, model.actor.mu.weight, atol=5e-5)
 
 
 def test_stopped_and_resumed_same_numbers() -> None:
-    config = small_config(schedule_updates=6)
-    through, first = RudcLearner(config), RudcLearner(config)
-    batches = [random_batch(config, 16, seed) for seed in range(8)]
-    expected = [through.update(batch) for batch in batches]
-    for batch in batches[:4]:
-        first.update(batch)
-    second = RudcLearner(config)
-    second.update(batches[-1])  # whatever it did before
+    through, first, second = (SacLearner(CONFIG, PROBLEM) for _ in range(3))
+    expected = [through.update(batch(seed)) for seed in range(6)]
+    for seed in range(3):
+        first.update(batch(seed))
     second.load(first.state())
-    assert [second.update(batch) for batch in batches[4:]] == expected[4:]
-    for name, value in through.state().items():
-        assert np.array_equal(value, second.state()[name]), name
+    assert [second.update(batch(seed)) for seed in range(3, 6)] == expected[3:]
 
 
-class Readable(TorchDispatchMode):
-    """Lets a number be read from tensors that hold none."""
-
-    def __torch_dispatch__(self, func, types, args=(), kwargs=None):
-        if func is torch.ops.aten._local_scalar_dense.default:
-            return args[0].dtype == torch.bool or 0.5
-        return func(*args, **(kwargs or {}))
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [{}, {"critic": SMALL.model_copy(update={"encoder": "mlp"}), "prior_factor": 0.0}],
-    ids=["attention", "mlp critic, no priors"],
-)
-def test_an_update_computes_on_the_learners_device_alone(
-    changes: dict[str, object], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """On a GPU, too: torch's fake tensors refuse whatever mixes two devices, and need none of them."""
-    config = small_config(**changes)
-    monkeypatch.setattr(
-        sac, "_adam", lambda weights, rate: torch.optim.Adam(list(weights), lr=rate)
-    )  # not fused
-    with FakeTensorMode(allow_non_fake_inputs=True), Readable():
-        learner = RudcLearner(config, "meta")
-        for seed in range(2):
-            batch = random_batch(config, 24, seed)
-            learner.update(batch)
-        seen, done = (
-            torch.from_numpy(array).to(learner.device) for array in (batch.observation, batch.action)
-        )
-        assert learner.critics.evaluate(seen, done).device == learner.device
-    groups = (learner.critics.trained, learner.critics.target, learner.policy.trained, learner.policy.target)
-    assert {tensor.device.type for group in groups for tensor in group.values()} == {"meta"}
-
-
-def test_a_saved_state_is_a_copy() -> None:
-    config = small_config()
-    learner = RudcLearner(config)
-    learner.update(random_batch(config, 8))
-    state = learner.state()
-    before = {name: value.copy() for name, value in state.items()}
-    learner.update(random_batch(config, 8, 1))
-    assert all(np.array_equal(value, before[name]) for name, value in state.items())
-
-
-@pytest.mark.parametrize("changes", [{"members": 2}, {"hidden": 16}])
-def test_a_state_of_another_configuration_is_refused(changes: dict[str, int]) -> None:
-    config = small_config()
-    if "hidden" in changes:
-        other = small_config(critic=SMALL.model_copy(update=changes))
-    else:
-        other = small_config(**changes)
-    with pytest.raises(AgentError, match="does not fit"):
-        RudcLearner(config).load(RudcLearner(other).state())
-
-
-def test_nothing_follows_a_terminal_state() -> None:
-    """What comes after does not matter there; after a time-out (not terminal) it does."""
-    config = small_config()
-    batch = random_batch(config, 8)
-    other = batch._replace(next_observation=batch.next_observation[::-1].copy())
-    for terminal, same in ((True, True), (False, False)):
-        ended = np.full(8, terminal)
-        one, two = (RudcLearner(config).update(b._replace(terminal=ended)) for b in (batch, other))
-        assert (one["critic_loss"] == two["critic_loss"]) is same
-        if terminal:
-            assert one["target"] == pytest.approx(batch.reward.mean(), rel=1e-5)
-
-
-def test_learning_rates_fall_linearly() -> None:
-    config = small_config(schedule_updates=4)
-    learner = RudcLearner(config)
-    rates = []
-    for seed in range(6):
-        learner.update(random_batch(config, 8, seed))
-        rates.append(learner.learning_rates())
-    assert [rate["critic"] for rate in rates] == pytest.approx([3e-3, 2.275e-3, 1.55e-3, 8.25e-4, 1e-4, 1e-4])
-    assert rates[0]["policy"] == pytest.approx(3e-4)
-    assert rates[-1]["policy"] == pytest.approx(1e-5)
-
-
-def test_temperature_goes_after_the_entropy_and_stops_at_the_floor() -> None:
-    config = small_config(
-        temperature=0.2, temperature_floor=0.19, temperature_rate=0.02, target_entropy=-50.0
+def chain(rng: np.random.Generator, count: int = 64) -> Batch:
+    """First state: reward 20, on to the second; there 100 x, x = (1 + a) / 2, and the end. With a at its
+    best, values are 20 + 0.9 * 100 and 100.
+    """
+    first = rng.random(count) < 0.5
+    action = rng.uniform(-1, 1, size=(count, 1)).astype(np.float32)
+    observation = np.where(first[:, None], [1.0, 0.0], [0.0, 1.0]).astype(np.float32)
+    return Batch(
+        observation=observation,
+        executed=action,
+        proposed=action,
+        reward=np.where(first, 20.0, 50 * (1 + action[:, 0])).astype(np.float32),
+        cost=np.zeros(count, np.float32),
+        discount=np.full(count, 0.9, np.float32),
+        next_observation=np.tile(np.float32([0.0, 1.0]), (count, 1)),
+        terminal=~first,
+        mask=np.zeros((count, 0), np.bool_),
     )
-    learner = RudcLearner(config)
-    seen = [learner.update(random_batch(config, 8, seed))["temperature"] for seed in range(5)]
-    assert seen == sorted(seen, reverse=True)
-    assert learner.temperature == pytest.approx(0.19)
-    upwards = RudcLearner(config.model_copy(update={"target_entropy": 50.0}))
-    upwards.update(random_batch(config, 8))
-    assert upwards.temperature > 0.2
 
 
-def test_probabilities_of_squashed_actions_integrate_to_one() -> None:
-    """exp(log pi) over a fine grid of one action, from the change of variables the policy uses."""
-    config = small_config(actions=1, initial_log_std=-0.5)
-    policy = RudcLearner(config).policy
-    seen = torch.zeros(1, config.layout.size)
-    mean, log_std = (float(x.detach()) for x in policy.distribution(policy.trained, seen))
-    grid = np.linspace(-0.9999, 0.9999, 8_001)
-    noise = (np.arctanh(grid) - mean) / math.exp(log_std)
-    drawn = policy.draw(
-        policy.trained, seen.expand(len(grid), -1), torch.tensor(noise, dtype=torch.float32)[:, None]
+def test_values_of_a_chain_are_recovered() -> None:
+    network = NetworkConfig(encoder="mlp", hidden=32)
+    config = LearnerConfig(
+        policy=network,
+        critic=network,
+        critic_rate=(3e-3, 3e-4),
+        actor_rate=(3e-3, 3e-4),
+        target_rate=0.05,
+        temperature=0.1,
+        temperature_rate=0.0,
     )
-    assert drawn.action[:, 0].detach().numpy() == pytest.approx(grid, abs=1e-5)
-    assert np.trapezoid(drawn.log_probability.exp().detach().numpy(), grid) == pytest.approx(1.0, abs=2e-3)
+    learner, rng = SacLearner(config, Problem(TOY.layout, 1, updates=800)), np.random.default_rng(0)
+    for _ in range(800):
+        learner.update(chain(rng))
+    states = torch.eye(2)
+    mean, _ = learner.policy.distribution(learner.policy.trained, states)
+    assert float(mean[1].detach().tanh()) > 0.9
+    best = torch.tensor([[0.0], [1.0]])
+    with torch.no_grad():
+        values = learner.critics.value(states, best).numpy()
+    assert values == pytest.approx([110.0, 100.0], abs=4.0)

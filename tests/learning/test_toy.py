@@ -5,32 +5,32 @@ import pytest
 import torch
 
 from rudc.learning.batch import Batch
-from rudc.learning.config import LearnerConfig
-from rudc.learning.sac import RudcLearner
-from tests.learning.helpers import toy_config
+from rudc.learning.rudc import RudcLearner
+from tests.learning.helpers import Case, toy_case
 
 FIRST, SECOND = np.array([1.0, 0.0], np.float32), np.array([0.0, 1.0], np.float32)
 
 
-def transitions(config: LearnerConfig, rng: np.random.Generator, count: int) -> dict[str, np.ndarray]:
+def transitions(case: Case, rng: np.random.Generator, count: int) -> dict[str, np.ndarray]:
     """What the toy problems share: random actions, all terminal, masks as configured."""
     action = rng.uniform(-1, 1, size=(count, 1)).astype(np.float32)
     return {
         "observation": np.tile(SECOND, (count, 1)),
-        "action": action,
-        "nominal": action,
+        "executed": action,
+        "proposed": action,
         "reward": np.zeros(count, np.float32),
+        "cost": np.zeros(count, np.float32),
         "discount": np.full(count, 0.9, np.float32),
         "next_observation": np.tile(SECOND, (count, 1)),
         "terminal": np.ones(count, np.bool_),
-        "mask": rng.random((count, config.members)) < config.mask_probability,
+        "mask": rng.random((count, case.config.members)) < case.config.mask_probability,
     }
 
 
-def two_states(config: LearnerConfig, rng: np.random.Generator) -> Batch:
+def two_states(case: Case, rng: np.random.Generator) -> Batch:
     """First state: reward 20, on to the second. There -100 in a quarter of cases, else uniform on 60..140."""
     count = 96
-    columns = transitions(config, rng, count)
+    columns = transitions(case, rng, count)
     first = rng.random(count) < 0.5
     lost = rng.random(count) < 0.25
     columns["observation"][first] = FIRST
@@ -42,18 +42,18 @@ def two_states(config: LearnerConfig, rng: np.random.Generator) -> Batch:
 
 def test_return_distribution_of_two_states_is_recovered() -> None:
     """With priors of rho = 10 and returns of order 100, by every member."""
-    config = toy_config(
+    case = toy_case(
         prior_factor=10.0,
         prior_scale=10.0,
         target_rate=0.05,
         critic_rate=(3e-3, 1e-4),
-        schedule_updates=700,
+        updates=700,
         temperature=0.001,
         temperature_rate=0.0,
     )
-    learner, rng = RudcLearner(config), np.random.default_rng(0)
+    learner, rng = RudcLearner(*case), np.random.default_rng(0)
     for _ in range(700):
-        learner.update(two_states(config, rng))
+        learner.update(two_states(case, rng))
 
     tau = (np.arange(32) + 0.5) / 32
     second = np.where(tau < 0.25, -100.0, 60 + 80 * (tau - 0.25) / 0.75)
@@ -68,12 +68,12 @@ def test_return_distribution_of_two_states_is_recovered() -> None:
         assert z[..., :6].mean() == pytest.approx(expected[:6].mean(), abs=6.0)
 
 
-def gamble(config: LearnerConfig, rng: np.random.Generator) -> Batch:
+def gamble(case: Case, rng: np.random.Generator) -> Batch:
     """What is put at stake, x = (1 + a) / 2, wins 20 x + 80 x or 20 x - 80 x, equally likely. The mean, 20 x,
     is best at x = 1; the worst quarter, -60 x, at x = 0.
     """
-    columns = transitions(config, rng, 64)
-    stake = (1 + columns["action"][:, 0]) / 2
+    columns = transitions(case, rng, 64)
+    stake = (1 + columns["executed"][:, 0]) / 2
     luck = rng.choice([-1.0, 1.0], size=64)
     columns["reward"] = (20 * stake + 80 * stake * luck).astype(np.float32)
     return Batch(**columns)
@@ -81,11 +81,9 @@ def gamble(config: LearnerConfig, rng: np.random.Generator) -> Batch:
 
 @pytest.mark.parametrize(("beta", "stake"), [(1.0, 1.0), (0.25, 0.0)])
 def test_who_minds_the_worst_quarter_leaves_the_gamble(beta: float, stake: float) -> None:
-    config = toy_config(
-        beta=beta, actor_rate=(3e-3, 1e-3), schedule_updates=350, temperature=0.5, temperature_floor=0.1
-    )
-    learner, rng = RudcLearner(config), np.random.default_rng(1)
+    case = toy_case(beta=beta, actor_rate=(3e-3, 1e-3), updates=350, temperature=0.5, temperature_floor=0.1)
+    learner, rng = RudcLearner(*case), np.random.default_rng(1)
     for _ in range(350):
-        learner.update(gamble(config, rng))
+        learner.update(gamble(case, rng))
     mean, _ = learner.policy.distribution(learner.policy.trained, torch.from_numpy(SECOND[None]))
     assert (1 + float(mean.detach().tanh())) / 2 == pytest.approx(stake, abs=0.15)

@@ -295,11 +295,11 @@ def test_presets() -> None:
         ({"ttcbf_rate": 1.5}, "correction.ttcbf_rate: Input should be less than or equal to 1"),
         ({"rule": "ecbf", "ecbf_rate1": math.nan}, "correction.ecbf_rate1: Input should be"),
         ({"gate_horizon": math.inf}, "correction.gate_horizon: Input should be"),
-        ({"ecbf_rate1": 2.0}, "ecbf_rate1 has no effect with rule=ttcbf"),
-        ({"rule": "ecbf", "ttcbf_road_rate": 0.2}, "ttcbf_road_rate has no effect with rule=ecbf"),
-        ({"constrained": "all", "gate_step": 0.1}, "gate_step has no effect with constrained=all"),
-        ({"road": False, "road_d_safe": 0.1}, "road_d_safe has no effect with road=false"),
-        ({"last_resort": False, "last_resort_margin": 1}, "last_resort_margin has no effect"),
+        ({"ecbf_rate1": 2.0}, "ecbf_rate1: has no effect with rule=ttcbf"),
+        ({"rule": "ecbf", "ttcbf_road_rate": 0.2}, "ttcbf_road_rate: has no effect with rule=ecbf"),
+        ({"constrained": "all", "gate_step": 0.1}, "gate_step: has no effect with constrained=all"),
+        ({"road": False, "road_d_safe": 0.1}, "road_d_safe: has no effect with road=false"),
+        ({"last_resort": False, "last_resort_margin": 1}, "last_resort_margin: has no effect"),
     ],
 )
 def test_settings_that_cannot_work(settings: dict[str, Any], complaint: str) -> None:

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from rudc.agents.algorithms import DriverConfig
-from rudc.agents.checkpoint import Learnt, load_learnt, save_learnt
+from rudc.agents.checkpoint import load_learnt, save_learnt
+from rudc.agents.config import AgentConfig
 from rudc.data import data_folder
 
 
@@ -13,8 +13,8 @@ from rudc.data import data_folder
 def trained(tmp_path) -> Path:
     """A folder with a shipped policy that has a filter behind it, as rudc-t has."""
     shipped = load_learnt(data_folder("results/checkpoints") / "rudc-wo-cbf")
-    values = {**shipped.config.model_dump(), "algorithm": "rudc-t", "slack_gain": 0.04}
+    correction = {"kind": "cbf", "slack": {"gain": 0.4}}
+    values = {**shipped.config.model_dump(), "algorithm": "rudc-t", "correction": correction}
     folder = tmp_path / "mine"
-    config = DriverConfig.model_validate(values)
-    save_learnt(folder, Learnt(config, shipped.arrays, shipped.percentiles, shipped.training))
+    save_learnt(folder, shipped._replace(config=AgentConfig.model_validate(values)))
     return folder

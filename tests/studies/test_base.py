@@ -15,7 +15,7 @@ from rudc.studies.base import Order, chosen_agents, family, in_distribution, out
         ("rudc-t", "rudc-t"),
         ("rudc-t-seed12", "rudc-t"),
         ("out/mine-seed1/", "out/mine"),
-        ("rudc-t-seed1:slack_gain=0.02", "rudc-t:slack_gain=0.02"),
+        ("rudc-t-seed1:correction.slack.gain=0.2", "rudc-t:correction.slack.gain=0.2"),
         ("rudc-wo-cbf-seed2+ttcbf", "rudc-wo-cbf+ttcbf"),
         ("seed1", "seed1"),
     ],

@@ -12,14 +12,14 @@ from rudc.evaluation.store import read_table
 from rudc.evaluation.sweep import Silent
 from rudc.studies.base import Order
 from rudc.studies.curves import band_of, read_training, run
-from rudc.training.log import EVALUATION, PROGRESS
+from rudc.training.log import BEFORE, EVALUATION
 
 
 def training(folder: Path, rate: float, last: int = 20_000) -> Path:
     """A training's folder whose success is `rate` throughout."""
     folder.mkdir()
     own = {"episodes": 10, "success": rate, "collision": 1 - rate, "episode_reward": 100 * rate}
-    for name, columns, every in (("progress", PROGRESS, 1000), ("evaluation", EVALUATION, 10_000)):
+    for name, columns, every in (("progress", BEFORE, 1000), ("evaluation", EVALUATION, 10_000)):
         lines = [",".join(columns)]
         for steps in range(every, last + 1, every):
             values = {

@@ -21,31 +21,26 @@ def test_full_grid_of_a_trained_agent(trained):
     variants = variants_of(str(trained), (0.1, 0.3, 0.5, 0.8))
     assert len(variants) == len({v.agent for v in variants}) == 41
     assert len({v.setting for v in variants}) == 41
-    found = {(v.kind, v.constrained, v.d_safe): agent_settings(v.agent)["driver"] for v in variants[1:]}
-    off = agent_settings(variants[0].agent)["driver"]
-    assert off["filtering"] is False
+    found = {(v.kind, v.constrained, v.d_safe): agent_settings(v.agent)["correction"] for v in variants[1:]}
+    assert agent_settings(variants[0].agent)["correction"] == {"kind": "none"}
     for (kind, constrained, d_safe), settings in found.items():
-        assert settings["filtering"] is True
         assert settings["residual"] is (kind in ("residual", "both", "last_resort"))
-        assert settings["slack_gain"] == (0.04 if kind in ("slack", "both", "last_resort") else 0.0)
-        assert settings["filter_settings"] == {
-            "constrained": constrained,
-            "d_safe": d_safe,
-            "last_resort": kind == "last_resort",
-        }
+        assert settings["slack"]["gain"] == (0.4 if kind in ("slack", "both", "last_resort") else 0.0)
+        assert (settings["constrained"], settings["d_safe"]) == (constrained, d_safe)
+        assert settings["last_resort"] is (kind == "last_resort")
 
 
 def test_settings_given_are_kept_and_the_slacks_gain_is_taken(trained):
-    variants = variants_of(f"{trained}:slack_gain=0.02,ttcbf_rate=0.2", (0.3,))
+    variants = variants_of(f"{trained}:correction.slack.gain=0.2,correction.ttcbf_rate=0.2", (0.3,))
     assert len(variants) == 11
     for variant in variants[1:]:
-        settings = agent_settings(variant.agent)["driver"]
-        assert settings["filter_settings"]["ttcbf_rate"] == 0.2
-        assert settings["slack_gain"] == (0.02 if variant.kind in ("slack", "both", "last_resort") else 0.0)
+        settings = agent_settings(variant.agent)["correction"]
+        assert settings["ttcbf_rate"] == 0.2
+        assert settings["slack"]["gain"] == (0.2 if variant.kind in ("slack", "both", "last_resort") else 0.0)
 
 
 def test_a_distance_in_the_name_is_the_only_one():
-    variants = variants_of("gap-acceptance+ttcbf:d_safe=0.4", (0.1, 0.8))
+    variants = variants_of("gap-acceptance+ttcbf:correction.d_safe=0.4", (0.1, 0.8))
     assert [v.kind for v in variants] == ["off", "fixed", "residual", "fixed", "residual"]
     for variant in variants[1:]:
         assert variant.d_safe == 0.4
@@ -65,8 +60,8 @@ def test_a_filter_behind_a_driver_has_no_slack():
     [
         ("gap-acceptance", InputError, "no safety filter"),
         ("rudc-wo-cbf", InputError, r"rudc-wo-cbf\+ttcbf"),
-        ("gap-acceptance+ttcbf:constrained=all", InputError, "constrained; leave that out"),
-        ("gap-acceptance+ttcbf:d_safe=near", AgentError, "d_safe"),
+        ("gap-acceptance+ttcbf:correction.constrained=all", InputError, "constrained; leave that out"),
+        ("gap-acceptance+ttcbf:correction.d_safe=near", AgentError, "d_safe"),
         ("nobody", AgentError, "no agent"),
     ],
 )

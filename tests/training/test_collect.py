@@ -11,7 +11,7 @@ from rudc.learning.parameters import policy_arrays
 from rudc.training.collect import Collector
 from rudc.training.config import TrainConfig
 
-CONFIG = TrainConfig.default(learner={"n_step": 1})
+CONFIG = TrainConfig.of("rudc-wo-cbf", {"learner.n_step": 1})
 
 
 @pytest.fixture(scope="module")
@@ -39,9 +39,9 @@ def test_decisions_of_an_episode_follow_one_another(collector: Collector):
 
 def test_the_reference_driver_steers_along_the_path_but_for_noise(collector: Collector):
     new, _ = collector.collect(1, 200, "reference", drop=True)
-    steering = np.array([transition.action[1] for transition in new])
+    steering = np.array([transition.executed[1] for transition in new])
     assert abs(steering.mean()) < 0.03
-    assert steering.std() == pytest.approx(CONFIG.seed_noise, rel=0.25)
+    assert steering.std() == pytest.approx(CONFIG.training.seed_noise, rel=0.25)
 
 
 def test_a_round_can_be_taken_again(collector: Collector):
@@ -52,7 +52,7 @@ def test_a_round_can_be_taken_again(collector: Collector):
 
 
 def test_collisions_cost_what_training_says(collector: Collector):
-    arrays = policy_arrays(CONFIG.driver.learner)
+    arrays = policy_arrays(CONFIG.learner, CONFIG.given)
     arrays["out.bias"][..., 0] = 5.0  # full acceleration, whatever is ahead
     collector.load({f"policy/{name}": value for name, value in arrays.items()}, None)
     new, finished = collector.collect(3, 1000, "policy", drop=True)
@@ -63,4 +63,9 @@ def test_collisions_cost_what_training_says(collector: Collector):
         if episode.outcome == "collision"
     ]
     assert losses
-    assert all(CONFIG.collision_reward - 2 < loss < COLLISION - 10 for loss in losses)
+    costs = [new[end - 1].cost for end, e in zip(ends, finished, strict=True) if e.outcome == "collision"]
+    assert all(5.0 <= cost <= 6.0 for cost in costs)  # w_c, and up to w_d for the distances
+    starts = [0, *ends[:-1]]
+    for start, end, episode in zip(starts, ends, finished, strict=True):
+        assert sum(t.cost for t in new[start:end]) == pytest.approx(episode.cost)
+    assert all(CONFIG.training.collision_reward - 2 < loss < COLLISION - 10 for loss in losses)

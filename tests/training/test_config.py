@@ -1,54 +1,111 @@
-"""Training's configuration refuses what cannot work; the curriculum draws what it says."""
+"""Training's configuration refuses what cannot work; presets; the curriculum draws what it says."""
 
 import math
 from collections import Counter
 
 import numpy as np
 import pytest
+import yaml
 
-from rudc.agents.algorithms import ALGORITHMS
+from rudc.agents.correction import CbfSettings, NoCorrection
 from rudc.errors import InputError
+from rudc.learning.algorithms import ALGORITHMS, Algorithm, register_algorithm
+from rudc.learning.config import EnsembleConfig, LearnerConfig
 from rudc.network.network import load_network
+from rudc.safety.config import paper_settings
+from rudc.settings import known_keys
 from rudc.training.config import Curriculum, TrainConfig
 from rudc.training.curriculum import FIRST_SEED, HELD_OUT_SEED, make_mixture
+from rudc.training.presets import FOLDER, preset_names
 
 
+@pytest.mark.parametrize("preset", ["default", "paper"])
 @pytest.mark.parametrize("algorithm", list(ALGORITHMS))
-def test_every_algorithm_has_a_default(algorithm: str):
-    config = TrainConfig.default(algorithm, seed=3, steps=20_000)
-    assert config.driver.algorithm == algorithm
-    assert config.driver.learner.seed == 3
-    assert config.driver.learner.schedule_updates == 5_000
+def test_every_algorithm_has_every_preset(algorithm: str, preset: str):
+    config = TrainConfig.of(algorithm, {"training.seed": 3, "training.steps": 20_000}, preset)
+    assert config.algorithm == algorithm
+    assert type(config.learner) is ALGORITHMS[algorithm].config
+    assert (config.given.seed, config.given.updates) == (3, 5_000)
     assert TrainConfig.model_validate_json(config.model_dump_json()) == config
+    assert config.agent.model_dump() == {k: v for k, v in config.model_dump().items() if k != "training"}
+
+
+def test_presets_hold_nothing_that_nobody_knows():
+    known = {key for name in ALGORITHMS for key in known_keys(TrainConfig.of(name))}
+    known |= {
+        key for name in ALGORITHMS for key in known_keys(TrainConfig.of(name, {"correction.kind": "cbf"}))
+    }
+
+    def keys(tree: dict, before: str = "") -> list[str]:
+        parts = [
+            keys(v, f"{before}{k}.") if isinstance(v, dict) else [f"{before}{k}"] for k, v in tree.items()
+        ]
+        return [key for part in parts for key in part]
+
+    assert preset_names() == ("default", "paper")
+    for name in preset_names():
+        unknown = set(keys(yaml.safe_load((FOLDER / f"{name}.yaml").read_text()))) - known
+        assert unknown <= {"training.curriculum"}
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"),
+    ("algorithm", "wrong", "said"),
     [
-        ({"algorithm": "sac2"}, "no algorithm 'sac2'"),
-        ({"envs": 0}, "envs: .*greater than or equal to 1"),
-        ({"slack_gain": 1.0}, "needs a filter"),
-        ({"learner": {"seed": 1}}, "seed"),
-        ({"learner": {"n_step": 101}}, "n_step"),
-        ({"speed": 3}, "speed"),
-        ({"observation": "all"}, "observation"),
+        ("sac2", {}, r"no algorithm 'sac2' \(did you mean 'sac'"),
+        ("rudc-t", {"training.envs": 0}, "training.envs: .*greater than or equal to 1"),
+        ("rudc-wo-cbf", {"correction.slack.gain": 1.0}, "no setting 'correction.slack.gain'"),
+        ("rudc-t", {"learner.seed": 1}, r"did you mean 'training\.seed'"),
+        ("rudc-t", {"learner.n_step": 101}, "n_step"),
+        ("rudc-t", {"speed": 3}, "speed"),
+        ("rudc-t", {"observation": "all"}, "observation"),
+        ("sac", {"learner.members": 3}, "no setting 'learner.members'"),
+        ("sac", {"training.filtered_share": 0.3}, "filtered_share: has no effect with correction.kind=none"),
+        ("sac", {"learner.learns_from": "proposed"}, "learns_from: has no effect with correction.kind=none"),
+        ("sac", {"training.calibration_episodes": 3}, "has no effect with sac, which states no sigma"),
+        ("rudc-t", {"correction.ecbf_rate1": 2.0}, "has no effect with rule=ttcbf"),
+        ("rudc-t", {"learner.critic.heads": 2}, "has no effect with encoder=mlp"),
+        ("rudc-t", {"learner.distortion_parameter": 2}, "has no effect with distortion=cvar"),
+        ("rudc-t", {"training.seed_steps": 0, "training.seed_noise": 0.2}, "has no effect with seed_steps=0"),
+        (
+            "rudc-t",
+            {"driver.learner.n_step": 1},
+            r"'driver\.learner\.n_step' \(did you mean 'learner\.n_step'",
+        ),
+        ("rudc-t", {"steps": 1}, r"did you mean 'training\.steps'"),
+        ("rudc-t", {"driver.slack_gain": 1}, r"called correction\.slack\.gain"),
+        ("rudc-t", {"replayed": "nominal"}, r"called learner\.learns_from"),
+        ("rudc-t", {"training.steps.more": 1}, "which has no parts"),
+        ("rudc-t", {"": 1}, "dotted key"),
     ],
 )
-def test_wrong_settings_are_refused_in_words(wrong: dict, said: str):
+def test_wrong_settings_are_refused_in_words(algorithm: str, wrong: dict, said: str):
     with pytest.raises(InputError, match=said):
-        TrainConfig.default(**wrong)
+        TrainConfig.of(algorithm, wrong)
+
+
+def test_two_ways_of_writing_a_number_are_one():
+    """What follows from others is not stored: nothing can be said twice and differently."""
+    one = TrainConfig.of("rudc-t", {"training.steps": 20_000, "training.seed": 2, "observation": "paper"})
+    other = TrainConfig.of("rudc-t").changed(
+        {"observation": "paper", "training.seed": 2, "training.steps": 20_000}
+    )
+    assert one == other
+    assert one.given == other.given
+    assert (one.given.updates, one.given.seed, one.given.layout.size) == (5_000, 2, 105)
 
 
 def test_decisions_are_rounded_up_to_rounds():
-    config = TrainConfig.default(envs=3, steps=1000, seed_steps=301)
+    config = TrainConfig.of(
+        "rudc-t", {"training.envs": 3, "training.steps": 1000, "training.seed_steps": 301}
+    )
     assert (config.round_steps, config.seed_rounds, config.rounds) == (300, 2, 6)
-    config = TrainConfig.default(steps=200, seed_steps=0)
+    config = TrainConfig.of("rudc-t", {"training.steps": 200, "training.seed_steps": 0})
     assert (config.seed_rounds, config.rounds) == (0, 1)
 
 
 def test_observation_decides_what_the_networks_see():
-    assert TrainConfig.default(observation="paper").driver.learner.layout.size == 105
-    assert TrainConfig.default().driver.learner.layout.size == 146
+    assert TrainConfig.of("sac", {"observation": "paper"}).given.layout.size == 105
+    assert TrainConfig.of("sac").given.layout.size == 146
 
 
 def test_curriculum_draws_arms_turns_traffic_and_starts_as_it_says():
@@ -77,52 +134,70 @@ def test_without_curriculum_the_scenario_is_kept():
     assert sum(swept.chances) == pytest.approx(1)
 
 
-def test_the_papers_configuration_is_as_written():
-    config = TrainConfig.paper("rudc-e", steps=4000)
-    driver, learner = config.driver, config.driver.learner
-    assert (driver.observation, driver.action) == ("paper", "direct")
-    assert driver.filter is not None
-    assert (driver.filter.rule, driver.filter.constrained) == ("ecbf", "all")
-    assert driver.filter.max_added_acceleration == math.inf
-    assert not driver.filter.last_resort
-    assert TrainConfig.model_validate_json(config.model_dump_json()) == config
+@pytest.mark.parametrize("rule", ["ttcbf", "ecbf"])
+def test_the_papers_preset_is_as_written(rule):
+    config = TrainConfig.of(f"rudc-{rule[0]}", {"training.steps": 4000}, "paper")
+    learner, correction = config.learner, config.correction
+    assert (config.observation, config.action.model_dump()) == ("paper", {"kind": "direct"})
+    assert isinstance(correction, CbfSettings)
+    for name, value in paper_settings(rule).items():
+        assert getattr(correction, name) == value, name
+    assert isinstance(learner, EnsembleConfig)
     assert (learner.members, learner.n_step, learner.critic.encoder, learner.critic.hidden) == (
         5,
         1,
         "attention",
         256,
     )
-    assert (config.curriculum, config.seed_steps, config.collision_reward) == (None, 0, -50.0)
-    assert learner.schedule_updates == 1000
+    training = config.training
+    assert (training.curriculum, training.seed_steps, training.collision_reward) == (None, 0, -50.0)
+    assert correction.max_added_acceleration == math.inf
+
+
+def test_a_preset_of_ones_own(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text("learner: {n_step: 2, members: 7}\ntraining: {envs: 1}\n")
+    assert TrainConfig.of("sac", {}, str(path)).learner.n_step == 2
+    found = TrainConfig.of("rudc-t", {}, str(path))
+    assert isinstance(found.learner, EnsembleConfig)
+    assert (found.learner.members, found.training.envs) == (7, 1)
+    path.write_text("learner: [1]")
+    with pytest.raises(InputError, match="learner"):
+        TrainConfig.of("sac", {}, str(path))
+    path.write_text("- 1")
+    with pytest.raises(InputError, match="a preset is a mapping"):
+        TrainConfig.of("sac", {}, str(path))
+    with pytest.raises(InputError, match=r"no preset 'papr' \(did you mean 'paper'"):
+        TrainConfig.of("sac", {}, "papr")
 
 
 def test_single_values_can_be_changed_by_their_keys():
-    config = TrainConfig.default("rudc-t").changed(
+    config = TrainConfig.of("rudc-t").changed(
         {
-            "driver.observation": "paper",
-            "driver.learner.n_step": 1,
-            "driver.filter_settings.constrained": "all",
-            "curriculum.left_share": 0.5,
+            "observation": "paper",
+            "learner.n_step": 1,
+            "correction.constrained": "all",
+            "training.curriculum.left_share": 0.5,
         }
     )
-    assert config.driver.learner.layout.size == 105
-    assert config.driver.learner.n_step == 1
-    assert config.driver.filter_settings == {"constrained": "all"}
-    assert config.curriculum is not None
-    assert config.curriculum.left_share == 0.5
-    assert TrainConfig.default("rudc-t").changed({"curriculum": None}).curriculum is None
+    assert config.learner.n_step == 1
+    assert isinstance(config.correction, CbfSettings)
+    assert config.correction.constrained == "all"
+    assert config.training.curriculum is not None
+    assert config.training.curriculum.left_share == 0.5
+    assert TrainConfig.of("rudc-t", {"training.curriculum": None}).training.curriculum is None
+    assert TrainConfig.of("rudc-t", {"correction.kind": "none"}).correction == NoCorrection()
 
 
-@pytest.mark.parametrize(
-    ("settings", "said"),
-    [
-        ({"driver.learner.nstep": 1}, "driver.learner.nstep: Extra inputs"),
-        ({"driver.observation": "all"}, "observation"),
-        ({"steps.more": 1}, "steps.more"),
-        ({"": 1}, "dotted key"),
-        ({"driver.filter_settings.d_saf": 1}, "d_saf: there is no such setting"),
-    ],
-)
-def test_changes_that_cannot_be_are_refused(settings: dict, said: str):
-    with pytest.raises(InputError, match=said):
-        TrainConfig.default("rudc-t").changed(settings)
+def test_a_strangers_algorithm_takes_its_place():
+    mine = Algorithm("Mine.", "tests.learning.test_sac:SacLearner", LearnerConfig, {"learner": {"n_step": 5}})
+    try:
+        register_algorithm("mine", mine)
+        register_algorithm("mine", mine)
+        with pytest.raises(InputError, match="there is an algorithm 'mine' already"):
+            register_algorithm("mine", ALGORITHMS["sac"])
+        config = TrainConfig.of("mine", {}, "paper")
+        assert config.learner.n_step == 5
+        assert config.entry.make(config.learner, config.given).updates == 0
+    finally:
+        ALGORITHMS.pop("mine", None)

@@ -7,6 +7,7 @@ import os
 import shutil
 import signal
 from collections.abc import Mapping
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,23 +16,25 @@ import pytest
 from safetensors.numpy import load_file
 
 from rudc.agents.checkpoint import load_learnt
+from rudc.agents.correction import CbfSettings
 from rudc.agents.registry import agent_settings, agent_summary, make_agent
 from rudc.errors import AgentError, InputError, TrainingError
+from rudc.learning.sac_lagrangian import LagrangianStatistics
 from rudc.safety.residual import shipped_predictor
+from rudc.training.calibration import calibrate
 from rudc.training.config import TrainConfig
 from rudc.training.trainer import astray, stored_config, train
 from rudc.training.workers import WorkerPool
 
 pytestmark = pytest.mark.slow
 
-NETWORK = {"encoder": "mlp", "hidden": 8}
 
-
-def _config(**changes: Any) -> TrainConfig:
-    learner = {"policy": NETWORK, "critic": NETWORK, "members": 2, "quantiles": 4, "batch_size": 16}
+def _config(algorithm: str = "rudc-wo-cbf", **changes: Any) -> TrainConfig:
+    """A training of 300 decisions; `changes` are of its `training`."""
     small = {
         "steps": 300,
         "seed_steps": 100,
+        "learning_starts": 16,
         "envs": 2,
         "round_decisions": 25,
         "log_every": 100,
@@ -40,7 +43,12 @@ def _config(**changes: Any) -> TrainConfig:
         "evaluation_episodes": 1,
         "evaluate_on": ("random_destination",),
     }
-    return TrainConfig.default(learner=learner, **small | changes)
+    learner = {"policy.hidden": 8, "critic.hidden": 8, "batch_size": 16}
+    if algorithm.startswith("rudc"):
+        learner |= {"members": 2, "quantiles": 4}
+        small |= {"calibration_episodes": 1}
+    settings = {f"training.{k}": v for k, v in (small | changes).items()}
+    return TrainConfig.of(algorithm, settings | {f"learner.{k}": v for k, v in learner.items()})
 
 
 class Watcher:
@@ -120,16 +128,15 @@ def test_going_astray_stops_with_the_last_checkpoint_kept(tmp_path: Path):
     config = _config(loss_limit=1e-9, seed_steps=50)
     with pytest.raises(TrainingError, match=r"astray at step 0: critic_loss .* kept in"):
         train(config, tmp_path / "astray", Watcher())
-    assert load_learnt(tmp_path / "astray" / "checkpoint").training["steps"] == 0
+    assert load_learnt(tmp_path / "astray" / "checkpoint").trained["steps"] == 0
 
 
-@pytest.mark.parametrize("name", ["critic_loss", "policy_loss", "value", "policy_gradient"])
+@pytest.mark.parametrize("name", ["critic_loss", "policy_loss", "value", "policy_gradient", "multiplier"])
 def test_what_counts_as_astray(name: str):
-    good = dict.fromkeys(("critic_loss", "policy_loss", "value", "target"), -3.0)
-    good |= dict.fromkeys(("critic_gradient", "policy_gradient"), 5.0)
+    good = LagrangianStatistics(**{field.name: -3.0 for field in fields(LagrangianStatistics)})
     assert not astray(good, 10.0)
     for bad in (float("nan"), float("inf"), -11.0):
-        assert astray(good | {name: bad}, 10.0)
+        assert astray(replace(good, **{name: bad}), 10.0)
 
 
 def test_a_folder_keeps_its_training(trained: Path):
@@ -156,11 +163,11 @@ def test_checkpoints_that_cannot_drive_are_refused(trained: Path, tmp_path: Path
     shutil.copytree(trained / "checkpoint", tmp_path / "copy")
     file = tmp_path / "copy" / "agent.json"
     text = file.read_text()
-    file.write_text(text.replace('"algorithm": "rudc-wo-cbf"', '"algorithm": "sac"'))
-    with pytest.raises(AgentError, match="algorithm 'sac' is not known"):
+    file.write_text(text.replace('"algorithm": "rudc-wo-cbf"', '"algorithm": "sak"'))
+    with pytest.raises(AgentError, match="there is no algorithm 'sak'"):
         make_agent(str(tmp_path / "copy"))
     file.write_text(text.replace('"observation": "conflict"', '"observation": "paper"'))
-    with pytest.raises(AgentError, match="layout does not fit"):
+    with pytest.raises(AgentError, match="weights do not fit its settings"):
         make_agent(str(tmp_path / "copy"))
 
 
@@ -189,10 +196,10 @@ def test_a_worker_that_dies_ends_the_training(tmp_path: Path):
 
 def test_the_filter_in_the_loop_resumes_too_and_the_agent_takes_its_residual_predictor_along(tmp_path: Path):
     """RUDC with residual and slack, whose percentiles change as it learns."""
-    changes: dict[str, Any] = {"algorithm": "rudc-e", "steps": 200, "evaluate_every": 200}
-    config = _config(**changes)
-    assert config.driver.residual
-    assert config.driver.slack_gain > 0
+    config = _config("rudc-e", steps=200, evaluate_every=200)
+    assert isinstance(config.correction, CbfSettings)
+    assert config.correction.residual
+    assert config.correction.slack.gain > 0
     assert train(config, tmp_path / "whole", Watcher())
     assert not train(config, tmp_path / "stopped", Watcher(stop_at=150))
     assert train(config, tmp_path / "stopped", Watcher(), resume=True)
@@ -203,3 +210,41 @@ def test_the_filter_in_the_loop_resumes_too_and_the_agent_takes_its_residual_pre
     for name, array in shipped.items():
         np.testing.assert_array_equal(whole.arrays[f"residual/{name}"], array)
     assert {k for k in whole.arrays if k.startswith("residual/")} == {f"residual/{k}" for k in shipped}
+
+
+@pytest.mark.parametrize("algorithm", ["sac", "sac-lagrangian"])
+def test_algorithms_without_filter_train_resume_and_drive(tmp_path: Path, algorithm: str):
+    """The same numbers twice, stopped in between; progress.csv has the learner's own columns."""
+    config = _config(algorithm, steps=200, evaluate_every=200)
+    assert train(config, tmp_path / "whole", Watcher())
+    assert not train(config, tmp_path / "stopped", Watcher(stop_at=150))
+    assert train(config, tmp_path / "stopped", Watcher(), resume=True)
+    curves = _curves(tmp_path / "whole")
+    assert curves == _curves(tmp_path / "stopped")
+    last = curves["progress"][-1]
+    assert float(last["episode_cost"] or 0) >= 0
+    assert ("multiplier" in last) is (algorithm == "sac-lagrangian")
+    assert last["sigma_l"] == ""
+    for name in ("agent.safetensors", "training.safetensors"):
+        whole, stopped = (load_file(tmp_path / f / "checkpoint" / name) for f in ("whole", "stopped"))
+        for key, array in whole.items():
+            np.testing.assert_array_equal(array, stopped[key], err_msg=key)
+    learnt = load_learnt(tmp_path / "whole" / "checkpoint")
+    assert (learnt.config.algorithm, learnt.percentiles) == (algorithm, None)
+    assert make_agent(str(tmp_path / "whole")).name == str(tmp_path / "whole")
+    with pytest.raises(AgentError, match="states no sigma"):
+        calibrate(tmp_path / "whole" / "checkpoint", ("random_destination",), 1, write=False, advance=int)
+
+
+def test_the_final_policy_is_calibrated_as_it_drives(trained: Path, tmp_path: Path):
+    """sigma_l and sigma_h of the stored agent are those of the held-out episodes, and calibrating again,
+    which changes nothing here where no slack depends on them, finds the same.
+    """
+    shutil.copytree(trained / "checkpoint", tmp_path / "copy")
+    before = load_learnt(tmp_path / "copy").percentiles
+    found = calibrate(tmp_path / "copy", ("random_destination",), 1, write=True, advance=int)
+    assert found.percentiles == pytest.approx(before, rel=1e-4)
+    assert found.above == pytest.approx((0.05, 0.025), abs=0.02)
+    assert found.decisions > 20
+    other = calibrate(tmp_path / "copy", ("dense_left_turn",), 1, write=True, advance=int)
+    assert load_learnt(tmp_path / "copy").percentiles == other.percentiles != before

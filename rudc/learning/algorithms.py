@@ -1,0 +1,91 @@
+"""Learning algorithms by name: the settings of each, its learner, and what it is used with.
+
+A further algorithm is one file with its learner, and its settings and one entry here, or anywhere else by
+`register_algorithm`. Nobody else knows an algorithm by its name. Imports no torch, which only learning needs:
+a learner is named by where it is found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from pydantic import Field
+
+from rudc.errors import InputError
+from rudc.learning.config import ConstrainedConfig, EnsembleConfig, LearnerConfig, Problem
+
+if TYPE_CHECKING:
+    from rudc.learning.learner import Learner
+
+
+@dataclass(frozen=True, slots=True)
+class Algorithm:
+    """What sets one learning algorithm apart from the others."""
+
+    summary: str
+    """in a sentence"""
+    learner: str
+    """where its class is found, `module:Class`; it takes (config, problem, device)"""
+    config: type[LearnerConfig]
+    """settings of the learner"""
+    defaults: Mapping[str, Any] = field(default_factory=dict)
+    """what its agents and their training have otherwise than the preset: a tree as in config.json"""
+
+    def make(self, config: LearnerConfig, problem: Problem, device: str = "cpu") -> Learner:
+        """A new learner. Imports torch."""
+        module, _, name = self.learner.partition(":")
+        return getattr(import_module(module), name)(config, problem, device)
+
+
+ALGORITHMS: dict[str, Algorithm] = {}
+"""name -> what it is"""
+
+
+def register_algorithm(name: str, algorithm: Algorithm) -> None:
+    """Let `rudc train NAME` and checkpoints know an algorithm. InputError if the name is taken by another."""
+    if ALGORITHMS.get(name, algorithm) != algorithm:
+        raise InputError(f"there is an algorithm {name!r} already; choose another name")
+    ALGORITHMS[name] = algorithm
+
+
+class LagrangianConfig(ConstrainedConfig):
+    """SAC's under a limit of the expected cost, with a multiplier."""
+
+    multiplier: float = Field(default=0.0, ge=0)
+    """lambda at the start, reward units over units of cost"""
+    multiplier_rate: float = Field(default=1e-5, ge=0)
+    """by how much lambda rises in an update for each unit of cost above the limit; 0 keeps it"""
+
+
+_RUDC = "rudc.learning.rudc:RudcLearner"
+_CBF = {"kind": "cbf", "residual": True}
+
+for _name, _algorithm in {
+    "rudc-t": Algorithm(
+        "RUDC with truncated Taylor control barrier functions.",
+        _RUDC,
+        EnsembleConfig,
+        {"correction": {**_CBF, "rule": "ttcbf", "slack": {"gain": 0.5}}},
+    ),
+    "rudc-e": Algorithm(
+        "RUDC with exponential control barrier functions.",
+        _RUDC,
+        EnsembleConfig,
+        {"correction": {**_CBF, "rule": "ecbf", "slack": {"gain": 0.5}}},
+    ),
+    "rudc-wo-cbf": Algorithm("RUDC without a safety filter.", _RUDC, EnsembleConfig),
+    "sac": Algorithm(
+        "Soft actor-critic: two critics, expected return, no safety filter.",
+        "rudc.learning.sac:SacLearner",
+        LearnerConfig,
+    ),
+    "sac-lagrangian": Algorithm(
+        "Soft actor-critic under a limit of the expected cost, by a Lagrange multiplier.",
+        "rudc.learning.sac_lagrangian:SacLagrangianLearner",
+        LagrangianConfig,
+    ),
+}.items():
+    register_algorithm(_name, _algorithm)

@@ -1,0 +1,178 @@
+"""`Settings`: frozen configuration with one spelling for each number that counts.
+
+A setting that decides nothing, as the others stand, is refused where somebody sets it, with the reason, and
+left out where settings are written. So what a file says is what was used, and two files that differ differ in
+effect. Keys are dotted, `learner.n_step`, and the same wherever a setting is given: `changed`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from copy import deepcopy
+from typing import Any, Self, TypeVar
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    model_serializer,
+    model_validator,
+)
+from pydantic_core import InitErrorDetails, PydanticCustomError
+
+from rudc.errors import InputError
+from rudc.hints import nearest
+
+NO_EFFECT = "no_effect"
+"""type of the validation error of a setting that decides nothing"""
+Tree = dict[str, Any]
+M = TypeVar("M", bound=BaseModel)
+
+
+class Settings(BaseModel):
+    """Base of the models that settings are read into."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+
+    def without_effect(self) -> Mapping[str, str]:
+        """Dotted keys that decide nothing as the others stand, and why; subclasses say which."""
+        return {}
+
+    @model_validator(mode="after")
+    def _refuse_what_has_no_effect(self) -> Self:
+        idle = {key: why for key, why in self.without_effect().items() if _is_set(self, key)}
+        if idle:
+            raise ValidationError.from_exception_data(
+                type(self).__name__,
+                [
+                    InitErrorDetails(
+                        type=PydanticCustomError(NO_EFFECT, "has no effect {why}", {"why": why}),
+                        loc=tuple(key.split(".")),
+                        input=None,
+                    )
+                    for key, why in idle.items()
+                ],
+            )
+        return self
+
+    @model_serializer(mode="wrap")
+    def _leave_out_what_has_no_effect(self, handler: SerializerFunctionWrapHandler) -> Tree:
+        values = handler(self)
+        for key in self.without_effect():
+            section, _, name = key.rpartition(".")
+            (_section(values, section) or {}).pop(name, None)
+        return values
+
+
+def changed(settings: M, changes: Mapping[str, Any], what: str) -> M:
+    """The same settings with values changed at dotted keys. Another `kind` of a section brings that kind's
+    own values; what has no effect any more is forgotten, unless it is among the changes. `what` is changed
+    goes into messages. Raises InputError, with a hint.
+    """
+    values = settings.model_dump()
+    for key in sorted(changes, key=lambda key: not key.endswith(".kind")):
+        _put(values, key, changes[key])
+    return settled(type(settings), values, changes, what, known_keys(settings))
+
+
+def settled(model: type[M], values: Tree, given: Iterable[str], what: str, known: Iterable[str] = ()) -> M:
+    """Settings from a tree that was put together: values that have no effect in it are left out, but
+    refused at the keys that somebody has given. Raises InputError, with hints at known keys.
+    """
+    values, given = deepcopy(values), tuple(given)
+    while True:
+        try:
+            return model.model_validate(values)
+        except ValidationError as error:
+            idle = [".".join(map(str, e["loc"])) for e in error.errors() if e["type"] == NO_EFFECT]
+            inherited = [key for key in idle if not any(f"{key}.".startswith(f"{k}.") for k in given)]
+            if not inherited:
+                raise InputError(problems(error, what, known, given)) from None
+            for key in inherited:
+                section, _, name = key.rpartition(".")
+                (_section(values, section) or {}).pop(name, None)
+
+
+def merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> Tree:
+    """Two trees as one, in which the upper one's values count; another `kind` replaces a section whole."""
+    result = deepcopy(dict(below))
+    for key, value in above.items():
+        mine = result.get(key)
+        if (
+            isinstance(mine, dict)
+            and isinstance(value, Mapping)
+            and ("kind" not in value or value["kind"] == mine.get("kind"))
+        ):
+            result[key] = merged(mine, value)
+        else:
+            result[key] = deepcopy(value)
+    return result
+
+
+def known_keys(settings: BaseModel, before: str = "") -> Iterator[str]:
+    """Dotted keys of all values."""
+    for name in type(settings).model_fields:
+        value = getattr(settings, name)
+        if isinstance(value, BaseModel):
+            yield from known_keys(value, f"{before}{name}.")
+        else:
+            yield f"{before}{name}"
+
+
+def meant(key: str, known: Iterable[str]) -> str:
+    """` (did you mean 'x'?)`: a key with the same last part, or else the one most like it."""
+    keys = list(known)
+    last = key.rpartition(".")[2]
+    ends = (f".{last}", f".{last.replace('_', '.')}")
+    near = next((k for k in keys if f".{k}".endswith(ends)), None) or nearest(key, keys)
+    return f" (did you mean {near!r}?)" if near and near != key else ""
+
+
+def problems(error: ValidationError, what: str, known: Iterable[str] = (), given: Iterable[str] = ()) -> str:
+    """All that pydantic found wrong with `what`, one `key: message` each, with hints at known keys; what
+    leads nowhere is named as it was given.
+    """
+    keys = list(known)
+    parts = []
+    for e in error.errors():
+        key = ".".join(map(str, e["loc"]))
+        if e["type"] == "extra_forbidden":
+            key = next((k for k in given if k.startswith(f"{key}.")), key)
+            parts.append(f"there is no setting {key!r}{meant(key, keys)}")
+        else:
+            parts.append(f"{key or 'all'}: {e['msg'].removeprefix('Value error, ')}")
+    return f"{what}: " + "; ".join(parts)
+
+
+def _put(values: Tree, key: str, value: Any) -> None:
+    *path, last = key.split(".")
+    if not all((*path, last)):
+        raise InputError(f"setting {key!r}: expected a dotted key, such as learner.n_step")
+    here = values
+    for part in path:
+        below = here.get(part)
+        if below is None:
+            below = here[part] = {}
+        if not isinstance(below, dict):
+            raise InputError(f"setting {key!r}: {part!r} is {below!r}, which has no parts")
+        here = below
+    if last == "kind" and here.get("kind") != value:
+        here.clear()
+    here[last] = deepcopy(value)
+
+
+def _section(values: Any, section: str) -> Tree | None:
+    for part in section.split(".") if section else ():
+        values = values.get(part) if isinstance(values, dict) else None
+    return values if isinstance(values, dict) else None
+
+
+def _is_set(settings: BaseModel, key: str) -> bool:
+    *path, last = key.split(".")
+    here: Any = settings
+    for part in path:
+        if not isinstance(here, BaseModel) or part not in here.model_fields_set:
+            return False
+        here = getattr(here, part)
+    return isinstance(here, BaseModel) and last in here.model_fields_set

@@ -1,0 +1,56 @@
+"""Presets: trees of settings in YAML that a training starts from, `default` and `paper`, or a file of one's
+own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from rudc.errors import InputError
+from rudc.hints import there_are
+from rudc.learning.algorithms import Algorithm
+from rudc.settings import merged
+
+FOLDER = Path(__file__).parent / "presets"
+
+
+def preset_names() -> tuple[str, ...]:
+    """Presets that come with RUDC."""
+    return tuple(sorted(file.stem for file in FOLDER.glob("*.yaml")))
+
+
+def read_preset(name: str) -> dict[str, Any]:
+    """The tree of a preset, by name or file. Raises InputError."""
+    path = FOLDER / f"{name}.yaml"
+    if not path.is_file():
+        path = Path(name)
+        if path.suffix not in (".yaml", ".yml"):
+            raise InputError(
+                f"there is no preset {name!r}{there_are(name, preset_names())}; or give a .yaml file"
+            )
+    try:
+        tree = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise InputError(f"{path}: cannot be read: {error}") from None
+    if not isinstance(tree, dict) or not all(isinstance(key, str) for key in tree):
+        raise InputError(f"{path}: a preset is a mapping of sections, such as `learner:`")
+    return tree
+
+
+def with_preset(algorithm: Algorithm, preset: Mapping[str, Any]) -> dict[str, Any]:
+    """The tree that an algorithm's training starts from: its own defaults, and over them what of the preset
+    is for it: sections of a `kind` that it has otherwise are left out, and so is what its learner does not
+    have.
+    """
+    own, tree = algorithm.defaults, dict(preset)
+    correction = tree.get("correction")
+    if isinstance(correction, Mapping) and correction.get("kind") != own.get("correction", {}).get("kind"):
+        del tree["correction"]
+    if isinstance(tree.get("learner"), Mapping):
+        known = algorithm.config.model_fields
+        tree["learner"] = {key: value for key, value in tree["learner"].items() if key in known}
+    return merged(own, tree)
