@@ -70,7 +70,7 @@ def folder(tmp_path, monkeypatch):
         ("a/b c.py:K", "a/b c.py:K", (), (), ""),
         ("a.py:K(speed=3)", "a.py:K(speed=3)", (), (("speed", 3),), ""),
         ("p:K([1, -2], t='):+x(')+ecbf", "p:K([1, -2], t='):+x(')", ([1, -2],), (("t", "):+x("),), "+ecbf"),
-        ("p:K()+ttcbf:d_safe=0.3", "p:K()", (), (), "+ttcbf:d_safe=0.3"),
+        ("p:K()+ttcbf:correction.d_safe=0.3", "p:K()", (), (), "+ttcbf:correction.d_safe=0.3"),
     ],
 )  # fmt: skip
 def test_what_a_name_says(name, text, positional, named, rest):
@@ -79,7 +79,8 @@ def test_what_a_name_says(name, text, positional, named, rest):
 
 
 @pytest.mark.parametrize(
-    "name", ["follower", "rudc-t:d_safe=0.3", "some/folder", "follower+ttcbf:d_safe=0.3"]
+    "name",
+    ["follower", "rudc-t:correction.d_safe=0.3", "some/folder", "follower+ttcbf:correction.d_safe=0.3"],
 )
 def test_other_names_are_none(name):
     assert parse_own(name) is None
@@ -99,9 +100,9 @@ def test_from_a_file(folder, scene_on):
 
 def test_a_filter_behind_it(folder, scene_on):
     scene = scene_on("south", "straight", 60.0, 7.0)
-    agent = make_agent("mine.py:Steady(9)+ttcbf:d_safe=0.3")
+    agent = make_agent("mine.py:Steady(9)+ttcbf:correction.d_safe=0.3")
     assert isinstance(agent, FilteredAgent)
-    assert agent.name == "mine.py:Steady(9)+ttcbf:d_safe=0.3"
+    assert agent.name == "mine.py:Steady(9)+ttcbf:correction.d_safe=0.3"
     agent.reset(scene, 0)
     assert agent.act(scene).corrected is not None
     assert agent_settings(agent.name)["correction"]["d_safe"] == 0.3
