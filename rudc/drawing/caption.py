@@ -87,7 +87,8 @@ def _since(event: ShownEvent) -> str:
         return ": waits"
     if event.is_over:
         return ": over"
-    return f": since {event.begun_s:.1f} s" if event.begun_s > 0 else ""
+    since = f": since {event.begun_s:.1f} s" if event.begun_s > 0 else ""
+    return f"{since}, not seen yet" if event.bodies and event.visible_s is None else since
 
 
 def _named(view: View, active: tuple[str, ...]) -> str:

@@ -33,6 +33,8 @@ class ShownEvent:
     event: Event
     begun_s: float | None = None
     """s when it took effect; None while it waits"""
+    visible_s: float | None = None
+    """s when the ego's sensors first showed it; None before"""
     is_over: bool = False
     bodies: frozenset[str] = frozenset()
     """names, as in `Scene.ids`, of whom it put on the road or has taken hold of"""
@@ -112,7 +114,8 @@ def view_of(world: AnyWorld, outcome: str | None = None) -> View:
         seed=plan.seed,
         events=tuple(
             ShownEvent(
-                number, happening.event, happening.begun_s, happening.is_over, happening.bodies,
+                number, happening.event, happening.begun_s, happening.visible_s, happening.is_over,
+                happening.bodies,
                 () if happening.bodies else places(world.network, happening.event),
                 way_of(world.network, happening.event) if happening.begun_s is None else None,
             )

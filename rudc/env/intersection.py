@@ -144,8 +144,9 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
     SUMO holds one simulation a process. The first environment with an episode runs it in this process; one
     that is reset while another has it starts a process for its own (`isolated=True`: always, `False`: never,
     a WorldBusyError instead). Episodes are the same either way; a decision takes about twice as long there.
-    The simulation ends with `close()`, or with the environment. To mark a safety filter's active
-    constraints in the next frame, set `env.unwrapped.active_constraints`.
+    The simulation ends with `close()`, or with the environment. For a frame's caption and marks
+    to say who drives and what a safety filter does, set `env.unwrapped.driving` (`rudc.drawing.view.Driving`)
+    before each step; a reset keeps the agent's name alone.
 
     ## Version History
 
@@ -198,8 +199,8 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         """what an action means"""
         self.action_space = self.action.space()
         self._scene: Scene | None = None
-        self.active_constraints: tuple[str, ...] = ()
-        """names of the safety filter's active constraints, to be marked in frames"""
+        self.driving = Driving()
+        """what the driver says of itself, for frames"""
         self._spec: EnvSpec | None = None
         self._episode: Episode | None = None
         self._renderer: Renderer | None = None
@@ -239,7 +240,7 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         plan = self._plan(seed, options or {})
         episode = self._episode_on(plan)
         scene = self._scene = episode.reset(plan)
-        self.active_constraints = ()
+        self.driving = Driving(agent=self.driving.agent)
         if self.render_mode == "human":
             self._show()
         info = {"scene": scene, "seed": plan.seed, "cost": np.float64(0.0)}
@@ -322,8 +323,7 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         episode = self.episode
         if self._renderer is None:
             self._renderer = Renderer(episode.world.network)
-        driving = Driving(active=self.active_constraints)
-        return self._renderer.frame(view_of(episode.world, episode.outcome), driving)
+        return self._renderer.frame(view_of(episode.world, episode.outcome), self.driving)
 
     def _show(self) -> None:
         if self._window is None:

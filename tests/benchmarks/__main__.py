@@ -7,7 +7,8 @@ import subprocess
 import sys
 
 SPEED = (
-    "world_speed", "filter_speed", "critic_update", "decision_latency", "whole_decision", "training_speed"
+    "world_speed", "filter_speed", "critic_update", "decision_latency", "whole_decision", "training_speed",
+    "frames",
 )  # fmt: skip
 
 

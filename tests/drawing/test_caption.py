@@ -57,9 +57,12 @@ def test_events_say_whether_they_happened():
         ShownEvent(2, BRAKE, begun_s=3.1),
         ShownEvent(4, BRAKE, begun_s=3.1, is_over=True),
         ShownEvent(5, BRAKE, begun_s=0.0),
+        ShownEvent(6, BRAKE, begun_s=3.1, bodies=frozenset({"v0"})),
+        ShownEvent(7, BRAKE, begun_s=3.1, visible_s=3.3, bodies=frozenset({"v0"})),
     )
     assert [part.strip() for part in events_line(shown).split("   ") if part.strip()] == [
-        "(1) hard brake: waits", "(2) hard brake: since 3.1 s", "(4) hard brake: over", "(5) hard brake"
+        "(1) hard brake: waits", "(2) hard brake: since 3.1 s", "(4) hard brake: over", "(5) hard brake",
+        "(6) hard brake: since 3.1 s, not seen yet", "(7) hard brake: since 3.1 s",
     ]  # fmt: skip
 
 

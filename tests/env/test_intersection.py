@@ -8,6 +8,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import rudc
+from rudc.drawing.view import Driving
 from rudc.env.intersection import IntersectionEnv
 from rudc.env.reward import TERMS
 from rudc.errors import InputError, WorldBusyError
@@ -73,8 +74,11 @@ def test_render(make, mode, monkeypatch):
     else:
         assert frame.shape == (600, 600, 3)
         assert frame.dtype == np.uint8
-        env.active_constraints = tuple(f"veh:{name}" for name in env.episode.truth.ids)
-        assert np.any(env.render() != frame)
+        env.driving = Driving("mine", active=tuple(f"veh:{name}" for name in env.episode.truth.ids))
+        assert np.any(env.render()[:60] != frame[:60]), "the caption"
+        assert np.any(env.render()[120:] != frame[120:]), "the marks"
+        env.reset(seed=0)
+        assert env.driving == Driving("mine")
 
 
 def test_same_seed_same_episode_and_reset_draws_the_next(make):
