@@ -11,9 +11,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from rudc.agents.base import Agent, Decision, EgoDriver
-from rudc.agents.own import in_words
 from rudc.arrays import Array
 from rudc.errors import AgentFailedError
+from rudc.imports import in_words
 from rudc.world.scene import Scene
 
 T = TypeVar("T")

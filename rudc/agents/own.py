@@ -12,22 +12,17 @@ from __future__ import annotations
 import ast
 import contextlib
 import hashlib
-import importlib
-import importlib.util
 import inspect
 import re
-import sys
-import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from rudc.agents.base import Agent
 from rudc.errors import AgentError, RudcError
 from rudc.hints import did_you_mean, there_are
+from rudc.imports import import_source, in_words
 
 _NAME = re.compile(
     r"(?P<source>.+?\.py|[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*):(?P<attribute>[A-Za-z_]\w*)(?P<rest>$|[(+:].*)",
@@ -51,8 +46,8 @@ class OwnAgent:
     """all of this as given"""
 
     def find(self) -> Callable[..., Any]:
-        """The class. Raises AgentError."""
-        module = _file(self.source) if self.source.endswith(".py") else _module(self.source)
+        """The class. Raises InputError where there is none."""
+        module = import_source(self.source)
         found = getattr(module, self.attribute, None)
         if callable(found):
             return found
@@ -113,13 +108,6 @@ def construct(make: Callable[..., Any], name: str, positional: Any = (), named: 
     return agent
 
 
-def in_words(error: BaseException) -> str:
-    """`ValueError: what it says (file.py:12)`, the place being where it was raised."""
-    frames = traceback.extract_tb(error.__traceback__)
-    place = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
-    return f"{type(error).__name__}: {error}{place}"
-
-
 def digest(file: Path) -> str:
     """Of a file's content."""
     return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
@@ -152,50 +140,3 @@ def _values(inside: str, name: str) -> tuple[tuple[Any, ...], tuple[tuple[str, A
         raise AgentError(
             f"agent {name}: arguments are numbers, texts in quotes, True, False, None, or lists of them"
         ) from None
-
-
-def _file(source: str) -> ModuleType:
-    path = Path(source).expanduser()
-    if not path.is_file():
-        beside = [other.name for other in path.parent.glob("*.py")]
-        raise AgentError(f"no agent {source}: there is no such file{did_you_mean(path.name, beside)}")
-    path = path.resolve()
-    return _load(path, path.stat().st_mtime_ns)
-
-
-@lru_cache(maxsize=64)
-def _load(path: Path, _modified: int) -> ModuleType:
-    """The file as a module, run once for as long as it stays as it is."""
-    _importable(path.parent)
-    name = f"rudc_own_{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:8]}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # so that its dataclasses and pickles find it
-    try:
-        spec.loader.exec_module(module)
-    except (Exception, SystemExit) as error:
-        del sys.modules[name]
-        raise AgentError(f"{path} cannot be imported: {in_words(error)}") from error
-    return module
-
-
-def _module(source: str) -> ModuleType:
-    _importable(Path.cwd())
-    try:
-        return importlib.import_module(source)
-    except ModuleNotFoundError as error:
-        if error.name and (source == error.name or source.startswith(f"{error.name}.")):
-            raise AgentError(
-                f"no agent from {source!r}: there is no module {error.name!r}; "
-                "a file is given by its path, with .py at its end"
-            ) from None
-        raise AgentError(f"{source} cannot be imported: {in_words(error)}") from error
-    except (Exception, SystemExit) as error:
-        raise AgentError(f"{source} cannot be imported: {in_words(error)}") from error
-
-
-def _importable(folder: Path) -> None:
-    if str(folder) not in sys.path:
-        sys.path.append(str(folder))

@@ -47,8 +47,20 @@ def options(
     version: Annotated[
         bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version.")
     ] = False,
+    imports: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--import",
+            metavar="FILE.py|MODULE",
+            help="Python to import first: it may register agents, events and more. Repeat for several.",
+        ),
+    ] = None,
 ) -> None:
     """A SUMO-backed testbed for safe decision-making at unsignalized intersections."""
+    from rudc.imports import import_first
+
+    for source in imports or []:
+        import_first(source)
 
 
 def main() -> None:

@@ -87,14 +87,15 @@ def check(
 @app.command()
 def build(
     folder: Annotated[
-        Path, typer.Argument(metavar="DIR", help="Folder with NAME.nod.xml, NAME.edg.xml, ...")
+        Path, typer.Argument(metavar="DIR", help="Folder with NAME.nod.xml, NAME.edg.xml, ..., or NAME.osm.")
     ],
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", metavar="F.net.xml", help="Default: NAME.net.xml beside the sources."),
     ] = None,
 ) -> None:
-    """Build a .net.xml from plain sources with SUMO's netconvert (extra `networks`).
+    """Build a .net.xml from plain sources, or from a map of OpenStreetMap, with SUMO's netconvert (extra
+    `networks`).
 
     **Example**: `rudc network build my_networks/ring`
     """

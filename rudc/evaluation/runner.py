@@ -12,13 +12,13 @@ from pathlib import Path
 from types import FrameType
 
 from rudc.agents.base import Agent
-from rudc.agents.own import in_words
 from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode
 from rudc.errors import AgentFailedError, RudcError
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.rollout import run_episode
 from rudc.evaluation.tasks import Task
+from rudc.imports import in_words
 from rudc.network.network import load_network
 from rudc.world.world import World
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 from rudc.agents.drivers import MakeAgent, register_agent, registered_agents
 from rudc.errors import StorageError, SweepError
@@ -15,6 +16,7 @@ from rudc.evaluation.folder import SweepFolder
 from rudc.evaluation.ray_engine import find_ray, run_ray
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.tasks import SweepPlan, Task
+from rudc.imports import PREFIX, import_first, imported_first
 
 EngineName = Literal["local", "ray"]
 Engine = Callable[[Sequence[Task], int, float, RunnerFactory], Iterator[Result]]
@@ -106,7 +108,7 @@ def _finish(
     todo = [task for task in folder.tasks if task.key(folder.parameters) not in folder.finished]
     progress.begin(len(folder.tasks), len(folder.finished), folder.warnings)
     if todo:
-        make_runner = _Prepared(make_runner, registered_agents())
+        make_runner = _Prepared(imported_first(), registered_agents(), make_runner)
         with closing(ENGINES[engine](todo, workers, limit_s, make_runner)) as results:  # pyright: ignore
             for task, record in results:
                 progress.advance(task, folder.add(task, record))
@@ -117,10 +119,26 @@ def _finish(
 class _Prepared:
     """Makes a runner in a process that knows the same agents by name as this one."""
 
-    make_runner: RunnerFactory
+    imports: tuple[str, ...]
     agents: dict[str, MakeAgent]
+    make_runner: RunnerFactory
 
     def __call__(self) -> Runner:
-        for name, make in self.agents.items():
-            register_agent(name, make)
         return self.make_runner()
+
+    def __reduce__(self) -> tuple[Callable[..., _Prepared], tuple[Any, ...]]:
+        """Pickled by what those who read it must import first; agents of such files register themselves."""
+        agents = {
+            name: make for name, make in self.agents.items()
+            if not getattr(make, "__module__", "").startswith(PREFIX)
+        }  # fmt: skip
+        return _prepare, (self.imports, pickle.dumps((agents, self.make_runner)))
+
+
+def _prepare(imports: tuple[str, ...], rest: bytes) -> _Prepared:
+    for source in imports:
+        import_first(source)
+    agents, make_runner = pickle.loads(rest)
+    for name, make in agents.items():
+        register_agent(name, make)
+    return _Prepared(imports, agents, make_runner)

@@ -1,4 +1,6 @@
-"""Builds a .net.xml from plain sources with SUMO's netconvert: the same sources always give the same file."""
+"""Builds a .net.xml with SUMO's netconvert, from plain sources or a map of OpenStreetMap: the same sources
+always give the same file.
+"""
 
 from __future__ import annotations
 
@@ -18,8 +20,19 @@ SOURCES = {".nod.xml": "--node-files", ".edg.xml": "--edge-files"}
 """files that a network needs, with netconvert's option for each"""
 MORE_SOURCES = {".con.xml": "--connection-files", ".typ.xml": "--type-files", ".tll.xml": "--tllogic-files"}
 """files that it may have"""
+OSM = ".osm"
+"""ending of a map of OpenStreetMap"""
+PLAIN_OPTIONS = ("--offset.disable-normalization",)  # coordinates stay those of the sources
+OSM_OPTIONS = (
+    "--keep-edges.by-vclass=passenger",
+    "--remove-edges.isolated",
+    "--geometry.remove",  # nodes that only bend a road
+    "--junctions.join",
+    "--roundabouts.guess",
+    "--tls.discard-loaded",
+    "--default.junctions.radius=7",  # m; the 4 of netconvert bend tighter than a car can
+)
 OPTIONS = (
-    "--offset.disable-normalization",  # coordinates stay those of the sources
     "--no-turnarounds",
     "--junctions.corner-detail=10",  # points per rounded kerb
     "--junctions.internal-link-detail=15",  # points per lane inside a node
@@ -28,7 +41,8 @@ OPTIONS = (
 
 
 def build_network(folder: str | Path, out: str | Path | None = None) -> Path:
-    """Builds NAME.net.xml from NAME.nod.xml, NAME.edg.xml (and NAME.con.xml, NAME.typ.xml) in a folder.
+    """Builds NAME.net.xml from NAME.nod.xml, NAME.edg.xml (and NAME.con.xml, NAME.typ.xml) in a folder, or
+    from its NAME.osm; traffic lights of a map are left out.
 
     `out`: the file to write, by default beside the sources. It holds no date and no path of this machine.
     Raises NetworkError, StorageError, InputError (a folder that cannot be made).
@@ -71,13 +85,17 @@ def _arguments(folder: Path) -> tuple[str, list[str]]:
     """The network's name and netconvert's arguments for the sources in the folder."""
     if not folder.is_dir():
         raise NetworkError(f"{folder}: no such folder")
-    nodes = sorted(folder.glob("*.nod.xml"))
+    nodes, maps = sorted(folder.glob("*.nod.xml")), sorted(folder.glob(f"*{OSM}"))
+    if not nodes and len(maps) == 1:
+        return maps[0].name.removesuffix(OSM), [f"--osm-files={maps[0].name}", *OSM_OPTIONS]
     if len(nodes) != 1:
         found = ", ".join(path.name for path in nodes) or "none"
-        raise NetworkError(f"{folder}: exactly one NAME.nod.xml is needed here, found {found}")
+        raise NetworkError(
+            f"{folder}: exactly one NAME.nod.xml (or one NAME.osm) is needed here, found {found}"
+        )
     name = nodes[0].name.removesuffix(".nod.xml")
     missing = [name + ending for ending in SOURCES if not (folder / (name + ending)).is_file()]
     if missing:
         raise NetworkError(f"{folder}: {', '.join(missing)} is missing")
     present = {e: option for e, option in (SOURCES | MORE_SOURCES).items() if (folder / (name + e)).is_file()}
-    return name, [f"{option}={name}{ending}" for ending, option in present.items()]
+    return name, [f"{option}={name}{ending}" for ending, option in present.items()] + [*PLAIN_OPTIONS]

@@ -150,7 +150,7 @@ def test_settings_change_with_the_source_and_with_files_in_arguments(folder):
 )
 def test_what_is_wrong_is_said(folder, name, told):
     (folder / "broken.py").write_text("x = 1\nx / 0\n", encoding="utf-8")
-    with pytest.raises(AgentError) as caught:
+    with pytest.raises(InputError) as caught:
         make_agent(name)
     assert told in str(caught.value)
 

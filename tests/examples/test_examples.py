@@ -1,0 +1,57 @@
+"""The examples run, as their heads say: here, and in tests/test_strangers_hour.py (`sb3_agent.py`).
+
+`omnisafe_env.py` alone is run by hand.
+"""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import rudc
+
+__all__ = ["rudc"]  # the fixture that runs a command in an empty folder
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def run(*arguments, cwd):
+    """A command, which must succeed."""
+    command = [sys.executable, "-m", "rudc", *map(str, arguments)]
+    ended = subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, ended.stderr
+
+
+def test_own_agent_beside_ours(rudc):
+    agent = f"{EXAMPLES}/own_agent.py:Patient(gap_s=3)"
+    answer = rudc(
+        "sweep", "dense_left_turn", "-a", agent, "-a", f"{agent}+ttcbf", "-a", "rudc-t", "-n", 2, "-o", "out"
+    )
+    assert answer.status == 0, answer.err
+    settings = json.loads(Path("out/manifest.json").read_text())["configuration"]["agents"]
+    assert settings[agent]["source"]
+    assert list(settings) == [agent, f"{agent}+ttcbf", "rudc-t"]
+
+
+def test_own_event(tmp_path):
+    """In a process of its own: what is registered stays so."""
+    event, scenario = EXAMPLES / "own_event.py", EXAMPLES / "gusts.yaml"
+    for command in (["validate", scenario], ["preview", scenario]):
+        run("--import", event, "scenario", *command, cwd=tmp_path)
+    run("--import", event, "sweep", scenario, "-a", "follower", "-n", 2, "-o", "out", cwd=tmp_path)
+
+
+def test_a_map_of_openstreetmap(rudc, tmp_path):
+    pytest.importorskip("sumo")
+    folder = tmp_path / "osm"
+    shutil.copytree(EXAMPLES / "osm_crossing", folder)
+    assert rudc("network", "build", folder).status == 0
+    checked = rudc("network", "check", folder / "crossing.net.xml")
+    assert checked.status == 0
+    assert all(limit in checked.out for limit in (" 13.9 ", " 8.3 ", " 5.6 "))
+    assert "warning" not in checked.err
+    answer = rudc("sweep", folder / "crossing.yaml", "-a", "gap-acceptance", "-n", 6, "-o", "out")
+    assert answer.status == 0, answer.err

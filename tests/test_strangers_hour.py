@@ -1,0 +1,82 @@
+"""A stranger's first hour, as README and examples/ tell it: each command must work as it stands."""
+
+import csv
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+
+@pytest.fixture(scope="module")
+def desk(tmp_path_factory):
+    """An empty folder with a copy of the examples."""
+    folder = tmp_path_factory.mktemp("desk")
+    shutil.copytree(EXAMPLES, folder / "examples")
+    return folder
+
+
+def rudc(desk, *arguments):
+    """What a command says."""
+    return run(desk, "-m", "rudc", *arguments)
+
+
+def run(desk, *arguments):
+    command = [sys.executable, *map(str, arguments)]
+    env = {**os.environ, "OMP_NUM_THREADS": "1"}
+    ended = subprocess.run(command, cwd=desk, capture_output=True, text=True, check=False, env=env)
+    assert ended.returncode == 0, ended.stderr
+    return ended.stdout
+
+
+def outcomes(desk, out):
+    """(agent, outcome) of a sweep's rows."""
+    with (desk / out / "episodes.csv").open(newline="") as file:
+        return [(row["agent"], row["outcome"]) for row in csv.DictReader(file)]
+
+
+def test_first_sweep_and_its_table(desk):
+    rudc(desk, "sweep", "dense_left_turn", "-a", "gap-acceptance+ttcbf", "-n", 2, "-o", "out/first")
+    assert "gap-acceptance+ttcbf" in rudc(desk, "table", "out/first", "--format", "markdown")
+
+
+def test_own_scenario(desk):
+    rudc(desk, "scenario", "new", "mine")
+    rudc(desk, "scenario", "validate", "mine.yaml")
+    rudc(desk, "scenario", "preview", "mine.yaml", "--out", "mine.png")
+    assert (desk / "mine.png").stat().st_size > 10_000
+    rudc(desk, "run", "mine.yaml", "--agent", "gap-acceptance", "--seed", 1)
+
+
+def test_own_agent_beside_rudc_t(desk):
+    agent = "examples/own_agent.py:Patient(gap_s=3)"
+    rudc(desk, "sweep", "mine.yaml", "-a", agent, "-a", "rudc-t", "-n", 2, "-o", "out/own")
+    found = outcomes(desk, "out/own")
+    assert {name for name, _ in found} == {agent, "rudc-t"}
+    assert all(outcome for _, outcome in found)
+
+
+def test_own_network(desk):
+    pytest.importorskip("sumo")
+    rudc(desk, "network", "build", "examples/osm_crossing")
+    rudc(desk, "scenario", "validate", "examples/osm_crossing/crossing.yaml")
+    rudc(
+        desk, "sweep", "examples/osm_crossing/crossing.yaml", "-a", "gap-acceptance", "-n", 2, "-o", "out/osm"
+    )
+    assert all(outcome for _, outcome in outcomes(desk, "out/osm"))
+
+
+@pytest.mark.slow
+def test_an_agent_trained_elsewhere(desk):
+    pytest.importorskip("stable_baselines3")
+    model = run(desk, "examples/sb3_agent.py", "--steps", 200, "--every", 100, "--episodes", 1).strip()
+    agent = f"examples/sb3_agent.py:Sb3Agent(path={model!r})"
+    rudc(desk, "sweep", "mine.yaml", "-a", agent, "-a", "rudc-t", "-n", 1, "-o", "out/sb3")
+    assert all(outcome for _, outcome in outcomes(desk, "out/sb3"))
+    manifest = json.loads((desk / "out/sb3/manifest.json").read_text())
+    assert manifest["configuration"]["agents"][agent]["files"].keys() == {"path"}
