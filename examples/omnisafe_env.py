@@ -1,8 +1,8 @@
 """RUDC as a constrained MDP of OmniSafe: its `CMDP` interface, with `info["cost"]` as the cost.
 
 OmniSafe 0.5 asks for pandas 2.0.3 and, through safety-gymnasium, for an older gymnasium, which RUDC's do not
-go with. So it is run by hand, not by the tests, in an environment of its own that has RUDC, and OmniSafe without
-what it asks for: `pip install --no-deps omnisafe safety-gymnasium`, and what importing it then misses.
+go with. So it is run by hand, not by the tests, in an environment of its own that has RUDC, and OmniSafe
+without what it asks for: `pip install --no-deps omnisafe safety-gymnasium`, and what importing it misses.
 
     python examples/omnisafe_env.py
 """
