@@ -64,10 +64,11 @@ def run(
     from rudc.network.network import load_network
     from rudc.scenario import load_scenario
     from rudc.world.events import event_lines
+    from rudc.world.fitting import misfits
     from rudc.world.world import World
 
     driver = make_agent(agent)
-    scenario = load_scenario(source, parse_overrides(overrides))
+    scenario = load_scenario(source, parse_overrides(overrides), misfits)
     if video is not None:
         check_film(video)
     options = ("--fcd-output", str(fcd.absolute())) if fcd is not None else ()

@@ -78,24 +78,27 @@ def validate(
 ) -> None:
     """Check scenario files, and that each fits its network and can be set up (first seed, each swept value).
 
-    Every problem reads `FILE:LINE:COLUMN: key.path: what is wrong`, all of them at once.
+    A line for each file; every problem reads `FILE:LINE:COLUMN: key.path: what is wrong`, all at once.
 
     **Example**: `rudc scenario validate my_scenarios/*.yaml`
     """
-    from rudc.evaluation.preflight import try_out
-    from rudc.scenario import find_scenarios
+    from rudc.evaluation.preflight import validated
+    from rudc.scenario.library import existing_files, shipped_scenarios, shown
 
-    problems = []
-    found = find_scenarios(files)
-    for scenario in found:
-        wrong = try_out(scenario)
+    shipped = {path: name for name, path in shipped_scenarios().items()}
+    paths, problems = existing_files(files)
+    for path in paths:
+        scenario, wrong = validated(path)
         problems += wrong
-        if not wrong:
-            points = len(scenario.points())
+        name = shipped.get(path, shown(path))
+        if scenario is None or wrong:
+            typer.echo(f"{name}: {len(wrong)} problem{'s' * (len(wrong) != 1)}")
+        else:
+            count, points = len(scenario.events), len(scenario.points())
             swept = f", {points} swept points" if scenario.sweep else ""
-            typer.echo(f"{scenario.name}: ok ({len(scenario.events)} events{swept})")
+            typer.echo(f"{name}: ok ({count} event{'s' * (count != 1)}{swept})")
     if problems:
-        raise ScenarioError("\n".join(problems))
+        raise ScenarioError("\n".join(dict.fromkeys(problems)))
 
 
 @app.command()
@@ -116,8 +119,9 @@ def preview(
     """
     from rudc.drawing.preview import draw_preview
     from rudc.scenario import load_scenario
+    from rudc.world.fitting import misfits
 
-    scenario = load_scenario(source, parse_overrides(overrides))
+    scenario = load_scenario(source, parse_overrides(overrides), misfits)
     typer.echo(draw_preview(scenario, seed, out or Path(f"{scenario.name}.png")))
 
 

@@ -145,9 +145,9 @@ def _plan(
     overrides: dict[str, object],
 ) -> SweepPlan:
     from rudc.agents.registry import make_agent
-    from rudc.evaluation.preflight import check_scenarios
     from rudc.evaluation.tasks import SweepPlan
     from rudc.scenario import find_scenarios, shipped_scenarios
+    from rudc.world.fitting import misfits
 
     if shipped:
         scenarios = [*shipped_scenarios(), *scenarios]
@@ -160,11 +160,8 @@ def _plan(
         raise InputError("which agents? give at least one --agent NAME; see `rudc agent list`")
     for name in agents:
         make_agent(name)
-    plan = SweepPlan(
-        tuple(find_scenarios(scenarios, overrides=overrides)), tuple(dict.fromkeys(agents)), episodes, seed
-    )
-    check_scenarios(plan.scenarios, seed)
-    return plan
+    found = tuple(find_scenarios(scenarios, misfits, overrides=overrides))
+    return SweepPlan(found, tuple(dict.fromkeys(agents)), episodes, seed)
 
 
 def _report(result: SweepResult) -> None:

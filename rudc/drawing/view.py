@@ -15,7 +15,7 @@ from rudc.world.events.stage import across_arm, against_lane
 from rudc.world.scene import Scene
 
 if TYPE_CHECKING:
-    from rudc.network.network import Network
+    from rudc.network.network import Network, Route
     from rudc.scenario.events import Event
     from rudc.world.isolated import AnyWorld
 
@@ -116,8 +116,8 @@ def view_of(world: AnyWorld, outcome: str | None = None) -> View:
             ShownEvent(
                 number, happening.event, happening.begun_s, happening.visible_s, happening.is_over,
                 happening.bodies,
-                () if happening.bodies else places(world.network, happening.event),
-                way_of(world.network, happening.event) if happening.begun_s is None else None,
+                () if happening.bodies else places(world.network, scene.route, happening.event),
+                way_of(world.network, scene.route, happening.event) if happening.begun_s is None else None,
             )
             for number, happening in zip(numbers, happenings, strict=True)
         ),
@@ -125,7 +125,7 @@ def view_of(world: AnyWorld, outcome: str | None = None) -> View:
     )  # fmt: skip
 
 
-def places(network: Network, event: Event) -> tuple[tuple[float, float], ...]:
+def places(network: Network, route: Route, event: Event) -> tuple[tuple[float, float], ...]:
     """m, m: where an event takes place, as far as it says so itself."""
     parts: Any = getattr(event, "vehicles", None) or getattr(event, "boxes", None) or [event]
     found = []
@@ -138,21 +138,22 @@ def places(network: Network, event: Event) -> tuple[tuple[float, float], ...]:
             found.append((float(network.center[0]) + x, float(network.center[1]) + y))
         elif lane is not None:
             lateral = float(getattr(part, "lateral", 0.0))
-            found.append(network.place_on_lane(lane, float(at or 0.0), lateral)[:2])
+            found.append(network.place_on_lane(lane, float(at or 0.0), lateral, route=route)[:2])
         elif arm_name is not None:
-            x, y = across_arm(network, arm_name, float(at or 0.0))[_side(part)].tolist()
+            x, y = across_arm(network, route, arm_name, float(at or 0.0))[_side(part)].tolist()
             found.append((x, y))
     return tuple(found)
 
 
-def way_of(network: Network, event: Event) -> Array | None:
+def way_of(network: Network, route: Route, event: Event) -> Array | None:
     """(K, 2) m, the beginning of the way that an event sends somebody along; None if it sends nobody."""
     arm_name, lane, at = (getattr(event, name, None) for name in ("arm", "lane", "at"))
     if arm_name is not None:
-        way = across_arm(network, arm_name, float(at or 0.0))
+        way = across_arm(network, route, arm_name, float(at or 0.0))
         return way[::-1] if _side(event) else way
     if event.kind == "wrong_way":
-        return resample(against_lane(network, str(lane), float(at or 0.0)), np.linspace(0.0, WAY_M, 9))
+        way = against_lane(network, route, str(lane), float(at or 0.0))
+        return resample(way, np.linspace(0.0, WAY_M, 9))
     return None
 
 

@@ -11,7 +11,6 @@ major.
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from weakref import WeakKeyDictionary
 
@@ -22,7 +21,7 @@ from rudc.errors import NetworkError
 from rudc.hints import there_are
 from rudc.network import assembly, reader
 from rudc.network.conflicts import conflict_table
-from rudc.network.paths import PathTable
+from rudc.network.paths import PathTable, lane_spans
 from rudc.network.polyline import without_repeats
 from rudc.network.road import Arm, Lane, Movement
 from rudc.network.route import ReferencePath, Route
@@ -110,58 +109,9 @@ class Layout:
             f"no arm {name!r} in network {self.name}{there_are(name, [arm.name for arm in self.arms])}"
         )
 
-    def lane(self, name: str) -> Lane:
-        """The lane with a scenario's name (`west_in_0`, `west_out_1`) or SUMO's id."""
-        named = self.lane_names
-        lane_id = named.get(name, name)
-        if lane_id in self.lanes:
-            return self.lanes[lane_id]
-        raise NetworkError(f"no lane {name!r} in network {self.name}{there_are(name, named)}")
-
     def speed_limit(self, edge: str) -> float:
         """m/s, the lowest limit among the lanes of an edge."""
         return min(lane.speed for lane in self.lanes.values() if lane.edge == edge)
-
-    @property
-    def lane_names(self) -> dict[str, str]:
-        """Scenario names of the arms' lanes -> SUMO's ids."""
-        names = {}
-        for arm in self.arms:
-            for way, lane_ids in (("in", arm.in_lanes), ("out", arm.out_lanes)):
-                names.update({f"{arm.name}_{way}_{self.lanes[i].index}": i for i in lane_ids})
-        return names
-
-    def place_on_lane(
-        self, lane_name: str, at_m_from_junction: float, lateral: float = 0.0, heading_offset_rad: float = 0.0
-    ) -> tuple[float, float, float]:
-        """x m, y m and heading rad of a place on an arm's lane, `lateral` m to the left of its centre line.
-
-        `at_m_from_junction` runs outwards from the stop line (inbound) or the junction's exit (outbound).
-        """
-        lane = self.lane(lane_name)
-        arm = next((arm for arm in self.arms if lane.id in (*arm.in_lanes, *arm.out_lanes)), None)
-        if arm is None:
-            raise NetworkError(f"lane {lane_name!r} of network {self.name} is not next to the junction")
-        inbound = lane.id in arm.in_lanes
-        row = self._row_through(lane, inbound=inbound)
-        if row is None:
-            line = ReferencePath(lane.xy)
-            start, length = line.length if inbound else 0.0, line.length
-        else:
-            line = None
-            start, length = (
-                float((self.paths.stop_s if inbound else self.paths.exit_s)[row]),
-                self.paths.length[row],
-            )
-        s = start - at_m_from_junction if inbound else start + at_m_from_junction
-        if at_m_from_junction < 0.0 or not 0.0 <= s <= length:
-            raise NetworkError(
-                f"{at_m_from_junction:g} m from the junction is not on lane {lane_name!r} of network "
-                f"{self.name} (the arm is {arm.length:.0f} m long)"
-            )
-        pose = line.pose(s) if line is not None else self.paths.pose(np.array(row), np.array(s))
-        x, y, psi = (float(v) for v in pose)
-        return x - lateral * math.sin(psi), y + lateral * math.cos(psi), psi + heading_offset_rad
 
     def movement(self, origin: str, towards: str) -> Movement:
         """The movement from an arm to another (by name or edge id), or by its turn: left, straight, right,
@@ -216,7 +166,8 @@ class Layout:
         ]
         return [*lanes, *self.node_polygons]
 
-    def _row_through(self, lane: Lane, *, inbound: bool) -> int | None:
-        """A row of `paths` that enters (or leaves) the junction by the lane, if there is one."""
-        end = self.inbound_lane if inbound else self.outbound_lane
-        return next((row for row in range(self.paths.count) if end(row) is lane), None)
+    def span(self, row: int, lane_id: str) -> tuple[float, float]:
+        """m, arc lengths at which a lane of a row of `paths` begins and ends."""
+        spans = lane_spans(self._sources[row].shapes)
+        start, end = spans[self._sources[row].lane_ids.index(lane_id)]
+        return float(start), float(end)

@@ -9,17 +9,27 @@ from __future__ import annotations
 
 import copyreg
 from collections.abc import Callable, Mapping
-from functools import cache, lru_cache
+from functools import cache, cached_property, lru_cache
 from pathlib import Path
 from types import MappingProxyType
 
 from rudc.data import data_folder
 from rudc.errors import NetworkError
-from rudc.hints import there_are
+from rudc.hints import did_you_mean, there_are
 from rudc.network.layout import Layout
 from rudc.network.road import Arm, Lane, Movement, Turn
 from rudc.network.route import ReferencePath, Route, RouteKey
 from rudc.network.route_builder import build_route
+from rudc.network.stretches import (
+    EGO_ARMS,
+    EGO_IN,
+    EGO_LANES,
+    Stretch,
+    arm_stretches,
+    inner_stretches,
+    lane_of_ego,
+    stretch_by_id,
+)
 from rudc.vehicle import EgoVehicle
 
 __all__ = [
@@ -47,6 +57,72 @@ class Network(Layout):
 
     def __reduce__(self) -> tuple[Callable[..., Network], tuple[Path, str | None, EgoVehicle]]:
         return load_network, (self.path, self.junction, self.vehicle)
+
+    def arm(self, name: str, route: Route | None = None) -> Arm:
+        """The arm of that name, also found by the id of one of its edges.
+
+        With the ego's route also `ego_in`, the arm it comes from, and `ego_out`, the one it leaves by.
+        """
+        if name not in EGO_ARMS:
+            return super().arm(name)
+        if route is None:
+            raise NetworkError(f"{name} says nothing before the ego's route is known; name an arm")
+        return super().arm(route.origin if name == EGO_IN else route.destination)
+
+    def lane(self, name: str) -> Lane:
+        """The lane with a scenario's name (`west_in_0`, `west_to_east_0`: its first) or SUMO's id."""
+        if name in self.lanes and name not in self._outer and name not in self._inner:
+            return self.lanes[name]
+        return self.stretch(name).lane
+
+    @cached_property
+    def lane_names(self) -> dict[str, str]:
+        """Scenario names of the arms' lanes -> SUMO's ids."""
+        return {name: stretch.lane.id for name, stretch in self._outer.items()}
+
+    @cached_property
+    def inner_lane_names(self) -> dict[str, str]:
+        """Scenario names of the lanes inside the junction and on its ring -> SUMO's ids (the first's)."""
+        return {name: stretch.lane.id for name, stretch in self._inner.items()}
+
+    def stretch(self, name: str, route: Route | None = None) -> Stretch:
+        """What a scenario's lane name means (`rudc.network.stretches`); `route`: for those about the ego."""
+        if name in EGO_LANES:
+            if route is None:
+                raise NetworkError(f"{name} says nothing before the ego's route is known; name a lane")
+            return stretch_by_id(self, lane_of_ego(self, name, route).id)
+        for known in (self._outer, self._inner):
+            if name in known:
+                return known[name]
+        if name in self.lanes:
+            return stretch_by_id(self, name)
+        known = ", ".join([*self._outer, *list(self._inner)[:1]])
+        hint = did_you_mean(name, [*self._outer, *self._inner, *EGO_LANES])
+        hint = hint or f"; there are: {known} and others inside"
+        raise NetworkError(f"no lane {name!r} in network {self.name}{hint}")
+
+    def place_on_lane(
+        self,
+        lane_name: str,
+        at: float,
+        lateral: float = 0.0,
+        heading_offset_rad: float = 0.0,
+        route: Route | None = None,
+    ) -> tuple[float, float, float]:
+        """x m, y m and heading rad of a place on a lane, `lateral` m to the left of its centre line.
+
+        `at` m run outwards from the stop line (inbound) or the junction's exit (outbound), and inside the
+        junction in driving direction. `route` is the ego's, for names relative to it. Raises NetworkError.
+        """
+        return self.stretch(lane_name, route).place(at, lateral, heading_offset_rad)
+
+    @cached_property
+    def _outer(self) -> dict[str, Stretch]:
+        return arm_stretches(self)
+
+    @cached_property
+    def _inner(self) -> dict[str, Stretch]:
+        return inner_stretches(self)
 
     def route(self, origin: str, towards: str, lane: int | None = None) -> Route:
         """The ego's route from an arm to another, or by its turn; `lane` is the index of the inbound lane.

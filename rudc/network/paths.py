@@ -71,7 +71,7 @@ class PathTable:
         """(P,) index into `Network.arms`"""
         self.speed_limit: Array = np.array([source.speed for source in sources])
         """(P,) m/s"""
-        spans = [_spans(source.shapes) for source in sources]
+        spans = [lane_spans(source.shapes) for source in sources]
         self.stop_s: Array = np.array(
             [a[p.before_junction - 1, 1] for a, p in zip(spans, sources, strict=True)]
         )
@@ -116,7 +116,7 @@ class PathTable:
         return row, start + lane_pos * scale
 
 
-def _spans(shapes: Sequence[Array]) -> Array:
+def lane_spans(shapes: Sequence[Array]) -> Array:
     """(L, 2) m, arc lengths at which each of the L lanes begins and ends."""
     along = arc_length(np.concatenate(shapes))
     counts = np.array([len(shape) for shape in shapes])

@@ -45,6 +45,14 @@ def find_files(patterns: Sequence[str]) -> list[Path]:
     A pattern without a suffix or folder (`*left*`) is one of shipped names. Raises ScenarioError with a line
     for each that fits nothing.
     """
+    found, missing = existing_files(patterns)
+    if missing:
+        raise ScenarioError("\n".join(missing))
+    return found
+
+
+def existing_files(patterns: Sequence[str]) -> tuple[list[Path], list[str]]:
+    """As `find_files`: the files that there are, and a line for each pattern that fits nothing."""
     found: dict[Path, Path] = {}
     missing: list[str] = []
     for pattern in patterns:
@@ -57,9 +65,7 @@ def find_files(patterns: Sequence[str]) -> list[Path]:
             missing.append(f"{pattern}: no scenario fits this pattern")
         for path in paths:
             found.setdefault(path.resolve(), path)
-    if missing:
-        raise ScenarioError("\n".join(missing))
-    return list(found.values())
+    return list(found.values()), missing
 
 
 def find_parent(name: str, child: Path) -> Path | None:

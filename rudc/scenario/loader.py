@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from rudc.errors import ScenarioError
 from rudc.hints import did_you_mean
 from rudc.scenario.dotted import DottedKeyError, Path, with_value
+from rudc.scenario.fit import Fit, fit_reports
 from rudc.scenario.inheritance import inherit
 from rudc.scenario.library import find_file, find_files, find_parent, parents_known, shown
 from rudc.scenario.model import Scenario
@@ -23,13 +24,15 @@ from rudc.scenario.yaml_text import Mark, Report, Sheet, read_yaml
 def load_scenario(
     source: str | File,
     overrides: Mapping[str, object] | None = None,
+    fit: Fit | None = None,
     *,
     grid: Mapping[str, Sequence[object]] | None = None,
 ) -> Scenario:
     """The scenario of a shipped name or a file, with other values at some dotted keys, which are swept no
     more, and with others swept (`grid`: dotted key -> values).
 
-    Raises ScenarioError, one line for every problem.
+    `fit` finds what a file alone does not show (`rudc.world.fitting.misfits`: lanes that its network does
+    not have). Raises ScenarioError, one line for every problem.
     """
     path = find_file(source)
     sheet, overridden, reports = _read(path, ())
@@ -41,18 +44,21 @@ def load_scenario(
         _sweep(sheet, key, values)
     scenario, more = _checked(sheet, {report.path for report in reports}, sweeps=not reports)
     reports += more
+    if fit is not None:
+        reports += fit_reports(sheet, _without_empty(sheet.data), fit)
     if reports or scenario is None:
         raise _error(reports, path)
     return scenario.read_from(path.absolute(), overridden)
 
 
 def find_scenarios(
-    patterns: Sequence[str], *, overrides: Mapping[str, object] | None = None
+    patterns: Sequence[str], fit: Fit | None = None, *, overrides: Mapping[str, object] | None = None
 ) -> list[Scenario]:
     """The scenarios that shipped names, paths and globs stand for, each once, in the order given.
 
-    `overrides`: other values at some dotted keys of all of them; those of a list are swept.
-    Raises ScenarioError with every problem of every file, and when two files have the same `name`.
+    `overrides`: other values at some dotted keys of all of them; those of a list are swept. `fit` as in
+    `load_scenario`. Raises ScenarioError with every problem of every file, and when two files have the same
+    `name`.
     """
     found: dict[str, Scenario] = {}
     failures: list[str] = []
@@ -60,7 +66,7 @@ def find_scenarios(
     single = {key: value for key, value in (overrides or {}).items() if key not in grid}
     for path in find_files(patterns):
         try:
-            scenario = load_scenario(path, single, grid=grid)
+            scenario = load_scenario(path, single, fit, grid=grid)
         except ScenarioError as error:
             failures.append(str(error))
             continue

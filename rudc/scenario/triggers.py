@@ -5,11 +5,12 @@ All conditions of one `when` must hold at once; then the event happens, once. Th
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, Literal
 
 from pydantic import model_validator
 
-from rudc.scenario.base import FileModel, refuse
+from rudc.scenario.base import FileModel, Identifier, refuse
 from rudc.scenario.distributions import AnyDistribution, Bounds, Constant, Distribution
 
 Selector = Literal["leader", "follower", "oncoming", "crossing", "nearest", "random", "all"]
@@ -112,10 +113,25 @@ class TimeToCollision(TimeThreshold, frozen=True):
 class ReachPosition(FileModel, frozen=True):
     """The ego is near a place."""
 
-    position: Position
+    position: Position | None = None
     """[x, y] in m east and north of the junction's centre"""
+    lane: Identifier | None = None
+    """lane that the place is on, instead of `position`"""
+    at: Metre | None = None
+    """m along `lane`"""
     tolerance: Annotated[AnyDistribution, Bounds(0, 200, "m", above=True)] = Constant(value=2.0)
     """m, how near counts as there"""
+
+    @classmethod
+    def misfits(cls, given: Mapping[str, Any]) -> Iterator[tuple[str, str | None]]:
+        """Either a position, or a lane and a place on it."""
+        if ("position" in given) == ("lane" in given):
+            if set(given) <= set(cls.model_fields):
+                yield "expected either `position` or `lane` and `at`", None
+        elif "lane" in given and "at" not in given:
+            yield "needs `at`, the place along it in m", "lane"
+        elif "at" in given and "lane" not in given:
+            yield "goes with `lane` only", "at"
 
 
 class Trigger(FileModel, frozen=True):

@@ -40,7 +40,6 @@ from rudc.agents.variation import split
 from rudc.errors import InputError
 from rudc.evaluation.columns import happened, metric_of
 from rudc.evaluation.metrics import average, numbers
-from rudc.evaluation.preflight import check_scenarios
 from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.statistics import Z, summarise_rate
 from rudc.evaluation.sweep import Progress, run_sweep
@@ -109,8 +108,6 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
     domains = {INSIDE: in_distribution(), OUTSIDE: out_of_distribution(order.budget)}
     episodes = order.episodes or EPISODES[order.budget]
     shares = {INSIDE: episodes, OUTSIDE: -(-len(domains[INSIDE]) * episodes // len(domains[OUTSIDE]))}
-    for scenarios in domains.values():
-        check_scenarios(scenarios, order.seed)
     make_folder(order.out)
     names = tuple(v.agent for v in variants)
     rows: dict[str, list[dict[str, str]]] = {}

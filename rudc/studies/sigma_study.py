@@ -29,7 +29,6 @@ from rudc.agents.variation import split
 from rudc.arrays import Array, Flags, Index
 from rudc.errors import InputError, StorageError
 from rudc.evaluation.columns import happened
-from rudc.evaluation.preflight import check_scenarios
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.sweep import Progress, run_sweep
@@ -129,7 +128,6 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
     for name in agents:
         _must_state_sigma(name)
     scenarios = (*in_distribution(), *out_of_distribution(order.budget))
-    check_scenarios(scenarios, order.seed)
     make_folder(order.out)
     sigmas = order.out.resolve() / "sigmas"
     plan = SweepPlan(scenarios, agents, order.episodes or EPISODES[order.budget], order.seed)

@@ -13,6 +13,7 @@ from rudc.world.scene import Scene
 
 if TYPE_CHECKING:
     from rudc.network.network import Lane, Network, Route
+    from rudc.network.road import Movement
     from rudc.scenario.plan import EgoPlan
 
 MARGIN_M = 2.0
@@ -23,9 +24,8 @@ BRAKING = 4.0
 """m/s2, with which the one behind can brake; the one ahead is taken to brake as hard"""
 
 
-def draw_route(network: Network, plan: EgoPlan, rng: np.random.Generator) -> Route:
-    """The plan's route; what it leaves open is drawn evenly, first the arm, then the movement. Raises
-    NetworkError."""
+def movements_of(network: Network, plan: EgoPlan) -> list[Movement]:
+    """The movements that a plan leaves open, one at least. Raises NetworkError."""
     movements = [m for m in network.movements if m.turn != "u_turn"]
     if plan.origin is not None:
         wanted = network.arm(plan.origin).name
@@ -41,6 +41,13 @@ def draw_route(network: Network, plan: EgoPlan, rng: np.random.Generator) -> Rou
         )
         known = ", ".join(f"{m.origin}>{m.destination} ({m.turn})" for m in network.movements)
         raise NetworkError(f"network {network.name} has no movement {asked}; it has {known}")
+    return movements
+
+
+def draw_route(network: Network, plan: EgoPlan, rng: np.random.Generator) -> Route:
+    """The plan's route; what it leaves open is drawn evenly, first the arm, then the movement. Raises
+    NetworkError."""
+    movements = movements_of(network, plan)
     origins = sorted({m.origin for m in movements})
     origin = origins[rng.integers(len(origins))]
     choices = [m for m in movements if m.origin == origin]

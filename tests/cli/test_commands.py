@@ -44,7 +44,7 @@ def test_from_a_new_scenario_to_a_picture_and_a_run(rudc, tmp_path):
     assert json.loads((tmp_path / "rudc-scenario.schema.json").read_text())["title"]
     assert rudc("scenario", "new", "mine").status == 2
     answer = rudc("scenario", "validate", "mine.yaml")
-    assert answer == (0, "mine: ok (1 events)\n", "")
+    assert answer == (0, "mine.yaml: ok (1 event)\n", "")
     answer = rudc("scenario", "preview", "mine.yaml", "--seed", 2, "--out", "pictures/mine.png")
     assert answer.status == 0, answer.err
     with Image.open(tmp_path / "pictures" / "mine.png") as picture:

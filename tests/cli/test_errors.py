@@ -76,10 +76,36 @@ def test_what_does_not_fit_the_network_is_found_before_anything_runs(rudc, tmp_p
         answer = rudc(*command)
         assert answer.status == 2
         lines = answer.err.removeprefix("error: ").splitlines()
-        assert [line.split(": ")[1] for line in lines] == [
-            "ego.route", "events[0].lane", "events[1].lane", "events[2].arm",
-        ]  # fmt: skip
+        assert [line.split(": ")[:2] for line in lines] == [
+            ["misfit.yaml:2:21", "ego.route.from"],
+            ["misfit.yaml:4:32", "events.0.lane"],
+            ["misfit.yaml:5:44", "events.1.at"],
+            ["misfit.yaml:6:38", "events.2.arm"],
+        ]
+        assert "did you mean 'west_in_1'?" in lines[1]
     assert not (tmp_path / "out").exists()
+
+
+def test_each_of_many_files_gets_a_line_and_all_that_is_wrong_is_said(rudc, tmp_path):
+    folder = tmp_path / "elsewhere"
+    folder.mkdir()
+    (folder / "good.yaml").write_text("name: good\nsweep: {traffic.density: [10, 20]}\n")
+    (folder / "bad.yaml").write_text("name: bad\nevents: [{kind: wrong_way, lane: ego_inn, at: 5}]\n")
+    (folder / "late.yaml").write_text("name: late\ntraffic: {warm_up: 0.1}\nego: {distance: 119}\n")
+    answer = rudc("scenario", "validate", "elsewhere/*.yaml", "gone.yaml", "fog")
+    assert answer.status == 2
+    assert answer.out.splitlines() == [
+        "elsewhere/bad.yaml: 1 problem",
+        "elsewhere/good.yaml: ok (0 events, 2 swept points)",
+        "elsewhere/late.yaml: 1 problem",
+        "fog: ok (2 events)",
+    ]
+    lines = answer.err.removeprefix("error: ").splitlines()
+    assert lines[0].startswith("gone.yaml: no such file")
+    assert lines[1].startswith("elsewhere/bad.yaml:2:34: events.0.lane: no lane 'ego_inn'")
+    assert "did you mean 'ego_in'?" in lines[1]
+    assert lines[2].startswith("elsewhere/late.yaml:3:17: ego.distance: 119 m do not fit on arm")
+    assert len(lines) == 3
 
 
 def test_a_folder_that_is_not_empty_is_refused_with_advice(rudc):

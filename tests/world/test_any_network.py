@@ -11,11 +11,12 @@ import pytest
 from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode
 from rudc.errors import NetworkError, ScenarioError, SimulationError
-from rudc.evaluation.preflight import check_scenarios, try_out
+from rudc.evaluation.preflight import try_out
 from rudc.evaluation.rollout import run_episode
 from rudc.network.build import build_network, find_netconvert
 from rudc.network.network import load_network, shipped_networks
 from rudc.scenario import load_scenario
+from rudc.world.fitting import misfits
 from rudc.world.world import World
 from tests.plans import ALL_KINDS, PlanSource, event
 from tests.world.networks import in_pieces, with_limits
@@ -68,7 +69,7 @@ def test_traffic_lights_are_refused_wherever_one_drives(tmp_path):
         World(network)
     assert len(try_out(scenario)) == 1
     with pytest.raises(ScenarioError, match="traffic lights"):
-        check_scenarios([scenario])
+        load_scenario("random_destination", {"network": str(path)}, misfits)
 
 
 def test_what_is_said_about_traffic_lights_takes_them_away(tmp_path):

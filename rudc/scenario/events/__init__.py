@@ -1,8 +1,9 @@
 """What happens in an episode besides ordinary traffic: one file a kind, with its model and its effect.
 
 Positions are in m east and north of the junction's centre; lanes are named `ARM_in_INDEX` and `ARM_out_INDEX`
-(0 = rightmost) or by SUMO's id; `at` is in m outwards from the stop line, or on an outbound lane from the
-junction's exit. Files give angles in degrees, and the properties ending in `_rad` give radians.
+(0 = rightmost), `at` in m outwards from the stop line, or on an outbound lane from the junction's exit; lanes
+inside the junction, on a ring, and about the ego (`ego_in`, `left_of_ego`) as `rudc.network.stretches` says.
+Files give angles in degrees, and the properties ending in `_rad` give radians.
 
 An event of your own, registered before a scenario that has it is read:
 

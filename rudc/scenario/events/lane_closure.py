@@ -23,20 +23,23 @@ class LaneClosure(Event, frozen=True):
     lane: Identifier
     """lane that is closed"""
     at: Metre
-    """m from the junction, the end nearer to it"""
+    """m along the lane, where it begins to be closed"""
     length: Annotated[AnyDistribution, Bounds(0, 500, "m", above=True)]
-    """m, away from the junction"""
+    """m that are closed, away from the junction, or inside it in driving direction"""
 
 
 class LaneClosureEffect(Effect[LaneClosure]):
-    """A barrier over a stretch of one lane."""
+    """A barrier over a stretch of one lane, in straight pieces where it bends."""
 
     from_the_start = True
 
     def begin(self, stage: Stage) -> bool:
-        length, width = float(self.event.length), stage.lane_width(self.event.lane) - FREE_M
-        place = stage.pose_on_lane(self.event.lane, float(self.event.at) + 0.5 * length)
-        stage.stand(f"{self.name}:0", "obstacle", place, (length, width))
+        lane, at, width = self.event.lane, float(self.event.at), stage.lane_width(self.event.lane) - FREE_M
+        pieces = stage.pieces_of_lane(lane, at, at + float(self.event.length))
+        length = float(self.event.length) / pieces
+        for i in range(pieces):
+            place = stage.pose_on_lane(lane, at + (i + 0.5) * length)
+            stage.stand(f"{self.name}:{i}", "obstacle", place, (length, width))
         return True
 
 

@@ -21,7 +21,7 @@ class PedestrianCrossing(Event, frozen=True):
     kind: Literal["pedestrian_crossing"]
     """pedestrians walk across an arm"""
     arm: Identifier
-    """arm they cross"""
+    """arm they cross; or ego_in or ego_out, the arm the ego comes from or leaves by"""
     at: Metre = Constant(value=3.0)
     """m from the junction, of the line they walk along"""
     speed: Annotated[AnyDistribution, Bounds(0, 10, "m/s", above=True)] = Constant(value=1.4)

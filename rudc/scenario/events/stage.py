@@ -93,6 +93,10 @@ class Stage(ABC):
         """m."""
 
     @abstractmethod
+    def pieces_of_lane(self, lane: str, begin: float, end: float) -> int:
+        """How many straight pieces follow a lane's bend from one place on it to another, in m as `at` is."""
+
+    @abstractmethod
     def against_lane(self, lane: str, at: float) -> NDArray[np.float64]:
         """(K, 2) m, the way against a lane from `at` m from the junction, and straight on."""
 
@@ -104,6 +108,10 @@ class Stage(ABC):
         """
 
     # ---- things
+
+    @abstractmethod
+    def length_of(self, body: Body) -> float:
+        """m, of a vehicle or pedestrian."""
 
     @abstractmethod
     def stand(self, name: str, body: Body, place: XYHeading, size: tuple[float, float] | None = None) -> None:

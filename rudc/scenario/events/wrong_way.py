@@ -19,9 +19,10 @@ class WrongWay(Event, frozen=True):
     kind: Literal["wrong_way"]
     """a vehicle drives along a lane against its direction"""
     lane: Identifier
-    """lane it drives along; on ARM_out_INDEX it comes towards the junction"""
+    """lane it drives along; on ARM_out_INDEX it comes towards the junction, and from inside the junction it
+    drives out by the arm from which the lane comes"""
     at: Metre
-    """m from the junction, where it appears"""
+    """m along the lane, where it appears"""
     speed: MovingSpeed = Constant(value=6.0)
     """m/s"""
     type: VehicleType = "car"
@@ -29,7 +30,7 @@ class WrongWay(Event, frozen=True):
 
 
 class WrongWayEffect(Effect[WrongWay]):
-    """It drives its lane against its direction, and straight on through the junction."""
+    """It drives its lane against its direction, and straight on where that begins."""
 
     def begin(self, stage: Stage) -> bool:
         way = stage.against_lane(self.event.lane, float(self.event.at))

@@ -40,9 +40,11 @@ def _ego_distance_to_junction(condition: Any, scene: Scene, stage: WorldStage) -
 
 
 def _reach_position(condition: Any, scene: Scene, stage: WorldStage) -> bool:
-    x, y = (float(value) for value in condition.position)
-    away = math.hypot(scene.ego.x - scene.network.center[0] - x, scene.ego.y - scene.network.center[1] - y)
-    return away < float(condition.tolerance)
+    if condition.lane is not None:
+        x, y, _ = scene.network.place_on_lane(condition.lane, float(condition.at), route=scene.route)
+    else:
+        x, y = scene.network.center + [float(value) for value in condition.position]
+    return math.hypot(scene.ego.x - x, scene.ego.y - y) < float(condition.tolerance)
 
 
 def _relative_distance(condition: Any, scene: Scene, stage: WorldStage) -> bool:

@@ -115,22 +115,28 @@ class WorldStage(Stage):
             x, y = (float(value) for value in place.position)
             return x + float(self.network.center[0]), y + float(self.network.center[1]), place.heading_rad
         return self.network.place_on_lane(
-            place.lane, float(place.at), float(place.lateral), place.heading_offset_rad
+            place.lane, float(place.at), float(place.lateral), place.heading_offset_rad, self.route
         )
 
     def pose_on_lane(self, lane: str, at: float) -> XYHeading:
-        return self.network.place_on_lane(lane, at)
+        return self.network.place_on_lane(lane, at, route=self.route)
 
     def lane_width(self, lane: str) -> float:
-        return self.network.lane(lane).width
+        return self.network.stretch(lane, self.route).lane.width
+
+    def pieces_of_lane(self, lane: str, begin: float, end: float) -> int:
+        return self.network.stretch(lane, self.route).pieces(begin, end)
 
     def against_lane(self, lane: str, at: float) -> Array:
-        return against_lane(self.network, lane, at)
+        return against_lane(self.network, self.route, lane, at)
 
     def across_arm(self, arm: str, at: float) -> Array:
-        return across_arm(self.network, arm, at)
+        return across_arm(self.network, self.route, arm, at)
 
     # ---- things
+
+    def length_of(self, body: Body) -> float:
+        return _size(body)[0]
 
     def stand(self, name: str, body: Body, place: XYHeading, size: tuple[float, float] | None = None) -> None:
         """Inside the junction SVs see it by the yielding layer alone.
@@ -214,18 +220,16 @@ def _obstructed(lane: Lane, corners: Array) -> tuple[float, float] | None:
     return max(float(s.min()), 0.2), min(float(s.max()), lane.length - 0.2)
 
 
-def against_lane(network: Network, name: str, at: float) -> Array:
-    """(K, 2) m, as `Stage.against_lane`."""
-    way = network.lane(name).xy[::-1]
-    start = np.array(network.place_on_lane(name, at)[:2])
-    way = np.vstack([start, way[(way - start) @ (way[-1] - way[0]) > 0]])
+def against_lane(network: Network, route: Route, lane: str, at: float) -> Array:
+    """(K, 2) m, as `Stage.against_lane`; `route`: the ego's."""
+    way = network.stretch(lane, route).against(at)
     direction = (way[-1] - way[-2]) / np.linalg.norm(way[-1] - way[-2])
     return np.vstack([way, way[-1] + BEYOND_M * direction])
 
 
-def across_arm(network: Network, name: str, at: float) -> Array:
-    """(2, 2) m, as `Stage.across_arm`."""
-    arm, ends = network.arm(name), []
+def across_arm(network: Network, route: Route, name: str, at: float) -> Array:
+    """(2, 2) m, as `Stage.across_arm`; `route`: the ego's."""
+    arm, ends = network.arm(name, route), []
     for lanes, other in ((arm.in_lanes, arm.out_lanes), (arm.out_lanes, arm.in_lanes)):
         # A one-way arm is crossed from the right of its outermost lane to the left of its innermost.
         names, side = (lanes, -1.0) if lanes else (other[::-1], 1.0)

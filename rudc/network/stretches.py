@@ -1,0 +1,210 @@
+"""Named stretches of lane: what a scenario's lane names mean, and how `at` is counted along each.
+
+    ARM_in_INDEX       an arm's lane towards the junction; `at` outwards from the stop line
+    ARM_out_INDEX      an arm's lane away from it; `at` outwards from the junction's exit
+    ARM_to_ARM_INDEX   a way through the junction from stop line to exit; `at` from the stop line. Ways from
+                       one arm to another are counted from the right, by inbound and then by outbound lane
+    ring_ARM_INDEX     a roundabout's ring from where an arm's traffic enters it to where the next arm's
+                       does; `at` from there
+    SUMO's id          of a lane next to the junction as above; of one inside it, `at` from its beginning
+    ego_in, ego_out    the lane on which the ego comes, and the one on which it leaves
+    left_of_ego        the next lane to the left of ego_in: of the same direction, else the oncoming one
+    right_of_ego       the next lane to the right of ego_in, of the same direction
+
+The last four are known once the ego's route is (where that is random: when the episode is set up).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from rudc.arrays import Array
+from rudc.errors import NetworkError
+from rudc.network.layout import Layout
+from rudc.network.road import Arm, Lane
+from rudc.network.route import ReferencePath, Route
+
+EGO_IN, EGO_OUT, LEFT_OF_EGO, RIGHT_OF_EGO = "ego_in", "ego_out", "left_of_ego", "right_of_ego"
+EGO_LANES = (EGO_IN, EGO_OUT, LEFT_OF_EGO, RIGHT_OF_EGO)
+"""names of lanes relative to the ego"""
+EGO_ARMS = (EGO_IN, EGO_OUT)
+"""names of arms relative to the ego: the one it comes from, the one it leaves by"""
+PIECE = 0.2
+"""rad, change of heading over one straight piece of a bend"""
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """A stretch of lane on which things can be placed, `at` m from one of its ends."""
+
+    name: str
+    """what it was asked for by"""
+    lane: Lane
+    """SUMO's lane; of several in a row, the first"""
+    reach: float
+    """m, the largest `at`"""
+    start: float
+    """m, arc length on `_line` where `at` is 0"""
+    sign: float
+    """1 where `at` grows in driving direction, -1 where against it"""
+    line: ReferencePath | tuple[Layout, int]
+    """the line it lies on, or a row of a network's paths"""
+    inside: bool
+    """whether it lies inside the junction or on its ring"""
+
+    def place(
+        self, at: float, lateral: float = 0.0, heading_offset: float = 0.0
+    ) -> tuple[float, float, float]:
+        """x m, y m and heading rad `at` m along, `lateral` m to the left of the centre line.
+
+        Raises NetworkError.
+        """
+        if not 0.0 <= at <= self.reach:
+            end = "its beginning" if self.inside else "the junction"
+            raise NetworkError(
+                f"{at:g} m from {end} is not on lane {self.name!r}, which has {self.reach:.1f} m"
+            )
+        s = self.start + self.sign * at
+        if isinstance(self.line, ReferencePath):
+            pose = self.line.pose(s)
+        else:
+            network, row = self.line
+            pose = network.paths.pose(np.array(row), np.array(s))
+        x, y, psi = (float(v) for v in pose)
+        return x - lateral * math.sin(psi), y + lateral * math.cos(psi), psi + heading_offset
+
+    def pieces(self, begin: float, end: float) -> int:
+        """How many straight pieces follow its bend from one place on it to another."""
+        if isinstance(self.line, ReferencePath) or not self.inside:
+            return 1
+        network, row = self.line
+        s = self.start + self.sign * np.linspace(begin, end, 50)
+        heading = network.paths.pose(np.full(50, row), s)[2]
+        return max(1, math.ceil(float(np.ptp(heading)) / PIECE))
+
+    def against(self, at: float) -> Array:
+        """(K, 2) m, the way from `at` against the driving direction: to the lane's beginning; from inside the
+        junction on to the outer end of the arm where the way begins."""
+        here = np.array(self.place(at)[:2])
+        if isinstance(self.line, ReferencePath) or not self.inside:
+            back = self.lane.xy[::-1]
+            return np.vstack([here, back[(back - here) @ (back[-1] - back[0]) > 0]])
+        network, row = self.line
+        before = int((self.start + self.sign * at) / network.paths.ds)
+        return np.vstack([here, network.paths.xy[row, before::-1]])
+
+
+def arm_stretches(network: Layout) -> dict[str, Stretch]:
+    """The arms' lanes next to the junction, by name."""
+    found = {}
+    for arm in network.arms:
+        for way, lane_ids in (("in", arm.in_lanes), ("out", arm.out_lanes)):
+            for lane_id in lane_ids:
+                name = f"{arm.name}_{way}_{network.lanes[lane_id].index}"
+                found[name] = _on_arm(network, name, network.lanes[lane_id], inbound=way == "in")
+    return found
+
+
+def inner_stretches(network: Layout) -> dict[str, Stretch]:
+    """Ways through the junction, and the stretches of a roundabout's ring, by name."""
+    found = {}
+    for movement in network.movements:
+        ordered = sorted(
+            movement.rows, key=lambda row: (network.inbound_lane(row).index, network.outbound_lane(row).index)
+        )
+        for k, row in enumerate(ordered):
+            name = f"{movement.origin}_to_{movement.destination}_{k}"
+            start, end = float(network.paths.stop_s[row]), float(network.paths.exit_s[row])
+            inside = next(
+                (i for i in network.paths.lane_ids[row] if i in network.lanes and network.lanes[i].internal),
+                None,
+            )
+            if inside is not None:
+                found[name] = Stretch(
+                    name, network.lanes[inside], end - start, start, 1.0, (network, row), True
+                )
+    for arm in network.arms:
+        found |= _ring_of(network, arm)
+    return found
+
+
+def stretch_by_id(network: Layout, lane_id: str) -> Stretch:
+    """The stretch of a lane that SUMO's id names. Raises NetworkError if it is not next to the junction."""
+    lane = network.lanes[lane_id]
+    for arm in network.arms:
+        if lane_id in (*arm.in_lanes, *arm.out_lanes):
+            return _on_arm(network, lane_id, lane, inbound=lane_id in arm.in_lanes)
+    if not lane.internal and lane.edge not in network.ring_edges:
+        raise NetworkError(f"lane {lane_id!r} of network {network.name} is not next to the junction")
+    rows = [row for row, lanes in enumerate(network.paths.lane_ids) if lane_id in lanes]
+    row = min(rows, key=lambda row: network.paths.lane_ids[row].index(lane_id))
+    start, end = network.span(row, lane_id)
+    return Stretch(lane_id, lane, end - start, start, 1.0, (network, row), True)
+
+
+def lane_of_ego(network: Layout, name: str, route: Route) -> Lane:
+    """The lane that a name relative to the ego means on its route. Raises NetworkError if there is none."""
+    own = network.inbound_lane(route.row)
+    if name == EGO_IN:
+        return own
+    if name == EGO_OUT:
+        return network.outbound_lane(route.row)
+    arm = network.arm(route.origin)
+    place = arm.in_lanes.index(own.id)
+    if name == LEFT_OF_EGO:
+        beside = (*arm.in_lanes, *reversed(arm.out_lanes))[place + 1 :]
+    else:
+        beside = arm.in_lanes[:place][::-1]
+    if not beside:
+        side = "left" if name == LEFT_OF_EGO else "right"
+        raise NetworkError(
+            f"{name}: on the way from {route.origin} to {route.destination} the ego comes on lane "
+            f"{own.id!r} of network {network.name}, which has no lane to its {side}"
+        )
+    return network.lanes[beside[0]]
+
+
+def _on_arm(network: Layout, name: str, lane: Lane, *, inbound: bool) -> Stretch:
+    end = network.inbound_lane if inbound else network.outbound_lane
+    row = next((row for row in range(network.paths.count) if end(row) is lane), None)
+    sign = -1.0 if inbound else 1.0
+    if row is None:
+        line = ReferencePath(lane.xy)
+        return Stretch(name, lane, line.length, line.length if inbound else 0.0, sign, line, False)
+    paths = network.paths
+    start = float((paths.stop_s if inbound else paths.exit_s)[row])
+    reach = start if inbound else float(paths.length[row]) - start
+    return Stretch(name, lane, reach, start, sign, (network, row), False)
+
+
+def _ring_of(network: Layout, arm: Arm) -> dict[str, Stretch]:
+    """Stretches of the ring that begin where the arm's traffic enters it, one for each lane it enters."""
+    first: dict[str, tuple[str, int]] = {}
+    entered: set[str] = set()
+    longest = sorted(range(network.paths.count), key=lambda row: -float(network.paths.length[row]))
+    for row in longest:
+        lane_id = next((i for i in network.paths.lane_ids[row] if _edge(i) in network.ring_edges), None)
+        if lane_id is None:
+            continue
+        if network.arms[int(network.paths.origin[row])] is arm:
+            first.setdefault(lane_id, (lane_id, row))
+        else:
+            entered.add(_edge(lane_id))
+    found = {}
+    for lane_id, row in first.values():
+        start, _ = network.span(row, lane_id)
+        lanes = network.paths.lane_ids[row]
+        after = lanes[lanes.index(lane_id) + 1 :]
+        end_lane = next((i for i in after if _edge(i) in entered - {_edge(lane_id)}), None)
+        end = float(network.paths.exit_s[row]) if end_lane is None else network.span(row, end_lane)[0]
+        lane = network.lanes[lane_id]
+        name = f"ring_{arm.name}_{lane.index}"
+        found[name] = Stretch(name, lane, end - start, start, 1.0, (network, row), True)
+    return found
+
+
+def _edge(lane_id: str) -> str:
+    return lane_id.rpartition("_")[0]

@@ -1,0 +1,53 @@
+"""`vehicle_crossing`: cyclists, motorcyclists or others ride across an arm in front of traffic."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from rudc.scenario.base import Identifier
+from rudc.scenario.distributions import AnyDistribution, Bounds, Constant
+from rudc.scenario.events.event import Effect, Event, MovingSpeed
+from rudc.scenario.events.registry import register_event
+from rudc.scenario.events.stage import Stage
+from rudc.scenario.poses import VehicleType
+from rudc.scenario.triggers import Metre
+
+FOLLOWING_S = 1.2
+"""s between the rear of one and the front of the next"""
+
+
+class VehicleCrossing(Event, frozen=True):
+    """Cyclists, motorcyclists or others ride across an arm, from a path or yard beside it."""
+
+    kind: Literal["vehicle_crossing"]
+    """cyclists, motorcyclists or others ride across an arm"""
+    arm: Identifier
+    """arm they cross; or ego_in or ego_out, the arm the ego comes from or leaves by"""
+    type: VehicleType = "bicycle"
+    """what crosses; its size is that of traffic of this type"""
+    at: Metre = Constant(value=4.0)
+    """m from the junction, of the line they ride along"""
+    speed: MovingSpeed = Constant(value=4.0)
+    """m/s; they stop for what stands in their way, not for a moving ego"""
+    count: Annotated[AnyDistribution, Bounds(1, 30, whole=True)] = Constant(value=1.0)
+    """how many, one behind the other"""
+    from_side: Literal["left", "right"] = "right"
+    """side they start from, as seen going towards the junction"""
+
+
+class VehicleCrossingEffect(Effect[VehicleCrossing]):
+    """They ride straight across, one behind the other; the first begins with its front at the roadside."""
+
+    def begin(self, stage: Stage) -> bool:
+        event, speed = self.event, float(self.event.speed)
+        way = stage.across_arm(event.arm, float(event.at))
+        if event.from_side == "left":
+            way = way[::-1]
+        length = stage.length_of(event.type)
+        for i in range(event.count):
+            late_m = 0.5 * length + i * (length + FOLLOWING_S * speed)
+            stage.send(f"{self.name}:{i}", event.type, way, speed, late_m)
+        return True
+
+
+register_event(VehicleCrossing, VehicleCrossingEffect)

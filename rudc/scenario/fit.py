@@ -1,0 +1,148 @@
+"""Whether a file fits what it names beyond itself: its network's arms, lanes and turns.
+
+What is asked, a `Fit`, comes from a floor that knows networks (`rudc.world.fitting.misfits`). It is asked of
+every combination of swept values that it could depend on, and each answer is put in its place, once. Every
+part of the file that can be read by itself is asked about, so that a file's problems come all at once.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+from pydantic_core import PydanticCustomError
+
+from rudc.scenario.dotted import DottedKeyError, Path, dotted, with_value
+from rudc.scenario.events import AnyEvent, Event
+from rudc.scenario.model import GRID_LIMIT
+from rudc.scenario.networks import existing_network
+from rudc.scenario.problems import Problem
+from rudc.scenario.sections import Ego
+from rudc.scenario.yaml_text import Report, Sheet
+
+_EVENT: TypeAdapter[Event] = TypeAdapter(AnyEvent)
+_NETWORK = "four_way"
+ASKED_ABOUT = ("network", "junction", "ego", "events")
+"""top-level keys that a fit can depend on"""
+
+
+@dataclass(frozen=True)
+class Parts:
+    """What a file says of a place: its network, and what of the rest could be read."""
+
+    network: str
+    """name of a shipped network or path of a .net.xml"""
+    junction: str | None = None
+    ego: Ego | None = None
+    """None where it cannot be read"""
+    events: dict[int, Event] = field(default_factory=dict)
+    """place in the file's list -> event, of those that can be read"""
+
+
+Fit = Callable[[Parts], Sequence[Problem]]
+"""says what of a scenario does not fit"""
+
+
+def fit_reports(sheet: Sheet, data: dict[str, Any], fit: Fit) -> list[Report]:
+    """What does not fit, each once: at its own place, or at the swept values that cause it."""
+    base = {key: value for key, value in data.items() if key != "sweep"}
+    axes = _axes(base, data.get("sweep"))
+    choices = [
+        dict(zip(axes, point, strict=True))
+        for point in itertools.product(*(range(len(v)) for v in axes.values()))
+    ]
+    found: dict[Problem, list[dict[str, int]]] = {}
+    paths: dict[str, Path] = {}
+    for choice in choices:
+        point = base
+        for key, i in choice.items():
+            point, paths[key] = with_value(point, key, axes[key][i])
+        parts = readable(point)
+        for problem in fit(parts) if parts is not None else ():
+            found.setdefault(problem, []).append(choice)
+    for problems in _by_path(found):
+        # What is wrong everywhere, if in other words on each network, is said once.
+        if len(problems) > 1 and sum(len(found[problem]) for problem in problems) == len(choices):
+            found[problems[0]] += [choice for problem in problems[1:] for choice in found.pop(problem)]
+    reports = [
+        report
+        for problem, where in found.items()
+        for report in _placed(sheet, problem, where, choices, paths)
+    ]
+    return list(dict.fromkeys(reports))
+
+
+def _by_path(problems: Iterable[Problem]) -> list[list[Problem]]:
+    groups: dict[Path, list[Problem]] = {}
+    for problem in problems:
+        groups.setdefault(problem.path, []).append(problem)
+    return list(groups.values())
+
+
+def readable(data: dict[str, Any]) -> Parts | None:
+    """The parts of a file's data that are as they should be; None without a network."""
+    try:
+        network = existing_network(data.get("network", _NETWORK))
+    except (PydanticCustomError, TypeError):
+        return None
+    junction = data.get("junction")
+    if junction is not None and not isinstance(junction, str | int):
+        return None
+    try:
+        ego = Ego.model_validate(data.get("ego", {}))
+    except ValidationError:
+        ego = None
+    events: dict[int, Event] = {}
+    given = data.get("events")
+    for i, item in enumerate(given if isinstance(given, list) else ()):
+        try:
+            events[i] = _EVENT.validate_python(item)
+        except ValidationError:
+            continue
+    return Parts(network, None if junction is None else str(junction), ego, events)
+
+
+def _axes(base: dict[str, Any], sweep: Any) -> dict[str, list[Any]]:
+    """Swept key -> values, of those keys that a fit can depend on."""
+    axes: dict[str, list[Any]] = {}
+    combinations = 1
+    for key, values in sweep.items() if isinstance(sweep, dict) else ():
+        if key.split(".")[0] not in ASKED_ABOUT or not isinstance(values, list) or not values:
+            continue
+        try:
+            with_value(base, key, values[0])
+        except DottedKeyError:
+            continue
+        combinations *= len(values)
+        if combinations <= GRID_LIMIT:
+            axes[key] = values
+    return axes
+
+
+def _placed(
+    sheet: Sheet,
+    problem: Problem,
+    where: list[dict[str, int]],
+    choices: list[dict[str, int]],
+    paths: dict[str, Path],
+) -> list[Report]:
+    """The problem at the swept values that are to blame for it, or at its own place if none is."""
+    for key, path in paths.items():
+        shared = min(len(path), len(problem.path))
+        if path[:shared] == problem.path[:shared]:
+            return [_at_value(sheet, problem, key, i) for i in sorted({choice[key] for choice in where})]
+    if len(where) == len(choices):
+        return [sheet.report(problem.path, problem.text, problem.on_key)]
+    for key in paths:
+        values = {choice[key] for choice in where}
+        if len(where) == sum(choice[key] in values for choice in choices):
+            return [_at_value(sheet, problem, key, i) for i in sorted(values)]
+    key = next(iter(paths))
+    return [_at_value(sheet, problem, key, where[0][key])]
+
+
+def _at_value(sheet: Sheet, problem: Problem, key: str, index: int) -> Report:
+    return sheet.report(("sweep", key, index), f"{dotted(problem.path)}: {problem.text}")

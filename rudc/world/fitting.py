@@ -1,0 +1,127 @@
+"""What of a scenario does not fit its network, found out before anything is run.
+
+A scenario file is checked by its own floor; whether its arms, lanes and turns exist only the network knows.
+Where the ego's route is random, every route that may be drawn is looked at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from rudc.errors import NetworkError
+from rudc.network.network import Network, Route, load_network
+from rudc.network.road import Movement
+from rudc.network.stretches import EGO_ARMS, EGO_LANES
+from rudc.scenario.base import FileModel
+from rudc.scenario.distributions import Distribution, Normal
+from rudc.scenario.dotted import Path
+from rudc.scenario.fit import Parts
+from rudc.scenario.problems import Problem
+from rudc.scenario.sections import Ego
+from rudc.world.spawn import movements_of
+
+TOLERANCE_M = 0.05
+"""m by which the ego's path may be shorter than its lanes"""
+SURE = 5.0
+"""standard deviations of a normal distribution beyond which its values are taken not to be drawn"""
+
+
+def misfits(parts: Parts) -> list[Problem]:
+    """What does not fit; none when all does."""
+    try:
+        network = load_network(parts.network, parts.junction)
+        network.refuse_lights()
+    except NetworkError as error:
+        return [Problem(("network" if parts.junction is None else "junction",), str(error))]
+    movements, found = _movements(network, parts.ego)
+    for i, event in parts.events.items():
+        for path, part in _placed(event, ("events", i)):
+            found += _misplaced(network, movements, path, part)
+    return found
+
+
+def _movements(network: Network, ego: Ego | None) -> tuple[list[Movement], list[Problem]]:
+    """Every movement that the ego may be given, and what is wrong with what the file says of it."""
+    if ego is None:
+        return [], []
+    problems = []
+    for key, name in (("from", ego.route.origin), ("to", ego.route.to)):
+        try:
+            if name is not None and (key, name) != ("from", "random"):
+                network.arm(name)
+        except NetworkError as error:
+            problems.append(Problem(("ego", "route", key), str(error)))
+    if problems:
+        return [], problems
+    try:
+        movements = movements_of(network, ego.plan(np.random.default_rng(0)))
+    except NetworkError as error:
+        return [], [Problem(("ego", "route"), str(error))]
+    return movements, _too_far(network, movements, ego)
+
+
+def _too_far(network: Network, movements: list[Movement], ego: Ego) -> list[Problem]:
+    """Whether some arm is too short for the ego's start."""
+    room = {
+        m.origin: float(network.paths.stop_s[list(m.rows)].min()) - network.vehicle.length for m in movements
+    }
+    arm, least = min(room.items(), key=lambda item: item[1])
+    far = likely(ego.distance)[1]
+    if far <= least + TOLERANCE_M:
+        return []
+    text = f"{far:g} m do not fit on arm {arm!r} of network {network.name}, which has {least:.1f} m for it"
+    return [Problem(("ego", "distance"), text)]
+
+
+def likely(value: Distribution) -> tuple[float, float]:
+    """Least and greatest value that is drawn; of a normal distribution, within SURE standard deviations."""
+    low, high = value.support
+    if isinstance(value, Normal):
+        mean, spread = value.normal.mean, SURE * value.normal.std
+        return max(low, mean - spread), min(high, mean + spread)
+    return low, high
+
+
+def _placed(value: Any, path: Path) -> Iterator[tuple[Path, FileModel]]:
+    """Every part of an event that names a lane or an arm, and where it stands in the file."""
+    if isinstance(value, tuple):
+        for i, item in enumerate(value):
+            yield from _placed(item, (*path, i))
+    elif isinstance(value, FileModel) and not isinstance(value, Distribution):
+        if getattr(value, "lane", None) is not None or getattr(value, "arm", None) is not None:
+            yield path, value
+        for name in type(value).model_fields:
+            yield from _placed(getattr(value, name), (*path, name))
+
+
+def _misplaced(network: Network, movements: list[Movement], path: Path, part: Any) -> list[Problem]:
+    """What is wrong with a part's lane or arm; relative to the ego, on the first route it is wrong for."""
+    names = (getattr(part, "lane", None), getattr(part, "arm", None))
+    if not set(names) & {*EGO_LANES, *EGO_ARMS}:
+        return _misplaced_on(network, None, path, part)
+    wrong = (_misplaced_on(network, network.route(m.origin, m.destination), path, part) for m in movements)
+    return next(filter(None, wrong), [])
+
+
+def _misplaced_on(network: Network, route: Route | None, path: Path, part: Any) -> list[Problem]:
+    key = "lane" if getattr(part, "lane", None) is not None else "arm"
+    name, at, length = getattr(part, key), getattr(part, "at", None), getattr(part, "length", None)
+    try:
+        if key == "lane":
+            stretches = [network.stretch(name, route)]
+        else:
+            arm = network.arm(name, route)
+            stretches = [network.stretch(lane) for lane in (*arm.in_lanes, *arm.out_lanes)]
+    except NetworkError as error:
+        return [Problem((*path, key), str(error))]
+    reach = min(stretch.reach for stretch in stretches)
+    far = 0.0 if at is None else likely(at)[1]
+    # What closes a lane of an arm may reach beyond the arm's outer end, not with its middle.
+    end = 0.0 if length is None else likely(length)[1] * (1.0 if stretches[0].inside else 0.5)
+    if far + end <= reach:
+        return []
+    text = f"{far + end:g} m lies beyond {name!r} of network {network.name}, which has {reach:.1f} m"
+    return [Problem((*path, "at" if far > reach else "length"), text)]

@@ -1,0 +1,142 @@
+"""What does not fit a network is found in the file, where it stands, once."""
+
+import re
+import textwrap
+
+import pytest
+
+from rudc.errors import ScenarioError
+from rudc.scenario import load_scenario, shipped_scenarios
+from rudc.scenario.distributions import distribution
+from rudc.world.fitting import likely, misfits
+
+
+@pytest.fixture
+def problems(tmp_path, monkeypatch):
+    """Problems of a text, as `LINE:COLUMN: key.path: what`."""
+    monkeypatch.chdir(tmp_path)
+
+    def find(text: str, **overrides: object) -> list[str]:
+        (tmp_path / "s.yaml").write_text(textwrap.dedent(text).lstrip("\n"))
+        try:
+            load_scenario("s.yaml", overrides, misfits)
+        except ScenarioError as error:
+            return [line.removeprefix("s.yaml:") for line in str(error).splitlines()]
+        return []
+
+    return find
+
+
+def check(found: list[str], *expected: str) -> None:
+    """Compare line by line; `...` in an expected line stands for anything."""
+    assert len(found) == len(expected), "\n".join(found)
+    for line, pattern in zip(found, expected, strict=True):
+        assert re.fullmatch(".*".join(re.escape(part) for part in pattern.split("...")), line), line
+
+
+@pytest.mark.parametrize("name", shipped_scenarios())
+def test_shipped_scenarios_fit(name):
+    load_scenario(name, fit=misfits)
+
+
+def test_together_with_all_other_problems_each_in_its_place(problems):
+    found = problems("""
+        name: wrong
+        descripton: x
+        ego: {route: {from: northeast}}
+        events:
+          - {kind: lane_closure, lane: west_in_5, at: 5, length: 10}
+          - {kind: hard_break}
+          - {kind: wrong_way, lane: east_in_0, at: {uniform: [5, 500]}}
+          - kind: accident
+            vehicles: [{lane: south_to_wst_0, at: 1}, {lane: south_to_west_0, at: 30}]
+          - {kind: pedestrian_crossing, arm: nort}
+          - {kind: low_friction, friction: 0.3, when: {reach_position: {lane: west_in_9, at: 3}}}
+        """)
+    check(
+        found,
+        "2:1: descripton: unknown key (did you mean 'description'?)",
+        "3:21: ego.route.from: no arm 'northeast' in network four_way (did you mean 'north'?)...",
+        "5:32: events.0.lane: no lane 'west_in_5' in network four_way (did you mean 'west_in_1'?)",
+        "6:12: events.1.kind: unknown kind of event 'hard_break' (did you mean 'hard_brake'?)",
+        "7:44: events.2.at: 500 m lies beyond 'east_in_0' of network four_way, which has 120.0 m",
+        "9:23: events.3.vehicles.0.lane: no lane 'south_to_wst_0'...(did you mean 'south_to_west_0'?)",
+        "9:75: events.3.vehicles.1.at: 30 m lies beyond 'south_to_west_0'..., which has 26.0 m",
+        "10:38: events.4.arm: no arm 'nort' in network four_way (did you mean 'north'?)...",
+        "11:71: events.5.when.reach_position.lane: no lane 'west_in_9' ...",
+    )
+
+
+def test_a_normal_place_is_judged_by_what_will_be_drawn(problems):
+    text = "name: a\nevents: [{{kind: wrong_way, lane: east_in_0, at: {{normal: [{}, 5]}}}}]\n"
+    assert problems(text.format(90)) == []
+    check(problems(text.format(100)), "2:49: events.0.at: 125 m lies beyond...")
+    assert likely(distribution({"normal": {"mean": 100, "std": 5, "high": 110}})) == (75.0, 110.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        # wrong whatever is swept: once, in its own place
+        (
+            """
+            name: a
+            events: [{kind: pedestrian_crossing, arm: nort}]
+            sweep: {traffic.density: [10, 20, 30], network: [four_way, t_junction]}
+            """,
+            "2:43: events.0.arm: no arm 'nort' in network four_way...",
+        ),
+        # wrong on one of the swept networks: there
+        (
+            """
+            name: a
+            events: [{kind: pedestrian_crossing, arm: north}]
+            sweep: {ego.distance: [30, 40], network: [four_way, t_junction]}
+            """,
+            "3:53: sweep.network.1: events.0.arm: no arm 'north' in network t_junction...",
+        ),
+        # swept itself: at the value
+        (
+            """
+            name: a
+            ego: {route: {from: south, turn: left}}
+            sweep: {ego.route.turn: [left, straight], network: [t_junction]}
+            """,
+            "3:32: sweep.ego.route.turn.1: ego.route: network t_junction has no movement ...",
+        ),
+    ],
+)
+def test_swept_values_are_blamed_only_for_what_they_cause(problems, text, expected):
+    check(problems(text), expected)
+
+
+def test_overrides_are_named_as_such(problems):
+    found = problems("name: a\n", **{"ego.route": {"from": "sout"}})
+    check(found, "override: ego.route.from: no arm 'sout' in network four_way (did you mean 'south'?)...")
+
+
+def test_lanes_about_the_ego_must_be_there_on_every_route_it_may_be_given(problems):
+    text = """
+        name: a
+        ego: {{route: {}}}
+        events: [{{kind: stalled_vehicle, lane: {}, at: 10}}]
+        """
+    for lane in ("ego_in", "ego_out", "left_of_ego"):
+        assert problems(text.format("random", lane)) == []
+    assert problems(text.format("{from: south, turn: left}", "right_of_ego")) == []
+    for route in ("random", "{from: south, turn: right}"):
+        found = problems(text.format(route, "right_of_ego"))
+        check(found, "3:40: events.0.lane: right_of_ego: on the way from ... has no lane to its right")
+
+
+def test_a_network_or_junction_that_cannot_be_read_is_said_where_it_is_named(problems, tmp_path):
+    (tmp_path / "broken.net.xml").write_text("<net>")
+    check(problems("name: a\nnetwork: broken.net.xml\n"), "2:10: network: ...not a SUMO network...")
+    check(problems("name: a\njunction: J7\n"), "2:11: junction: ...no junction 'J7'...")
+
+
+def test_the_ego_must_have_room_on_its_arm(problems):
+    check(
+        problems("name: a\nego: {distance: {uniform: [30, 300]}}\n"),
+        "2:17: ego.distance: 300 m do not fit on arm ... of network four_way, which has 115.0 m for it",
+    )

@@ -1,0 +1,124 @@
+"""Events on lanes inside the junction, on a ring, and about the ego; vehicles that cross an arm."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rudc.scenario import load_scenario
+from rudc.world.scene import Kind
+from rudc.world.traffic import VEHICLE_TYPES
+from tests.plans import PlanSource, event
+
+EMPTY = PlanSource(density=0.0, speed=(0.0, 0.0))
+STAND = np.array([-6.0, 0.0])
+
+
+def placed(world, source, *names, seconds=0.0):
+    """Poses (x, y, heading) of named things `seconds` into the episode."""
+    scene = world.reset(source.plan(0))
+    for _ in range(round(seconds / 0.1)):
+        world.advance(STAND)
+        scene = world.scene()
+    rows = [scene.ids.index(name) for name in names]
+    return [(*scene.position[i], scene.heading[i]) for i in rows]
+
+
+def test_lanes_about_the_ego_are_those_of_the_route_it_drives(world):
+    for origin, turn in (("south", "left"), ("east", "straight"), ("west", "right")):
+        lanes = ("ego_in", "ego_out", "left_of_ego")
+        accident = event("accident", vehicles=[{"lane": lane, "at": 6} for lane in lanes])
+        source = replace(EMPTY, origin=origin, turn=turn, events=(accident,))
+        poses = placed(world, source, *(f"accident0:{i}" for i in range(3)))
+        route = world.scene().route
+        for (x, y, _), expected in zip(poses[:2], (route.stop_line_s - 6, route.exit_s + 6), strict=True):
+            s, offset = route.path.project(x, y)
+            assert s == pytest.approx(expected, abs=0.2)
+            assert offset == pytest.approx(0.0, abs=0.2)
+        s, offset = route.path.project(*poses[2][:2])
+        assert s == pytest.approx(route.stop_line_s - 6, abs=0.2)
+        assert offset == pytest.approx(3.5, abs=0.3)
+
+
+def test_things_stand_inside_the_junction_and_on_a_ring(world):
+    stalled = event("stalled_vehicle", lane="south_to_west_0", at=10)
+    source = replace(EMPTY, origin="south", turn="left", events=(stalled,))
+    assert placed(world, source, "stalled_vehicle0:0") == [
+        pytest.approx(world.network.place_on_lane("south_to_west_0", 10.0))
+    ]
+    closure = event("lane_closure", lane="west_to_north_0", at=2, length=20)
+    world.reset(replace(source, events=(closure,)).plan(0))
+    scene = world.scene()
+    assert scene.count > 3
+    near = [world.network.place_on_lane("west_to_north_0", s)[:2] for s in np.arange(2.0, 22.0, 0.5)]
+    away = [min(math.dist(place, spot) for place in near) for spot in scene.position]
+    assert max(away) < 0.5, "its pieces follow the bend"
+    assert scene.size[:, 0].sum() == pytest.approx(20.0)
+
+
+def test_a_ring_is_driven_the_wrong_way_round(world_on):
+    wrong = event("wrong_way", lane="ring_south_0", at=12, speed=5)
+    source = replace(EMPTY, network="roundabout", origin="north", turn="right", events=(wrong,))
+    before = placed(world_on("roundabout"), source, "wrong_way0:0", seconds=0.5)[0]
+    after = placed(world_on("roundabout"), source, "wrong_way0:0", seconds=3.0)[0]
+    at, ahead = (math.atan2(y, x) for x, y, _ in (before, after))
+    assert ahead < at, "clockwise"
+    assert math.hypot(*after[:2]) == pytest.approx(16.0, abs=4.0)
+
+
+def test_reach_position_on_a_lane(world):
+    when = {"reach_position": {"lane": "ego_in", "at": 20, "tolerance": 2}}
+    surge = event("density_surge", density=50, when=when)
+    for origin in ("south", "east"):
+        source = replace(EMPTY, origin=origin, turn="straight", speed=(8.0, 8.0), events=(surge,))
+        scene = world.reset(source.plan(0))
+        while world.traffic.density < 50 and scene.time_s < 6:
+            last = scene
+            world.advance(np.zeros(2))
+            scene = world.scene()
+        assert scene.route.stop_line_s - last.ego_s == pytest.approx(20 + 1.6, abs=0.8)
+
+
+@pytest.mark.parametrize(("kind", "size"), [("bicycle", Kind.BICYCLE), ("motorcycle", Kind.MOTORCYCLE)])
+def test_vehicles_cross_the_arm_one_behind_the_other(world, kind, size):
+    crossing = event("vehicle_crossing", arm="ego_out", type=kind, at=6, speed=5, count=2, from_side="left")
+    source = replace(EMPTY, origin="south", turn="straight", events=(crossing,))
+    scene = world.reset(source.plan(0))
+    seen = {}
+    while scene.time_s < 8:
+        for i, name in enumerate(scene.ids):
+            assert scene.kind[i] == size
+            seen.setdefault(name, []).append(
+                (scene.time_s, *scene.position[i], math.hypot(*scene.velocity[i]))
+            )
+        world.advance(STAND)
+        scene = world.scene()
+    first, second = (np.array(seen[f"vehicle_crossing0:{k}"]) for k in (0, 1))
+    assert world.network.surface.signed_distance(first[:1, 1:3])[0] < 0, "it begins beside the road"
+    assert first[:, 3] == pytest.approx(5.0)
+    # Left of who drives towards the junction from the north is the east, where traffic leaves by that arm.
+    assert first[0, 1] > 7.0
+    assert first[-1, 1] < -7.0
+    assert np.ptp(first[:, 2]) < 0.1
+    gap = np.interp(0.0, -second[:, 1], second[:, 0]) - np.interp(0.0, -first[:, 1], first[:, 0])
+    assert gap == pytest.approx(1.2 + VEHICLE_TYPES[kind].length / 5.0, abs=0.05)
+
+
+def test_crossing_cyclists_cross_where_the_ego_leaves(world):
+    scenario = load_scenario("crossing_cyclists")
+    met = 0
+    for seed in range(10):
+        scene = world.reset(scenario.plan(seed))
+        route = scene.route
+        while scene.time_s < 14 and not any(name.startswith("vehicle_crossing") for name in scene.ids):
+            # 7 m/s along the path, whatever is there
+            world.put_ego(*(float(v) for v in route.path.pose(scene.ego_s + 0.7)), 7.0)
+            world.advance(np.zeros(2))
+            scene = world.scene()
+        rows = [i for i, name in enumerate(scene.ids) if name == "vehicle_crossing0:0"]
+        met += bool(rows)
+        for i in rows:
+            s, _ = route.path.project(*scene.position[i])
+            assert 3.0 < s - route.exit_s < 11.0
+    assert met == 10
