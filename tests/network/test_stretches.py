@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rudc.errors import NetworkError
@@ -12,6 +12,7 @@ from rudc.network.network import load_network, shipped_networks
 from rudc.network.stretches import EGO_LANES
 
 
+@settings(deadline=None)
 @given(st.data())
 def test_every_lane_inside_is_on_the_road_and_runs_in_driving_direction(data):
     network = load_network(data.draw(st.sampled_from(sorted(shipped_networks()))))
