@@ -170,14 +170,14 @@ _TABLE = (
     ),
     Column(
         "interventions",
-        f"decisions whose acceleration the filter changed by more than {INTERVENTION_MPS2:g} m/s2, "
+        f"decisions whose acceleration a correction changed by more than {INTERVENTION_MPS2:g} m/s2, "
         f"or whose steering by more than {INTERVENTION_RAD:g} rad",
         lambda e: sum(map(is_intervention, e.decisions)),
         average="share",
     ),
     Column(
         "engaged_steps",
-        "decisions that the filter did not pass on as they were (a status other than `nominal`), "
+        "decisions that the correction did not pass on at once (a status other than `nominal`), "
         "however little it changed",
         _engaged,
         average="share",

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import Literal
 
 from rudc.errors import InputError
-from rudc.evaluation.columns import DECISION_MS, METRICS, Metric, metric_names, metric_of
+from rudc.evaluation.columns import COLUMNS, DECISION_MS, METRICS, Metric, metric_names, metric_of
 from rudc.evaluation.folder import metrics_csv
 from rudc.evaluation.metrics import Group, group_metrics
 from rudc.evaluation.paper import is_from_paper, paper_groups
@@ -89,8 +89,9 @@ def cell(metric: Metric, value: Summary) -> str:
 
 
 def heading(metric: Metric) -> str:
-    """Name and unit of a metric's column."""
-    return metric.name.replace("_", "-") + (f" ({metric.unit})" if metric.unit else "")
+    """Name and unit of a metric's column; a column of `episodes.csv` is called as it is there."""
+    name = metric.name if metric.name in COLUMNS else metric.name.replace("_", "-")
+    return name + (f" ({metric.unit})" if metric.unit else "")
 
 
 def best_of(groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Metric]) -> set[tuple[int, str]]:
@@ -150,7 +151,7 @@ def _latex(groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Metric]
         [
             *map(_escaped, by),
             "$n$",
-            *(_escaped(m.name.replace("_", "-")) + _LATEX_ARROWS[m.better] for m in metrics),
+            *(_escaped(heading(m).partition(" ")[0]) + _LATEX_ARROWS[m.better] for m in metrics),
         ]
     )
     units = " & ".join([*[""] * len(by), "", *(f"({_escaped(m.unit)})" if m.unit else "" for m in metrics)])

@@ -85,7 +85,7 @@ def test_any_metric_can_be_shown(rows):
     assert [cell.strip() for cell in lines[0].split("|")[4:-1]] == [
         "VR (%) ↓",
         "interventions (%)",
-        "duration-s (s) ↓",
+        "duration_s (s) ↓",
     ]
     assert "VR_mean" in make_table(rows, BY, "csv", metrics=chosen)
     with pytest.raises(InputError, match=r"no metric 'interventons' \(did you mean 'interventions'\?\)"):
