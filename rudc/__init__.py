@@ -1,7 +1,7 @@
 """RUDC: a SUMO-backed testbed for safe decision-making at unsignalized intersections.
 
-Importing it registers `rudc/Intersection-v0`, so that `gymnasium.make` knows it. `rudc.register_agent` lets
-names of `--agent` mean agents of one's own; see CONTRIBUTING.md for what else can be added, and how.
+Importing it registers `rudc/Intersection-v0`, so that `gymnasium.make` knows it. `rudc.register_agent` and its
+kin let names mean what others have written; CONTRIBUTING.md says what can be added, and how.
 """
 
 import importlib
@@ -16,7 +16,11 @@ ENV_ID = "rudc/Intersection-v0"
 if ENV_ID not in gymnasium.registry:
     gymnasium.register(ENV_ID, entry_point="rudc.env.intersection:IntersectionEnv")
 
-PUBLIC = {"register_agent": "rudc.agents.drivers"}
+PUBLIC = {
+    "register_agent": "rudc.agents.drivers",
+    "register_algorithm": "rudc.learning.algorithms",
+    "register_event": "rudc.scenario.events",
+}
 """what can be imported from here, and where it stands; imported when asked for"""
 
 
