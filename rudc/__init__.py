@@ -1,7 +1,7 @@
 """RUDC: a SUMO-backed testbed for safe decision-making at unsignalized intersections.
 
-Importing it registers `rudc/Intersection-v0`, so that `gymnasium.make` knows it. `rudc.register_agent` and its
-kin let names mean what others have written; CONTRIBUTING.md says what can be added, and how.
+Importing it registers `rudc/Intersection-v0`, so that `gymnasium.make` knows it. `rudc.register_agent` and
+its kin let names mean what others have written; CONTRIBUTING.md says what can be added, and how.
 """
 
 import importlib
