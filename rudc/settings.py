@@ -35,6 +35,10 @@ class Settings(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
+    def keys(self) -> Iterable[str]:
+        """Names of all settings there are."""
+        return type(self).model_fields
+
     def without_effect(self) -> Mapping[str, str]:
         """Dotted keys that decide nothing as the others stand, and why; subclasses say which."""
         return {}
@@ -112,8 +116,8 @@ def merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> Tree:
 
 def known_keys(settings: BaseModel, before: str = "") -> Iterator[str]:
     """Dotted keys of all values."""
-    for name in type(settings).model_fields:
-        value = getattr(settings, name)
+    for name in settings.keys() if isinstance(settings, Settings) else type(settings).model_fields:
+        value = getattr(settings, name, None)
         if isinstance(value, BaseModel):
             yield from known_keys(value, f"{before}{name}.")
         else:

@@ -27,7 +27,7 @@ from collections.abc import Mapping
 from typing import Annotated, Any, Literal, NamedTuple, Protocol
 
 from numpy.typing import NDArray
-from pydantic import BeforeValidator, Field, SerializeAsAny
+from pydantic import BeforeValidator, ConfigDict, Field, SerializeAsAny
 
 from rudc.arrays import Array, Arrays, Floats
 from rudc.kinds import of_kind, read_kind
@@ -121,6 +121,8 @@ class SlackSettings(Settings):
 
 class CbfSettings(FilterConfig, CorrectionKind):
     """The safety filter of control barrier functions, with predicted residuals and slack."""
+
+    model_config = ConfigDict(extra="allow")  # rules and barriers bring settings of their own
 
     kind: Literal["cbf"] = "cbf"
     slack: SlackSettings = SlackSettings()

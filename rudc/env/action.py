@@ -14,7 +14,7 @@ samples all take the same kinds; a further one is a class here or elsewhere and 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from gymnasium import spaces
@@ -31,6 +31,9 @@ Action = Array | Floats
 
 class ActionKind(Settings):
     """Base of all kinds of action; subclasses have `kind`, their name in `ACTIONS`, and settings."""
+
+    follows_path: ClassVar[bool] = False
+    """whether 0 on the second axis steers along the path"""
 
     def space(self) -> spaces.Box:
         """What actions are drawn from."""
@@ -68,6 +71,7 @@ class Direct(ActionKind):
 class Adjustment(ActionKind):
     """Relative to a driver who coasts along the path."""
 
+    follows_path: ClassVar[bool] = True
     kind: Literal["adjustment"] = "adjustment"
     adjustment: float = Field(default=0.1, gt=0)
     """rad, largest change of the path follower's steering"""

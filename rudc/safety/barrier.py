@@ -1,103 +1,37 @@
-"""The barrier functions h of all constraints at once, and their derivatives along the filter's own model.
+"""What a barrier is: functions h of the scene that must not fall below 0, with their derivatives.
 
-Model (paper, Sec. "Safety Correction Formulation"): a kinematic bicycle without slip, and constraints
-that move at constant velocity v_o without turning. With e = (cos psi, sin psi), n = (-sin psi, cos psi)
-and z = tan(delta_f),
-
-    dp/dt = v e,    dpsi/dt = k z,    dv/dt = a,    do/dt = v_o,        k = v / L,    u = (a, z)
-
-Barrier. r = p + c e - o points from the constraint to the ego: c = 0, or, for road-edge points, where on
-the body's axis the reference point lies. phi is the bearing of r, theta_e = phi - psi,
-theta_o = phi - psi_o, and
-
-    rho(theta) = sqrt(A^2 cos^2 theta + B^2 sin^2 theta + eps0)      ellipse with half axes A, B
-    d = m (rho_e + rho_o) + (1 - m) dbar + d_safe                    m = 1 for vehicles, 0 for the road
-    h = |r|^2 - d^2
-
-Derivatives. Let w = v e - v_o, p = r.e, q = r.n, s = w.n, and f = (r x w) / |r|^2, the rate of the
-bearing while u = 0. rho' and rho'' are derivatives by theta, R = rho_e' + rho_o', S = rho_e'' + rho_o''.
-Because the radii depend on psi, and the points at c turn with the body, steering enters already the
-first derivative: the paper's "relative degree 2" holds for acceleration only. With the input held over a
-step, exactly,
-
-    h'  = L_f h + L_g h z
-    h'' = L_f^2 h + (L_g L_f h + L_f L_g h) u + X a z + Y z^2
-
-    L_f h     = 2 r.w - 2 d R f
-    L_g h     = 2 k (c q + d rho_e')                                          (steering; 0 for a)
-    L_f^2 h   = 2 |w|^2 - 2 (R f)^2 - 2 d (S f^2 - 2 R f (r.w) / |r|^2)
-    L_g L_f h = 2 p + 2 d R q / |r|^2                                         (a)
-                2 k (v q - d R v p / |r|^2) + L_f L_g h                       (z)
-    L_f L_g h = 2 k (c s + (R rho_e' + d rho_e'') f)                          (z; 0 for a)
-    X         = 2 (c q + d rho_e') / L
-    Y         = 2 k^2 (c^2 - c p - rho_e'^2 - d rho_e'')
-
-Choice: these exact terms are used; the radii are not frozen over a step. Freezing them (d' = 0) errs by
-2 d (R f - rho_e' k z) dt in every step. The paper's affine rows keep L_f^2 h and L_g L_f h and lack the
-rest. X and Y are the only terms that are not affine in u; `rows` linearises them about the nominal
-action.
-
-Numbers: points and vectors of the plane are complex; r conj(e) = p + i q, conj(r) w = r.w + i (r x w).
+One class holds all there is to know of one kind of constraint: whom or what it is about in a scene, h and its
+derivatives, who of them is in conflict with the ego where not all rows can hold, and what the residual
+predictor looks at. The filter does the rest, whichever barriers there are. A further one is a subclass of
+`Barrier`, or of `Clearance` (rudc/safety/clearance.py) for anything to keep a distance from, and an entry in
+`BARRIERS` (rudc/safety/barriers.py) or a call of `register_barrier`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict
 
-from rudc.arrays import Array, Complex, Index
-from rudc.safety.road_points import CLOSEST, RoadPoints
+from rudc.arrays import Array, Complex, Flags, Index
+from rudc.safety.prediction import Predictor
+from rudc.world.scene import Scene
 
-EPSILON = 1e-6
-"""m2, eps0 under the root of the support radii"""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Constraints:
-    """K things to keep clear of: first vehicles, pedestrians and obstacles, then road-edge points."""
-
-    names: tuple[str, ...]
-    """`veh:ID`, or `road:left:cg` and the like"""
-    others: Index
-    """(n,) which of the scene's others the first n of the K are; the rest are road-edge points"""
-    position: Complex
-    """(K,) m, o"""
-    velocity: Complex
-    """(K,) m/s, v_o"""
-    direction: Complex
-    """(K,) e^(i psi_o)"""
-    offset: Array
-    """(K,) m, c: reference point on the ego's axis, ahead of its centre of gravity"""
-    mode: Array
-    """(K,) m: 1 for vehicles, 0 for the road"""
-    margin: Array
-    """(K,) m, what d has beside the radii: d_safe, and dbar for the road"""
-    short: Array
-    """(2, K) m2, B^2 + eps0 of the ego (first row) and of the constraint; 1 for the road"""
-    stretch: Array
-    """(2, K) m2, A^2 - B^2 of both; 0 for the road"""
-
-    road: RoadPoints | None = None
-    """the edges of the road that the last K - n are on; None if there are none"""
-
-    @property
-    def count(self) -> int:
-        """K."""
-        return len(self.names)
-
-    @property
-    def vehicles(self) -> int:
-        """n."""
-        return len(self.others)
+STEP = 0.1
+"""s, how long an action is held, in what the residual predictor predicts"""
+NOBODY: Index = np.empty(0, dtype=np.int64)
 
 
 class Terms(NamedTuple):
-    """h and its derivatives for K constraints, each (K,); the module's head has the formulas."""
+    """h and its derivatives for K constraints, each (K,), while the input u = (a, z), z = tan(delta_f), is
+    held:
+
+    h'  = L_f h + L_g h u        h'' = L_f^2 h + (L_g L_f h + L_f L_g h) u + X a z + Y z^2
+    """
 
     h: Array
-    """m2"""
+    """m2, or whatever unit a barrier has"""
     lf: Array
     """L_f h, m2/s"""
     lg: Array
@@ -114,52 +48,84 @@ class Terms(NamedTuple):
     """X, m2/s2 per m/s2 and unit of z"""
     zz: Array
     """Y, m2/s2 per unit of z squared"""
-
-
-def barrier_terms(position: complex, heading: complex, v: float, wheelbase: float, to: Constraints) -> Terms:
-    """h and its derivatives towards all constraints.
-
-    `position` m and `heading` e^(i psi) of the ego's centre of gravity, `v` m/s, `wheelbase` m.
+    lg_a: Array | None = None
+    """L_g h for acceleration, m2/s per m/s2; None where all are 0, as of anything that depends on places only
     """
-    c, m = to.offset, to.mode
-    k = v / wheelbase
-    r = (position + c * heading) - to.position
-    w = v * heading - to.velocity
-    seen: Complex = np.empty((2, len(r)), dtype=np.complex128)
-    seen[0] = along = r * heading.conjugate()
-    np.multiply(r, to.direction.conj(), out=seen[1])
-    p, q = along.real, along.imag
-    squared = np.maximum(p * p + q * q, CLOSEST)
-    turning = r.conj() * w
-    closing = turning.real
-    bearing_rate = turning.imag / squared
 
-    across, square = seen.real * seen.imag / squared, seen.real**2 / squared
-    rho = np.sqrt(to.short + to.stretch * square)
-    rho1 = -to.stretch * across / rho
-    rho2 = (to.stretch * (1.0 - 2.0 * square) - rho1 * rho1) / rho
-    d = m * (rho[0] + rho[1]) + to.margin
-    e1, e2 = rho1[0], rho2[0]
-    slope = e1 + rho1[1]
-    swing = slope * bearing_rate
-    d_slope = d * slope / squared
 
-    lever = c * q + d * e1
-    lflg = (2.0 * k) * (c * (w * heading.conjugate()).imag + (slope * e1 + d * e2) * bearing_rate)
-    return Terms(
-        h=p * p + q * q - d * d,
-        lf=2.0 * (closing - d * swing),
-        lg=(2.0 * k) * lever,
-        lf2=2.0
-        * (
-            w.real**2
-            + w.imag**2
-            - swing * swing
-            - d * bearing_rate * ((e2 + rho2[1]) * bearing_rate - 2.0 * slope * closing / squared)
-        ),
-        lglf_a=2.0 * (p + d_slope * q),
-        lglf_z=(2.0 * k * v) * (q - d_slope * p) + lflg,
-        lflg=lflg,
-        az=(2.0 / wheelbase) * lever,
-        zz=(2.0 * k * k) * (c * c - c * p - e1 * e1 - d * e2),
-    )
+class Found(NamedTuple):
+    """What a barrier found in a scene: k things."""
+
+    names: tuple[str, ...]
+    """(k,) as in `Corrected.names`, such as `veh:ID` or `road:left:cg`"""
+    others: Index = NOBODY
+    """(k,) which of the scene's others they are; empty if they are none"""
+    data: Any = None
+    """what else the barrier will want to know"""
+
+
+class BarrierSettings(BaseModel):
+    """Base of a barrier's settings; none."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+
+    def without_effect(self) -> dict[str, str]:
+        """Name of each setting that the others leave without effect -> where."""
+        return {}
+
+
+class Barrier:
+    """One kind of constraint."""
+
+    name: ClassVar[str]
+    """in `BARRIERS`; `correction.NAME=true` puts it to work"""
+    prefix: ClassVar[str | None] = None
+    """what its settings' keys begin with; None: its name and `_`"""
+    at_work: ClassVar[bool] = False
+    """whether it is at work if nothing is said"""
+    as_road: ClassVar[bool] = False
+    """whether its rows have the rule's rates and the price of road edges, not those of vehicles"""
+    inputs: ClassVar[tuple[str, ...]] = ()
+    """what the residual predictor looks at beside `COMMON`; empty: nothing is predicted, w = 0"""
+    Settings: ClassVar[type[BarrierSettings]] = BarrierSettings
+
+    def __init__(self, settings: Any, predictor: Predictor) -> None:
+        """`settings`: of its class `Settings`; `predictor`: where everybody will be."""
+        self.settings = settings
+
+    def find(self, scene: Scene) -> Found:
+        """What is to be constrained."""
+        raise NotImplementedError
+
+    def terms(self, scene: Scene, found: Found) -> Terms:
+        """h and derivatives (k,) of what was found."""
+        raise NotImplementedError
+
+    def in_conflict(self, scene: Scene, found: Found) -> Flags:
+        """(k,) whose rows come first where no action satisfies all."""
+        return np.full(len(found.names), not self.as_road)
+
+    def features(self, scene: Scene, found: Found, part: Any, xi: Array) -> None:
+        """Write the `inputs` into the columns of `xi` (k, 8 + inputs) behind the first 8. `part`: what was
+        found, as `Bodies` of (k,).
+        """
+        raise NotImplementedError
+
+
+COMMON = (
+    "acceleration / 6",
+    "tan(steering)",
+    "speed / 10",
+    "realised acceleration / 6",
+    "tan(realised steering)",
+    "ahead / 20",
+    "to the left / 20",
+    "distance / 20",
+)
+"""what the residual predictor looks at of every constraint: SI units, in the ego's frame, divided as stated
+"""
+
+
+def as_complex(xy: Array) -> Complex:
+    """(N,) of (N, 2)."""
+    return np.ascontiguousarray(xy).view(np.complex128)[:, 0]

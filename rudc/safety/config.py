@@ -1,29 +1,43 @@
 """`FilterConfig`: everything that the safety filter can be told.
 
+Barriers and rules bring settings of their own, which stand beside the filter's, each key with its owner's
+prefix: `ttcbf_rate` is the rule's, `road_d_safe` the road's; those towards vehicles (`d_safe`) have none.
+Only the settings of what is at work have an effect; others are refused.
+
 Defaults are the paper's (Tab. "Hyper-Parameters") where a docstring does not say "ours". The paper's filter
-as written is `paper_settings`. It gives neither d_safe, dbar nor the weights of the QP: these are ours.
+as written is in the preset `paper.yaml`. It gives neither d_safe, dbar nor the weights of the QP: these are
+ours.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal, Self
+from collections.abc import Iterator
+from typing import Annotated, Any, Self, TypeVar
 
-from pydantic import Field, PlainSerializer, ValidationError
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    field_validator,
+    model_serializer,
+    model_validator,
+)
+from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from rudc.errors import InputError
 from rudc.hints import there_are
 from rudc.kinds import problems
-from rudc.safety.rows import RowWeights, ecbf_weights, ttcbf_weights
+from rudc.safety.barrier import BarrierSettings
+from rudc.safety.barriers import BARRIERS
+from rudc.safety.rows import RowWeights
+from rudc.safety.rules import RULES, NotNegative, Positive, Rule
 from rudc.settings import Settings
 
-Rule = Literal["ttcbf", "ecbf"]
-Constrained = Literal["gated", "all"]
-RoadPoints = Literal["sliding", "fixed"]
-
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Share = Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)]
+M = TypeVar("M", bound=BaseModel)
 Unbounded = Annotated[
     float,
     Field(ge=0),
@@ -37,55 +51,12 @@ class FilterConfig(Settings):
     refused, and is not written.
     """
 
-    rule: Rule = "ttcbf"
-    """truncated Taylor or exponential control barrier function"""
-    constrained: Constrained = "gated"
-    """vehicles that are constrained: those whose predicted path meets the ego's (ours), or all, as in the
-    paper
-    """
+    model_config = ConfigDict(extra="allow")  # rules and barriers bring settings of their own
+
+    rule: str = "ttcbf"
+    """what makes rows of barriers, a name in `RULES`: `ttcbf`, `ecbf`"""
     dt: Positive = 0.1
     """s, how long an action is held"""
-    ttcbf_rate: Share = 0.1
-    """TTCBF's class-K factor lambda, in (0, 1]: the share of h that may be lost in a step"""
-    ttcbf_gamma: NotNegative = 100.0
-    """m2/s3, TTCBF's Gamma; Gamma dt^3 bounds what the truncated series leaves out"""
-    ecbf_rate1: Positive = 1.5
-    """1/s, lambda1 of ECBF"""
-    ecbf_rate2: Positive = 0.3
-    """1/s, lambda2 of ECBF"""
-    d_safe: NotNegative = 0.5
-    """m, safety buffer added to the support radii of ego and vehicle"""
-    half_length: Positive = 2.5
-    """m, half axis a of the ego's ellipse; others' is half their length"""
-    half_width: Positive = 1.0
-    """m, half axis b of the ego's ellipse"""
-    width_margin: NotNegative = 0.1
-    """m, added to half the width of others to give their half axis b"""
-    max_vehicles: int | None = Field(default=12, ge=0)
-    """the nearest so many vehicles, pedestrians and obstacles are constrained at most (ours); null for all of
-    them, as in the paper
-    """
-    gate_distance: NotNegative = 0.8
-    """m, a vehicle is constrained if the predicted gap between the ellipses falls below this (ours)"""
-    gate_horizon: Positive = 3.0
-    """s, how far ahead the gate predicts (ours)"""
-    gate_step: Positive = 0.2
-    """s, between the instants that the gate looks at (ours)"""
-    road: bool = True
-    """whether road-edge points are constrained"""
-    road_points: RoadPoints = "sliding"
-    """whether a projection on the road's edge moves along with the ego (ours), or stands still (`fixed`) as
-    in the paper
-    """
-    road_d_safe: NotNegative = 0.2
-    """m, buffer at road edges beside half the vehicle's width (dbar) (ours): a lane has no room for `d_safe`
-    """
-    ttcbf_road_rate: Share = 0.3
-    """lambda towards road edges (ours): the paper's, as towards vehicles, brakes in every bend"""
-    ecbf_road_rate1: Positive = 7.5
-    """1/s, lambda1 towards road edges (ours)"""
-    ecbf_road_rate2: Positive = 1.5
-    """1/s, lambda2 towards road edges (ours)"""
     max_steering_correction: Unbounded = 0.05
     """largest change of tan(delta_f) (ours); inf for none, as in the paper"""
     max_added_acceleration: Unbounded = 0.0
@@ -93,13 +64,13 @@ class FilterConfig(Settings):
     to do so (inf, as in the paper) it drives into whoever is ahead to get away from whoever comes from behind
     """
     acceleration_weight: Positive = 1.0
-    """w_a, cost of a squared correction of 1 m/s2"""
+    """w_a, cost of a squared correction of 1 m/s2 (ours)"""
     steering_weight: Positive = 20.0
-    """w_z, cost of a squared correction of tan(delta_f) by 1"""
+    """w_z, cost of a squared correction of tan(delta_f) by 1 (ours)"""
     vehicle_violation_weight: Positive = 1e5
-    """cost of a squared violation of 1 m2 per step of a vehicle's row when no action satisfies all (ours)"""
+    """cost of a squared violation of 1 m2 per step of a row when no action satisfies all (ours)"""
     road_violation_weight: Positive = 1e2
-    """the same for a road-edge point (ours)"""
+    """the same of a road-edge point's row (ours)"""
     last_resort: bool = True
     """whether an action must leave the ego a way to stop, or to go on, without hitting anybody (ours)"""
     last_resort_margin: NotNegative = 0.3
@@ -107,29 +78,94 @@ class FilterConfig(Settings):
     solver: str = "piqp"
     """QP solver: `piqp` by its own interface, any other by the name it has in qpsolvers"""
 
+    @field_validator("rule")
+    @classmethod
+    def _known_rule(cls, rule: str) -> str:
+        if rule not in RULES:
+            raise ValueError(f"there is no {rule!r}{there_are(rule, RULES)}")
+        return rule
+
+    @model_validator(mode="after")
+    def _every_setting_is_known(self) -> Self:
+        known = set(self.keys())
+        for key, value in self._extra.items():
+            if key not in known:
+                raise _error("extra_forbidden", key, value)
+            if key in BARRIERS and not isinstance(value, bool):
+                raise _error(PydanticCustomError("barrier", "expected true or false"), key, value)
+        _ = self.rule_settings, self.barriers  # checked where they are made
+        return self
+
     def without_effect(self) -> dict[str, str]:
         """Name of each setting that the others leave without effect -> where (`with rule=ttcbf`)."""
-        names = type(self).model_fields
-        other = "ecbf" if self.rule == "ttcbf" else "ttcbf"
-        idle = {name: f"with rule={self.rule}" for name in names if name.startswith(f"{other}_")}
-        if self.constrained == "all":
-            idle |= {name: "with constrained=all" for name in names if name.startswith("gate_")}
-        if not self.road:
-            idle |= {name: "with road=false" for name in names if "road_" in name}
-        if not self.last_resort:
-            idle["last_resort_margin"] = "with last_resort=false"
+        idle, barriers = (
+            {} if self.last_resort else {"last_resort_margin": "with last_resort=false"},
+            self.barriers,
+        )
+        for key, owner, name in _keys():
+            if owner in RULES and owner != self.rule:
+                idle[key] = f"with rule={self.rule}"
+            elif owner in BARRIERS and owner not in barriers:
+                idle[key] = f"with {owner}=false"
+            elif owner in BARRIERS and name in (of_barrier := barriers[owner].without_effect()):
+                idle[key] = of_barrier[name]
         return idle
+
+    @model_serializer(mode="wrap")
+    def _leave_out_what_has_no_effect(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        written = {key: value for key, value in handler(self).items() if key not in self._extra}
+        written |= {name: name in self.barriers for name in BARRIERS}
+        owners = {self.rule: self.rule_settings, **self.barriers}
+        values = {owner: settings.model_dump() for owner, settings in owners.items()}
+        written |= {key: values[owner][name] for key, owner, name in _keys() if owner in values}
+        return {key: value for key, value in written.items() if key not in self.without_effect()}
+
+    def __eq__(self, other: object) -> bool:
+        """Whether both mean the same, however much of it was written out."""
+        return type(other) is type(self) and self.model_dump() == other.model_dump()
+
+    def __hash__(self) -> int:
+        """Of what it means."""
+        return hash(self.model_dump_json())
+
+    def keys(self) -> list[str]:
+        """All settings there are."""
+        return [*type(self).model_fields, *BARRIERS, *(key for key, _, _ in _keys())]
+
+    @property
+    def _extra(self) -> dict[str, Any]:
+        return self.__pydantic_extra__ or {}
+
+    @property
+    def rule_settings(self) -> Rule:
+        """The rule, with its settings."""
+        return self._read(self.rule, RULES[self.rule])
+
+    @property
+    def barriers(self) -> dict[str, BarrierSettings]:
+        """Name of each barrier at work -> its settings."""
+        at_work = (name for name, barrier in BARRIERS.items() if self._extra.get(name, barrier.at_work))
+        return {name: self._read(name, BARRIERS[name].Settings) for name in at_work}
+
+    def _read(self, owner: str, kind: type[M]) -> M:
+        """The settings of a rule or barrier."""
+        keys = {name: key for key, whose, name in _keys() if whose == owner}
+        try:
+            return kind.model_validate({k: self._extra[key] for k, key in keys.items() if key in self._extra})
+        except ValidationError as error:
+            first = error.errors()[0]
+            wrong = PydanticCustomError("setting", "{message}", {"message": first["msg"]})
+            raise _error(wrong, keys[str(first["loc"][0])], first["input"]) from None
 
     @classmethod
     def preset(cls, rule: str, **changes: Any) -> Self:
-        """`ttcbf` or `ecbf` as agents named `+ttcbf`, `+ecbf` have it; `changes` are fields set otherwise.
+        """`ttcbf` or `ecbf` as agents named `+ttcbf`, `+ecbf` have it; `changes` are settings that differ.
         Raises InputError.
         """
+        known = cls().keys()
         for name in changes:
-            if name not in cls.model_fields:
-                raise InputError(
-                    f"correction.{name}: there is no such setting{there_are(name, cls.model_fields)}"
-                )
+            if name not in known:
+                raise InputError(f"correction.{name}: there is no such setting{there_are(name, known)}")
         try:
             return cls.model_validate({"rule": rule, **changes})
         except ValidationError as error:
@@ -137,28 +173,24 @@ class FilterConfig(Settings):
 
     def row_weights(self, *, road: bool) -> RowWeights:
         """What makes a row out of h, h' and h'', for vehicles or for road-edge points."""
-        if self.rule == "ttcbf":
-            return ttcbf_weights(self.ttcbf_road_rate if road else self.ttcbf_rate, self.ttcbf_gamma, self.dt)
-        if road:
-            return ecbf_weights(self.ecbf_road_rate1, self.ecbf_road_rate2, self.dt)
-        return ecbf_weights(self.ecbf_rate1, self.ecbf_rate2, self.dt)
+        return self.rule_settings.weights(self.dt, road=road)
 
 
-def paper_settings(rule: Rule) -> dict[str, Any]:
-    """The settings in which a filter as the paper has it differs from ours: every vehicle constrained, road
-    points that stand still, at the vehicles' buffer and rates, corrections bounded by the vehicle's limits
-    only, and no last resort. What to do where no action satisfies all rows the paper leaves open.
-    """
-    own = FilterConfig.model_fields
-    rates = ("rate",) if rule == "ttcbf" else ("rate1", "rate2")
-    return {
-        "rule": rule,
-        "constrained": "all",
-        "max_vehicles": None,
-        "road_points": "fixed",
-        "road_d_safe": own["d_safe"].default,
-        **{f"{rule}_road_{rate}": own[f"{rule}_{rate}"].default for rate in rates},
-        "max_steering_correction": math.inf,
-        "max_added_acceleration": math.inf,
-        "last_resort": False,
-    }
+def _error(kind: PydanticCustomError | str, key: str, value: Any) -> ValidationError:
+    """The error that a setting is wrong."""
+    details: InitErrorDetails = {"type": kind, "loc": (key,), "input": value}
+    return ValidationError.from_exception_data("correction", [details])
+
+
+def _keys() -> Iterator[tuple[str, str, str]]:
+    """Key, owner, and the owner's name of each setting of a rule or barrier."""
+    for owner, rule in RULES.items():
+        yield from ((f"{owner}_{name}", owner, name) for name in rule.model_fields)
+    for owner, barrier in BARRIERS.items():
+        yield from ((f"{_prefix(owner)}{name}", owner, name) for name in barrier.Settings.model_fields)
+
+
+def _prefix(barrier: str) -> str:
+    """What the keys of a barrier's settings begin with."""
+    prefix = BARRIERS[barrier].prefix
+    return f"{barrier}_" if prefix is None else prefix

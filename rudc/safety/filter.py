@@ -32,9 +32,9 @@ import numpy as np
 
 from rudc.arrays import Array, Index
 from rudc.errors import SolverError
-from rudc.safety.barrier import Constraints, Terms, barrier_terms
+from rudc.safety.barrier import Terms
 from rudc.safety.config import FilterConfig
-from rudc.safety.constraints import ConstraintBuilder
+from rudc.safety.constraints import ConstraintBuilder, Constraints
 from rudc.safety.corrected import Corrected
 from rudc.safety.last_resort import LastResort
 from rudc.safety.prediction import Predictor
@@ -96,7 +96,7 @@ class SafetyFilter:
         self._solver = make_solver(config.solver)
         self._prices: Array = np.array([config.acceleration_weight, config.steering_weight])
         self._cost: Array = np.diag(self._prices)
-        self._per_row: dict[tuple[int, int], RowWeights] = {}
+        self._per_row: dict[bytes, RowWeights] = {}
         self._seen: tuple[Scene, Constraints] | None = None
         self.reset()
 
@@ -192,18 +192,16 @@ class SafetyFilter:
     def _conditions(
         self, scene: Scene, constraints: Constraints, slack: float, residual: Array | None
     ) -> _Conditions:
-        ego = scene.ego
-        heading = complex(math.cos(ego.psi), math.sin(ego.psi))
-        terms = barrier_terms(complex(ego.x, ego.y), heading, ego.v, scene.vehicle.wheelbase, constraints)
+        terms = constraints.terms(scene)
         if residual is not None and np.shape(residual) != (constraints.count,):
             raise SolverError(
                 f"the filter has {constraints.count} constraints, not {np.shape(residual)} as the residuals"
             )
         relief = slack if residual is None else slack + residual
-        shape = constraints.vehicles, constraints.count
-        weights = self._per_row.get(shape)
+        modes = constraints.mode.tobytes()
+        weights = self._per_row.get(modes)
         if weights is None:
-            weights = self._per_row[shape] = per_row(*self._weights, constraints.mode)
+            weights = self._per_row[modes] = per_row(*self._weights, constraints.mode)
         return _Conditions(terms, weights, relief)
 
     def _solve(

@@ -9,9 +9,13 @@ instant within the horizon
 
 with the ellipses' support radii (see `barrier`) at the predicted poses.
 
-Not let through is who drives behind the ego on the ego's own path: that distance is theirs to keep. The
-barrier has the two push each other apart, so that a vehicle coming up from behind at constant speed makes a
-waiting ego drive into the one ahead.
+Of those that are constrained, the ones in conflict come first where no action satisfies all rows: their
+ellipses meet the ego's, without any distance added, if it goes on at its present speed or if it accelerates
+along its route. A car that passes on the next lane is constrained, but not in conflict.
+
+Not let through, and in no conflict, is who drives behind the ego on the ego's own path: that distance is
+theirs to keep. The barrier has the two push each other apart, so that a vehicle coming up from behind at
+constant speed makes a waiting ego drive into the one ahead.
 """
 
 from __future__ import annotations
@@ -20,21 +24,23 @@ import math
 
 import numpy as np
 
-from rudc.arrays import Array, Complex, Index
-from rudc.safety.config import FilterConfig
-from rudc.safety.prediction import Predictor
+from rudc.arrays import Array, Complex, Flags, Index
+from rudc.safety.prediction import GO_ACCELERATION, GO_SPEED, Predictor
 from rudc.safety.road_points import CLOSEST
 from rudc.world.scene import Scene
+
+CONFLICT_TIMES: Array = np.linspace(0.0, 3.0, 16)
+"""(T,) s, when conflicts are looked for"""
 
 
 class Gate:
     """Picks the others that the ego may meet."""
 
-    def __init__(self, config: FilterConfig, predictor: Predictor) -> None:
-        steps = math.ceil(config.gate_horizon / config.gate_step - 1e-9)
-        self._times: Array = np.linspace(0.0, config.gate_horizon, steps + 1)
-        self._horizon = config.gate_horizon
-        self._gap = config.gate_distance
+    def __init__(self, horizon: float, step: float, distance: float, predictor: Predictor) -> None:
+        """`horizon` s, looked at every `step` s at most; `distance` m between the ellipses."""
+        self._times: Array = np.linspace(0.0, horizon, math.ceil(horizon / step - 1e-9) + 1)
+        self._horizon = horizon
+        self._gap = distance
         self._predictor = predictor
 
     def meeting(self, scene: Scene, short: Array, stretch: Array) -> Index:
@@ -50,14 +56,39 @@ class Gate:
         who = np.flatnonzero(np.abs(now - complex(scene.ego.x, scene.ego.y)) < reach)
         if not len(who):
             return who
-        place, facing = self._predictor.ego(scene, scene.ego.v * self._times)
-        others, turned = self._predictor.others(scene, who, speed[who, None] * self._times)
+        met, turned = self._meet(
+            scene, who, scene.ego.v * self._times, self._times, self._gap, short, stretch
+        )
+        meet = np.flatnonzero(met)
+        if not len(meet):
+            return meet
+        return who[meet[~self._predictor.following(scene, now[who[meet]], turned[meet])]]
+
+    def in_conflict(self, scene: Scene, who: Index, short: Array, stretch: Array) -> Flags:
+        """(n,) which of the others `who` (n,) are in conflict with the ego; `short` and `stretch` (2, N) as
+        for `meeting`.
+        """
+        times, v = CONFLICT_TIMES, scene.ego.v
+        rising = np.minimum(times, max(GO_SPEED - v, 0.0) / GO_ACCELERATION)
+        going = v * times + GO_ACCELERATION * rising * (times - 0.5 * rising)
+        kept, facing = self._meet(scene, who, v * times, times, 0.0, short, stretch)
+        gone, _ = self._meet(scene, who, going, times, 0.0, short, stretch)
+        now: Complex = scene.position[who, 0] + 1j * scene.position[who, 1]
+        return (kept | gone) & ~self._predictor.following(scene, now, facing)
+
+    def _meet(
+        self, scene: Scene, who: Index, way: Array, times: Array, gap: float, short: Array, stretch: Array
+    ) -> tuple[Flags, Complex]:
+        """(n,) whether the ellipses of ego and others `who` (n,) come closer than `gap` m at any of the
+        `times` (T,) s if the ego is `way` (T,) m along its route then; (n,) the others' directions now.
+        """
+        speed: Array = np.hypot(scene.velocity[who, 0], scene.velocity[who, 1])
+        place, facing = self._predictor.ego(scene, way)
+        others, turned = self._predictor.others(scene, who, speed[:, None] * times)
         r = place - others
         along, own = r * facing.conj(), r * turned.conj()
         squared = np.maximum(along.real**2 + along.imag**2, CLOSEST)
         ego_radius = np.sqrt(short[0, who, None] + stretch[0, who, None] * (along.real**2 / squared))
         radius = np.sqrt(short[1, who, None] + stretch[1, who, None] * (own.real**2 / squared))
-        meet = np.flatnonzero((np.sqrt(squared) < ego_radius + radius + self._gap).any(axis=1))
-        if not len(meet):
-            return meet
-        return who[meet[~self._predictor.following(scene, now[who[meet]], turned[meet, 0])]]
+        met = np.any(np.sqrt(squared) < ego_radius + radius + gap, axis=1)
+        return np.asarray(met), turned[:, 0]

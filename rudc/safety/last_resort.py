@@ -37,15 +37,11 @@ import numpy as np
 from rudc.arrays import Array, Complex, Flags, Index
 from rudc.geometry import separation
 from rudc.safety.config import FilterConfig
-from rudc.safety.prediction import Predictor
+from rudc.safety.prediction import GO_ACCELERATION, GO_SPEED, Predictor
 from rudc.world.scene import Scene
 
 HORIZON = 2.5
 """s, how far manoeuvres are looked at, at every step: at 15 m/s full braking takes as long"""
-GO_ACCELERATION = 2.0
-"""m/s2"""
-GO_SPEED = 9.0
-"""m/s, unless the ego is faster already"""
 CREEPING = 1e-3
 """m, by which two may come closer without it counting"""
 AS_GOOD = 0.01

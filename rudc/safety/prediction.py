@@ -23,6 +23,10 @@ from rudc.world.scene import Scene
 if TYPE_CHECKING:
     from rudc.network.network import Network, Route
 
+GO_ACCELERATION = 2.0
+"""m/s2, of an ego that goes on along its route"""
+GO_SPEED = 9.0
+"""m/s up to which it then accelerates, unless it is faster already"""
 TAIL = 45.0
 """m behind the ego on its path, within which those who follow it are looked for"""
 LANE = 1.5

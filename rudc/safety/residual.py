@@ -3,7 +3,7 @@
 Paper, Sec. "Uncertainty-embedded Constraints": h(x_next) = h + dt h' + dt^2/2 h'' + w, where w is due to
 what the filter's model leaves out: slip, actuators, vehicles that brake, accelerate or turn, the rest of the
 Taylor series. f_c with c = vehicle or road predicts w from xi: the normalised proposed action, the state of
-the ego and of the constraint. Both are networks of two hidden layers,
+the ego and of the constraint (`Barrier.inputs`). Both are networks of two hidden layers,
 
     w = scale (gelu(gelu((xi - mean) / spread W1 + b1) W2 + b2) W3 + b3)
 
@@ -12,7 +12,7 @@ predictor that has only seen cars takes a truck, or a closed lane, for a car; le
 sizes it cancelled the filter's rows about them.
 
 One predictor serves TTCBF and ECBF: both predict the same h by the same model and need the same w, in m2 per
-step; rows.py derives where it enters ECBF's row. The buffer (`Constraints.margin`) is part of xi, so that it
+step; rows.py derives where it enters ECBF's row. The buffer (`Bodies.margin`) is part of xi, so that it
 also serves whatever d_safe.
 """
 
@@ -28,132 +28,86 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load_file
 
-from rudc.arrays import Array, Arrays, Index
+from rudc.arrays import Array, Arrays
 from rudc.data import data_folder
 from rudc.errors import AgentError
-from rudc.network.paths import SPACING
-from rudc.safety.barrier import Constraints, Terms
+from rudc.safety.barrier import COMMON, STEP, Terms
+from rudc.safety.barriers import BARRIERS
+from rudc.safety.constraints import Constraints
 from rudc.world.scene import Scene
 
-HEADS = ("vehicle", "road")
 SHIPPED = "results/residual"
 """where the predictor that comes with RUDC lies"""
 FILE = "predictor.safetensors"
-STEP = 0.1
-"""s, how long an action is held"""
-VEHICLE = (
-    "acceleration / 6",
-    "tan(steering)",
-    "speed / 10",
-    "realised acceleration / 6",
-    "tan(realised steering)",
-    "ahead / 20",
-    "to the left / 20",
-    "distance / 20",
-    "cos(relative heading)",
-    "sin(relative heading)",
-    "its speed ahead / 10",
-    "its speed to the left / 10",
-    "its acceleration / 6",
-    "its yaw rate",
-    "its half length / 5",
-    "its half width / 5",
-    "buffer",
-)
-"""xi of vehicles: SI units, in the ego's frame, divided as stated"""
-ROAD = (
-    "acceleration / 6",
-    "tan(steering)",
-    "speed / 10",
-    "realised acceleration / 6",
-    "tan(realised steering)",
-    "ahead / 20",
-    "to the left / 20",
-    "distance / 20",
-    "reference point",
-    "buffer",
-    "path's curvature * 10",
-    "distance one step straight on / 20",
-)
-"""xi of road-edge points; the last one tells where the edge leads, which the row takes for straight"""
 
 
-def features(scene: Scene, constraints: Constraints, u_rl: Array) -> tuple[Array, Array]:
-    """xi of the vehicles (n, 17) and of the road-edge points (K - n, 12), for a proposed action `u_rl` (2,):
+def heads() -> dict[str, tuple[str, ...]]:
+    """Name of each barrier that has one -> what xi is."""
+    return {name: COMMON + barrier.inputs for name, barrier in BARRIERS.items() if barrier.inputs}
+
+
+def features(scene: Scene, constraints: Constraints, u_rl: Array) -> dict[str, Array]:
+    """xi (k, F) of the constraints of each barrier that has a head, for a proposed action `u_rl` (2,):
     acceleration m/s2, front-wheel angle rad.
     """
-    ego, n, k = scene.ego, constraints.vehicles, constraints.count
+    ego, to = scene.ego, constraints.bodies
     a = max(float(u_rl[0]), -ego.v / STEP)  # no driving backwards, as in the filter
     heading = complex(math.cos(ego.psi), math.sin(ego.psi))
     own = (a / 6, math.tan(u_rl[1]), ego.v / 10, ego.acceleration / 6, math.tan(ego.steering))
-    away = (constraints.position - constraints.offset * heading - complex(ego.x, ego.y)) * heading.conjugate()
-    vehicles, road = np.empty((n, len(VEHICLE))), np.empty((k - n, len(ROAD)))
-    for xi, part in ((vehicles, away[:n]), (road, away[n:])):
+    away = (to.position - to.offset * heading - complex(ego.x, ego.y)) * heading.conjugate()
+    found: dict[str, Array] = {}
+    for barrier, seen, rows in constraints.parts:
+        if not barrier.inputs:
+            continue
+        part, k = away[rows], len(seen.names)
+        xi = found[barrier.name] = np.empty((k, len(COMMON) + len(barrier.inputs)))
         xi[:, :5] = own
         xi[:, 5], xi[:, 6], xi[:, 7] = part.real / 20, part.imag / 20, np.abs(part) / 20
-    if n:
-        turned, drift = constraints.direction[:n], constraints.velocity[:n]
-        relative, moving = turned * heading.conjugate(), drift * heading.conjugate()
-        vehicles[:, 8], vehicles[:, 9] = relative.real, relative.imag
-        vehicles[:, 10], vehicles[:, 11] = moving.real / 10, moving.imag / 10
-        vehicles[:, 12] = scene.acceleration[constraints.others] / 6
-        vehicles[:, 13] = _yaw_rates(scene, constraints.others)
-        short, stretch = constraints.short[1, :n], constraints.stretch[1, :n]
-        vehicles[:, 14], vehicles[:, 15] = np.sqrt(short + stretch) / 5, np.sqrt(short) / 5
-        vehicles[:, 16] = constraints.margin[:n]
-    if k > n:
-        path = scene.route.path
-        at = min(max(int(scene.ego_s / SPACING), 0), len(path.curvature) - 1)
-        road[:, 8], road[:, 9] = constraints.offset[n:], constraints.margin[n:]
-        road[:, 10] = 10 * path.curvature[at]
-        if constraints.road is not None:
-            way = ego.v * STEP
-            there = complex(ego.x, ego.y) + way * heading
-            road[:, 11] = np.abs(constraints.road.away(there, heading, scene.ego_s + way)) / 20
-    return vehicles, road
+        if k:
+            barrier.features(scene, seen, to.part(rows), xi)
+    return found
 
 
 def predicted_change(terms: Terms, a: float, z: float) -> Array:
     """(K,) m2, dt h' + dt^2/2 h'' at acceleration `a` m/s2 and z = tan of the steering angle."""
-    first = terms.lf + terms.lg * z
+    first = terms.lf + terms.lg * z + (0.0 if terms.lg_a is None else terms.lg_a * a)
     second = terms.lf2 + terms.lglf_a * a + (terms.lglf_z + terms.lflg + terms.az * a + terms.zz * z) * z
     return STEP * first + 0.5 * STEP * STEP * second
 
 
-def _yaw_rates(scene: Scene, others: Index) -> Array:
-    """(n,) rad/s of vehicles that follow their paths at their speeds; 0 for those that have none."""
-    paths, rows = scene.network.paths, scene.path[others]
-    here = np.clip(scene.path_s[others] / SPACING, 1, paths.heading.shape[1] - 2).astype(np.int64)
-    known = np.maximum(rows, 0)
-    bend = (paths.heading[known, here + 1] - paths.heading[known, here - 1]) / (2 * SPACING)
-    speed = np.hypot(scene.velocity[others, 0], scene.velocity[others, 1])
-    return np.where(rows >= 0, bend * speed, 0.0)
-
-
 class ResidualPredictor:
-    """f_vehicle and f_road."""
+    """f_vehicle and f_road, and one head for each further barrier that has been fitted."""
 
     def __init__(self, arrays: Mapping[str, NDArray]) -> None:
         """`arrays`: for each head `HEAD/mean`, `/spread`, `/low`, `/high`, `/scale`, and `/w1`, `/b1` to
         `/w3`, `/b3`. Raises AgentError if they do not fit.
         """
         self.arrays: Arrays = {name: np.asarray(value, dtype=np.float32) for name, value in arrays.items()}
+        self._heads: dict[str, _Head] = {}
+        for name, inputs in heads().items():
+            if BARRIERS[name].at_work or f"{name}/mean" in self.arrays:
+                self._heads[name] = self._head(name, len(inputs))
+
+    def _head(self, name: str, inputs: int) -> _Head:
         try:
-            self._heads = [_Head(self.arrays, head) for head in HEADS]
+            head = _Head(self.arrays, name)
         except KeyError as error:
             raise AgentError(f"the residual predictor lacks {error}") from None
-        for head, named in zip(self._heads, (VEHICLE, ROAD), strict=True):
-            if head.inputs != len(named):
-                raise AgentError(f"the residual predictor takes {head.inputs} features, not {len(named)}")
+        if head.inputs != inputs:
+            raise AgentError(f"the residual predictor takes {head.inputs} features, not {inputs}")
+        return head
 
     def __call__(self, scene: Scene, constraints: Constraints, u_rl: Array) -> Array:
         """(K,) m2 per step, w of all constraints for the proposed action (2,), m/s2 and rad."""
-        parts = features(scene, constraints, u_rl)
-        return np.concatenate([head(xi) for head, xi in zip(self._heads, parts, strict=True)])
+        xi, w = features(scene, constraints, u_rl), np.zeros(constraints.count)
+        for barrier, _, rows in constraints.parts:
+            if barrier.name in self._heads:
+                w[rows] = self._heads[barrier.name](xi[barrier.name])
+        return w
 
     def of(self, head: str, xi: Array) -> Array:
         """(n,) m2 per step, w from features (n, F) of one head."""
-        return self._heads[HEADS.index(head)](xi)
+        return self._heads[head](xi)
 
 
 class _Head:

@@ -82,6 +82,8 @@ def affine_rows(
     lg, az, zz = terms.lg, terms.az, terms.zz
     rows = np.empty((len(lg), 2), order="F")
     rows[:, 0] = second * (terms.lglf_a + z0 * az)
+    if terms.lg_a is not None:
+        rows[:, 0] += first * terms.lg_a
     rows[:, 1] = first * lg + second * (terms.lglf_z + terms.lflg + a0 * az + (2.0 * z0) * zz)
     drift = weights.h * terms.h + first * terms.lf + second * (terms.lf2 - z0 * (a0 * az + z0 * zz))
     return rows, weights.required - drift - relief

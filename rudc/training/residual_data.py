@@ -22,13 +22,14 @@ from rudc.agents.base import Agent, Decision
 from rudc.arrays import Array, Floats
 from rudc.env.action import ActionKind
 from rudc.env.episode import Episode
+from rudc.env.tracking import steering
 from rudc.errors import InputError
 from rudc.files import write_atomically
 from rudc.network.network import load_network
-from rudc.safety.barrier import Constraints, barrier_terms
+from rudc.safety.barrier import STEP
 from rudc.safety.config import FilterConfig
-from rudc.safety.constraints import ConstraintBuilder
-from rudc.safety.residual import HEADS, features, predicted_change
+from rudc.safety.constraints import ConstraintBuilder, Constraints
+from rudc.safety.residual import features, heads, predicted_change
 from rudc.training.config import Curriculum
 from rudc.training.curriculum import make_mixture
 from rudc.world.scene import Scene
@@ -46,6 +47,10 @@ LONGEST_WAIT = 40
 """the same for standing still: until whoever gives way has stopped beside it"""
 STARTING = 0.3
 """share of random actions that do not brake: uniform ones would soon stand still"""
+STEERED = 0.8
+"""share of episodes in which kinds that do not follow the path are kept near it"""
+ASTRAY = (0.02, 0.2)
+"""rad, between which the largest difference to what follows the path is drawn then"""
 WAITING = 0.25
 """share of the draws at a standstill that stay there"""
 
@@ -72,11 +77,21 @@ SLOW = 1.0
 
 
 class RandomActions:
-    """Actions of a kind at random, each held for a while."""
+    """Actions of a kind at random, each held for a while. Uniform steering of kinds that do not follow the
+    path by themselves is off the road within two seconds; so in most episodes theirs strays from what would
+    follow it, by as much as is drawn for the episode.
+    """
 
     def __init__(self, rng: np.random.Generator, kind: ActionKind) -> None:
         self._rng, self._kind = rng, kind
         self._action, self._left = np.zeros(2), 0
+        self._astray: float | None = None
+
+    def reset(self, scene: Scene, seed: int) -> None:
+        """Draw how an episode is steered."""
+        self._astray = None
+        if not self._kind.follows_path and self._rng.random() < STEERED:
+            self._astray = float(self._rng.uniform(*ASTRAY))
 
     def act(self, scene: Scene) -> Decision:
         """What was drawn last, or a new draw."""
@@ -91,6 +106,9 @@ class RandomActions:
                 self._action[0] = abs(self._action[0])
         self._left -= 1
         u = self._kind.physical(self._action, scene)
+        if self._astray is not None:
+            most = scene.vehicle.delta_max
+            u[1] = min(max(steering(scene) + self._astray * self._action[1], -most), most)
         return Decision(u, u)
 
 
@@ -102,7 +120,7 @@ def collect(samples: int, seed: int, driver: Agent | ActionKind, advance: Callab
     mixture = make_mixture("random_destination", Curriculum())
     first = mixture.scenarios[0]
     world = World(load_network(first.network, first.junction))
-    keepers = {head: _Keeper(samples) for head in HEADS}
+    keepers = {head: _Keeper(samples) for head in BUFFERS}
     try:
         number = 0
         while not all(keeper.full for keeper in keepers.values()):
@@ -135,16 +153,18 @@ def _drive(episode: Episode, plan, driver, rng, keepers: Mapping[str, _Keeper], 
         scene = result.scene
 
 
-_ALL = FilterConfig(constrained="all", d_safe=0.0, max_vehicles=1000)
+_ALL = FilterConfig.preset("ttcbf", constrained="all", d_safe=0.0, max_vehicles=None, road_d_safe=0.2)
 
 
 def _buffered(constraints: Constraints, rng: np.random.Generator) -> Constraints:
     extra = np.where(
-        constraints.mode > 0,
-        rng.uniform(*BUFFERS["vehicle"]),
-        rng.uniform(*BUFFERS["road"]) - _ALL.road_d_safe,
+        constraints.mode > 0, rng.uniform(*BUFFERS["vehicle"]), rng.uniform(*BUFFERS["road"]) - 0.2
     )
-    return replace(constraints, margin=constraints.margin + extra)
+    return _with_margin(constraints, constraints.bodies.margin + extra)
+
+
+def _with_margin(constraints: Constraints, margin: Array) -> Constraints:
+    return replace(constraints, bodies=constraints.bodies._replace(margin=margin))
 
 
 def _keep(scene, after, decision, constraints, builder, rng, keepers, number) -> None:
@@ -154,17 +174,16 @@ def _keep(scene, after, decision, constraints, builder, rng, keepers, number) ->
     where = {name: i for i, name in enumerate(later.names)}
     met = [i for i, name in enumerate(constraints.names) if name in where]
     matched = [where[constraints.names[i]] for i in met]
-    later = replace(later, margin=_at(later.margin, matched, constraints.margin[met]))
-    terms = _terms(scene, constraints)
-    a = max(float(u[0]), -scene.ego.v / _ALL.dt)
+    later = _with_margin(later, _at(later.bodies.margin, matched, constraints.bodies.margin[met]))
+    terms = constraints.terms(scene)
+    a = max(float(u[0]), -scene.ego.v / STEP)
     change = np.full(constraints.count, np.nan)
-    change[met] = _terms(after, later).h[matched] - terms.h[met]
+    change[met] = later.terms(after).h[matched] - terms.h[met]
     w = change - predicted_change(terms, min(max(a, body.a_min), body.a_max), float(np.tan(u[1])))
-    n = constraints.vehicles
-    near = np.abs(constraints.position - complex(scene.ego.x, scene.ego.y)) < NEAR
-    for head, xi, part in zip(
-        HEADS, features(scene, constraints, decision.u_rl), (slice(0, n), slice(n, None)), strict=True
-    ):
+    near = np.abs(constraints.bodies.position - complex(scene.ego.x, scene.ego.y)) < NEAR
+    seen = features(scene, constraints, decision.u_rl)
+    for head, part in ((part.barrier.name, part.rows) for part in constraints.parts):
+        xi = seen[head]
         able = np.flatnonzero(np.isfinite(w[part]) & near[part])
         chosen = rng.permutation(able)[:KEPT]
         keepers[head].add(xi[chosen], change[part][chosen], w[part][chosen], number)
@@ -174,12 +193,6 @@ def _at(values: Array, index: list[int], new: Array) -> Array:
     changed = values.copy()
     changed[index] = new
     return changed
-
-
-def _terms(scene: Scene, constraints: Constraints):
-    ego = scene.ego
-    heading = complex(np.cos(ego.psi), np.sin(ego.psi))
-    return barrier_terms(complex(ego.x, ego.y), heading, ego.v, scene.vehicle.wheelbase, constraints)
 
 
 class _Keeper:
@@ -215,7 +228,7 @@ def load_dataset(path: Path) -> Dataset:
     """Read samples. Raises InputError."""
     try:
         arrays = load_file(path)
-        return {head: Samples(*(arrays[f"{head}/{k}"] for k in Samples._fields)) for head in HEADS}
+        return {head: Samples(*(arrays[f"{head}/{k}"] for k in Samples._fields)) for head in heads()}
     except FileNotFoundError:
         raise InputError(
             f"no samples in {path}: `rudc residual collect --out {path}` collects them"

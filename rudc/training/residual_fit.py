@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from rudc.arrays import Arrays, Flags, Floats
-from rudc.safety.residual import HEADS, VEHICLE, ResidualPredictor
+from rudc.safety.residual import ResidualPredictor, heads
 from rudc.training.residual_data import Dataset, Samples
 from rudc.world.scene import STANDING
 
@@ -78,8 +78,8 @@ def standing(vehicles: Samples) -> Samples:
 
 
 def _feature(vehicles: Samples, name: str) -> Floats:
-    """(M,) one of `VEHICLE`."""
-    return vehicles.xi[:, VEHICLE.index(name)]
+    """(M,) one of a vehicle's features."""
+    return vehicles.xi[:, heads()["vehicle"].index(name)]
 
 
 def _distance(vehicles: Samples) -> Floats:
@@ -100,14 +100,14 @@ def fit(
     """Learn both heads. `progress` is told head, epoch and loss."""
     torch.set_num_threads(1)  # layers this small gain nothing by more, and beside other work lose much
     arrays: Arrays = {}
-    for number, head in enumerate(HEADS):
+    for number, head in enumerate(heads()):
         arrays |= _fit(held_out(dataset[head], rest=True), head, (seed, number), epochs, progress)
     return ResidualPredictor(arrays)
 
 
 def evaluate(dataset: Dataset, predictor: ResidualPredictor, *, only_held_out: bool) -> list[Evaluation]:
     """Of both heads, on the held-out episodes or on all; then of vehicles beside a standing ego, if any."""
-    parts = [(head, head, held_out(dataset[head]) if only_held_out else dataset[head]) for head in HEADS]
+    parts = [(head, head, held_out(dataset[head]) if only_held_out else dataset[head]) for head in heads()]
     still = standing(parts[0][2])
     if len(still.w) > 1:
         parts.append(("vehicle, both standing", "vehicle", still))

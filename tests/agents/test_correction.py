@@ -21,8 +21,8 @@ from rudc.agents.filtered import FilteredAgent
 from rudc.agents.follower import Follower
 from rudc.agents.learned import LearnedAgent
 from rudc.errors import InputError
-from rudc.safety.config import Rule
 from rudc.safety.corrected import Corrected
+from rudc.safety.rules import Ecbf
 from tests.agents.learners import arrays_of, small
 from tests.safety.scenes import Other, make_scene
 
@@ -32,7 +32,7 @@ def test_a_name_or_a_mapping_says_which_is_meant():
     given = {"kind": "cbf", "rule": "ecbf", "ecbf_rate1": 2.0, "slack": {"gain": 0.5}, "residual": True}
     found = read_correction(given)
     assert isinstance(found, CbfSettings)
-    assert (found.rule, found.ecbf_rate1, found.slack.gain, found.residual) == ("ecbf", 2.0, 0.5, True)
+    assert (found.rule_settings, found.slack.gain, found.residual) == (Ecbf(rate1=2.0), 0.5, True)
     for wrong, said in (
         ("cfb", "correction: there is no 'cfb' .did you mean 'cbf'"),
         ({"kind": "none", "d_safe": 0.2}, r"correction\.d_safe: Extra inputs"),
@@ -54,7 +54,7 @@ def test_a_field_takes_any_kind_and_gives_it_back():
 
 
 @pytest.mark.parametrize("rule", ["ttcbf", "ecbf"])
-def test_one_gain_accepts_the_same_h_at_rest_under_both_rules(rule: Rule):
+def test_one_gain_accepts_the_same_h_at_rest_under_both_rules(rule: str):
     """An ego stands nearer to a lorry than the rows allow: what it may do depends on h and the gain alone."""
     scene = make_scene([Other(4.2, 0.0, math.pi / 2, 0.0, 8.0, 2.5)], v=0.0)
     gamma = {"ttcbf_gamma": 0.0} if rule == "ttcbf" else {}  # ECBF has no such margin

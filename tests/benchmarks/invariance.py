@@ -19,8 +19,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rudc.arrays import Array, Complex
-from rudc.safety.barrier import barrier_terms
 from rudc.safety.filter import FilterConfig, SafetyFilter
+from rudc.safety.road_edges import RoadSettings
+from rudc.safety.rules import Ecbf, Ttcbf
+from rudc.safety.vehicles import VehicleSettings
 from rudc.world.scene import Scene
 from tests.safety.scenes import Other, make_scene
 
@@ -76,16 +78,22 @@ def barriers(config: FilterConfig, scene: Scene, place: Complex, psi: Array, t: 
     others = (scene.position + t[:, None, None] * scene.velocity) @ (1, 1j)
     phi = np.angle(place[:, None] - others)
 
+    of_vehicles, of_road = config.barriers["vehicle"], config.barriers["road"]
+    assert isinstance(of_vehicles, VehicleSettings)
+    assert isinstance(of_road, RoadSettings)
+
     def radius(a: float | Array, b: float | Array, theta: Array) -> Array:
         return np.sqrt((a * np.cos(theta)) ** 2 + (b * np.sin(theta)) ** 2 + 1e-6)
 
-    rho_e = radius(config.half_length, config.half_width, phi - psi[:, None])
-    rho_o = radius(0.5 * scene.size[:, 0], 0.5 * scene.size[:, 1] + config.width_margin, phi - scene.heading)
-    vehicles = np.abs(place[:, None] - others) ** 2 - (rho_e + rho_o + config.d_safe) ** 2
+    rho_e = radius(of_vehicles.half_length, of_vehicles.half_width, phi - psi[:, None])
+    rho_o = radius(
+        0.5 * scene.size[:, 0], 0.5 * scene.size[:, 1] + of_vehicles.width_margin, phi - scene.heading
+    )
+    vehicles = np.abs(place[:, None] - others) ** 2 - (rho_e + rho_o + of_vehicles.d_safe) ** 2
     third = scene.vehicle.wheelbase / 3
     points = np.array([0.0, third, 2 * third]) - [0.0, scene.vehicle.cg_to_rear, scene.vehicle.cg_to_rear]
     y = place.imag[:, None] + points * np.sin(psi)[:, None]
-    margin = 0.5 * scene.vehicle.width + config.road_d_safe
+    margin = 0.5 * scene.vehicle.width + of_road.d_safe
     edge = float(scene.route.left_edge[0, 1])
     return np.hstack([vehicles, (edge - y) ** 2 - margin**2, (edge + y) ** 2 - margin**2])
 
@@ -149,12 +157,12 @@ def _near(scene: Scene, config: FilterConfig, wanted: float) -> Scene:
 
 def _safe(scene: Scene, filter: SafetyFilter) -> bool:
     filter.reset()
-    constraints, ego = filter.constraints(scene), scene.ego
-    heading = complex(math.cos(ego.psi), math.sin(ego.psi))
-    terms = barrier_terms(complex(ego.x, ego.y), heading, ego.v, scene.vehicle.wheelbase, constraints)
+    terms = filter.constraints(scene).terms(scene)
     z = math.tan(adversary(scene)[1])
-    falling = terms.lf + terms.lg * z + filter.config.ecbf_rate2 * terms.h
-    return bool(terms.h.min() > 0 and (filter.config.rule == "ttcbf" or falling.min() > 0))
+    rule, falling = filter.config.rule_settings, terms.lf + terms.lg * z
+    if isinstance(rule, Ecbf) and (falling + rule.rate2 * terms.h).min() <= 0:
+        return False
+    return bool(terms.h.min() > 0)
 
 
 def run(config: FilterConfig, starts: int, seed: int) -> Figures:
@@ -188,14 +196,15 @@ def _look(figures: Figures, filter: SafetyFilter, scene: Scene, u: Array, now: A
     figures.deepest_sample = min(figures.deepest_sample, float(h[-1].min()))
     figures.samples_below += bool(h[-1].min() < 0)
     figures.inside_below += bool(h.min() < 0)
-    if config.rule == "ttcbf":
+    rule = config.rule_settings
+    if isinstance(rule, Ttcbf):
         excess = problem.A @ (u[0], math.tan(u[1])) - problem.b
         road = np.arange(len(now)) >= scene.count
-        rate = np.where(road, config.ttcbf_road_rate, config.ttcbf_rate)
-        predicted = (1.0 - rate) * now + excess + config.ttcbf_gamma * config.dt**3
+        rate = np.where(road, rule.road_rate, rule.rate)
+        predicted = (1.0 - rate) * now + excess + rule.gamma * config.dt**3
         remainder = (predicted - h[-1]) / config.dt**3
         figures.remainder = max(figures.remainder, float(remainder.max()))
-        figures.broken += bool(((h[-1] < 0) & (remainder < config.ttcbf_gamma)).any())
+        figures.broken += bool(((h[-1] < 0) & (remainder < rule.gamma)).any())
     return bool(h[-1].min() >= 0)
 
 

@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rudc.network.network import load_network
-from rudc.safety.barrier import Constraints
-from rudc.safety.constraints import ConstraintBuilder
+from rudc.safety.constraints import ConstraintBuilder, Constraints
 from rudc.safety.filter import FilterConfig
 from rudc.safety.road_points import RoadPoints, sliding
 from rudc.vehicle import EgoVehicle
@@ -22,7 +21,7 @@ GATED = ConstraintBuilder(FilterConfig())
 
 def vehicles(scene: Scene, builder: ConstraintBuilder = GATED) -> set[str]:
     constraints = builder.build(scene)
-    return {name.removeprefix("veh:") for name in constraints.names[: constraints.vehicles]}
+    return {name.removeprefix("veh:") for name in constraints.names[constraints.parts[0].rows]}
 
 
 def test_ellipses_and_margins() -> None:
@@ -30,13 +29,13 @@ def test_ellipses_and_margins() -> None:
     found = ALL.build(scene)
     assert found.names[0] == "veh:sv0"
     assert found.count == 7
-    assert found.vehicles == 1
-    assert found.position[0] == 20 + 3j
-    assert found.velocity[0] == pytest.approx(4.0 * np.exp(0.5j))
-    assert found.direction[0] == pytest.approx(np.exp(0.5j))
-    assert found.short[:, 0] == pytest.approx([1.0, 1.3**2], abs=2e-6)
-    assert found.short[:, 0] + found.stretch[:, 0] == pytest.approx([2.5**2, 5.0**2], abs=2e-6)
-    assert found.margin == pytest.approx([0.5] + [0.9 + 0.2] * 6)
+    assert found.parts[0].rows == slice(0, 1)
+    assert found.bodies.position[0] == 20 + 3j
+    assert found.bodies.velocity[0] == pytest.approx(4.0 * np.exp(0.5j))
+    assert found.bodies.direction[0] == pytest.approx(np.exp(0.5j))
+    assert found.bodies.short[:, 0] == pytest.approx([1.0, 1.3**2], abs=2e-6)
+    assert found.bodies.short[:, 0] + found.bodies.stretch[:, 0] == pytest.approx([2.5**2, 5.0**2], abs=2e-6)
+    assert found.bodies.margin == pytest.approx([0.5] + [0.9 + 0.2] * 6)
     assert found.mode.tolist() == [1, 0, 0, 0, 0, 0, 0]
 
 
@@ -98,7 +97,7 @@ class TestGate:
 
 def feet(scene: Scene, builder: ConstraintBuilder = ALL) -> Constraints:
     found = builder.build(scene)
-    assert found.vehicles == 0
+    assert not found.parts[0].found.names
     return found
 
 
@@ -108,16 +107,16 @@ def test_road_points_of_a_straight_road(x: float, y: float, psi: float, v: float
     found = feet(scene)
     third = 2.8 / 3
     offsets = [0.0, third - 1.4, 2 * third - 1.4]
-    assert found.offset == pytest.approx(offsets * 2)
+    assert found.bodies.offset == pytest.approx(offsets * 2)
     points = complex(x, y) + np.array(offsets * 2) * np.exp(1j * psi)
     expected = points.real + 1j * np.repeat([7.0, -7.0], 3)
     # where two pieces of the edge meet, their distances are the same to rounding within sqrt(2^-52) * 7 m
-    assert found.position == pytest.approx(expected, abs=2e-7)
+    assert found.bodies.position == pytest.approx(expected, abs=2e-7)
     # the projection moves along the edge as fast as the point moves along it
-    assert found.velocity == pytest.approx(v * math.cos(psi), abs=1e-6)
+    assert found.bodies.velocity == pytest.approx(v * math.cos(psi), abs=1e-6)
     fixed = feet(scene, ConstraintBuilder(FilterConfig(road_points="fixed")))
-    assert not fixed.velocity.any()
-    assert fixed.position == pytest.approx(found.position)
+    assert not fixed.bodies.velocity.any()
+    assert fixed.bodies.position == pytest.approx(found.bodies.position)
 
 
 def test_sliding_keeps_square() -> None:
@@ -134,9 +133,9 @@ def test_no_road() -> None:
 
 def test_the_builder_follows_a_change_of_route() -> None:
     builder = ConstraintBuilder(FilterConfig(constrained="all"))
-    assert builder.build(make_scene()).position[0].imag == pytest.approx(7.0)
+    assert builder.build(make_scene()).bodies.position[0].imag == pytest.approx(7.0)
     narrow = make_scene(route=straight_road(half_width=4.0))
-    assert builder.build(narrow).position[0].imag == pytest.approx(4.0)
+    assert builder.build(narrow).bodies.position[0].imag == pytest.approx(4.0)
 
 
 @pytest.mark.parametrize("name", ["four_way", "t_junction", "roundabout", "skewed_four_way"])

@@ -3,34 +3,33 @@
 import numpy as np
 import pytest
 
-from rudc.safety.barrier import barrier_terms
+from rudc.safety.barrier import STEP
 from rudc.safety.config import FilterConfig
 from rudc.safety.constraints import ConstraintBuilder
 from rudc.safety.filter import SafetyFilter
-from rudc.safety.residual import ROAD, STEP, VEHICLE, features, predicted_change, shipped_predictor
+from rudc.safety.residual import features, heads, predicted_change, shipped_predictor
 from rudc.safety.rows import affine_rows, ttcbf_weights
 from tests.safety.scenes import Other, make_scene
 
+VEHICLE, ROAD = heads().values()
 SCENE = make_scene(others=[Other(20.0, 3.0, 0.3, 6.0), Other(-15.0, -8.0, 2.0, 4.0, row=0, s=90.0)])
 CONSTRAINTS = ConstraintBuilder(FilterConfig(constrained="all")).build(SCENE)
 
 
 def test_the_prediction_is_the_rows_own():
     """dt h' + dt^2/2 h'' is what TTCBF's row says at the action it is linearised about."""
-    ego = SCENE.ego
-    heading = complex(np.cos(ego.psi), np.sin(ego.psi))
-    terms = barrier_terms(complex(ego.x, ego.y), heading, ego.v, SCENE.vehicle.wheelbase, CONSTRAINTS)
+    terms = CONSTRAINTS.terms(SCENE)
     a, z = -2.0, 0.1
     rows, b = affine_rows(terms, ttcbf_weights(0.1, 0.0, STEP), a, z)
     np.testing.assert_allclose(rows @ [a, z] - b - 0.1 * terms.h, predicted_change(terms, a, z), atol=1e-9)
 
 
 def test_features_say_what_they_are_named_after():
-    vehicles, road = features(SCENE, CONSTRAINTS, np.array([-2.0, np.arctan(0.1)]))
+    vehicles, road = features(SCENE, CONSTRAINTS, np.array([-2.0, np.arctan(0.1)])).values()
     assert vehicles.shape == (2, len(VEHICLE))
     assert road.shape == (6, len(ROAD))
     seen = dict(zip(VEHICLE, vehicles[0], strict=True))
-    first = CONSTRAINTS.others[0]
+    first = CONSTRAINTS.parts[0].found.others[0]
     away = SCENE.position[first] - SCENE.ego_position
     assert np.hypot(seen["ahead / 20"], seen["to the left / 20"]) * 20 == pytest.approx(np.hypot(*away))
     assert seen["distance / 20"] * 20 == pytest.approx(np.hypot(*away))
@@ -47,7 +46,7 @@ def test_features_say_what_they_are_named_after():
 def test_no_action_drives_backwards():
     standing = make_scene(others=[Other(20.0, 3.0)], v=0.0)
     constraints = ConstraintBuilder(FilterConfig(constrained="all")).build(standing)
-    one, other = (features(standing, constraints, np.array([a, 0.0]))[0] for a in (-6.0, 0.0))
+    one, other = (features(standing, constraints, np.array([a, 0.0]))["vehicle"] for a in (-6.0, 0.0))
     np.testing.assert_array_equal(one, other)
 
 

@@ -12,7 +12,8 @@ from rudc.errors import InputError
 from rudc.learning.algorithms import ALGORITHMS, Algorithm, register_algorithm
 from rudc.learning.config import EnsembleConfig, LearnerConfig
 from rudc.network.network import load_network
-from rudc.safety.config import paper_settings
+from rudc.safety.road_edges import RoadSettings
+from rudc.safety.vehicles import VehicleSettings
 from rudc.settings import known_keys
 from rudc.training.config import Curriculum, TrainConfig
 from rudc.training.curriculum import FIRST_SEED, HELD_OUT_SEED, make_mixture
@@ -140,8 +141,14 @@ def test_the_papers_preset_is_as_written(rule):
     learner, correction = config.learner, config.correction
     assert (config.observation, config.action.model_dump()) == ("paper", {"kind": "direct"})
     assert isinstance(correction, CbfSettings)
-    for name, value in paper_settings(rule).items():
-        assert getattr(correction, name) == value, name
+    vehicles, road = (correction.row_weights(road=road) for road in (False, True))
+    assert (correction.rule, vehicles.h, vehicles.first) == (rule, road.h, road.first)
+    assert correction.barriers == {
+        "vehicle": VehicleSettings(constrained="all", max_vehicles=None),
+        "road": RoadSettings(points="fixed", d_safe=0.5),
+    }
+    assert correction.max_steering_correction == correction.max_added_acceleration == math.inf
+    assert not correction.last_resort
     assert isinstance(learner, EnsembleConfig)
     assert (learner.members, learner.n_step, learner.critic.encoder, learner.critic.hidden) == (
         5,

@@ -9,14 +9,14 @@ from rudc.arrays import Array
 from rudc.env.action import Adjustment
 from rudc.errors import AgentError, InputError
 from rudc.safety.residual import (
-    HEADS,
-    ROAD,
-    VEHICLE,
     ResidualPredictor,
+    heads,
     load_predictor,
 )
 from rudc.training.residual_data import Samples, collect, load_dataset, save_dataset
 from rudc.training.residual_fit import _initial, _predict, evaluate, fit, standing
+
+VEHICLE, ROAD = heads().values()
 
 
 @pytest.fixture(scope="module")
@@ -30,13 +30,13 @@ def test_samples_are_the_same_with_the_same_seed_and_survive_a_file(dataset, tmp
         collect(1500, 3, Adjustment(), lambda count: None),
         load_dataset(tmp_path / "data.safetensors"),
     ):
-        for head in HEADS:
+        for head in heads():
             for one, other in zip(dataset[head], again[head], strict=True):
                 np.testing.assert_array_equal(one, other)
 
 
 def test_samples_have_what_is_named_and_the_model_predicts_most_of_the_change(dataset):
-    for head, names in zip(HEADS, (VEHICLE, ROAD), strict=True):
+    for head, names in heads().items():
         samples = dataset[head]
         assert samples.xi.shape == (1500, len(names))
         assert all(np.isfinite(part).all() for part in samples)
@@ -60,7 +60,7 @@ def _known(rng: np.random.Generator, features_: int, rows: int = 4000) -> Sample
 
 def test_a_known_residual_is_learnt_and_the_fit_is_deterministic():
     rng = np.random.default_rng(0)
-    known = dict(zip(HEADS, (_known(rng, len(VEHICLE)), _known(rng, len(ROAD))), strict=True))
+    known = {head: _known(rng, len(names)) for head, names in heads().items()}
     predictor = fit(known, seed=0, epochs=600)
     for found in evaluate(known, predictor, only_held_out=True):
         assert found.samples == 400
@@ -74,7 +74,7 @@ def test_a_known_residual_is_learnt_and_the_fit_is_deterministic():
 
 def test_jumps_that_nobody_can_foresee_do_not_move_what_is_predicted():
     rng = np.random.default_rng(1)
-    known = {head: _known(rng, len(names)) for head, names in zip(HEADS, (VEHICLE, ROAD), strict=True)}
+    known = {head: _known(rng, len(names)) for head, names in heads().items()}
     calm = known["vehicle"]
     jumps = np.where(rng.random(len(calm.w)) < 0.01, 100.0, 0.0).astype(np.float32)
     jumpy = fit(known | {"vehicle": calm._replace(w=calm.w + jumps)}, seed=0, epochs=300)

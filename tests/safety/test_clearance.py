@@ -10,7 +10,7 @@ import sympy
 import torch
 
 from rudc.arrays import Array
-from rudc.safety.barrier import EPSILON, Constraints, barrier_terms
+from rudc.safety.clearance import EPSILON, Bodies, clearance_terms
 from rudc.safety.rows import RowWeights, affine_rows, ecbf_weights, ttcbf_weights
 
 STATES = 10_000
@@ -51,13 +51,11 @@ def random_states() -> tuple[Array, Array, Array]:
     return x, parameters, u
 
 
-def constraint(x: Array, parameters: Array) -> Constraints:
+def constraint(x: Array, parameters: Array) -> Bodies:
     """One constraint as the filter has it."""
     vx, vy, psi_o, c, m, margin, ae, be, ao, bo = parameters.tolist()
     vehicle = m > 0
-    return Constraints(
-        names=("one",),
-        others=np.zeros(int(vehicle), dtype=np.int64),
+    return Bodies(
         position=np.array([complex(x[4], x[5])]),
         velocity=np.array([complex(vx, vy)]),
         direction=np.array([complex(math.cos(psi_o), math.sin(psi_o))]),
@@ -76,14 +74,14 @@ def ours() -> tuple[dict[str, Array], dict[str, Array]]:
     found, rows = [], {kind: np.empty((STATES, 3)) for kind in WEIGHTS}
     for i in range(STATES):
         heading = complex(math.cos(x[i, 2]), math.sin(x[i, 2]))
-        terms = barrier_terms(
+        terms = clearance_terms(
             complex(x[i, 0], x[i, 1]), heading, x[i, 3], WHEELBASE, constraint(x[i], parameters[i])
         )
-        found.append([value[0] for value in terms])
+        found.append([value[0] for value in terms[:-1]])
         for kind, weights in WEIGHTS.items():
             a, b = affine_rows(terms, weights, u[i, 0], u[i, 1])
             rows[kind][i] = a[0, 0], a[0, 1], b[0]
-    return dict(zip(terms._fields, np.array(found).T, strict=True)), rows
+    return dict(zip(terms._fields[:-1], np.array(found).T, strict=True)), rows
 
 
 def relative(mine: Array, reference: Array) -> float:

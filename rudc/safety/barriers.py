@@ -1,0 +1,17 @@
+"""The barriers there are, by name."""
+
+from __future__ import annotations
+
+from rudc.safety.barrier import Barrier
+from rudc.safety.road_edges import RoadBarrier
+from rudc.safety.vehicles import VehicleBarrier
+
+BARRIERS: dict[str, type[Barrier]] = {"vehicle": VehicleBarrier, "road": RoadBarrier}
+"""name -> class, in the order of their rows"""
+
+
+def register_barrier(barrier: type[Barrier]) -> None:
+    """Make a barrier known by its name: `correction.NAME=true` puts it to work, `correction.NAME_KEY=VALUE`
+    sets what its `Settings` have.
+    """
+    BARRIERS[barrier.name] = barrier

@@ -1,0 +1,161 @@
+"""Barriers that keep a distance: h of all of them at once, and its derivatives along the filter's own model.
+
+Model (paper, Sec. "Safety Correction Formulation"): a kinematic bicycle without slip, and constraints
+that move at constant velocity v_o without turning. With e = (cos psi, sin psi), n = (-sin psi, cos psi)
+and z = tan(delta_f),
+
+    dp/dt = v e,    dpsi/dt = k z,    dv/dt = a,    do/dt = v_o,        k = v / L,    u = (a, z)
+
+Barrier. r = p + c e - o points from the constraint to the ego: c = 0, or, for road-edge points, where on
+the body's axis the reference point lies. phi is the bearing of r, theta_e = phi - psi,
+theta_o = phi - psi_o, and
+
+    rho(theta) = sqrt(A^2 cos^2 theta + B^2 sin^2 theta + eps0)      ellipse with half axes A, B
+    d = m (rho_e + rho_o) + (1 - m) dbar + d_safe                    m = 1 for vehicles, 0 for the road
+    h = |r|^2 - d^2
+
+Derivatives. Let w = v e - v_o, p = r.e, q = r.n, s = w.n, and f = (r x w) / |r|^2, the rate of the
+bearing while u = 0. rho' and rho'' are derivatives by theta, R = rho_e' + rho_o', S = rho_e'' + rho_o''.
+Because the radii depend on psi, and the points at c turn with the body, steering enters already the
+first derivative: the paper's "relative degree 2" holds for acceleration only. With the input held over a
+step, exactly,
+
+    h'  = L_f h + L_g h z
+    h'' = L_f^2 h + (L_g L_f h + L_f L_g h) u + X a z + Y z^2
+
+    L_f h     = 2 r.w - 2 d R f
+    L_g h     = 2 k (c q + d rho_e')                                          (steering; 0 for a)
+    L_f^2 h   = 2 |w|^2 - 2 (R f)^2 - 2 d (S f^2 - 2 R f (r.w) / |r|^2)
+    L_g L_f h = 2 p + 2 d R q / |r|^2                                         (a)
+                2 k (v q - d R v p / |r|^2) + L_f L_g h                       (z)
+    L_f L_g h = 2 k (c s + (R rho_e' + d rho_e'') f)                          (z; 0 for a)
+    X         = 2 (c q + d rho_e') / L
+    Y         = 2 k^2 (c^2 - c p - rho_e'^2 - d rho_e'')
+
+Choice: these exact terms are used; the radii are not frozen over a step. Freezing them (d' = 0) errs by
+2 d (R f - rho_e' k z) dt in every step. The paper's affine rows keep L_f^2 h and L_g L_f h and lack the
+rest. X and Y are the only terms that are not affine in u; `rows` linearises them about the nominal
+action.
+
+Numbers: points and vectors of the plane are complex; r conj(e) = p + i q, conj(r) w = r.w + i (r x w).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from rudc.arrays import Array, Complex
+from rudc.safety.barrier import Barrier, Found, Terms
+from rudc.safety.road_points import CLOSEST
+from rudc.world.scene import Scene
+
+EPSILON = 1e-6
+"""m2, eps0 under the root of the support radii"""
+
+
+class Bodies(NamedTuple):
+    """K things to keep clear of."""
+
+    position: Complex
+    """(K,) m, o"""
+    velocity: Complex
+    """(K,) m/s, v_o"""
+    direction: Complex
+    """(K,) e^(i psi_o)"""
+    offset: Array
+    """(K,) m, c: reference point on the ego's axis, ahead of its centre of gravity"""
+    mode: Array
+    """(K,) m: 1 where the ellipses count, 0 for bare distances"""
+    margin: Array
+    """(K,) m, what d has beside the radii: d_safe, and dbar for the road"""
+    short: Array
+    """(2, K) m2, B^2 + eps0 of the ego (first row) and of the constraint; 1 where they do not count"""
+    stretch: Array
+    """(2, K) m2, A^2 - B^2 of both; 0 where they do not count"""
+
+    @classmethod
+    def empty(cls, k: int) -> Self:
+        """K bare distances that are to be filled in."""
+        position, velocity, direction = np.empty((3, k), dtype=np.complex128)
+        short, stretch = np.ones((2, k)), np.zeros((2, k))
+        return cls(position, velocity, direction, np.zeros(k), np.zeros(k), np.empty(k), short, stretch)
+
+    def part(self, rows: slice) -> Bodies:
+        """Some of them, as views."""
+        return Bodies(
+            self.position[rows], self.velocity[rows], self.direction[rows], self.offset[rows],
+            self.mode[rows], self.margin[rows], self.short[:, rows], self.stretch[:, rows],
+        )  # fmt: skip
+
+
+class Clearance(Barrier):
+    """A barrier of this family: it says what is where, h and its derivatives follow."""
+
+    def fill(self, scene: Scene, found: Found, to: Bodies) -> None:
+        """Write what was found into the arrays of `to`; they begin as `Bodies.empty`."""
+        raise NotImplementedError
+
+    def terms(self, scene: Scene, found: Found) -> Terms:
+        """See `Barrier`; the filter works out all barriers of this family at once."""
+        to = Bodies.empty(len(found.names))
+        self.fill(scene, found, to)
+        return clearance_terms(*ego_pose(scene), to)
+
+
+def ego_pose(scene: Scene) -> tuple[complex, complex, float, float]:
+    """Position (m) and heading e^(i psi) of the ego's centre of gravity, speed (m/s), wheelbase (m)."""
+    ego = scene.ego
+    heading = complex(math.cos(ego.psi), math.sin(ego.psi))
+    return complex(ego.x, ego.y), heading, ego.v, scene.vehicle.wheelbase
+
+
+def clearance_terms(position: complex, heading: complex, v: float, wheelbase: float, to: Bodies) -> Terms:
+    """h and its derivatives towards all constraints.
+
+    `position` m and `heading` e^(i psi) of the ego's centre of gravity, `v` m/s, `wheelbase` m.
+    """
+    c, m = to.offset, to.mode
+    k = v / wheelbase
+    r = (position + c * heading) - to.position
+    w = v * heading - to.velocity
+    seen: Complex = np.empty((2, len(r)), dtype=np.complex128)
+    seen[0] = along = r * heading.conjugate()
+    np.multiply(r, to.direction.conj(), out=seen[1])
+    p, q = along.real, along.imag
+    squared = np.maximum(p * p + q * q, CLOSEST)
+    turning = r.conj() * w
+    closing = turning.real
+    bearing_rate = turning.imag / squared
+
+    across, square = seen.real * seen.imag / squared, seen.real**2 / squared
+    rho = np.sqrt(to.short + to.stretch * square)
+    rho1 = -to.stretch * across / rho
+    rho2 = (to.stretch * (1.0 - 2.0 * square) - rho1 * rho1) / rho
+    d = m * (rho[0] + rho[1]) + to.margin
+    e1, e2 = rho1[0], rho2[0]
+    slope = e1 + rho1[1]
+    swing = slope * bearing_rate
+    d_slope = d * slope / squared
+
+    lever = c * q + d * e1
+    lflg = (2.0 * k) * (c * (w * heading.conjugate()).imag + (slope * e1 + d * e2) * bearing_rate)
+    return Terms(
+        h=p * p + q * q - d * d,
+        lf=2.0 * (closing - d * swing),
+        lg=(2.0 * k) * lever,
+        lf2=2.0
+        * (
+            w.real**2
+            + w.imag**2
+            - swing * swing
+            - d * bearing_rate * ((e2 + rho2[1]) * bearing_rate - 2.0 * slope * closing / squared)
+        ),
+        lglf_a=2.0 * (p + d_slope * q),
+        lglf_z=(2.0 * k * v) * (q - d_slope * p) + lflg,
+        lflg=lflg,
+        az=(2.0 / wheelbase) * lever,
+        zz=(2.0 * k * k) * (c * c - c * p - e1 * e1 - d * e2),
+    )

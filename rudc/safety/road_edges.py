@@ -1,0 +1,79 @@
+"""The barrier towards road edges: points on the ego's axis and their projections (`road_points`)."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from rudc.arrays import Array
+from rudc.network.paths import SPACING
+from rudc.safety.barrier import STEP, BarrierSettings, Found
+from rudc.safety.clearance import Bodies, Clearance
+from rudc.safety.prediction import Predictor
+from rudc.safety.road_points import NAMES, RoadPoints, sliding
+from rudc.safety.rules import NotNegative
+from rudc.world.scene import Scene
+
+
+class RoadSettings(BarrierSettings):
+    """Settings of the barrier towards road edges."""
+
+    points: Literal["sliding", "fixed"] = "sliding"
+    """whether a projection on the road's edge moves along with the ego (ours), or stands still as in the
+    paper
+    """
+    d_safe: NotNegative = 0.2
+    """m, buffer beside half the vehicle's width (dbar) (ours): a lane has no room for that towards vehicles
+    """
+
+
+class RoadBarrier(Clearance):
+    """Towards the edges of the road along the ego's route; remembers those of the route it saw last."""
+
+    name: ClassVar[str] = "road"
+    at_work: ClassVar[bool] = True
+    as_road: ClassVar[bool] = True
+    inputs: ClassVar[tuple[str, ...]] = (
+        "reference point",
+        "buffer",
+        "path's curvature * 10",
+        "distance one step straight on / 20",
+    )
+    """the last one tells where the edge leads, which the row takes for straight"""
+    Settings: ClassVar[type[BarrierSettings]] = RoadSettings
+
+    def __init__(self, settings: RoadSettings, predictor: Predictor) -> None:
+        self.settings = settings
+        self._points: RoadPoints | None = None
+
+    def find(self, scene: Scene) -> Found:
+        """See `Barrier`: six points, left edge first."""
+        points = self._points
+        if points is None or points.route is not scene.route or points.vehicle != scene.vehicle:
+            points = self._points = RoadPoints(scene.route, scene.vehicle)
+        return Found(NAMES, data=points)
+
+    def fill(self, scene: Scene, found: Found, to: Bodies) -> None:
+        """See `Clearance`."""
+        ego, points = scene.ego, found.data
+        position, heading = complex(ego.x, ego.y), cmath.exp(1j * ego.psi)
+        away = points.away(position, heading, scene.ego_s)
+        to.position[:] = position + points.offset * heading - away
+        to.velocity[:] = 0.0 if self.settings.points == "fixed" else sliding(away, ego.v * heading)
+        to.direction[:] = 1.0
+        to.offset[:] = points.offset
+        to.margin[:] = 0.5 * scene.vehicle.width + self.settings.d_safe
+
+    def features(self, scene: Scene, found: Found, part: Bodies, xi: Array) -> None:
+        """See `Barrier`."""
+        ego, path = scene.ego, scene.route.path
+        heading = complex(math.cos(ego.psi), math.sin(ego.psi))
+        at = min(max(int(scene.ego_s / SPACING), 0), len(path.curvature) - 1)
+        xi[:, 8], xi[:, 9] = part.offset, part.margin
+        xi[:, 10] = 10 * path.curvature[at]
+        way = ego.v * STEP
+        there = complex(ego.x, ego.y) + way * heading
+        xi[:, 11] = np.abs(found.data.away(there, heading, scene.ego_s + way)) / 20

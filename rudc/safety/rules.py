@@ -1,0 +1,72 @@
+"""Rules: what they make of h, h' and h'' in a row (the formulas are in rudc/safety/rows.py).
+
+A rule is a class of settings with `weights`. A further one is a class and an entry in `RULES`, or a call of
+`register_rule`; its settings have keys that begin with its name: `ttcbf_rate` is `rate` of `ttcbf`.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from rudc.safety.rows import RowWeights, ecbf_weights, ttcbf_weights
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Share = Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)]
+
+
+class Rule(BaseModel):
+    """Base of all rules."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+
+    def weights(self, dt: float, *, road: bool) -> RowWeights:
+        """What makes a row out of h, h' and h'' for an action held for `dt` s, of vehicles or of road edges.
+        `second` and `required` must be the same for both.
+        """
+        raise NotImplementedError
+
+
+class Ttcbf(Rule):
+    """Truncated Taylor control barrier function."""
+
+    rate: Share = 0.1
+    """class-K factor lambda, in (0, 1]: the share of h that may be lost in a step"""
+    gamma: NotNegative = 100.0
+    """m2/s3, Gamma; Gamma dt^3 bounds what the truncated series leaves out"""
+    road_rate: Share = 0.3
+    """lambda towards road edges (ours): the paper's, as towards vehicles, brakes in every bend"""
+
+    def weights(self, dt: float, *, road: bool) -> RowWeights:
+        """See `Rule`."""
+        return ttcbf_weights(self.road_rate if road else self.rate, self.gamma, dt)
+
+
+class Ecbf(Rule):
+    """Exponential control barrier function."""
+
+    rate1: Positive = 1.5
+    """1/s, lambda1"""
+    rate2: Positive = 0.3
+    """1/s, lambda2"""
+    road_rate1: Positive = 7.5
+    """1/s, lambda1 towards road edges (ours)"""
+    road_rate2: Positive = 1.5
+    """1/s, lambda2 towards road edges (ours)"""
+
+    def weights(self, dt: float, *, road: bool) -> RowWeights:
+        """See `Rule`."""
+        if road:
+            return ecbf_weights(self.road_rate1, self.road_rate2, dt)
+        return ecbf_weights(self.rate1, self.rate2, dt)
+
+
+RULES: dict[str, type[Rule]] = {"ttcbf": Ttcbf, "ecbf": Ecbf}
+"""name -> class"""
+
+
+def register_rule(name: str, rule: type[Rule]) -> None:
+    """Make a rule known as `correction.rule=NAME`."""
+    RULES[name] = rule

@@ -1,0 +1,141 @@
+"""The barrier towards vehicles, pedestrians and obstacles: ellipses with half their length and half their
+width plus a margin as half axes, at their present velocity.
+
+Of those that qualify (all, or let through by the gate, see `gating`), the nearest twelve are constrained.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from rudc.arrays import Array, Flags, Index
+from rudc.network.paths import SPACING
+from rudc.safety.barrier import BarrierSettings, Found, as_complex
+from rudc.safety.clearance import EPSILON, Bodies, Clearance
+from rudc.safety.gating import Gate
+from rudc.safety.prediction import Predictor
+from rudc.safety.rules import NotNegative, Positive
+from rudc.world.scene import Scene
+
+
+class VehicleSettings(BarrierSettings):
+    """Settings of the barrier towards vehicles."""
+
+    constrained: Literal["gated", "all"] = "gated"
+    """those whose predicted path meets the ego's (ours), or all, as in the paper"""
+    d_safe: NotNegative = 0.5
+    """m, safety buffer added to the support radii of ego and vehicle"""
+    half_length: Positive = 2.5
+    """m, half axis a of the ego's ellipse; others' is half their length"""
+    half_width: Positive = 1.0
+    """m, half axis b of the ego's ellipse"""
+    width_margin: NotNegative = 0.1
+    """m, added to half the width of others to give their half axis b (ours)"""
+    max_vehicles: int | None = Field(default=12, ge=0)
+    """the nearest so many vehicles, pedestrians and obstacles are constrained at most (ours); null for all of
+    them, as in the paper
+    """
+    gate_distance: NotNegative = 0.8
+    """m, a vehicle is constrained if the predicted gap between the ellipses falls below this (ours)"""
+    gate_horizon: Positive = 3.0
+    """s, how far ahead the gate predicts (ours)"""
+    gate_step: Positive = 0.2
+    """s, between the instants that the gate looks at (ours)"""
+
+    def without_effect(self) -> dict[str, str]:
+        """The gate's, where all are constrained."""
+        if self.constrained == "gated":
+            return {}
+        return {name: "with constrained=all" for name in type(self).model_fields if name.startswith("gate_")}
+
+
+class VehicleBarrier(Clearance):
+    """Towards whoever moves or stands in the way."""
+
+    name: ClassVar[str] = "vehicle"
+    prefix: ClassVar[str | None] = ""
+    at_work: ClassVar[bool] = True
+    inputs: ClassVar[tuple[str, ...]] = (
+        "cos(relative heading)",
+        "sin(relative heading)",
+        "its speed ahead / 10",
+        "its speed to the left / 10",
+        "its acceleration / 6",
+        "its yaw rate",
+        "its half length / 5",
+        "its half width / 5",
+        "buffer",
+    )
+    Settings: ClassVar[type[BarrierSettings]] = VehicleSettings
+
+    def __init__(self, settings: VehicleSettings, predictor: Predictor) -> None:
+        self.settings = settings
+        self._gate = Gate(settings.gate_horizon, settings.gate_step, settings.gate_distance, predictor)
+
+    def find(self, scene: Scene) -> Found:
+        """See `Barrier`; nearest first."""
+        ellipses = self._ellipses(scene)
+        chosen = self._chosen(scene, *ellipses)
+        return Found(tuple(["veh:" + scene.ids[i] for i in chosen.tolist()]), chosen, ellipses)
+
+    def fill(self, scene: Scene, found: Found, to: Bodies) -> None:
+        """See `Clearance`."""
+        chosen, (short, stretch) = found.others, found.data
+        heading = scene.heading[chosen]
+        to.position[:], to.velocity[:] = (
+            as_complex(scene.position)[chosen],
+            as_complex(scene.velocity)[chosen],
+        )
+        to.direction.real[:], to.direction.imag[:] = np.cos(heading), np.sin(heading)
+        to.short[:], to.stretch[:] = short[:, chosen], stretch[:, chosen]
+        to.mode[:], to.margin[:] = 1.0, self.settings.d_safe
+
+    def in_conflict(self, scene: Scene, found: Found) -> Flags:
+        """Those that the ego would meet, see `gating`."""
+        return self._gate.in_conflict(scene, found.others, *found.data)
+
+    def features(self, scene: Scene, found: Found, part: Bodies, xi: Array) -> None:
+        """See `Barrier`."""
+        away = complex(math.cos(scene.ego.psi), -math.sin(scene.ego.psi))
+        relative, moving = part.direction * away, part.velocity * away
+        xi[:, 8], xi[:, 9] = relative.real, relative.imag
+        xi[:, 10], xi[:, 11] = moving.real / 10, moving.imag / 10
+        xi[:, 12] = scene.acceleration[found.others] / 6
+        xi[:, 13] = _yaw_rates(scene, found.others)
+        short, stretch = part.short[1], part.stretch[1]
+        xi[:, 14], xi[:, 15] = np.sqrt(short + stretch) / 5, np.sqrt(short) / 5
+        xi[:, 16] = part.margin
+
+    def _ellipses(self, scene: Scene) -> tuple[Array, Array]:
+        """B^2 + eps0 and A^2 - B^2, (2, N) m2 each: ego in the first row, the others in the second."""
+        settings, n = self.settings, scene.count
+        half = 0.5 * scene.size
+        across = (half[:, 1] + settings.width_margin) ** 2
+        short, stretch = np.empty((2, n)), np.empty((2, n))
+        short[0] = settings.half_width**2 + EPSILON
+        stretch[0] = settings.half_length**2 - settings.half_width**2
+        short[1] = across + EPSILON
+        stretch[1] = half[:, 0] ** 2 - across
+        return short, stretch
+
+    def _chosen(self, scene: Scene, short: Array, stretch: Array) -> Index:
+        """Indices of the others to be constrained, nearest first."""
+        if not scene.count:
+            return np.empty(0, dtype=np.int64)
+        if self.settings.constrained == "all":
+            return np.arange(scene.count)[: self.settings.max_vehicles]
+        return self._gate.meeting(scene, short, stretch)[: self.settings.max_vehicles]
+
+
+def _yaw_rates(scene: Scene, others: Index) -> Array:
+    """(n,) rad/s of vehicles that follow their paths at their speeds; 0 for those that have none."""
+    paths, rows = scene.network.paths, scene.path[others]
+    here = np.clip(scene.path_s[others] / SPACING, 1, paths.heading.shape[1] - 2).astype(np.int64)
+    known = np.maximum(rows, 0)
+    bend = (paths.heading[known, here + 1] - paths.heading[known, here - 1]) / (2 * SPACING)
+    speed = np.hypot(scene.velocity[others, 0], scene.velocity[others, 1])
+    return np.where(rows >= 0, bend * speed, 0.0)
