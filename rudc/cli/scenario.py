@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from rudc.cli.complete import complete_scenarios
 from rudc.cli.console import note, print_table
 from rudc.errors import InputError, ScenarioError
+
+if TYPE_CHECKING:
+    from rudc.scenario import Scenario
 
 app = typer.Typer(no_args_is_help=True, help="Scenario files: find, write, check and draw them.")
 
@@ -75,12 +78,21 @@ def validate(
             metavar="FILE...", help="Files, shipped names, or patterns.", autocompletion=complete_scenarios
         ),
     ],
+    seeds: Annotated[
+        int, typer.Option(min=0, help="Drive so many episodes of each and say how often its events happen.")
+    ] = 0,
 ) -> None:
     """Check scenario files, and that each fits its network and can be set up (first seed, each swept value).
 
-    A line for each file; every problem reads `FILE:LINE:COLUMN: key.path: what is wrong`, all at once.
+    A line for each file; every problem reads `FILE:LINE:COLUMN: key.path: what is wrong`, all at once. With
+    `--seeds`, the first so many episodes are driven by `gap-acceptance`, and how often each event happens is
+    said.
 
-    **Example**: `rudc scenario validate my_scenarios/*.yaml`
+    **Examples**
+
+    `rudc scenario validate my_scenarios/*.yaml`
+
+    `rudc scenario validate sudden_brake --seeds 20`
     """
     from rudc.evaluation.preflight import validated
     from rudc.scenario.library import existing_files, shipped_scenarios, shown
@@ -97,8 +109,21 @@ def validate(
             count, points = len(scenario.events), len(scenario.points())
             swept = f", {points} swept points" if scenario.sweep else ""
             typer.echo(f"{name}: ok ({count} event{'s' * (count != 1)}{swept})")
+            _echo_firings(scenario, seeds)
     if problems:
         raise ScenarioError("\n".join(dict.fromkeys(problems)))
+
+
+def _echo_firings(scenario: Scenario, seeds: int) -> None:
+    """Say how often the events of a scenario happen in its first episodes, for each swept value."""
+    if not seeds or not scenario.events:
+        return
+    from rudc.evaluation.firing import count_firings
+
+    for swept, point in scenario.grid():
+        values = "".join(f"{key}={value}, " for key, value in swept.items())
+        for firing in count_firings(point, range(seeds)):
+            typer.echo(f"  {values}{firing}")
 
 
 @app.command()

@@ -60,6 +60,10 @@ class Reader:
             self._locate()
         return self.motion
 
+    def relocate(self) -> None:
+        """Find anew along which path each SV drives: the next time, for one has been sent another way."""
+        self._lanes = []
+
     def _list(self, active: tuple[str, ...]) -> None:
         drivers = self._traffic.drivers
         self.active = active

@@ -301,6 +301,16 @@ class Sumo:
         for name, value in values.items():
             setters[name](vehicle, value)
 
+    @_to("redirect a vehicle")
+    def redirect(self, vehicle: str, route: str) -> None:
+        """Give a vehicle that has not reached its junction another route, by name."""
+        libsumo.vehicle.setRouteID(vehicle, route)
+
+    @_to("keep a vehicle in its lane")
+    def keep_lane(self, vehicle: str) -> None:
+        """From now on a vehicle changes lanes no more."""
+        libsumo.vehicle.setLaneChangeMode(vehicle, 0)
+
     @_to("slow a vehicle down")
     def slow_down(self, vehicle: str, speed: float, duration: float) -> None:
         """Bring a vehicle to a speed (m/s) evenly within duration s; then it is SUMO's again."""

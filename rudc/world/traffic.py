@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from rudc.network.network import Lane, Movement, Network
     from rudc.scenario.plan import TrafficPlan
     from rudc.vehicle import EgoVehicle
+    from rudc.world.spawn import Entry
 
 EGO = "ego"
 EMERGENCY_DECEL = 9.0
@@ -146,6 +147,22 @@ class Traffic:
         for _ in range(missing):
             self._enter(entry)
 
+    def add(self, movement: Movement, place: Entry, kind: str, speed: float) -> str:
+        """One SV more than the density asks for, to enter at a place at the next step; its name."""
+        route = f"added:{self._count}"
+        self._sumo.add_route(route, place.edges)
+        return self._add(movement, route, kind, place.lane, place.front, speed)
+
+    def redirect(self, name: str, origin: str, destination: str) -> None:
+        """Send an SV that has not reached its stop line to another arm; its lane must lead there."""
+        driver = self.drivers[name]
+        driver.origin, driver.destination = origin, destination
+        self._sumo.redirect(name, f"{origin}>{destination}")
+
+    def draw_speed(self) -> float:
+        """m/s, the initial speed of one more SV."""
+        return self._plan.speed.sample(self._rng)
+
     def lose_grip(self, limit: float) -> None:
         """From now on no SV brakes or accelerates harder than limit m/s2."""
         self.grip = limit
@@ -176,11 +193,12 @@ class Traffic:
         choices = self._movements[arm]
         return choices[self._rng.integers(len(choices))]
 
-    def _draw_type(self) -> str:
+    def draw_type(self) -> str:
+        """The kind of one more SV, as the mix has it."""
         names, weights = self._mix
         return names[0] if len(names) == 1 else names[self._rng.choice(len(names), p=weights)]
 
-    def _add(self, movement: Movement, route: str, kind: str, lane: Lane, front: float, speed: float) -> None:
+    def _add(self, movement: Movement, route: str, kind: str, lane: Lane, front: float, speed: float) -> str:
         name = f"sv{self._count}"
         self._count += 1
         plan, rng = self._plan, self._rng
@@ -212,10 +230,11 @@ class Traffic:
         self.drivers[name] = driver
         self._slip(name)
         self._waiting.add(name)
+        return name
 
     def _place_somewhere(self, occupied: dict[str, list[tuple[float, float]]]) -> None:
         for _ in range(40):
-            movement, kind = self._draw_movement(), self._draw_type()
+            movement, kind = self._draw_movement(), self.draw_type()
             inbound = self._rng.random() < 0.5
             arm = self._arms[movement.origin if inbound else movement.destination]
             lanes = self._entry_lanes(movement) if inbound else arm.out_lanes
@@ -241,7 +260,7 @@ class Traffic:
 
     def _enter(self, entry: dict[str, tuple[float, float]]) -> None:
         for _ in range(8):
-            movement, kind = self._draw_movement(), self._draw_type()
+            movement, kind = self._draw_movement(), self.draw_type()
             lanes = self._entry_lanes(movement)
             lane = self._network.lanes[lanes[self._rng.integers(len(lanes))]]
             length = VEHICLE_TYPES[kind].length

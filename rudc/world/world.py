@@ -21,6 +21,7 @@ import numpy as np
 from rudc.arrays import Array
 from rudc.errors import SimulationError
 from rudc.world.brakes import Brakes
+from rudc.world.casting import cast
 from rudc.world.config import WorldConfig
 from rudc.world.contact import NOTHING, Body, Nearest, ego_body, nearer, survey
 from rudc.world.ego import EgoPlant, realised
@@ -211,7 +212,7 @@ class World:
         self._script = Script(plan.events, self.stage)
         self.traffic.populate()
         self._warm_up(plan.traffic.warm_up_s)
-        return safe_to_start(self.scene()) and self._enter_ego()
+        return safe_to_start(self.scene()) and self._enter_ego(event_rng)
 
     def _place_ego(self, rng: np.random.Generator) -> None:
         """Draw the route and put the plant where the ego starts."""
@@ -240,13 +241,15 @@ class World:
             for prop in self.stage.props:
                 prop.look_out(scene)
 
-    def _enter_ego(self) -> bool:
+    def _enter_ego(self, rng: np.random.Generator) -> bool:
         state, body = self._plant.state, self.vehicle
+        together = {EGO, *cast(self.plan.events, self.scene(), self.stage, rng)}
+        self._reader.relocate()
         self._sumo.add_route(EGO, self._entry.edges)
         self._sumo.add(EGO, EGO, EGO, self._entry.lane.index, self._entry.front, state.v)
         self._sumo.step()
         self._move_props()
-        if EGO not in self._sumo.vehicles():
+        if not together <= set(self._sumo.vehicles()):
             return False
         self._ego_inside = True
         if self._driven_by_sumo:

@@ -296,11 +296,14 @@ def test_reach_position_and_time_to_collision(world, four_way):
         world.advance(np.zeros(2))
         scene = world.scene()
     assert math.hypot(last.ego.x - x, last.ego.y - y) < 3.0 < math.hypot(last.ego.x - x, last.ego.y - 0.8 - y)
-    when = {"time_to_collision": {"vehicle": "leader", "below": 3}}
     block = event("stalled_vehicle", lane="south_in_0", at=5)
-    leader = event("accident", vehicles=[{"lane": "south_out_0", "at": 5}], when=when)
-    fired = run(world, replace(source, density=0.0, events=(block, leader)), 3.0, u=np.zeros(2))
-    assert not any("accident1:0" in scene.ids for scene in fired), "an obstacle is nobody's leader"
+    scene = world.reset(replace(source, density=0.0, events=(block,)).plan(0))
+    assert scene.count == 1
+    assert pick(scene, "leader", np.random.default_rng(0)) == [], "an obstacle is nobody's leader"
+    when = {"time_to_collision": {"vehicle": "leader", "below": 3}}
+    crash = event("density_surge", density=50, when=when)
+    run(world, replace(source, density=0.0, events=(block, crash)), 6.0, u=np.zeros(2))
+    assert world.traffic.density == 50, "the leader that is put ahead stops behind the obstacle"
 
 
 def test_selectors_pick_whom_they_say(world):

@@ -65,7 +65,7 @@ def test_event_lines_say_why_something_is_not_there(world):
     world.reset(scenario.plan(0))
     assert event_lines(world.plan, world.happenings())[3:] == [
         "4 hard_brake: not in this episode, its probability decided so",
-        "5 priority_violation: not there, it waits for reach_position position [1.75, -16.0] tolerance 5 "
+        "5 priority_violation: not there, it waits for reach_position position [-16.0, -1.75] tolerance 5 "
         "and a vehicle to act on (crossing)",
     ]
 

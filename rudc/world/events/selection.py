@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from rudc.arrays import Array
 from rudc.world.scene import Scene
+
+ASIDE_M = 2.0
+"""m beside the ego's path up to which another is in line with it: turning, SUMO's vehicles cut the corner"""
 
 
 def pick(scene: Scene, selector: str, rng: np.random.Generator) -> list[int]:
@@ -12,7 +16,7 @@ def pick(scene: Scene, selector: str, rng: np.random.Generator) -> list[int]:
 
     leader: the nearest ahead on the ego's path; follower: the nearest behind in its lane; oncoming and
     crossing: the one that reaches the junction first among those from the opposite arm, or from the arms to
-    the sides; nearest; random; all.
+    the sides, and among these of those whose path crosses the ego's; nearest; random; all.
     """
     svs = np.flatnonzero(scene.path >= 0)
     if selector == "all" or svs.size == 0:
@@ -23,7 +27,9 @@ def pick(scene: Scene, selector: str, rng: np.random.Generator) -> list[int]:
         return [int(svs[0])]
     if selector in ("leader", "follower"):
         return _in_line(scene, svs, ahead=selector == "leader")
-    return _towards_junction(scene, svs, oncoming=selector == "oncoming")
+    due = towards_junction(scene, oncoming=selector == "oncoming")
+    best = int(np.argmin(due))
+    return [best] if np.isfinite(due[best]) else []
 
 
 def _in_line(scene: Scene, svs: np.ndarray, ahead: bool) -> list[int]:
@@ -32,19 +38,26 @@ def _in_line(scene: Scene, svs: np.ndarray, ahead: bool) -> list[int]:
     for i, (s, offset) in zip(svs, near, strict=True):
         gap = s - scene.ego_s if ahead else scene.ego_s - s
         along = scene.route.path.pose(s)[2]
-        if 0 < gap < best and abs(offset) < 1.5 and np.cos(scene.heading[i] - along) > 0.7:
+        if 0 < gap < best and abs(offset) < ASIDE_M and np.cos(scene.heading[i] - along) > 0.7:
             best, which = gap, int(i)
     return [which] if which >= 0 else []
 
 
-def _towards_junction(scene: Scene, svs: np.ndarray, oncoming: bool) -> list[int]:
+def towards_junction(scene: Scene, oncoming: bool) -> Array:
+    """(N,) s until each one from the opposite arm, or from those to the sides, reaches its stop line.
+
+    inf for all others, and for those whose path does not cross the ego's if there are any whose does.
+    """
     paths = scene.network.paths
+    due = np.full(scene.count, np.inf)
+    svs = np.flatnonzero(scene.path >= 0)
     rows = scene.path[svs]
     to_stop = paths.stop_s[rows] - scene.path_s[svs]
     turn = paths.heading[rows, 0] - scene.route.path.pose(0.0)[2]
     opposite = np.cos(turn) < -0.7
     sideways = np.abs(np.cos(turn)) <= 0.7
     speed = np.maximum(np.hypot(*scene.velocity[svs].T), 0.5)
-    due = np.where((to_stop > 0) & (opposite if oncoming else sideways), to_stop / speed, np.inf)
-    best = int(np.argmin(due))
-    return [int(svs[best])] if np.isfinite(due[best]) else []
+    due[svs] = np.where((to_stop > 0) & (opposite if oncoming else sideways), to_stop / speed, np.inf)
+    crosses = np.zeros(scene.count, dtype=bool)
+    crosses[svs] = ~np.isnan(scene.network.conflict(scene.route)[rows, 0])
+    return np.where(crosses, due, np.inf) if np.isfinite(due[crosses]).any() else due

@@ -1,0 +1,60 @@
+"""How often the events of a scenario happen: its episodes driven by a reference driver, and counted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rudc.agents.gap_acceptance import GapAcceptance
+from rudc.env.episode import Episode
+from rudc.evaluation.rollout import run_episode
+from rudc.network.network import load_network
+from rudc.world.world import World
+
+if TYPE_CHECKING:
+    from rudc.scenario.model import Scenario
+
+
+@dataclass(slots=True)
+class Firing:
+    """How often one event happens."""
+
+    number: int
+    """its place in the scenario's file, from 1"""
+    kind: str
+    """what kind of event"""
+    episodes: int = 0
+    """episodes driven"""
+    drawn: int = 0
+    """episodes that it is part of, by its `probability`"""
+    fired: int = 0
+    """episodes in which it took effect"""
+    seen: int = 0
+    """episodes in which the ego's sensors showed it, or it has no body and is felt"""
+
+    def __str__(self) -> str:
+        rest = "" if self.drawn == self.episodes else f" ({self.drawn} by its probability)"
+        seen = "" if self.seen == self.fired else f", and the ego sees it in {self.seen}"
+        happens = f"happens in {self.fired} of {self.episodes} episodes"
+        return f"event {self.number} {self.kind}: {happens}{rest}{seen}"
+
+
+def count_firings(scenario: Scenario, seeds: Iterable[int]) -> list[Firing]:
+    """Drive the seeds' episodes with `gap-acceptance` and count, for each event of the file, when it happens.
+
+    Raises what `World.reset` does.
+    """
+    found = [Firing(number, event.kind) for number, event in enumerate(scenario.events, start=1)]
+    with World(load_network(scenario.network, scenario.junction)) as world:
+        episode, agent = Episode(world), GapAcceptance()
+        for seed in seeds:
+            run_episode(episode, scenario.plan(seed), agent)
+            for firing in found:
+                firing.episodes += 1
+            for number, happening in zip(world.plan.event_numbers, world.happenings(), strict=True):
+                firing = found[number - 1]
+                firing.drawn += 1
+                firing.fired += happening.begun_s is not None
+                firing.seen += happening.visible_s is not None
+    return found

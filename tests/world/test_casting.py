@@ -1,0 +1,70 @@
+"""Whom a scenario's events select is on the road when the ego starts, and stays what it is."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rudc.world.casting import selected
+from rudc.world.events.selection import pick
+from tests.plans import PlanSource, event
+from tests.world.test_world import follow
+
+LATER = {"simulation_time": {"above": 100.0}}
+QUIET = PlanSource(density=0.0, turn="left", speed=(8.0, 8.0))
+RNG = np.random.default_rng(0)
+
+
+def brake(selector):
+    return event("hard_brake", vehicle=selector, when=LATER)
+
+
+def test_what_events_and_their_triggers_select():
+    near = event("density_surge", density=5, when={"time_headway": {"vehicle": "follower", "below": 2}})
+    stands = event("stalled_vehicle", lane="east_out_0", at=20)
+    assert selected((brake("oncoming"), near, stands)) == {"oncoming", "follower"}
+
+
+def test_a_leader_leads_through_the_junction_whether_it_was_there_or_was_added(world):
+    for density in (0.0, 15.0):
+        for seed in range(6):
+            scene = world.reset(replace(QUIET, density=density, events=(brake("leader"),)).plan(seed))
+            leader = scene.ids[pick(scene, "leader", RNG)[0]]
+            driver = world.traffic.drivers[leader]
+            assert (driver.origin, driver.destination) == (world.route.origin, world.route.destination)
+            while scene.time_s < 6.0:
+                here = pick(scene, "leader", RNG)
+                assert [scene.ids[i] for i in here] == [leader], (density, seed, scene.time_s)
+                assert world.advance(follow(scene, 4.0)).collision is None
+                scene = world.scene()
+
+
+def test_a_follower_is_added_behind_at_a_safe_distance(world):
+    for seed in range(4):
+        scene = world.reset(replace(QUIET, events=(brake("follower"),)).plan(seed))
+        (row,) = pick(scene, "follower", RNG)
+        gap = math.hypot(*(scene.position[row] - scene.ego_position)) - 5.0
+        assert 2.0 + 0.5 * scene.ego.v < gap < 2.0 + 3.0 * scene.ego.v
+
+
+@pytest.mark.parametrize("selector", ["oncoming", "crossing"])
+def test_one_from_another_arm_reaches_its_stop_line_about_when_the_ego_does(world, selector):
+    for seed in range(4):
+        scene = world.reset(replace(QUIET, events=(brake(selector),)).plan(seed))
+        (row,) = pick(scene, selector, RNG)
+        path = scene.path[row]
+        assert not math.isnan(scene.network.conflict(scene.route)[path, 0]), "it crosses the ego's path"
+        due = (scene.network.paths.stop_s[path] - scene.path_s[row]) / math.hypot(*scene.velocity[row])
+        ego_due = (scene.route.stop_line_s - scene.ego_s) / scene.ego.v
+        assert -1.5 < due - ego_due < 6.0
+
+
+def test_without_such_events_nothing_is_added(world):
+    assert world.reset(replace(QUIET, events=(brake("nearest"),)).plan(0)).count == 0
+
+
+def test_where_the_network_has_no_such_arm_the_episode_begins_all_the_same(world_on):
+    world = world_on("t_junction")
+    source = replace(QUIET, network="t_junction", origin="south", events=(brake("oncoming"),))
+    assert world.reset(source.plan(0)).count == 0
