@@ -1,14 +1,18 @@
-"""`rudc agent`: list, show."""
+"""`rudc agent`: list, show, calibrate."""
 
 from __future__ import annotations
 
 import json
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from rudc.cli.complete import complete_agents
-from rudc.cli.console import print_table
+from rudc.cli.console import note, print_table
+
+if TYPE_CHECKING:
+    from rudc.training.calibration import Calibration
 
 app = typer.Typer(no_args_is_help=True, help="Who can drive the ego vehicle.")
 
@@ -33,3 +37,56 @@ def show(
 
     typer.echo(f"{name}: {agent_summary(name)}")
     typer.echo(json.dumps(agent_settings(name), indent=2))
+
+
+@app.command()
+def calibrate(
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Folder of a training, or of its checkpoint.")
+    ],
+    episodes: Annotated[int, typer.Option("--episodes", "-n", min=1, help="For each scenario.")] = 50,
+    scenario: Annotated[
+        list[str] | None,
+        typer.Option(metavar="SCENARIO", help="Instead of random_destination and dense_left_turn."),
+    ] = None,
+    write: Annotated[bool, typer.Option("--write", help="Store what is found in DIR.")] = False,
+) -> None:
+    """Measure the percentiles of a trained agent's uncertainty, sigma_l and sigma_h, as it drives.
+
+    Held-out episodes, driven as in a sweep. Also said: how often the stored percentiles are exceeded (5 % and
+    2.5 % where they hold). Only `--write` changes the agent.
+
+    **Example**: `rudc agent calibrate out/first`
+    """
+    from rudc.agents.checkpoint import find_checkpoint
+    from rudc.errors import AgentError
+    from rudc.training.calibration import SCENARIOS, calibrate
+
+    found = find_checkpoint(str(folder))
+    if found is None:
+        raise AgentError(f"no checkpoint in {folder}")
+    names, done = scenario or list(SCENARIOS), 0
+
+    def advance() -> None:
+        nonlocal done
+        done += 1
+        if done % 10 == 0:
+            note(f"{done}/{len(names) * episodes} episodes")
+
+    result = calibrate(found, names, episodes, write=write, advance=advance)
+    low, high = result.percentiles
+    print_table(
+        ["", "sigma_l", "sigma_h"],
+        [["measured", f"{low:.3f}", f"{high:.3f}"], *_stored(result)],
+        right=(1, 2),
+    )
+    note(f"of {result.decisions} decisions; {'stored' if write else 'not stored: add --write'}")
+
+
+def _stored(result: Calibration) -> list[list[str]]:
+    if result.before is None or result.above is None:
+        return []
+    return [
+        ["stored so far", *(f"{value:.3f}" for value in result.before)],
+        ["decisions above those", *(f"{share:.1%}" for share in result.above)],
+    ]

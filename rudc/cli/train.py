@@ -24,7 +24,8 @@ def train(
     algorithm: Annotated[
         str | None,
         typer.Argument(
-            metavar="ALGORITHM", help="One of `rudc agent algorithms`; may be left out to resume."
+            metavar="ALGORITHM",
+            help="Such as rudc-t, rudc-e, rudc-wo-cbf, sac, sac-lagrangian; may be left out to resume.",
         ),
     ] = None,
     out: Annotated[

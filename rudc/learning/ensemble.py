@@ -10,12 +10,16 @@ networks with fixed gains at their heads, in units of reward (o and f are the ba
 one):
 
     O_n = (1 + rho) V o_n      V = value_scale, the order of the returns
-    F_n = P f_n                P = prior_scale, the wanted spread of the priors
+    F_n = P f_n                P = prior_scale, the spread of the priors
     Z_n = V o_n + rho / (1 + rho) P f_n
 
 Eq. (fpn) holds as it stands; o_n has to learn returns of order one whatever rho; and rho decides how much of
-the prior is seen. With P much smaller than the returns priors would tell nothing, with P larger they drown
-them.
+the prior is seen. Before the first update f_n is normalised: each of its outputs gets mean 0 and standard
+deviation 1 over the observations and actions that learning starts from, by its last map. As drawn, most of an
+output's variance over members and quantiles is a constant (tests/benchmarks/prior_trial.py), which a critic
+unlearns once for all states and so tells nothing about them; and what varied was of no stated size. The
+means and deviations are stored with the agent. With P much smaller than the returns priors would tell
+nothing, with P larger they drown them.
 
 Targets (Eq. (td_ensemble)): all members learn the same target, the mean over the target members of each
 quantile. The prior belongs to the target too. All weights lie in one stack [targets, priors, trained]:

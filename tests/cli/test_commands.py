@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
+from rudc.data import data_folder
 from rudc.evaluation.store import read_table
 from rudc.scenario import shipped_scenarios
 
@@ -114,6 +116,21 @@ def test_agents_are_listed_and_shown(rudc):
     head, _, settings = rudc("agent", "show", "follower+ttcbf").out.partition("\n")
     assert head.startswith("follower+ttcbf: ")
     assert json.loads(settings)["correction"]["rule"] == "ttcbf"
+
+
+@pytest.mark.slow
+def test_an_agents_sigma_is_measured_and_stored_only_when_asked(rudc, tmp_path):
+    folder = tmp_path / "mine"
+    shutil.copytree(data_folder("results/checkpoints") / "rudc-wo-cbf", folder)
+    before = (folder / "agent.json").read_text()
+    order = ("agent", "calibrate", folder, "-n", 1, "--scenario", "random_destination")
+    answer = rudc(*order)
+    assert "decisions above those" in answer.out
+    assert "not stored" in answer.err
+    assert (folder / "agent.json").read_text() == before
+    rudc(*order, "--write")
+    assert "5.0%" in rudc(*order).out  # the same decisions again: there they hold
+    assert rudc("agent", "calibrate", tmp_path / "nobody").status == 2
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from rudc.learning.ensemble import CriticEnsemble
-from rudc.learning.parameters import prior_arrays
+from rudc.learning.parameters import frozen_arrays, prior_arrays
 from rudc.learning.quantiles import quantile_huber
 from rudc.learning.rudc import RudcLearner
 from tests.learning.helpers import CPU, observations, random_batch, small_case, toy_case
@@ -91,6 +91,39 @@ def test_members_disagree_where_nothing_was_learnt() -> None:
         critics.trained["out.bias"].zero_()
     z = critics.evaluate(seen, torch.zeros(64, 2))
     assert 2.0 < float(z.std(dim=0).mean()) < 50.0
+
+
+def test_priors_are_normalised_on_what_was_seen() -> None:
+    """Mean 0 and standard deviation P over the first transitions, for each member and quantile; kept in the
+    state, and rebuilt from the seed and what is stored.
+    """
+    case = small_case(prior_scale=4.0, seed=2)
+    learner, batch = RudcLearner(*case), random_batch(case, 500)
+
+    def priors(learner: RudcLearner) -> np.ndarray:
+        critics = learner.critics
+        latent = critics.prior_latent(torch.from_numpy(batch.observation))
+        assert latent is not None
+        return 4.0 * critics.stack.decode(critics.prior, latent, torch.from_numpy(batch.executed)).numpy()
+
+    before = priors(learner)
+    assert before.mean(axis=1).std() > 1.5 * before.std(axis=1).mean()  # mostly constant over states
+    learner.start(batch)
+    after = priors(learner)
+    assert after.mean(axis=1) == pytest.approx(np.zeros((3, 8)), abs=2e-3)
+    assert after.std(axis=1) == pytest.approx(np.full((3, 8), 4.0), rel=1e-3)
+    for n in range(3):
+        for i in range(8):
+            assert np.corrcoef(before[n, :, i], after[n, :, i])[0, 1] == pytest.approx(1.0, abs=1e-4)
+    learner.update(random_batch(case, 16))
+    other = RudcLearner(*case)
+    other.load(learner.state())
+    assert np.array_equal(priors(other), priors(learner))
+    assert other.update(random_batch(case, 16, 1)) == learner.update(random_batch(case, 16, 1))
+    weights = learner.weights()
+    stored = {k: v for k, v in weights.items() if not k.startswith("prior/")}
+    for name, value in frozen_arrays(*case, stored).items():
+        assert np.array_equal(value, weights[name]), name
 
 
 def test_without_prior() -> None:

@@ -31,6 +31,8 @@ def test_same_numbers_as_the_trained_networks(name: str) -> None:
     learner = RudcLearner(*case)
     for seed in range(2):
         learner.update(random_batch(case, 16, seed))
+    if name == "small":
+        learner.start(random_batch(case, 50))
     decider = Decider(case.config, case.problem.layout, learner.weights())
     seen = observations(case.problem.layout, 6, np.random.default_rng(1))
     seen[0, case.problem.layout.vehicles_at] = 0.0  # nobody there
