@@ -1,6 +1,6 @@
 """What the priors are worth, offline: the same transitions, critics learnt anew under each kind of prior.
 
-    python -m tests.benchmarks.prior_trial [--decisions 6000] [--updates 3000] [--seeds 2]
+    python -m tests.benchmarks.prior_trial [--decisions 6000] [--updates 3000] [--seeds 2] [--kinds NAME...]
 
 A shipped policy drives (exploring) on both tasks; critics of its value are learnt from what it saw, its
 policy fixed. Then: do they know situations that they never saw (held-out scenarios) from those that they
@@ -143,6 +143,7 @@ def main() -> None:
     parser.add_argument("--decisions", type=int, default=6000)
     parser.add_argument("--updates", type=int, default=3000)
     parser.add_argument("--seeds", type=int, default=2)
+    parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS)
     options = parser.parse_args()
     torch.set_num_threads(1)
     config = TrainConfig.of("rudc-wo-cbf")
@@ -159,7 +160,7 @@ def main() -> None:
         (np.stack([t.observation for t in part]), np.stack([t.proposed for t in part]))
         for part in (known, unknown)
     ]
-    for kind in KINDS:
+    for kind in options.kinds:
         found = []
         for seed in range(options.seeds):
             learner, constant, spread = learnt(kind, data, seed, options.updates)

@@ -129,7 +129,7 @@ def test_an_agents_sigma_is_measured_and_stored_only_when_asked(rudc, tmp_path):
     assert "not stored" in answer.err
     assert (folder / "agent.json").read_text() == before
     rudc(*order, "--write")
-    assert "5.0%" in rudc(*order).out  # the same decisions again: there they hold
+    assert "5.1%" in rudc(*order).out  # of 98 decisions, the same again: there they hold
     assert rudc("agent", "calibrate", tmp_path / "nobody").status == 2
 
 
