@@ -1,20 +1,27 @@
 """RUDC as a constrained MDP of OmniSafe: its `CMDP` interface, with `info["cost"]` as the cost.
 
-OmniSafe 0.5 asks for pandas 2.0.3 and, through safety-gymnasium, for an older gymnasium, which RUDC's do not
-go with. So it is run by hand, not by the tests, in an environment of its own that has RUDC, and OmniSafe
-without what it asks for: `pip install --no-deps omnisafe safety-gymnasium`, and what importing it misses.
+OmniSafe 0.5 asks for pandas 2.0.3 and, through safety-gymnasium, for an older gymnasium and an older Python,
+which RUDC's do not go with. So it is run by hand, not by the tests, in an environment of its own that has RUDC and,
+without what they ask for, OmniSafe and gymnasium 0.29: `pip install --no-deps omnisafe gymnasium==0.29.1`, then
+what importing it still misses (moviepy, wandb, seaborn, ...).
 
     python examples/omnisafe_env.py
 """
 
+import sys
+import types
 from typing import Any, ClassVar
 
 import gymnasium
-import omnisafe
 import torch
-from omnisafe.envs.core import CMDP, env_register
 
-import rudc
+# OmniSafe imports it for environments of its own; it runs on older Pythons only, and is not needed here.
+sys.modules["safety_gymnasium"] = types.ModuleType("safety_gymnasium")
+
+import omnisafe  # noqa: E402
+from omnisafe.envs.core import CMDP, env_register  # noqa: E402
+
+import rudc  # noqa: E402
 
 
 @env_register

@@ -19,6 +19,7 @@ if ENV_ID not in gymnasium.registry:
 PUBLIC = {
     "register_agent": "rudc.agents.drivers",
     "register_algorithm": "rudc.learning.algorithms",
+    "register_barrier": "rudc.safety.barriers",
     "register_event": "rudc.scenario.events",
 }
 """what can be imported from here, and where it stands; imported when asked for"""

@@ -3,6 +3,7 @@
 `omnisafe_env.py` alone is run by hand.
 """
 
+import csv
 import json
 import shutil
 import subprocess
@@ -42,6 +43,18 @@ def test_own_event(tmp_path):
     for command in (["validate", scenario], ["preview", scenario]):
         run("--import", event, "scenario", *command, cwd=tmp_path)
     run("--import", event, "sweep", scenario, "-a", "follower", "-n", 2, "-o", "out", cwd=tmp_path)
+
+
+def test_own_barrier(tmp_path):
+    limit = "follower+ttcbf:correction.speed_limit=true,correction.speed_limit_most=5"
+    agents = ["-a", "follower+ttcbf", "-a", limit]
+    run(
+        "--import", EXAMPLES / "own_barrier.py", "sweep", "random_destination", "--set", "traffic.density=0",
+        *agents, "-n", 1, "-o", "out", cwd=tmp_path,
+    )  # fmt: skip
+    with (tmp_path / "out/episodes.csv").open(newline="") as file:
+        fast, slow = (float(row["mean_speed_mps"]) for row in csv.DictReader(file))
+    assert slow < 5.0 < fast
 
 
 def test_a_map_of_openstreetmap(rudc, tmp_path):
