@@ -1,9 +1,9 @@
 """RUDC as a constrained MDP of OmniSafe: its `CMDP` interface, with `info["cost"]` as the cost.
 
 OmniSafe 0.5 asks for pandas 2.0.3 and, through safety-gymnasium, for an older gymnasium and an older Python,
-which RUDC's do not go with. So it is run by hand, not by the tests, in an environment of its own that has RUDC and,
-without what they ask for, OmniSafe and gymnasium 0.29: `pip install --no-deps omnisafe gymnasium==0.29.1`, then
-what importing it still misses (moviepy, wandb, seaborn, ...).
+which RUDC's do not go with. So it is run by hand, not by the tests, in an environment of its own that has
+RUDC, then `pip install --no-deps omnisafe gymnasium==0.29.1` and what importing it still misses (moviepy,
+wandb, seaborn, ...).
 
     python examples/omnisafe_env.py
 """
