@@ -1,4 +1,4 @@
-"""`rudc scenario`: list, new, validate, preview, schema."""
+"""`rudc scenario`: list, show, keys, new, validate, preview, schema."""
 
 from __future__ import annotations
 
@@ -41,6 +41,50 @@ def list_(
         why = f"\n[dim]OOD: {scenario.out_of_distribution}[/dim]" if scenario.out_of_distribution else ""
         rows.append([scenario.name, scenario.network, f"{scenario.description}{extra}{why}"])
     print_table(["name", "network", "what happens"], rows)
+
+
+@app.command()
+def show(
+    source: Annotated[str, typer.Argument(metavar="NAME", help="Shipped name or file.")],
+    resolved: Annotated[
+        bool, typer.Option("--resolved", help="With all that it extends, and every default.")
+    ] = False,
+) -> None:
+    """Print a scenario file as it is, or all that it comes to, as a file of its own.
+
+    **Example**: `rudc scenario show perfect_storm --resolved > storm.yaml`
+    """
+    from rudc.scenario import load_scenario
+    from rudc.scenario.library import find_file, text_of
+
+    typer.echo(load_scenario(source).to_yaml() if resolved else text_of(find_file(source)), nl=False)
+
+
+@app.command()
+def keys(
+    topic: Annotated[
+        str | None,
+        typer.Argument(metavar="[KIND]", help="A kind of event, `when`, or a part such as `traffic.idm`."),
+    ] = None,
+) -> None:
+    """What may stand in a scenario file: every key, its type, unit and default, and what it means.
+
+    Wherever a number stands, a distribution may: `{uniform: [low, high]}`, `{normal: {mean: m, std: s}}` or
+    `{choice: [a, b]}`.
+
+    **Example**: `rudc scenario keys hard_brake`
+    """
+    from rich.markup import escape
+
+    from rudc.scenario.keys import sections
+
+    for k, section in enumerate(sections(topic)):
+        typer.echo(f"{chr(10) * bool(k)}{section.name}: {section.text}")
+        rows = [
+            [escape(text) for text in (key.name, key.type, key.unit, key.default, key.text)]
+            for key in section.keys
+        ]
+        print_table(["key", "type", "unit", "default", "meaning"], rows)
 
 
 @app.command()

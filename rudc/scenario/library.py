@@ -39,6 +39,16 @@ def find_file(source: str | Path) -> Path:
     raise ScenarioError(f"{source}: no shipped scenario of this name, and no such file{near}")
 
 
+def text_of(path: Path) -> str:
+    """What a file says. Raises ScenarioError."""
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise ScenarioError(f"{shown(path)}: not valid UTF-8 text") from None
+    except OSError as error:
+        raise ScenarioError(f"{shown(path)}: cannot be read: {error.strerror}") from None
+
+
 def find_files(patterns: Sequence[str]) -> list[Path]:
     """Files of the scenarios that names, paths and globs stand for, each once, in the order given.
 

@@ -14,7 +14,7 @@ from PIL import Image
 
 from rudc.data import data_folder
 from rudc.evaluation.store import read_table
-from rudc.scenario import shipped_scenarios
+from rudc.scenario import load_scenario, shipped_scenarios
 
 PYTHON = [sys.executable, "-m", "rudc"]
 
@@ -88,6 +88,34 @@ def test_the_schema_is_json(rudc, tmp_path):
     assert "properties" in json.loads(text)
     assert rudc("scenario", "schema", "--out", "a/b.json").status == 0
     assert (tmp_path / "a" / "b.json").read_text() == text
+
+
+def test_a_scenario_is_shown_as_it_is_and_as_what_it_comes_to(rudc, tmp_path):
+    answer = rudc("scenario", "show", "perfect_storm")
+    assert answer == (0, shipped_scenarios()["perfect_storm"].read_text(), "")
+    whole = rudc("scenario", "show", "perfect_storm", "--resolved").out
+    (tmp_path / "whole.yaml").write_text(whole)
+    assert "extends" not in whole
+    assert "warm_up: 5.0" in whole
+    assert load_scenario(tmp_path / "whole.yaml").digest == load_scenario("perfect_storm").digest
+    assert "did you mean 'fog'" in rudc("scenario", "show", "fogg").err
+
+
+def test_keys_are_listed_with_units(rudc):
+    said = rudc("scenario", "keys", "vehicle_crossing").out
+    assert said.startswith("vehicle_crossing: Cyclists")
+    assert [line.split()[0] for line in said.splitlines()[1:]] == [
+        "key", "when", "arm", "type", "at", "speed", "count", "from_side",
+    ]  # fmt: skip
+    assert "[number, number]" in rudc("scenario", "keys", "occlusion").out
+    assert rudc("scenario", "keys", "hard_brak").status == 2
+
+
+def test_the_first_line_of_a_new_scenario_names_its_schema_for_editors(rudc, tmp_path):
+    assert rudc("scenario", "new", "mine").status == 0
+    first = (tmp_path / "mine.yaml").read_text().splitlines()[0]
+    assert first == "# yaml-language-server: $schema=rudc-scenario.schema.json"
+    assert (tmp_path / "rudc-scenario.schema.json").is_file()
 
 
 def test_every_shipped_scenario_is_valid(rudc):

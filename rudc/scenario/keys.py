@@ -1,0 +1,173 @@
+"""What may stand in a scenario file, as a list to read: all of it from the models and their docstrings."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator
+from dataclasses import dataclass
+from types import NoneType
+from typing import Any, Literal, get_args, get_origin
+
+import yaml
+from pydantic.fields import FieldInfo
+
+from rudc.errors import InputError
+from rudc.hints import there_are
+from rudc.scenario.base import FileModel
+from rudc.scenario.distributions import Bounds, Distribution
+from rudc.scenario.events import EVENT_KINDS, Event
+from rudc.scenario.model import Scenario
+from rudc.scenario.triggers import Trigger
+
+
+@dataclass(frozen=True)
+class Key:
+    """One key."""
+
+    name: str
+    """dotted, as in `--set`; `[]` stands for a place in a list"""
+    type: str
+    """what its value is"""
+    unit: str
+    default: str
+    """as a file would say it; `required`, or empty where there is none"""
+    text: str
+    """what it means"""
+
+
+@dataclass(frozen=True)
+class Section:
+    """Keys that stand together."""
+
+    name: str
+    text: str
+    keys: tuple[Key, ...]
+
+
+def sections(topic: str | None = None) -> list[Section]:
+    """All sections, or the one of an event's kind, of `when`, or of a part of the file by its (dotted) key.
+
+    Raises InputError for an unknown topic.
+    """
+    whole = {name: _section(name, model, "") for name, model in _models().items()}
+    if topic is None:
+        return list(whole.values())
+    known = {**whole, **_parts()}
+    last = {name.rpartition(".")[2]: name for name in reversed(known)}
+    if topic not in known and topic not in last:
+        raise InputError(f"no part of a scenario is called {topic!r}{there_are(topic, last)}")
+    return [known[topic if topic in known else last[topic]]]
+
+
+def _models() -> dict[str, type[FileModel]]:
+    return {"scenario": Scenario, **EVENT_KINDS, "when": Trigger}
+
+
+def _parts() -> dict[str, Section]:
+    inner = [*_inner(Scenario, ""), *_inner(Trigger, "when")]
+    return {path: _section(path, model, f"{path}.") for path, model in inner}
+
+
+def _section(name: str, model: type[FileModel], prefix: str) -> Section:
+    return Section(name, (inspect.getdoc(model) or "").split("\n")[0], tuple(_keys(model, prefix)))
+
+
+def _inner(model: type[FileModel], path: str) -> Iterator[tuple[str, type[FileModel]]]:
+    """Dotted key and model of every mapping below a model."""
+    for key, field in _fields(model):
+        part, many = _model_of(field.annotation)
+        if part is not None and not many:
+            below = f"{path}.{key}".lstrip(".")
+            yield below, part
+            yield from _inner(part, below)
+
+
+def _keys(model: type[FileModel], prefix: str) -> Iterator[Key]:
+    for key, field in _fields(model):
+        if prefix == "" and issubclass(model, Event) and key == "kind":
+            continue
+        name = f"{prefix}{key}"
+        yield Key(name, _type(field), _unit(field), _default(field), _one_line(field.description))
+        part, many = _model_of(field.annotation)
+        if part is not None and part is not Event and not issubclass(part, Trigger):
+            yield from _keys(part, f"{name}[]." if many else f"{name}.")
+
+
+def _fields(model: type[FileModel]) -> list[tuple[str, FieldInfo]]:
+    return [(field.alias or name, field) for name, field in model.model_fields.items()]
+
+
+def _one_line(text: str | None) -> str:
+    return " ".join((text or "").split())
+
+
+def _type(field: FieldInfo) -> str:
+    """What a value is, in words."""
+    bounds = _bounds(field)
+    part, many = _model_of(field.annotation)
+    if part is not None:
+        kinds = f"; kinds: {', '.join(EVENT_KINDS)}" if part is Event else ""
+        return f"list of mappings{kinds}" if many else "mapping"
+    if bounds:
+        numbers = " and ".join(dict.fromkeys(_range(bound) for bound in bounds))
+        return f"[number, number], {numbers}" if len(bounds) == 2 else numbers
+    words = _words(field.annotation)
+    if words:
+        return " | ".join(words)
+    if get_origin(field.annotation) is dict:
+        return "mapping"
+    return "text"
+
+
+def _range(bounds: Bounds) -> str:
+    kind = "whole number" if bounds.whole else "number"
+    return f"{kind} {'above ' if bounds.above else ''}{bounds.low:g} to {bounds.high:g}"
+
+
+def _unit(field: FieldInfo) -> str:
+    return " and ".join(dict.fromkeys(bound.unit for bound in _bounds(field) if bound.unit))
+
+
+def _default(field: FieldInfo) -> str:
+    if field.is_required():
+        return "required"
+    value = field.get_default(call_default_factory=True)
+    if isinstance(value, FileModel) and not isinstance(value, Distribution):
+        return ""
+    if value in (None, "", (), {}):
+        return ""
+    plain = value.model_dump(mode="json", exclude_none=True) if isinstance(value, FileModel) else value
+    return yaml.safe_dump(plain, default_flow_style=True, width=1000).removesuffix("...\n").strip()
+
+
+def _bounds(field: FieldInfo) -> list[Bounds]:
+    """Bounds of a number, or of each of two."""
+    own = [part for part in field.metadata if isinstance(part, Bounds)]
+    return own or list(_bounds_in(field.annotation))
+
+
+def _bounds_in(annotation: Any) -> Iterator[Bounds]:
+    for part in getattr(annotation, "__metadata__", ()):
+        if isinstance(part, Bounds):
+            yield part
+    for part in get_args(annotation):
+        if not isinstance(part, Bounds):
+            yield from _bounds_in(part)
+
+
+def _words(annotation: Any) -> list[str]:
+    """The words that may stand there."""
+    if get_origin(annotation) is Literal:
+        return [str(word) for word in get_args(annotation)]
+    return [word for part in get_args(annotation) if part is not NoneType for word in _words(part)]
+
+
+def _model_of(annotation: Any) -> tuple[type[FileModel] | None, bool]:
+    """The mapping that a field holds, if it does, and whether it holds a list of them."""
+    if inspect.isclass(annotation) and issubclass(annotation, FileModel):
+        return (None, False) if issubclass(annotation, Distribution) else (annotation, False)
+    for part in get_args(annotation):
+        model, _ = _model_of(part)
+        if model is not None:
+            return model, get_origin(annotation) is tuple
+    return None, False

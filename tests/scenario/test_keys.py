@@ -1,0 +1,67 @@
+"""The list of keys says what the models and the JSON Schema say, of every key, and nothing else."""
+
+import pytest
+import yaml
+
+from rudc.errors import InputError
+from rudc.scenario import EVENT_KINDS, json_schema, load_scenario
+from rudc.scenario.keys import sections
+
+SCHEMA = json_schema()
+
+
+def found(topic, name):
+    (section,) = sections(topic)
+    return next(key for key in section.keys if key.name == name)
+
+
+def test_whole_file_then_every_kind_then_conditions():
+    names = [section.name for section in sections()]
+    assert names == ["scenario", *EVENT_KINDS, "when"]
+    assert all(section.text and section.keys for section in sections())
+    assert all(key.text and key.type for section in sections() for key in section.keys)
+
+
+def test_says_type_unit_default_and_meaning():
+    speed = found("ego", "ego.speed")
+    assert (speed.type, speed.unit) == ("number 0 to 40", "m/s")
+    assert speed.default == "{uniform: [6.0, 10.0]}"
+    assert speed.text.startswith("m/s, at the start")
+    assert found("hard_brake", "vehicle").type.startswith("leader | follower | ")
+    assert found("slow_vehicle", "speed").default == "required"
+    assert found("pedestrian_crossing", "count").type == "whole number 1 to 30"
+    assert found("accident", "vehicles[].position").type == "[number, number], number -2000 to 2000"
+    assert found("when", "time_headway.vehicle").default == "leader"
+    assert "hard_brake" in found("scenario", "events").type
+
+
+@pytest.mark.parametrize("kind", EVENT_KINDS)
+def test_has_the_keys_of_the_schema(kind):
+    options = SCHEMA["properties"]["events"]["items"]["oneOf"]
+    models = [SCHEMA["definitions"][option["$ref"].rsplit("/", 1)[1]] for option in options]
+    model = next(model for model in models if model["properties"]["kind"]["const"] == kind)
+    (section,) = sections(kind)
+    keys = {key.name for key in section.keys if "[]" not in key.name}
+    assert keys == set(model["properties"]) - {"kind"}
+    required = {key.name for key in section.keys if key.default == "required" and "[]" not in key.name}
+    assert required == set(model["required"]) - {"kind"}
+
+
+def test_defaults_are_those_of_a_file_that_says_nothing(tmp_path):
+    path = tmp_path / "bare.yaml"
+    path.write_text("name: bare\n")
+    data = load_scenario(path).data()
+    for topic in ("ego", "traffic", "episode"):
+        (section,) = sections(topic)
+        for key in section.keys:
+            value = data
+            for part in key.name.split("."):
+                value = value.get(part) if isinstance(value, dict) else None
+            if key.default and key.name != "traffic.mix.car":  # alone in traffic, cars are all there is
+                assert yaml.safe_load(key.default) == value, key.name
+
+
+def test_a_part_by_its_key_or_its_last_word():
+    assert sections("idm") == sections("traffic.idm")
+    with pytest.raises(InputError, match=r"no part of a scenario is called 'hard_brak'.*'hard_brake'"):
+        sections("hard_brak")
