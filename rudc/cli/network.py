@@ -38,6 +38,9 @@ def check(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", metavar="F.png", help="Draw what was understood.")
     ] = None,
+    lanes: Annotated[
+        bool, typer.Option("--lanes", help="List the names of lanes that scenario files may use.")
+    ] = False,
 ) -> None:
     """Say what is understood of a network: arms, lanes, movements, right of way; and what will be trouble.
 
@@ -75,6 +78,13 @@ def check(
         movements,
         right=(5, 6, 7),
     )
+    if lanes:
+        typer.echo()
+        named = report.network.named_stretches
+        rows = [
+            [name, found.lane.id, f"{found.reach:.0f}", found.counts_from] for name, found in named.items()
+        ]
+        print_table(["lane", "SUMO's id", "length (m)", "`at` counts from"], rows, right=(2,))
     for warning in report.warnings:
         note(f"warning: {warning}")
     if out is not None:

@@ -11,7 +11,7 @@ import numpy as np
 from rudc.arrays import Array
 from rudc.network.polyline import resample
 from rudc.scenario.poses import Pose
-from rudc.world.events.stage import across_arm, against_lane
+from rudc.world.events.places import across_arm, against_lane
 from rudc.world.scene import Scene
 
 if TYPE_CHECKING:

@@ -85,6 +85,11 @@ class Network(Layout):
         """Scenario names of the lanes inside the junction and on its ring -> SUMO's ids (the first's)."""
         return {name: stretch.lane.id for name, stretch in self._inner.items()}
 
+    @property
+    def named_stretches(self) -> dict[str, Stretch]:
+        """Scenario name -> stretch of lane, of the arms and inside the junction."""
+        return {**self._outer, **self._inner}
+
     def stretch(self, name: str, route: Route | None = None) -> Stretch:
         """What a scenario's lane name means (`rudc.network.stretches`); `route`: for those about the ego."""
         if name in EGO_LANES:

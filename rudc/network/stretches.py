@@ -55,6 +55,13 @@ class Stretch:
     inside: bool
     """whether it lies inside the junction or on its ring"""
 
+    @property
+    def counts_from(self) -> str:
+        """Where `at` is 0, in words."""
+        if self.inside:
+            return "its beginning"
+        return "the stop line, outwards" if self.sign < 0 else "the junction's exit"
+
     def place(
         self, at: float, lateral: float = 0.0, heading_offset: float = 0.0
     ) -> tuple[float, float, float]:

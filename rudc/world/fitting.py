@@ -21,6 +21,7 @@ from rudc.scenario.dotted import Path
 from rudc.scenario.fit import Parts
 from rudc.scenario.problems import Problem
 from rudc.scenario.sections import Ego
+from rudc.world.obstacles import in_the_way
 from rudc.world.spawn import movements_of
 
 TOLERANCE_M = 0.05
@@ -40,6 +41,8 @@ def misfits(parts: Parts) -> list[Problem]:
     for i, event in parts.events.items():
         for path, part in _placed(event, ("events", i)):
             found += _misplaced(network, movements, path, part)
+    if parts.ego is not None:
+        found += in_the_way(network, movements, parts.ego, parts.events)
     return found
 
 

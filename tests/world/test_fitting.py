@@ -6,6 +6,7 @@ import textwrap
 import pytest
 
 from rudc.errors import ScenarioError
+from rudc.evaluation.preflight import try_out
 from rudc.scenario import load_scenario, shipped_scenarios
 from rudc.scenario.distributions import distribution
 from rudc.world.fitting import likely, misfits
@@ -140,3 +141,38 @@ def test_the_ego_must_have_room_on_its_arm(problems):
         problems("name: a\nego: {distance: {uniform: [30, 300]}}\n"),
         "2:17: ego.distance: 300 m do not fit on arm ... of network four_way, which has 115.0 m for it",
     )
+
+
+def test_what_stands_in_the_same_place_is_refused_with_both_places(problems):
+    found = problems("""
+        name: a
+        ego: {route: {from: south, turn: left}, distance: 30}
+        events:
+          - kind: accident
+            vehicles: [{lane: west_out_1, at: 12}, {lane: west_out_1, at: 15, heading_offset: 90}]
+          - {kind: stalled_vehicle, lane: west_out_1, at: 13, type: truck}
+          - {kind: stalled_vehicle, lane: west_out_1, at: 13, type: truck, duration: 3}
+          - {kind: lane_closure, lane: ego_in, at: 28, length: 5}
+          - {kind: lane_closure, lane: north_to_east_0, at: 2, length: 20}
+        """)
+    check(
+        found,
+        "5:44: events.0.vehicles.1: stands where events.0.vehicles.0 stands, at (...) m; move one of them",
+        "6:5: events.1: stands where events.0.vehicles.0 stands, ...",
+        "6:5: events.1: stands where events.0.vehicles.1 stands, ...",
+        "8:5: events.3: stands 0.0 m from where the ego starts (ego.distance); 2 m are needed",
+    )
+
+
+def test_places_that_are_drawn_are_looked_at_when_the_episode_is_set_up(problems, tmp_path):
+    text = """
+        name: a
+        ego: {route: {from: south, turn: left}}
+        events:
+          - {kind: stalled_vehicle, lane: west_out_1, at: {uniform: [12, 12.5]}}
+          - {kind: accident, vehicles: [{lane: ego_out, at: 14}]}
+        """
+    assert problems(text) == []
+    (said,) = try_out(load_scenario(tmp_path / "s.yaml"))
+    assert "stalled_vehicle0:0 and accident1:0 (the event's kind" in said
+    assert "would stand in the same place, at (-2" in said

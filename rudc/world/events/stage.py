@@ -11,18 +11,17 @@ import numpy as np
 from rudc.arrays import Array
 from rudc.errors import SimulationError
 from rudc.geometry import rectangle_corners
-from rudc.scenario.events.stage import Body, Stage, XYHeading
+from rudc.scenario.events.stage import Body, XYHeading
 from rudc.world.ego import GRAVITY
+from rudc.world.events.places import NetworkStage, Standing, overlapped, size_of
 from rudc.world.events.selection import pick
 from rudc.world.props import Prop, standing
 from rudc.world.scene import Kind, Scene
 from rudc.world.sumo import BRAKE_HARD, HEEDLESS, OWN_SPEED
-from rudc.world.traffic import VEHICLE_TYPES
 
 if TYPE_CHECKING:
     from rudc.network.network import Network, Route
     from rudc.network.road import Lane
-    from rudc.scenario.poses import Pose
     from rudc.scenario.triggers import Selector
     from rudc.world.ego import EgoPlant
     from rudc.world.perception import Sensors
@@ -33,16 +32,10 @@ BLOCK = "block"
 """how the names of SUMO's stand-ins for obstacles begin"""
 SQUEEZE_M = 0.4
 """m that an obstacle may reach into a lane without closing it"""
-PEDESTRIAN_M = 0.5
-"""m, side of the square a pedestrian takes"""
-ROADSIDE_M = 1.5
-"""m beyond the road's edge where a pedestrian starts and ends"""
-BEYOND_M = 80.0
-"""m that a wrong-way driver goes straight on beyond its lane"""
 
 
 @dataclass(slots=True)
-class WorldStage(Stage):
+class WorldStage(NetworkStage):
     """The parts of one episode's world that events act on."""
 
     sumo: Sumo
@@ -107,36 +100,7 @@ class WorldStage(Stage):
     def density(self, value: float) -> None:
         self.traffic.density = value
 
-    # ---- places
-
-    def pose(self, place: Pose) -> XYHeading:
-        if place.lane is None or place.at is None:
-            assert place.position is not None, "checked by the scenario"
-            x, y = (float(value) for value in place.position)
-            return x + float(self.network.center[0]), y + float(self.network.center[1]), place.heading_rad
-        return self.network.place_on_lane(
-            place.lane, float(place.at), float(place.lateral), place.heading_offset_rad, self.route
-        )
-
-    def pose_on_lane(self, lane: str, at: float) -> XYHeading:
-        return self.network.place_on_lane(lane, at, route=self.route)
-
-    def lane_width(self, lane: str) -> float:
-        return self.network.stretch(lane, self.route).lane.width
-
-    def pieces_of_lane(self, lane: str, begin: float, end: float) -> int:
-        return self.network.stretch(lane, self.route).pieces(begin, end)
-
-    def against_lane(self, lane: str, at: float) -> Array:
-        return against_lane(self.network, self.route, lane, at)
-
-    def across_arm(self, arm: str, at: float) -> Array:
-        return across_arm(self.network, self.route, arm, at)
-
     # ---- things
-
-    def length_of(self, body: Body) -> float:
-        return _size(body)[0]
 
     def stand(self, name: str, body: Body, place: XYHeading, size: tuple[float, float] | None = None) -> None:
         """Inside the junction SVs see it by the yielding layer alone.
@@ -144,7 +108,13 @@ class WorldStage(Stage):
         On a lane of an arm they queue behind it or change lanes around it.
         """
         x, y, heading = place
-        length, width = size or _size(body)
+        length, width = size or size_of(body)
+        new = Standing(name, body, place, (length, width))
+        for other in overlapped(new, [_as_standing(prop) for prop in self.props if not prop.moves]):
+            raise SimulationError(
+                f"{other.name} and {name} (the event's kind and number: the thing's) would stand in the same "
+                f"place, at ({x:.1f}, {y:.1f}) m; move one of them"
+            )
         self.props.append(standing(name, Kind[body.upper()], x, y, heading, length, width))
         corners = rectangle_corners(np.array([x, y]), np.array(heading), np.array([length, width]))
         for arm in self.network.arms:
@@ -158,7 +128,7 @@ class WorldStage(Stage):
                     self.traffic.reserve(lane_id, *span)
 
     def send(self, name: str, body: Body, way: Array, speed: float, late_m: float = 0.0) -> None:
-        prop = Prop(name, Kind[body.upper()], _size(body), way, wanted=speed)
+        prop = Prop(name, Kind[body.upper()], size_of(body), way, wanted=speed)
         prop.travelled = -late_m
         self.props.append(prop)
 
@@ -200,11 +170,8 @@ class WorldStage(Stage):
         self.plant.actuation = replace(self.plant.actuation, delay_s=delay_s, lag_s=lag_s)
 
 
-def _size(body: Body) -> tuple[float, float]:
-    """Length and width (m) of a body that has them."""
-    if body in VEHICLE_TYPES:
-        return VEHICLE_TYPES[body].length, VEHICLE_TYPES[body].width
-    return PEDESTRIAN_M, PEDESTRIAN_M
+def _as_standing(prop: Prop) -> Standing:
+    return Standing(prop.name, prop.kind.name.lower(), prop.pose(), (prop.length, prop.width))
 
 
 def _obstructed(lane: Lane, corners: Array) -> tuple[float, float] | None:
@@ -218,21 +185,3 @@ def _obstructed(lane: Lane, corners: Array) -> tuple[float, float] | None:
     if aside.max() < -free or aside.min() > free or s.max() < 1.0 or s.min() > lane.length - 1.0:
         return None
     return max(float(s.min()), 0.2), min(float(s.max()), lane.length - 0.2)
-
-
-def against_lane(network: Network, route: Route, lane: str, at: float) -> Array:
-    """(K, 2) m, as `Stage.against_lane`; `route`: the ego's."""
-    way = network.stretch(lane, route).against(at)
-    direction = (way[-1] - way[-2]) / np.linalg.norm(way[-1] - way[-2])
-    return np.vstack([way, way[-1] + BEYOND_M * direction])
-
-
-def across_arm(network: Network, route: Route, name: str, at: float) -> Array:
-    """(2, 2) m, as `Stage.across_arm`; `route`: the ego's."""
-    arm, ends = network.arm(name, route), []
-    for lanes, other in ((arm.in_lanes, arm.out_lanes), (arm.out_lanes, arm.in_lanes)):
-        # A one-way arm is crossed from the right of its outermost lane to the left of its innermost.
-        names, side = (lanes, -1.0) if lanes else (other[::-1], 1.0)
-        aside = side * (0.5 * network.lanes[names[0]].width + ROADSIDE_M)
-        ends.append(network.place_on_lane(names[0], at, aside)[:2])
-    return np.array(ends)

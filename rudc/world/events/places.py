@@ -1,0 +1,114 @@
+"""Where events take place on a network, for the ego's route of an episode; and what stands in whose place."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from rudc.arrays import Array
+from rudc.geometry import rectangles_overlap
+from rudc.scenario.events.stage import Body, Stage, XYHeading
+from rudc.world.traffic import VEHICLE_TYPES
+
+if TYPE_CHECKING:
+    from rudc.network.network import Network, Route
+    from rudc.scenario.poses import Pose
+
+PEDESTRIAN_M = 0.5
+"""m, side of the square a pedestrian takes"""
+ROADSIDE_M = 1.5
+"""m beyond the road's edge where a pedestrian starts and ends"""
+BEYOND_M = 80.0
+"""m that a wrong-way driver goes straight on beyond its lane"""
+TOUCH_M = 0.01
+"""m by which things that stand may overlap: they touch"""
+
+
+class NetworkStage(Stage):
+    """A stage of which network and route are known; what happens on it is another's business."""
+
+    __slots__ = ()
+
+    network: Network
+    route: Route
+    """the ego's"""
+
+    def pose(self, place: Pose) -> XYHeading:
+        if place.lane is None or place.at is None:
+            assert place.position is not None, "checked by the scenario"
+            x, y = (float(value) for value in place.position)
+            return x + float(self.network.center[0]), y + float(self.network.center[1]), place.heading_rad
+        return self.network.place_on_lane(
+            place.lane, float(place.at), float(place.lateral), place.heading_offset_rad, self.route
+        )
+
+    def pose_on_lane(self, lane: str, at: float) -> XYHeading:
+        return self.network.place_on_lane(lane, at, route=self.route)
+
+    def lane_width(self, lane: str) -> float:
+        return self.network.stretch(lane, self.route).lane.width
+
+    def pieces_of_lane(self, lane: str, begin: float, end: float) -> int:
+        return self.network.stretch(lane, self.route).pieces(begin, end)
+
+    def against_lane(self, lane: str, at: float) -> Array:
+        return against_lane(self.network, self.route, lane, at)
+
+    def across_arm(self, arm: str, at: float) -> Array:
+        return across_arm(self.network, self.route, arm, at)
+
+    def length_of(self, body: Body) -> float:
+        return size_of(body)[0]
+
+
+class Standing(NamedTuple):
+    """Something that stands on the road."""
+
+    name: str
+    """`EVENT:I`"""
+    body: str
+    place: XYHeading
+    size: tuple[float, float]
+    """m, length and width"""
+
+
+def overlapped(new: Standing, others: Sequence[Standing]) -> list[Standing]:
+    """Those in whose place another would stand; pieces of one closed lane may overlap each other."""
+    event = new.name.partition(":")[0]
+    others = [o for o in others if o.body != "obstacle" or o.name.partition(":")[0] != event]
+    if not others:
+        return []
+    places = np.array([other.place for other in others])
+    sizes = np.array([other.size for other in others])
+    length, width = new.size
+    hit = rectangles_overlap(
+        *new.place, length - TOUCH_M, width - TOUCH_M, places[:, :2], places[:, 2], sizes - TOUCH_M
+    )
+    return [other for other, is_hit in zip(others, hit, strict=True) if is_hit]
+
+
+def size_of(body: Body) -> tuple[float, float]:
+    """Length and width (m) of a body that has them."""
+    if body in VEHICLE_TYPES:
+        return VEHICLE_TYPES[body].length, VEHICLE_TYPES[body].width
+    return PEDESTRIAN_M, PEDESTRIAN_M
+
+
+def against_lane(network: Network, route: Route, lane: str, at: float) -> Array:
+    """(K, 2) m, as `Stage.against_lane`; `route`: the ego's."""
+    way = network.stretch(lane, route).against(at)
+    direction = (way[-1] - way[-2]) / np.linalg.norm(way[-1] - way[-2])
+    return np.vstack([way, way[-1] + BEYOND_M * direction])
+
+
+def across_arm(network: Network, route: Route, name: str, at: float) -> Array:
+    """(2, 2) m, as `Stage.across_arm`; `route`: the ego's."""
+    arm, ends = network.arm(name, route), []
+    for lanes, other in ((arm.in_lanes, arm.out_lanes), (arm.out_lanes, arm.in_lanes)):
+        # A one-way arm is crossed from the right of its outermost lane to the left of its innermost.
+        names, side = (lanes, -1.0) if lanes else (other[::-1], 1.0)
+        aside = side * (0.5 * network.lanes[names[0]].width + ROADSIDE_M)
+        ends.append(network.place_on_lane(names[0], at, aside)[:2])
+    return np.array(ends)

@@ -1,0 +1,182 @@
+"""Things that a file has stand in the same place, or where the ego starts, as far as the file alone says so.
+
+The events are played on a stage on which nothing moves, and what they would have stand there is noted. Only
+those are played whose places are fixed numbers; what is drawn is looked at when the episode is set up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rudc.arrays import Array
+from rudc.errors import NetworkError
+from rudc.geometry import rectangle_gaps
+from rudc.network.stretches import EGO_LANES
+from rudc.scenario.base import FileModel
+from rudc.scenario.distributions import Constant, Distribution
+from rudc.scenario.dotted import Path, dotted
+from rudc.scenario.events import Event, effect_of
+from rudc.scenario.events.stage import Body, XYHeading
+from rudc.scenario.problems import Problem
+from rudc.scenario.triggers import Selector
+from rudc.world.events.places import NetworkStage, Standing, overlapped, size_of
+from rudc.world.spawn import MARGIN_M
+
+if TYPE_CHECKING:
+    from rudc.network.network import Movement, Network, Route
+    from rudc.scenario.sections import Ego
+
+
+_Thing = tuple[Path, Event, Standing]
+"""where in the file something that stands is said, its event, and the thing itself"""
+
+
+class _Site(NetworkStage):
+    """A stage that notes what is to stand on it."""
+
+    decision_s = 0.1
+
+    def __init__(self, network: Network, route: Route) -> None:
+        self.network, self.route = network, route
+        self.unlawful = set()
+        self.found: list[Standing] = []
+
+    @property
+    def time_s(self) -> float:
+        return 0.0
+
+    @property
+    def present(self) -> tuple[str, ...]:
+        return ()
+
+    @property
+    def density(self) -> float:
+        return 0.0
+
+    @density.setter
+    def density(self, value: float) -> None: ...
+
+    def stand(self, name: str, body: Body, place: XYHeading, size: tuple[float, float] | None = None) -> None:
+        self.found.append(Standing(name, body, place, size or size_of(body)))
+
+    def choose(self, selector: Selector) -> list[str]:
+        return []
+
+    def speed(self, name: str) -> float:
+        return 0.0
+
+    def seize(self, name: str, *, heedless: bool = False) -> None: ...
+
+    def release(self, name: str) -> None: ...
+
+    def slow_down(self, name: str, deceleration: float) -> None: ...
+
+    def set_speed_factor(self, name: str, factor: float | None) -> None: ...
+
+    def set_top_speed(self, name: str, speed: float | None) -> None: ...
+
+    def send(self, name: str, body: Body, way: Array, speed: float, late_m: float = 0.0) -> None: ...
+
+    def remove_things(self, event: str) -> None: ...
+
+    def hide_behind(self, place: XYHeading, size: tuple[float, float]) -> None: ...
+
+    def set_noise(self, position: float, speed: float, heading: float) -> None: ...
+
+    def set_dropout(self, probability: float, range_m: float) -> None: ...
+
+    def set_friction(self, friction: float) -> None: ...
+
+    def set_actuators(self, delay_s: float, lag_s: float) -> None: ...
+
+
+def in_the_way(
+    network: Network, movements: Sequence[Movement], ego: Ego, events: Mapping[int, Event]
+) -> list[Problem]:
+    """What stands where something else does on some of the routes that the ego may be given, and what stands
+    too close to its start on all of them."""
+    placed = [event for event in events.values() if _is_placed(event)]
+    if not placed:
+        return []
+    if not isinstance(ego.distance, Constant) and not any(map(_follows_ego, placed)):
+        movements = movements[:1]
+    overlaps: list[Problem] = []
+    starts: list[dict[Path, Problem]] = []
+    for movement in movements:
+        route = network.route(movement.origin, movement.destination)
+        things = [thing for i, event in events.items() for thing in _standing(network, route, i, event)]
+        overlaps += _overlaps(things)
+        starts.append(
+            {path: p for path, event, thing in things for p in _at_start(route, ego, path, event, thing)}
+        )
+    always = [p for path, p in starts[0].items() if all(path in start for start in starts)] if starts else []
+    return [*dict.fromkeys(overlaps), *always]
+
+
+def _overlaps(things: list[_Thing]) -> list[Problem]:
+    found = []
+    for k, (path, event, thing) in enumerate(things):
+        earlier = {other.name: at for at, before, other in things[:k] if _at_once(before, event)}
+        for other in overlapped(thing, [other for _, _, other in things[:k] if other.name in earlier]):
+            x, y, _ = thing.place
+            where = f"stands where {dotted(earlier[other.name])} stands, at ({x:.1f}, {y:.1f}) m"
+            found.append(Problem(path, f"{where}; move one of them"))
+    return found
+
+
+def _at_start(route: Route, ego: Ego, path: Path, event: Event, thing: Standing) -> list[Problem]:
+    """That it is there from the start, too close to a fixed place where the ego starts."""
+    if event.when is not None or not isinstance(ego.distance, Constant):
+        return []
+    body = route.key.vehicle
+    s = route.stop_line_s - float(ego.distance) - 0.5 * body.length
+    x, y, psi = (float(value) for value in route.path.pose(s))
+    at, heading, size = np.array([thing.place[:2]]), np.array([thing.place[2]]), np.array([thing.size])
+    gap = float(rectangle_gaps(x, y, psi, body.length, body.width, at, heading, size)[0])
+    text = f"stands {gap:.1f} m from where the ego starts (ego.distance); {MARGIN_M:g} m are needed"
+    return [Problem(path, text)] if gap < MARGIN_M else []
+
+
+def _is_placed(event: Event) -> bool:
+    """Whether it may have a body, in places that are not drawn."""
+    names = [name for name in type(event).model_fields if name != "when"]
+    return not effect_of(event, event.kind).felt and all(_is_fixed(getattr(event, name)) for name in names)
+
+
+def _follows_ego(event: Event) -> bool:
+    """Whether it stands on a lane that is about the ego."""
+    return any(getattr(part, "lane", None) in EGO_LANES for part in (event, *getattr(event, "vehicles", ())))
+
+
+def _standing(network: Network, route: Route, i: int, event: Event) -> Iterator[_Thing]:
+    """What an event has stand on the road and where the file says so; nothing where that is drawn."""
+    if not _is_placed(event):
+        return
+    effect = effect_of(event, f"{event.kind}{i}")
+    site = _Site(network, route)
+    try:
+        effect.begin(site)
+    except NetworkError:
+        return  # said elsewhere
+    parts: Any = getattr(event, "vehicles", ())
+    for thing in site.found:
+        k = int(thing.name.rpartition(":")[2])
+        yield ("events", i, *(("vehicles", k) if k < len(parts) else ())), event, thing
+
+
+def _is_fixed(value: Any) -> bool:
+    if isinstance(value, Distribution):
+        return isinstance(value, Constant)
+    if isinstance(value, tuple):
+        return all(map(_is_fixed, value))
+    if isinstance(value, FileModel):
+        return all(_is_fixed(getattr(value, name)) for name in type(value).model_fields)
+    return True
+
+
+def _at_once(a: Event, b: Event) -> bool:
+    """Whether both may stand there at the same time: those that go away again may not."""
+    return a is b or (getattr(a, "duration", None) is None and getattr(b, "duration", None) is None)
