@@ -101,6 +101,13 @@ def test_a_scenario_is_shown_as_it_is_and_as_what_it_comes_to(rudc, tmp_path):
     assert "did you mean 'fog'" in rudc("scenario", "show", "fogg").err
 
 
+def test_network_check_lists_the_names_of_lanes(rudc):
+    lines = [line.split() for line in rudc("network", "check", "roundabout", "--lanes").out.splitlines()]
+    assert ["south_in_0", "south_in_0", "120", "the", "stop", "line,", "outwards"] in lines
+    assert ["south_to_east_0", ":ring_south_0_0", "24", "its", "beginning"] in lines
+    assert ["ring_south_0", "ring_south_east_0", "25", "its", "beginning"] in lines
+
+
 def test_keys_are_listed_with_units(rudc):
     said = rudc("scenario", "keys", "vehicle_crossing").out
     assert said.startswith("vehicle_crossing: Cyclists")
@@ -256,7 +263,7 @@ def test_ctrl_c_keeps_what_is_finished_and_leaves_with_130(tmp_path):
 
 def test_failed_episodes_are_named_and_end_with_1(rudc, tmp_path):
     (tmp_path / "crowded.yaml").write_text(
-        "name: crowded\nego: {route: {from: south, turn: straight}, distance: 40}\n"
+        "name: crowded\nego: {route: {from: south, turn: straight}, distance: {uniform: [39, 41]}}\n"
         "events: [{kind: accident, vehicles: [{lane: south_in_0, at: 42}]}]\n"
     )
     answer = rudc("sweep", "crowded.yaml", "-a", "follower", "-n", 1, "-w", 1, "-o", "out")
