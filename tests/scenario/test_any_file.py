@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from rudc.errors import ScenarioError
 from rudc.scenario import load_scenario, shipped_scenarios
 from rudc.scenario.dotted import with_value
+from rudc.world.fitting import misfits
 
 TEXTS = [path.read_text() for path in shipped_scenarios().values()]
 WHOLE = [
@@ -58,7 +59,7 @@ def outcome(text: str) -> None:
         path = Path(folder) / "s.yaml"
         path.write_text(text, encoding="utf-8")
         try:
-            scenario = load_scenario(path)
+            scenario = load_scenario(path, fit=misfits)
         except ScenarioError as error:
             for line in str(error).splitlines():
                 place = re.match(r".*?s\.yaml:(\d+):(\d+): \S", line)
