@@ -37,8 +37,8 @@ _FRONT: _Points = [(0.44, 0.5), (0.5, 0.3), (0.5, -0.3), (0.44, -0.5)]
 _BACK: _Points = [(-0.46, -0.5), (-0.5, -0.36), (-0.5, 0.36), (-0.46, 0.5)]
 BODY: Array = np.array([*_FRONT, *_BACK])
 """(8, 2) a vehicle's outline in its lengths (front positive) and widths (left positive)"""
-_LIGHTS = _both([(-0.5, 0.46), (-0.45, 0.46), (-0.45, 0.2), (-0.5, 0.2)])
-_GLASS: dict[Kind, list[_Points]] = {
+BRAKE_LIGHTS = _both([(-0.5, 0.46), (-0.45, 0.46), (-0.45, 0.2), (-0.5, 0.2)])
+DARK_PARTS: dict[Kind, list[_Points]] = {
     Kind.CAR: [
         [(0.24, 0.4), (0.08, 0.34), (0.08, -0.34), (0.24, -0.4)],
         [(-0.36, 0.34), (-0.27, 0.3), (-0.27, -0.3), (-0.36, -0.34)],
@@ -57,7 +57,7 @@ _GLASS: dict[Kind, list[_Points]] = {
                     (-0.46, -0.26, -0.06, 0.14, 0.34)],
 }  # fmt: skip
 """dark parts of each kind: windows, the gap behind a cab, riders, the stripes of a barrier"""
-_HAS_LIGHTS = (Kind.CAR, Kind.TRUCK, Kind.BUS)
+HAS_LIGHTS = (Kind.CAR, Kind.TRUCK, Kind.BUS)
 
 PEDESTRIAN_M = 0.6
 """m, radius of the disc that stands for a pedestrian, larger than life"""
@@ -79,12 +79,12 @@ def placed(shape: Array, position: Array, heading: Array, size: Array) -> Array:
 def _parts(kind: Kind) -> tuple[Array, tuple[slice, ...], tuple[slice, ...]]:
     """All points (K, 2) of a kind's shape; where in them its dark parts are, and its brake lights."""
     shapes, spans, n = [BODY], [], len(BODY)
-    lights = _LIGHTS if kind in _HAS_LIGHTS else []
-    for part in (*_GLASS[kind], *lights):
+    lights = BRAKE_LIGHTS if kind in HAS_LIGHTS else []
+    for part in (*DARK_PARTS[kind], *lights):
         shapes.append(np.array(part))
         spans.append(slice(2 * n, 2 * (n + len(part))))
         n += len(part)
-    dark = len(_GLASS[kind])
+    dark = len(DARK_PARTS[kind])
     return np.concatenate(shapes), tuple(spans[:dark]), tuple(spans[dark:])
 
 

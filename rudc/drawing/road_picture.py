@@ -49,7 +49,36 @@ def draw_road(network: Network, scale: float, reach_m: float = REACH_M) -> RoadP
     high = np.minimum(corners.max(axis=0) + MARGIN_M, network.center + reach_m)
     width, height = (int(n) for n in np.ceil((high - low) * scale))
     picture = RoadPicture(Image.new("RGB", (width, height), GROUND), scale, float(low[0]), float(high[1]))
-    brush = _Brush(picture)
+    paint_road(network, _PictureBrush(picture))
+    return picture
+
+
+class Brush:
+    """Draws shapes given in metres; subclasses say on what."""
+
+    def area(self, polygon: Array, colour: Colour) -> None:
+        """Fill a polygon (K, 2) m."""
+        raise NotImplementedError
+
+    def line(self, xy: Array, width_m: float, colour: Colour) -> None:
+        """Draw a line along xy (K, 2) m."""
+        raise NotImplementedError
+
+    def pieces(self, segments: Array, width_m: float, colour: Colour) -> None:
+        """Draw short straight lines (B, 2, 2) m."""
+        for segment in segments:
+            self.line(segment, width_m, colour)
+
+    def dashes(self, xy: Array, colour: Colour, dash_m: float = DASH_M, gap_m: float = GAP_M) -> None:
+        """Draw a broken line along xy (K, 2) m."""
+        length = float(arc_length(xy)[-1])
+        for start in np.arange(gap_m / 2, length - dash_m, dash_m + gap_m):
+            self.line(resample(xy, np.array([start, start + dash_m])), MARK_M, colour)
+
+
+def paint_road(network: Network, brush: Brush) -> None:
+    """Drivable area, its edge, lane marks, stop lines and arrows, from below upwards."""
+    polygons = network.surface.polygons
     for polygon in polygons:
         brush.line(np.vstack([polygon, polygon[:2]]), 2.4, VERGE)
     for polygon in polygons:
@@ -60,11 +89,10 @@ def draw_road(network: Network, scale: float, reach_m: float = REACH_M) -> RoadP
         _draw_arm(brush, network, arm)
         if not network.is_roundabout:
             _draw_arrows(brush, network, arm)
-    return picture
 
 
-class _Brush:
-    """Draws shapes given in metres."""
+class _PictureBrush(Brush):
+    """Draws on a picture."""
 
     def __init__(self, picture: RoadPicture) -> None:
         self._picture = picture
@@ -78,18 +106,12 @@ class _Brush:
         self._draw.line(_flat(self._picture.pixels(xy)), fill=colour, width=width, joint="curve")
 
     def pieces(self, segments: Array, width_m: float, colour: Colour) -> None:
-        """segments (B, 2, 2) m."""
         width = max(round(width_m * self._picture.scale), 1)
         for segment in self._picture.pixels(segments):
             self._draw.line(_flat(segment), fill=colour, width=width)
 
-    def dashes(self, xy: Array, colour: Colour, dash_m: float = DASH_M, gap_m: float = GAP_M) -> None:
-        length = float(arc_length(xy)[-1])
-        for start in np.arange(gap_m / 2, length - dash_m, dash_m + gap_m):
-            self.line(resample(xy, np.array([start, start + dash_m])), MARK_M, colour)
 
-
-def _draw_arm(brush: _Brush, network: Network, arm: Arm) -> None:
+def _draw_arm(brush: Brush, network: Network, arm: Arm) -> None:
     """Marks of an arm: dashes between lanes of one direction, lines between directions, stop lines."""
     for edges in (arm.in_edges, arm.out_edges):
         for edge in edges:
@@ -105,7 +127,7 @@ def _draw_arm(brush: _Brush, network: Network, arm: Arm) -> None:
         _draw_stop(brush, network.lanes[lane_id], "stop" if all_stop else "" if arm.major else "yield")
 
 
-def _draw_stop(brush: _Brush, lane: Lane, sign: str) -> None:
+def _draw_stop(brush: Brush, lane: Lane, sign: str) -> None:
     """Where a lane ends at the junction: a bar where all must stop, teeth towards those who must yield, else
     dots.
     """
@@ -123,7 +145,7 @@ def _draw_stop(brush: _Brush, lane: Lane, sign: str) -> None:
         brush.dashes(bar, MARK, 0.35, 0.35)
 
 
-def _draw_arrows(brush: _Brush, network: Network, arm: Arm) -> None:
+def _draw_arrows(brush: Brush, network: Network, arm: Arm) -> None:
     """Painted arrows before the junction: where each inbound lane leads."""
     angles: dict[str, set[float]] = {}
     for movement in network.movements:

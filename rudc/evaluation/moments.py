@@ -1,0 +1,95 @@
+"""What in an episode is worth a look: the largest correction, the closest approach, events, the end."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    from rudc.vehicle import EgoVehicle
+
+INFEASIBLE = ("relaxed", "braking")
+"""statuses of a correction that found no action which keeps all constraints"""
+
+
+class Step(NamedTuple):
+    """What is known of a decision."""
+
+    series: Mapping[str, float]
+    """numbers by name, nan where there is none"""
+    status: str
+    """of its correction; empty without one"""
+    outcome: str
+    """how the episode ended with it; empty while it goes on"""
+
+
+def moments(
+    steps: Sequence[Step], events: Sequence[Mapping[str, Any]], body: EgoVehicle, fault: str = ""
+) -> list[dict[str, Any]]:
+    """`frame`, `kind` and `text` of each, in the order of time.
+
+    `events`: with `number`, `kind`, `begun_s`, `visible_s` (s). `body`: whose limits scale corrections.
+    `fault`: whose a collision was.
+    """
+    found = [*_of_events(steps, events)]
+    frame, size = _extreme(steps, lambda s: _correction(s, body), max)
+    if frame is not None and size > 0.01:
+        a, delta = (_change(steps[frame], name) for name in ("acceleration_mps2", "steering_rad"))
+        text = f"largest correction: {a:+.1f} m/s2, {math.degrees(delta):+.1f} deg"
+        found.append({"frame": frame, "kind": "correction", "text": text})
+    none = [k for k, step in enumerate(steps) if step.status in INFEASIBLE]
+    if none:
+        more = f" (first of {len(none)})" if len(none) > 1 else ""
+        text = f"no action keeps all constraints{more}"
+        found.append({"frame": none[0], "kind": "infeasible", "text": text})
+    for name, kind, best, text in (
+        ("gap_m", "gap", min, "closest approach: {:.2f} m"),
+        ("least_h_m2", "h", min, "least h: {:.2f} m2"),
+        ("sigma", "sigma", max, "largest sigma: {:.2f}"),
+    ):
+        frame, value = _extreme(steps, lambda s, name=name: s.series[name], best)
+        if frame is not None:
+            found.append({"frame": frame, "kind": kind, "text": text.format(value)})
+    if steps and steps[-1].outcome:
+        blamed = f", fault: {fault}" if fault else ""
+        text = f"end: {steps[-1].outcome.replace('_', ' ')}{blamed}"
+        found.append({"frame": len(steps) - 1, "kind": "end", "text": text})
+    return sorted(found, key=lambda moment: moment["frame"])
+
+
+def _of_events(steps: Sequence[Step], events: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    found = []
+    for event in events:
+        name = f"event {event['number']}, {event['kind'].replace('_', ' ')}"
+        begun, seen = event["begun_s"], event["visible_s"]
+        for at, what in ((begun, "begins"), (seen if seen != begun else None, "first seen by the ego")):
+            if at is not None:
+                found.append({"frame": _frame_at(steps, at), "kind": "event", "text": f"{name}: {what}"})
+    return found
+
+
+def _frame_at(steps: Sequence[Step], time_s: float) -> int:
+    """The first frame not before a time."""
+    return next((k for k, s in enumerate(steps) if s.series["time_s"] >= time_s - 1e-6), len(steps) - 1)
+
+
+def _change(step: Step, name: str) -> float:
+    return step.series[f"safe_{name}"] - step.series[f"nominal_{name}"]
+
+
+def _correction(step: Step, body: EgoVehicle) -> float:
+    """Size of a correction, both parts scaled to [-1, 1]."""
+    a = _change(step, "acceleration_mps2") / (0.5 * (body.a_max - body.a_min))
+    return math.hypot(a, _change(step, "steering_rad") / body.delta_max)
+
+
+def _extreme(
+    steps: Sequence[Step], value: Callable[[Step], float], best: Callable[..., int]
+) -> tuple[int | None, float]:
+    """The frame with the least or largest finite value, and that; None if there is none."""
+    known = {k: value(step) for k, step in enumerate(steps) if math.isfinite(value(step))}
+    if not known:
+        return None, math.nan
+    frame = best(known, key=lambda k: known[k])
+    return frame, known[frame]

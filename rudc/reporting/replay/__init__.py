@@ -1,0 +1,1 @@
+"""The replay page: one file that shows episodes in a browser, without a network."""

@@ -1,0 +1,70 @@
+'use strict';
+// What the page was given, decoded: numbers in m, rad, s.
+
+const DATA = JSON.parse(document.getElementById('data').textContent);
+const LOOK = JSON.parse(document.getElementById('look').textContent);
+const LENGTH = 0.01, ANGLE = 0.001;
+const BRAKES = 1, HIDDEN = 2, CONSTRAINED = 4, ACTIVE = 8;
+
+function sums(differences, step) {
+  let total = 0;
+  return differences.map((d) => (total += d) * step);
+}
+
+function points(flat) {
+  const found = [];
+  let x = 0, y = 0;
+  for (let i = 0; i + 1 < flat.length; i += 2) {
+    x += flat[i]; y += flat[i + 1];
+    found.push([x * LENGTH, y * LENGTH]);
+  }
+  return found;
+}
+
+function poses(p) {
+  return { x: sums(p.x, LENGTH), y: sums(p.y, LENGTH), psi: sums(p.psi, ANGLE) };
+}
+
+function decoded(run) {
+  const series = {};
+  for (const [name, step] of Object.entries(DATA.steps)) {
+    series[name] = run.series[name].map((v) => (v === null ? null : v * step));
+  }
+  const tracks = run.tracks.map((t) => ({
+    ...t, ...poses(t.poses), speed: sums(t.speed, 0.1), state: [...t.state].map((c) => parseInt(c, 16)),
+  }));
+  const route = {
+    ...run.route, path: points(run.route.path), left: points(run.route.left), right: points(run.route.right),
+  };
+  const events = run.events.map((e) => ({ ...e, way: e.way && points(e.way) }));
+  return {
+    ...run, series, tracks, route, events,
+    road: run.road || DATA.runs[0].road, ego: poses(run.ego), courses: run.courses.map(points),
+  };
+}
+
+const RUNS = DATA.runs.map(decoded);
+const FRAMES = Math.max(...RUNS.map((run) => run.frames));
+
+// The pose at a time between frames, for smooth motion; `k` counts from the track's first frame.
+function between(track, k, share) {
+  const n = Math.min(k + 1, track.x.length - 1);
+  const mix = (v) => v[k] + (v[n] - v[k]) * share;
+  return [mix(track.x), mix(track.y), mix(track.psi)];
+}
+
+function present(run, k) {
+  return run.tracks.filter((t) => t.from <= k && k < t.from + t.x.length);
+}
+
+function isDark() {
+  return window.matchMedia('(prefers-color-scheme: dark)').matches;
+}
+
+function themed() {
+  const style = getComputedStyle(document.documentElement);
+  const colour = (name) => style.getPropertyValue(`--${name}`).trim();
+  const look = { ...LOOK.colours };
+  if (isDark()) Object.assign(look, { ground: '#23282a', verge: '#30372f', asphalt: '#4a5059' });
+  return { ...look, page_ink: colour('ink'), page_faint: colour('faint'), page_line: colour('line'), card: colour('card') };
+}

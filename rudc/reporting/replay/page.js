@@ -1,0 +1,193 @@
+'use strict';
+// The page: time, keys, buttons, lists.
+
+const MARKS = { event: '⚑', correction: '↧', infeasible: '✕', gap: '↔', h: 'h', sigma: 'σ', end: '■' };
+const find = (name) => document.getElementById(name);
+const state = { at: 0, playing: false, last: 0, follows: true, span: 62, widest: 150 };
+
+const parts = RUNS.map((run, i) => {
+  const section = document.querySelector(`[data-run="${i}"]`), holder = section.querySelector('.plots');
+  const plots = plotsOf(RUNS).map((plot) => new PlotView(holder, run, plot, go));
+  if (RUNS.some((r) => r.status.some((s) => s))) {
+    plots.push(new PlotView(holder, run, { title: 'Correction', status: true, lines: [] }, go));
+  }
+  const scene = new SceneView(section.querySelector('canvas.scene'), run);
+  const buttons = listMoments(run, section.querySelector('.moments'));
+  return { run, section, scene, plots, buttons, now: section.querySelector('.now'), acts: section.querySelector('.acts') };
+});
+
+function listMoments(run, list) {
+  return run.moments.map((moment) => {
+    const item = document.createElement('li'), button = document.createElement('button');
+    button.type = 'button';
+    button.textContent = `${run.series.time_s[moment.frame].toFixed(1)} s  ${MARKS[moment.kind] || ''} ${moment.text}`;
+    button.addEventListener('click', () => go(moment.frame));
+    item.append(button); list.append(item);
+    return { button, frame: moment.frame };
+  });
+}
+
+function markMoments() {
+  const holder = find('marks');
+  RUNS.forEach((run) => run.moments.forEach((moment) => {
+    const mark = document.createElement('span');
+    mark.textContent = MARKS[moment.kind] || '·';
+    mark.title = moment.text;
+    mark.style.left = `${(100 * moment.frame) / Math.max(FRAMES - 1, 1)}%`;
+    mark.addEventListener('click', () => go(moment.frame));
+    holder.append(mark);
+  }));
+}
+
+function go(frame) {
+  stop();
+  state.at = Math.min(Math.max(frame, 0), FRAMES - 1);
+  show();
+}
+
+function stop() {
+  state.playing = false;
+  find('play').textContent = 'Play';
+}
+
+function play() {
+  if (state.playing) { stop(); return; }
+  if (state.at >= FRAMES - 1) state.at = 0;
+  state.playing = true; state.last = 0;
+  find('play').textContent = 'Stop';
+  requestAnimationFrame(tick);
+}
+
+function tick(now) {
+  if (!state.playing) return;
+  const passed = state.last ? (now - state.last) / 1000 : 0;
+  state.last = now;
+  state.at = Math.min(state.at + (passed * Number(find('speed').value)) / RUNS[0].decision_s, FRAMES - 1);
+  if (state.at >= FRAMES - 1) stop();
+  show();
+  if (state.playing) requestAnimationFrame(tick);
+}
+
+function show() {
+  const frame = Math.floor(state.at + 1e-9), share = state.at - frame;
+  const camera = { follows: state.follows, span: state.follows ? state.span : state.widest };
+  for (const part of parts) {
+    part.scene.draw(frame, share, camera);
+    for (const plot of part.plots) plot.draw(frame, share);
+    tell(part, frame);
+    for (const { button, frame: at } of part.buttons) button.setAttribute('aria-current', String(at === frame));
+  }
+  const time = find('time'), seconds = timeAt(frame).toFixed(1);
+  time.value = String(frame);
+  time.setAttribute('aria-valuetext', `${seconds} s`);
+  find('clock').textContent = `${seconds} s of ${timeAt(FRAMES - 1).toFixed(1)} s`;
+}
+
+function timeAt(frame) {
+  const longest = RUNS.find((run) => run.frames === FRAMES);
+  return longest.series.time_s[frame];
+}
+
+function tell({ run, now, acts }, frame) {
+  const k = Math.min(frame, run.frames - 1), s = run.series, value = (name) => s[name][k];
+  const parts = [`${value('time_s').toFixed(1)} s`, `${number(value('speed_mps'))} m/s`];
+  if (value('gap_m') !== null) parts.push(`gap ${number(value('gap_m'))} m`);
+  if (value('sigma') !== null) parts.push(`sigma ${number(value('sigma'))}`);
+  if (k === run.frames - 1) parts.push(`ended: ${run.outcome.replace('_', ' ')}`);
+  now.textContent = parts.join('  ·  ');
+  acts.textContent = [correction(run, k), ...waiting(run, value('time_s'))].join('  ·  ');
+}
+
+function correction(run, k) {
+  const status = run.status[k], s = run.series, told = run.decisions[k];
+  const a = s.safe_acceleration_mps2[k] - s.nominal_acceleration_mps2[k];
+  const turn = (s.safe_steering_rad[k] - s.nominal_steering_rad[k]) * DEGREES;
+  const sizes = [[a, 'm/s²'], [turn, 'deg']].filter(([v]) => Math.abs(v) >= 0.05);
+  const done = sizes.map(([v, unit]) => `${v > 0 ? '+' : ''}${v.toFixed(1)} ${unit}`).join(', ');
+  if (!status) return done ? `changed by ${done}` : 'no correction';
+  const kinds = present(run, k).filter((t) => t.state[k - t.from] & ACTIVE).map((t) => t.kind + (t.event ? ` (${t.event})` : ''));
+  const because = [...kinds, ...(told.edges || []).map((side) => `${side} road edge`), ...(told.others || [])];
+  const remark = told.infeasible && status === 'solved' ? 'infeasible' : LOOK.remarks[status] ?? status;
+  return `correction: ${[done + (because.length ? ` because of ${because.join(', ')}` : ''), remark].filter((t) => t.trim()).join('; ')}`;
+}
+
+function waiting(run, time) {
+  return run.events.map((event) => {
+    const name = `(${event.number}) ${event.kind.replaceAll('_', ' ')}`;
+    if (event.begun_s === null || event.begun_s > time + 1e-6) return `${name}: waits`;
+    if (event.visible_s === null || event.visible_s > time + 1e-6) return `${name}: not seen yet`;
+    return name;
+  });
+}
+
+function zoom(by) {
+  const name = state.follows ? 'span' : 'widest';
+  state[name] = Math.min(Math.max(state[name] * by, 15), 400);
+  show();
+}
+
+function setView(value) {
+  state.follows = value === 'follow';
+  find('view').value = value;
+  show();
+}
+
+// Pictures of what the scene shows, drawn by the scene's own code.
+function drawLegend() {
+  const list = find('legend'), run = RUNS[0];
+  const samples = [
+    ['the ego', (v) => v.drawBody('car', [0, 0, 0], [4.6, 1.8], v.colours.ego, false, false)],
+    ['brakes or stands', (v) => v.drawBody('car', [0, 0, 0], [4.6, 1.8], v.colours.traffic, true, false)],
+    ['not seen by the ego', (v) => v.drawBody('car', [0, 0, 0], [4.6, 1.8], v.colours.traffic, false, true)],
+    ['takes part in an event', (v) => v.drawBody('truck', [0, 0, 0], [6, 2], v.colours.event, false, false)],
+    ['pedestrian', (v) => v.drawPedestrian([0, 0, 0], v.colours.traffic, false)],
+    ['constrained', (v) => v.stroke(ellipse([0, 0, 0], [4.6, 1.8]), v.colours.constrained, 0.18)],
+    ['acted on', (v) => v.stroke(ellipse([0, 0, 0], [4.6, 1.8]), v.colours.active, 0.45)],
+    ['way to the destination', (v) => v.stroke(trace(new Path2D(), [[-3, 0], [3, 0]]), v.colours.path, 0.9)],
+  ];
+  if (run.courses.length) {
+    samples.push(['course round what blocks', (v) => v.stroke(trace(new Path2D(), [[-3, 0], [3, 0]]), v.colours.paper, 0.45, [1.6, 1])]);
+  }
+  list.replaceChildren();
+  for (const [text, paint] of samples) {
+    const item = document.createElement('li'), canvas = document.createElement('canvas');
+    item.append(canvas, text); list.append(item);
+    const view = new SceneView(canvas, { road: [] });
+    view.ratio = fitCanvas(canvas); view.colours = themed(); view.ctx = canvas.getContext('2d');
+    view.ctx.fillStyle = view.colours.asphalt; view.ctx.fillRect(0, 0, canvas.width, canvas.height);
+    view.scale = canvas.width / 7.5;
+    view.ctx.setTransform(view.scale, 0, 0, -view.scale, canvas.width / 2, canvas.height / 2);
+    paint(view);
+  }
+}
+
+const KEYS = {
+  ' ': play, ArrowLeft: (e) => go(Math.ceil(state.at) - (e.shiftKey ? 10 : 1)),
+  ArrowRight: (e) => go(Math.floor(state.at) + (e.shiftKey ? 10 : 1)), Home: () => go(0), End: () => go(FRAMES - 1),
+  '+': () => zoom(0.8), '=': () => zoom(0.8), '-': () => zoom(1.25), f: () => setView(state.follows ? 'all' : 'follow'),
+};
+
+document.addEventListener('keydown', (event) => {
+  const act = KEYS[event.key], where = event.target.tagName;
+  const taken = where === 'SELECT' || (event.key === ' ' && (where === 'BUTTON' || where === 'SUMMARY'));
+  if (!act || taken || event.ctrlKey || event.metaKey || event.altKey) return;
+  event.preventDefault();
+  act(event);
+});
+find('time').max = String(FRAMES - 1);
+find('time').addEventListener('input', (event) => go(Number(event.target.value)));
+find('play').addEventListener('click', play);
+find('back').addEventListener('click', () => go(Math.ceil(state.at) - 1));
+find('on').addEventListener('click', () => go(Math.floor(state.at) + 1));
+find('in').addEventListener('click', () => zoom(0.8));
+find('out').addEventListener('click', () => zoom(1.25));
+find('view').addEventListener('change', (event) => setView(event.target.value));
+for (const part of parts) part.scene.canvas.addEventListener('click', () => zoom(0.8));
+window.addEventListener('resize', show);
+window.matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => { drawLegend(); show(); });
+markMoments();
+drawLegend();
+// #12.3 opens the page at that second
+const wanted = Number(location.hash.slice(1));
+const first = RUNS[0].series.time_s.findIndex((t) => t >= wanted - 1e-6);
+go(wanted > 0 ? (first < 0 ? FRAMES - 1 : first) : 0);
