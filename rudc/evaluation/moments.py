@@ -9,9 +9,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 if TYPE_CHECKING:
     from rudc.vehicle import EgoVehicle
 
-INFEASIBLE = ("relaxed", "braking")
-"""statuses of a correction that found no action which keeps all constraints"""
-
 
 class Step(NamedTuple):
     """What is known of a decision."""
@@ -20,6 +17,8 @@ class Step(NamedTuple):
     """numbers by name, nan where there is none"""
     status: str
     """of its correction; empty without one"""
+    infeasible: bool
+    """whether no action kept all constraints, as far as the correction could tell"""
     outcome: str
     """how the episode ended with it; empty while it goes on"""
 
@@ -35,10 +34,9 @@ def moments(
     found = [*_of_events(steps, events)]
     frame, size = _extreme(steps, lambda s: _correction(s, body), max)
     if frame is not None and size > 0.01:
-        a, delta = (_change(steps[frame], name) for name in ("acceleration_mps2", "steering_rad"))
-        text = f"largest correction: {a:+.1f} m/s2, {math.degrees(delta):+.1f} deg"
+        text = f"largest correction: {_in_words(steps[frame])}"
         found.append({"frame": frame, "kind": "correction", "text": text})
-    none = [k for k, step in enumerate(steps) if step.status in INFEASIBLE]
+    none = [k for k, step in enumerate(steps) if step.infeasible]
     if none:
         more = f" (first of {len(none)})" if len(none) > 1 else ""
         text = f"no action keeps all constraints{more}"
@@ -63,7 +61,8 @@ def _of_events(steps: Sequence[Step], events: Sequence[Mapping[str, Any]]) -> li
     for event in events:
         name = f"event {event['number']}, {event['kind'].replace('_', ' ')}"
         begun, seen = event["begun_s"], event["visible_s"]
-        for at, what in ((begun, "begins"), (seen if seen != begun else None, "first seen by the ego")):
+        first = "begins" if begun else "there from the start"
+        for at, what in ((begun, first), (seen if seen != begun else None, "first seen by the ego")):
             if at is not None:
                 found.append({"frame": _frame_at(steps, at), "kind": "event", "text": f"{name}: {what}"})
     return found
@@ -76,6 +75,13 @@ def _frame_at(steps: Sequence[Step], time_s: float) -> int:
 
 def _change(step: Step, name: str) -> float:
     return step.series[f"safe_{name}"] - step.series[f"nominal_{name}"]
+
+
+def _in_words(step: Step) -> str:
+    """By how much the action was changed; what would read as 0.0 is left out."""
+    a, delta = _change(step, "acceleration_mps2"), math.degrees(_change(step, "steering_rad"))
+    parts = [f"{v:+.1f} {unit}" for v, unit in ((a, "m/s2"), (delta, "deg")) if abs(v) >= 0.05]
+    return ", ".join(parts) or "less than 0.05 m/s2 and 0.05 deg"
 
 
 def _correction(step: Step, body: EgoVehicle) -> float:

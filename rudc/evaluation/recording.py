@@ -67,7 +67,13 @@ class Recording:
         """Keep a decision and what it led to."""
         view, k = view_of(self._episode.world, result.outcome), len(self._steps)
         truth, center = view.truth, self._episode.world.network.center
-        step = Step(_series(truth, decision, result, self._agent), _status(decision), result.outcome or "")
+        done = decision.corrected
+        step = Step(
+            _series(truth, decision, result, self._agent),
+            "" if done is None else done.status,
+            done is not None and done.infeasible,
+            result.outcome or "",
+        )
         self._steps.append(step)
         self._ego.append((truth.ego.x - center[0], truth.ego.y - center[1], truth.ego.psi))
         self._decisions.append({**_told(decision, self._course()), "sensed": _sensed(view)})
@@ -250,10 +256,6 @@ def _told(decision: Decision, course: int | None) -> dict[str, Any]:
         if done.infeasible:
             told["infeasible"] = True
     return told
-
-
-def _status(decision: Decision) -> str:
-    return "" if decision.corrected is None else decision.corrected.status
 
 
 def _sensed(view: View) -> list[list[str | int]]:

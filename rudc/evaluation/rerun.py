@@ -56,8 +56,10 @@ def _manifest(folder: Path) -> Mapping[str, Any]:
     path = folder / "manifest.json"
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-        content["configuration"]["scenarios"], content["versions"]
+        whole = isinstance(content["configuration"]["scenarios"], dict) and "versions" in content
     except (OSError, ValueError, KeyError, TypeError):
+        whole, content = False, {}
+    if not whole:
         reason = "no such folder" if not folder.is_dir() else "no manifest.json of a sweep in it"
         raise SweepError(f"{folder} is not the folder of a sweep: {reason}") from None
     return content

@@ -106,9 +106,16 @@ function correction(run, k) {
   const done = sizes.map(([v, unit]) => `${v > 0 ? '+' : ''}${v.toFixed(1)} ${unit}`).join(', ');
   if (!status) return done ? `changed by ${done}` : 'no correction';
   const kinds = present(run, k).filter((t) => t.state[k - t.from] & ACTIVE).map((t) => t.kind + (t.event ? ` (${t.event})` : ''));
-  const because = [...kinds, ...(told.edges || []).map((side) => `${side} road edge`), ...(told.others || [])];
+  const because = [...counted(kinds), ...(told.edges || []).map((side) => `${side} road edge`), ...(told.others || [])];
   const remark = told.infeasible && status === 'solved' ? 'infeasible' : LOOK.remarks[status] ?? status;
   return `correction: ${[done + (because.length ? ` because of ${because.join(', ')}` : ''), remark].filter((t) => t.trim()).join('; ')}`;
+}
+
+// 'car', 'car', 'bus' -> '2 × car', 'bus'
+function counted(names) {
+  const all = new Map();
+  for (const name of names) all.set(name, (all.get(name) || 0) + 1);
+  return [...all].map(([name, n]) => (n > 1 ? `${n} × ${name}` : name));
 }
 
 function waiting(run, time) {
@@ -182,7 +189,6 @@ find('on').addEventListener('click', () => go(Math.floor(state.at) + 1));
 find('in').addEventListener('click', () => zoom(0.8));
 find('out').addEventListener('click', () => zoom(1.25));
 find('view').addEventListener('change', (event) => setView(event.target.value));
-for (const part of parts) part.scene.canvas.addEventListener('click', () => zoom(0.8));
 window.addEventListener('resize', show);
 window.matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => { drawLegend(); show(); });
 markMoments();

@@ -55,8 +55,7 @@ class PlotView {
     this.run = run;
     this.plot = plot;
     this.canvas = document.createElement('canvas');
-    this.canvas.className = 'plot';
-    this.canvas.style.height = plot.status ? '34px' : '84px';
+    this.canvas.className = plot.status ? 'plot low' : 'plot';
     this.canvas.setAttribute('role', 'img');
     this.canvas.setAttribute('aria-label', `${plot.title} over time`);
     holder.append(this.canvas);
@@ -146,7 +145,7 @@ class PlotView {
       c.beginPath(); c.moveTo(x, TOP - 4); c.lineTo(x, this.height); c.stroke();
       c.setLineDash([]);
       c.fillStyle = this.colours.page_ink; c.textAlign = 'left'; c.textBaseline = 'bottom';
-      c.fillText(`(${number})`, x + 2, this.height - 1);
+      if (this.plot === PLOTS[0]) c.fillText(`(${number})`, x + 2, this.height - 1);
     }
   }
 

@@ -37,7 +37,7 @@ class SceneView {
     const c = this.ctx = this.canvas.getContext('2d'), [ex, ey] = between(run.ego, k, s);
     const width = this.canvas.width, height = this.canvas.height;
     this.scale = Math.min(width, height) / camera.span;
-    const [cx, cy] = camera.follows ? [ex, ey] : [0, 0];
+    const [cx, cy] = camera.follows ? towardsJunction(ex, ey, camera.span) : [0, 0];
     this.transform = [this.scale, 0, 0, -this.scale, width / 2 - cx * this.scale, height / 2 + cy * this.scale];
     c.setTransform(1, 0, 0, 1, 0, 0);
     c.fillStyle = this.colours.ground;
@@ -263,6 +263,12 @@ class SceneView {
     c.stroke(path);
     c.setLineDash([]);
   }
+}
+
+// The middle of a view that follows the ego: drawn to the junction, where things happen.
+function towardsJunction(x, y, span) {
+  const share = Math.min((0.27 * span) / Math.max(Math.hypot(x, y), 1e-6), 0.5);
+  return [x * (1 - share), y * (1 - share)];
 }
 
 function placed(shape, [x, y, psi], [length, width]) {

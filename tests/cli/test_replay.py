@@ -1,0 +1,85 @@
+"""`rudc run --replay` and `rudc replay`."""
+
+import csv
+
+import pytest
+
+from rudc.errors import SweepError
+
+WHICH = "random_destination:follower:0"
+
+
+@pytest.fixture
+def swept(rudc, tmp_path):
+    answer = rudc(
+        "sweep",
+        "random_destination",
+        "-a",
+        "follower",
+        "-a",
+        "follower+ttcbf",
+        "-n",
+        1,
+        "-w",
+        1,
+        "-o",
+        "swept",
+    )
+    assert answer.status == 0, answer.err
+    return tmp_path / "swept"
+
+
+def test_a_run_leaves_a_page_of_one_agent_or_two(rudc, tmp_path):
+    answer = rudc("run", "random_destination", "--replay", "one.html")
+    assert answer.status == 0, answer.err
+    assert "gap-acceptance" in (tmp_path / "one.html").read_text(encoding="utf-8")
+    answer = rudc("run", "random_destination", "-a", "follower", "-a", "sumo", "--replay", "two.html")
+    assert answer.status == 0, answer.err
+    assert answer.out.count("outcome") == 2
+    assert (tmp_path / "two.html").read_text(encoding="utf-8").count("<section") == 2
+
+
+@pytest.mark.parametrize(
+    ("more", "says"),
+    [
+        (["-a", "sumo"], "2 agents were named"),
+        (["-a", "sumo", "-a", "gap-acceptance", "--replay", "x.html"], "3 agents were named"),
+        (["-a", "sumo", "--replay", "x.html", "--steps", "s.csv"], "--steps shows one agent"),
+        (["--replay", "x.gif"], "a replay is an .html file"),
+    ],
+)
+def test_what_cannot_be_beside_each_other_is_refused(rudc, tmp_path, more, says):
+    answer = rudc("run", "random_destination", "-a", "follower", *more)
+    assert answer.status == 2
+    assert says in answer.err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_episode_of_a_sweep_comes_out_the_same(rudc, swept, tmp_path):
+    answer = rudc("replay", "swept", "--episode", WHICH, "-e", 2, "--out", "both.html")
+    assert answer.status == 0, answer.err
+    assert answer.err.count("came out the same as row") == 2
+    text = (tmp_path / "both.html").read_text(encoding="utf-8")
+    assert "came out the same as row 1 of swept/episodes.csv" in text
+    assert "came out the same as row 2 of swept/episodes.csv" in text
+
+
+def test_an_episode_that_comes_out_otherwise_says_so(rudc, swept, tmp_path):
+    with (swept / "episodes.csv").open(newline="") as file:
+        header, first, *rest = list(csv.reader(file))
+    first[header.index("steps")] = "7"
+    with (swept / "episodes.csv").open("w", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows([header, first, *rest])
+    answer = rudc("replay", "swept", "--episode", WHICH, "--out", "page.html")
+    assert answer.status == 1
+    assert "came out otherwise than row 1 of swept/episodes.csv: steps: 7 then, " in answer.err
+    assert "came out otherwise" in (tmp_path / "page.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("folder", ["nowhere", "."])
+def test_a_folder_of_no_sweep_is_refused(rudc, tmp_path, folder):
+    answer = rudc("replay", folder, "--episode", WHICH, "--out", "page.html")
+    assert answer.status == SweepError.exit_code
+    assert answer.err.startswith(f"error: {folder} is not the folder of a sweep")
+    assert answer.err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []

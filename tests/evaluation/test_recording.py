@@ -1,0 +1,138 @@
+"""A recording says what the episode's own scenes and decisions say, to its stated step."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from rudc.agents.registry import make_agent
+from rudc.drawing.view import view_of
+from rudc.env.episode import Episode
+from rudc.evaluation.recording import (
+    ACTIVE,
+    ANGLE,
+    BRAKES,
+    CONSTRAINED,
+    HIDDEN,
+    LENGTH,
+    SERIES,
+    Recording,
+    road_shapes,
+)
+from rudc.evaluation.rollout import run_episode
+from rudc.network.network import load_network, shipped_networks
+from rudc.scenario import load_scenario
+from rudc.world.world import World
+
+
+def recorded(scenario, agent, seed):
+    """The recording, after a way through JSON, and what a second watcher saw of the same episode."""
+    plan, driver = load_scenario(scenario).plan(seed), make_agent(agent)
+    seen = []
+    with World(load_network(plan.network, plan.junction)) as world:
+        episode = Episode(world)
+        recording = Recording(episode, driver)
+
+        def watch(scene, decision, result):
+            recording.watch(scene, decision, result)
+            seen.append((view_of(world, result.outcome), decision, result))
+
+        record = run_episode(episode, plan, driver, watch=watch)
+        return json.loads(json.dumps(recording.data(record), allow_nan=False)), seen, record
+
+
+@pytest.fixture(scope="module")
+def storm():
+    return recorded("perfect_storm", "rudc-t", 1)
+
+
+def test_tracks_are_where_everybody_was(storm):
+    data, seen, _ = storm
+    assert data["frames"] == len(seen) > 30
+    ego = np.column_stack([np.cumsum(data["ego"][axis]) for axis in ("x", "y")]) * LENGTH
+    was = np.array([[view.truth.ego.x, view.truth.ego.y] for view, _, _ in seen])
+    assert np.abs(ego + seen[0][0].truth.network.center - was).max() <= 0.51 * LENGTH
+    bodies = 0
+    for track in data["tracks"]:
+        x, y, psi = (np.cumsum(track["poses"][axis]) for axis in ("x", "y", "psi"))
+        for i, flags in enumerate(track["state"]):
+            view, decision, _ = seen[track["from"] + i]
+            scene, row = view.truth, view.truth.ids.index(track["name"])
+            place = scene.position[row] - scene.network.center
+            assert np.abs(np.array([x[i], y[i]]) * LENGTH - place).max() <= 0.51 * LENGTH
+            assert abs(math.remainder(psi[i] * ANGLE - scene.heading[row], 2 * math.pi)) <= 0.51 * ANGLE
+            bits, name = int(flags, 16), f"veh:{track['name']}"
+            assert bool(bits & HIDDEN) == (track["name"] in view.hidden)
+            assert bool(bits & ACTIVE) == (name in decision.corrected.active)
+            assert bool(bits & CONSTRAINED) == (name in decision.corrected.names)
+            if scene.acceleration[row] < -1.0:
+                assert bits & BRAKES
+            bodies += 1
+    assert bodies == sum(view.truth.count for view, _, _ in seen)
+
+
+def test_series_are_the_numbers_of_the_decisions(storm):
+    data, seen, _ = storm
+    expected = {
+        "time_s": [view.truth.time_s for view, _, _ in seen],
+        "speed_mps": [view.truth.ego.v for view, _, _ in seen],
+        "nominal_acceleration_mps2": [decision.u_rl[0] for _, decision, _ in seen],
+        "safe_acceleration_mps2": [decision.u[0] for _, decision, _ in seen],
+        "nominal_steering_rad": [decision.u_rl[1] for _, decision, _ in seen],
+        "safe_steering_rad": [decision.u[1] for _, decision, _ in seen],
+        "sigma": [decision.sigma for _, decision, _ in seen],
+        "least_h_m2": [min(decision.corrected.h) for _, decision, _ in seen],
+        "gap_m": [result.advance.min_dtc_m for _, _, result in seen],
+        "reward": [result.reward for _, _, result in seen],
+    }
+    for name, values in expected.items():
+        told = np.array(data["series"][name], dtype=float) * SERIES[name]
+        assert np.abs(told - np.array(values)).max() <= 0.51 * SERIES[name], name
+    assert data["sigma_low"] < data["sigma_high"]
+    assert data["status"] == [decision.corrected.status for _, decision, _ in seen]
+
+
+def test_events_and_sensors_are_told(storm):
+    data, seen, record = storm
+    happening = {event.number: event for event in seen[-1][0].events}
+    assert {event["number"] for event in data["events"]} == set(happening)
+    for event in data["events"]:
+        assert event["begun_s"] == happening[event["number"]].begun_s
+        assert event["visible_s"] == happening[event["number"]].visible_s
+    assert len(data["event_lines"]) == 5  # of which one is not in this episode
+    assert data["sensors"][0]["boxes"]
+    assert any(decision["sensed"] for decision in data["decisions"])
+    assert data["outcome"] == record.outcome
+    assert data["row"]["min_dtc_m"] == record.text("min_dtc_m")
+
+
+def test_moments_lie_where_their_numbers_are(storm):
+    data, seen, _ = storm
+    found = {moment["kind"]: moment for moment in data["moments"]}
+    gaps = [result.advance.min_dtc_m for _, _, result in seen]
+    assert found["gap"]["frame"] == int(np.argmin(gaps))
+    assert f"{min(gaps):.2f} m" in found["gap"]["text"]
+    infeasible = [k for k, (_, decision, _) in enumerate(seen) if decision.corrected.infeasible]
+    assert found["infeasible"]["frame"] == infeasible[0]
+    assert f"of {len(infeasible)}" in found["infeasible"]["text"]
+    changes = [np.abs(decision.u - decision.u_rl).max() for _, decision, _ in seen]
+    assert changes[found["correction"]["frame"]] > 0.1
+    assert found["end"]["frame"] == len(seen) - 1
+    frames = [moment["frame"] for moment in data["moments"]]
+    assert frames == sorted(frames)
+
+
+def test_a_driver_without_filter_and_sigma_has_none_of_their_numbers():
+    data, _, _ = recorded("random_destination", "follower", 0)
+    for name in ("sigma", "least_h_m2", "friction", "delay_s"):
+        assert set(data["series"][name]) == {None}
+    assert set(data["status"]) == {""}
+    assert not {"correction", "infeasible", "sigma", "h"} & {moment["kind"] for moment in data["moments"]}
+
+
+@pytest.mark.parametrize("name", list(shipped_networks()))
+def test_the_road_of_every_network_is_small(name):
+    shapes = road_shapes(load_network(name))
+    assert {layer for layer, *_ in shapes} == {"verge", "asphalt", "mark"}
+    assert len(json.dumps(shapes)) < 100_000

