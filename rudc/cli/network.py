@@ -47,6 +47,7 @@ def check(
     **Example**: `rudc network check town.net.xml --junction J12 --out town.png`
     """
     from rudc.network.check import check_network
+    from rudc.world.trial import refuse_untried
 
     report = check_network(source, junction)
     road = f"{report.road_km:.3f} km of two-way road"
@@ -87,6 +88,7 @@ def check(
         print_table(["lane", "SUMO's id", "length (m)", "`at` counts from"], rows, right=(2,))
     for warning in report.warnings:
         note(f"warning: {warning}")
+    refuse_untried(report.network)
     if out is not None:
         from rudc.drawing.network_picture import draw_network
         from rudc.drawing.picture_file import save_picture

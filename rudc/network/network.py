@@ -17,6 +17,7 @@ from rudc.data import data_folder
 from rudc.errors import NetworkError
 from rudc.hints import did_you_mean, there_are
 from rudc.network.layout import Layout
+from rudc.network.reader import understood
 from rudc.network.road import Arm, Lane, Movement, Turn
 from rudc.network.route import ReferencePath, Route, RouteKey
 from rudc.network.route_builder import build_route
@@ -143,7 +144,8 @@ class Network(Layout):
                     f"network {self.name}: {movement.turn} from {movement.origin!r} is not permitted from "
                     f"lane {lane}, only from {', '.join(map(str, allowed))}"
                 )
-            self._routes[key] = build_route(self, movement, lane, self.vehicle)
+            with understood(self.path):
+                self._routes[key] = build_route(self, movement, lane, self.vehicle)
         return self._routes[key]
 
 
@@ -173,7 +175,8 @@ def load_network(
 
 @lru_cache(maxsize=32)
 def _load(path: Path, junction: str | None, vehicle: EgoVehicle, _modified: int) -> Network:
-    return Network(path, junction, vehicle)
+    with understood(path):
+        return Network(path, junction, vehicle)
 
 
 def find_route(key: RouteKey) -> Route:

@@ -8,8 +8,10 @@ count.
 
 from __future__ import annotations
 
+import contextlib
 import gzip
 import xml.sax
+import zlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import zip_longest
@@ -21,9 +23,16 @@ import numpy as np
 from rudc.arrays import Array, Flags
 from rudc.errors import NetworkError
 from rudc.network.paths import PathSource
+from rudc.network.plausible import refuse_implausible
 
 VEHICLE_CLASS = "passenger"
 """SUMO's class of cars: a lane that refuses them is no part of the carriageway"""
+
+UNEXPECTED = (
+    LookupError, ValueError, ArithmeticError, AttributeError, TypeError, AssertionError, RecursionError,
+    MemoryError,
+)  # fmt: skip
+"""what Python, numpy and sumolib raise over a file that contradicts itself"""
 
 
 @dataclass(frozen=True)
@@ -86,14 +95,30 @@ def read_net(path: Path) -> Any:
             xml.sax.parse(file, reader)
     except OSError as error:
         raise NetworkError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except (xml.sax.SAXException, KeyError, ValueError, IndexError, AttributeError) as error:
-        raise NetworkError(f"{path}: not a SUMO network (.net.xml): {error}") from error
+    except (EOFError, zlib.error) as error:
+        raise NetworkError(f"{path}: cannot be unpacked: {error}") from error
+    except (xml.sax.SAXException, *UNEXPECTED) as error:
+        told = str(error) if isinstance(error, xml.sax.SAXException) else f"{type(error).__name__}: {error}"
+        raise NetworkError(f"{path}: not a SUMO network (.net.xml): {told}") from error
     net = reader.getNet()
     if not net.getEdges(withInternal=False):
         raise NetworkError(
             f"{path}: holds no edges; a network built by netconvert is needed, not its sources"
         )
+    refuse_implausible(net, path)
     return net
+
+
+@contextlib.contextmanager
+def understood(path: Path) -> Iterator[None]:
+    """Raise NetworkError for whatever goes wrong in the block because the file says what no network says."""
+    try:
+        yield
+    except UNEXPECTED as error:
+        raise NetworkError(
+            f"{path}: its junction cannot be made out ({type(error).__name__}: {error}); "
+            "build the network anew with netconvert, as a file changed by hand may contradict itself"
+        ) from error
 
 
 def choose_junction(net: Any, wanted: str | None, path: Path) -> Junction:
@@ -261,6 +286,8 @@ def _internal_lanes(net: Any, connection: Any) -> list[Any]:
     lanes = []
     via = connection.getViaLaneID()
     while via:
+        if any(lane.getID() == via for lane in lanes):
+            raise NetworkError(f"the lanes inside the junction go round in a circle at {via}")
         lanes.append(net.getLane(via))
         via = next((c.getViaLaneID() for c in lanes[-1].getOutgoing()), "")
     if not lanes:
@@ -282,6 +309,8 @@ def _follow(net: Any, lane: Any, edges: tuple[Any, ...], *, back: bool) -> list[
         if not links:
             return chain
         link = min(links, key=lambda c: abs(c.getFromLane().getIndex() - c.getToLane().getIndex()))
+        if (link.getFromLane() if back else link.getToLane()) in chain:
+            raise NetworkError(f"the road goes round in a circle at lane {chain[0 if back else -1].getID()}")
         between = _internal_lanes(net, link)
         chain = [link.getFromLane(), *between, *chain] if back else [*chain, *between, link.getToLane()]
 

@@ -33,6 +33,7 @@ from rudc.world.scene import STANDING, EgoState, Kind, Scene
 from rudc.world.spawn import draw_route, entry, safe_to_start
 from rudc.world.sumo import Sumo
 from rudc.world.traffic import EGO, Traffic, type_file
+from rudc.world.trial import refuse_untried
 from rudc.world.yielding import BRAKE_MOST, ego_must_yield, must_yield
 
 if TYPE_CHECKING:
@@ -77,11 +78,12 @@ class World:
     """The simulation, ended by `close` or when nobody holds it any more.
 
     Raises WorldBusyError when this process already has one open (`rudc.world.isolated` runs one in a process
-    of its own), NetworkError for a junction with traffic lights.
+    of its own), NetworkError for a junction with traffic lights, or a file that SUMO crashes over.
     """
 
     def __init__(self, network: Network, config: WorldConfig | None = None) -> None:
         network.refuse_lights()
+        refuse_untried(network)
         self.network = network
         self.config = config or WorldConfig()
         self.vehicle = network.vehicle

@@ -1,0 +1,127 @@
+"""Trying a network out in a process of its own, before SUMO runs it in ours.
+
+SUMO trusts a .net.xml: one that contradicts itself can end the whole process, without an exception. So a
+network that does not come with RUDC is first driven in a child: a car on every movement, from every lane that
+permits it, for `TRIAL_S` of simulated time. What has passed is remembered by the file's digest, in this
+process and in the user's cache folder, and is not tried again.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import importlib.metadata
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rudc.errors import NetworkError, SimulationError
+from rudc.network.network import shipped_networks
+
+if TYPE_CHECKING:
+    from rudc.network.network import Network
+
+TRIAL_S = 40.0
+"""s of simulated time"""
+STEP_S = 0.1
+"""s"""
+PATIENCE_S = 30.0
+"""s of wall time after which SUMO is taken to hang"""
+MEMORY = 4 * 2**30
+"""bytes of addresses that the child may take"""
+REFUSED = 3
+"""exit code of a child whose network SUMO refuses; it says why"""
+_CAR = '<additional><vType id="car" vClass="passenger" carFollowModel="IDM" speedDev="0"/></additional>'
+
+
+def refuse_untried(network: Network) -> None:
+    """Raise NetworkError where SUMO crashes over a network, hangs, or refuses it; shipped ones pass."""
+    if network.path not in _shipped():
+        _try_once(network.path, network.path.stat().st_mtime_ns, _orders(network))
+
+
+@functools.cache
+def _shipped() -> frozenset[Path]:
+    return frozenset(path.resolve() for path in shipped_networks().values())
+
+
+@functools.lru_cache(maxsize=64)
+def _try_once(path: Path, _modified: int, orders: str) -> None:
+    mark = _cache_folder() / _digest(path, orders)
+    if mark.exists():
+        return
+    _try_out(path, orders)
+    with contextlib.suppress(OSError):  # without a place to remember it in, it is tried again
+        mark.parent.mkdir(parents=True, exist_ok=True)
+        mark.touch()
+
+
+def _orders(network: Network) -> str:
+    """What the child is asked to do: the file, and edges, lane and first position of each car."""
+    cars = []
+    for movement in network.movements:
+        for lane in sorted({network.inbound_lane(row).index for row in movement.rows}):
+            first = next((known for known in network.lanes.values() if known.edge == movement.edges[0]), None)
+            alone = network.arm(movement.origin).in_edges == movement.edges[:1]
+            front = 0.0 if first is None else min(first.length, max(5.0, 0.5 * first.length))
+            cars.append((movement.edges, lane if alone else 0, front))
+    return json.dumps({"path": str(network.path), "cars": cars})
+
+
+def _digest(path: Path, orders: str) -> str:
+    version = importlib.metadata.version("libsumo")
+    return hashlib.sha256(path.read_bytes() + f"{orders}{version}".encode()).hexdigest()
+
+
+def _cache_folder() -> Path:
+    base = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+    return Path(base, "rudc", "networks_tried")
+
+
+def _try_out(path: Path, orders: str) -> None:
+    code = f"import sys; sys.path[:] = {[os.path.abspath(p) for p in sys.path]!r}"
+    child = [sys.executable, "-c", f"{code}; from rudc.world.trial import drive; drive()"]
+    try:
+        done = subprocess.run(child, input=orders, capture_output=True, text=True, timeout=PATIENCE_S)
+    except subprocess.TimeoutExpired:
+        raise NetworkError(
+            f"{path}: SUMO does not come to an end over this network within {PATIENCE_S:g} s, "
+            "driving a car on each movement; build it anew with netconvert"
+        ) from None
+    if done.returncode == REFUSED:
+        raise NetworkError(f"{path}: {done.stdout.strip()}")
+    if done.returncode != 0:
+        how = f"signal {-done.returncode}" if done.returncode < 0 else f"exit code {done.returncode}"
+        said = f": {done.stderr.strip().splitlines()[-1]}" if done.stderr.strip() else ""
+        raise NetworkError(
+            f"{path}: SUMO crashes over this network ({how}{said}), driving a car on each movement; "
+            "build it anew with netconvert, as a file changed by hand may contradict itself"
+        )
+
+
+def drive() -> None:
+    """What the child does: reads its orders, drives, and leaves with 0 or REFUSED."""
+    from rudc.world.sumo import Sumo
+
+    with contextlib.suppress(ImportError, OSError, ValueError):  # no such limits on Windows
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    orders: dict[str, Any] = json.load(sys.stdin)
+    sumo = Sumo(Path(orders["path"]), STEP_S)
+    try:
+        sumo.load(0, _CAR)
+        for i, (edges, lane, front) in enumerate(orders["cars"]):
+            sumo.add_route(f"route{i}", edges)
+            sumo.add(f"car{i}", f"route{i}", "car", lane, front, 0.0)
+        for _ in range(round(TRIAL_S / STEP_S)):
+            sumo.step()
+        sumo.close()
+    except SimulationError as error:
+        print(error)
+        sys.exit(REFUSED)
