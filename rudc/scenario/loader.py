@@ -18,7 +18,7 @@ from rudc.scenario.model import Scenario
 from rudc.scenario.networks import is_network_path
 from rudc.scenario.problems import describe
 from rudc.scenario.sweep_check import sweep_reports
-from rudc.scenario.yaml_text import Mark, Report, Sheet, read_yaml
+from rudc.scenario.yaml_text import LONGEST, Mark, Report, Sheet, read_yaml
 
 
 def load_scenario(
@@ -92,7 +92,8 @@ def _error(reports: list[Report], path: File) -> ScenarioError:
 def _read(path: File, children: tuple[File, ...]) -> tuple[Sheet | None, tuple[str, ...], list[Report]]:
     """What a file and those it extends say together, the keys in which it differs from them, and problems."""
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        with path.open("rb") as file:
+            text = file.read(4 * LONGEST + 4).decode("utf-8-sig")  # a character takes at most 4 bytes
     except UnicodeDecodeError as error:
         line = error.object[: error.start].count(b"\n") + 1
         column = error.start - error.object.rfind(b"\n", 0, error.start)

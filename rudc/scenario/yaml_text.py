@@ -20,6 +20,12 @@ _FLOAT = re.compile(
     r"|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))$"
 )
 _TAG = "tag:yaml.org,2002:"
+LONGEST = 200_000
+"""characters of a file: PyYAML reads 100,000 in about a second"""
+DEEPEST = 30
+"""lists and mappings within one another"""
+MOST = 10_000
+"""values of a file, each alias counted as all that it stands for"""
 
 
 class _Loader(yaml.SafeLoader):
@@ -86,10 +92,46 @@ class Sheet:
         return Report(mark.file, line, column, path, text)
 
 
+def _compose(text: str) -> yaml.Node | None:
+    """The one document in a text, as nodes; so many values, and so deep, as a scenario may have.
+
+    What the text says is counted before anything is built of it: each alias as all that it stands for.
+    Raises yaml.YAMLError.
+    """
+    depth = values = 0
+    sizes: dict[str, int] = {}
+    anchored: list[tuple[str | None, int]] = []
+    for event in yaml.parse(text, Loader=_Loader):
+        if isinstance(event, yaml.CollectionEndEvent):
+            depth -= 1
+            anchor, before = anchored.pop()
+            if anchor is not None:
+                sizes[anchor] = values - before
+            continue
+        if not isinstance(event, yaml.NodeEvent):
+            continue
+        values += sizes.get(event.anchor, 1) if isinstance(event, yaml.AliasEvent) else 1
+        if isinstance(event, yaml.CollectionStartEvent):
+            depth += 1
+            anchored.append((event.anchor, values - 1))
+        if depth > DEEPEST:
+            raise _TooMuch(problem=f"nested more than {DEEPEST} deep", problem_mark=event.start_mark)
+        if values > MOST:
+            aliases = ", counting what its aliases stand for" if sizes else ""
+            raise _TooMuch(problem=f"more than {MOST} values{aliases}", problem_mark=event.start_mark)
+    return yaml.compose(text, Loader=_Loader)
+
+
+class _TooMuch(yaml.MarkedYAMLError):
+    """More than a scenario may hold."""
+
+
 def read_yaml(text: str, file: str) -> tuple[Sheet | None, list[Report]]:
     """The data in a text and its problems; no data where it cannot be understood at all."""
+    if len(text) > LONGEST:
+        return None, [Report(file, 1, 1, (), f"longer than {LONGEST} characters; no scenario is")]
     try:
-        node = yaml.compose(text, Loader=_Loader)
+        node = _compose(text)
     except yaml.MarkedYAMLError as error:
         return None, [_syntax_report(error, file)]
     except yaml.reader.ReaderError as error:
@@ -111,10 +153,15 @@ def read_yaml(text: str, file: str) -> tuple[Sheet | None, list[Report]]:
 
 def read_value(text: str) -> Any:
     """A single value, read as one in a file. Raises ValueError, in words, where it cannot be."""
+    shown = text if len(text) <= 60 else text[:57] + "..."
+    if len(text) > LONGEST:
+        raise ValueError(f"{shown!r} is too long")
     try:
-        node = yaml.compose(text, Loader=_Loader)
+        node = _compose(text)
+    except _TooMuch as error:
+        raise ValueError(f"{shown!r} {error.problem}") from None
     except yaml.YAMLError:
-        raise ValueError(f"{text!r} is not a value as in a YAML file") from None
+        raise ValueError(f"{shown!r} is not a value as in a YAML file") from None
     if node is None:
         return None
     reader = _Reader("")
@@ -201,6 +248,8 @@ def _place(mark: yaml.Mark) -> tuple[int, int]:
 def _syntax_report(error: yaml.MarkedYAMLError, file: str) -> Report:
     line, column = _place(error.problem_mark) if error.problem_mark else (1, 1)
     problem = error.problem or "cannot be read"
+    if isinstance(error, _TooMuch):
+        return Report(file, line, column, (), problem)
     if "'\\t'" in problem:
         problem = "a tab; YAML is indented with spaces"
     elif problem.startswith("mapping values are not allowed"):

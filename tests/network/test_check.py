@@ -53,8 +53,8 @@ def test_each_trouble_is_named(tmp_path):
     assert any("lane west_in_0 refuses truck, bicycle" in w for w in narrow)
     short = changed(tmp_path, ('length="120.00"', 'length="40.00"'))
     assert any("arm south is only 40 m long" in w for w in short)
-    way = '<{} from="south_in" to="west_out"'
-    lost = changed(tmp_path, (way.format("connection"), way.format("param")))
+    way = '<connection from="south_in" to="west_out"'
+    lost = changed(tmp_path, (way, f'{way} allow="bus"'))
     assert lost == ("no movement leads from arm south to arm west",)
 
 
