@@ -17,10 +17,12 @@ if ENV_ID not in gymnasium.registry:
     gymnasium.register(ENV_ID, entry_point="rudc.env.intersection:IntersectionEnv")
 
 PUBLIC = {
+    "SafetyFilterWrapper": "rudc.agents.wrapper",
     "register_agent": "rudc.agents.drivers",
     "register_algorithm": "rudc.learning.algorithms",
     "register_barrier": "rudc.safety.barriers",
     "register_event": "rudc.scenario.events",
+    "register_rule": "rudc.safety.rules",
 }
 """what can be imported from here, and where it stands; imported when asked for"""
 

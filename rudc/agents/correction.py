@@ -89,14 +89,18 @@ class CorrectionKind(Settings):
         """Whether it needs sigma or asks critics otherwise, so that whoever drives must have them."""
         return False
 
-    def arrays(self) -> Arrays:
+    def arrays(self, action: str = "adjustment") -> Arrays:
         """Weights of its own that a trained agent takes along, named as in a checkpoint: others may be
-        shipped one day.
+        shipped one day. `action`: kind of action that is proposed.
         """
         return {}
 
-    def make(self, arrays: Mapping[str, NDArray], percentiles: Percentiles = None) -> Correction | None:
-        """The correction; None if there is none. `arrays` and `percentiles` as for `Correction.load`."""
+    def make(
+        self, arrays: Mapping[str, NDArray], percentiles: Percentiles = None, action: str = "adjustment"
+    ) -> Correction | None:
+        """The correction; None if there is none. `arrays` and `percentiles` as for `Correction.load`,
+        `action` as for `arrays`.
+        """
         raise NotImplementedError
 
 
@@ -105,7 +109,9 @@ class NoCorrection(CorrectionKind):
 
     kind: Literal["none"] = "none"
 
-    def make(self, arrays: Mapping[str, NDArray], percentiles: Percentiles = None) -> None:
+    def make(
+        self, arrays: Mapping[str, NDArray], percentiles: Percentiles = None, action: str = "adjustment"
+    ) -> None:
         """None."""
 
 
@@ -135,13 +141,16 @@ class CbfSettings(FilterConfig, CorrectionKind):
         """With slack."""
         return self.slack.gain > 0
 
-    def arrays(self) -> Arrays:
-        """The residual predictor's, where it has one."""
-        return {RESIDUAL + k: v for k, v in shipped_predictor().arrays.items()} if self.residual else {}
+    def arrays(self, action: str = "adjustment") -> Arrays:
+        """The residual predictor's for that kind of action, where it has one."""
+        return {RESIDUAL + k: v for k, v in shipped_predictor(action).arrays.items()} if self.residual else {}
 
-    def make(self, arrays: Mapping[str, NDArray], percentiles: Percentiles = None) -> Correction:
-        """The filter, with the residual predictor among `arrays` or else the shipped one."""
-        return CbfCorrection(self, arrays, percentiles)
+    def make(
+        self, arrays: Mapping[str, NDArray], percentiles: Percentiles = None, action: str = "adjustment"
+    ) -> Correction:
+        """The filter, with the residual predictor among `arrays` or else the shipped one for `action`."""
+        own = any(name.startswith(RESIDUAL) for name in arrays)
+        return CbfCorrection(self, arrays if own else self.arrays(action), percentiles)
 
 
 class CbfCorrection:
@@ -152,7 +161,7 @@ class CbfCorrection:
     ) -> None:
         self.filter = SafetyFilter(settings)
         self._eta = settings.slack.gain * float(settings.row_weights(road=False).h)
-        self._predictor = ResidualPredictor(residual_arrays(arrays)) if settings.residual else None
+        self._predictor = _predictor(arrays) if settings.residual else None
         self.load(arrays, percentiles)
 
     def load(self, arrays: Mapping[str, NDArray], percentiles: Percentiles) -> None:
@@ -189,7 +198,8 @@ CorrectionSettings = Annotated[
 """a field that takes any correction's settings, as it takes a name or a mapping"""
 
 
-def residual_arrays(arrays: Mapping[str, NDArray]) -> Arrays:
-    """The residual predictor's among an agent's arrays; the shipped one's if there are none."""
-    own = {k.removeprefix(RESIDUAL): v for k, v in arrays.items() if k.startswith(RESIDUAL)}
-    return own or dict(shipped_predictor().arrays)
+def _predictor(arrays: Mapping[str, NDArray]) -> ResidualPredictor:
+    """The residual predictor among an agent's arrays."""
+    return ResidualPredictor(
+        {k.removeprefix(RESIDUAL): v for k, v in arrays.items() if k.startswith(RESIDUAL)}
+    )

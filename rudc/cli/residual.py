@@ -67,7 +67,7 @@ def fit(
 ) -> None:
     """Learn a predictor, and measure it on the episodes that were held out.
 
-    **Example**: `rudc residual fit out/residual.safetensors --out out/predictor.safetensors`
+    **Example**: `rudc residual fit out/residual.safetensors --out out/adjustment.safetensors`
     """
     if find_spec("torch") is None:
         raise InputError(f"fitting needs torch: {install_command('train')}")
@@ -95,6 +95,9 @@ def evaluate(
     predictor: Annotated[
         Path | None, typer.Option(metavar="FILE", help="The predictor; the shipped one if left out.")
     ] = None,
+    action: Annotated[
+        str, typer.Option(metavar="KIND", help="Of which kind of action the shipped one is.")
+    ] = "adjustment",
     held_out: Annotated[
         bool, typer.Option("--held-out", help="Only on the episodes that fitting to DATA leaves out.")
     ] = False,
@@ -108,7 +111,7 @@ def evaluate(
     from rudc.safety.residual import load_predictor, shipped_predictor
     from rudc.training.residual_data import load_dataset
 
-    chosen = shipped_predictor() if predictor is None else load_predictor(predictor)
+    chosen = shipped_predictor(action) if predictor is None else load_predictor(predictor)
     _show(load_dataset(data), chosen, only_held_out=held_out)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -199,6 +199,8 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         """what an action means"""
         self.action_space = self.action.space()
         self._scene: Scene | None = None
+        self.correct: Callable[[Scene, np.ndarray, Array], Array] | None = None
+        """what makes of (scene, action, u) the u (2,) that is applied, if anything does"""
         self.driving = Driving()
         """what the driver says of itself, for frames"""
         self._spec: EnvSpec | None = None
@@ -250,7 +252,8 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         """Apply an action for one decision (0.1 s)."""
         if not np.isfinite(action).all():
             raise InputError(f"action {action} is not finite")
-        return self.step_physical(self.action.physical(action, self.scene))
+        u = self.action.physical(action, self.scene)
+        return self.step_physical(u if self.correct is None else self.correct(self.scene, action, u))
 
     def step_physical(self, u: Array) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """As `step`, with u (2,) in physical units: acceleration m/s2, front-wheel angle rad."""

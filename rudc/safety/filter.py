@@ -17,7 +17,11 @@ What comes out, by `Corrected.status`:
     solved    the QP's solution, certified (see `qp`); rows are linearised about it and the QP is solved again
               until the conditions themselves hold, not only rows made about an action that is not taken
     relaxed   no action satisfies all rows; the one that violates them least, a violation s >= 0 of each row,
-              minimise ... + sum_i r_i s_i^2 / 2,  A u + s >= b,  r of vehicles a thousand times r of the road
+              minimise ... + sum_i r_i s_i^2 / 2,  A u + s >= b,  r of vehicles a thousand times r of the
+              road. Rows in conflict (see `gating`) come first: they must hold, and only if no action does
+              that are they violated, and those that pass not looked at. And where acceleration would bring
+              the ego nearer to violating any vehicle's row, a <= min(a_rl, 0): squares alone let a car that
+              passes outbid the truck ahead
     braking   not even that could be solved: full braking, steering as proposed
     last_resort   whatever of the above, it would have left the ego no way to stop or to go on without
               hitting somebody (see `last_resort`): full braking instead
@@ -30,7 +34,7 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
-from rudc.arrays import Array, Index
+from rudc.arrays import Array, Flags, Index
 from rudc.errors import SolverError
 from rudc.safety.barrier import Terms
 from rudc.safety.config import FilterConfig
@@ -158,7 +162,7 @@ class SafetyFilter:
         problem = self.last_problem = Problem(self._cost, q, rows, b, bounds.lower, bounds.upper)
         if excess.min() >= 0.0:
             return self._passed(scene, proposed, h, constraints.names)
-        status, solution, kept = self._solve(problem, conditions, constraints.mode)
+        status, solution, kept = self._solve(scene, constraints, problem, conditions)
         u, violation = self._action(status, scene.vehicle, proposed, bounds, solution)
         pushing = (
             np.flatnonzero(excess < 0.0) if status == "braking" else kept[solution.multipliers > PUSHING]
@@ -205,7 +209,7 @@ class SafetyFilter:
         return _Conditions(terms, weights, relief)
 
     def _solve(
-        self, problem: Problem, conditions: _Conditions, mode: Array
+        self, scene: Scene, constraints: Constraints, problem: Problem, conditions: _Conditions
     ) -> tuple[Status, Solution, Index]:
         """Status, solution, and the indices (k,) of the rows that the solution has multipliers of."""
         spent_ms = 0.0
@@ -222,30 +226,48 @@ class SafetyFilter:
                 return "solved", solution._replace(solve_ms=spent_ms), kept
             problem = self.last_problem = problem._replace(A=rows, b=b)
             kept, hopeless = _undecided(problem)
-        relaxed = self._solver.solve(self._relaxed(_part(problem, kept), mode[kept]))
+        relaxed, kept = self._relax(scene, constraints, problem, kept)
         relaxed = relaxed._replace(solve_ms=relaxed.solve_ms + spent_ms)
         return ("relaxed" if relaxed.found else "braking"), relaxed, kept
 
-    def _relaxed(self, problem: Problem, mode: Array) -> Problem:
-        """The same problem with a violation of every row as variable, in (a, z, s_1 .. s_k); s < 0 is never
-        worth it.
+    def _relax(
+        self, scene: Scene, constraints: Constraints, problem: Problem, kept: Index
+    ) -> tuple[Solution, Index]:
+        """What violates the rows `kept` least, those in conflict first; the rows it has multipliers of."""
+        conflict = constraints.in_conflict(scene)[kept]
+        part, mode = _part(problem, kept), constraints.mode[kept]
+        if (part.A[mode > 0, 0] < 0.0).any():  # towards somebody the ego does not accelerate
+            most = min(part.upper[0], max(0.0, part.lower[0] + LEAST_ROOM))
+            part = part._replace(upper=np.array([most, part.upper[1]]))
+        passing = (mode > 0) & ~conflict
+        spent_ms = 0.0
+        if passing.any() and conflict.any():
+            solution = self._solver.solve(self._relaxed(part, mode, conflict))
+            if solution.found:
+                return solution, kept
+            spent_ms = solution.solve_ms
+            part, mode, kept = _part(part, np.flatnonzero(~passing)), mode[~passing], kept[~passing]
+        solution = self._solver.solve(self._relaxed(part, mode, np.zeros(len(mode), dtype=bool)))
+        return solution._replace(solve_ms=solution.solve_ms + spent_ms), kept
+
+    def _relaxed(self, problem: Problem, mode: Array, hard: Flags) -> Problem:
+        """The same problem with a violation of every row that is not `hard` (k,) as variable, in (a, z, s_1
+        ..); s < 0 is never worth it.
 
         The whole cost is scaled to the middle of its weights: piqp diverges now and then on the bare numbers.
         """
-        k, road, vehicle = (
-            len(problem.b),
-            self.config.road_violation_weight,
-            self.config.vehicle_violation_weight,
-        )
+        road, vehicle = self.config.road_violation_weight, self.config.vehicle_violation_weight
+        soft = np.flatnonzero(~hard)
+        k, n = len(hard), 2 + len(soft)
         scale = 1.0 / math.sqrt(road * vehicle)
-        prices = np.empty(k + 2)
-        prices[:2], prices[2:] = self._prices, road + mode * (vehicle - road)
-        cost, q, rows = np.zeros((k + 2, k + 2)), np.zeros(k + 2), np.zeros((k, k + 2), order="F")
-        lower, upper = np.full(k + 2, -np.inf), np.full(k + 2, np.inf)
-        cost.ravel()[:: k + 3] = scale * prices
+        prices = np.empty(n)
+        prices[:2], prices[2:] = self._prices, road + mode[soft] * (vehicle - road)
+        cost, q, rows = np.zeros((n, n)), np.zeros(n), np.zeros((k, n), order="F")
+        lower, upper = np.full(n, -np.inf), np.full(n, np.inf)
+        cost.ravel()[:: n + 1] = scale * prices
         q[:2] = scale * problem.q
         rows[:, :2] = problem.A
-        np.einsum("ii->i", rows[:, 2:])[:] = 1.0
+        rows[soft, np.arange(2, n)] = 1.0
         lower[:2], upper[:2] = problem.lower, problem.upper
         return Problem(cost, q, rows, problem.b, lower, upper)
 
@@ -263,7 +285,7 @@ class SafetyFilter:
         a, z = np.clip(solution.x[:2], bounds.lower, bounds.upper)
         if a <= bounds.lower[0] + 1e-6:  # as good as standing still: brake as hard as was proposed
             a = min(a, max(proposed[0], body.a_min))
-        violation = max(float(solution.x[2:].max()), 0.0) if status == "relaxed" else 0.0
+        violation = float(solution.x[2:].max(initial=0.0)) if status == "relaxed" else 0.0
         return _within(body, np.array([a, math.atan(z)])), violation
 
 

@@ -11,6 +11,11 @@ xi is first clipped to the range that it was fitted on, [low, high]: beyond it a
 predictor that has only seen cars takes a truck, or a closed lane, for a car; left to extrapolate from their
 sizes it cancelled the filter's rows about them.
 
+There is one predictor for each kind of action: what slip and actuators make of a proposal depends on how
+proposals steer. Towards standstill w fades, in proportion to the ego's speed below FADING: an ego that stands
+moves as the model says, and an error of 0.01 m2 is enough to hold it for good. On ice a predictor fitted on
+dry roads is worse than none (share of the change of h that the model explains without it 0.92, with it 0.54).
+
 One predictor serves TTCBF and ECBF: both predict the same h by the same model and need the same w, in m2 per
 step; rows.py derives where it enters ECBF's row. The buffer (`Bodies.margin`) is part of xi, so that it
 also serves whatever d_safe.
@@ -20,7 +25,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -37,8 +42,12 @@ from rudc.safety.constraints import Constraints
 from rudc.world.scene import Scene
 
 SHIPPED = "results/residual"
-"""where the predictor that comes with RUDC lies"""
-FILE = "predictor.safetensors"
+"""where the predictors that come with RUDC lie"""
+SUFFIX = ".safetensors"
+"""behind the name of the kind of action that a predictor was fitted on"""
+SPEED = COMMON.index("speed / 10")
+FADING = 1.0
+"""m/s, speed of the ego below which w fades, in proportion, to 0"""
 
 
 def heads() -> dict[str, tuple[str, ...]]:
@@ -102,12 +111,12 @@ class ResidualPredictor:
         xi, w = features(scene, constraints, u_rl), np.zeros(constraints.count)
         for barrier, _, rows in constraints.parts:
             if barrier.name in self._heads:
-                w[rows] = self._heads[barrier.name](xi[barrier.name])
+                w[rows] = self.of(barrier.name, xi[barrier.name])
         return w
 
     def of(self, head: str, xi: Array) -> Array:
         """(n,) m2 per step, w from features (n, F) of one head."""
-        return self._heads[head](xi)
+        return self._heads[head](xi) * np.minimum(xi[:, SPEED] * (10 / FADING), 1.0)
 
 
 class _Head:
@@ -140,17 +149,17 @@ def _gelu(x: NDArray) -> NDArray:
 
 
 def load_predictor(path: Path) -> ResidualPredictor:
-    """A predictor from its file, or from the folder it is in. Raises AgentError."""
-    file = path / FILE if path.is_dir() else path
+    """A predictor from its file. Raises AgentError."""
     try:
-        return ResidualPredictor(load_file(file))
+        return ResidualPredictor(load_file(path))
     except FileNotFoundError:
         raise AgentError(f"no residual predictor in {path}: `rudc residual fit` makes one") from None
     except (OSError, SafetensorError) as error:
-        raise AgentError(f"{file} is no residual predictor: {error}") from None
+        raise AgentError(f"{path} is no residual predictor: {error}") from None
 
 
-@lru_cache(maxsize=1)
-def shipped_predictor() -> ResidualPredictor:
-    """The one that comes with RUDC."""
-    return load_predictor(data_folder(SHIPPED))
+@cache
+def shipped_predictor(action: str = "adjustment") -> ResidualPredictor:
+    """The one that comes with RUDC for a kind of action; that of `adjustment` for kinds that have none."""
+    own = data_folder(SHIPPED) / f"{action}{SUFFIX}"
+    return load_predictor(own if own.is_file() else own.with_name(f"adjustment{SUFFIX}"))

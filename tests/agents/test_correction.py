@@ -79,7 +79,7 @@ class Halved(CorrectionKind):
     kind: Literal["halved"] = "halved"
     share: float = 0.5
 
-    def make(self, arrays, percentiles=None):
+    def make(self, arrays, percentiles=None, action="adjustment"):
         return Halving(self.share)
 
 

@@ -177,6 +177,29 @@ def test_infeasible_is_relaxed_and_counted() -> None:
     assert not any(filter.counts.values())
 
 
+@pytest.mark.parametrize("v", [0.0, 2.0])
+def test_a_car_that_passes_does_not_outbid_the_truck_ahead(v: float) -> None:
+    """No action satisfies both rows; the ego must not drive on towards the truck to please the other."""
+    truck, passing = Other(5.6, 0.3, 0.0, 0.0, 5.0, 2.0), Other(-5.0, -3.0, 0.0, 8.2)
+    filter = free(FilterConfig.preset("ttcbf", constrained="all", road=False, last_resort=False))
+    answer = filter.filter(make_scene([truck, passing], v=v), np.array([3.0, 0.0]))
+    assert answer.status == "relaxed"
+    assert 1.0 < answer.h[0] < 1.5
+    assert answer.u[0] <= LEAST_ROOM
+    alone = filter.filter(make_scene([truck], v=v), np.array([3.0, 0.0]))
+    assert answer.u[0] <= alone.u[0] + 1e-3, "who passes asks for nothing that the truck does not allow"
+
+
+def test_where_all_gain_by_it_the_ego_may_accelerate_as_proposed() -> None:
+    """Somebody comes up askew from behind, and nobody is ahead: to go on is the way out."""
+    scene = make_scene([Other(-6.0, -3.0, 0.3, 9.0)], v=2.0)
+    answer = free(FilterConfig.preset("ttcbf", constrained="all", road=False, last_resort=False)).filter(
+        scene, np.array([3.0, 0.0])
+    )
+    assert answer.status == "relaxed"
+    assert answer.u[0] == pytest.approx(3.0)
+
+
 def test_vehicles_come_before_the_road() -> None:
     """Pressed between a vehicle and the edge, the filter gives the edge up."""
     road = straight_road(half_width=2.0)

@@ -1,0 +1,79 @@
+"""`SafetyFilterWrapper`: a correction behind whoever learns or drives through Gymnasium."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from rudc.agents.correction import CorrectionKind, Proposal, read_correction
+from rudc.arrays import Array
+from rudc.env.intersection import IntersectionEnv
+from rudc.errors import InputError
+from rudc.safety.corrected import Corrected
+from rudc.world.scene import Scene
+
+
+class SafetyFilterWrapper(gymnasium.Wrapper):
+    """Corrects actions before `rudc/Intersection-v0` applies them.
+
+    ```python
+    env = rudc.SafetyFilterWrapper(gymnasium.make("rudc/Intersection-v0"), {"kind": "cbf", "rule": "ecbf"})
+    ```
+
+    The action space stays what it is. `info["correction"]` of a step says what was done: `status` (`nominal`
+    where nothing was), `u_rl` and `u` (2,) in m/s2 and rad, `action` (2,) the one that stands for u or is
+    nearest to it, for learners that replay what was executed, `active` (names of constraints), `h` (m2, least
+    of all barriers, inf without) and `infeasible`. There is no uncertainty here, hence no slack.
+    """
+
+    def __init__(
+        self, env: gymnasium.Env, correction: str | Mapping[str, Any] | CorrectionKind = "cbf"
+    ) -> None:
+        """`correction`: a kind, or a mapping of `kind` and settings, the same as `correction.KEY` of agents.
+        Raises InputError if the environment is another, or nothing is to be corrected.
+        """
+        super().__init__(env)
+        settings = read_correction(correction)
+        if not isinstance(self.unwrapped, IntersectionEnv):
+            raise InputError("SafetyFilterWrapper stands around rudc/Intersection-v0 only")
+        if settings.asks_critics:
+            raise InputError("a correction that asks critics (correction.slack.gain) needs a learnt agent")
+        made = settings.make({}, action=self.unwrapped.action.model_dump()["kind"])
+        if made is None:
+            raise InputError("SafetyFilterWrapper: correction `none` corrects nothing")
+        self._env, self._correction = self.unwrapped, made
+        self._last: Corrected | None = None
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict]:
+        """See `IntersectionEnv.reset`."""
+        observation, info = self.env.reset(seed=seed, options=options)
+        self._correction.reset(self._env.scene, int(info["seed"]))
+        return observation, info
+
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        """See `IntersectionEnv.step`."""
+        scene, self._env.correct = self._env.scene, self._corrected
+        try:
+            observation, reward, terminated, truncated, info = self.env.step(action)
+        finally:
+            self._env.correct = None
+        done = self._last
+        assert done is not None
+        info["correction"] = {
+            "status": done.status,
+            "u_rl": done.u - done.correction,
+            "u": done.u,
+            "action": self._env.action.normalised(done.u, scene).astype(np.float32),
+            "active": done.active,
+            "h": float(done.h.min(initial=np.inf)),
+            "infeasible": done.infeasible,
+        }
+        return observation, reward, terminated, truncated, info
+
+    def _corrected(self, scene: Scene, action: np.ndarray, u: Array) -> Array:
+        proposal = Proposal(u, np.asarray(action, dtype=np.float32))
+        self._last = self._correction.correct(scene, proposal, None)
+        return self._last.u

@@ -1,0 +1,66 @@
+"""A safety filter behind learners of other libraries."""
+
+import gymnasium
+import numpy as np
+import pytest
+from stable_baselines3 import SAC
+
+import rudc
+from rudc.errors import InputError
+
+
+def _made(correction="cbf", **arguments):
+    return rudc.SafetyFilterWrapper(gymnasium.make(rudc.ENV_ID, **arguments), correction)
+
+
+def test_corrects_what_is_proposed_and_says_so():
+    """Full throttle behind traffic: the filter brakes, by more than any action of its kind steers."""
+    env = _made({"kind": "cbf", "rule": "ttcbf"}, scenario="dense_left_turn", action="adjustment")
+    try:
+        env.reset(seed=1)
+        seen, ended = [], False
+        while not ended:
+            _, _, terminated, truncated, info = env.step(np.array([1.0, 0.0], np.float32))
+            done = info["correction"]
+            np.testing.assert_allclose(info["scene"].last_u, done["u"])
+            assert env.action_space.contains(done["action"])
+            assert (done["status"] == "nominal") == np.array_equal(done["u"], done["u_rl"])
+            seen.append(done["status"])
+            ended = terminated or truncated
+        assert {"nominal", "solved"} <= set(seen)
+        assert info["outcome"] != "collision"
+    finally:
+        env.close()
+
+
+def test_trains_with_stable_baselines():
+    env = _made({"kind": "cbf", "rule": "ecbf", "residual": True}, observation="conflict")
+    try:
+        model = SAC("MlpPolicy", env, learning_starts=50, batch_size=32, seed=0, device="cpu")
+        model.learn(300)
+        action, _ = model.predict(env.reset(seed=0)[0], deterministic=True)
+        assert "correction" in env.step(action)[4]
+    finally:
+        env.close()
+
+
+@pytest.mark.parametrize(
+    ("correction", "said"),
+    [
+        ("none", "corrects nothing"),
+        ("cfb", "did you mean 'cbf'"),
+        ({"kind": "cbf", "slack": {"gain": 1}}, "asks critics"),
+    ],
+)
+def test_what_cannot_be_is_refused(correction, said):
+    env = gymnasium.make(rudc.ENV_ID)
+    with pytest.raises(InputError, match=said):
+        rudc.SafetyFilterWrapper(env, correction)
+    env.close()
+
+
+def test_other_environments_are_refused():
+    env = gymnasium.make("CartPole-v1")
+    with pytest.raises(InputError, match="Intersection"):
+        rudc.SafetyFilterWrapper(env)
+    env.close()
