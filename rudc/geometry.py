@@ -14,9 +14,28 @@ of eight such distances: four corners of B from A, four of A from B. It is exact
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from rudc.arrays import Array, Complex, Flags, Index
+
+
+class Rectangles(NamedTuple):
+    """N rectangles, such as bodies that stand."""
+
+    position: Array
+    """(N, 2) m, centres"""
+    heading: Array
+    """(N,) rad"""
+    size: Array
+    """(N, 2) m, lengths and widths"""
+
+    @property
+    def number(self) -> int:
+        """N."""
+        return len(self.heading)
+
 
 _ALONG = np.array([1.0, -1.0, -1.0, 1.0])
 """corners' places along the length in half lengths, counter-clockwise from the front left"""

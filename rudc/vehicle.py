@@ -1,4 +1,4 @@
-"""`EgoVehicle`: the body and the limits of the ego vehicle (EV)."""
+"""The ego vehicle (EV): its body and limits, and what stands between a command and its wheels."""
 
 from dataclasses import dataclass
 
@@ -23,3 +23,15 @@ class EgoVehicle:
     """rad, largest front-wheel angle to either side"""
     v_max: float = 15.0
     """m/s"""
+
+
+@dataclass(frozen=True, slots=True)
+class Actuation:
+    """What stands between a command and the wheels."""
+
+    delay_s: float = 0.0
+    """s, dead time of both commands"""
+    lag_s: float = 0.0
+    """s, first-order time constant of both"""
+    friction: float | None = None
+    """coefficient mu, None for no limit"""

@@ -2,7 +2,7 @@
 
 It is a part of one tree of settings, with training (rudc/training/config.py):
 
-    algorithm, observation, action, correction, learner, training
+    algorithm, observation, action, correction, outlook, learner, training
 
 Keys are dotted, `learner.n_step`, `correction.slack.gain`, and the same in `rudc train --set KEY=VALUE`, in
 config.json and agent.json, and behind an agent's name (rudc/agents/variation.py). What follows from the
@@ -17,6 +17,7 @@ from typing import Any, Self
 from pydantic import Field, SerializeAsAny, ValidationInfo, field_validator, model_validator
 
 from rudc.agents.correction import CorrectionSettings, NoCorrection
+from rudc.agents.outlook import OutlookSettings
 from rudc.env.action import ActionSettings, Adjustment
 from rudc.env.observation import PARTS, ObservationKind
 from rudc.errors import InputError
@@ -37,6 +38,8 @@ class AgentConfig(Settings):
     """what the policy's numbers mean, see rudc/env/action.py"""
     correction: CorrectionSettings = NoCorrection()
     """what corrects its actions, see rudc/agents/correction.py"""
+    outlook: OutlookSettings = OutlookSettings()
+    """what it is shown of the world once it has learnt, see rudc/agents/outlook.py; training does without"""
     learner: SerializeAsAny[LearnerConfig] = Field(default_factory=dict, validate_default=True)  # pyright: ignore[reportAssignmentType] -- read below
     """networks and objective, of the algorithm's own"""
 

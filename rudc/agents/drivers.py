@@ -20,7 +20,7 @@ from typing import Any
 
 from rudc.agents.base import Agent
 from rudc.agents.follower import Follower
-from rudc.agents.gap_acceptance import GapAcceptance
+from rudc.agents.gap_acceptance import GapAcceptance, Planner
 from rudc.agents.guarded import GuardedAgent
 from rudc.agents.own import OwnAgent, construct, parse_own, source_digest
 from rudc.agents.sumo import SumoDriver
@@ -31,7 +31,7 @@ MakeAgent = Callable[[], Agent]
 GROUP = "rudc.agents"
 """of the entry points"""
 SHIPPED: Mapping[str, MakeAgent] = MappingProxyType(
-    {"sumo": SumoDriver, "follower": Follower, "gap-acceptance": GapAcceptance}
+    {"sumo": SumoDriver, "follower": Follower, "gap-acceptance": GapAcceptance, "planner": Planner}
 )
 
 _registered: dict[str, MakeAgent] = {}

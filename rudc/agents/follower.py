@@ -19,10 +19,9 @@ class Follower:
     ego_driver: EgoDriver = "agent"
 
     def reset(self, scene: Scene, seed: int) -> None:
-        """Work out how fast the bends of the route can be taken."""
-        self._profile = speeds_in_bends(scene.route.path)
+        """Nothing is kept from one decision to the next."""
 
     def act(self, scene: Scene) -> Decision:
         """Steer along the path and hold the speed."""
-        speed = speed_allowed(scene, self._profile, CRUISE)
+        speed = speed_allowed(scene, speeds_in_bends(scene.route.path), CRUISE)
         return unfiltered(acceleration_towards(speed, scene, ACCELERATION), steering(scene))

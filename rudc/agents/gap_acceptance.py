@@ -83,11 +83,11 @@ class GapAcceptance:
     ego_driver: EgoDriver = "agent"
 
     def reset(self, scene: Scene, seed: int) -> None:
-        """Work out how fast the bends of the route can be taken."""
-        self._profile = speeds_in_bends(scene.route.path)
+        """Nothing is kept from one decision to the next."""
 
     def act(self, scene: Scene) -> Decision:
         """Steer along the path; of following, holding and the bends, the slowest decides."""
+        self._profile = speeds_in_bends(scene.route.path)
         speed = speed_allowed(scene, self._profile, min(CRUISE, scene.route.speed_limit))
         acceleration = acceleration_towards(speed, scene, ACCELERATION)
         gap, leader_speed = self._leader(scene)
@@ -176,6 +176,12 @@ class GapAcceptance:
         ego_in = np.interp(np.maximum(found.ego_in, 0.0), ahead, time)
         ego_out = np.interp(np.maximum(found.ego_out, 0.0), ahead, time)
         return ego_in, ego_out, np.interp(np.maximum(found.ego_out, 0.0), ahead, speed)
+
+
+class Planner(GapAcceptance):
+    """Gap acceptance on courses round what blocks the way: the yardstick where something does."""
+
+    name = "planner"
 
 
 def _conflicts(scene: Scene) -> _Conflicts | None:

@@ -27,11 +27,22 @@ from rudc.agents.drivers import (
     make_driver,
 )
 from rudc.agents.filtered import FILTERS, FilteredAgent
-from rudc.agents.variation import Changes, filter_behind, parse, split
+from rudc.agents.outlook import OutlookAgent, OutlookSettings
+from rudc.agents.variation import (
+    Changes,
+    filter_behind,
+    outlook_changes,
+    outlook_with,
+    parse,
+    split,
+)
 from rudc.errors import AgentError
 from rudc.hints import there_are
 from rudc.learning.parameters import fingerprint
 from rudc.safety.residual import shipped_predictor
+
+OUTLOOKS = {"planner": OutlookSettings(course=True)}
+"""outlook of drivers that have one by their name"""
 
 
 def agent_names() -> tuple[str, ...]:
@@ -47,18 +58,21 @@ def make_agent(name: str) -> Agent:
     """The agent of that name, place or checkpoint's folder, new. Raises AgentError, with a suggestion, when
     there is none.
     """
-    base, suffix, settings = _parts(name)
+    base, suffix, changes = _parts(name)
+    shown, others = outlook_changes(changes)
     if is_driver(base):
-        driver = make_driver(base)
+        driver, outlook = make_driver(base), OUTLOOKS.get(base, OutlookSettings())
     else:
         from rudc.agents.learned import load_learned
 
-        driver = load_learned(name, _folder(base), {} if suffix else settings)
-    if not suffix:
-        return driver
-    correction = filter_behind(suffix, settings).make({})
-    assert correction is not None
-    return FilteredAgent(driver, name, correction)
+        driver = load_learned(name, _folder(base), {} if suffix else others)
+        outlook = driver.config.outlook
+    if suffix:
+        correction = filter_behind(suffix, others).make({})
+        assert correction is not None
+        driver = FilteredAgent(driver, name, correction)
+    view = outlook_with(outlook, shown).make()
+    return driver if view is None else OutlookAgent(driver, name, view)
 
 
 def agent_summary(name: str) -> str:
@@ -70,17 +84,19 @@ def agent_summary(name: str) -> str:
 
 def agent_settings(name: str) -> dict[str, Any]:
     """Everything besides its name that decides what a driver does; of what can be written as JSON."""
-    base, suffix, settings = _parts(name)
+    base, suffix, changes = _parts(name)
+    shown, others = outlook_changes(changes)
     if is_driver(base):
-        driver = driver_settings(base)
+        outlook = outlook_with(OUTLOOKS.get(base, OutlookSettings()), shown)
+        driver = {**driver_settings(base), "outlook": outlook.model_dump(mode="json")}
     else:
-        driver = learnt_settings(_folder(base), {} if suffix else settings)
+        driver = learnt_settings(_folder(base), shown if suffix else changes)
     if not suffix:
         return driver
-    residual = fingerprint(shipped_predictor().arrays) if settings.get("correction.residual") else None
+    residual = fingerprint(shipped_predictor().arrays) if others.get("correction.residual") else None
     return {
         **driver,
-        "correction": filter_behind(suffix, settings).model_dump(mode="json"),
+        "correction": filter_behind(suffix, others).model_dump(mode="json"),
         "predictor": residual,
     }
 
@@ -104,7 +120,9 @@ def _parts(name: str) -> tuple[str, str, Changes]:
         base, suffix = _base(whole)
     if not text:
         return base, suffix, {}
-    if is_driver(base) and not suffix:
+    if base == "sumo":
+        raise AgentError(f"agent {name!r}: SUMO itself drives, and nothing that {text!r} could set")
+    if is_driver(base) and not suffix and outlook_changes(parse(text))[1]:
         raise AgentError(f"{base!r} has no filter, and nothing that {text!r} could set")
     return base, suffix, parse(text)
 

@@ -14,6 +14,7 @@ import yaml
 
 from rudc.agents.config import AgentConfig, refuse_old_keys
 from rudc.agents.correction import CbfSettings, CorrectionKind, CorrectionSettings
+from rudc.agents.outlook import OutlookSettings
 from rudc.errors import AgentError, InputError
 from rudc.settings import Settings, changed
 
@@ -63,8 +64,23 @@ def filter_behind(rule: str, changes: Mapping[str, Any]) -> CorrectionKind:
     return settings
 
 
+def outlook_with(outlook: OutlookSettings, changes: Mapping[str, Any]) -> OutlookSettings:
+    """An outlook with settings (`outlook.course`, ...) changed. Raises AgentError."""
+    return _changed(_Shown(outlook=outlook), changes).outlook
+
+
+def outlook_changes(changes: Mapping[str, Any]) -> tuple[Changes, Changes]:
+    """Those of the outlook, and the others."""
+    shown = {key: value for key, value in changes.items() if key.partition(".")[0] == "outlook"}
+    return shown, {key: value for key, value in changes.items() if key not in shown}
+
+
 class _Behind(Settings):
     correction: CorrectionSettings
+
+
+class _Shown(Settings):
+    outlook: OutlookSettings
 
 
 def _changed(settings: S, changes: Mapping[str, Any]) -> S:

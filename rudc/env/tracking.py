@@ -21,6 +21,7 @@ import math
 import numpy as np
 
 from rudc.arrays import Array
+from rudc.env.remembered import Remembered
 from rudc.network.paths import SPACING
 from rudc.network.route import ReferencePath
 from rudc.world.scene import Scene
@@ -35,6 +36,8 @@ PREVIEW_S = 0.05
 """s, half a decision"""
 RESPONSE_S = 0.4
 """s in which a difference in speed is made up"""
+
+_bends: Remembered[ReferencePath, Array] = Remembered()
 
 
 def steering(scene: Scene) -> float:
@@ -54,7 +57,11 @@ def steering(scene: Scene) -> float:
 
 
 def speeds_in_bends(path: ReferencePath) -> Array:
-    """(M,) m/s, highest speed at each station of a path from which all bends ahead can be taken."""
+    """(M,) m/s, highest speed at each station of a path from which all bends ahead can be taken; kept."""
+    return _bends.get(path, lambda: _speeds_in_bends(path))
+
+
+def _speeds_in_bends(path: ReferencePath) -> Array:
     squared = (LATERAL / np.maximum(np.abs(path.curvature), 1e-4)).tolist()
     for i in range(len(squared) - 2, -1, -1):
         squared[i] = min(squared[i], squared[i + 1] + 2 * COMFORT * SPACING)

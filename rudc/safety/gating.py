@@ -13,6 +13,9 @@ Of those that are constrained, the ones in conflict come first where no action s
 ellipses meet the ego's, without any distance added, if it goes on at its present speed or if it accelerates
 along its route. A car that passes on the next lane is constrained, but not in conflict.
 
+Who stands is let through only if the rectangles on the ego's way say so, since nothing is to be predicted of
+it: an ellipse and a distance around it would close a gap of a metre and a half.
+
 Not let through, and in no conflict, is who drives behind the ego on the ego's own path: that distance is
 theirs to keep. The barrier has the two push each other apart, so that a vehicle coming up from behind at
 constant speed makes a waiting ego drive into the one ahead.
@@ -25,12 +28,22 @@ import math
 import numpy as np
 
 from rudc.arrays import Array, Complex, Flags, Index
+from rudc.geometry import separation
 from rudc.safety.prediction import GO_ACCELERATION, GO_SPEED, Predictor
 from rudc.safety.road_points import CLOSEST
 from rudc.world.scene import Scene
 
 CONFLICT_TIMES: Array = np.linspace(0.0, 3.0, 16)
 """(T,) s, when conflicts are looked for"""
+
+STILL = 0.2
+"""m/s, below which somebody stands"""
+PASSING = 0.3
+"""m beside the ego's rectangle on its way, with which somebody who stands is passed"""
+SLOWEST = 3.0
+"""m/s, at least, of an ego that is taken to pass"""
+PASSING_STATIONS = 40
+"""places on that way that are looked at"""
 
 
 class Gate:
@@ -62,7 +75,22 @@ class Gate:
         meet = np.flatnonzero(met)
         if not len(meet):
             return meet
-        return who[meet[~self._predictor.following(scene, now[who[meet]], turned[meet])]]
+        found = who[meet[~self._predictor.following(scene, now[who[meet]], turned[meet])]]
+        return found[~self._passed(scene, found, speed[found])]
+
+    def _passed(self, scene: Scene, who: Index, speed: Array) -> Flags:
+        """(n,) which of the others `who`, at `speed` (n,) m/s, stand and are passed: rectangles tell."""
+        passed = speed < STILL
+        rows = np.flatnonzero(passed)
+        if len(rows):
+            body = scene.vehicle
+            half = np.array([0.5 * body.length, 0.5 * body.width])
+            way = np.linspace(0.0, self._horizon * max(scene.ego.v, SLOWEST), PASSING_STATIONS)
+            place, facing = self._predictor.ego(scene, way)
+            others, turned = self._predictor.others(scene, who[rows], np.zeros((len(rows), 1)))
+            apart = separation(others - place, facing, turned, half, 0.5 * scene.size[who[rows], None])
+            passed[rows] = apart.min(axis=1) >= PASSING
+        return passed
 
     def in_conflict(self, scene: Scene, who: Index, short: Array, stretch: Array) -> Flags:
         """(n,) which of the others `who` (n,) are in conflict with the ego; `short` and `stretch` (2, N) as

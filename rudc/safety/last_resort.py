@@ -30,6 +30,7 @@ from __future__ import annotations
 
 import cmath
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -44,6 +45,8 @@ HORIZON = 2.5
 """s, how far manoeuvres are looked at, at every step: at 15 m/s full braking takes as long"""
 CREEPING = 1e-3
 """m, by which two may come closer without it counting"""
+STILL_MARGIN = 0.15
+"""m, margin at most towards who stands still: nobody can pass in 0.3 m less than there is"""
 AS_GOOD = 0.01
 """m/s2, from full braking, which is as good"""
 STILL = 0.2
@@ -87,6 +90,9 @@ class LastResort:
         way = self._go(first, v)
         others = self._others(scene, float(way[-1]))
         stopping = self._room(scene, others, *stop)
+        if others.still.any():
+            along = self._room(scene, others, *self._stop_along(scene, stop, v))
+            stopping = np.where(others.still, np.maximum(stopping, along), stopping)
         going = self._room(scene, others, *self._predictor.ego(scene, way))
         room = np.stack([stopping, np.where(others.still, stopping, going)])
         kept = ~np.isin(others.who, self._behind(scene, others.who[(room < -CREEPING).any(axis=0)]))
@@ -136,7 +142,8 @@ class LastResort:
         if len(close):
             half = np.array([0.5 * body.length, 0.5 * body.width])
             apart = separation(r[close], facing, others.facing[close], half, others.half[close, None])
-            room[close] = (apart - np.minimum(self._margin, apart[:, :1])).min(axis=1)
+            margin = np.where(others.still[close], min(self._margin, STILL_MARGIN), self._margin)
+            room[close] = (apart - np.minimum(margin[:, None], apart[:, :1])).min(axis=1)
         return room
 
     def _stop(self, scene: Scene, u: Array) -> tuple[Complex, Complex]:
@@ -152,6 +159,17 @@ class LastResort:
         half_turn: Complex = np.exp(1j * turn)
         place: Complex = complex(ego.x, ego.y) + (cmath.exp(1j * (ego.psi + slip)) * chord) * half_turn
         return place, cmath.exp(1j * ego.psi) * (half_turn * half_turn)
+
+    def _stop_along(self, scene: Scene, stop: tuple[Complex, Complex], v: float) -> tuple[Complex, Complex]:
+        """(T,) m and (T,): the same first step as in `stop`, to v m/s, and then braking along the route."""
+        place, facing = stop
+        braking = -scene.vehicle.a_min
+        held = np.minimum(np.maximum(self._times[1:] - self._dt, 0.0), v / braking)
+        x, y, psi = float(place[1].real), float(place[1].imag), cmath.phase(complex(facing[1]))
+        s, _ = scene.route.path.project(x, y, scene.ego_s)
+        after = replace(scene, ego=replace(scene.ego, x=x, y=y, psi=psi), ego_s=s)
+        rest, turned = self._predictor.ego(after, v * held - 0.5 * braking * held * held)
+        return np.concatenate([place[:1], rest]), np.concatenate([facing[:1], turned])
 
     def _go(self, first: float, v: float) -> Array:
         """(T,) m along the route: `first` m in a step, then from `v` m/s on at GO_ACCELERATION."""

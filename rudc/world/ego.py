@@ -25,9 +25,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
 
-from rudc.vehicle import EgoVehicle
+from rudc.vehicle import Actuation, EgoVehicle
 from rudc.world.scene import EgoState
 
 GRAVITY = 9.81
@@ -36,18 +35,6 @@ CRAWL_M = 0.02
 """m driven, below which a turn says nothing about the wheels"""
 PIECES_PER_LAG = 4.0
 """Runge-Kutta steps in one time constant of the actuators"""
-
-
-@dataclass(frozen=True, slots=True)
-class Actuation:
-    """What stands between a command and the wheels."""
-
-    delay_s: float = 0.0
-    """s, dead time of both commands"""
-    lag_s: float = 0.0
-    """s, first-order time constant of both"""
-    friction: float | None = None
-    """coefficient mu, None for no limit"""
 
 
 class EgoPlant:
@@ -64,6 +51,12 @@ class EgoPlant:
         self.actuation = actuation or Actuation()
         self._pending.clear()
         self.state = EgoState(x, y, psi, min(max(v, 0.0), self.vehicle.v_max), 0.0, 0.0, 0.0, 0.0)
+
+    def resume(self, state: EgoState, actuation: Actuation) -> None:
+        """Go on from a state, with no command on its way."""
+        self.actuation = actuation
+        self._pending.clear()
+        self.state = state
 
     def step(self, a: float, delta: float, dt: float) -> EgoState:
         """Advance by dt (s) under the commands a (m/s2) and delta (rad), each clipped to the vehicle's

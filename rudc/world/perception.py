@@ -42,7 +42,7 @@ class Sensors:
         seen &= np.hypot(offset[:, 0], offset[:, 1]) <= self.range_m
         if len(self.occluders):
             seen &= visible(scene, self.occluders)
-        return self._noisy(_only(scene, np.flatnonzero(seen)), rng)
+        return self._noisy(scene.only(np.flatnonzero(seen)), rng)
 
     def _noisy(self, scene: Scene, rng: np.random.Generator) -> Scene:
         n = scene.count
@@ -57,23 +57,6 @@ class Sensors:
             velocity=scene.velocity + faster[:, None] * along,
             path_s=scene.path_s + np.einsum("ij,ij->i", shift, along),
         )
-
-
-def _only(scene: Scene, index: np.ndarray) -> Scene:
-    if len(index) == scene.count:
-        return scene
-    return replace(
-        scene,
-        ids=tuple(scene.ids[i] for i in index),
-        position=scene.position[index],
-        heading=scene.heading[index],
-        velocity=scene.velocity[index],
-        acceleration=scene.acceleration[index],
-        size=scene.size[index],
-        kind=scene.kind[index],
-        path=scene.path[index],
-        path_s=scene.path_s[index],
-    )
 
 
 def visible(scene: Scene, occluders: Array) -> Flags:

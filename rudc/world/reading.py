@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rudc.arrays import Array
-from rudc.vehicle import EgoVehicle
+from rudc.vehicle import Actuation, EgoVehicle
 from rudc.world.contact import overlapping
 from rudc.world.scene import EgoState, Scene
 from rudc.world.sumo import Motion, Sumo
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class EgoView(NamedTuple):
-    """The part of a scene that is about the ego; fields as in `Scene`, in its order save the last."""
+    """The part of a scene that is about the ego; fields as in `Scene`, in its order save the last two."""
 
     time_s: float
     timeout_s: float
@@ -37,6 +37,7 @@ class EgoView(NamedTuple):
     waited_s: float
     last_u: Array
     destination_s: float
+    actuation: Actuation
 
 
 class Reader:
@@ -115,7 +116,7 @@ class Reader:
         away = position - (ego.state.x, ego.state.y)
         order = np.hypot(away[:, 0], away[:, 1]).argsort()
         return Scene(
-            *ego[:-1],
+            *ego[:-2],
             self._network,
             tuple([ids[i] for i in order.tolist()]),
             position.take(order, 0),
@@ -127,6 +128,7 @@ class Reader:
             path.take(order),
             path_s.take(order),
             ego.destination_s,
+            ego.actuation,
         )
 
     def locate_ego(self, route: Route, length: float) -> tuple[int, float]:

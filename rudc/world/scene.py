@@ -7,14 +7,14 @@ a vehicle's centre; the ego's centre of gravity is the centre of its rectangle.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rudc.arrays import Array, Index
-from rudc.vehicle import EgoVehicle
+from rudc.vehicle import Actuation, EgoVehicle
 
 if TYPE_CHECKING:
     from rudc.network.network import Network, Route
@@ -99,6 +99,8 @@ class Scene:
     """(N,) m, arc length of each one's centre along that path"""
     destination_s: float = math.inf
     """m, arc length on `route.path` where the episode succeeds; where the path ends if that comes first"""
+    actuation: Actuation | None = None
+    """what stands between a command and the wheels; for ablations, since no car knows that of itself"""
 
     def __eq__(self, other: object) -> bool:
         """Whether both show the same instant, number for number (network and route: by identity)."""
@@ -118,3 +120,21 @@ class Scene:
     def ego_position(self) -> Array:
         """(2,) m."""
         return np.array([self.ego.x, self.ego.y])
+
+    def only(self, index: Index) -> Scene:
+        """The scene with just the others of these rows, in this order; itself where they are all, in
+        order."""
+        if len(index) == self.count and bool((index[1:] > index[:-1]).all()):
+            return self
+        return replace(
+            self,
+            ids=tuple([self.ids[i] for i in index.tolist()]),
+            position=self.position[index],
+            heading=self.heading[index],
+            velocity=self.velocity[index],
+            acceleration=self.acceleration[index],
+            size=self.size[index],
+            kind=self.kind[index],
+            path=self.path[index],
+            path_s=self.path_s[index],
+        )

@@ -316,6 +316,11 @@ class Sumo:
         """Bring a vehicle to a speed (m/s) evenly within duration s; then it is SUMO's again."""
         libsumo.vehicle.slowDown(vehicle, speed, duration)
 
+    @_to("have a vehicle change lanes")
+    def ask_lane(self, vehicle: str, lane: int, duration: float) -> None:
+        """Have a vehicle change to a lane of its edge as soon as there is room, and stay for duration s."""
+        libsumo.vehicle.changeLane(vehicle, lane, duration)
+
     @_to("set a vehicle's speed mode")
     def set_mode(self, vehicle: str, mode: int) -> None:
         """Which of SUMO's checks hold for a vehicle's speed."""

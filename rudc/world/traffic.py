@@ -104,6 +104,7 @@ class Traffic:
         self._plan = plan
         self._rng = rng
         self._occupied: dict[str, list[tuple[float, float]]] = {}
+        self._closed: set[tuple[str, str]] = set()
         self.grip = math.inf
         """m/s2, how hard the road lets an SV brake and accelerate"""
         self._count = 0
@@ -163,6 +164,10 @@ class Traffic:
         """m/s, the initial speed of one more SV."""
         return self._plan.speed.sample(self._rng)
 
+    def avoid(self, closed: set[tuple[str, str]]) -> None:
+        """From now on nobody enters the road for one of these movements (origin, destination)."""
+        self._closed = closed
+
     def lose_grip(self, limit: float) -> None:
         """From now on no SV brakes or accelerates harder than limit m/s2."""
         self.grip = limit
@@ -191,6 +196,9 @@ class Traffic:
         lanes = np.array([len(self._arms[name].in_lanes) for name in arms], dtype=float)
         arm = arms[self._rng.choice(len(arms), p=lanes / lanes.sum())]
         choices = self._movements[arm]
+        if self._closed:
+            free = [m for m in choices if (m.origin, m.destination) not in self._closed]
+            choices = free or choices
         return choices[self._rng.integers(len(choices))]
 
     def draw_type(self) -> str:

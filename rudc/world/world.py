@@ -20,10 +20,12 @@ import numpy as np
 
 from rudc.arrays import Array
 from rudc.errors import SimulationError
+from rudc.world.borders import Borders
 from rudc.world.brakes import Brakes
 from rudc.world.casting import cast
 from rudc.world.config import WorldConfig
 from rudc.world.contact import NOTHING, Body, Nearest, ego_body, nearer, survey
+from rudc.world.detours import Detours
 from rudc.world.ego import EgoPlant, realised
 from rudc.world.events import Happening, Script, WorldStage
 from rudc.world.fault import Collision, judge
@@ -44,8 +46,6 @@ REDRAWS = 30
 """how often an unsafe start is drawn again before giving up"""
 CLOSE_M = 2.0
 """m, gaps at least so small are looked at in every sub-step; larger ones at the end of a decision"""
-OFF_ROAD_M = 0.3
-"""m a corner of the ego may stick out of the drivable area"""
 FAR_M = 10_000.0
 """m, far off any road"""
 LAYER_EVERY = 5
@@ -171,7 +171,7 @@ class World:
         before, scene = scene, self._refresh()
         if reached.touched is None:
             reached = min(reached, self._nearest, key=lambda found: found.gap)
-        off_road, wrong_way = self._leaves_road()
+        off_road, wrong_way = self._borders.left(self._plant.state)
         overlaps = self._reader.new_overlaps(scene) if self._decisions % OVERLAPS_EVERY == 0 else 0
         density = len(self._reader.names) / self.network.road_km
         hit = None if reached.touched is None else self._collision(reached.touched, scene, before)
@@ -200,7 +200,7 @@ class World:
         self._sumo.load(int(traffic_rng.integers(2**31 - 1)), types, options)
         self._time0 = self._waited = 0.0
         self._last_u = np.zeros(2)
-        self._on_road = (0.0, 0.0, 0.0, -math.inf)
+        self._borders = Borders(self.network.surface, self.vehicle)
         self._decisions = 0
         self._ego_inside = False
         self._place_ego(ego_rng)
@@ -211,6 +211,7 @@ class World:
         self.traffic.begin(plan.traffic, traffic_rng)
         self._reader = Reader(self._sumo, self.network, self.traffic)
         self._brakes = Brakes(self._sumo, self.traffic)
+        self._detours = Detours(self._sumo, self.network, self.traffic)
         self._script = Script(plan.events, self.stage)
         self.traffic.populate()
         self._warm_up(plan.traffic.warm_up_s)
@@ -335,30 +336,6 @@ class World:
         index = scene.ids.index(hit)
         return Collision(hit, Kind(scene.kind[index]), judge(scene, index, hit in self.stage.unlawful))
 
-    def _leaves_road(self) -> tuple[bool, bool]:
-        state, surface = self._plant.state, self.network.surface
-        direction = surface.direction(state.x, state.y)
-        wrong_way = not math.isnan(direction) and math.cos(state.psi - direction) < 0
-        return self._off_road(state), wrong_way
-
-    def _off_road(self, state: EgoState) -> bool:
-        """Whether a corner sticks out too far; looked up anew once one may have moved that far."""
-        x, y, psi, room = self._on_road
-        body = self.vehicle
-        radius = 0.5 * math.hypot(body.length, body.width)
-        if math.hypot(state.x - x, state.y - y) + radius * abs(state.psi - psi) < room:
-            return False
-        forward = 0.5 * body.length * math.cos(state.psi), 0.5 * body.length * math.sin(state.psi)
-        left = -0.5 * body.width * math.sin(state.psi), 0.5 * body.width * math.cos(state.psi)
-        depth = min(
-            self.network.surface.depth(
-                state.x + i * forward[0] + j * left[0], state.y + i * forward[1] + j * left[1]
-            )
-            for i, j in ((1, 1), (1, -1), (-1, 1), (-1, -1))
-        )
-        self._on_road = state.x, state.y, state.psi, depth + OFF_ROAD_M
-        return depth < -OFF_ROAD_M
-
     # ---- after the sub-steps
 
     def _refresh(self) -> Scene:
@@ -374,6 +351,7 @@ class World:
         ego = EgoView(
             self._sumo.time() - self._time0, self.plan.timeout_s, state, self.vehicle, self.route,
             self._ego_s, offset, self._waited, self._last_u, self._destination_s,
+            self._plant.actuation,
         )  # fmt: skip
         scene = self._scene = self._reader.scene(ego, self.stage.props)
         self._perceived = None
@@ -394,6 +372,11 @@ class World:
             scene.ids[row]: (math.hypot(*scene.velocity[row]), deceleration)
             for row, deceleration in zip(braking.rows, braking.deceleration, strict=True)
         }
+        if self.stage.props:
+            for name, (speed, needed) in self._detours.step(scene, self.stage.props).items():
+                wanted[name] = speed, max(needed, wanted.get(name, (0.0, 0.0))[1])
+            if self._detours.redirected:
+                self._reader.relocate()
         if self._driven_by_sumo and self._ego_inside and self.stage.props:
             path, path_s = self._reader.locate_ego(self.route, self.vehicle.length)
             deceleration = min(ego_must_yield(scene, path, path_s), most)

@@ -109,7 +109,7 @@ def test_who_drives_behind_is_not_looked_at() -> None:
 
 
 def test_a_truck_ahead_is_not_hit_for_the_sake_of_somebody_behind() -> None:
-    truck, pushing = Other(6.7, 0.0, length=7.5, width=2.4), Other(-5.4, -7.5, 0.6, 4.0)
+    truck, pushing = Other(6.5, 0.0, length=7.5, width=2.4), Other(-5.4, -7.5, 0.6, 4.0)
     scene = make_scene([truck, pushing], v=0.8)
     answer = SafetyFilter(ALONE).filter(scene, THROTTLE)
     assert answer.status == "last_resort"

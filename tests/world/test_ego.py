@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from rudc.vehicle import EgoVehicle
-from rudc.world.ego import GRAVITY, Actuation, EgoPlant, realised
+from rudc.vehicle import Actuation, EgoVehicle
+from rudc.world.ego import GRAVITY, EgoPlant, realised
 
 BODY = EgoVehicle()
 DT = 0.05

@@ -1,0 +1,153 @@
+"""Driving the car that is there: what a driver is shown, and how fast it may go, with the plant as
+identified.
+
+    look ahead   a command given now acts after the dead time d: the scene is predicted by d, the ego under
+                 the commands that are on their way, the others along their paths (Smith predictor)
+    limits       braking and accelerating within USABLE mu g, for filter, last resort and driver alike
+    govern       where grip is poor, speed in bends as of LATERAL mu g, reached by braking with BRAKING mu
+                 g; on straights at most max(CAREFUL, what stops within STOPPING m)
+    probe        one short full braking at the start, since friction shows only once a command exceeds it
+
+The plant is estimated (rudc/safety/plant.py), or known (`Scene.actuation`: for ablations).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from rudc.arrays import Array
+from rudc.env.tracking import RESPONSE_S
+from rudc.network.paths import SPACING
+from rudc.network.route import ReferencePath
+from rudc.safety.plant import SUBSTEP_S, PlantEstimate, PlantMonitor
+from rudc.safety.prediction import Predictor
+from rudc.vehicle import Actuation
+from rudc.world.ego import EgoPlant
+from rudc.world.scene import Scene
+
+Knowledge = Literal["off", "estimated", "known"]
+
+USABLE = 0.9
+"""share of mu g that a command may ask for"""
+LATERAL, BRAKING = 0.75, 0.6
+"""shares of mu g that bends and planned braking may ask for"""
+POOR = 6.0
+"""m/s2 of grip, below which speed is governed: what full braking on a dry road takes"""
+CAREFUL = 6.0
+"""m/s, always allowed on straights"""
+STOPPING = 10.0
+"""m"""
+PROBE_SPEED = 4.0
+"""m/s, below which a probe says little"""
+PROBE_S = 0.5
+"""s after which a probe ends, whatever it has shown"""
+SHOWN = 0.85
+"""share of full braking at which the road has shown that it is dry"""
+SETTLED = 0.5
+"""m/s2, change of the acceleration from one decision to the next below which a probe's response is there"""
+
+
+class Adaptation:
+    """Of one agent; `reset` begins an episode."""
+
+    def __init__(self, knowledge: Knowledge, *, probe: bool) -> None:
+        self._known, self._probes = knowledge == "known", probe and knowledge == "estimated"
+        self._predictor = Predictor()
+        self.estimate = PlantEstimate(Actuation(), unusual=False)
+        """what is known of the car at present"""
+
+    def reset(self, scene: Scene) -> None:
+        """Begin a new episode with an ordinary car."""
+        self._monitor = PlantMonitor(scene.vehicle)
+        self._seen: float | None = None
+        self._probe_ends = math.inf if self._probes else -math.inf
+        self._braking = math.inf
+        """m/s2, acceleration at the last decision of a probe"""
+        self._profile: tuple[ReferencePath, float, Array] | None = None
+
+    def see(self, scene: Scene) -> Scene:
+        """The scene in which a command given now will act, with the limits that the road gives."""
+        if self._seen != scene.time_s:
+            self._seen = scene.time_s
+            self.estimate = self._monitor.update(scene.ego, scene.last_u)
+            if self._known and scene.actuation is not None:
+                self.estimate = PlantEstimate(scene.actuation, unusual=scene.actuation != Actuation())
+        if not self.estimate.unusual:
+            return scene
+        grip, body = USABLE * self.estimate.grip, scene.vehicle
+        limited = replace(body, a_min=max(body.a_min, -grip), a_max=min(body.a_max, grip))
+        return replace(self._ahead(scene), vehicle=limited)
+
+    def govern(self, scene: Scene, u: Array) -> Array:
+        """(2,) the command with its acceleration bounded; `scene` as shown by `see`."""
+        a, grip = float(u[0]), self.estimate.grip
+        if grip < POOR:
+            careful = max(CAREFUL, math.sqrt(2 * BRAKING * grip * STOPPING))
+            wanted = (min(self._allowed(scene, grip), careful) - scene.ego.v) / RESPONSE_S
+            a = max(min(a, wanted), -USABLE * grip)
+        if self._probing(scene):
+            a = scene.vehicle.a_min
+        return u if a == u[0] else np.array([a, u[1]])
+
+    def _ahead(self, scene: Scene) -> Scene:
+        """The scene after the dead time, if there is one."""
+        actuation = self.estimate.actuation
+        pending = self._monitor.pending(actuation.delay_s)
+        if not pending:
+            return scene
+        plant = EgoPlant(scene.vehicle)
+        plant.resume(scene.ego, replace(actuation, delay_s=0.0))
+        for a, delta in pending:
+            plant.step(a, delta, SUBSTEP_S)
+        later, ego = len(pending) * SUBSTEP_S, plant.state
+        s, offset = scene.route.path.project(ego.x, ego.y, scene.ego_s + 0.5 * later * (scene.ego.v + ego.v))
+        return replace(_others_later(scene, self._predictor, later), ego=ego, ego_s=s, ego_offset=offset)
+
+    def _allowed(self, scene: Scene, grip: float) -> float:
+        """m/s, speed from which all bends ahead can be taken with that grip (m/s2)."""
+        path = scene.route.path
+        if self._profile is None or self._profile[0] is not path or self._profile[1] != grip:
+            squared = (LATERAL * grip / np.maximum(np.abs(path.curvature), 1e-4)).tolist()
+            for i in range(len(squared) - 2, -1, -1):
+                squared[i] = min(squared[i], squared[i + 1] + 2 * BRAKING * grip * SPACING)
+            self._profile = path, grip, np.sqrt(squared)
+        profile = self._profile[2]
+        return float(profile[min(max(int(scene.ego_s / SPACING), 0), len(profile) - 1)])
+
+    def _probing(self, scene: Scene) -> bool:
+        """Whether to brake in order to learn how well the road grips."""
+        if scene.time_s >= self._probe_ends:
+            return False
+        if math.isinf(self._probe_ends):
+            if scene.ego.v < PROBE_SPEED:
+                return False
+            self._probe_ends = scene.time_s + PROBE_S
+        change, self._braking = abs(scene.ego.acceleration - self._braking), scene.ego.acceleration
+        dry = scene.ego.acceleration < SHOWN * scene.network.vehicle.a_min
+        if dry or (math.isfinite(self.estimate.grip) and change < SETTLED):
+            self._probe_ends = -math.inf
+            return False
+        return True
+
+
+def _others_later(scene: Scene, predictor: Predictor, later: float) -> Scene:
+    """The others `later` s on, along their paths at their speeds."""
+    if not scene.count:
+        return replace(scene, time_s=scene.time_s + later)
+    speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
+    way = np.stack([np.zeros_like(speed), speed * later], axis=1)
+    place, facing = predictor.others(scene, np.arange(scene.count), way)
+    turned = facing[:, 1] * facing[:, 0].conj()
+    velocity = (scene.velocity[:, 0] + 1j * scene.velocity[:, 1]) * turned
+    return replace(
+        scene,
+        time_s=scene.time_s + later,
+        position=np.stack([place[:, 1].real, place[:, 1].imag], axis=1),
+        heading=scene.heading + np.angle(turned),
+        velocity=np.stack([velocity.real, velocity.imag], axis=1),
+        path_s=scene.path_s + speed * later,
+    )

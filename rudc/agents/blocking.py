@@ -1,0 +1,126 @@
+"""What blocks the way for good: bodies that stand and go nowhere, who queues behind them, who comes the
+wrong way.
+
+    at once      what stands and has no way through the junction: accident vehicles, closed lanes
+    in time      a vehicle that has stood for PATIENCE s, not before its stop line or in the junction, where
+                 one waits for others, and with nobody before it, or somebody who blocks
+    ahead        who drives against the ego's line without a way of its own, as far as it gets in LANE_S s
+
+An ordinary queue is none of these. Pedestrians never are: they walk on.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from rudc.arrays import Array, Flags, Index
+from rudc.geometry import Rectangles
+from rudc.world.scene import Kind, Scene
+
+STILL = 0.2
+"""m/s, below which somebody stands"""
+PATIENCE = 6.0
+"""s"""
+QUEUE = 10.0
+"""m between bumpers up to which one who stands waits for the one before it"""
+BESIDE = 2.0
+"""m to each side within which another is before it"""
+BEFORE_STOP = 15.0
+"""m before a stop line from where vehicles wait for others"""
+LANE_S, SOON_S = 12.0, 6.0
+"""s"""
+AGAINST = -0.5
+"""cosine of the angle to the ego's line from which on somebody drives against it"""
+FAR_BESIDE = 8.0
+"""m from the ego's line beyond which nobody is on its road"""
+
+
+class Blocks(NamedTuple):
+    """What blocks at one instant."""
+
+    standing: Rectangles
+    """bodies that stand"""
+    coming: Rectangles
+    """where those who drive the wrong way will be within LANE_S: that lane is theirs"""
+    soon: Rectangles
+    """where they will be within SOON_S: what they cross on their way is not to be entered"""
+
+    @property
+    def any(self) -> bool:
+        """Whether there is anything."""
+        return bool(self.standing.number or self.coming.number)
+
+
+class Blocking:
+    """Watches one episode."""
+
+    def __init__(self) -> None:
+        self._since: dict[str, float] = {}
+
+    def look(self, scene: Scene) -> Blocks:
+        """What blocks now; called once a decision."""
+        speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
+        still = speed < STILL
+        self._since = {
+            name: self._since.get(name, scene.time_s)
+            for name, stands in zip(scene.ids, still.tolist(), strict=True)
+            if stands
+        }
+        without_way = (scene.path < 0) & (scene.kind != Kind.PEDESTRIAN)
+        stuck = still & (without_way | self._stuck(scene, still, without_way))
+        stray = np.array(
+            [i for i in np.flatnonzero(without_way & ~still).tolist() if _against(scene, i)], dtype=np.int64
+        )
+        return Blocks(
+            Rectangles(scene.position[stuck], scene.heading[stuck], scene.size[stuck]),
+            _swept(scene, stray, speed[stray] * LANE_S),
+            _swept(scene, stray, speed[stray] * SOON_S),
+        )
+
+    def _stuck(self, scene: Scene, still: Flags, without_way: Flags) -> Flags:
+        """(N,) whether vehicles on their way have stood too long for no reason, or behind one that has."""
+        paths, stuck = scene.network.paths, still & without_way
+        patient = np.array([scene.time_s - self._since.get(name, math.inf) > PATIENCE for name in scene.ids])
+        front = scene.path_s + 0.5 * scene.size[:, 0]
+        waits = (front > paths.stop_s[scene.path] - BEFORE_STOP) & (front < paths.exit_s[scene.path])
+        candidates = np.flatnonzero(still & patient & ~without_way & (scene.path >= 0) & ~waits)
+        before = {int(i): np.flatnonzero(_before(scene, int(i))) for i in candidates}
+        for _ in candidates:  # a queue is as long as that at most
+            new = [
+                i for i, others in before.items() if not stuck[i] and (not len(others) or stuck[others].any())
+            ]
+            if not new:
+                break
+            stuck[new] = True
+        return stuck
+
+
+def _swept(scene: Scene, who: Index, way: Array) -> Rectangles:
+    """What others sweep over on a straight way (n,) m."""
+    course = np.stack([np.cos(scene.heading[who]), np.sin(scene.heading[who])], axis=1)
+    return Rectangles(
+        scene.position[who] + 0.5 * way[:, None] * course,
+        scene.heading[who],
+        scene.size[who] + way[:, None] * (1.0, 0.0),
+    )
+
+
+def _before(scene: Scene, i: int) -> Flags:
+    """(N,) who is before the vehicle i, near enough to wait for."""
+    cos, sin = math.cos(scene.heading[i]), math.sin(scene.heading[i])
+    away: Array = scene.position - scene.position[i]
+    along, across = away[:, 0] * cos + away[:, 1] * sin, away[:, 1] * cos - away[:, 0] * sin
+    near = along < QUEUE + 0.5 * (scene.size[i, 0] + scene.size[:, 0])
+    return (along > 0.5) & near & (np.abs(across) < BESIDE)
+
+
+def _against(scene: Scene, i: int) -> bool:
+    """Whether somebody ahead on the ego's road drives against its line."""
+    path = scene.route.path
+    s, offset = path.project(*scene.position[i].tolist())
+    if not scene.ego_s < s < path.length or abs(offset) > FAR_BESIDE:
+        return False
+    return math.cos(float(scene.heading[i]) - float(path.pose(s)[2])) < AGAINST

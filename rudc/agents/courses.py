@@ -1,0 +1,173 @@
+"""Going round what blocks: the course that a driver is shown, and how fast it may drive beside what stands.
+
+A course (rudc/network/course.py) is kept while it is clear, and planned anew once it is not, at most once
+in AGAIN_S s. While nothing is clear, the ego stops SHORT m before what blocks: nearer, nobody can pull out.
+Beside bodies it drives at most SLOW + PER_METRE x gap, in the bends of a course as of rudc/env/tracking.py.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from rudc.agents.blocking import Blocking, Blocks
+from rudc.arrays import Array
+from rudc.env.remembered import Remembered
+from rudc.env.tracking import COMFORT, RESPONSE_S, speeds_in_bends, steering
+from rudc.network.course import CoursePlanner, gaps_along
+from rudc.network.paths import SPACING
+from rudc.network.route import Route
+from rudc.world.scene import Scene
+
+LOOK = 60.0
+"""m of the course that are looked at"""
+CLEAR = 0.25
+"""m, gap from which on a course is clear"""
+SHORT = 7.0
+"""m"""
+AGAIN_S = 1.0
+"""s"""
+SLOW, PER_METRE = 2.5, 4.0
+"""m/s, and m/s for each m of gap"""
+BACK = 4.0
+"""m behind the ego's centre from where bodies slow it down"""
+NARROW, NARROW_AHEAD = 1.2, 12.0
+"""m, gap below which, and m ahead within which, passing is close"""
+LEEWAY = 0.03
+"""rad, by which the front wheels may then differ from those of a driver who follows the course"""
+CREEPS, LOST = 2.0, 0.3
+"""m/s, m: slower, and farther off its line, the ego is led anew"""
+HARDEST = 4.0
+"""m/s2, with which it stops for who comes the wrong way"""
+STEEPEST = 0.6
+"""rad, largest angle to the path from which a course is planned"""
+
+_planners: Remembered[Route, CoursePlanner] = Remembered()
+
+
+class Courses:
+    """Of one agent; `reset` begins an episode."""
+
+    def reset(self, scene: Scene) -> None:
+        """Begin a new episode on the route itself."""
+        self._blocking = Blocking()
+        self.course: Route | None = None
+        """the course driven at present; None for the route itself"""
+        self._again_s = -math.inf
+        self._blocks: Blocks | None = None
+        self._stop: float = math.inf
+
+    def see(self, scene: Scene) -> Scene:
+        """The scene along the course."""
+        blocks = self._blocks = self._blocking.look(scene)
+        shown = scene if self.course is None else along(scene, self.course)
+        self._stop = math.inf
+        if not blocks.any:
+            return shown
+        wait = _wait(shown, blocks)
+        hit = _first_hit(shown, blocks)
+        if hit == math.inf and not _astray(shown, blocks):
+            self._stop = wait
+            return shown
+        if scene.time_s >= self._again_s:
+            self._again_s = scene.time_s + AGAIN_S
+            for course in self._candidates(scene, blocks):
+                tried = scene if course is None else along(scene, course)
+                if _first_hit(tried, blocks) == math.inf:
+                    self.course, self._stop = course, _wait(tried, blocks)
+                    return tried
+        self._stop = min(hit - SHORT, wait)
+        return shown
+
+    def govern(self, scene: Scene, u: Array) -> Array:
+        """(2,) the command, no faster than course and bodies allow; close beside bodies the course is
+        followed.
+
+        `scene` as shown by `see`.
+        """
+        blocks = self._blocks
+        if blocks is None or not blocks.any:
+            return u
+        speed = math.inf if self._stop == math.inf else math.sqrt(2 * COMFORT * max(self._stop, 0.0))
+        delta = float(u[1])
+        if self.course is not None:
+            speed = min(speed, _speed_beside(scene, blocks))
+            if _narrow(scene, blocks):
+                track = steering(scene)
+                delta = min(max(delta, track - LEEWAY), track + LEEWAY)
+        wanted = max((speed - scene.ego.v) / RESPONSE_S, scene.vehicle.a_min)
+        return np.array([min(float(u[0]), wanted), delta])
+
+    def _candidates(self, scene: Scene, blocks: Blocks) -> Iterator[Route | None]:
+        """The route itself where the ego is on it still, and a course round the bodies."""
+        if self.course is not None and abs(scene.ego_offset) < CLEAR:
+            yield None
+        planner = _planners.get(scene.route, lambda: CoursePlanner(scene.network, scene.route, scene.vehicle))
+        facing = float(scene.route.path.pose(scene.ego_s)[2])
+        turned = math.remainder(scene.ego.psi - facing, 2 * math.pi)
+        slope = math.tan(min(max(turned, -STEEPEST), STEEPEST))
+        course = planner.plan(scene.ego_s, scene.ego_offset, slope, blocks.standing, blocks.coming)
+        if course is not None:
+            yield course
+
+
+def along(scene: Scene, course: Route) -> Scene:
+    """The scene as seen by an ego that follows the course."""
+    path = course.path
+    s, offset = path.project(scene.ego.x, scene.ego.y)
+    x, y, _ = scene.route.path.pose(min(scene.destination_s, scene.route.length))
+    end, _ = path.project(float(x), float(y))
+    return replace(scene, route=course, ego_s=s, ego_offset=offset, destination_s=end)
+
+
+def _first_hit(scene: Scene, blocks: Blocks) -> float:
+    """m from the ego to the first place on its path that is not clear; inf if there is none."""
+    path, body, here = scene.route.path, scene.vehicle, scene.ego_s
+    hits = math.inf
+    for rectangles, begins in ((blocks.standing, here), (blocks.coming, max(here, scene.route.exit_s))):
+        s, gap = gaps_along(path, begins, here + LOOK, body, rectangles)
+        hit = np.flatnonzero(gap < CLEAR)
+        if len(hit):
+            hits = min(hits, float(s[hit[0]]) - here)
+    return hits
+
+
+def _wait(scene: Scene, blocks: Blocks) -> float:
+    """m to the stop line, or else the waiting point, if somebody is about to come through the junction the
+    wrong way.
+
+    inf if nobody is, or if the ego cannot stop at either.
+    """
+    route, body = scene.route, scene.vehicle
+    if not blocks.soon.number:
+        return math.inf
+    front, least = scene.ego_s + 0.5 * body.length, scene.ego.v**2 / (2 * HARDEST)
+    rooms = [s - front for s in (route.stop_line_s, route.waiting_s) if s - front >= least]
+    _, gap = gaps_along(route.path, route.waiting_s, route.exit_s, body, blocks.soon)
+    return rooms[0] if rooms and (gap < CLEAR).any() else math.inf
+
+
+def _narrow(scene: Scene, blocks: Blocks) -> bool:
+    """Whether the ego is about to pass close beside what stands."""
+    here = scene.ego_s
+    _, gap = gaps_along(scene.route.path, here - BACK, here + NARROW_AHEAD, scene.vehicle, blocks.standing)
+    return bool((gap < NARROW).any())
+
+
+def _astray(scene: Scene, blocks: Blocks) -> bool:
+    """Whether the ego creeps beside its line where that matters."""
+    return scene.ego.v < CREEPS and abs(scene.ego_offset) > LOST and _narrow(scene, blocks)
+
+
+def _speed_beside(scene: Scene, blocks: Blocks) -> float:
+    """m/s from which bends and gaps ahead can be driven, braking comfortably."""
+    path = scene.route.path
+    s, gap = gaps_along(path, scene.ego_s - BACK, scene.ego_s + LOOK, scene.vehicle, blocks.standing)
+    if not len(s):
+        return math.inf
+    station = np.minimum((s / SPACING).astype(np.int64), len(path.s) - 1)
+    speed = np.minimum(speeds_in_bends(path)[station], SLOW + PER_METRE * gap)
+    return float(np.sqrt(speed**2 + 2 * COMFORT * np.maximum(s - scene.ego_s, 0.0)).min())

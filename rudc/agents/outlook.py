@@ -1,0 +1,95 @@
+"""What a driver is shown of the world, and the bounds on what it asks for: the ways round, and the car that
+is there.
+
+    see      what the sensors show -> as the plant makes of it (adaptation.py) -> along the course
+             (courses.py)
+    govern   what the driver asks for -> as fast as course and grip allow
+
+So that whoever drives, by rules or by a policy, and whatever corrects it, goes round what blocks and copes
+with a car that is not the one it was made for, without knowing of either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from rudc.agents.adaptation import Adaptation, Knowledge
+from rudc.agents.base import Agent, Decision, EgoDriver
+from rudc.agents.courses import Courses
+from rudc.arrays import Array
+from rudc.settings import Settings
+from rudc.world.scene import Scene
+
+
+class OutlookSettings(Settings):
+    """Which of the two there are."""
+
+    course: bool = False
+    """whether the driver is led round what blocks its path"""
+    plant: Knowledge = "off"
+    """what is known of the car: nothing (`off`), what the history of commands tells (`estimated`), or the
+    truth (`known`, for ablations)"""
+    probe: bool = True
+    """whether a short full braking at the start asks how well the road grips; with `plant` estimated only"""
+
+    def without_effect(self) -> Mapping[str, str]:
+        """Who knows nothing of the car, or all, need not ask."""
+        return (
+            {} if self.plant == "estimated" else {"probe": f"with plant={self.plant}: nothing is estimated"}
+        )
+
+    def make(self) -> Outlook | None:
+        """The outlook; None where it would show the world as it is."""
+        return Outlook(self) if self.course or self.plant != "off" else None
+
+
+class Outlook:
+    """Of one agent; `reset` begins an episode."""
+
+    def __init__(self, settings: OutlookSettings) -> None:
+        self.courses = Courses() if settings.course else None
+        """None without"""
+        self.adaptation = (
+            Adaptation(settings.plant, probe=settings.probe) if settings.plant != "off" else None
+        )
+        """None without"""
+
+    def reset(self, scene: Scene) -> None:
+        """Begin a new episode."""
+        if self.adaptation is not None:
+            self.adaptation.reset(scene)
+        if self.courses is not None:
+            self.courses.reset(scene)
+
+    def see(self, scene: Scene) -> Scene:
+        """The scene to decide in; called once a decision."""
+        if self.adaptation is not None:
+            scene = self.adaptation.see(scene)
+        return scene if self.courses is None else self.courses.see(scene)
+
+    def govern(self, scene: Scene, u: Array) -> Array:
+        """(2,) what of the command u (2,), m/s2 and rad, may be asked for; `scene` as `see` showed it."""
+        if self.courses is not None:
+            u = self.courses.govern(scene, u)
+        return u if self.adaptation is None else self.adaptation.govern(scene, u)
+
+
+class OutlookAgent:
+    """Any driver with an outlook, and what corrects it."""
+
+    ego_driver: EgoDriver = "agent"
+
+    def __init__(self, driver: Agent, name: str, outlook: Outlook) -> None:
+        self.name = name
+        self._driver, self.outlook = driver, outlook
+
+    def reset(self, scene: Scene, seed: int) -> None:
+        """Reset outlook and driver."""
+        self.outlook.reset(scene)
+        self._driver.reset(scene, seed)
+
+    def act(self, scene: Scene) -> Decision:
+        """The driver's decision in the scene that the outlook shows."""
+        shown = self.outlook.see(scene)
+        decision = self._driver.act(shown)
+        return decision._replace(u=self.outlook.govern(shown, decision.u))

@@ -1,0 +1,50 @@
+"""How deep inside a carriageway a point is, for points beside a path."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from rudc.arrays import Array
+from rudc.network.polyline import in_any, union_boundary
+from rudc.network.route import ReferencePath
+
+FARTHEST = 4.0
+"""m, depths above count as this"""
+REACH = 9.0
+"""m to each side of the path"""
+ALONG, ACROSS = 1.0, 0.25
+"""m between the places where depths are kept"""
+
+
+class Depths:
+    """Depths (m) at arc length s and offset l from a path: negative outside, bilinear between places kept."""
+
+    def __init__(self, path: ReferencePath, carriageway: Sequence[Array]) -> None:
+        """`carriageway`: polygons (K, 2) m."""
+        x, y, psi = path.pose(np.arange(0.0, path.length, ALONG))
+        offsets = np.arange(-REACH, REACH + ACROSS / 2, ACROSS)
+        points = np.stack(
+            [x[:, None] - offsets * np.sin(psi)[:, None], y[:, None] + offsets * np.cos(psi)[:, None]],
+            axis=-1,
+        )
+        flat = points.reshape(-1, 2)
+        edge = union_boundary(carriageway).mean(axis=1)
+        depth, _ = KDTree(edge).query(flat, distance_upper_bound=FARTHEST)
+        depth = np.minimum(depth, FARTHEST)
+        self._depth: Array = np.where(in_any(carriageway, flat), depth, -depth).reshape(points.shape[:2])
+
+    def at(self, s: Array, offset: Array) -> Array:
+        """(...) m at s (...) m and offset (...) m; the nearest place's beyond both ends and REACH."""
+        rows, cols = self._depth.shape
+        i = np.clip(s / ALONG, 0.0, rows - 1.001)
+        j = np.clip((offset + REACH) / ACROSS, 0.0, cols - 1.001)
+        i, j = np.broadcast_arrays(i, j)
+        low, left = i.astype(np.int64), j.astype(np.int64)
+        u, v = i - low, j - left
+        flat, at = self._depth.ravel(), low * cols + left
+        near = flat[at] + v * (flat[at + 1] - flat[at])
+        far = flat[at + cols] + v * (flat[at + cols + 1] - flat[at + cols])
+        return near + u * (far - near)

@@ -1,0 +1,166 @@
+"""What the ego's car does with a command: friction, dead time and lag, identified while it drives.
+
+A bank of M models of the plant (rudc/world/ego.py), each with a dead time d, a lag T and a coefficient of
+friction mu, is driven by the commands that were given. Each keeps the acceleration a_m and the front-wheel
+angle delta_m that its car would have now. What the car really does is compared with all of them,
+
+    J_m <- forget J_m + (a - a_m)^2 / A^2 + ((delta - delta_m) / D)^2        each term cut at CUT
+
+and the estimate is the model with the least J. An ordinary car (no dead time, no lag, no limit of friction)
+stays the estimate until another is better by SURE: no false alarm. Models that the drive so far does not
+tell apart have the same J; of those the one nearest to an ordinary car is taken, so that nothing is claimed
+that was not seen. Friction shows only where a command asks for more than the road gives: `Probe` asks,
+once, by a short brake.
+
+This is the plant that the paper leaves to future work (Sec. "Conclusion": input-constrained barrier
+functions).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from rudc.arrays import Array, Index
+from rudc.vehicle import Actuation, EgoVehicle
+from rudc.world.ego import GRAVITY
+from rudc.world.scene import EgoState
+
+SUBSTEP_S = 0.05
+"""s, the step in which models are driven and dead times are counted"""
+DELAYS = np.arange(13) * SUBSTEP_S
+"""s, dead times of the bank"""
+LAGS = np.array([0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6])
+"""s, lags of the bank"""
+FRICTIONS = np.array(
+    [np.inf, 0.7, 0.6, 0.52, 0.46, 0.4, 0.35, 0.3, 0.26, 0.23, 0.2, 0.17, 0.15, 0.13, 0.11, 0.09]
+)
+"""coefficients of friction of the bank; inf for no limit"""
+ACCELERATION_STD, STEERING_STD = 0.25, 0.01
+"""m/s2, rad: A and D, what readings may be off by without telling anything"""
+CUT = 16.0
+"""largest term of one reading: an outlier does not decide"""
+FORGET = 0.97
+"""share of J that is left a decision later: about three seconds of memory"""
+WORST = 24.0
+"""largest difference in J that is kept: a car that changes on the way is noticed after three readings"""
+SURE = 12.0
+"""by how much another model must be better than an ordinary car"""
+BETTER = 4.0
+"""the same for one unusual car after another: what was learnt stays until something else fits better"""
+SAME = 1.0
+"""difference in J below which two models are not told apart"""
+STANDING = 0.3
+"""m/s, below which acceleration says nothing about the brakes: a car that stands does not brake"""
+
+
+@dataclass(frozen=True, slots=True)
+class PlantEstimate:
+    """What is known of the car."""
+
+    actuation: Actuation
+    """dead time, lag and friction, as the plant has them"""
+    unusual: bool
+    """whether it differs from an ordinary car"""
+
+    @property
+    def grip(self) -> float:
+        """m/s2, largest acceleration that the road gives; inf if no limit was seen."""
+        mu = self.actuation.friction
+        return math.inf if mu is None else mu * GRAVITY
+
+
+ORDINARY = PlantEstimate(Actuation(), unusual=False)
+"""a car that does at once what it is told"""
+
+
+class PlantMonitor:
+    """Identifies the plant from one decision to the next."""
+
+    def __init__(self, vehicle: EgoVehicle, decision_s: float = 0.1) -> None:
+        self._vehicle = vehicle
+        self._substeps = round(decision_s / SUBSTEP_S)
+        delay, lag, friction = np.meshgrid(np.arange(len(DELAYS)), LAGS, FRICTIONS, indexing="ij")
+        self._delay: Index = delay.ravel()
+        self._lag: Array = lag.ravel()
+        self._limit: Array = friction.ravel() * GRAVITY
+        with np.errstate(divide="ignore"):
+            self._keep: Array = np.where(self._lag > 0, np.exp(-SUBSTEP_S / np.maximum(self._lag, 1e-9)), 0.0)
+        self._plainness = (
+            self._delay * 1.0
+            + self._lag / 0.05
+            + np.where(np.isinf(self._limit), 0.0, 5.0 / np.maximum(friction.ravel(), 1e-9))
+        )
+        self._nominal = int(np.argmin(self._plainness))
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin a new episode with an ordinary car."""
+        count = len(self._delay)
+        self._given: deque[tuple[float, float]] = deque([(0.0, 0.0)] * (len(DELAYS) + 1), len(DELAYS) + 1)
+        self._a, self._delta, self._cost = np.zeros(count), np.zeros(count), np.zeros(count)
+        self._v: float | None = None
+        self._believed = self._nominal
+        self.estimate = ORDINARY
+
+    def update(self, ego: EgoState, last_u: Array | tuple[float, float]) -> PlantEstimate:
+        """Take in the state after the command `last_u` (2,), m/s2 and rad, has been given for a decision."""
+        if self._v is not None:
+            self._drive(float(last_u[0]), float(last_u[1]), ego.v)
+            self._score(ego)
+            self.estimate = self._best()
+        self._v = ego.v
+        return self.estimate
+
+    def _drive(self, a: float, delta: float, v_after: float) -> None:
+        """Let all models take the command for one decision."""
+        body, v = self._vehicle, self._v or 0.0
+        command = min(max(a, body.a_min), body.a_max), min(max(delta, -body.delta_max), body.delta_max)
+        for i in range(self._substeps):
+            self._given.append(command)
+            given = np.array(self._given)[::-1]
+            wanted_a, wanted_delta = given[self._delay, 0], given[self._delay, 1]
+            here = v + (v_after - v) * i / self._substeps
+            wanted_a, wanted_delta = self._within_friction(wanted_a, wanted_delta, here)
+            self._a = wanted_a + (self._a - wanted_a) * self._keep
+            self._delta = wanted_delta + (self._delta - wanted_delta) * self._keep
+
+    def _within_friction(self, a: Array, delta: Array, v: float) -> tuple[Array, Array]:
+        """The friction circle of rudc/world/ego.py for all models."""
+        body, ratio = self._vehicle, self._vehicle.cg_to_rear / self._vehicle.wheelbase
+        if v > 0.1:
+            sin_slip = np.minimum(self._limit * (body.cg_to_rear / v**2), 0.999)
+            widest = np.arctan(np.tan(np.arcsin(sin_slip)) / ratio)
+            delta = np.minimum(np.maximum(delta, -widest), widest)
+        lateral = v**2 * np.sin(np.arctan(ratio * np.tan(delta))) / body.cg_to_rear
+        left = np.sqrt(np.maximum(self._limit**2 - lateral**2, 0.0))
+        return np.minimum(np.maximum(a, -left), left), delta
+
+    def _score(self, ego: EgoState) -> None:
+        self._cost *= FORGET
+        if STANDING < ego.v < self._vehicle.v_max - 0.1:
+            self._cost += np.minimum(((self._a - ego.acceleration) / ACCELERATION_STD) ** 2, CUT)
+        self._cost += np.minimum(((self._delta - ego.steering) / STEERING_STD) ** 2, CUT)
+        self._cost -= self._cost.min()
+        np.minimum(self._cost, WORST, out=self._cost)
+
+    def _best(self) -> PlantEstimate:
+        least = float(self._cost.min())
+        if self._cost[self._believed] < least + (SURE if self._believed == self._nominal else BETTER):
+            return self.estimate
+        alike = np.flatnonzero(self._cost < least + SAME)
+        i = self._believed = int(alike[self._plainness[alike].argmin()])
+        if i == self._nominal:
+            return ORDINARY
+        mu = None if math.isinf(self._limit[i]) else float(self._limit[i] / GRAVITY)
+        return PlantEstimate(
+            Actuation(float(self._delay[i] * SUBSTEP_S), float(self._lag[i]), mu), unusual=True
+        )
+
+    def pending(self, delay_s: float) -> list[tuple[float, float]]:
+        """Commands (m/s2, rad) given within the last delay_s s, oldest first, one a sub-step."""
+        late = min(round(delay_s / SUBSTEP_S), len(self._given))
+        return list(self._given)[len(self._given) - late :]

@@ -1,0 +1,45 @@
+"""Whether the ego has left the road, or drives against a lane's direction."""
+
+from __future__ import annotations
+
+import math
+
+from rudc.network.surface import Surface
+from rudc.vehicle import EgoVehicle
+from rudc.world.scene import EgoState
+
+OFF_ROAD_M = 0.3
+"""m, by which a corner may stick out over the road's edge"""
+
+
+class Borders:
+    """Of one episode."""
+
+    def __init__(self, surface: Surface, vehicle: EgoVehicle) -> None:
+        self._surface, self._vehicle = surface, vehicle
+        self._on_road = (0.0, 0.0, 0.0, -math.inf)
+        """m, m, rad, m: the pose last looked up, and how far no corner may move without leaving the road"""
+
+    def left(self, state: EgoState) -> tuple[bool, bool]:
+        """Whether the ego is off the road, and whether its centre goes the wrong way."""
+        direction = self._surface.direction(state.x, state.y)
+        wrong_way = not math.isnan(direction) and math.cos(state.psi - direction) < 0
+        return self._off_road(state), wrong_way
+
+    def _off_road(self, state: EgoState) -> bool:
+        """Whether a corner sticks out too far; looked up anew once one may have moved that far."""
+        x, y, psi, room = self._on_road
+        body = self._vehicle
+        radius = 0.5 * math.hypot(body.length, body.width)
+        if math.hypot(state.x - x, state.y - y) + radius * abs(state.psi - psi) < room:
+            return False
+        forward = 0.5 * body.length * math.cos(state.psi), 0.5 * body.length * math.sin(state.psi)
+        left = -0.5 * body.width * math.sin(state.psi), 0.5 * body.width * math.cos(state.psi)
+        depth = min(
+            self._surface.depth(
+                state.x + i * forward[0] + j * left[0], state.y + i * forward[1] + j * left[1]
+            )
+            for i, j in ((1, 1), (1, -1), (-1, 1), (-1, -1))
+        )
+        self._on_road = state.x, state.y, state.psi, depth + OFF_ROAD_M
+        return depth < -OFF_ROAD_M

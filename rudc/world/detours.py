@@ -1,0 +1,141 @@
+"""Surrounding vehicles (SVs) go round what blocks their way for good, or wait where they are in nobody's.
+
+A row of `network.paths` is blocked where a car on it would touch something that stands on the road for good
+(an accident, a closed lane, a stalled vehicle). An SV whose row is blocked ahead of it
+
+    takes another lane, if its movement has a row from there that is free;
+    before the stop line, else takes another movement from its arm that is free;
+    before the stop line, else waits there: nobody drives into a junction whose way on is blocked.
+
+Those who enter the road choose among the movements that are free.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rudc.arrays import Array
+from rudc.geometry import gaps_between
+from rudc.network.paths import SPACING
+from rudc.world.scene import Kind
+
+if TYPE_CHECKING:
+    from rudc.network.network import Movement, Network
+    from rudc.world.props import Prop
+    from rudc.world.scene import Scene
+    from rudc.world.sumo import Sumo
+    from rudc.world.traffic import Traffic
+
+BODY = np.array([5.0, 1.9])
+"""(2,) m, length and width of the car that a row must let through"""
+TOUCH = 0.1
+"""m, gap below which a row is blocked"""
+WAIT = 1.0
+"""m before the stop line where those wait for whom no way is free"""
+COMFORT = 2.5
+"""m/s2, with which they stop there"""
+HOLD_S = 2.0
+"""s for which a lane is asked of SUMO"""
+
+
+class Detours:
+    """Of one episode."""
+
+    def __init__(self, sumo: Sumo, network: Network, traffic: Traffic) -> None:
+        self._sumo, self._network, self._traffic = sumo, network, traffic
+        self._seen: tuple[tuple[str, float, float], ...] = ()
+        self._block: Array = np.full(network.paths.count, np.inf)
+        self.redirected = False
+        """whether the last step gave somebody another movement"""
+
+    def step(self, scene: Scene, props: list[Prop]) -> dict[str, tuple[float, float]]:
+        """Redirect SVs; those that have to wait: name -> (speed m/s, deceleration m/s2)."""
+        self.redirected = False
+        standing = [prop for prop in props if not prop.moves and prop.kind != Kind.PEDESTRIAN]
+        key = tuple((prop.name, *prop.pose()[:2]) for prop in standing)
+        if key != self._seen:
+            self._seen, self._block = key, self._blocked(standing)
+            self._traffic.avoid(self._closed())
+        if not standing:
+            return {}
+        waits = {}
+        rows = np.flatnonzero(scene.path >= 0)
+        front = scene.path_s[rows] + 0.5 * scene.size[rows, 0]
+        ahead = self._block[scene.path[rows]] > front - 0.5
+        for i, at in zip(rows[ahead].tolist(), front[ahead].tolist(), strict=True):
+            if np.isfinite(self._block[scene.path[i]]):
+                need = self._redirect(scene, i, at)
+                if need is not None:
+                    waits[scene.ids[i]] = need
+        return waits
+
+    def _blocked(self, standing: list[Prop]) -> Array:
+        """(P,) m, arc length of the front bumper at which each row is blocked; inf where it is not."""
+        paths = self._network.paths
+        result = np.full(paths.count, np.inf)
+        for prop in standing:
+            x, y, psi = prop.pose()
+            size = np.array([prop.length, prop.width])
+            reach = 0.5 * float(np.hypot(*size) + np.hypot(*BODY)) + TOUCH
+            row, station = np.nonzero(np.hypot(paths.xy[..., 0] - x, paths.xy[..., 1] - y) < reach)
+            inside = station * SPACING < paths.length[row]
+            row, station = row[inside], station[inside]
+            n = len(row)
+            if not n:
+                continue
+            gap = gaps_between(
+                paths.xy[row, station], paths.heading[row, station], BODY,
+                np.tile([x, y], (n, 1)), np.full(n, psi), size,
+            )  # fmt: skip
+            hit = gap < TOUCH
+            np.minimum.at(result, row[hit], station[hit] * SPACING + 0.5 * BODY[0])
+        return result
+
+    def _closed(self) -> set[tuple[str, str]]:
+        """Movements of which no row is free."""
+        return {
+            (movement.origin, movement.destination)
+            for movement in self._network.movements
+            if np.isfinite(self._block[list(movement.rows)]).all()
+        }
+
+    def _redirect(self, scene: Scene, i: int, front: float) -> tuple[float, float] | None:
+        """What an SV does whose row is blocked ahead: None, or how it brakes to wait."""
+        network, paths, name = self._network, self._network.paths, scene.ids[i]
+        row = int(scene.path[i])
+        driver = self._traffic.drivers.get(name)
+        if driver is None or driver.overridden:
+            return None
+        movement = network.movement(driver.origin, driver.destination)
+        before = front < paths.stop_s[row]
+        if not before and front < paths.exit_s[row]:
+            return None
+        free = [other for other in movement.rows if self._free(other, front, before)]
+        if free:
+            lane = network.inbound_lane(free[0]) if before else network.outbound_lane(free[0])
+            self._sumo.ask_lane(name, lane.index, HOLD_S)
+            if not before or self._block[row] < paths.stop_s[row]:
+                return None
+        elif before and self._take_another(name, movement):
+            return None
+        if not before:
+            return None
+        room = float(paths.stop_s[row]) - WAIT - front
+        speed = float(np.hypot(*scene.velocity[i]))
+        need = speed**2 / (2 * max(room, 0.1))
+        return (speed, need) if need > COMFORT or room < 0.5 else None
+
+    def _free(self, row: int, front: float, before: bool) -> bool:
+        return not np.isfinite(self._block[row]) or (not before and self._block[row] < front)
+
+    def _take_another(self, name: str, movement: Movement) -> bool:
+        """Whether the SV could be given another movement from its arm that is free."""
+        for other in self._network.movements:
+            free = not np.isfinite(self._block[list(other.rows)]).all()
+            if other.origin == movement.origin and other.turn != "u_turn" and free:
+                self._traffic.redirect(name, other.origin, other.destination)
+                self.redirected = True
+                return True
+        return False

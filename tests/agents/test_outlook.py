@@ -1,0 +1,182 @@
+"""What a driver is shown: courses round what blocks, and the car that is there; on real episodes."""
+
+# ruff: noqa: F811 -- fixtures come by import
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rudc.agents.adaptation import Adaptation
+from rudc.agents.blocking import PATIENCE, Blocking
+from rudc.agents.courses import Courses, along
+from rudc.agents.outlook import OutlookAgent, OutlookSettings
+from rudc.agents.registry import agent_settings, make_agent
+from rudc.env.episode import Episode
+from rudc.errors import AgentError
+from rudc.safety.plant import SUBSTEP_S
+from rudc.scenario import load_scenario
+from rudc.vehicle import Actuation
+from rudc.world.ego import EgoPlant
+from rudc.world.scene import Kind
+from tests.plans import PlanSource, event
+from tests.world.conftest import four_way, make_scene, world, world_on  # noqa: F401 -- fixtures
+
+
+def drive(world, plan, agent):
+    """The outcome, and what the agent did and was shown at each decision."""
+    episode = Episode(world)
+    scene = episode.reset(plan)
+    agent.reset(scene, plan.seed)
+    seen = []
+    while episode.outcome is None:
+        decision = agent.act(scene)
+        seen.append((scene, decision))
+        scene = episode.step(decision.u).scene
+    return episode.outcome, seen
+
+
+@pytest.mark.parametrize("scenario", ["stalled_truck", "road_works", "blocked_left_turn"])
+def test_the_planner_gets_through_where_its_path_is_blocked(world_on, scenario):
+    found = load_scenario(scenario)
+    for seed in (0, 1):
+        outcome, _ = drive(world_on(found.network), found.plan(seed), make_agent("planner"))
+        assert outcome == "success"
+
+
+def test_without_a_course_it_does_not(world_on):
+    found = load_scenario("road_works")
+    outcome, _ = drive(world_on(found.network), found.plan(0), make_agent("gap-acceptance"))
+    assert outcome == "frozen"
+
+
+def test_on_a_free_road_nothing_is_planned_and_nothing_changes(world):
+    plan = PlanSource(origin="south", turn="left", density=15.0).plan(3)
+    plain = drive(world, plan, make_agent("gap-acceptance"))
+    planner = make_agent("planner")
+    planned = drive(world, plan, planner)
+    assert plain[0] == planned[0]
+    assert all(np.array_equal(a.u, b.u) for (_, a), (_, b) in zip(plain[1], planned[1], strict=True))
+    assert isinstance(planner, OutlookAgent)
+    assert planner.outlook.courses is not None
+    assert planner.outlook.courses.course is None
+
+
+def test_a_queue_blocks_only_behind_somebody_who_goes_nowhere(make_scene, four_way):
+    paths, row = four_way.paths, 0
+    beyond = float(paths.exit_s[row]) + 20.0
+    queue = [{"row": row, "s": beyond}, {"row": row, "s": beyond - 7.0}]
+    inbound = [
+        {"row": row, "s": float(paths.stop_s[row]) - 3.0},
+        {"row": row, "s": float(paths.stop_s[row]) - 10.0},
+    ]
+    watch = Blocking()
+    scene = make_scene(*queue, *inbound)
+    for k in range(round(10 * PATIENCE) + 3):
+        blocks = watch.look(replace(scene, time_s=0.1 * k))
+        if k < 10 * PATIENCE:
+            assert not blocks.any
+    assert blocks.standing.number == 2
+    assert {tuple(p) for p in blocks.standing.position} == {tuple(p) for p in scene.position[:2]}
+
+
+def test_what_has_no_way_blocks_at_once_and_a_pedestrian_never(make_scene):
+    pose = (0.0, 0.0, 0.3)
+    scene = make_scene(
+        {"at": pose}, {"at": pose, "kind": Kind.PEDESTRIAN}, {"at": pose, "kind": Kind.OBSTACLE}
+    )
+    assert Blocking().look(scene).standing.number == 2
+
+
+def test_the_scene_along_a_course_keeps_place_and_destination(make_scene, four_way):
+    scene = make_scene(origin="south", turn="left")
+    other = four_way.route("south", "left")
+    again = along(scene, other)
+    assert again.ego_s == pytest.approx(scene.ego_s, abs=1e-9)
+    assert again.ego_offset == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("actuation", [Actuation(0.3, 0.2), Actuation(0.2, 0.1, 0.3)])
+def test_it_decides_where_the_car_will_be_when_the_command_acts(make_scene, actuation):
+    scene = make_scene(v=9.0, actuation=actuation)
+    adaptation = Adaptation("known", probe=False)
+    adaptation.reset(scene)
+    plant = EgoPlant(scene.vehicle)
+    plant.reset(scene.ego.x, scene.ego.y, scene.ego.psi, scene.ego.v, actuation)
+    rng = np.random.default_rng(0)
+    given, shown = np.zeros(2), []
+    for _ in range(30):
+        here = replace(scene, ego=plant.state, last_u=given, time_s=scene.time_s + 0.1 * len(shown))
+        shown.append((adaptation.see(here).ego, plant.state))
+        given = np.array([rng.uniform(-3.0, 3.0), rng.uniform(-0.1, 0.1)])
+        for _ in range(2):
+            plant.step(*given, SUBSTEP_S)
+    late = round(actuation.delay_s / 0.1)
+    for k in range(10, 30 - late):
+        predicted, true = shown[k][0], shown[k + late][1]
+        assert math.hypot(predicted.x - true.x, predicted.y - true.y) < 0.02
+        assert predicted.v == pytest.approx(true.v, abs=0.02)
+
+
+@pytest.mark.parametrize("friction", [0.2, 0.5])
+def test_ice_is_found_out_and_speed_and_brakes_fit_it(world, friction):
+    plan = PlanSource(
+        origin="south", turn="left", density=5.0, events=(event("low_friction", friction=friction),)
+    )
+    agent = make_agent("gap-acceptance:outlook.plant=estimated")
+    outcome, seen = drive(world, plan.plan(0), agent)
+    assert outcome == "success"
+    assert isinstance(agent, OutlookAgent)
+    assert agent.outlook.adaptation is not None
+    assert agent.outlook.adaptation.estimate.actuation.friction == pytest.approx(friction, rel=0.2)
+    late = [scene for scene, _ in seen[15:]]
+    lateral = max(scene.ego.v * abs(scene.ego.yaw_rate) for scene in late)
+    assert lateral < friction * 9.81
+
+
+def test_the_probe_is_short_on_a_dry_road_and_can_be_left_out(world):
+    plan = PlanSource(origin="south", turn="straight", density=5.0).plan(1)
+    hardest = {}
+    for text in ("true", "false"):
+        _, seen = drive(world, plan, make_agent(f"follower:outlook.plant=estimated,outlook.probe={text}"))
+        hardest[text] = [float(decision.u[0]) for _, decision in seen]
+    assert sum(a < -5.9 for a in hardest["true"]) == 1
+    assert min(hardest["false"]) > -3.0
+
+
+def test_settings_are_those_of_the_one_tree():
+    assert agent_settings("planner")["outlook"] == {"course": True, "plant": "off"}
+    assert agent_settings("planner:outlook.course=false")["outlook"] == {"course": False, "plant": "off"}
+    assert OutlookSettings(plant="known", course=True).make() is not None
+    assert OutlookSettings().make() is None
+    for name, says in (
+        ("gap-acceptance:outlook.cuorse=true", "outlook.course"),
+        ("gap-acceptance:outlook.probe=false", "nothing is estimated"),
+        ("gap-acceptance:outlook.plant=guessed", "outlook.plant"),
+        ("sumo:outlook.course=true", "SUMO itself drives"),
+    ):
+        with pytest.raises(AgentError, match=says):
+            make_agent(name)
+
+
+def test_nothing_clear_means_stopping_well_before(world_on):
+    found = load_scenario("stalled_truck")
+    events = tuple(
+        event("stalled_vehicle", lane=f"east_out_{lane}", at=20.0, type="truck") for lane in (0, 1)
+    )
+    plan = replace(found.plan(0), events=events, event_numbers=(0, 1))
+    agent = make_agent("follower:outlook.course=true")
+    outcome, seen = drive(world_on(found.network), plan, agent)
+    assert outcome == "frozen"
+    scene = seen[-1][0]
+    trucks = [i for i, name in enumerate(scene.ids) if name.startswith("stalled_vehicle")]
+    gap = np.hypot(*(scene.position[trucks] - scene.ego_position).T).min() - 0.5 * (5.0 + 7.5)
+    assert 4.0 < gap < 11.0
+
+
+def test_courses_forget_the_last_episode(make_scene):
+    courses = Courses()
+    courses.reset(make_scene())
+    courses.course = make_scene().route
+    courses.reset(make_scene())
+    assert courses.course is None

@@ -1,0 +1,136 @@
+"""Courses round bodies, judged by exact rectangles (shapely) and by the car that has to drive them."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from rudc.geometry import Rectangles, rectangle_corners, rectangle_gaps
+from rudc.network.course import CoursePlanner, gaps_along
+from rudc.network.network import load_network
+from rudc.vehicle import EgoVehicle
+
+BODY = EgoVehicle()
+NOBODY = Rectangles(np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)))
+
+
+def bodies(*poses, size=(5.0, 1.8)):
+    return Rectangles(
+        np.array([pose[:2] for pose in poses]),
+        np.array([pose[2] for pose in poses]),
+        np.tile(size, (len(poses), 1)),
+    )
+
+
+def beside(route, s, offset, turned=0.0):
+    x, y, psi = (float(v) for v in route.path.pose(s))
+    return x - offset * math.sin(psi), y + offset * math.cos(psi), psi + turned
+
+
+def least_gap(course, standing):
+    """m, of a car that follows the course, at every 0.25 m, to any of the bodies."""
+    s = np.arange(0.0, course.length, 0.25)
+    x, y, psi = course.path.pose(s)
+    return min(
+        float(rectangle_gaps(x[i], y[i], psi[i], BODY.length, BODY.width, *standing).min())
+        for i in range(len(s))
+    )
+
+
+def on_the_road(network, course, first, last):
+    """Whether every corner of a car that follows the course from first to last m stays on the carriageway."""
+    s = np.arange(first, last, 0.5)
+    x, y, psi = course.path.pose(s)
+    corners = rectangle_corners(np.column_stack([x, y]), psi, np.tile([BODY.length, BODY.width], (len(s), 1)))
+    return network.surface.signed_distance(corners.reshape(-1, 2)).min() >= 0.0
+
+
+@pytest.fixture(scope="module")
+def left():
+    network = load_network("four_way")
+    route = network.route("south", "left")
+    return network, route, CoursePlanner(network, route, BODY)
+
+
+def test_a_free_road_gives_the_reference_path(left):
+    _, route, planner = left
+    course = planner.plan(80.0, 0.0, 0.0, NOBODY, NOBODY)
+    assert course is not None
+    for s in np.arange(80.0, 150.0, 5.0):
+        x, y, _ = course.path.pose(course.path.project(*(float(v) for v in route.path.pose(s)[:2]))[0])
+        assert (
+            math.hypot(float(x) - float(route.path.pose(s)[0]), float(y) - float(route.path.pose(s)[1])) < 0.1
+        )
+
+
+@pytest.mark.parametrize("at", [-10.0, 0.0, 8.0, 16.0, 35.0])
+@pytest.mark.parametrize("offset", [-0.6, 0.0, 0.6])
+def test_a_body_anywhere_in_the_lane_is_passed_on_the_road(left, at, offset):
+    network, route, planner = left
+    standing = bodies(beside(route, route.stop_line_s + at, offset, 0.2))
+    start = route.stop_line_s + min(at, 0.0) - 30.0
+    course = planner.plan(start, 0.0, 0.0, standing, NOBODY)
+    assert course is not None
+    assert least_gap(course, standing) > 0.3
+    assert on_the_road(network, course, start, start + 75.0)
+    first = int(2 * start)
+    assert (
+        np.abs(course.path.curvature[first : first + 150]).max() < math.tan(BODY.delta_max) / BODY.wheelbase
+    )
+
+
+def test_a_road_blocked_from_edge_to_edge_has_no_course(left):
+    _, route, planner = left
+    s = route.exit_s + 15.0
+    standing = bodies(*(beside(route, s, offset, math.pi / 2) for offset in (-4.5, 0.0, 4.5)))
+    assert planner.plan(90.0, 0.0, 0.0, standing, NOBODY) is None
+
+
+def test_who_comes_the_wrong_way_counts_beyond_the_junction_only(left):
+    _, route, planner = left
+    in_junction = bodies(beside(route, 0.5 * (route.stop_line_s + route.exit_s), 0.0))
+    assert planner.plan(90.0, 0.0, 0.0, in_junction, NOBODY) is not None
+    course = planner.plan(90.0, 0.0, 0.0, NOBODY, in_junction)
+    assert course is not None
+    assert least_gap(course, in_junction) == 0.0
+    beyond = bodies(beside(route, route.exit_s + 20.0, 0.0), size=(40.0, 1.8))
+    course = planner.plan(90.0, 0.0, 0.0, NOBODY, beyond)
+    assert course is not None
+    _, gap = gaps_along(course.path, course.exit_s, course.length, BODY, beyond)
+    assert gap.min() > 0.25
+
+
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    st.lists(
+        st.tuples(st.floats(-20.0, 40.0), st.floats(-4.0, 4.0), st.floats(-math.pi, math.pi)),
+        min_size=1,
+        max_size=3,
+    ),
+    st.floats(60.0, 90.0),
+    st.floats(-0.5, 0.5),
+)
+def test_what_comes_out_is_clear_on_the_road_and_starts_at_the_car(left, places, s, offset):
+    network, route, planner = left
+    standing = bodies(*(beside(route, route.stop_line_s + at, away, turned) for at, away, turned in places))
+    course = planner.plan(s, offset, 0.0, standing, NOBODY)
+    if course is None:
+        return
+    x, y, _ = beside(route, s, offset)
+    start, away = course.path.project(x, y)
+    assert abs(away) < 0.15
+    assert on_the_road(network, course, start, start + 75.0)
+    _, gap = gaps_along(course.path, start + 3.0, start + 75.0, BODY, standing)
+    assert gap.min() > 0.25
+
+
+def test_gaps_along_agree_with_rectangles_one_by_one(left):
+    _, route, _ = left
+    standing = bodies(beside(route, 100.0, 2.5, 0.3), beside(route, 120.0, -2.2, 1.0))
+    s, gap = gaps_along(route.path, 80.0, 140.0, BODY, standing)
+    for k in range(0, len(s), 7):
+        x, y, psi = (float(v) for v in route.path.pose(s[k]))
+        exact = float(rectangle_gaps(x, y, psi, BODY.length, BODY.width, *standing).min())
+        assert gap[k] == pytest.approx(exact, abs=1e-9) if exact < 3.0 else gap[k] == math.inf

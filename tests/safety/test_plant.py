@@ -1,0 +1,116 @@
+"""The plant monitor against the plant itself: every unusual car is recognised, an ordinary one never
+suspected."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rudc.safety.plant import DELAYS, FRICTIONS, LAGS, PlantMonitor
+from rudc.vehicle import Actuation, EgoVehicle
+from rudc.world.ego import GRAVITY, EgoPlant
+
+BODY = EgoVehicle()
+BRAKES_AT = 5
+"""decision at which the driver below brakes fully, for PULSE decisions"""
+PULSE = 5
+
+
+def drive(
+    actuation: Actuation, *, seed: int = 0, noise: float = 0.0, seconds: float = 4.0, pulse: bool = True
+):
+    """A monitor that has watched a drive, and the last estimate of every decision."""
+    rng = np.random.default_rng(seed)
+    plant, monitor = EgoPlant(BODY), PlantMonitor(BODY)
+    plant.reset(0.0, 0.0, 0.0, 9.0, actuation)
+    monitor.update(plant.state, (0.0, 0.0))
+    found = []
+    for k in range(round(seconds * 10)):
+        u = 1.5 * np.sin(0.3 * k) + rng.normal(0.0, 0.3), 0.04 * np.sin(0.2 * k)
+        if pulse and BRAKES_AT <= k < BRAKES_AT + PULSE:
+            u = BODY.a_min, u[1]
+        for _ in range(2):
+            plant.step(*u, 0.05)
+        read = replace(plant.state, acceleration=plant.state.acceleration + rng.normal(0.0, noise))
+        found.append(monitor.update(read, u).actuation)
+    return monitor, found
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_an_ordinary_car_is_never_suspected(seed):
+    _, found = drive(Actuation(), seed=seed, noise=0.15, seconds=20.0)
+    assert set(found) == {Actuation()}
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.15])
+@pytest.mark.parametrize("friction", [0.15, 0.2, 0.27, 0.35, 0.5])
+def test_friction_is_known_after_a_short_braking_and_stays_known(friction, noise):
+    _, found = drive(Actuation(friction=friction), noise=noise, seconds=12.0)
+    for actuation in (found[BRAKES_AT + 3], found[-1]):
+        assert actuation.friction is not None
+        assert 0.85 * friction <= actuation.friction <= 1.18 * friction
+        assert actuation.delay_s + actuation.lag_s <= 0.05
+
+
+def test_friction_does_not_show_where_nothing_exceeds_it():
+    _, found = drive(Actuation(friction=0.5), pulse=False)
+    assert set(found) == {Actuation()}
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.15])
+@pytest.mark.parametrize("delay", [0.1, 0.2, 0.3, 0.4])
+@pytest.mark.parametrize("lag", [0.0, 0.1, 0.3])
+def test_dead_time_and_lag_are_known_within_a_step(delay, lag, noise):
+    _, found = drive(Actuation(delay, lag), noise=noise)
+    assert found[-1].delay_s == pytest.approx(delay, abs=0.051)
+    assert found[-1].lag_s == pytest.approx(lag, abs=0.051)
+    assert found[-1].friction is None
+
+
+def test_all_three_at_once():
+    _, found = drive(Actuation(0.2, 0.1, 0.3), noise=0.15, seconds=6.0)
+    assert found[-1].delay_s == pytest.approx(0.2, abs=0.051)
+    assert found[-1].friction == pytest.approx(0.3, rel=0.2)
+
+
+def test_a_car_that_changes_on_the_way_is_noticed():
+    plant, monitor = EgoPlant(BODY), PlantMonitor(BODY)
+    plant.reset(0.0, 0.0, 0.0, 10.0)
+    monitor.update(plant.state, (0.0, 0.0))
+    noticed = None
+    for k in range(60):
+        if k == 30:
+            plant.actuation = Actuation(friction=0.2)
+        u = (-5.0 if k % 10 < 3 else 2.0), 0.02 * np.sin(0.5 * k)
+        for _ in range(2):
+            plant.step(*u, 0.05)
+        estimate = monitor.update(plant.state, u)
+        if estimate.unusual and noticed is None:
+            noticed = k
+    assert noticed is not None
+    assert 30 <= noticed <= 33
+    assert estimate.grip == pytest.approx(0.2 * GRAVITY, rel=0.16)
+
+
+def test_a_new_episode_begins_with_an_ordinary_car():
+    monitor, _ = drive(Actuation(friction=0.2))
+    assert monitor.estimate.unusual
+    monitor.reset()
+    assert not monitor.estimate.unusual
+
+
+def test_commands_on_their_way_are_those_given_within_the_dead_time():
+    monitor = PlantMonitor(BODY)
+    state = EgoPlant(BODY).state
+    monitor.update(state, (0.0, 0.0))
+    for a in (1.0, 2.0, 3.0):
+        monitor.update(replace(state, v=5.0), (a, 0.0))
+    assert monitor.pending(0.0) == []
+    assert [a for a, _ in monitor.pending(0.2)] == [2.0, 2.0, 3.0, 3.0]
+
+
+def test_the_bank_covers_what_scenarios_ask_for():
+    assert DELAYS.max() >= 0.6
+    assert LAGS.max() >= 0.6
+    assert np.isinf(FRICTIONS).any()
+    assert FRICTIONS.min() <= 0.1

@@ -1,0 +1,68 @@
+"""Surrounding vehicles go round what stands for good, or wait where they block nobody."""
+
+import numpy as np
+
+from rudc.world.detours import Detours
+from tests.plans import PlanSource, event
+
+ACCIDENT = event(
+    "accident",
+    vehicles=[
+        {"position": [-0.8, -4.2], "heading": 120},
+        {"position": [2.0, 4.0], "heading": 40},
+        {"lane": "west_out_1", "at": 12, "heading_offset": 25},
+    ],
+)
+
+
+def stand_in_junction(world, plan, seconds=25.0):
+    """How many vehicle-seconds SVs spend standing inside the junction, in an episode whose ego stands far off."""
+    scene = world.reset(plan)
+    paths, stood = world.network.paths, 0.0
+    for _ in range(round(seconds * 10)):
+        world.advance(np.array([-6.0, 0.0]))
+        scene = world.scene()
+        driven = scene.path >= 0
+        rows, s = scene.path[driven], scene.path_s[driven]
+        inside = (s + 2.5 > paths.stop_s[rows] + 1.0) & (s - 2.5 < paths.exit_s[rows])
+        slow = np.hypot(*scene.velocity[driven].T) < 0.3
+        stood += 0.1 * float((inside & slow).sum())
+    return stood
+
+
+def test_nobody_drives_into_a_block_and_stays_there(world, monkeypatch):
+    plan = PlanSource(origin="south", turn="left", density=25.0, events=(ACCIDENT,))
+    with_detours = sum(stand_in_junction(world, plan.plan(seed)) for seed in range(3))
+    monkeypatch.setattr(Detours, "step", lambda *_: {})
+    without = sum(stand_in_junction(world, plan.plan(seed)) for seed in range(3))
+    assert without > 30.0
+    assert with_detours < 0.35 * without
+
+
+def test_on_a_free_road_traffic_is_as_without(world, monkeypatch):
+    plan = PlanSource(density=25.0).plan(2)
+
+    def places():
+        world.reset(plan)
+        for _ in range(60):
+            world.advance(np.array([0.0, 0.0]))
+        return world.scene().position
+
+    with_detours = places()
+    monkeypatch.setattr(Detours, "step", lambda *_: {})
+    assert np.array_equal(with_detours, places())
+
+
+def test_a_lane_that_is_blocked_is_left_for_the_other(world):
+    closed = event("lane_closure", lane="west_out_1", at=10.0, length=20.0)
+    plan = PlanSource(origin="south", turn="right", density=25.0, events=(closed,))
+    world.reset(plan.plan(0))
+    passed = set()
+    for _ in range(250):
+        world.advance(np.array([-6.0, 0.0]))
+        scene = world.scene()
+        arm = scene.position[:, 0] < -45.0
+        west = np.abs(np.cos(scene.heading) + 1.0) < 0.1
+        passed |= {scene.ids[i] for i in np.flatnonzero(arm & west & (scene.path >= 0))}
+    assert len(passed) >= 3
+    assert len(world.traffic.drivers) > 0
