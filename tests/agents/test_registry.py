@@ -25,8 +25,9 @@ def test_every_name_makes_an_agent_of_that_name():
 def test_filters_stand_behind_all_but_sumo():
     names = agent_names()
     assert set(names) - set(shipped_checkpoints()) == {
-        "sumo", "follower", "gap-acceptance",
+        "sumo", "follower", "gap-acceptance", "planner",
         "follower+ttcbf", "follower+ecbf", "gap-acceptance+ttcbf", "gap-acceptance+ecbf",
+        "planner+ttcbf", "planner+ecbf",
     }  # fmt: skip
     assert agent_settings("follower+ecbf")["correction"]["rule"] == "ecbf"
     assert "correction" not in agent_settings("follower")

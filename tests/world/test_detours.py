@@ -16,7 +16,8 @@ ACCIDENT = event(
 
 
 def stand_in_junction(world, plan, seconds=25.0):
-    """How many vehicle-seconds SVs spend standing inside the junction, in an episode whose ego stands far off."""
+    """How many vehicle-seconds SVs spend standing inside the junction, in an episode whose ego stands far
+    off."""
     scene = world.reset(plan)
     paths, stood = world.network.paths, 0.0
     for _ in range(round(seconds * 10)):
