@@ -133,15 +133,14 @@ class SafetyFilter:
             )
         filtered = self._corrected(scene, proposed, slack, residual)
         if self._last_resort is not None:
-            hit = self._last_resort.in_the_way(scene, filtered.u)
-            if hit is not None:
-                filtered = self._stopped(scene, proposed, filtered, hit)
+            instead = self._last_resort.instead_of(scene, filtered.u)
+            if instead is not None:
+                filtered = self._stopped(scene, proposed, filtered, *instead)
         self.counts[filtered.status] += 1
         return filtered
 
-    def _stopped(self, scene: Scene, proposed: Array, filtered: Corrected, hit: Index) -> Corrected:
-        """Full braking, for the sake of the others `hit`."""
-        u = np.array([scene.vehicle.a_min, filtered.u[1]])
+    def _stopped(self, scene: Scene, proposed: Array, filtered: Corrected, u: Array, hit: Index) -> Corrected:
+        """Full braking `u`, for the sake of the others `hit`."""
         names = tuple(["veh:" + scene.ids[i] for i in hit.tolist()])
         return filtered._replace(u=u, correction=u - proposed, status="last_resort", active=names)
 

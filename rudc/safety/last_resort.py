@@ -4,12 +4,15 @@ Barrier rows look one step ahead, at ellipses that leave the corners of the bodi
 delta lets h rest at -delta / lambda for good. Therefore, whatever the rows have made of it, an action u is
 judged by two manoeuvres that begin with it (commit or stop):
 
-    stop   u for one step, then full braking with the steering held, and standing there
+    stop   u for one step, then full braking with the steering held, and standing there; where somebody
+           stands, also the same with steering along the route, for who passes close by in a bend
     go     u for one step, then on along the route at GO_ACCELERATION up to GO_SPEED
 
 A manoeuvre's room is the least that it leaves at any of the instants within the horizon towards anybody of
 
-    separation - min(last_resort_margin, separation now)
+    separation - min(margin, separation now)
+
+with last_resort_margin, towards who stands at most STILL_MARGIN
 
 separation being the largest along the four side directions of the ego's rectangle and the other's, which
 their distance is not below. Others are predicted along their paths (see `prediction`), at their present speed
@@ -18,7 +21,7 @@ neither closer than the margin to anybody nor, where it is that close already, a
 
     u is taken         if a manoeuvre's room is not negative (towards who stands still, that of stopping)
     full braking       if both are, and stopping at once leaves more, or at least more towards those who stand
-                       still, whatever comes from elsewhere; steering as in u
+                       still, whatever comes from elsewhere; steering as in the stop that leaves more
     u is taken         otherwise
 
 What stands still is therefore never hit, as long as it was seen in time and the vehicle does as the model:
@@ -36,6 +39,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rudc.arrays import Array, Complex, Flags, Index
+from rudc.env.tracking import steering
 from rudc.geometry import separation
 from rudc.safety.config import FilterConfig
 from rudc.safety.prediction import GO_ACCELERATION, GO_SPEED, Predictor
@@ -78,9 +82,9 @@ class LastResort:
         self._times: Array = np.linspace(0.0, HORIZON, round(HORIZON / config.dt) + 1)
         self._predictor = predictor
 
-    def in_the_way(self, scene: Scene, u: Array) -> Index | None:
-        """Whom action `u` (2,), m/s2 and rad, would end in hitting, where full braking is better: indices of
-        the scene's others. None if `u` may be taken.
+    def instead_of(self, scene: Scene, u: Array) -> tuple[Array, Index] | None:
+        """Full braking instead of `u` (2,), m/s2 and rad, where `u` would end in hitting somebody and that is
+        better; and for whose sake: indices of the scene's others. None if `u` may be taken.
         """
         first, v = self._first(scene.ego.v, float(u[0]))
         stop = self._stop(scene, u)
@@ -89,23 +93,40 @@ class LastResort:
             return None
         way = self._go(first, v)
         others = self._others(scene, float(way[-1]))
-        stopping = self._room(scene, others, *stop)
-        if others.still.any():
-            along = self._room(scene, others, *self._stop_along(scene, stop, v))
-            stopping = np.where(others.still, np.maximum(stopping, along), stopping)
+        stops = self._stops(scene, others, u)
         going = self._room(scene, others, *self._predictor.ego(scene, way))
-        room = np.stack([stopping, np.where(others.still, stopping, going)])
+        room = np.concatenate([stops, np.where(others.still, stops, going)])
         kept = ~np.isin(others.who, self._behind(scene, others.who[(room < -CREEPING).any(axis=0)]))
-        room = room[:, kept].min(axis=1, initial=np.inf).max()
-        braking = np.array([scene.vehicle.a_min, u[1]])
-        if room >= -CREEPING or u[0] < braking[0] + AS_GOOD:
+        best = room[:, kept].min(axis=1, initial=np.inf).max()
+        if best >= -CREEPING or u[0] < scene.vehicle.a_min + AS_GOOD:
             return None
-        at_once = self._room(scene, others, *self._stop(scene, braking))
+        braking, at_once = self._brake(scene, others, kept, float(u[1]))
         still = others.still & kept
-        unmoved = stopping[still].min(initial=np.inf)
-        if at_once[kept].min() <= room and (unmoved >= -CREEPING or at_once[still].min() <= unmoved):
+        unmoved = stops[:, still].min(axis=1, initial=np.inf).max()
+        if at_once[kept].min() <= best and (unmoved >= -CREEPING or at_once[still].min() <= unmoved):
             return None
-        return np.unique(others.who[kept & (np.minimum(stopping, going) < -CREEPING)])
+        return braking, np.unique(others.who[kept & (np.minimum(stops.max(axis=0), going) < -CREEPING)])
+
+    def _stops(self, scene: Scene, others: _Others, u: Array) -> Array:
+        """(1 or 2, m) m, room of stopping after `u` with the steering held, and, where somebody stands, of
+        stopping along the route.
+        """
+        held = self._stop(scene, u)
+        rooms = [self._room(scene, others, *held)]
+        if others.still.any():
+            _, v = self._first(scene.ego.v, float(u[0]))
+            rooms.append(self._room(scene, others, *self._stop_along(scene, held, v)))
+        return np.stack(rooms)
+
+    def _brake(self, scene: Scene, others: _Others, kept: Flags, delta: float) -> tuple[Array, Array]:
+        """(2,) full braking, and (m,) m its room: steering at `delta` rad or, where somebody stands and that
+        leaves more, along the route.
+        """
+        ways = [delta, steering(scene)] if others.still.any() else [delta]
+        actions = [np.array([scene.vehicle.a_min, way]) for way in ways]
+        rooms = [self._stops(scene, others, u)[k] for k, u in enumerate(actions)]
+        k = int(np.argmax([room[kept].min() for room in rooms]))
+        return actions[k], rooms[k]
 
     def _behind(self, scene: Scene, who: Index) -> Index:
         """Those of `who` that drive behind the ego."""
@@ -161,15 +182,24 @@ class LastResort:
         return place, cmath.exp(1j * ego.psi) * (half_turn * half_turn)
 
     def _stop_along(self, scene: Scene, stop: tuple[Complex, Complex], v: float) -> tuple[Complex, Complex]:
-        """(T,) m and (T,): the same first step as in `stop`, to v m/s, and then braking along the route."""
-        place, facing = stop
-        braking = -scene.vehicle.a_min
-        held = np.minimum(np.maximum(self._times[1:] - self._dt, 0.0), v / braking)
-        x, y, psi = float(place[1].real), float(place[1].imag), cmath.phase(complex(facing[1]))
-        s, _ = scene.route.path.project(x, y, scene.ego_s)
-        after = replace(scene, ego=replace(scene.ego, x=x, y=y, psi=psi), ego_s=s)
-        rest, turned = self._predictor.ego(after, v * held - 0.5 * braking * held * held)
-        return np.concatenate([place[:1], rest]), np.concatenate([facing[:1], turned])
+        """(T,) m and (T,): the first step of `stop`, to v m/s, and then braking while steering along the
+        route.
+        """
+        place, facing = stop[0].copy(), stop[1].copy()
+        body, path = scene.vehicle, scene.route.path
+        here, heading, s = complex(place[1]), cmath.phase(complex(facing[1])), scene.ego_s
+        for t in range(2, len(place)):
+            way, v = self._first(v, body.a_min)
+            if way > 0.0:
+                s, offset = path.project(here.real, here.imag, s)
+                ego = replace(scene.ego, x=here.real, y=here.imag, psi=heading, v=v, slip=0.0)
+                delta = steering(replace(scene, ego=ego, ego_s=s, ego_offset=offset))
+                slip = math.atan(body.cg_to_rear / body.wheelbase * math.tan(delta))
+                turn = way * math.sin(slip) / body.cg_to_rear
+                here += way * cmath.exp(1j * (heading + slip + 0.5 * turn))
+                heading += turn
+            place[t], facing[t] = here, cmath.exp(1j * heading)
+        return place, facing
 
     def _go(self, first: float, v: float) -> Array:
         """(T,) m along the route: `first` m in a step, then from `v` m/s on at GO_ACCELERATION."""
