@@ -60,16 +60,18 @@ def _of_events(steps: Sequence[Step], events: Sequence[Mapping[str, Any]]) -> li
     found = []
     for event in events:
         name = f"event {event['number']}, {event['kind'].replace('_', ' ')}"
-        begun, seen = event["begun_s"], event["visible_s"]
-        first = "begins" if begun else "there from the start"
-        for at, what in ((begun, first), (seen if seen != begun else None, "first seen by the ego")):
-            if at is not None:
-                found.append({"frame": _frame_at(steps, at), "kind": "event", "text": f"{name}: {what}"})
+        begun, seen = (_frame_at(steps, event[key]) for key in ("begun_s", "visible_s"))
+        first = "begins" if event["begun_s"] else "there from the start"
+        for frame, what in ((begun, first), (seen if seen != begun else None, "first seen by the ego")):
+            if frame is not None:
+                found.append({"frame": frame, "kind": "event", "text": f"{name}: {what}"})
     return found
 
 
-def _frame_at(steps: Sequence[Step], time_s: float) -> int:
-    """The first frame not before a time."""
+def _frame_at(steps: Sequence[Step], time_s: float | None) -> int | None:
+    """The first frame not before a time; None without one."""
+    if time_s is None:
+        return None
     return next((k for k, s in enumerate(steps) if s.series["time_s"] >= time_s - 1e-6), len(steps) - 1)
 
 

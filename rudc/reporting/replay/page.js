@@ -95,7 +95,7 @@ function tell({ run, now, acts }, frame) {
   if (value('sigma') !== null) parts.push(`sigma ${number(value('sigma'))}`);
   if (k === run.frames - 1) parts.push(`ended: ${run.outcome.replace('_', ' ')}`);
   now.textContent = parts.join('  ·  ');
-  acts.textContent = [correction(run, k), ...waiting(run, value('time_s'))].join('  ·  ');
+  acts.textContent = [correction(run, k), ...standing(run, k)].join('  ·  ');
 }
 
 function correction(run, k) {
@@ -118,10 +118,13 @@ function counted(names) {
   return [...all].map(([name, n]) => (n > 1 ? `${n} × ${name}` : name));
 }
 
-function waiting(run, time) {
+// How each event stands.
+function standing(run, k) {
+  const time = run.series.time_s[k];
   return run.events.map((event) => {
     const name = `(${event.number}) ${event.kind.replaceAll('_', ' ')}`;
     if (event.begun_s === null || event.begun_s > time + 1e-6) return `${name}: waits`;
+    if (event.over !== null && k >= event.over) return `${name}: over`;
     if (event.visible_s === null || event.visible_s > time + 1e-6) return `${name}: not seen yet`;
     return name;
   });

@@ -46,7 +46,7 @@ class SceneView {
     c.lineCap = 'butt'; c.lineJoin = 'round';
     this.drawRoad();
     this.drawReach(k, ex, ey);
-    this.drawWay(k);
+    this.drawWay(k, ex, ey);
     this.others = present(run, k);
     for (const t of this.others) this.drawOther(t, k - t.from, s);
     this.drawSensed(k, s);
@@ -103,7 +103,7 @@ class SceneView {
     }
   }
 
-  drawWay(k) {
+  drawWay(k, ex, ey) {
     const run = this.run, route = run.route, at = run.series.route_s_m[k], told = run.decisions[k];
     const from = Math.max(Math.floor(at / route.spacing_m), 0);
     const goal = route.goal_m === null ? Infinity : route.goal_m;
@@ -114,7 +114,9 @@ class SceneView {
     this.ctx.fillStyle = this.colours.ego;
     this.ctx.fill(ring(...end, 0.8));
     if (told.course !== undefined) {
-      this.stroke(trace(new Path2D(), run.courses[told.course]), this.colours.paper, 0.45, [1.6, 1]);
+      const course = run.courses[told.course], away = course.map(([x, y]) => Math.hypot(x - ex, y - ey));
+      const ahead = course.slice(away.indexOf(Math.min(...away)));
+      this.stroke(trace(new Path2D(), ahead), this.colours.paper, 0.45, [1.6, 1]);
     }
   }
 
