@@ -74,6 +74,24 @@ def test_sizes_that_the_shipped_predictor_has_not_seen_do_not_mislead_it(size):
     assert np.abs(w).max() < 2.0
 
 
+def test_residuals_fade_towards_standstill():
+    predictor, u = shipped_predictor(), np.array([1.0, 0.05])
+    xi = features(SCENE, CONSTRAINTS, u)["vehicle"]
+    slow, faster = xi.copy(), xi.copy()
+    slow[:, VEHICLE.index("speed / 10")], faster[:, VEHICLE.index("speed / 10")] = 0.0, 0.1
+    assert not predictor.of("vehicle", slow).any()
+    assert predictor.of("vehicle", faster).all()
+    standing = make_scene(others=[Other(6.0, 3.0), Other(-8.0, -3.0, 0.3, 6.0)], v=0.0)
+    constraints = ConstraintBuilder(FilterConfig.preset("ttcbf", constrained="all")).build(standing)
+    assert not predictor(standing, constraints, u).any()
+
+
+def test_each_kind_of_action_has_its_predictor():
+    adjustment, direct, other = (shipped_predictor(kind).arrays for kind in ("adjustment", "direct", "mine"))
+    assert not np.array_equal(adjustment["road/w1"], direct["road/w1"])
+    np.testing.assert_array_equal(other["road/w1"], adjustment["road/w1"])
+
+
 def test_the_shipped_predictor_speaks_of_every_constraint():
     w = shipped_predictor()(SCENE, CONSTRAINTS, np.array([1.0, 0.05]))
     assert w.shape == (CONSTRAINTS.count,)

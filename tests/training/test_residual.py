@@ -53,6 +53,7 @@ def test_random_actions_stand_still_now_and_then(dataset):
 def _known(rng: np.random.Generator, features_: int, rows: int = 4000) -> Samples:
     """Samples whose w is a smooth function of the features."""
     xi = rng.normal(size=(rows, features_)).astype(np.float32)
+    xi[:, 2] = 0.1 + np.abs(xi[:, 2])  # the ego's speed: what stands still is faded out
     w = (0.5 * xi[:, 0] * xi[:, 1] + np.sin(xi[:, 2])).astype(np.float32)
     change = (w + 3 * xi[:, 3]).astype(np.float32)
     return Samples(xi, change, w, (np.arange(rows) // 20).astype(np.int32))
@@ -107,6 +108,7 @@ def test_inference_without_torch_agrees_with_torch():
     arrays |= {"vehicle/mean": zeros, "vehicle/spread": ones, "vehicle/low": -ones, "vehicle/high": ones}
     predictor = ResidualPredictor(arrays | {"vehicle/scale": np.array(1.0)})
     xi = rng.normal(size=(7, len(ROAD)))
+    xi[:, ROAD.index("speed / 10")] = 0.1  # no fading
     inside = np.clip(xi, -1.5, 1.0)
     assert (inside != xi).any()
     with torch.no_grad():
@@ -117,7 +119,7 @@ def test_inference_without_torch_agrees_with_torch():
 
 def test_what_is_no_predictor_and_no_samples_is_refused(tmp_path):
     with pytest.raises(AgentError, match="rudc residual fit"):
-        load_predictor(tmp_path)
+        load_predictor(tmp_path / "none.safetensors")
     with pytest.raises(InputError, match="rudc residual collect"):
         load_dataset(tmp_path / "none.safetensors")
     (tmp_path / "text").write_text("no")
