@@ -35,6 +35,8 @@ LENGTH, ANGLE = 0.01, 0.001
 """m and rad, of which coordinates and headings are multiples"""
 BRAKES, HIDDEN, CONSTRAINED, ACTIVE = 1, 2, 4, 8
 """bits of a body's state at a frame: brake lights, not seen by the ego, constrained, acted on"""
+PATH_STRIDE = 3
+"""stations of a way of others from one point to the next that is kept"""
 SERIES: dict[str, float] = {
     "time_s": 0.01, "speed_mps": 0.01, "route_s_m": 0.01, "offset_m": 0.01,
     "acceleration_mps2": 0.01, "nominal_acceleration_mps2": 0.01, "safe_acceleration_mps2": 0.01,
@@ -108,6 +110,7 @@ class Recording:
                 "spacing_m": float(route.path.s[2] - route.path.s[0]),
                 "goal_m": _number(destination_s(world.scene())),
             },
+            "paths": {str(row): _path(world.network, row, route.row) for row in self._rows()},
             "courses": [_flat(course.path.xy[::2] - center) for course in self._courses],
             "tracks": [_closed(track, center) for track in self._tracks],
             "series": {name: _stepped(self._steps, name, step) for name, step in SERIES.items()},
@@ -147,6 +150,8 @@ class Recording:
             flags += CONSTRAINED * (f"veh:{name}" in constrained) + ACTIVE * (f"veh:{name}" in active)
             x, y = scene.position[i]
             track["poses"].append((x, y, scene.heading[i]))
+            if not track["path"] or track["path"][-1][1] != int(scene.path[i]):
+                track["path"].append((k, int(scene.path[i])))
             track["speed"].append(round(float(speed[i]), 1))
             track["state"].append(flags)
             if name in numbers and track["event"] is None:
@@ -157,10 +162,14 @@ class Recording:
         track: dict[str, Any] = {
             "name": scene.ids[i], "kind": Kind(int(scene.kind[i])).name.lower(), "from": k,
             "size": [round(float(v), 2) for v in scene.size[i]], "event": None, "event_from": None,
-            "poses": [], "speed": [], "state": [],
+            "path": [], "poses": [], "speed": [], "state": [],
         }  # fmt: skip
         self._tracks.append(track)
         return track
+
+    def _rows(self) -> list[int]:
+        """Rows of `network.paths` that anybody drives on."""
+        return sorted({row for track in self._tracks for _, row in track["path"] if row >= 0})
 
     def _note_events(self, view: View, k: int) -> None:
         center = self._episode.world.network.center
@@ -221,6 +230,19 @@ def _arm(network: Network, arm: Any) -> dict[str, Any]:
         "major": arm.major,
         "bearing": round(float(arm.bearing), 3),
         "entry": _rounded(end - network.center),
+    }
+
+
+def _path(network: Network, row: int, own: int) -> dict[str, Any]:
+    """A way through the junction, where it leaves it, and who yields where the ego is on the row `own`."""
+    paths = network.paths
+    until = int(paths.length[row] / paths.ds) + 1
+    before, after = bool(paths.yields[own, row]), bool(paths.yields[row, own])
+    return {
+        "xy": _flat(paths.xy[row, :until:PATH_STRIDE] - network.center),
+        "spacing_m": PATH_STRIDE * paths.ds,
+        "exit_m": round(float(paths.exit_s[row]), 1),
+        "yields": "ego" if before else "other" if after else "",
     }
 
 

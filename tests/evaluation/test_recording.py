@@ -131,6 +131,21 @@ def test_a_driver_without_filter_and_sigma_has_none_of_their_numbers():
     assert not {"correction", "infeasible", "sigma", "h"} & {moment["kind"] for moment in data["moments"]}
 
 
+def test_ways_of_others_say_who_yields(storm):
+    data, seen, _ = storm
+    network, own = seen[0][0].truth.network, seen[0][0].truth.route.row
+    for row, path in data["paths"].items():
+        last = np.array([sum(path["xy"][0::2]), sum(path["xy"][1::2])]) * LENGTH + network.center
+        assert np.hypot(*(network.paths.xy[int(row)] - last).T).min() < 0.02
+        assert (path["yields"] == "ego") == bool(network.paths.yields[own, int(row)])
+    for track in data["tracks"]:
+        for k, row in track["path"]:
+            scene = seen[k][0].truth
+            assert scene.path[scene.ids.index(track["name"])] == row
+            assert row < 0 or str(row) in data["paths"]
+    assert {"ego", ""} <= {path["yields"] for path in data["paths"].values()}
+
+
 @pytest.mark.parametrize("name", list(shipped_networks()))
 def test_the_road_of_every_network_is_small(name):
     shapes = road_shapes(load_network(name))

@@ -37,8 +37,10 @@ function decoded(run) {
     ...run.route, path: points(run.route.path), left: points(run.route.left), right: points(run.route.right),
   };
   const events = run.events.map((e) => ({ ...e, way: e.way && points(e.way) }));
+  const paths = {};
+  for (const [row, path] of Object.entries(run.paths)) paths[row] = { ...path, xy: points(path.xy) };
   return {
-    ...run, series, tracks, route, events,
+    ...run, paths, series, tracks, route, events,
     road: run.road || DATA.runs[0].road, ego: poses(run.ego), courses: run.courses.map(points),
   };
 }
@@ -51,6 +53,12 @@ function between(track, k, share) {
   const n = Math.min(k + 1, track.x.length - 1);
   const mix = (v) => v[k] + (v[n] - v[k]) * share;
   return [mix(track.x), mix(track.y), mix(track.psi)];
+}
+
+// What of a line lies ahead of a place, from the point nearest to it.
+function ahead(line, [x, y]) {
+  const away = line.map(([u, v]) => Math.hypot(u - x, v - y));
+  return line.slice(away.indexOf(Math.min(...away)));
 }
 
 function present(run, k) {

@@ -155,6 +155,10 @@ function drawLegend() {
     ['acted on', (v) => v.stroke(ellipse([0, 0, 0], [4.6, 1.8]), v.colours.active, 0.45)],
     ['way to the destination', (v) => v.stroke(trace(new Path2D(), [[-3, 0], [3, 0]]), v.colours.path, 0.9)],
   ];
+  const ways = [['has priority over the ego, next 2.5 s', 0.3, []], ['must yield to the ego', 0.22, [0.4, 0.7]]];
+  for (const [text, width, dash] of ways) {
+    samples.push([text, (v) => v.stroke(trace(new Path2D(), [[-3, 0], [3, 0]]), v.colours.traffic, width, dash)]);
+  }
   if (run.courses.length) {
     samples.push(['course round what blocks', (v) => v.stroke(trace(new Path2D(), [[-3, 0], [3, 0]]), v.colours.paper, 0.45, [1.6, 1])]);
   }

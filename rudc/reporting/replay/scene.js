@@ -1,6 +1,8 @@
 'use strict';
 // The junction from above, as rudc/drawing draws it. Metres, y up.
 
+const AHEAD_S = 2.5;
+
 function fitCanvas(canvas) {
   const ratio = window.devicePixelRatio || 1, box = canvas.getBoundingClientRect();
   const width = Math.max(Math.round(box.width * ratio), 1), height = Math.max(Math.round(box.height * ratio), 1);
@@ -48,6 +50,7 @@ class SceneView {
     this.drawReach(k, ex, ey);
     this.drawWay(k, ex, ey);
     this.others = present(run, k);
+    for (const t of this.others) this.drawAhead(t, k, s);
     for (const t of this.others) this.drawOther(t, k - t.from, s);
     this.drawSensed(k, s);
     this.drawBody('car', between(run.ego, k, s), run.vehicle, this.colours.ego, this.egoBrakes(k), false);
@@ -114,10 +117,25 @@ class SceneView {
     this.ctx.fillStyle = this.colours.ego;
     this.ctx.fill(ring(...end, 0.8));
     if (told.course !== undefined) {
-      const course = run.courses[told.course], away = course.map(([x, y]) => Math.hypot(x - ex, y - ey));
-      const ahead = course.slice(away.indexOf(Math.min(...away)));
-      this.stroke(trace(new Path2D(), ahead), this.colours.paper, 0.45, [1.6, 1]);
+      const course = ahead(run.courses[told.course], [ex, ey]);
+      this.stroke(trace(new Path2D(), course), this.colours.paper, 0.45, [1.6, 1]);
     }
+  }
+
+  // Where somebody whose way crosses the ego's will be in a while: a line if the ego must yield, else dots.
+  drawAhead(t, k, share) {
+    const row = t.path.filter(([from]) => from <= k).pop()[1], path = this.run.paths[row], i = k - t.from;
+    if (!path || !path.yields || t.state[i] & HIDDEN || t.speed[i] < 0.5) return;
+    const place = between(t, i, share), line = ahead(path.xy, place);
+    if ((path.xy.length - line.length) * path.spacing_m > path.exit_m) return;
+    const count = Math.round((t.speed[i] * AHEAD_S + t.size[0] / 2) / path.spacing_m);
+    const way = line.slice(1, count + 2);
+    if (way.length < 2) return;
+    const first = path.yields === 'ego', end = way[way.length - 1], last = way[way.length - 2];
+    this.stroke(trace(new Path2D(), way), this.colours.traffic, first ? 0.3 : 0.22, first ? [] : [0.4, 0.7]);
+    const psi = Math.atan2(end[1] - last[1], end[0] - last[0]);
+    this.ctx.fillStyle = this.colours.traffic;
+    this.ctx.fill(trace(new Path2D(), placed([[1, 0], [0, 0.6], [0, -0.6]], [...end, psi], [1.3, 1.3]), true));
   }
 
   drawOther(t, i, share) {
