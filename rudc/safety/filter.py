@@ -18,10 +18,10 @@ What comes out, by `Corrected.status`:
               until the conditions themselves hold, not only rows made about an action that is not taken
     relaxed   no action satisfies all rows; the one that violates them least, a violation s >= 0 of each row,
               minimise ... + sum_i r_i s_i^2 / 2,  A u + s >= b,  r of vehicles a thousand times r of the
-              road. Rows in conflict (see `gating`) come first: they must hold, and only if no action does
-              that are they violated, and those that pass not looked at. And where acceleration would bring
-              the ego nearer to violating any vehicle's row, a <= min(a_rl, 0): squares alone let a car that
-              passes outbid the truck ahead
+              road. Where vehicles' rows pull the acceleration both ways, those in conflict (see `gating`)
+              come first: they must hold, and only if no action does that are they violated, and those that
+              pass not looked at. And where acceleration would violate any vehicle's row more,
+              a <= min(a_rl, 0): squares alone let a car that passes outbid the truck ahead
     braking   not even that could be solved: full braking, steering as proposed
     last_resort   whatever of the above, it would have left the ego no way to stop or to go on without
               hitting somebody (see `last_resort`): full braking instead
@@ -233,9 +233,11 @@ class SafetyFilter:
         self, scene: Scene, constraints: Constraints, problem: Problem, kept: Index
     ) -> tuple[Solution, Index]:
         """What violates the rows `kept` least, those in conflict first; the rows it has multipliers of."""
-        conflict = constraints.in_conflict(scene)[kept]
         part, mode = _part(problem, kept), constraints.mode[kept]
-        if (part.A[mode > 0, 0] < 0.0).any():  # towards somebody the ego does not accelerate
+        pull, conflict = part.A[mode > 0, 0], np.zeros(len(kept), dtype=np.bool_)
+        if pull.min(initial=0.0) < 0.0 < pull.max(initial=0.0):
+            conflict = constraints.in_conflict(scene)[kept]
+        if pull.min(initial=0.0) < 0.0:  # towards somebody the ego does not accelerate
             most = min(part.upper[0], max(0.0, part.lower[0] + LEAST_ROOM))
             part = part._replace(upper=np.array([most, part.upper[1]]))
         passing = (mode > 0) & ~conflict

@@ -70,7 +70,7 @@ class Gate:
         if not len(who):
             return who
         met, turned = self._meet(
-            scene, who, scene.ego.v * self._times, self._times, self._gap, short, stretch
+            scene, who, (scene.ego.v * self._times,), self._times, self._gap, short, stretch
         )
         meet = np.flatnonzero(met)
         if not len(meet):
@@ -99,24 +99,32 @@ class Gate:
         times, v = CONFLICT_TIMES, scene.ego.v
         rising = np.minimum(times, max(GO_SPEED - v, 0.0) / GO_ACCELERATION)
         going = v * times + GO_ACCELERATION * rising * (times - 0.5 * rising)
-        kept, facing = self._meet(scene, who, v * times, times, 0.0, short, stretch)
-        gone, _ = self._meet(scene, who, going, times, 0.0, short, stretch)
+        met, facing = self._meet(scene, who, (v * times, going), times, 0.0, short, stretch)
         now: Complex = scene.position[who, 0] + 1j * scene.position[who, 1]
-        return (kept | gone) & ~self._predictor.following(scene, now, facing)
+        return met & ~self._predictor.following(scene, now, facing)
 
     def _meet(
-        self, scene: Scene, who: Index, way: Array, times: Array, gap: float, short: Array, stretch: Array
+        self,
+        scene: Scene,
+        who: Index,
+        ways: tuple[Array, ...],
+        times: Array,
+        gap: float,
+        short: Array,
+        stretch: Array,
     ) -> tuple[Flags, Complex]:
         """(n,) whether the ellipses of ego and others `who` (n,) come closer than `gap` m at any of the
-        `times` (T,) s if the ego is `way` (T,) m along its route then; (n,) the others' directions now.
+        `times` (T,) s if the ego is one of `ways` (T,) m along its route then; (n,) others' directions now.
         """
         speed: Array = np.hypot(scene.velocity[who, 0], scene.velocity[who, 1])
-        place, facing = self._predictor.ego(scene, way)
         others, turned = self._predictor.others(scene, who, speed[:, None] * times)
-        r = place - others
-        along, own = r * facing.conj(), r * turned.conj()
-        squared = np.maximum(along.real**2 + along.imag**2, CLOSEST)
-        ego_radius = np.sqrt(short[0, who, None] + stretch[0, who, None] * (along.real**2 / squared))
-        radius = np.sqrt(short[1, who, None] + stretch[1, who, None] * (own.real**2 / squared))
-        met = np.any(np.sqrt(squared) < ego_radius + radius + gap, axis=1)
-        return np.asarray(met), turned[:, 0]
+        met: Flags = np.zeros(len(who), dtype=np.bool_)
+        for way in ways:
+            place, facing = self._predictor.ego(scene, way)
+            r = place - others
+            along, own = r * facing.conj(), r * turned.conj()
+            squared = np.maximum(along.real**2 + along.imag**2, CLOSEST)
+            ego_radius = np.sqrt(short[0, who, None] + stretch[0, who, None] * (along.real**2 / squared))
+            radius = np.sqrt(short[1, who, None] + stretch[1, who, None] * (own.real**2 / squared))
+            met |= np.asarray((np.sqrt(squared) < ego_radius + radius + gap).any(axis=1))
+        return met, turned[:, 0]
