@@ -188,8 +188,8 @@ class EnsembleConfig(LearnerConfig):
     prior_factor: float = Field(default=10.0, ge=0)
     """rho of Eq. (fpn); 0 leaves the priors out"""
     prior_scale: float = Field(default=10.0, gt=0)
-    """P, reward units: standard deviation of each output of a prior over the transitions that learning starts
-    from (see ensemble.py); of priors that were never normalised, only its order
+    """P, reward units: root mean square of a prior's outputs over the transitions that learning starts from
+    (see ensemble.py); of priors that were never normalised, only its order
     """
     mask_probability: float = Field(default=0.9, gt=0, le=1)
     """p, chance that a critic learns from a transition"""

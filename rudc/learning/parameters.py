@@ -122,10 +122,9 @@ def prior_arrays(config: EnsembleConfig, problem: Problem) -> Arrays:
     return initial(_quantile_shapes(config, problem), config.members, (problem.seed, PRIOR), PRIOR_GAIN)
 
 
-def normalised(prior: Arrays, mean: Floats, deviation: Floats) -> Arrays:
-    """The networks (f - mean) / deviation, by the weights of their last map; both (N, 1, outputs)."""
-    out = {"out.weight": prior["out.weight"] / deviation, "out.bias": (prior["out.bias"] - mean) / deviation}
-    return {**prior, **out}
+def normalised(prior: Arrays, rms: Floats) -> Arrays:
+    """The networks f / rms, by the weights of their last map; rms (N, 1, 1)."""
+    return {**prior, **{name: prior[name] / rms for name in ("out.weight", "out.bias")}}
 
 
 def frozen_arrays(config: LearnerConfig, problem: Problem, stored: Mapping[str, Floats]) -> Arrays:

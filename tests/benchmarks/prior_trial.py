@@ -1,6 +1,7 @@
 """What the priors are worth, offline: the same transitions, critics learnt anew under each kind of prior.
 
-    python -m tests.benchmarks.prior_trial [--decisions 6000] [--updates 3000] [--seeds 2] [--kinds NAME...]
+    python -m tests.benchmarks.prior_trial [--decisions 4000] [--updates 6000]
+        [--seeds 2] [--first-seed 0] [--kinds NAME...]
 
 A shipped policy drives (exploring) on both tasks; critics of its value are learnt from what it saw, its
 policy fixed. Then: do they know situations that they never saw (held-out scenarios) from those that they
@@ -9,10 +10,11 @@ states, outputs and members that is constant over states; standard deviation ove
 the AUROC of sigma_epi and sigma_total between the two.
 
     none         rho = 0
-    as before    outputs as they come
-    normalised   each output with mean 0 and standard deviation 1 over the states seen (what ships)
+    as drawn     outputs as they come
+    normalised   root mean square prior_scale over outputs and the states seen (what ships)
+    centred      each output with mean 0 and standard deviation prior_scale over the states seen
     one value    the same, one output added to all quantiles alike
-    x 3          normalised, prior_scale three times as large
+    x 3          centred, three times as large
 """
 
 from __future__ import annotations
@@ -38,7 +40,7 @@ from rudc.studies.base import in_distribution, out_of_distribution
 from rudc.training.config import TrainConfig
 from rudc.world.world import World
 
-KINDS = ("none", "as before", "normalised", "one value", "x 3")
+KINDS = ("none", "as drawn", "normalised", "centred", "one value", "x 3")
 
 
 def drive(scenarios: list[str], decisions: int, first_seed: int, config: TrainConfig) -> list[Transition]:
@@ -90,22 +92,23 @@ def learnt(kind: str, data: list[Transition], seed: int, updates: int) -> tuple[
     for transition in data:
         replay.add(transition)
     seen = replay.first(2_000)
-    if kind in ("normalised", "x 3"):
+    if kind == "normalised":
         learner.start(seen)
-    if kind == "one value":
-        share_one_value(learner, seen.observation, seen.executed)
+    if kind in ("centred", "one value", "x 3"):
+        centre(learner, seen.observation, seen.executed, one=kind == "one value")
     constant, spread = prior_statistics(learner, seen.observation, seen.executed)
     for _ in range(updates):
         learner.update(replay.sample(config.batch_size))
     return learner, constant, spread
 
 
-def share_one_value(learner: RudcLearner, observation: Floats, action: Floats) -> None:
-    """Let each prior add its first output, normalised, to all quantiles."""
+def centre(learner: RudcLearner, observation: Floats, action: Floats, *, one: bool) -> None:
+    """Give each output of the priors mean 0 and standard deviation 1; `one`: the first for all quantiles."""
     prior = learner.critics.prior
     with torch.no_grad():
-        for name in ("out.weight", "out.bias"):
-            prior[name].copy_(prior[name][..., :1].expand_as(prior[name]))
+        if one:
+            for name in ("out.weight", "out.bias"):
+                prior[name].copy_(prior[name][..., :1].expand_as(prior[name]))
         latent = learner.critics.prior_latent(torch.from_numpy(observation))
         assert latent is not None
         z = learner.critics.stack.decode(prior, latent, torch.from_numpy(action))
@@ -140,9 +143,10 @@ def auroc(known: Floats, unknown: Floats) -> float:
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--decisions", type=int, default=6000)
-    parser.add_argument("--updates", type=int, default=3000)
+    parser.add_argument("--decisions", type=int, default=4000)
+    parser.add_argument("--updates", type=int, default=6000)
     parser.add_argument("--seeds", type=int, default=2)
+    parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS)
     options = parser.parse_args()
     torch.set_num_threads(1)
@@ -162,7 +166,7 @@ def main() -> None:
     ]
     for kind in options.kinds:
         found = []
-        for seed in range(options.seeds):
+        for seed in range(options.first_seed, options.first_seed + options.seeds):
             learner, constant, spread = learnt(kind, data, seed, options.updates)
             parts = [
                 uncertainty(learner.critics.evaluate(torch.from_numpy(o), torch.from_numpy(a)).numpy(), 0.25)

@@ -94,8 +94,8 @@ def test_members_disagree_where_nothing_was_learnt() -> None:
 
 
 def test_priors_are_normalised_on_what_was_seen() -> None:
-    """Mean 0 and standard deviation P over the first transitions, for each member and quantile; kept in the
-    state, and rebuilt from the seed and what is stored.
+    """Root mean square P over the first transitions, for each member; kept in the state, and rebuilt from
+    the seed and what is stored.
     """
     case = small_case(prior_scale=4.0, seed=2)
     learner, batch = RudcLearner(*case), random_batch(case, 500)
@@ -107,14 +107,12 @@ def test_priors_are_normalised_on_what_was_seen() -> None:
         return 4.0 * critics.stack.decode(critics.prior, latent, torch.from_numpy(batch.executed)).numpy()
 
     before = priors(learner)
-    assert before.mean(axis=1).std() > 1.5 * before.std(axis=1).mean()  # mostly constant over states
     learner.start(batch)
     after = priors(learner)
-    assert after.mean(axis=1) == pytest.approx(np.zeros((3, 8)), abs=2e-3)
-    assert after.std(axis=1) == pytest.approx(np.full((3, 8), 4.0), rel=1e-3)
-    for n in range(3):
-        for i in range(8):
-            assert np.corrcoef(before[n, :, i], after[n, :, i])[0, 1] == pytest.approx(1.0, abs=1e-4)
+    assert np.sqrt((before**2).mean(axis=(1, 2))) != pytest.approx(np.full(3, 4.0), rel=0.2)
+    assert np.sqrt((after**2).mean(axis=(1, 2))) == pytest.approx(np.full(3, 4.0), rel=1e-4)
+    for n in range(3):  # nothing but the size is another
+        assert np.corrcoef(before[n].ravel(), after[n].ravel())[0, 1] == pytest.approx(1.0, abs=1e-5)
     learner.update(random_batch(case, 16))
     other = RudcLearner(*case)
     other.load(learner.state())
