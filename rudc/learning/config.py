@@ -187,7 +187,7 @@ class EnsembleConfig(LearnerConfig):
     """N_q, fixed quantile midpoints"""
     prior_factor: float = Field(default=10.0, ge=0)
     """rho of Eq. (fpn); 0 leaves the priors out"""
-    prior_scale: float = Field(default=10.0, gt=0)
+    prior_scale: float = Field(default=12.0, gt=0)
     """P, reward units: root mean square of a prior's outputs over the transitions that learning starts from
     (see ensemble.py); of priors that were never normalised, only its order
     """
