@@ -2,7 +2,7 @@
 
 agent.json:
     format          number of this layout
-    algorithm, observation, action, correction, learner, training
+    algorithm, observation, action, correction, outlook, learner, training
                     what was set, key by key as in config.json; nothing that follows from it
     spaces          shapes and bounds of observation and action
     sigma           sigma_l and sigma_h, 95th and 97.5th percentile of the uncertainty; null: not measured
@@ -35,7 +35,7 @@ from rudc.learning.parameters import fingerprint
 
 FORMAT = 2
 WEIGHTS, DESCRIPTION = "agent.safetensors", "agent.json"
-SECTIONS = ("algorithm", "observation", "action", "correction", "learner", "training")
+SECTIONS = ("algorithm", "observation", "action", "correction", "outlook", "learner", "training")
 """of the settings"""
 
 
