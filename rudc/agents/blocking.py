@@ -83,7 +83,9 @@ class Blocking:
     def _stuck(self, scene: Scene, still: Flags, without_way: Flags) -> Flags:
         """(N,) whether vehicles on their way have stood too long for no reason, or behind one that has."""
         paths, stuck = scene.network.paths, still & without_way
-        patient = np.array([scene.time_s - self._since.get(name, math.inf) > PATIENCE for name in scene.ids])
+        patient = np.array(
+            [scene.time_s - self._since.get(name, math.inf) > PATIENCE for name in scene.ids], dtype=bool
+        )
         front = scene.path_s + 0.5 * scene.size[:, 0]
         waits = (front > paths.stop_s[scene.path] - BEFORE_STOP) & (front < paths.exit_s[scene.path])
         candidates = np.flatnonzero(still & patient & ~without_way & (scene.path >= 0) & ~waits)

@@ -80,6 +80,10 @@ def test_a_queue_blocks_only_behind_somebody_who_goes_nowhere(make_scene, four_w
     assert {tuple(p) for p in blocks.standing.position} == {tuple(p) for p in scene.position[:2]}
 
 
+def test_an_empty_road_blocks_nothing(make_scene):
+    assert not Blocking().look(make_scene()).any
+
+
 def test_what_has_no_way_blocks_at_once_and_a_pedestrian_never(make_scene):
     pose = (0.0, 0.0, 0.3)
     scene = make_scene(
