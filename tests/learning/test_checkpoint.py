@@ -26,6 +26,7 @@ SETTINGS = {
     "observation": "conflict",
     "action": {"kind": "adjustment"},
     "correction": {"kind": "none"},
+    "outlook": {"course": False, "plant": "off"},
     "learner": {"n_step": 3},
     "training": {"seed": 3},
 }
