@@ -2,6 +2,7 @@
 
     manifest.json    what the rows were made from
     episodes.csv     one row an episode, its conditions included; columns as in `columns.py`
+    networks/        copies of road networks that do not come with RUDC; the episodes run on these
     errors/          a traceback for each episode that went wrong, named in its row
     metrics.csv      one row for each scenario, agent and swept value, when all episodes are there
 
@@ -16,13 +17,15 @@ import json
 import os
 import shutil
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from rudc.errors import SweepError
 from rudc.evaluation.columns import COLUMNS, IDENTITY, METRICS, Metric, missing_columns
-from rudc.evaluation.manifest import FORMAT, as_json, manifest, resumed, version_changes
+from rudc.evaluation.manifest import FORMAT, agent_digests, as_json, manifest, resumed, version_changes
 from rudc.evaluation.metrics import STATISTICS, Group, group_metrics
+from rudc.evaluation.own_networks import keep_networks, with_copies
 from rudc.evaluation.record import EpisodeRecord, as_text
 from rudc.evaluation.store import RowFile, format_row, read_header, read_table
 from rudc.evaluation.tasks import Key, SweepPlan, Task
@@ -80,6 +83,12 @@ class SweepFolder:
             changes = version_changes(content)
             if changes:
                 self.warnings.append(f"rows in {self.path} come from several versions: {', '.join(changes)}")
+        copies = keep_networks(self._plan, self.path)
+        digests = agent_digests(content)
+        self.tasks = [
+            replace(task, scenario=with_copies(task.scenario, copies), agent_digest=digests[task.agent])
+            for task in self.tasks
+        ]
         write_atomically(self.path / "manifest.json", as_json(content))
         self._keep_finished()
 

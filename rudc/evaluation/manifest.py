@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib.metadata
 import json
 import platform
@@ -13,6 +14,7 @@ from typing import Any
 
 import rudc
 from rudc.agents.registry import agent_settings
+from rudc.data import data_folder
 from rudc.errors import SweepError
 from rudc.evaluation.tasks import SweepPlan
 
@@ -23,14 +25,45 @@ PACKAGES = ("libsumo", "sumolib", "numpy", "scipy", "qpsolvers", "piqp", "gymnas
 
 
 def code_version() -> str:
-    """`git describe` of the checkout that RUDC runs from, or the version of the installed package."""
+    """`git describe` of the checkout that RUDC runs from, with a digest of the code where that differs from
+    what is committed; or the version of the installed package.
+    """
     root = Path(rudc.__file__).resolve().parent.parent
     git = shutil.which("git")
     if git is None or not (root / ".git").exists() or not (root / "pyproject.toml").exists():
         return rudc.__version__
     command = [git, "-C", str(root), "describe", "--always", "--dirty", "--tags"]
-    found = subprocess.run(command, capture_output=True, text=True, check=False)
-    return found.stdout.strip() or rudc.__version__
+    found = subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
+    status = [git, "-C", str(root), "status", "--porcelain", "--", "rudc", "sumo_networks"]
+    changed = subprocess.run(status, capture_output=True, text=True, check=False).stdout.strip()
+    return f"{found}-{code_digest()}" if found and changed else found or rudc.__version__
+
+
+def code_digest() -> str:
+    """12 hexadecimal digits that change with any Python file of RUDC, and any shipped network."""
+    found = hashlib.sha256()
+    code = Path(rudc.__file__).resolve().parent
+    for folder, pattern in ((code, "**/*.py"), (data_folder("sumo_networks"), "*/*.net.xml")):
+        for path in sorted(folder.glob(pattern)):
+            found.update(f"{path.relative_to(folder)}".encode() + b"\0" + path.read_bytes() + b"\0")
+    return found.hexdigest()[:12]
+
+
+def agent_digest(name: str) -> str:
+    """16 hexadecimal digits that change with anything that decides what an agent does, its weights included.
+    Raises AgentError.
+    """
+    return _digest(agent_settings(name))
+
+
+def agent_digests(content: Mapping[str, Any]) -> dict[str, str]:
+    """The same of all agents of a manifest, as they were when it was made."""
+    return {name: _digest(settings) for name, settings in content["configuration"]["agents"].items()}
+
+
+def _digest(settings: Any) -> str:
+    text = json.dumps(settings, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def versions() -> dict[str, str]:

@@ -14,7 +14,8 @@ from types import FrameType
 from rudc.agents.base import Agent
 from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode
-from rudc.errors import AgentFailedError, RudcError
+from rudc.errors import AgentError, AgentFailedError, RudcError
+from rudc.evaluation.manifest import agent_digest
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.rollout import run_episode
 from rudc.evaluation.tasks import Task
@@ -67,7 +68,13 @@ class EpisodeRunner:
 
     def _run(self, task: Task) -> EpisodeRecord:
         if task.agent not in self._agents:
-            self._agents[task.agent] = self._make(task.agent)
+            agent = self._make(task.agent)
+            if task.agent_digest not in ("", agent_digest(task.agent)):
+                raise AgentError(
+                    f"agent {task.agent} is no longer what it was when the sweep began: a file of it was "
+                    "replaced; put it back and --resume, or give another --out"
+                )
+            self._agents[task.agent] = agent
         episode = Episode(self._world_of(task))
         with _time_limit(None if self._limit_s is None else SOONER * self._limit_s):
             return run_episode(episode, task.scenario.plan(task.seed), self._agents[task.agent])

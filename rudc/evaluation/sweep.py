@@ -13,6 +13,7 @@ from rudc.agents.drivers import MakeAgent, register_agent, registered_agents
 from rudc.errors import StorageError, SweepError
 from rudc.evaluation.engine import Result, Runner, RunnerFactory, run_local
 from rudc.evaluation.folder import SweepFolder
+from rudc.evaluation.manifest import code_digest
 from rudc.evaluation.ray_engine import find_ray, run_ray
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.tasks import SweepPlan, Task
@@ -108,7 +109,7 @@ def _finish(
     todo = [task for task in folder.tasks if task.key(folder.parameters) not in folder.finished]
     progress.begin(len(folder.tasks), len(folder.finished), folder.warnings)
     if todo:
-        make_runner = _Prepared(imported_first(), registered_agents(), make_runner)
+        make_runner = _Prepared(code_digest(), imported_first(), registered_agents(), make_runner)
         with closing(ENGINES[engine](todo, workers, limit_s, make_runner)) as results:  # pyright: ignore
             for task, record in results:
                 progress.advance(task, folder.add(task, record))
@@ -117,13 +118,21 @@ def _finish(
 
 @dataclass(frozen=True)
 class _Prepared:
-    """Makes a runner in a process that knows the same agents by name as this one."""
+    """Makes a runner in a process that has the same code and knows the same agents by name as this one."""
 
+    code: str
+    """its digest"""
     imports: tuple[str, ...]
     agents: dict[str, MakeAgent]
     make_runner: RunnerFactory
 
     def __call__(self) -> Runner:
+        """Raises SweepError where this process has other code than the one that asks."""
+        if code_digest() != self.code:
+            raise SweepError(
+                "RUDC's code was changed since the sweep began, and its rows would mix with others; "
+                "what is finished is kept: --resume goes on with the code as it is now"
+            )
         return self.make_runner()
 
     def __reduce__(self) -> tuple[Callable[..., _Prepared], tuple[Any, ...]]:
@@ -132,13 +141,13 @@ class _Prepared:
             name: make for name, make in self.agents.items()
             if not getattr(make, "__module__", "").startswith(PREFIX)
         }  # fmt: skip
-        return _prepare, (self.imports, pickle.dumps((agents, self.make_runner)))
+        return _prepare, (self.code, self.imports, pickle.dumps((agents, self.make_runner)))
 
 
-def _prepare(imports: tuple[str, ...], rest: bytes) -> _Prepared:
+def _prepare(code: str, imports: tuple[str, ...], rest: bytes) -> _Prepared:
     for source in imports:
         import_first(source)
     agents, make_runner = pickle.loads(rest)
     for name, make in agents.items():
         register_agent(name, make)
-    return _Prepared(imports, agents, make_runner)
+    return _Prepared(code, imports, agents, make_runner)

@@ -26,6 +26,8 @@ class Task:
     """dotted key -> value, of its scenario's `sweep`"""
     agent: str
     seed: int
+    agent_digest: str = ""
+    """of the agent's settings and weights when the sweep began; empty: not compared"""
 
     def cells(self, parameters: Sequence[str]) -> list[str]:
         """Its swept values as text, one for each of the sweep's parameters, empty for those it has not."""

@@ -61,7 +61,7 @@ def _try_once(path: Path, _modified: int, orders: str) -> None:
 
 
 def _orders(network: Network) -> str:
-    """What the child is asked to do: the file, and edges, lane and first position of each car."""
+    """What the child is asked to do: edges, lane and first position of each car."""
     cars = []
     for movement in network.movements:
         for lane in sorted({network.inbound_lane(row).index for row in movement.rows}):
@@ -69,7 +69,7 @@ def _orders(network: Network) -> str:
             alone = network.arm(movement.origin).in_edges == movement.edges[:1]
             front = 0.0 if first is None else min(first.length, max(5.0, 0.5 * first.length))
             cars.append((movement.edges, lane if alone else 0, front))
-    return json.dumps({"path": str(network.path), "cars": cars})
+    return json.dumps(cars)
 
 
 def _digest(path: Path, orders: str) -> str:
@@ -84,7 +84,7 @@ def _cache_folder() -> Path:
 
 def _try_out(path: Path, orders: str) -> None:
     code = f"import sys; sys.path[:] = {[os.path.abspath(p) for p in sys.path]!r}"
-    child = [sys.executable, "-c", f"{code}; from rudc.world.trial import drive; drive()"]
+    child = [sys.executable, "-c", f"{code}; from rudc.world.trial import drive; drive()", str(path)]
     try:
         done = subprocess.run(child, input=orders, capture_output=True, text=True, timeout=PATIENCE_S)
     except subprocess.TimeoutExpired:
@@ -112,11 +112,11 @@ def drive() -> None:
 
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    orders: dict[str, Any] = json.load(sys.stdin)
-    sumo = Sumo(Path(orders["path"]), STEP_S)
+    cars: list[Any] = json.load(sys.stdin)
+    sumo = Sumo(Path(sys.argv[1]), STEP_S)
     try:
         sumo.load(0, _CAR)
-        for i, (edges, lane, front) in enumerate(orders["cars"]):
+        for i, (edges, lane, front) in enumerate(cars):
             sumo.add_route(f"route{i}", edges)
             sumo.add(f"car{i}", f"route{i}", "car", lane, front, 0.0)
         for _ in range(round(TRIAL_S / STEP_S)):

@@ -1,0 +1,58 @@
+"""A sweep's own copies of the road networks it runs on, so that nobody replaces one under its feet."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+
+from rudc.errors import InputError, SweepError
+from rudc.evaluation.tasks import SweepPlan
+from rudc.files import make_folder, write_atomically
+from rudc.scenario.model import Scenario
+from rudc.scenario.networks import is_network_path
+
+FOLDER = "networks"
+
+
+def keep_networks(plan: SweepPlan, folder: Path) -> dict[str, str]:
+    """Copy the networks that do not come with RUDC into a sweep's folder: path given -> path of the copy.
+
+    Raises InputError where one cannot be read, SweepError where one is no longer what its scenario's digest
+    says.
+    """
+    copies: dict[str, str] = {}
+    for scenario in plan.scenarios:
+        named = (scenario.network, *map(str, scenario.sweep.get("network", ())))
+        for source in filter(is_network_path, named):
+            if source not in copies:
+                copies[source] = _copied(Path(source), folder / FOLDER)
+        if with_copies(scenario, copies).digest != scenario.digest:
+            raise SweepError(f"a network of scenario {scenario.name} was changed just now; start anew")
+    return copies
+
+
+def with_copies(scenario: Scenario, copies: Mapping[str, str]) -> Scenario:
+    """The scenario on the copies of its networks."""
+    if not copies:
+        return scenario
+    swept = dict(scenario.sweep)
+    if "network" in swept:
+        swept["network"] = tuple(copies.get(str(network), network) for network in swept["network"])
+    changed = scenario.model_copy(
+        update={"network": copies.get(scenario.network, scenario.network), "sweep": swept}
+    )
+    changed.__dict__.pop("digest", None)  # cached, and of the files given
+    return changed
+
+
+def _copied(source: Path, folder: Path) -> str:
+    """The copy's path: in a folder named by its content, under its own name, which messages quote."""
+    try:
+        data = source.read_bytes()
+    except OSError as error:
+        raise InputError(f"{source}: cannot be read: {error.strerror or error}") from error
+    copy = folder / hashlib.sha256(data).hexdigest()[:16] / source.name
+    make_folder(copy.parent)
+    write_atomically(copy, data)
+    return str(copy.absolute())

@@ -1,0 +1,109 @@
+"""Rows of two different inputs never mix: what is replaced while a sweep runs is refused, or not read."""
+
+import shutil
+from functools import partial
+
+import pytest
+
+from rudc.agents.checkpoint import shipped_checkpoints
+from rudc.errors import SimulationError, SweepError
+from rudc.evaluation import manifest
+from rudc.evaluation.runner import EpisodeRunner
+from rudc.evaluation.sweep import run_sweep
+from rudc.evaluation.tasks import SweepPlan
+from rudc.network.network import shipped_networks
+from rudc.scenario import load_scenario
+
+
+class AfterTheFirst:
+    """Progress that does something when the first episode has ended."""
+
+    def __init__(self, deed):
+        self._deed = deed
+
+    def begin(self, total, finished, warnings):
+        pass
+
+    def advance(self, task, record):
+        deed, self._deed = self._deed, None
+        if deed is not None:
+            deed()
+
+
+class Forgetful(EpisodeRunner):
+    """A new worker for each episode, as after a crash: it makes agent and world anew."""
+
+    def __call__(self, task):
+        self.close()
+        return super().__call__(task)
+
+
+@pytest.fixture
+def plan(tmp_path):
+    """Two short episodes on a network of one's own."""
+    network = tmp_path / "own.net.xml"
+    shutil.copy(shipped_networks()["four_way"], network)
+    file = tmp_path / "own.yaml"
+    file.write_text(
+        "name: own\nextends: random_destination\nnetwork: own.net.xml\ntraffic: {density: 5}\n"
+        "episode: {timeout: 1}\n"
+    )
+    return lambda agent: SweepPlan((load_scenario(file),), (agent,), 3, 0)
+
+
+@pytest.fixture
+def here(monkeypatch):
+    """The engine in this process: what a worker does, without one."""
+
+    def engine(tasks, workers, limit_s, make_runner):
+        for task in tasks:
+            yield task, make_runner()(task)
+
+    monkeypatch.setitem(__import__("rudc.evaluation.sweep", fromlist=["ENGINES"]).ENGINES, "local", engine)
+
+
+def test_a_network_that_is_replaced_changes_no_row(plan, tmp_path, here):
+    network = tmp_path / "own.net.xml"
+    run_sweep(plan("follower"), tmp_path / "calm", Forgetful)
+    deed = partial(network.write_text, "<net/>")
+    told = plan("follower")
+    result = run_sweep(told, tmp_path / "replaced", Forgetful, progress=AfterTheFirst(deed))
+    assert not result.errors
+    assert len(list((tmp_path / "replaced" / "networks").rglob("own.net.xml"))) == 1
+
+
+def test_an_agent_that_is_replaced_is_refused(plan, tmp_path, here):
+    folder = tmp_path / "agent"
+    shipped = shipped_checkpoints()
+    shutil.copytree(shipped["rudc-wo-cbf"], folder)
+    deed = partial(shutil.copytree, shipped["rudc-t"], folder, dirs_exist_ok=True)
+    result = run_sweep(plan(str(folder)), tmp_path / "out", Forgetful, progress=AfterTheFirst(deed))
+    first, *others = [row["error"] for row in result.rows]
+    assert first == ""
+    assert all("is no longer what it was when the sweep began" in error for error in others)
+
+
+def test_code_that_is_edited_is_refused(plan, tmp_path, here, monkeypatch):
+    def edited():
+        monkeypatch.setattr("rudc.evaluation.sweep.code_digest", lambda: "another")
+
+    with pytest.raises(SweepError, match="code was changed since the sweep began"):
+        run_sweep(plan("follower"), tmp_path / "out", Forgetful, progress=AfterTheFirst(edited))
+
+
+def test_workers_with_other_code_cannot_start(plan, tmp_path, monkeypatch):
+    monkeypatch.setattr("rudc.evaluation.sweep.code_digest", lambda: "another")  # in this process only
+    with pytest.raises(SimulationError, match="code was changed since the sweep began"):
+        run_sweep(plan("follower"), tmp_path / "out", EpisodeRunner)
+
+
+def test_the_codes_digest_follows_its_content(tmp_path, monkeypatch):
+    package = tmp_path / "rudc"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    monkeypatch.setattr("rudc.__file__", str(package / "__init__.py"))
+    before = manifest.code_digest()
+    (package / "new.py").write_text("x = 1\n")
+    once = manifest.code_digest()
+    (package / "new.py").write_text("x = 2\n")
+    assert len({before, once, manifest.code_digest()}) == 3
