@@ -12,6 +12,7 @@ from copy import deepcopy
 from typing import Any, Self, TypeVar
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     ConfigDict,
     SerializerFunctionWrapHandler,
@@ -28,6 +29,17 @@ NO_EFFECT = "no_effect"
 """type of the validation error of a setting that decides nothing"""
 Tree = dict[str, Any]
 M = TypeVar("M", bound=BaseModel)
+
+
+def within(low: float, high: float, why: str) -> AfterValidator:
+    """Refuses a number outside [low, high], and says why; None passes."""
+
+    def check(value: float | None) -> float | None:
+        if value is not None and not low <= value <= high:
+            raise ValueError(f"{value:g} is not between {low:g} and {high:g}: {why}")
+        return value
+
+    return AfterValidator(check)
 
 
 class Settings(BaseModel):

@@ -19,7 +19,8 @@ from rudc.data import data_folder
 from rudc.errors import AgentError
 from rudc.learning.checkpoint import DESCRIPTION, Checkpoint, load_checkpoint, save_checkpoint
 from rudc.learning.config import Problem
-from rudc.learning.parameters import fingerprint, frozen_arrays, group, grouped, policy_arrays
+from rudc.learning.fits import misfits
+from rudc.learning.parameters import fingerprint, frozen_arrays, group
 from rudc.settings import problems
 
 SHIPPED = "results/checkpoints"
@@ -65,16 +66,12 @@ def save_learnt(folder: Path, learnt: Learnt) -> None:
     """Write an agent into a folder. Raises StorageError."""
     config, seed = learnt.config, int(learnt.training["seed"])
     problem = config.problem(seed)
-    box = config.action.space()
     save_checkpoint(
         folder,
         Checkpoint(
             settings={**config.model_dump(mode="json"), "training": dict(learnt.training)},
             arrays={k: v for k, v in learnt.arrays.items() if not k.startswith("prior/")},
-            spaces={
-                "observation": {"shape": [problem.layout.size]},
-                "action": {"shape": list(box.shape), "low": float(box.low[0]), "high": float(box.high[0])},
-            },
+            spaces=_spaces(config, problem),
             sigma=learnt.percentiles,
             prior=fingerprint(group(frozen_arrays(config.learner, problem, learnt.arrays), "prior")),
             trained=learnt.trained,
@@ -91,21 +88,41 @@ def load_learnt(folder: Path) -> Learnt:
         config = AgentConfig.model_validate(settings)
     except ValidationError as error:
         raise AgentError(problems(error, str(folder / DESCRIPTION), ())) from error
-    if not isinstance(training, dict) or "seed" not in training or "steps" not in stored.trained:
-        raise AgentError(f"{folder / DESCRIPTION}: does not say how the agent was trained")
-    problem = config.problem(int(training["seed"]))
-    _check_shapes(folder, config, problem, stored.arrays)
+    problem = config.problem(_seed(folder, training, stored))
+    _check(folder, config, problem, stored)
     frozen = frozen_arrays(config.learner, problem, stored.arrays)
     if stored.prior != fingerprint(group(frozen, "prior")):
         raise AgentError(f"{folder}: the prior networks cannot be rebuilt as they were in training")
     return Learnt(config, stored.arrays | frozen, stored.sigma, training, stored.trained)
 
 
-def _check_shapes(folder: Path, config: AgentConfig, problem: Problem, arrays: Arrays) -> None:
-    for name, value in grouped(policy=policy_arrays(config.learner, problem)).items():
-        found = arrays.get(name)
-        if found is None or found.shape != value.shape:
-            raise AgentError(f"{folder}: its weights do not fit its settings (observation, networks): {name}")
+def _seed(folder: Path, training: Any, stored: Checkpoint) -> int:
+    told = isinstance(training, dict) and isinstance(stored.trained, dict) and "steps" in stored.trained
+    seed = training.get("seed") if told else None
+    if not isinstance(seed, int) or isinstance(seed, bool) or not 0 <= seed < 2**63:
+        raise AgentError(f"{folder / DESCRIPTION}: does not say how the agent was trained (steps, seed)")
+    return seed
+
+
+def _check(folder: Path, config: AgentConfig, problem: Problem, stored: Checkpoint) -> None:
+    """Raise AgentError where weights or spaces are not what the configuration needs; nothing is built yet."""
+    wrong = list(misfits(config.learner, problem, stored.arrays))
+    if wrong:
+        more = f", and {len(wrong) - 3} more" if len(wrong) > 3 else ""
+        raise AgentError(
+            f"{folder}: its weights do not fit its settings (observation, networks): "
+            f"{'; '.join(wrong[:3])}{more}"
+        )
+    if stored.spaces != _spaces(config, problem):
+        raise AgentError(f"{folder / DESCRIPTION}: its spaces are not those of its observation and action")
+
+
+def _spaces(config: AgentConfig, problem: Problem) -> dict[str, Any]:
+    box = config.action.space()
+    return {
+        "observation": {"shape": [problem.layout.size]},
+        "action": {"shape": list(box.shape), "low": float(box.low[0]), "high": float(box.high[0])},
+    }
 
 
 def learnt_summary(folder: Path) -> str:

@@ -118,7 +118,7 @@ class NoCorrection(CorrectionKind):
 class SlackSettings(Settings):
     """The slack delta(sigma) of the rows (rudc/safety/slack.py)."""
 
-    gain: float = Field(default=0.0, ge=0, allow_inf_nan=False)
+    gain: float = Field(default=0.0, ge=0, le=1e6, allow_inf_nan=False)
     """m2 of h towards vehicles that one is willing to give up at rest for each unit of sigma (reward units)
     below sigma_l; eta is this times the rows' weight of h, so that it means the same under each rule. 0: no
     slack

@@ -73,7 +73,7 @@ class Adjustment(ActionKind):
 
     follows_path: ClassVar[bool] = True
     kind: Literal["adjustment"] = "adjustment"
-    adjustment: float = Field(default=0.1, gt=0)
+    adjustment: float = Field(default=0.1, ge=1e-3, le=1.5)
     """rad, largest change of the path follower's steering"""
 
     def physical(self, action: Action, scene: Scene) -> Array:

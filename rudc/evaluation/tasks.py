@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 Key = tuple[str, ...]
 """what tells one episode of a sweep from the others, as text: scenario, agent, seed, swept values"""
+MOST = 10_000_000
+"""episodes of a sweep: their tasks are kept in memory, 0.5 kB each"""
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,14 @@ class SweepPlan:
                 raise SweepError(f"{what} {twice[0]!r} is given more than once; give each a name of its own")
         if self.episodes < 1:
             raise SweepError(f"a sweep needs at least one episode, not {self.episodes}")
+        count = sum(len(s.points()) for s in self.scenarios) * len(self.agents) * self.episodes
+        if count > MOST:
+            raise SweepError(
+                f"a sweep of {count} episodes is more than one folder takes ({MOST}); "
+                "split it by --seed and --episodes over several"
+            )
+        if not self.seed + self.episodes < 2**63:
+            raise SweepError(f"a seed beyond 2^63 cannot be told from others in tables, got {self.seed}")
         if self.seed < 0:
             raise SweepError(f"a seed cannot be negative, got {self.seed}")
 

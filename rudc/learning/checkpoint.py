@@ -17,6 +17,7 @@ The training state for resuming (optimisers, targets, generators, replay) stands
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -86,7 +87,7 @@ def load_checkpoint(folder: Path) -> Checkpoint:
         description = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         raise AgentError(f"{folder}: no checkpoint here ({DESCRIPTION} is missing)") from error
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise AgentError(f"{folder / DESCRIPTION}: cannot be read: {error}") from error
     if not isinstance(description, dict) or description.get("format") != FORMAT:
         raise AgentError(f"{folder / DESCRIPTION}: is not a checkpoint of format {FORMAT}")
@@ -105,8 +106,10 @@ def load_checkpoint(folder: Path) -> Checkpoint:
         digest = description["weights"]
     except KeyError as error:
         raise AgentError(f"{folder / DESCRIPTION}: {error.args[0]} is missing") from error
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise AgentError(f"{folder / DESCRIPTION}: {error}") from error
+    if checkpoint.sigma is not None and not 0 <= checkpoint.sigma[0] <= checkpoint.sigma[1] < math.inf:
+        raise AgentError(f"{folder / DESCRIPTION}: sigma {checkpoint.sigma} is no range of an uncertainty")
     if digest != fingerprint(arrays):
         raise AgentError(f"{folder}: {WEIGHTS} and {DESCRIPTION} are not of the same checkpoint")
     return checkpoint
@@ -123,5 +126,5 @@ def load_state(path: Path) -> Arrays:
         return load_file(path)
     except FileNotFoundError as error:
         raise AgentError(f"{path}: is missing") from error
-    except (OSError, SafetensorError) as error:
-        raise AgentError(f"{path}: cannot be read: {error}") from error
+    except (OSError, SafetensorError, LookupError, TypeError, ValueError, AttributeError) as error:
+        raise AgentError(f"{path}: cannot be read: {error}") from error  # a kind of number numpy lacks

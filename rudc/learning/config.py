@@ -75,17 +75,17 @@ class NetworkConfig(Settings):
 
     encoder: Literal["attention", "mlp"] = "attention"
     """`attention`: the paper's embeddings and attention over SVs; `mlp`: the flat observation as it is"""
-    hidden: int = Field(default=256, ge=1)
+    hidden: int = Field(default=256, ge=1, le=4096)
     """width of the fused latent and of the hidden layers"""
-    embedding: int = Field(default=64, ge=1)
+    embedding: int = Field(default=64, ge=1, le=1024)
     """width of the EV's, the SVs' and the conflict embedding"""
-    waypoint_embedding: int = Field(default=64, ge=2)
+    waypoint_embedding: int = Field(default=64, ge=2, le=1024)
     """width of the waypoints' embedding"""
-    vehicle_layers: int = Field(default=2, ge=1)
+    vehicle_layers: int = Field(default=2, ge=1, le=16)
     """layers of an SV's embedding"""
-    heads: int = Field(default=1, ge=1)
+    heads: int = Field(default=1, ge=1, le=64)
     """attention heads a hop"""
-    hops: int = Field(default=2, ge=1)
+    hops: int = Field(default=2, ge=1, le=16)
     """times the EV looks over the SVs, each time with what it saw before"""
 
     def without_effect(self) -> Mapping[str, str]:
@@ -128,9 +128,9 @@ class LearnerConfig(Settings):
     """action that critics learn about: executed, after the correction, or as the policy proposed it"""
     discount: float = Field(default=0.99, gt=0, lt=1)
     """gamma, of rewards and costs"""
-    n_step: int = Field(default=1, ge=1)
+    n_step: int = Field(default=1, ge=1, le=1000)
     """rewards summed before bootstrapping"""
-    batch_size: int = Field(default=256, ge=1)
+    batch_size: int = Field(default=256, ge=1, le=1000000)
     """transitions in an update"""
     actor_rate: tuple[float, float] = (3e-4, 1e-5)
     """learning rate of the policy, first and last"""
@@ -181,9 +181,9 @@ class EnsembleConfig(LearnerConfig):
 
     states_sigma = True
 
-    members: int = Field(default=5, ge=1)
+    members: int = Field(default=5, ge=1, le=100)
     """N_ens, critics"""
-    quantiles: int = Field(default=32, ge=1)
+    quantiles: int = Field(default=32, ge=1, le=1000)
     """N_q, fixed quantile midpoints"""
     prior_factor: float = Field(default=10.0, ge=0)
     """rho of Eq. (fpn); 0 leaves the priors out"""

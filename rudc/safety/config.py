@@ -35,7 +35,7 @@ from rudc.safety.barrier import BarrierSettings
 from rudc.safety.barriers import BARRIERS
 from rudc.safety.rows import RowWeights
 from rudc.safety.rules import RULES, NotNegative, Positive, Rule
-from rudc.settings import Settings
+from rudc.settings import Settings, within
 
 M = TypeVar("M", bound=BaseModel)
 Unbounded = Annotated[
@@ -44,6 +44,9 @@ Unbounded = Annotated[
     PlainSerializer(lambda value: "inf" if value == math.inf else value, when_used="json"),
 ]
 """at least 0; infinity, which JSON lacks, is written "inf" """
+
+Weight = Annotated[Positive, within(1e-6, 1e9, "beyond, the QP has no accurate solution")]
+"""of a term of the QP's objective"""
 
 
 class FilterConfig(Settings):
@@ -55,7 +58,7 @@ class FilterConfig(Settings):
 
     rule: str = "ttcbf"
     """what makes rows of barriers, a name in `RULES`: `ttcbf`, `ecbf`"""
-    dt: Positive = 0.1
+    dt: Annotated[Positive, within(1e-3, 10, "s that an action is held")] = 0.1
     """s, how long an action is held"""
     max_steering_correction: Unbounded = 0.05
     """largest change of tan(delta_f) (ours); inf for none, as in the paper"""
@@ -63,17 +66,17 @@ class FilterConfig(Settings):
     """m/s2, by how much the filter may raise the acceleration (ours): not at all, it brakes and steers. Free
     to do so (inf, as in the paper) it drives into whoever is ahead to get away from whoever comes from behind
     """
-    acceleration_weight: Positive = 1.0
+    acceleration_weight: Weight = 1.0
     """w_a, cost of a squared correction of 1 m/s2 (ours)"""
-    steering_weight: Positive = 20.0
+    steering_weight: Weight = 20.0
     """w_z, cost of a squared correction of tan(delta_f) by 1 (ours)"""
-    vehicle_violation_weight: Positive = 1e5
+    vehicle_violation_weight: Weight = 1e5
     """cost of a squared violation of 1 m2 per step of a row when no action satisfies all (ours)"""
-    road_violation_weight: Positive = 1e2
+    road_violation_weight: Weight = 1e2
     """the same of a road-edge point's row (ours)"""
     last_resort: bool = True
     """whether an action must leave the ego a way to stop, or to go on, without hitting anybody (ours)"""
-    last_resort_margin: NotNegative = 0.3
+    last_resort_margin: Annotated[NotNegative, within(0, 20, "farther than that nobody matters")] = 0.3
     """m, how far it stays away from others then (ours)"""
     solver: str = "piqp"
     """QP solver: `piqp` by its own interface, any other by the name it has in qpsolvers"""

@@ -119,10 +119,29 @@ class ResidualPredictor:
         return self._heads[head](xi) * np.minimum(xi[:, SPEED] * (10 / FADING), 1.0)
 
 
+_PARTS = ("mean", "spread", "low", "high", "scale", "w1", "b1", "w2", "b2", "w3", "b3")
+"""arrays of a head"""
+
+
 class _Head:
     """One network; the inputs' scaling is part of its first layer."""
 
     def __init__(self, arrays: Mapping[str, NDArray], head: str) -> None:
+        """Raises KeyError for what is missing, AgentError for what does not fit."""
+        _ = [arrays[f"{head}/{name}"] for name in _PARTS]
+        inputs, width = arrays[f"{head}/mean"].size, arrays[f"{head}/w2"].shape[:1]
+        last = arrays[f"{head}/b2"].shape
+        wanted = {
+            **dict.fromkeys(("mean", "spread", "low", "high"), (inputs,)),
+            "w1": (inputs, *width), "b1": width, "w2": (*width, *last), "b2": last, "w3": (*last, 1),
+            "b3": (1,),
+        }  # fmt: skip
+        for name, shape in wanted.items():
+            array = arrays[f"{head}/{name}"]
+            if array.shape != shape or not np.all(np.isfinite(array)):
+                raise AgentError(f"the residual predictor's {head}/{name} does not fit, or is not finite")
+        if arrays[f"{head}/scale"].size != 1 or not np.all(arrays[f"{head}/spread"] > 0):
+            raise AgentError(f"the residual predictor's scales of {head} are not positive numbers")
         mean, spread = arrays[f"{head}/mean"], arrays[f"{head}/spread"]
         first = arrays[f"{head}/w1"] / spread[:, None]
         self.inputs = len(mean)

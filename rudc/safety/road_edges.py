@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from rudc.safety.clearance import Bodies, Clearance
 from rudc.safety.prediction import Predictor
 from rudc.safety.road_points import NAMES, RoadPoints, sliding
 from rudc.safety.rules import NotNegative
+from rudc.settings import within
 from rudc.world.scene import Scene
 
 
@@ -25,7 +26,7 @@ class RoadSettings(BarrierSettings):
     """whether a projection on the road's edge moves along with the ego (ours), or stands still as in the
     paper
     """
-    d_safe: NotNegative = 0.2
+    d_safe: Annotated[NotNegative, within(0, 20, "wider than half a road it leaves no way")] = 0.2
     """m, buffer beside half the vehicle's width (dbar) (ours): a lane has no room for that towards vehicles
     """
 

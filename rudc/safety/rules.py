@@ -11,9 +11,11 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field
 
 from rudc.safety.rows import RowWeights, ecbf_weights, ttcbf_weights
+from rudc.settings import within
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+RATE = "beyond, a row says nothing, or forbids everything"
 Share = Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)]
 
 
@@ -34,7 +36,7 @@ class Ttcbf(Rule):
 
     rate: Share = 0.1
     """class-K factor lambda, in (0, 1]: the share of h that may be lost in a step"""
-    gamma: NotNegative = 100.0
+    gamma: Annotated[NotNegative, within(0, 1e6, RATE)] = 100.0
     """m2/s3, Gamma; Gamma dt^3 bounds what the truncated series leaves out"""
     road_rate: Share = 0.3
     """lambda towards road edges (ours): the paper's, as towards vehicles, brakes in every bend"""
@@ -47,13 +49,13 @@ class Ttcbf(Rule):
 class Ecbf(Rule):
     """Exponential control barrier function."""
 
-    rate1: Positive = 1.5
+    rate1: Annotated[Positive, within(1e-6, 1e3, RATE)] = 1.5
     """1/s, lambda1"""
-    rate2: Positive = 0.3
+    rate2: Annotated[Positive, within(1e-6, 1e3, RATE)] = 0.3
     """1/s, lambda2"""
-    road_rate1: Positive = 7.5
+    road_rate1: Annotated[Positive, within(1e-6, 1e3, RATE)] = 7.5
     """1/s, lambda1 towards road edges (ours)"""
-    road_rate2: Positive = 1.5
+    road_rate2: Annotated[Positive, within(1e-6, 1e3, RATE)] = 1.5
     """1/s, lambda2 towards road edges (ours)"""
 
     def weights(self, dt: float, *, road: bool) -> RowWeights:

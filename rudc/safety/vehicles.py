@@ -7,10 +7,9 @@ Of those that qualify (all, or let through by the gate, see `gating`), the neare
 from __future__ import annotations
 
 import math
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
 
 from rudc.arrays import Array, Flags, Index
 from rudc.network.paths import SPACING
@@ -19,7 +18,11 @@ from rudc.safety.clearance import EPSILON, Bodies, Clearance
 from rudc.safety.gating import Gate
 from rudc.safety.prediction import Predictor
 from rudc.safety.rules import NotNegative, Positive
+from rudc.settings import within
 from rudc.world.scene import Scene
+
+FAR = "farther than that no other road user matters"
+BODY = "half axes of a road vehicle, m"
 
 
 class VehicleSettings(BarrierSettings):
@@ -27,23 +30,23 @@ class VehicleSettings(BarrierSettings):
 
     constrained: Literal["gated", "all"] = "gated"
     """those whose predicted path meets the ego's (ours), or all, as in the paper"""
-    d_safe: NotNegative = 0.5
+    d_safe: Annotated[NotNegative, within(0, 20, FAR)] = 0.5
     """m, safety buffer added to the support radii of ego and vehicle"""
-    half_length: Positive = 2.5
+    half_length: Annotated[Positive, within(0.1, 20, BODY)] = 2.5
     """m, half axis a of the ego's ellipse; others' is half their length"""
-    half_width: Positive = 1.0
+    half_width: Annotated[Positive, within(0.1, 20, BODY)] = 1.0
     """m, half axis b of the ego's ellipse"""
-    width_margin: NotNegative = 0.1
+    width_margin: Annotated[NotNegative, within(0, 20, FAR)] = 0.1
     """m, added to half the width of others to give their half axis b (ours)"""
-    max_vehicles: int | None = Field(default=12, ge=0)
+    max_vehicles: Annotated[int | None, within(0, 1000, "null is all there are")] = 12
     """the nearest so many vehicles, pedestrians and obstacles are constrained at most (ours); null for all of
     them, as in the paper
     """
-    gate_distance: NotNegative = 0.8
+    gate_distance: Annotated[NotNegative, within(0, 100, FAR)] = 0.8
     """m, a vehicle is constrained if the predicted gap between the ellipses falls below this (ours)"""
-    gate_horizon: Positive = 3.0
+    gate_horizon: Annotated[Positive, within(0.01, 60, "nobody's path is known for longer")] = 3.0
     """s, how far ahead the gate predicts (ours)"""
-    gate_step: Positive = 0.2
+    gate_step: Annotated[Positive, within(0.01, 60, "each instant looked at takes memory and time")] = 0.2
     """s, between the instants that the gate looks at (ours)"""
 
     def without_effect(self) -> dict[str, str]:
