@@ -42,7 +42,7 @@ def with_copies(scenario: Scenario, copies: Mapping[str, str]) -> Scenario:
     changed = scenario.model_copy(
         update={"network": copies.get(scenario.network, scenario.network), "sweep": swept}
     )
-    changed.__dict__.pop("digest", None)  # cached, and of the files given
+    vars(changed).pop("digest", None)  # cached, and of the files given
     return changed
 
 
