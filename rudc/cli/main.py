@@ -7,8 +7,11 @@ run.
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
+import signal
 import sys
+from types import FrameType
 from typing import Annotated
 
 import typer
@@ -66,6 +69,7 @@ def options(
 
 def main() -> None:
     """Run the command line and leave with its exit status."""
+    _interrupt_alike()
     try:
         try:
             app(prog_name="rudc")
@@ -77,10 +81,26 @@ def main() -> None:
     except KeyboardInterrupt:
         sys.exit(130)
     except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            print(f"error: {str(error)[:200]}...: give a shorter path", file=sys.stderr)
+            sys.exit(2)
         if not isinstance(error, BrokenPipeError):  # with those, whoever read our output has had enough
             print(f"error: {error}", file=sys.stderr)
         _drop_output()
         sys.exit(1)
+
+
+def _interrupt_alike() -> None:
+    """Let SIGTERM, and SIGHUP of a terminal that closes, do what Ctrl-C does; not where it is ignored
+    (nohup)."""
+
+    def interrupt(number: int, _frame: FrameType | None) -> None:
+        raise KeyboardInterrupt(signal.Signals(number).name)
+
+    for name in ("SIGTERM", "SIGHUP"):
+        number = getattr(signal, name, None)  # no SIGHUP on Windows
+        if number is not None and signal.getsignal(number) == signal.SIG_DFL:
+            signal.signal(number, interrupt)
 
 
 def _drop_output() -> None:

@@ -121,10 +121,13 @@ def _drive(scenario: Scenario, seed: int, driver: Agent, files: _Files) -> dict[
     from rudc.evaluation.recording import Recording
     from rudc.evaluation.rollout import run_episode
     from rudc.evaluation.trace import Trace
+    from rudc.files import make_folder_of
     from rudc.network.network import load_network
     from rudc.world.events import event_lines
     from rudc.world.world import World
 
+    if files.fcd is not None:
+        make_folder_of(files.fcd)
     options = ("--fcd-output", str(files.fcd.absolute())) if files.fcd is not None else ()
     with World(load_network(scenario.network, scenario.junction)) as world:
         episode = Episode(world)

@@ -6,11 +6,12 @@ second a worker, once.
 
     parent                                    worker
     starts it                            ->   makes its runner, says "ready"
-    sends a task                         ->   runs it, sends the record back
+    sends a task                         ->   loads what it needs, says "begins"
+                                              runs it, sends the record back
     closes the pipe                      ->   ends; the pipe closes by itself when the parent dies
 
 A worker that dies or takes too long for an episode is replaced, and its episode tried once more; then it is
-recorded with its error. Workers ignore Ctrl-C: the parent decides.
+recorded with its error. Workers ignore Ctrl-C and a terminal that closes: the parent decides.
 """
 
 from __future__ import annotations
@@ -38,7 +39,9 @@ RunnerFactory = Callable[[], Runner]
 Result = tuple[Task, EpisodeRecord]
 
 START_LIMIT_S = 120.0
-"""s in which a worker must have started"""
+"""s in which a worker must have started, and have loaded what an episode needs"""
+BEGINS = "begins"
+"""what a worker says when the episode itself starts: from here on its time counts"""
 START_FAILURES = 3
 """workers in a row that may fail to start"""
 TRIES = 2
@@ -55,8 +58,10 @@ class _Worker:
     pipe: Connection
     ready: bool = False
     task: Task | None = None
+    begun: bool = False
+    """whether the episode itself runs; before, what it needs (agent, world) is loaded"""
     since: float = field(default_factory=time.monotonic)
-    """s, when it was started or given its task"""
+    """s, when it was started, was given its task, or the episode began"""
 
 
 def run_local(
@@ -115,7 +120,8 @@ class _Pool:
     def _assign(self) -> None:
         for worker in self._workers:
             if self._pending and worker.ready and worker.task is None:
-                worker.task, worker.since = self._pending.popleft(), time.monotonic()
+                worker.task, worker.begun = self._pending.popleft(), False
+                worker.since = time.monotonic()
                 with contextlib.suppress(BrokenPipeError):  # it died just now: noticed when next awaited
                     worker.pipe.send(worker.task)
 
@@ -133,7 +139,7 @@ class _Pool:
         return list({**found, **{id(worker): worker for worker in late}}.values())
 
     def _deadline(self, worker: _Worker) -> float:
-        return worker.since + (self._limit_s if worker.ready else START_LIMIT_S)
+        return worker.since + (self._limit_s if worker.begun else START_LIMIT_S)
 
     def _attend(self, worker: _Worker) -> Result | None:
         try:
@@ -142,11 +148,15 @@ class _Pool:
             return self._replace(worker, "")
         if message is None:
             if time.monotonic() > self._deadline(worker):
-                return self._replace(worker, f"no result within {self._limit_s:g} s")
+                late = f"no result within {self._limit_s:g} s"
+                return self._replace(worker, late if worker.begun else f"not loaded in {START_LIMIT_S:g} s")
             return self._replace(worker, "") if not worker.process.is_alive() else None
         if isinstance(message, EpisodeRecord) and worker.task is not None:
             task, worker.task = worker.task, None
             return task, message
+        if message == BEGINS:
+            worker.begun, worker.since = True, time.monotonic()
+            return None
         if message != "ready":
             raise SimulationError(f"a worker cannot start: {message}")
         worker.ready, self._failed_starts = True, 0
@@ -180,6 +190,8 @@ class _Pool:
 def serve(pipe: Connection, make_runner: RunnerFactory) -> None:
     """What a worker process does. Ends when the pipe closes or at SIGTERM."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(signal, "SIGHUP"):
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     return_large_blocks()
     try:
@@ -190,7 +202,10 @@ def serve(pipe: Connection, make_runner: RunnerFactory) -> None:
     pipe.send("ready")
     with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
         while True:
-            pipe.send(run(pipe.recv()))
+            task = pipe.recv()
+            getattr(run, "prepare", lambda _: None)(task)
+            pipe.send(BEGINS)
+            pipe.send(run(task))
 
 
 @contextlib.contextmanager

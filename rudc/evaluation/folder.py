@@ -13,7 +13,6 @@ earlier version wrote are read (`read_sweep`), and not resumed: their rows would
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import shutil
 from collections.abc import Mapping, Sequence
@@ -23,10 +22,19 @@ from typing import Any
 
 from rudc.errors import SweepError
 from rudc.evaluation.columns import COLUMNS, IDENTITY, METRICS, Metric, missing_columns
-from rudc.evaluation.manifest import FORMAT, agent_digests, as_json, manifest, resumed, version_changes
+from rudc.evaluation.manifest import (
+    FORMAT,
+    agent_digests,
+    as_json,
+    manifest,
+    read_manifest,
+    resumed,
+    version_changes,
+)
 from rudc.evaluation.metrics import STATISTICS, Group, group_metrics
 from rudc.evaluation.own_networks import keep_networks, with_copies
 from rudc.evaluation.record import EpisodeRecord, as_text
+from rudc.evaluation.rows import refuse_damaged
 from rudc.evaluation.store import RowFile, format_row, read_header, read_table
 from rudc.evaluation.tasks import Key, SweepPlan, Task
 from rudc.files import make_folder, write_atomically
@@ -77,7 +85,7 @@ class SweepFolder:
                 "add --resume to finish the sweep in it, or give another --out"
             )
         if present:
-            old = self._manifest()
+            old = read_manifest(self.path)
             self._refuse_other_columns(old)
             content = resumed(old, content, self.path)
             changes = version_changes(content)
@@ -136,17 +144,6 @@ class SweepFolder:
         except OSError:
             self.warnings.append(f"{self.path} cannot be locked; run no second sweep into it meanwhile")
 
-    def _manifest(self) -> dict[str, Any]:
-        path = self.path / "manifest.json"
-        try:
-            return json.loads(path.read_text(encoding="utf-8"))
-        except FileNotFoundError:
-            raise SweepError(
-                f"{self.path} is not empty and not the folder of a sweep; give another --out"
-            ) from None
-        except (OSError, ValueError) as error:
-            raise SweepError(f"{path} cannot be read ({error}); give another --out") from None
-
     def _refuse_other_columns(self, old: Mapping[str, Any]) -> None:
         """Raises SweepError when the folder's rows have not the meaning that new ones would have."""
         header = read_header(self.path / "episodes.csv")
@@ -168,7 +165,10 @@ class SweepFolder:
         """Keep the rows of finished episodes, once each, and drop what a kill or an error left."""
         wanted = {task.key(self.parameters) for task in self.tasks}
         episodes = {}
-        for row in self._episodes.read():
+        rows = self._episodes.read()
+        told = [dict(zip(self._episodes.header, row, strict=True)) for row in rows]
+        refuse_damaged(told, self.parameters, self._episodes.path)
+        for row in rows:
             key = self._key(row)
             if key in wanted and not row[_ERROR]:
                 episodes.setdefault(key, row)
@@ -205,6 +205,7 @@ def read_sweep(path: Path) -> tuple[list[dict[str, str]], tuple[str, ...]]:
     for row in rows:
         known = dict(zip(there, row.values(), strict=True))
         found.append({name: known.get(name, "") for name in (*COLUMNS, *parameters)})
+    refuse_damaged(found, parameters, path / "episodes.csv")
     return found, parameters
 
 

@@ -10,18 +10,69 @@ import shutil
 import subprocess
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import BaseModel, Field, ValidationError
 
 import rudc
 from rudc.agents.registry import agent_settings
 from rudc.data import data_folder
 from rudc.errors import SweepError
 from rudc.evaluation.tasks import SweepPlan
+from rudc.kinds import problems
 
 FORMAT = 2
 """of a sweep's folder; 1 had `conditions.csv`, and counted interventions in another way"""
 PACKAGES = ("libsumo", "sumolib", "numpy", "scipy", "qpsolvers", "piqp", "gymnasium", "pydantic")
 """whose versions can change a row"""
+
+
+class ScenarioEntry(BaseModel, frozen=True):
+    """A scenario of a sweep."""
+
+    digest: str
+    """of all that an episode depends on, files that it names included"""
+    values: dict[str, Any]
+    """what its file says, defaults included"""
+
+
+class Configuration(BaseModel, frozen=True):
+    """Everything that decides the rows of a sweep."""
+
+    scenarios: dict[str, ScenarioEntry]
+    agents: dict[str, dict[str, Any]]
+    """by name; settings, digests of weights and sources"""
+    episodes: Annotated[int, Field(ge=1)]
+    seed: Annotated[int, Field(ge=0)]
+
+
+class Manifest(BaseModel, frozen=True):
+    """What `manifest.json` holds."""
+
+    format: int
+    """`FORMAT` of the version that wrote it"""
+    configuration: Configuration
+    versions: dict[str, str]
+    """of everything that can change a row"""
+    resumed_with: list[dict[str, str]] = []
+    """versions that it went on with, where they had changed"""
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """The manifest of a sweep's folder. Raises SweepError where there is none, or no such."""
+    path = folder / "manifest.json"
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        Manifest.model_validate(content, strict=True)
+    except FileNotFoundError:
+        reason = "no manifest.json in it" if folder.is_dir() else "no such folder"
+    except ValidationError as error:
+        reason = problems(error, "manifest.json")
+    except (OSError, ValueError, RecursionError) as error:
+        reason = f"manifest.json cannot be read ({error})"
+    else:
+        return content
+    raise SweepError(f"{folder} is not the folder of a sweep: {reason}; give another")
 
 
 def code_version() -> str:

@@ -8,6 +8,8 @@ it grows. An actor that dies or takes too long is replaced and its episode tried
 from __future__ import annotations
 
 import importlib
+import os
+import socket
 import time
 from collections import deque
 from collections.abc import Iterator, Sequence
@@ -18,6 +20,9 @@ from rudc.evaluation.engine import START_FAILURES, TRIES, Result, Runner, Runner
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.tasks import Task
 from rudc.hints import install_command
+
+ANSWER_S = 8.0
+"""s in which a cluster's address must answer"""
 
 
 class _Remote:
@@ -43,17 +48,40 @@ def find_ray() -> Any:
         ) from None
 
 
+def connect() -> Any:
+    """The module `ray`, connected to the cluster that RAY_ADDRESS names, or that is on this machine; another
+    call does nothing more. Raises InputError, within 10 s, without ray or cluster.
+    """
+    ray = find_ray()
+    _refuse_silent(os.environ.get("RAY_ADDRESS", ""))
+    try:
+        ray.init(ignore_reinit_error=True, log_to_driver=False)
+    except (ConnectionError, RuntimeError, ValueError) as error:
+        raise InputError(f"--engine ray: no cluster ({error})") from error
+    return ray
+
+
+def _refuse_silent(address: str) -> None:
+    """Raise InputError where nobody listens at `HOST:PORT`; ray itself would ask for a minute and more."""
+    host, _, port = address.removeprefix("ray://").rpartition(":")
+    if not (host and port.isdigit()):
+        return
+    try:
+        socket.create_connection((host, int(port)), timeout=ANSWER_S).close()
+    except (OSError, OverflowError) as error:
+        raise InputError(
+            f"--engine ray: no cluster at RAY_ADDRESS={address} ({error}); `ray start --head` starts one, "
+            "or unset RAY_ADDRESS"
+        ) from None
+
+
 def run_ray(
     tasks: Sequence[Task], workers: int, limit_s: float, make_runner: RunnerFactory
 ) -> Iterator[Result]:
     """Run the tasks on at most `workers` actors and yield each record as its episode ends. Raises InputError
     without ray or cluster, SimulationError when no actor can be started.
     """
-    ray = find_ray()
-    try:
-        ray.init(ignore_reinit_error=True, log_to_driver=False)
-    except (ConnectionError, RuntimeError, ValueError) as error:
-        raise InputError(f"--engine ray: no cluster ({error})") from error
+    ray = connect()
     try:
         yield from _Actors(ray, tasks, limit_s, make_runner).run(min(workers, len(tasks)))
     finally:

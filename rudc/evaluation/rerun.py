@@ -13,7 +13,7 @@ from rudc.agents.registry import agent_settings
 from rudc.errors import SweepError
 from rudc.evaluation.columns import COLUMNS, TIMING
 from rudc.evaluation.folder import read_sweep
-from rudc.evaluation.manifest import versions
+from rudc.evaluation.manifest import read_manifest, versions
 from rudc.evaluation.record import EpisodeRecord, as_text
 from rudc.evaluation.tasks import Task
 from rudc.hints import did_you_mean
@@ -35,7 +35,7 @@ class Rerun(NamedTuple):
 
 def find_episode(folder: Path, which: str) -> Rerun:
     """The episode that `SCENARIO:AGENT:SEED` or the number of a row stands for. Raises SweepError."""
-    content = _manifest(folder)
+    content = read_manifest(folder)
     rows, parameters = read_sweep(folder)
     number = _number(rows, parameters, which, folder)
     row = rows[number - 1]
@@ -50,19 +50,6 @@ def differences(row: Mapping[str, str], record: EpisodeRecord) -> list[str]:
     pairs = ((name, row[name], record.text(name)) for name in COLUMNS if name not in TIMING)
     return [f"{name}: {was or 'nothing'} then, {now or 'nothing'} now"
             for name, was, now in pairs if was != now and (was or name in ("error", "fault"))]  # fmt: skip
-
-
-def _manifest(folder: Path) -> Mapping[str, Any]:
-    path = folder / "manifest.json"
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        whole = isinstance(content["configuration"]["scenarios"], dict) and "versions" in content
-    except (OSError, ValueError, KeyError, TypeError):
-        whole, content = False, {}
-    if not whole:
-        reason = "no such folder" if not folder.is_dir() else "no manifest.json of a sweep in it"
-        raise SweepError(f"{folder} is not the folder of a sweep: {reason}") from None
-    return content
 
 
 def _number(rows: Sequence[Mapping[str, str]], parameters: Sequence[str], which: str, folder: Path) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import threading
@@ -66,7 +67,12 @@ class EpisodeRunner:
         self.close()
         return EpisodeRecord.failed(task.scenario.name, task.agent, task.seed, reason, told)
 
-    def _run(self, task: Task) -> EpisodeRecord:
+    def prepare(self, task: Task) -> None:
+        """Load what the task needs, which its time does not count; what goes wrong is said when it is run."""
+        with contextlib.suppress(Exception):
+            self._load(task)
+
+    def _load(self, task: Task) -> tuple[Agent, World]:
         if task.agent not in self._agents:
             agent = self._make(task.agent)
             if task.agent_digest not in ("", agent_digest(task.agent)):
@@ -75,9 +81,13 @@ class EpisodeRunner:
                     "replaced; put it back and --resume, or give another --out"
                 )
             self._agents[task.agent] = agent
-        episode = Episode(self._world_of(task))
+        return self._agents[task.agent], self._world_of(task)
+
+    def _run(self, task: Task) -> EpisodeRecord:
+        agent, world = self._load(task)
+        episode = Episode(world)
         with _time_limit(None if self._limit_s is None else SOONER * self._limit_s):
-            return run_episode(episode, task.scenario.plan(task.seed), self._agents[task.agent])
+            return run_episode(episode, task.scenario.plan(task.seed), agent)
 
     def close(self) -> None:
         """Forget everything; the next task starts afresh."""

@@ -18,6 +18,8 @@ from rudc.errors import SweepError
 from rudc.files import explain, write_atomically
 
 Rows = list[list[str]]
+MENDED = "mend or delete the line"
+"""what to do about one that is no row"""
 
 
 def format_row(cells: Sequence[str]) -> str:
@@ -38,18 +40,16 @@ class RowFile:
     def read(self) -> Rows:
         """The whole rows of the file, in its order; none if there is no file. A torn last line is left out.
 
-        Raises SweepError when it is the file of another sweep.
+        Raises SweepError when it is the file of another sweep, or damaged.
         """
         if not self.path.exists():
             return []
-        data = self.path.read_bytes()
-        text = data[: data.rfind(b"\n") + 1].decode("utf-8", errors="replace")
-        lines = list(csv.reader(io.StringIO(text)))
+        lines = whole_lines(self.path)
         if lines and lines[0] != self.header:
             raise SweepError(
                 f"{self.path} has other columns than this sweep writes; use another folder, or delete it"
             )
-        return [line for line in lines[1:] if len(line) == len(self.header)]
+        return lines[1:]
 
     def rewrite(self, rows: Iterable[Sequence[str]]) -> None:
         """Replace the content by the header and these rows."""
@@ -94,11 +94,30 @@ def read_header(path: Path) -> list[str]:
 
 
 def read_table(path: Path) -> list[dict[str, str]]:
-    """The whole rows of a CSV file as dictionaries. Raises SweepError when there is none."""
+    """The whole rows of a CSV file as dictionaries. Raises SweepError if none, or damaged."""
     if not path.is_file():
         raise SweepError(f"no {path.name} in {path.parent}; is it the folder of a sweep?")
+    lines = whole_lines(path)
+    return [dict(zip(lines[0], line, strict=True)) for line in lines[1:]]
+
+
+def whole_lines(path: Path) -> Rows:
+    """The cells of each whole line of a CSV file, as many in each as in the first: line k is row k + 1 of
+    them. What follows the last line break is left out. Raises SweepError, with the line's number, where a
+    line is no row.
+    """
     data = path.read_bytes()
-    text = data[: data.rfind(b"\n") + 1].decode("utf-8", errors="replace")
-    lines = csv.reader(io.StringIO(text))
-    header = next(lines, [])
-    return [dict(zip(header, line, strict=True)) for line in lines if len(line) == len(header)]
+    found: Rows = []
+    for number, line in enumerate(data[: data.rfind(b"\n") + 1].split(b"\n")[:-1], 1):
+        try:
+            cells = next(csv.reader([line.decode("utf-8")], strict=True), [])
+        except UnicodeDecodeError:
+            raise SweepError(f"{path}:{number}: not valid UTF-8 text; {MENDED}") from None
+        except csv.Error as error:
+            raise SweepError(f"{path}:{number}: not a row of a CSV file ({error}); {MENDED}") from None
+        if found and len(cells) != len(found[0]):
+            raise SweepError(f"{path}:{number}: has {len(cells)} cells, not {len(found[0])}; {MENDED}")
+        if not found and len(set(cells)) != len(cells):
+            raise SweepError(f"{path}:1: names a column twice; {MENDED}")
+        found.append(cells)
+    return found

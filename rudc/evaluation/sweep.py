@@ -14,7 +14,7 @@ from rudc.errors import StorageError, SweepError
 from rudc.evaluation.engine import Result, Runner, RunnerFactory, run_local
 from rudc.evaluation.folder import SweepFolder
 from rudc.evaluation.manifest import code_digest
-from rudc.evaluation.ray_engine import find_ray, run_ray
+from rudc.evaluation.ray_engine import connect, run_ray
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.tasks import SweepPlan, Task
 from rudc.imports import PREFIX, import_first, imported_first
@@ -85,7 +85,7 @@ def run_sweep(
     if workers < 1:
         raise SweepError(f"a sweep needs at least one worker, not {workers}")
     if engine == "ray":
-        find_ray()  # before the folder is touched
+        connect()  # before the folder is touched
     with SweepFolder(out, plan) as folder:
         folder.open(resume)
         try:

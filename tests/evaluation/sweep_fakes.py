@@ -53,6 +53,13 @@ class Runner:
         return made_up(task)
 
 
+class SlowToLoad(Runner):
+    """Takes its time to load what an episode needs, not for the episode."""
+
+    def prepare(self, task: Task) -> None:
+        time.sleep(1.5)
+
+
 class Troubled:
     """Goes wrong at seed 1: `die`, `die_once`, `hang`, `fail`; answers all others."""
 

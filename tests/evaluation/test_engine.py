@@ -160,3 +160,9 @@ def test_ray_actors_that_cannot_start_say_why(make_plan, fakes, monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", _ray_in_process())
     with pytest.raises(SimulationError, match=r"workers cannot start: .*libsumo cannot be imported"):
         collect(make_plan().tasks(), fakes.no_runner, engine=run_ray)
+
+
+def test_the_limit_counts_the_episode_not_what_is_loaded_for_it(fakes, make_plan):
+    tasks = make_plan(agents=("sumo",), episodes=1).tasks()
+    ((_, record),) = run_local(tasks, 1, 1.0, fakes.SlowToLoad)
+    assert record.error == ""

@@ -1,0 +1,64 @@
+"""How commands end: by signals, for want of a cluster, for a path that is too long."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+RUDC = [sys.executable, "-m", "rudc"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_sweep_that_is_ended_keeps_what_is_finished(tmp_path, number):
+    out = tmp_path / "out"
+    sweep = [*RUDC, "sweep", "random_destination", "-a", "follower", "-n", "2000", "-w", "1", "-o", str(out)]
+    process = subprocess.Popen(sweep, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 120
+    rows = out / "episodes.csv"
+    while not rows.exists() or rows.read_bytes().count(b"\n") < 2:
+        assert process.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    process.send_signal(number)
+    _, told = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert f"interrupted; what is finished is kept in {out}: add --resume to go on" in told
+    assert "Traceback" not in told
+
+
+def test_a_path_that_is_too_long_is_wrong_input(tmp_path):
+    for command in (
+        ["table", "x" * 5000],
+        ["scenario", "validate", "x" * 5000 + ".yaml"],
+        ["run", "random_destination", "--fcd", str(tmp_path / ("x" * 500) / "a.xml")],
+        ["network", "check", "x" * 5000 + ".net.xml"],
+        ["sweep", "random_destination", "-a", "follower", "-n", "1", "-o", str(tmp_path / ("x" * 500))],
+    ):
+        done = subprocess.run([*RUDC, *command], capture_output=True, text=True)
+        assert done.returncode == 2, done.stderr
+        assert done.stderr.startswith("error: "), done.stderr[:300]
+
+
+def test_fcd_makes_its_folder(tmp_path):
+    file = tmp_path / "new" / "fcd.xml"
+    command = [*RUDC, "run", "random_destination", "-a", "follower", "--set", "episode.timeout=1"]
+    subprocess.run([*command, "--fcd", str(file)], check=True, capture_output=True)
+    assert file.stat().st_size > 100
+
+
+def test_no_cluster_is_said_at_once_and_before_the_folder_is_touched(tmp_path):
+    pytest.importorskip("ray")
+    out = tmp_path / "out"
+    sweep = [*RUDC, "sweep", "random_destination", "-a", "follower", "-n", "1", "-o", str(out)]
+    began = time.monotonic()
+    done = subprocess.run(
+        [*sweep, "--engine", "ray"], capture_output=True, text=True,
+        env={**os.environ, "RAY_ADDRESS": "127.0.0.1:9"},
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert "no cluster at RAY_ADDRESS=127.0.0.1:9" in done.stderr
+    assert time.monotonic() - began < 30  # 10, and this machine's mood
+    assert not out.exists()

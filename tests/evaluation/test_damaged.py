@@ -1,0 +1,62 @@
+"""Damaged sweep folders: what is wrong, and in which line, never a traceback nor a table of nonsense."""
+
+import pytest
+
+from rudc.errors import SweepError
+from rudc.evaluation.folder import read_sweep
+from rudc.evaluation.sweep import run_sweep
+
+
+@pytest.fixture
+def folder(fakes, make_plan, tmp_path):
+    """A finished sweep of six episodes."""
+    run_sweep(make_plan(), tmp_path / "out", fakes.Runner)
+    return tmp_path / "out"
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["[]", "null", "3", "{}", "", "{", "[" * 100_000, '{"format": 2}', '{"format": 2, "configuration": []}',
+     '{"format": "2", "configuration": {"scenarios": [], "agents": {}, "episodes": 1, "seed": 0}}'],
+    ids=lambda text: text[:30] or "empty",
+)  # fmt: skip
+def test_a_manifest_that_is_none_is_refused(folder, fakes, make_plan, text):
+    (folder / "manifest.json").write_text(text)
+    with pytest.raises(SweepError, match=r"manifest\.json"):
+        run_sweep(make_plan(), folder, fakes.Runner, resume=True)
+
+
+def _cell(column, value):
+    def change(lines):
+        cells = lines[3].split(",")
+        cells[lines[0].split(",").index(column)] = value
+        lines[3] = ",".join(cells)
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (_cell("outcome", "banana"), r":4: outcome: 'banana' is none; there are collision, "),
+        (_cell("seed", "-1"), r":4: seed: '-1' is no number"),
+        (_cell("steps", "many"), r":4: steps: 'many' is no finite number"),
+        (_cell("duration_s", "inf"), r":4: duration_s: 'inf' is no finite number"),
+        (_cell("error", "it failed"), r":4: outcome: '\w+' of an episode that has an error"),
+        (_cell("origin", '"south'), r":4: not a row of a CSV file"),
+        (_cell("origin", "a,b"), r":4: has \d+ cells, not \d+"),
+        (lambda lines: lines.insert(5, lines[2]), r":6: the same episode as line 3"),
+        (lambda lines: lines.insert(2, "garbage"), r":3: has 1 cells"),
+        (lambda lines: lines.insert(2, "\udcff\udcfe"), r":3: not valid UTF-8"),
+        (lambda lines: lines.insert(2, ""), r":3: has 0 cells"),
+    ],
+)
+def test_a_damaged_row_is_named_by_its_line(folder, fakes, make_plan, change, told):
+    path = folder / "episodes.csv"
+    lines = path.read_text(encoding="utf-8").split("\n")
+    change(lines)
+    path.write_bytes("\n".join(lines).encode("utf-8", "surrogateescape"))
+    with pytest.raises(SweepError, match=r"episodes\.csv" + told):
+        read_sweep(folder)
+    with pytest.raises(SweepError, match=r"episodes\.csv" + told):
+        run_sweep(make_plan(), folder, fakes.Runner, resume=True)
