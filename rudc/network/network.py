@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import copyreg
 from collections.abc import Callable, Mapping
+from dataclasses import fields
 from functools import cache, cached_property, lru_cache
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 from rudc.data import data_folder
 from rudc.errors import NetworkError
@@ -184,9 +186,16 @@ def find_route(key: RouteKey) -> Route:
     return load_network(key.network, key.junction, key.vehicle).route(key.origin, key.destination, key.lane)
 
 
-def _as_key(route: Route) -> tuple[Callable[[RouteKey], Route], tuple[RouteKey]]:
-    return find_route, (route.key,)
+def _pickled(route: Route) -> tuple[Callable[..., Route], tuple[Any, ...]]:
+    """A route of a network as its key; a course, which no network knows, whole."""
+    if find_route(route.key) is route:
+        return find_route, (route.key,)
+    return _course, (tuple(getattr(route, field.name) for field in fields(route)),)
+
+
+def _course(values: tuple[Any, ...]) -> Route:
+    return Route(*values)
 
 
 # Said here and not in `Route.__reduce__`, since a route knows nothing of networks.
-copyreg.pickle(Route, _as_key)
+copyreg.pickle(Route, _pickled)

@@ -1,6 +1,7 @@
 """Courses round bodies, judged by exact rectangles (shapely) and by the car that has to drive them."""
 
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -134,3 +135,13 @@ def test_gaps_along_agree_with_rectangles_one_by_one(left):
         x, y, psi = (float(v) for v in route.path.pose(s[k]))
         exact = float(rectangle_gaps(x, y, psi, BODY.length, BODY.width, *standing).min())
         assert gap[k] == pytest.approx(exact, abs=1e-9) if exact < 3.0 else gap[k] == math.inf
+
+
+def test_a_course_travels_whole_and_a_route_by_its_key(left):
+    _, route, planner = left
+    course = planner.plan(80.0, 0.0, 0.0, bodies(beside(route, 140.0, 0.0)), NOBODY)
+    assert course is not None
+    again = pickle.loads(pickle.dumps(course))
+    assert np.array_equal(again.path.xy, course.path.xy)
+    assert again.waiting_s == course.waiting_s
+    assert pickle.loads(pickle.dumps(route)) is route
