@@ -13,6 +13,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from pydantic import field_validator
+
 from rudc.agents.adaptation import Adaptation, Knowledge
 from rudc.agents.base import Agent, Decision, EgoDriver
 from rudc.agents.courses import Courses
@@ -31,6 +33,12 @@ class OutlookSettings(Settings):
     truth (`known`, for ablations)"""
     probe: bool = True
     """whether a short full braking at the start asks how well the road grips; with `plant` estimated only"""
+
+    @field_validator("plant", mode="before")
+    @classmethod
+    def _read_off(cls, value: object) -> object:
+        """YAML takes a bare `off` for false."""
+        return "off" if value is False else value
 
     def without_effect(self) -> Mapping[str, str]:
         """Who knows nothing of the car, or all, need not ask."""

@@ -153,6 +153,7 @@ def test_settings_are_those_of_the_one_tree():
     assert agent_settings("planner:outlook.course=false")["outlook"] == {"course": False, "plant": "off"}
     assert OutlookSettings(plant="known", course=True).make() is not None
     assert OutlookSettings().make() is None
+    assert agent_settings("rudc-t:outlook.plant=off,outlook.course=off")["outlook"]["plant"] == "off"
     for name, says in (
         ("gap-acceptance:outlook.cuorse=true", "outlook.course"),
         ("gap-acceptance:outlook.probe=false", "nothing is estimated"),
