@@ -36,11 +36,10 @@ def misfits(config: LearnerConfig, problem: Problem, arrays: Mapping[str, NDArra
             yield from _unlike(name, maps, members, outputs, found)
     normal = group(arrays, "normal")
     if normal and ensemble:
-        shape = (ensemble.members, 1, ensemble.quantiles)
-        wanted: dict[str, Shape] = {"mean": shape, "deviation": shape}
+        wanted: dict[str, Shape] = {"rms": (ensemble.members, 1, 1)}
         yield from _compared("normal", wanted, normal)
-        if "deviation" in normal and not np.all(normal["deviation"] > 0):
-            yield "normal/deviation is not positive"
+        if "rms" in normal and not np.all(normal["rms"] > 0):
+            yield "normal/rms is not positive"
 
 
 def _unlike(

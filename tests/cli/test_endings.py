@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 
 import pytest
 
@@ -15,7 +16,8 @@ RUDC = [sys.executable, "-m", "rudc"]
 def test_a_sweep_that_is_ended_keeps_what_is_finished(tmp_path, number):
     out = tmp_path / "out"
     sweep = [*RUDC, "sweep", "random_destination", "-a", "follower", "-n", "2000", "-w", "1", "-o", str(out)]
-    process = subprocess.Popen(sweep, stderr=subprocess.PIPE, text=True)
+    heard = partial(signal.signal, number, signal.SIG_DFL)  # also where the tests run under nohup
+    process = subprocess.Popen(sweep, stderr=subprocess.PIPE, text=True, preexec_fn=heard)
     deadline = time.monotonic() + 120
     rows = out / "episodes.csv"
     while not rows.exists() or rows.read_bytes().count(b"\n") < 2:

@@ -52,7 +52,10 @@ def test_a_name_or_a_mapping_says_which_is_meant():
     for wrong, said in (
         ("dirct", "action: there is no 'dirct' .did you mean 'direct'"),
         ({"kind": "direct", "adjustment": 0.2}, "action.adjustment: Extra inputs"),
-        ({"kind": "adjustment", "adjustment": 0}, "action.adjustment: Input should be greater than 0"),
+        (
+            {"kind": "adjustment", "adjustment": 0},
+            "action.adjustment: Input should be greater than or equal to 0.001",
+        ),
         (3, "action: expected one of direct, adjustment"),
     ):
         with pytest.raises(InputError, match=said):
@@ -67,7 +70,9 @@ def test_a_field_takes_any_kind_and_gives_it_back():
     found = Settings.model_validate({"action": {"kind": "adjustment", "adjustment": 0.3}})
     assert found.action == Adjustment(adjustment=0.3)
     assert Settings.model_validate_json(found.model_dump_json()) == found
-    with pytest.raises(ValidationError, match=r"action\.adjustment\n  Input should be greater than 0"):
+    with pytest.raises(
+        ValidationError, match=r"action\.adjustment\n  Input should be greater than or equal to 0.001"
+    ):
         Settings.model_validate({"action": {"kind": "adjustment", "adjustment": -1}})
 
 

@@ -105,7 +105,10 @@ def test_an_answer_does_not_depend_on_the_problems_before_it() -> None:
     """To the last bit, or the rows of a sweep would depend on which worker drove which episodes before."""
     rng, solver = np.random.default_rng(7), PiqpSolver()
     hard = [like_real(rng) for _ in range(200)]
-    problems = [SafetyFilter()._relaxed(problem, np.ones(len(problem.b))) for problem in hard]
+    problems = [
+        SafetyFilter()._relaxed(problem, np.ones(len(problem.b)), np.zeros(len(problem.b), dtype=bool))
+        for problem in hard
+    ]
     first = [solver.solve(problem).x for problem in problems]
     again = [solver.solve(problem).x for problem in reversed(problems)][::-1]
     assert all(np.array_equal(a, b) for a, b in zip(first, again, strict=True))
@@ -129,7 +132,7 @@ def test_relaxed_problems_are_always_solved() -> None:
         k = len(problem.b)
         mode = (np.arange(k) < rng.integers(0, k + 1)).astype(float)
         hard = problem._replace(b=problem.b + rng.choice([0.0, 1.0, 10.0]) * rng.random(k))
-        relaxed = filter._relaxed(hard, mode)
+        relaxed = filter._relaxed(hard, mode, np.zeros(k, dtype=bool))
         solution, other = filter._solver.solve(relaxed), solver.solve(relaxed)
         assert solution.found
         assert other.found

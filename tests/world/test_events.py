@@ -296,13 +296,13 @@ def test_reach_position_and_time_to_collision(world, four_way):
         world.advance(np.zeros(2))
         scene = world.scene()
     assert math.hypot(last.ego.x - x, last.ego.y - y) < 3.0 < math.hypot(last.ego.x - x, last.ego.y - 0.8 - y)
-    block = event("stalled_vehicle", lane="south_in_0", at=5)
-    scene = world.reset(replace(source, density=0.0, events=(block,)).plan(0))
-    assert scene.count == 1
+    block = tuple(event("stalled_vehicle", lane=f"south_in_{lane}", at=5) for lane in (0, 1))
+    scene = world.reset(replace(source, density=0.0, events=block).plan(0))
+    assert scene.count == 2
     assert pick(scene, "leader", np.random.default_rng(0)) == [], "an obstacle is nobody's leader"
     when = {"time_to_collision": {"vehicle": "leader", "below": 3}}
     crash = event("density_surge", density=50, when=when)
-    run(world, replace(source, density=0.0, events=(block, crash)), 6.0, u=np.zeros(2))
+    run(world, replace(source, density=0.0, events=(*block, crash)), 6.0, u=np.zeros(2))
     assert world.traffic.density == 50, "the leader that is put ahead stops behind the obstacle"
 
 
