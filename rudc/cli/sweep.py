@@ -23,7 +23,7 @@ SHIPPED_AGENTS = (
     "follower",
     "gap-acceptance",
     "gap-acceptance+ttcbf",
-    "gap-acceptance+ecbf",
+    "planner",
     "rudc-wo-cbf",
     "rudc-t",
     "rudc-e",
