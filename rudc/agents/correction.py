@@ -23,6 +23,7 @@ An entry in `CORRECTIONS` is a class of settings; its `make` gives the correctio
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, NamedTuple, Protocol
 
@@ -95,13 +96,13 @@ class CorrectionKind(Settings):
         """
         return {}
 
+    @abstractmethod
     def make(
         self, arrays: Mapping[str, NDArray], percentiles: Percentiles = None, action: str = "adjustment"
     ) -> Correction | None:
         """The correction; None if there is none. `arrays` and `percentiles` as for `Correction.load`,
         `action` as for `arrays`.
         """
-        raise NotImplementedError
 
 
 class NoCorrection(CorrectionKind):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -53,16 +54,16 @@ def draw_road(network: Network, scale: float, reach_m: float = REACH_M) -> RoadP
     return picture
 
 
-class Brush:
+class Brush(ABC):
     """Draws shapes given in metres; subclasses say on what."""
 
+    @abstractmethod
     def area(self, polygon: Array, colour: Colour) -> None:
         """Fill a polygon (K, 2) m."""
-        raise NotImplementedError
 
+    @abstractmethod
     def line(self, xy: Array, width_m: float, colour: Colour) -> None:
         """Draw a line along xy (K, 2) m."""
-        raise NotImplementedError
 
     def pieces(self, segments: Array, width_m: float, colour: Colour) -> None:
         """Draw short straight lines (B, 2, 2) m."""

@@ -13,6 +13,7 @@ samples all take the same kinds; a further one is a class here or elsewhere and 
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -39,15 +40,15 @@ class ActionKind(Settings):
         """What actions are drawn from."""
         return spaces.Box(-1.0, 1.0, (2,), np.float32)
 
+    @abstractmethod
     def physical(self, action: Action, scene: Scene) -> Array:
         """(2,) acceleration m/s2 and front-wheel angle rad that an action (2,), cut to the space, stands for
         in this scene; within the vehicle's limits.
         """
-        raise NotImplementedError
 
+    @abstractmethod
     def normalised(self, u: Array, scene: Scene) -> Array:
         """(2,) the action that stands for u (2,), m/s2 and rad, or for the nearest that is reached."""
-        raise NotImplementedError
 
 
 class Direct(ActionKind):

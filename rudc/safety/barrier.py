@@ -9,6 +9,7 @@ predictor looks at. The filter does the rest, whichever barriers there are. A fu
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -74,7 +75,7 @@ class BarrierSettings(BaseModel):
         return {}
 
 
-class Barrier:
+class Barrier(ABC):
     """One kind of constraint."""
 
     name: ClassVar[str]
@@ -93,23 +94,24 @@ class Barrier:
         """`settings`: of its class `Settings`; `predictor`: where everybody will be."""
         self.settings = settings
 
+    @abstractmethod
     def find(self, scene: Scene) -> Found:
         """What is to be constrained."""
-        raise NotImplementedError
 
+    @abstractmethod
     def terms(self, scene: Scene, found: Found) -> Terms:
         """h and derivatives (k,) of what was found."""
-        raise NotImplementedError
 
     def in_conflict(self, scene: Scene, found: Found) -> Flags:
         """(k,) whose rows come first where no action satisfies all."""
         return np.full(len(found.names), not self.as_road)
 
-    def features(self, scene: Scene, found: Found, part: Any, xi: Array) -> None:
+    def features(  # noqa: B027 -- not abstract, since a barrier without inputs has nothing to write
+        self, scene: Scene, found: Found, part: Any, xi: Array
+    ) -> None:
         """Write the `inputs` into the columns of `xi` (k, 8 + inputs) behind the first 8. `part`: what was
-        found, as `Bodies` of (k,).
+        found, as `Bodies` of (k,). Of a barrier without inputs there is nothing to write.
         """
-        raise NotImplementedError
 
 
 COMMON = (

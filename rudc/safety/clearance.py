@@ -43,6 +43,7 @@ Numbers: points and vectors of the plane are complex; r conj(e) = p + i q, conj(
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -94,9 +95,9 @@ class Bodies(NamedTuple):
 class Clearance(Barrier):
     """A barrier of this family: it says what is where, h and its derivatives follow."""
 
+    @abstractmethod
     def fill(self, scene: Scene, found: Found, to: Bodies) -> None:
         """Write what was found into the arrays of `to`; they begin as `Bodies.empty`."""
-        raise NotImplementedError
 
     def terms(self, scene: Scene, found: Found) -> Terms:
         """See `Barrier`; the filter works out all barriers of this family at once."""

@@ -6,6 +6,7 @@ A rule is a class of settings with `weights`. A further one is a class and an en
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -24,11 +25,11 @@ class Rule(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
+    @abstractmethod
     def weights(self, dt: float, *, road: bool) -> RowWeights:
         """What makes a row out of h, h' and h'' for an action held for `dt` s, of vehicles or of road edges.
         `second` and `required` must be the same for both.
         """
-        raise NotImplementedError
 
 
 class Ttcbf(Rule):

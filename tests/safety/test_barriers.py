@@ -132,3 +132,17 @@ def test_their_settings_are_the_trees():
     ):
         with pytest.raises(InputError, match=said):
             FilterConfig.preset("ttcbf", **changes)
+
+
+def test_a_barrier_that_is_not_complete_is_refused_when_it_is_registered():
+    class Idle(Barrier):
+        name: ClassVar[str] = "idle"
+
+    class Blind(SpeedBarrier):
+        name: ClassVar[str] = "blind"
+        inputs: ClassVar[tuple[str, ...]] = ("speed / 10",)
+
+    for barrier, says in ((Idle, "'idle' lacks find, terms"), (Blind, "'blind' lacks features")):
+        with pytest.raises(InputError, match=says):
+            register_barrier(barrier)
+        assert barrier.name not in BARRIERS

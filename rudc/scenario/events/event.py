@@ -8,6 +8,7 @@ episode follow from that.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import Annotated, Generic, TypeVar
 
 import numpy as np
@@ -56,7 +57,7 @@ E = TypeVar("E", bound=Event)
 V = TypeVar("V", bound=VehicleEvent)
 
 
-class Effect(Generic[E]):
+class Effect(ABC, Generic[E]):
     """One event of an episode, acting on the stage."""
 
     from_the_start = False
@@ -72,9 +73,9 @@ class Effect(Generic[E]):
         self.chosen: frozenset[str] = frozenset()
         """surrounding vehicles that it has taken hold of so far"""
 
+    @abstractmethod
     def begin(self, stage: Stage) -> bool:
         """Take effect; False when there is nothing to act on yet, and the event waits."""
-        raise NotImplementedError(f"{type(self).__name__} must say how it begins")
 
     def step(self, stage: Stage) -> None:
         """Go on, before each decision while in effect."""
