@@ -18,10 +18,10 @@ import torch
 # OmniSafe imports it for environments of its own; it runs on older Pythons only, and is not needed here.
 sys.modules["safety_gymnasium"] = types.ModuleType("safety_gymnasium")
 
-import omnisafe  # noqa: E402
-from omnisafe.envs.core import CMDP, env_register  # noqa: E402
+import omnisafe  # noqa: E402 -- finds the empty module above
+from omnisafe.envs.core import CMDP, env_register  # noqa: E402 -- as above
 
-import rudc  # noqa: E402
+import rudc  # noqa: E402 -- as above
 
 
 @env_register

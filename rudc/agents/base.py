@@ -31,7 +31,7 @@ class Decision(NamedTuple):
     corrected: Corrected | None = None
     """what a correction, such as the safety filter, says about its work; None without one"""
     timing_ms: Mapping[str, float] = MappingProxyType({})
-    """ms spent in each part (`policy`, `critic`, `correction`)"""
+    """ms spent in each part (`outlook`, `observation`, `policy`, `critic`, `correction`)"""
 
     @property
     def sigma(self) -> float:

@@ -11,6 +11,7 @@ with a car that is not the one it was made for, without knowing of either.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 
 from pydantic import field_validator
@@ -98,6 +99,11 @@ class OutlookAgent:
 
     def act(self, scene: Scene) -> Decision:
         """The driver's decision in the scene that the outlook shows."""
+        clock = [time.perf_counter()]
         shown = self.outlook.see(scene)
+        clock.append(time.perf_counter())
         decision = self._driver.act(shown)
-        return decision._replace(u=self.outlook.govern(shown, decision.u))
+        clock.append(time.perf_counter())
+        u = self.outlook.govern(shown, decision.u)
+        spent = clock[1] - clock[0] + time.perf_counter() - clock[2]
+        return decision._replace(u=u, timing_ms={**decision.timing_ms, "outlook": 1000.0 * spent})

@@ -214,7 +214,7 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         return self._spec
 
     @spec.setter
-    def spec(self, spec: EnvSpec | None) -> None:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def spec(self, spec: EnvSpec | None) -> None:  # pyright: ignore[reportIncompatibleVariableOverride] -- a property there
         longest = self._scenario.episode.timeout.support[1]
         if spec is not None and spec.max_episode_steps is None and math.isfinite(longest):
             spec = replace(spec, max_episode_steps=math.ceil(longest / self._config.decision_s - 1e-6))

@@ -71,7 +71,7 @@ def again(error: ErrorDetails, *before: str | int) -> InitErrorDetails:
         return InitErrorDetails(type=kind, loc=loc, input=error["input"], ctx=context)
     template = "{message}" if "message" in context else error["msg"]
     # The texts are constants of this package, though no longer known as such here.
-    known = PydanticCustomError(kind, template, context)  # pyright: ignore[reportArgumentType]
+    known = PydanticCustomError(kind, template, context)  # pyright: ignore[reportArgumentType] -- takes literals only
     return InitErrorDetails(type=known, loc=loc, input=error["input"])
 
 

@@ -24,13 +24,14 @@ import argparse
 import numpy as np
 import torch
 
-from rudc.agents.registry import make_agent
+from rudc.agents.checkpoint import load_learnt, shipped_checkpoints
+from rudc.agents.learned import LearnedAgent, load_learned
 from rudc.arrays import Floats
 from rudc.env.episode import Episode, Outcome
 from rudc.env.observation import observe_flat
 from rudc.learning.config import EnsembleConfig, Problem
 from rudc.learning.nstep import NStep, Transition
-from rudc.learning.parameters import prior_arrays
+from rudc.learning.parameters import group, prior_arrays
 from rudc.learning.replay import Replay
 from rudc.learning.rudc import RudcLearner
 from rudc.learning.uncertainty import uncertainty
@@ -45,7 +46,7 @@ KINDS = ("none", "as drawn", "normalised", "centred", "one value", "x 3")
 
 def drive(scenarios: list[str], decisions: int, first_seed: int, config: TrainConfig) -> list[Transition]:
     """So many decisions of the policy, exploring, in turns on the scenarios."""
-    agent = make_agent("rudc-wo-cbf")
+    agent = _shipped()
     rng, steps = np.random.default_rng(first_seed), NStep(config.learner.n_step, config.learner.discount)
     new: list[Transition] = []
     share = -(-decisions // len(scenarios))
@@ -58,7 +59,7 @@ def drive(scenarios: list[str], decisions: int, first_seed: int, config: TrainCo
                 agent.reset(scene, seed)
                 seed += 1
                 while episode.outcome is None:
-                    choice = agent.choose(scene, rng)  # pyright: ignore[reportAttributeAccessIssue]
+                    choice = agent.choose(scene, rng)
                     result = episode.step(choice.decision.u)
                     scene = result.scene
                     ended, frozen = result.outcome is not None, result.outcome is Outcome.FROZEN
@@ -68,6 +69,11 @@ def drive(scenarios: list[str], decisions: int, first_seed: int, config: TrainCo
                     )  # fmt: skip
                     taken += 1
     return new
+
+
+def _shipped() -> LearnedAgent:
+    """Its policy is the one whose decisions are looked at, without the outlook."""
+    return load_learned("rudc-wo-cbf", shipped_checkpoints()["rudc-wo-cbf"], {})
 
 
 def learnt(kind: str, data: list[Transition], seed: int, updates: int) -> tuple[RudcLearner, float, float]:
@@ -83,7 +89,7 @@ def learnt(kind: str, data: list[Transition], seed: int, updates: int) -> tuple[
     config = EnsembleConfig.model_validate(values)
     problem = Problem(TrainConfig.of("rudc-wo-cbf").given.layout, 2, seed, updates)
     learner = RudcLearner(config, problem)
-    shipped = make_agent("rudc-wo-cbf")._decider._policy._arrays  # pyright: ignore
+    shipped = group(load_learnt(shipped_checkpoints()["rudc-wo-cbf"]).arrays, "policy")
     with torch.no_grad():
         for weights in (learner.policy.trained, learner.policy.target):
             for name, tensor in weights.items():

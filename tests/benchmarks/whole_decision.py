@@ -1,4 +1,4 @@
-"""A whole decision, scene to safe action, on one core: observation, policy, critics, filter.
+"""A whole decision, scene to safe action, on one core: outlook, observation, policy, critics, filter.
 
     python -m tests.benchmarks.whole_decision [--episodes 10]
 
@@ -28,7 +28,7 @@ from rudc.scenario import load_scenario
 from rudc.training.config import TrainConfig
 from rudc.world.world import World
 
-PARTS = ("observation", "policy", "critic", "correction")
+PARTS = ("outlook", "observation", "policy", "critic", "correction")
 
 
 def of_papers_size(algorithm: str) -> Agent:
@@ -59,7 +59,7 @@ def main() -> None:
         for seed in range(options.episodes):
             plan = scenario.plan(seed)
             run_episode(Episode(world), plan, agent, watch=lambda _, decision, __, keep=keep: keep(decision))
-        spent = np.array([[decision.timing_ms[part] for part in PARTS] for decision in decisions])
+        spent = np.array([[decision.timing_ms.get(part, 0.0) for part in PARTS] for decision in decisions])
         spent = np.column_stack([spent, spent.sum(axis=1)])
         median, late = np.percentile(spent, [50, 99], axis=0)
         cells = "".join(f"{m:8.3f}{p:8.3f}" for m, p in zip(median, late, strict=True))
