@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-import click
+import typer
 
 
 def complete_scenarios(incomplete: str) -> list[str]:
@@ -22,7 +22,7 @@ def complete_agents(incomplete: str) -> list[str]:
     return [*_starting(incomplete, agent_names()), *_paths(incomplete, (".py",))]
 
 
-def complete_columns(ctx: click.Context, incomplete: str) -> list[str]:
+def complete_columns(ctx: typer.Context, incomplete: str) -> list[str]:
     """Columns of the folder given, or all there are, after a comma too."""
     from rudc.evaluation.columns import COLUMNS
     from rudc.evaluation.store import read_header

@@ -1,7 +1,8 @@
 """What a shell is offered: names of scenarios, agents, columns and metrics."""
 
-import click
 import pytest
+import typer
+from typer.core import TyperCommand
 
 from rudc.cli.complete import complete_agents, complete_columns, complete_metrics, complete_scenarios
 
@@ -30,7 +31,7 @@ def test_agents_are_names_and_folders():
 
 
 def test_columns_are_completed_one_after_the_other():
-    context = click.Context(click.Command("table"))
+    context = typer.Context(TyperCommand("table"))
     context.params = {"folder": "out"}
     assert complete_columns(context, "prio") == ["priority"]
     assert complete_columns(context, "agent,tr") == ["agent,traffic.density"]
