@@ -46,9 +46,10 @@ def replay(
     """
     from rudc.agents.registry import make_agent
     from rudc.evaluation.rerun import differences, find_episode
-    from rudc.reporting.replay.page import check_page, save_replay
+    from rudc.reporting.html.page import check_page
+    from rudc.reporting.replay.page import WHAT, save_replay
 
-    check_page(out)
+    check_page(out, WHAT)
     if len(episodes) > MOST:
         raise InputError(f"{len(episodes)} episodes were asked for, at most {MOST} stand beside each other")
     found = [find_episode(folder, which) for which in episodes]

@@ -70,7 +70,8 @@ def run(
     """
     from rudc.agents.registry import make_agent
     from rudc.drawing.picture_file import check_film
-    from rudc.reporting.replay.page import check_page, save_replay
+    from rudc.reporting.html.page import check_page
+    from rudc.reporting.replay.page import WHAT, save_replay
     from rudc.scenario import load_scenario
     from rudc.world.fitting import misfits
 
@@ -80,7 +81,7 @@ def run(
     if video is not None:
         check_film(video)
     if replay is not None:
-        check_page(replay)
+        check_page(replay, WHAT)
     files = _Files(video, steps, fcd, gui, replay is not None)
     pages = [_drive(scenario, seed, driver, files) for driver in drivers]
     if replay is not None:

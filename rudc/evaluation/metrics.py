@@ -10,7 +10,7 @@ import numpy as np
 
 from rudc.arrays import Array
 from rudc.evaluation.columns import DECISION_MS, METRICS, Metric
-from rudc.evaluation.statistics import Summary, summarise_mean, summarise_rate, summarise_ratio
+from rudc.evaluation.statistics import Summary, summarise_all, summarise_rate
 
 Row = Mapping[str, str]
 """A row of `episodes.csv`: column name -> text"""
@@ -40,20 +40,34 @@ def group_metrics(
     groups: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
         groups.setdefault(tuple(row[column] for column in by), []).append(row)
-    found = []
-    for key, members in groups.items():
-        done = [row for row in members if not row["error"]]
-        measured = {metric.name: measure(metric, done) for metric in metrics}
-        found.append(Group(key, len(done), len(members) - len(done), measured))
-    return found
+    done = [[row for row in members if not row["error"]] for members in groups.values()]
+    values = iter(_measured([(metric, rows) for rows in done for metric in metrics]))
+    return [
+        Group(key, len(rows), len(members) - len(rows), {metric.name: next(values) for metric in metrics})
+        for (key, members), rows in zip(groups.items(), done, strict=True)
+    ]
 
 
 def measure(metric: Metric, rows: Sequence[Row]) -> Summary:
     """A metric of episodes that ran to an end."""
-    if metric.outcomes:
-        return summarise_rate(np.array([row["outcome"] in metric.outcomes for row in rows], dtype=bool))
-    totals, parts = _parts(metric, rows)
-    return summarise_mean(totals) if metric.average == "episodes" else summarise_ratio(totals, parts)
+    return _measured([(metric, rows)])[0]
+
+
+def _measured(wanted: Sequence[tuple[Metric, Sequence[Row]]]) -> list[Summary]:
+    """Each metric of its rows; means all at once, since their intervals share draws."""
+    means = [
+        (totals, None if metric.average == "episodes" else parts)
+        for metric, rows in wanted
+        if not metric.outcomes
+        for totals, parts in [_parts(metric, rows)]
+    ]
+    summaries = iter(summarise_all(means))
+    return [
+        summarise_rate(np.array([row["outcome"] in metric.outcomes for row in rows], dtype=bool))
+        if metric.outcomes
+        else next(summaries)
+        for metric, rows in wanted
+    ]
 
 
 def average(metric: Metric, rows: Sequence[Row]) -> float:

@@ -8,15 +8,21 @@ It stays within [0, 1] and is not a point where k = 0 or k = n.
 
 Bootstrap. The mean of n values drawn with replacement, RESAMPLES times; the interval runs from the 2.5 to the
 97.5 percentile of these means. The draws depend on n only, so equal values have equal intervals, wherever
-they come from.
+they come from. From NORMAL_FROM values on it is mean +- z s / sqrt(n), which differs from it by less than two
+choices of the draws do.
+
+Differences of rates in the same episodes: the interval of Bonett and Price (J. Educ. Behav. Stat. 37, 2012),
+Wald's with one more pair of each kind, and McNemar's exact test.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import bdtr
 
 from rudc.arrays import Array, Flags
 
@@ -25,6 +31,8 @@ Z = 1.959963984540054
 RESAMPLES = 10_000
 SEED = 20_250
 """of the bootstrap's draws"""
+NORMAL_FROM = 5_000
+"""values from which on the normal interval stands for the bootstrap's"""
 _CHUNK = 2_000_000
 """draws held in memory at once"""
 
@@ -51,25 +59,84 @@ def wilson(successes: int, trials: int) -> tuple[float, float]:
     return low, high
 
 
+Sample = tuple[Array, Array | None]
+"""values (n,), of whose mean something is to be said, or of their sum divided by that of others (n,)"""
+
+
 def bootstrap(
     values: Array, resamples: int = RESAMPLES, seed: int = SEED, *, over: Array | None = None
 ) -> tuple[float, float]:
     """Ends of the 95 % percentile bootstrap interval of the mean of values (n,), or of their sum divided by
     that of `over` (n,); (nan, nan) if n < 2.
     """
-    n = len(values)
-    if n < 2:
-        return math.nan, math.nan
+    return bootstraps([(values, over)], resamples, seed)[0]
+
+
+def bootstraps(
+    samples: Sequence[Sample], resamples: int = RESAMPLES, seed: int = SEED
+) -> list[tuple[float, float]]:
+    """The same of many samples; those of one size share their draws, as they would alone."""
+    found = [(math.nan, math.nan)] * len(samples)
+    sizes: dict[int, list[int]] = {}
+    for k, (values, _) in enumerate(samples):
+        sizes.setdefault(len(values), []).append(k)
+    for n, members in sizes.items():
+        alike = [samples[k] for k in members]
+        if n >= 2:
+            ends = map(_normal, alike) if n >= NORMAL_FROM else _percentiles(alike, n, resamples, seed)
+            for k, interval in zip(members, ends, strict=True):
+                found[k] = interval
+    return found
+
+
+def _percentiles(samples: Sequence[Sample], n: int, resamples: int, seed: int) -> list[tuple[float, float]]:
+    """Of samples of n values each: how often each value is drawn, times the values. Rounded, since the last
+    digits of a product of matrices depend on the machine.
+    """
     rng = np.random.default_rng(seed)
+    tops = np.stack([values for values, _ in samples], axis=1)
+    bottoms = np.stack([np.ones(n) if over is None else over for _, over in samples], axis=1)
     rows = max(_CHUNK // n, 1)
-    means = np.empty(resamples)
+    means = np.empty((resamples, len(samples)))
     for start in range(0, resamples, rows):
-        draws = rng.integers(n, size=(min(rows, resamples - start), n))
-        drawn = values[draws]
-        found = drawn.mean(axis=1) if over is None else drawn.sum(axis=1) / over[draws].sum(axis=1)
-        means[start : start + rows] = found
-    low, high = np.quantile(means, [0.025, 0.975])
-    return float(low), float(high)
+        count = min(rows, resamples - start)
+        draws = rng.integers(n, size=(count, n)) + n * np.arange(count)[:, None]
+        counts = np.bincount(draws.ravel(), minlength=count * n).reshape(count, n).astype(float)
+        means[start : start + count] = (counts @ tops) / (counts @ bottoms)
+    low, high = np.quantile(means, [0.025, 0.975], axis=0)
+    return [(round(float(a), 9), round(float(b), 9)) for a, b in zip(low, high, strict=True)]
+
+
+def _normal(sample: Sample) -> tuple[float, float]:
+    """The normal interval; of a ratio by its first-order error."""
+    values, over = sample
+    n = len(values)
+    if over is None:
+        centre, errors = values.mean(), values - values.mean()
+    else:
+        centre = values.sum() / over.sum()
+        errors = (values - centre * over) / over.mean()
+    half = Z * errors.std(ddof=1) / math.sqrt(n)
+    return float(centre - half), float(centre + half)
+
+
+def paired_change(n: int, more: int, less: int) -> tuple[float, float, float]:
+    """Change of a rate and its interval, percentage points, if `more` of n episodes have it only now, `less`
+    only before; nan without episodes.
+    """
+    if n == 0:
+        return math.nan, math.nan, math.nan
+    p, q = (more + 1) / (n + 2), (less + 1) / (n + 2)
+    half = Z * math.sqrt((p + q - (p - q) ** 2) / (n + 2))
+    low, high = max(p - q - half, -1.0), min(p - q + half, 1.0)
+    return 100.0 * (more - less) / n, 100.0 * low, 100.0 * high
+
+
+def mcnemar(more: int, less: int) -> float:
+    """p of McNemar's exact test: how likely is a split as uneven as `more` to `less`, if both were equally
+    likely; 1 without either.
+    """
+    return min(2.0 * float(bdtr(min(more, less), more + less, 0.5)), 1.0)
 
 
 def summarise_rate(happened: Flags) -> Summary:
@@ -85,20 +152,33 @@ def summarise_rate(happened: Flags) -> Summary:
 
 def summarise_mean(values: Array) -> Summary:
     """Mean, spread and bootstrap interval of values (n,); those that are nan count as not there."""
-    values = values[~np.isnan(values)]
-    if len(values) == 0:
-        return Summary(math.nan, math.nan, math.nan, math.nan)
-    std = float(values.std(ddof=1)) if len(values) > 1 else math.nan
-    return Summary(float(values.mean()), std, *bootstrap(values))
+    return summarise_all([(values, None)])[0]
 
 
 def summarise_ratio(totals: Array, parts: Array) -> Summary:
     """sum(totals) / sum(parts), both (n,), with the spread of their ratios and the bootstrap interval over
     pairs; pairs of which one is nan count as not there. parts are positive.
     """
-    known = ~(np.isnan(totals) | np.isnan(parts))
-    totals, parts = totals[known], parts[known]
-    if len(totals) == 0:
-        return Summary(math.nan, math.nan, math.nan, math.nan)
-    std = float((totals / parts).std(ddof=1)) if len(totals) > 1 else math.nan
-    return Summary(float(totals.sum() / parts.sum()), std, *bootstrap(totals, over=parts))
+    return summarise_all([(totals, parts)])[0]
+
+
+def summarise_all(samples: Sequence[Sample]) -> list[Summary]:
+    """Mean or ratio of each sample, as `summarise_mean` and `summarise_ratio` say of one."""
+    known = [_known(sample) for sample in samples]
+    return [
+        _summary(sample, ends) if len(sample[0]) else Summary(math.nan, math.nan, math.nan, math.nan)
+        for sample, ends in zip(known, bootstraps(known), strict=True)
+    ]
+
+
+def _known(sample: Sample) -> Sample:
+    values, over = sample
+    there = ~np.isnan(values) if over is None else ~(np.isnan(values) | np.isnan(over))
+    return values[there], None if over is None else over[there]
+
+
+def _summary(sample: Sample, ends: tuple[float, float]) -> Summary:
+    values, over = sample
+    each = values if over is None else values / over
+    mean = float(values.mean()) if over is None else float(values.sum() / over.sum())
+    return Summary(mean, float(each.std(ddof=1)) if len(each) > 1 else math.nan, *ends)

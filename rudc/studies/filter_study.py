@@ -41,7 +41,7 @@ from rudc.errors import InputError
 from rudc.evaluation.columns import happened, metric_of
 from rudc.evaluation.metrics import average, numbers
 from rudc.evaluation.runner import EpisodeRunner
-from rudc.evaluation.statistics import Z, summarise_rate
+from rudc.evaluation.statistics import paired_change, summarise_rate
 from rudc.evaluation.sweep import Progress, run_sweep
 from rudc.evaluation.tasks import SweepPlan
 from rudc.files import make_folder
@@ -259,18 +259,6 @@ def _change(
     pair = [(happened(rate, a["outcome"]), happened(rate, b["outcome"])) for a, b in pairs if b is not None]
     change, low, high = paired_change(len(pair), pair.count((True, False)), pair.count((False, True)))
     return {f"{rate}_change": change, f"{rate}_change_low": low, f"{rate}_change_high": high}
-
-
-def paired_change(n: int, more: int, less: int) -> tuple[float, float, float]:
-    """Change of a rate and its interval, percentage points, if `more` of n episodes have it only now, `less`
-    only before; nan without episodes.
-    """
-    if n == 0:
-        return math.nan, math.nan, math.nan
-    p, q = (more + 1) / (n + 2), (less + 1) / (n + 2)
-    half = Z * math.sqrt((p + q - (p - q) ** 2) / (n + 2))
-    low, high = max(p - q - half, -1.0), min(p - q + half, 1.0)
-    return 100.0 * (more - less) / n, 100.0 * low, 100.0 * high
 
 
 def _effort(rows: Sequence[Row]) -> dict[str, float | int]:

@@ -8,7 +8,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from rudc.evaluation.statistics import RESAMPLES, Z, bootstrap, summarise_mean, summarise_rate, wilson
+from rudc.evaluation.statistics import (
+    NORMAL_FROM,
+    RESAMPLES,
+    Z,
+    bootstrap,
+    bootstraps,
+    mcnemar,
+    paired_change,
+    summarise_mean,
+    summarise_rate,
+    wilson,
+)
 
 counts = st.integers(1, 400).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n)))
 
@@ -91,3 +102,43 @@ def test_rates_are_percentages_with_the_spread_of_their_indicator():
     assert rate.mean == pytest.approx(30.0)
     assert rate.std == pytest.approx(100 * happened.std(ddof=1))
     np.testing.assert_allclose((rate.low, rate.high), [100 * end for end in wilson(3, 10)])
+
+
+def test_bootstrap_is_of_the_means_of_what_is_drawn():
+    values, over = np.random.default_rng(6).gamma(2.0, size=(2, 30))
+    draws = np.random.default_rng(9).integers(30, size=(500, 30))
+    means, ratios = values[draws].mean(axis=1), values[draws].sum(axis=1) / over[draws].sum(axis=1)
+    np.testing.assert_allclose(bootstrap(values, 500, 9), np.quantile(means, [0.025, 0.975]))
+    np.testing.assert_allclose(bootstrap(values, 500, 9, over=over), np.quantile(ratios, [0.025, 0.975]))
+
+
+def test_many_samples_have_the_intervals_that_each_has_alone():
+    rng = np.random.default_rng(7)
+    samples = [(rng.normal(size=n), None) for n in (40, 7, 40, 1, 0)] + [(rng.random(40), np.ones(40))]
+    for together, (values, over) in zip(bootstraps(samples), samples, strict=True):
+        np.testing.assert_allclose(together, bootstrap(values, over=over))
+
+
+@pytest.mark.parametrize("ratio", [False, True])
+def test_of_very_many_values_the_bootstrap_gives_the_normal_interval(ratio, monkeypatch):
+    values, over = np.random.default_rng(8).gamma(2.0, size=(2, NORMAL_FROM))
+    quick = bootstrap(values, over=over if ratio else None)
+    monkeypatch.setattr("rudc.evaluation.statistics.NORMAL_FROM", NORMAL_FROM + 1)
+    drawn = bootstrap(values, 2_000, over=over if ratio else None)
+    np.testing.assert_allclose(quick, drawn, atol=0.08 * (drawn[1] - drawn[0]))
+
+
+@given(st.integers(0, 60), st.integers(0, 60))
+def test_mcnemar_is_the_binomial_test(more, less):
+    theirs = stats.binomtest(more, more + less).pvalue if more + less else 1.0
+    assert mcnemar(more, less) == pytest.approx(theirs)
+
+
+def test_change_of_pairs():
+    assert paired_change(100, 3, 3)[0] == 0.0
+    change, low, high = paired_change(200, 2, 12)
+    assert change == -5.0
+    assert low < -5.0 < high < 0.0
+    _, low, high = paired_change(10, 0, 0)
+    assert low == -high < -10.0  # ten alike episodes prove little
+    assert all(math.isnan(value) for value in paired_change(0, 0, 0))

@@ -12,7 +12,6 @@ from rudc.studies.filter_study import (
     Variant,
     aggregate,
     as_markdown,
-    paired_change,
     variants_of,
 )
 
@@ -125,13 +124,3 @@ def test_training_seeds_are_pooled_and_episodes_compared_in_pairs():
     text = as_markdown(lines)
     assert len(text.splitlines()) == 4
     assert "| out of distribution | gated       | fixed   |" in text
-
-
-def test_change_of_pairs():
-    assert paired_change(100, 3, 3)[0] == 0.0
-    change, low, high = paired_change(200, 2, 12)
-    assert change == -5.0
-    assert low < -5.0 < high < 0.0
-    _, low, high = paired_change(10, 0, 0)
-    assert low == -high < -10.0  # ten alike episodes prove little
-    assert all(math.isnan(value) for value in paired_change(0, 0, 0))

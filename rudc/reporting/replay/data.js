@@ -1,4 +1,3 @@
-'use strict';
 // What the page was given, decoded: numbers in m, rad, s.
 
 const DATA = JSON.parse(document.getElementById('data').textContent);
@@ -63,10 +62,6 @@ function ahead(line, [x, y]) {
 
 function present(run, k) {
   return run.tracks.filter((t) => t.from <= k && k < t.from + t.x.length);
-}
-
-function isDark() {
-  return window.matchMedia('(prefers-color-scheme: dark)').matches;
 }
 
 function themed() {

@@ -1,8 +1,6 @@
-'use strict';
 // The page: time, keys, buttons, lists.
 
 const MARKS = { event: '⚑', correction: '↧', infeasible: '✕', gap: '↔', h: 'h', sigma: 'σ', end: '■' };
-const find = (name) => document.getElementById(name);
 const state = { at: 0, playing: false, last: 0, follows: true, span: 62, widest: 150 };
 
 const parts = RUNS.map((run, i) => {
@@ -197,7 +195,7 @@ find('in').addEventListener('click', () => zoom(0.8));
 find('out').addEventListener('click', () => zoom(1.25));
 find('view').addEventListener('change', (event) => setView(event.target.value));
 window.addEventListener('resize', show);
-window.matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => { drawLegend(); show(); });
+document.addEventListener('theme', () => { drawLegend(); show(); });
 markMoments();
 drawLegend();
 // #12.3 opens the page at that second

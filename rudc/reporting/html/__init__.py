@@ -1,0 +1,1 @@
+"""What all pages share: one frame, one style, light and dark, no request to anywhere."""
