@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rudc.drawing.frames import Frame
-from rudc.errors import SimulationError
+from rudc.errors import InputError
 from rudc.hints import install_command
 
 
@@ -11,13 +11,13 @@ class Window:
     """Shows one frame after another, in real time."""
 
     def __init__(self, title: str, frames_per_second: float) -> None:
-        """Raises SimulationError where there is no pygame, or no display."""
+        """Raises InputError where there is no pygame, or no display."""
         try:
             import pygame
         except ImportError:
-            raise SimulationError(
-                'render_mode="human" opens a window with pygame, which is not installed: '
-                f'{install_command("window")}, or use render_mode="rgb_array"'
+            raise InputError(
+                f"a window needs pygame (the extra `window`): {install_command('window')}; "
+                'without it: render_mode="rgb_array", or --video FILE.gif of `rudc run`'
             ) from None
         self._pygame = pygame
         self._title = title
@@ -34,8 +34,9 @@ class Window:
                 pygame.display.init()
                 self._screen = pygame.display.set_mode((width, height))
             except pygame.error as error:
-                raise SimulationError(
-                    f'render_mode="human" needs a display ({error}); use render_mode="rgb_array" without one'
+                raise InputError(
+                    f"a window needs a display ({error}); "
+                    'without one: render_mode="rgb_array", or --video FILE.gif of `rudc run`'
                 ) from None
             pygame.display.set_caption(self._title)
         picture = pygame.image.frombuffer(frame.tobytes(), (width, height), "RGB")

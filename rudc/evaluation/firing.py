@@ -34,7 +34,7 @@ class Firing:
     """episodes in which the ego's sensors showed it, or it has no body and is felt"""
 
     def __str__(self) -> str:
-        rest = "" if self.drawn == self.episodes else f" ({self.drawn} by its probability)"
+        rest = "" if self.drawn == self.episodes else f" (its probability lets it in {self.drawn})"
         seen = "" if self.seen == self.fired else f", and the ego sees it in {self.seen}"
         happens = f"happens in {self.fired} of {self.episodes} episodes"
         return f"event {self.number} {self.kind}: {happens}{rest}{seen}"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rudc.drawing.window import Window
-from rudc.errors import SimulationError
+from rudc.errors import InputError
 
 
 def test_window(monkeypatch):
@@ -18,5 +18,5 @@ def test_window(monkeypatch):
 
 def test_without_pygame_the_error_names_a_command_that_works(monkeypatch):
     monkeypatch.setitem(sys.modules, "pygame", None)
-    with pytest.raises(SimulationError, match=r"pip install .*\[window\]"):
+    with pytest.raises(InputError, match=r"pip install .*\[window\].*--video FILE.gif"):
         Window("test", 10.0)

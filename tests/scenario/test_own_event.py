@@ -60,6 +60,7 @@ def test_is_read_played_and_reported(tmp_path):
     ("event", "problem"),
     [
         ("{kind: oil_spil, friction: 0.1}", "unknown kind of event 'oil_spil' (did you mean 'oil_spill'?)"),
+        ("{kind: gust}", "one of your own comes with `rudc --import FILE.py COMMAND ...`"),
         ("{kind: oil_spill}", "4:5: events.0.friction: is missing, and it is required"),
         ("{kind: oil_spill, frictoin: 1}", "4:23: events.0.frictoin: unknown key (did you mean 'friction'?)"),
         (
