@@ -143,7 +143,8 @@ def _not_an_event(path: Path, value: Any) -> Problem:
     if not isinstance(kind, str):
         return Problem((*path, "kind"), f"expected a kind of event, got {got(kind)}")
     meant = did_you_mean(kind, list(EVENT_KINDS)) or (
-        f"; there are {', '.join(EVENT_KINDS)}; one of your own comes with `rudc --import FILE.py COMMAND ...`"
+        f"; there are {', '.join(EVENT_KINDS)}; "
+        "one of your own comes with `rudc --import FILE.py COMMAND ...`"
     )
     return Problem((*path, "kind"), f"unknown kind of event {kind!r}{meant}")
 

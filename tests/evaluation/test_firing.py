@@ -41,7 +41,8 @@ def test_whom_an_event_selects_is_there_whatever_the_traffic(selector, density):
 def test_counts_say_what_probability_left_out():
     assert str(Firing(2, "hard_brake", 20, 20, 20, 20)) == "event 2 hard_brake: happens in 20 of 20 episodes"
     assert str(Firing(1, "speeding", 20, 11, 10, 9)) == (
-        "event 1 speeding: happens in 10 of 20 episodes (its probability lets it in 11), and the ego sees it in 9"
+        "event 1 speeding: happens in 10 of 20 episodes (its probability lets it in 11), "
+        "and the ego sees it in 9"
     )
 
 
