@@ -60,6 +60,15 @@ class LagrangianConfig(ConstrainedConfig):
     """by how much lambda rises in an update for each unit of cost above the limit; 0 keeps it"""
 
 
+class DistributionalConfig(LearnerConfig):
+    """SAC's with distributions of the return."""
+
+    quantiles: int = Field(default=32, ge=1, le=1000)
+    """N_q, fixed quantile midpoints of each of the two critics"""
+    kappa: float = Field(default=1.0, gt=0)
+    """reward units, where the quantile Huber loss turns linear"""
+
+
 _RUDC = "rudc.learning.rudc:RudcLearner"
 _CBF = {"kind": "cbf", "residual": True}
 
@@ -77,10 +86,33 @@ for _name, _algorithm in {
         {"correction": {**_CBF, "rule": "ecbf", "slack": {"gain": 0.5}}},
     ),
     "rudc-wo-cbf": Algorithm("RUDC without a safety filter.", _RUDC, EnsembleConfig),
+    "only-ttcbf": Algorithm(
+        "RUDC behind a fixed filter (truncated Taylor control barrier functions), no slack, no residual.",
+        _RUDC,
+        EnsembleConfig,
+        {"correction": {"kind": "cbf", "rule": "ttcbf"}},
+    ),
+    "only-ecbf": Algorithm(
+        "RUDC behind a fixed filter (exponential control barrier functions), no slack, no residual.",
+        _RUDC,
+        EnsembleConfig,
+        {"correction": {"kind": "cbf", "rule": "ecbf"}},
+    ),
+    "esac": Algorithm(
+        "Ensemble of distributional critics, expected return, no safety filter.",
+        _RUDC,
+        EnsembleConfig,
+        {"learner": {"distortion": "expectation"}},
+    ),
     "sac": Algorithm(
         "Soft actor-critic: two critics, expected return, no safety filter.",
         "rudc.learning.sac:SacLearner",
         LearnerConfig,
+    ),
+    "dsac": Algorithm(
+        "Distributional soft actor-critic: two critics of quantiles, expected return, no safety filter.",
+        "rudc.learning.dsac:DsacLearner",
+        DistributionalConfig,
     ),
     "sac-lagrangian": Algorithm(
         "Soft actor-critic under a limit of the expected cost, by a Lagrange multiplier.",

@@ -109,9 +109,9 @@ def critic_arrays(config: EnsembleConfig, problem: Problem) -> Arrays:
     return initial(_quantile_shapes(config, problem), config.members, (problem.seed, CRITIC))
 
 
-def twin_arrays(config: LearnerConfig, problem: Problem, tag: int = CRITIC) -> Arrays:
-    """Initial weights of two critics of one output each (see twins.py)."""
-    maps = shapes(problem.layout, config.critic, problem.actions, 1)
+def twin_arrays(config: LearnerConfig, problem: Problem, tag: int = CRITIC, outputs: int = 1) -> Arrays:
+    """Initial weights of two critics of so many outputs each (see twins.py)."""
+    maps = shapes(problem.layout, config.critic, problem.actions, outputs)
     return initial(maps, TWINS, (problem.seed, tag))
 
 

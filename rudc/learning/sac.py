@@ -17,7 +17,7 @@ import torch
 from rudc.arrays import Arrays
 from rudc.learning.batch import Batch
 from rudc.learning.config import LearnerConfig, Problem
-from rudc.learning.learner import SoftActorCritic, Statistics
+from rudc.learning.learner import SoftActorCritic, Statistics, Tensors
 from rudc.learning.parameters import grouped
 from rudc.learning.policy import Drawn, Policy
 from rudc.learning.twins import TwinCritics
@@ -29,7 +29,7 @@ class SacLearner(SoftActorCritic):
     def __init__(self, config: LearnerConfig, problem: Problem, device: str = "cpu") -> None:
         super().__init__(config, problem, device)
         self.config = config
-        self.critics = TwinCritics(config, problem, self.device)
+        self.critics = self.make_critics()
         self.policy = Policy(config, problem, self.device)
         self.critic_descent = self.descent(self.critics.trained, config.critic_rate)
         self.policy_descent = self.descent(self.policy.trained, config.actor_rate)
@@ -40,36 +40,57 @@ class SacLearner(SoftActorCritic):
             "policy_descent": self.policy_descent,
         }
 
+    def make_critics(self) -> TwinCritics:
+        """Critics of the return that have learnt nothing."""
+        return TwinCritics(self.config, self._problem, self.device)
+
     def update(self, batch: Batch) -> Statistics:
         """One gradient step of critics, policy and temperature, one step of the targets."""
-        seen = self.tensors(batch)
-        alpha = self.temperature.value
-        with torch.no_grad():
-            after = self.draw(seen.after)
-            future = self.critics.target_value(seen.after, after.action) - alpha * after.log_probability
-            target = seen.reward + seen.discount * future
-        critic_loss, critic_norm = self.critics.learn(self.critic_descent, seen.state, seen.action, target)
+        seen, alpha = self.tensors(batch), self.temperature.value
+        said = self.learn_critics(seen, self.draw_after(seen))
 
         drawn = self.draw(seen.state)
         value = self.critics.value(seen.state, drawn.action)
         policy_loss = (alpha * drawn.log_probability - value).mean()
-        policy_norm = self.policy_descent.differentiate(policy_loss, self.config.value_scale)
-        self.policy_descent.step()
+        said |= self.learn_policy(policy_loss, drawn, value)
 
-        entropy = -drawn.log_probability.detach().mean()
-        self.temperature.step(entropy)
         self.critics.follow()
         self.updates += 1
-        return Statistics(
-            critic_loss=critic_loss,
-            policy_loss=float(policy_loss.detach()),
-            value=float(value.detach().mean()),
-            target=float(target.mean()),
-            entropy=float(entropy),
-            temperature=float(alpha),
-            critic_gradient=critic_norm,
-            policy_gradient=float(policy_norm),
-        )
+        return Statistics(**said)
+
+    def learn_critics(self, seen: Tensors, after: Drawn) -> dict[str, float]:
+        """One step of the critics towards y with a' = `after`; what `Statistics` says of them."""
+        alpha = self.temperature.value
+        with torch.no_grad():
+            future = self.critics.target_value(seen.after, after.action) - alpha * after.log_probability
+            target = seen.reward + seen.discount * future
+        return self.critics_to(seen, target)
+
+    def critics_to(self, seen: Tensors, target: torch.Tensor) -> dict[str, float]:
+        """One step of the critics towards these targets, as they take them."""
+        loss, norm = self.critics.learn(self.critic_descent, seen.state, seen.action, target)
+        return {"critic_loss": loss, "critic_gradient": norm, "target": float(target.mean())}
+
+    def learn_policy(self, loss: torch.Tensor, drawn: Drawn, value: torch.Tensor) -> dict[str, float]:
+        """One step of the policy down its loss, and of the temperature; what `Statistics` says of them.
+        `drawn` is a_pi, `value` (B,) what the critics say of it.
+        """
+        alpha, entropy = self.temperature.value, -drawn.log_probability.detach().mean()
+        norm = self.policy_descent.differentiate(loss, self.config.value_scale)
+        self.policy_descent.step()
+        self.temperature.step(entropy)
+        return {
+            "policy_loss": float(loss.detach()),
+            "value": float(value.detach().mean()),
+            "entropy": float(entropy),
+            "temperature": float(alpha),
+            "policy_gradient": float(norm),
+        }
+
+    @torch.no_grad()
+    def draw_after(self, seen: Tensors) -> Drawn:
+        """a' of the policy at s', without gradients."""
+        return self.draw(seen.after)
 
     def draw(self, observation: torch.Tensor) -> Drawn:
         """Actions of the policy as it is, differentiable."""

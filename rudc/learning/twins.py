@@ -31,13 +31,14 @@ class TwinCritics(Tracked):
         tag: int = CRITIC,
         scale: float | None = None,
         pick: Literal["min", "max"] = "min",
+        outputs: int = 1,
     ) -> None:
         """`tag`: which initial weights; `scale`: what one unit of a bare output is worth, None for
-        value_scale; `pick`: which of the two estimates counts.
+        value_scale; `pick`: which of the two estimates counts; `outputs`: of each bare network.
         """
         super().__init__(config.target_rate)
         self.stack = Stack(problem.layout, config.critic)
-        arrays = twin_arrays(config, problem, tag)
+        arrays = twin_arrays(config, problem, tag, outputs)
         self.trained = {k: torch.tensor(v, device=device, requires_grad=True) for k, v in arrays.items()}
         self.target = {k: torch.tensor(v, device=device) for k, v in arrays.items()}
         self._fixed = {k: v.detach() for k, v in self.trained.items()}

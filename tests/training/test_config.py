@@ -31,6 +31,26 @@ def test_every_algorithm_has_every_preset(algorithm: str, preset: str):
     assert config.agent.model_dump() == {k: v for k, v in config.model_dump().items() if k != "training"}
 
 
+@pytest.mark.parametrize("preset", ["default", "paper"])
+@pytest.mark.parametrize("rule", ["ttcbf", "ecbf"])
+def test_a_fixed_filter_is_rudcs_own_but_for_slack_and_residual(rule: str, preset: str):
+    fixed, whole = (
+        TrainConfig.of(name, preset=preset).model_dump() for name in (f"only-{rule}", f"rudc-{rule[0]}")
+    )
+    assert (fixed["correction"].pop("slack"), fixed["correction"].pop("residual")) == ({"gain": 0.0}, False)
+    assert (whole["correction"].pop("slack"), whole["correction"].pop("residual")) == ({"gain": 0.5}, True)
+    assert fixed | {"algorithm": ""} == whole | {"algorithm": ""}
+
+
+def test_esac_is_rudc_without_filter_that_maximises_the_mean():
+    mean, tail = (TrainConfig.of(name).model_dump() for name in ("esac", "rudc-wo-cbf"))
+    assert mean["learner"]["distortion"] == "expectation"
+    mean["learner"]["distortion"] = tail["learner"]["distortion"]
+    tail["learner"].pop("distortion_parameter", None)
+    mean["learner"].pop("distortion_parameter", None)
+    assert mean | {"algorithm": ""} == tail | {"algorithm": ""}
+
+
 def test_presets_hold_nothing_that_nobody_knows():
     known = {key for name in ALGORITHMS for key in known_keys(TrainConfig.of(name))}
     known |= {
