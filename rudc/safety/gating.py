@@ -23,14 +23,15 @@ constant speed makes a waiting ego drive into the one ahead.
 
 from __future__ import annotations
 
+import cmath
 import math
 
 import numpy as np
 
-from rudc.arrays import Array, Complex, Flags, Index
-from rudc.geometry import separation
-from rudc.safety.prediction import GO_ACCELERATION, GO_SPEED, Predictor
-from rudc.safety.road_points import CLOSEST
+from rudc.arrays import Array, Flags, Index
+from rudc.safety.barrier import as_complex
+from rudc.safety.kernels import least_separation, meeting
+from rudc.safety.prediction import GO_ACCELERATION, GO_SPEED, Predictor, bodies
 from rudc.world.scene import Scene
 
 CONFLICT_TIMES: Array = np.linspace(0.0, 3.0, 16)
@@ -62,34 +63,29 @@ class Gate:
         `short` and `stretch` (2, N) m2: squares of the half axes across, and along minus across, of ego and
         others.
         """
-        now: Complex = scene.position[:, 0] + 1j * scene.position[:, 1]
-        speed: Array = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
-        longest: Array = np.sqrt(short + np.maximum(stretch, 0.0)).sum(axis=0)
-        reach = (speed + scene.ego.v) * self._horizon + longest + self._gap
-        who = np.flatnonzero(np.abs(now - complex(scene.ego.x, scene.ego.y)) < reach)
-        if not len(who):
-            return who
-        met, turned = self._meet(
-            scene, who, (scene.ego.v * self._times,), self._times, self._gap, short, stretch
+        met = np.flatnonzero(
+            self._meet(scene, (scene.ego.v * self._times,), self._times, self._gap, short, stretch)
         )
-        meet = np.flatnonzero(met)
-        if not len(meet):
-            return meet
-        found = who[meet[~self._predictor.following(scene, now[who[meet]], turned[meet])]]
-        return found[~self._passed(scene, found, speed[found])]
+        if not len(met):
+            return met
+        here = as_complex(scene.position)[met]
+        behind = self._predictor.following(scene, here, np.exp(1j * scene.heading[met]))
+        found = met[~behind]
+        return found[~self._passed(scene, found)]
 
-    def _passed(self, scene: Scene, who: Index, speed: Array) -> Flags:
-        """(n,) which of the others `who`, at `speed` (n,) m/s, stand and are passed: rectangles tell."""
-        passed = speed < STILL
-        rows = np.flatnonzero(passed)
-        if len(rows):
+    def _passed(self, scene: Scene, who: Index) -> Flags:
+        """(n,) which of the others `who` stand and are passed: rectangles tell."""
+        velocity = scene.velocity[who]
+        passed: Flags = np.hypot(velocity[:, 0], velocity[:, 1]) < STILL
+        if passed.any():
             body = scene.vehicle
-            half = np.array([0.5 * body.length, 0.5 * body.width])
             way = np.linspace(0.0, self._horizon * max(scene.ego.v, SLOWEST), PASSING_STATIONS)
             place, facing = self._predictor.ego(scene, way)
-            others, turned = self._predictor.others(scene, who[rows], np.zeros((len(rows), 1)))
-            apart = separation(others - place, facing, turned, half, 0.5 * scene.size[who[rows], None])
-            passed[rows] = apart.min(axis=1) >= PASSING
+            for k in np.flatnonzero(passed).tolist():
+                i = who[k]
+                here, turned = complex(*scene.position[i]), cmath.exp(1j * scene.heading[i])
+                own, half = (0.5 * body.length, 0.5 * body.width), 0.5 * scene.size[i]
+                passed[k] = least_separation(place, facing, *own, here, turned, *half) >= PASSING
         return passed
 
     def in_conflict(self, scene: Scene, who: Index, short: Array, stretch: Array) -> Flags:
@@ -99,32 +95,19 @@ class Gate:
         times, v = CONFLICT_TIMES, scene.ego.v
         rising = np.minimum(times, max(GO_SPEED - v, 0.0) / GO_ACCELERATION)
         going = v * times + GO_ACCELERATION * rising * (times - 0.5 * rising)
-        met, facing = self._meet(scene, who, (v * times, going), times, 0.0, short, stretch)
-        now: Complex = scene.position[who, 0] + 1j * scene.position[who, 1]
-        return met & ~self._predictor.following(scene, now, facing)
+        met = self._meet(scene, (v * times, going), times, 0.0, short, stretch)[who]
+        here = as_complex(scene.position)[who]
+        return met & ~self._predictor.following(scene, here, np.exp(1j * scene.heading[who]))
 
     def _meet(
-        self,
-        scene: Scene,
-        who: Index,
-        ways: tuple[Array, ...],
-        times: Array,
-        gap: float,
-        short: Array,
-        stretch: Array,
-    ) -> tuple[Flags, Complex]:
-        """(n,) whether the ellipses of ego and others `who` (n,) come closer than `gap` m at any of the
-        `times` (T,) s if the ego is one of `ways` (T,) m along its route then; (n,) others' directions now.
+        self, scene: Scene, ways: tuple[Array, ...], times: Array, gap: float, short: Array, stretch: Array
+    ) -> Flags:
+        """(N,) whose ellipses come closer than `gap` m to the ego's at any of the `times` (T,) s if the ego
+        is one of `ways` (T,) m along its route then.
         """
-        speed: Array = np.hypot(scene.velocity[who, 0], scene.velocity[who, 1])
-        others, turned = self._predictor.others(scene, who, speed[:, None] * times)
-        met: Flags = np.zeros(len(who), dtype=np.bool_)
-        for way in ways:
-            place, facing = self._predictor.ego(scene, way)
-            r = place - others
-            along, own = r * facing.conj(), r * turned.conj()
-            squared = np.maximum(along.real**2 + along.imag**2, CLOSEST)
-            ego_radius = np.sqrt(short[0, who, None] + stretch[0, who, None] * (along.real**2 / squared))
-            radius = np.sqrt(short[1, who, None] + stretch[1, who, None] * (own.real**2 / squared))
-            met |= np.asarray((np.sqrt(squared) < ego_radius + radius + gap).any(axis=1))
-        return met, turned[:, 0]
+        poses = [self._predictor.ego(scene, way) for way in ways]
+        place, facing = np.stack([pose[0] for pose in poses]), np.stack([pose[1] for pose in poses])
+        reach = max(float(way[-1]) for way in ways)
+        return meeting(
+            *bodies(scene), *self._predictor.paths(scene), place, facing, times, reach, gap, short, stretch
+        )

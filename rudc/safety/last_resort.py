@@ -40,9 +40,9 @@ import numpy as np
 
 from rudc.arrays import Array, Complex, Flags, Index
 from rudc.env.tracking import steering
-from rudc.geometry import separation
 from rudc.safety.config import FilterConfig
-from rudc.safety.prediction import GO_ACCELERATION, GO_SPEED, Predictor
+from rudc.safety.kernels import in_reach, on_arc, room_left
+from rudc.safety.prediction import GO_ACCELERATION, GO_SPEED, Predictor, bodies
 from rudc.world.scene import Scene
 
 HORIZON = 2.5
@@ -135,37 +135,31 @@ class LastResort:
 
     def _others(self, scene: Scene, way: float) -> _Others:
         """Those whom the ego might meet on a way of so many m."""
-        times = self._times
-        speed: Array = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
-        away = np.hypot(scene.position[:, 0] - scene.ego.x, scene.position[:, 1] - scene.ego.y)
-        body = 0.5 * (scene.size.sum(axis=1) + (scene.vehicle.length + scene.vehicle.width)) + self._margin
-        who = np.flatnonzero(away < speed * HORIZON + way + body)
-        reach = speed[who, None] * times
-        slowing = scene.acceleration[who] < BRAKING
-        if slowing.any():
-            late = who[slowing]
-            rate = -scene.acceleration[late, None]
-            held = np.minimum(times, speed[late, None] / rate)
-            reach = np.concatenate([reach, speed[late, None] * held - 0.5 * rate * held * held])
-            who = np.concatenate([who, late])
-        place, facing = self._predictor.others(scene, who, reach)
-        return _Others(who, place, facing, 0.5 * scene.size[who], speed[who] < STILL)
+        body, ego = scene.vehicle, scene.ego
+        reach = way + 0.5 * (body.length + body.width) + self._margin
+        who, place, facing = in_reach(
+            *bodies(scene), scene.acceleration, scene.size, *self._predictor.paths(scene),
+            complex(ego.x, ego.y), reach, self._times, BRAKING,
+        )  # fmt: skip
+        velocity = scene.velocity[who]
+        still: Flags = np.hypot(velocity[:, 0], velocity[:, 1]) < STILL
+        return _Others(who, place, facing, 0.5 * scene.size[who], still)
 
     def _room(self, scene: Scene, others: _Others, place: Complex, facing: Complex) -> Array:
         """(m,) m, room towards each of an ego at `place` (T,) m facing `facing` (T,); inf if plenty."""
-        room = np.full(len(others.who), np.inf)
-        if not len(room):
-            return room
-        body = scene.vehicle
-        r = others.place - place
-        near = others.half.sum(axis=1) + (0.5 * (body.length + body.width) + self._margin)
-        close = np.flatnonzero(np.abs(r).min(axis=1) < near)
-        if len(close):
-            half = np.array([0.5 * body.length, 0.5 * body.width])
-            apart = separation(r[close], facing, others.facing[close], half, others.half[close, None])
-            margin = np.where(others.still[close], min(self._margin, STILL_MARGIN), self._margin)
-            room[close] = (apart - np.minimum(margin[:, None], apart[:, :1])).min(axis=1)
-        return room
+        body, margin = scene.vehicle, self._margin
+        margins = np.where(others.still, min(margin, STILL_MARGIN), margin)
+        return room_left(
+            others.place,
+            others.facing,
+            others.half,
+            margins,
+            place,
+            facing,
+            0.5 * body.length,
+            0.5 * body.width,
+            margin,
+        )
 
     def _stop(self, scene: Scene, u: Array) -> tuple[Complex, Complex]:
         """(T,) m and (T,): the ego on an arc, under `u` for a step and then braking."""
@@ -175,11 +169,7 @@ class LastResort:
         held = np.minimum(np.maximum(self._times - self._dt, 0.0), v / braking)
         way = np.where(self._times > 0.0, first + v * held - 0.5 * braking * held * held, 0.0)
         slip = math.atan(body.cg_to_rear / body.wheelbase * math.tan(float(u[1])))
-        turn = 0.5 * way * (math.sin(slip) / body.cg_to_rear)
-        chord = way * np.sinc(turn / math.pi)
-        half_turn: Complex = np.exp(1j * turn)
-        place: Complex = complex(ego.x, ego.y) + (cmath.exp(1j * (ego.psi + slip)) * chord) * half_turn
-        return place, cmath.exp(1j * ego.psi) * (half_turn * half_turn)
+        return on_arc(complex(ego.x, ego.y), ego.psi, way, slip, body.cg_to_rear)
 
     def _stop_along(self, scene: Scene, stop: tuple[Complex, Complex], v: float) -> tuple[Complex, Complex]:
         """(T,) m and (T,): the first step of `stop`, to v m/s, and then braking while steering along the

@@ -1,0 +1,260 @@
+"""The filter's arithmetic as kernels; formulas stand at the heads of the modules that call them."""
+
+from __future__ import annotations
+
+import cmath
+import math
+
+import numpy as np
+
+from rudc.kernels import (
+    NewFlags,
+    NewPlaces,
+    NewPlaceTable,
+    NewRows,
+    NewVector,
+    Places,
+    PlaceTable,
+    Rows,
+    Table,
+    Vector,
+    kernel,
+    separation,
+)
+
+CLOSEST = 1e-6
+"""m2, |r|^2 below which a bearing means nothing; taken as this"""
+# ---- prediction
+
+
+@kernel
+def on_track(place: PlaceTable, facing: PlaceTable, row: int, station: float) -> tuple[complex, complex]:
+    """Place m and direction on a line, `station` stations from its beginning; straight on beyond the ends."""
+    i = int(min(max(station, 0.0), place.shape[1] - 2.0))
+    low = place[row, i]
+    return low + (station - i) * (place[row, i + 1] - low), facing[row, i]
+
+
+@kernel
+def follow(
+    place: PlaceTable, facing: PlaceTable, spacing: float, row: int, s: float,
+    here: complex, heading: complex, way: Vector,
+) -> tuple[NewPlaces, NewPlaces]:  # fmt: skip
+    """(T,) m and (T,): who is at `here` m facing `heading`, after `way` (T,) m along a line on which that is
+    s m.
+
+    Offset from the line and angle to it are kept: here + ... = path + offset x direction of the path.
+    """
+    start, along = on_track(place, facing, row, s / spacing)
+    offset, turned = (here - start) * along.conjugate(), heading * along.conjugate()
+    there, direction = np.empty(len(way), np.complex128), np.empty(len(way), np.complex128)
+    for t in range(len(way)):
+        path, along = on_track(place, facing, row, (s + way[t]) / spacing)
+        there[t], direction[t] = path + offset * along, turned * along
+    return there, direction
+
+
+@kernel
+def other_ahead(
+    position: Table, heading: Vector, velocity: Table, path: Rows, path_s: Vector,
+    place: PlaceTable, facing: PlaceTable, spacing: float, i: int, way: Vector,
+) -> tuple[NewPlaces, NewPlaces]:  # fmt: skip
+    """(T,) m and (T,): somebody else after `way` (T,) m along its path, straight on if it has none."""
+    here, direction = complex(position[i, 0], position[i, 1]), cmath.exp(1j * heading[i])
+    if path[i] >= 0:
+        return follow(place, facing, spacing, path[i], path_s[i], here, direction, way)
+    drift = complex(velocity[i, 0], velocity[i, 1])
+    drift /= max(abs(drift), 1e-9)
+    there, turned = np.empty(len(way), np.complex128), np.empty(len(way), np.complex128)
+    for t in range(len(way)):
+        there[t], turned[t] = here + drift * way[t], direction
+    return there, turned
+
+
+@kernel
+def others_ahead(
+    position: Table, heading: Vector, velocity: Table, path: Rows, path_s: Vector,
+    place: PlaceTable, facing: PlaceTable, spacing: float, who: Rows, way: Table,
+) -> tuple[NewPlaceTable, NewPlaceTable]:  # fmt: skip
+    """(n, T) m and (n, T): others `who` (n,) after `way` (n, T) m."""
+    there, turned = np.empty(way.shape, np.complex128), np.empty(way.shape, np.complex128)
+    for k in range(len(who)):
+        there[k], turned[k] = other_ahead(
+            position, heading, velocity, path, path_s, place, facing, spacing, who[k], way[k]
+        )
+    return there, turned
+
+
+@kernel
+def drives_behind(
+    place: PlaceTable, facing: PlaceTable, spacing: float, s: float, tail: float, lane: float,
+    along_it: float, here: complex, heading: complex,
+) -> bool:  # fmt: skip
+    """Whether somebody `here` m facing `heading` drives behind an ego at s m on the line, up to `tail` m.
+
+    Within `lane` m of it, turned from it by a cosine of more than `along_it`. Every other station is
+    looked at.
+    """
+    at = int(s / spacing)
+    best, nearest = 1e300, 0
+    for i in range(max(at - int(tail / spacing), 0), max(at - int(2.0 / spacing), 1), 2):
+        away = here - place[0, i]
+        squared = away.real**2 + away.imag**2
+        if squared < best:
+            best, nearest = squared, i
+    along = facing[0, nearest].conjugate()
+    seen = (here - place[0, nearest]) * along
+    return abs(seen.imag) < lane and abs(seen.real) < 1.0 and (heading * along).real > along_it
+
+
+# ---- the gate
+
+
+@kernel
+def ellipses_meet(
+    r: complex, facing: complex, other: complex, short: float, stretch: float, its_short: float,
+    its_stretch: float, gap: float,
+) -> bool:  # fmt: skip
+    """Whether |r| < rho + its rho + gap; rho^2 = short + stretch cos^2 theta."""
+    squared = max(r.real**2 + r.imag**2, CLOSEST)
+    along, own = (r * facing.conjugate()).real, (r * other.conjugate()).real
+    radii = math.sqrt(short + stretch * (along**2 / squared))
+    radii += math.sqrt(its_short + its_stretch * (own**2 / squared))
+    return math.sqrt(squared) < radii + gap
+
+
+@kernel
+def meeting(
+    position: Table, heading: Vector, velocity: Table, path: Rows, path_s: Vector,
+    place: PlaceTable, facing: PlaceTable, spacing: float,
+    ego: PlaceTable, ego_facing: PlaceTable, times: Vector, reach: float, gap: float,
+    short: Table, stretch: Table,
+) -> NewFlags:  # fmt: skip
+    """(N,) whose ellipse comes closer than `gap` m to that of an ego at any of W x T poses (W, T).
+
+    `times` (T,) s of the poses, the ego's longest way is `reach` m; `short`, `stretch` (2, N) m2.
+    """
+    met = np.zeros(len(heading), np.bool_)
+    for i in range(len(heading)):
+        speed = math.hypot(velocity[i, 0], velocity[i, 1])
+        away = complex(position[i, 0], position[i, 1]) - ego[0, 0]
+        longest = gap
+        for k in range(2):
+            longest += math.sqrt(short[k, i] + max(stretch[k, i], 0.0))
+        if abs(away) >= speed * times[-1] + reach + longest:
+            continue
+        there, turned = other_ahead(
+            position, heading, velocity, path, path_s, place, facing, spacing, i, speed * times
+        )
+        for w in range(len(ego)):
+            for t in range(len(times)):
+                if met[i]:
+                    break
+                met[i] = ellipses_meet(
+                    ego[w, t] - there[t], ego_facing[w, t], turned[t],
+                    short[0, i], stretch[0, i], short[1, i], stretch[1, i], gap,
+                )  # fmt: skip
+    return met
+
+
+# ---- the last resort
+
+
+@kernel
+def least_separation(
+    place: Places, facing: Places, length: float, width: float, its_place: complex, its_facing: complex,
+    its_length: float, its_width: float,
+) -> float:  # fmt: skip
+    """m, least separation of an ego at `place` (T,) m facing `facing` (T,) from a body that stands.
+
+    Lengths and widths are half sizes, m.
+    """
+    least = 1e300
+    for t in range(len(place)):
+        apart = separation(its_place - place[t], facing[t], its_facing, length, width, its_length, its_width)
+        least = min(least, apart)
+    return least
+
+
+@kernel
+def in_reach(
+    position: Table, heading: Vector, velocity: Table, path: Rows, path_s: Vector,
+    acceleration: Vector, size: Table,
+    place: PlaceTable, facing: PlaceTable, spacing: float, ego: complex, reach: float,
+    times: Vector, braking: float,
+) -> tuple[NewRows, NewPlaceTable, NewPlaceTable]:  # fmt: skip
+    """Others (m,) whom the ego might meet within `reach` m of it, and their places (m, T) m and directions
+    (m, T).
+
+    Then once more those who decelerate by more than `braking` (negative, m/s2), braking on.
+    """
+    n, horizon = len(heading), times[-1]
+    who = np.empty(2 * n, np.int64)
+    m = 0
+    for i in range(n):
+        speed = math.hypot(velocity[i, 0], velocity[i, 1])
+        away = math.hypot(position[i, 0] - ego.real, position[i, 1] - ego.imag)
+        if away < speed * horizon + reach + 0.5 * (size[i, 0] + size[i, 1]):
+            who[m] = i
+            m += 1
+    near = m
+    for k in range(near):
+        if acceleration[who[k]] < braking:
+            who[m] = who[k]
+            m += 1
+    there, turned = np.empty((m, len(times)), np.complex128), np.empty((m, len(times)), np.complex128)
+    way = np.empty(len(times))
+    for k in range(m):
+        i = who[k]
+        speed = math.hypot(velocity[i, 0], velocity[i, 1])
+        for t in range(len(times)):
+            way[t] = speed * times[t]
+            if k >= near:
+                held = min(times[t], speed / -acceleration[i])
+                way[t] = speed * held + 0.5 * acceleration[i] * held * held
+        there[k], turned[k] = other_ahead(
+            position, heading, velocity, path, path_s, place, facing, spacing, i, way
+        )
+    return who[:m].copy(), there, turned
+
+
+@kernel
+def room_left(
+    others: PlaceTable, others_facing: PlaceTable, half: Table, margin: Vector, place: Places, facing: Places,
+    length: float, width: float, near: float,
+) -> NewVector:  # fmt: skip
+    """(m,) m, least separation - min(margin, separation now) towards each of m others.
+
+    Others at (m, T) m with half sizes (m, 2) m and margins (m,) m, the ego (T,) with half sizes `length` and
+    `width` m; inf where centres stay farther apart than the sum of half sizes and `near` m.
+    """
+    room = np.full(len(half), np.inf)
+    for k in range(len(half)):
+        least = 1e300
+        for t in range(len(place)):
+            r = others[k, t] - place[t]
+            least = min(least, r.real * r.real + r.imag * r.imag)
+        if math.sqrt(least) >= half[k, 0] + half[k, 1] + length + width + near:
+            continue
+        allowed = margin[k]
+        for t in range(len(place)):
+            r = others[k, t] - place[t]
+            apart = separation(r, facing[t], others_facing[k, t], length, width, half[k, 0], half[k, 1])
+            if t == 0:
+                allowed = min(allowed, apart)
+            room[k] = min(room[k], apart - allowed)
+    return room
+
+
+@kernel
+def on_arc(
+    here: complex, psi: float, way: Vector, slip: float, cg_to_rear: float
+) -> tuple[NewPlaces, NewPlaces]:
+    """(T,) m and (T,): an ego at `here` m, heading psi rad, after `way` (T,) m with that slip (rad) held."""
+    place, facing = np.empty(len(way), np.complex128), np.empty(len(way), np.complex128)
+    for t in range(len(way)):
+        turn = 0.5 * way[t] * (math.sin(slip) / cg_to_rear)
+        chord = way[t] * (math.sin(turn) / turn if turn != 0.0 else 1.0)
+        place[t] = here + chord * cmath.exp(1j * (psi + slip + turn))
+        facing[t] = cmath.exp(1j * (psi + 2.0 * turn))
+    return place, facing

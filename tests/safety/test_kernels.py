@@ -1,0 +1,132 @@
+"""The filter's kernels against the same formulas in numpy, and against brute force."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rudc.geometry import separation
+from rudc.safety import kernels
+from tests.safety.scenes import crossing_paths
+
+RNG = np.random.default_rng
+
+
+def lines():
+    paths = crossing_paths().paths
+    return paths.xy[..., 0] + 1j * paths.xy[..., 1], np.exp(1j * paths.heading), paths.ds
+
+
+def others(rng, n=30):
+    """Position, heading, velocity, row and arc length of some on paths and some without."""
+    heading = rng.uniform(-3, 3, n)
+    speed = rng.uniform(0, 12, n)
+    velocity = speed[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=1)
+    return rng.uniform(-40, 40, (n, 2)), heading, velocity, rng.integers(-1, 3, n), rng.uniform(-5, 210, n)
+
+
+def predicted(bodies, tracks, who, way):
+    """`prediction`'s formula for all at once."""
+    (position, heading, velocity, path, path_s), (place, facing, spacing) = bodies, tracks
+    now, rows = position[who, 0] + 1j * position[who, 1], np.maximum(path[who], 0)[:, None]
+
+    def at(s):
+        i = np.clip(s / spacing, 0, place.shape[1] - 2).astype(int)
+        part = s / spacing - i
+        return place[rows, i] + part * (place[rows, i + 1] - place[rows, i]), facing[rows, i]
+
+    line, along = at(path_s[who, None] + way)
+    start, first = at(path_s[who, None])
+    ahead = line + (now[:, None] - start) * first.conj() * along
+    turned = np.exp(1j * heading[who, None]) * first.conj() * along
+    drift = velocity[who] @ [1, 1j]
+    straight = now[:, None] + (drift / np.maximum(np.abs(drift), 1e-9))[:, None] * way
+    free = path[who, None] < 0
+    return np.where(free, straight, ahead), np.where(free, np.exp(1j * heading[who, None]), turned)
+
+
+def test_others_follow_their_paths_and_who_has_none_goes_straight_on():
+    rng, tracks = RNG(1), lines()
+    bodies, who = others(rng), np.arange(30)[::-2].copy()
+    way = np.concatenate([np.zeros((len(who), 1)), rng.uniform(0, 40, (len(who), 7))], axis=1)
+    for got, wanted in zip(
+        kernels.others_ahead(*bodies, *tracks, who, way), predicted(bodies, tracks, who, way), strict=True
+    ):
+        assert got == pytest.approx(wanted, abs=1e-9)
+
+
+def test_ellipses_that_meet_are_those_of_the_formula():
+    rng, tracks, times = RNG(2), lines(), np.linspace(0, 3, 16)
+    bodies = others(rng, 200)
+    speed = np.hypot(*bodies[2].T)
+    ego = (np.linspace(-20, 4, 16) * np.array([[1.0], [1.6]])).astype(complex)
+    facing = np.full(ego.shape, np.exp(0.3j))
+    half = rng.uniform(0.4, 3, (2, 2, 200))
+    short, stretch = np.minimum(*half) ** 2, np.maximum(*half) ** 2 - np.minimum(*half) ** 2
+    place, turned = predicted(bodies, tracks, np.arange(200), speed[:, None] * times)
+    r = ego[:, None] - place
+    squared = np.abs(r) ** 2
+    radii = [
+        np.sqrt(short[k][:, None] + stretch[k][:, None] * (r * towards.conj()).real ** 2 / squared)
+        for k, towards in ((0, facing[:, None]), (1, turned[None]))
+    ]
+    wanted = (np.abs(r) < radii[0] + radii[1] + 0.8).any(axis=(0, 2))
+    got = kernels.meeting(*bodies, *tracks, ego, facing, times, 50.0, 0.8, short, stretch)
+    assert 10 < wanted.sum() < 190
+    assert (got == wanted).all()
+
+
+def test_room_is_the_least_separation_less_what_is_allowed():
+    rng, tracks, times = RNG(3), lines(), np.linspace(0, 2.5, 26)
+    bodies, size = others(rng, 60), rng.uniform(1, 6, (60, 2))
+    acceleration = rng.uniform(-3, 1, 60)
+    who, place, facing = kernels.in_reach(*bodies, acceleration, size, *tracks, -10 + 0j, 15.0, times, -0.5)
+    speed = np.hypot(*bodies[2].T)
+    near = np.hypot(*(bodies[0] - [-10, 0]).T) < speed * 2.5 + 15 + 0.5 * size.sum(axis=1)
+    first = np.flatnonzero(near)
+    late = first[acceleration[first] < -0.5]
+    assert who.tolist() == [*first, *late]
+    assert len(late)
+    held = np.minimum(times, (speed / -acceleration)[late, None])
+    way = np.concatenate(
+        [speed[first, None] * times, speed[late, None] * held + 0.5 * acceleration[late, None] * held**2]
+    )
+    wanted = predicted(bodies, tracks, who, way)
+    assert place == pytest.approx(wanted[0], abs=1e-9)
+    assert facing == pytest.approx(wanted[1], abs=1e-9)
+    ego, towards = kernels.on_arc(-10 + 0j, 0.2, 5 * times, 0.1, 1.4)
+    half, margin = 0.5 * size[who], rng.uniform(0.1, 0.5, len(who))
+    apart = separation(place - ego, towards, facing, np.array([2.5, 0.9]), half[:, None])
+    room = (apart - np.minimum(margin[:, None], apart[:, :1])).min(axis=1)
+    room[np.abs(place - ego).min(axis=1) >= half.sum(axis=1) + 2.5 + 0.9 + 0.3] = np.inf
+    got = kernels.room_left(place, facing, half, margin, ego, towards, 2.5, 0.9, 0.3)
+    assert got == pytest.approx(room, abs=1e-9)
+    assert (got < 0).any()
+    assert np.isinf(got).any()
+
+
+def test_an_arc_is_what_small_steps_make_of_it():
+    slip, back, way = 0.12, 1.4, np.linspace(0, 12, 13)
+    place, facing = kernels.on_arc(1 + 2j, 0.7, way, slip, back)
+    psi, here, step = 0.7, 1 + 2j, 12 / 120_000
+    for _ in range(120_000):
+        here += step * np.exp(1j * (psi + slip))
+        psi += step * np.sin(slip) / back
+    assert place[0] == 1 + 2j
+    assert place[-1] == pytest.approx(here, abs=1e-3)
+    assert facing[-1] == pytest.approx(np.exp(1j * psi), abs=1e-9)
+
+
+def test_behind_is_who_follows_on_the_line_within_the_tail():
+    place, facing, spacing = lines()
+    line = place[:1], facing[:1], spacing  # northwards through the origin, which is at 100 m
+
+    def behind(here, heading=1j):
+        return kernels.drives_behind(*line, 100.0, 45.0, 1.5, 0.7, here, heading)
+
+    assert behind(-10j)
+    assert behind(1.4 - 30j)
+    assert not behind(1.6 - 30j)
+    assert not behind(-50j)
+    assert not behind(10j)
+    assert not behind(-10j, 1 + 0j)

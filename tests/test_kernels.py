@@ -1,0 +1,56 @@
+"""Rectangles of rudc/kernels.py against rudc/geometry.py, and where compiled code is kept."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from rudc.geometry import gaps_between
+from rudc.geometry import separation as numpys
+from rudc.kernels import rectangle_gap, separation
+
+
+def test_rectangles_are_as_far_apart_as_numpy_says():
+    rng = np.random.default_rng(0)
+    n = 300
+    r = rng.uniform(-8, 8, n) + 1j * rng.uniform(-8, 8, n)
+    facing, other = np.exp(1j * rng.uniform(-4, 4, (2, n)))
+    half, its_half = rng.uniform(0.3, 4, (2, n, 2))
+    rows = list(zip(r, facing, other, *half.T, *its_half.T, strict=True))
+    wanted = numpys(r, facing, other, half, its_half)
+    assert [separation(*row) for row in rows] == pytest.approx(wanted, abs=1e-12)
+    nowhere = np.zeros((n, 2))
+    there = np.stack([r.real, r.imag], axis=1)
+    gaps = gaps_between(nowhere, np.angle(facing), 2 * half, there, np.angle(other), 2 * its_half)
+    assert 20 < np.count_nonzero(gaps == 0) < n - 20
+    assert [rectangle_gap(*row) for row in rows] == pytest.approx(gaps, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    "command", [["--help"], ["scenario", "validate", "dense_left_turn"]], ids=["help", "validate"]
+)
+def test_who_does_not_drive_loads_no_compiler(command):
+    code = (
+        "import sys\nfrom rudc.cli.main import main\nsys.argv = ['rudc', *sys.argv[1:]]\n"
+        "try:\n    main()\nexcept SystemExit:\n    pass\nprint('numba' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code, *command], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "False"
+
+
+def test_a_folder_for_compiled_code_is_found_where_nothing_can_be_written(tmp_path):
+    """NUMBA_CACHE_DIR is where it says; one that cannot be made is passed over."""
+    code = "from rudc.kernels import _folder\nprint(_folder())"
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    for said, begins in ((tmp_path / "here", tmp_path / "here"), (blocked / "no", None)):
+        done = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True,
+            env={"NUMBA_CACHE_DIR": str(said), "PATH": "", "HOME": str(tmp_path)},
+        )  # fmt: skip
+        folder = done.stdout.strip()
+        assert "kernels-" in folder
+        assert folder.startswith(str(begins)) if begins else not folder.startswith(str(blocked))
