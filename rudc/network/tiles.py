@@ -129,7 +129,7 @@ class TileMaker:
         side = _ROW + 2 * HALO
         points = _raster(corner - HALO * CELL, side)
         reach = np.all((self._low <= points[-1] + GAP) & (self._high >= points[0] - GAP), axis=1)
-        polygons = [self._polygons[k] for k in np.flatnonzero(reach)]
+        polygons = [self._polygons[k] for k in np.flatnonzero(reach).tolist()]
         drivable = in_any(polygons, points)
         grid = drivable.reshape(side, side)
         dilated = np.asarray(binary_dilation(grid, iterations=HALO), dtype=bool)
