@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rudc.arrays import Array, Complex, Flags, Index
+from rudc.arrays import Array, Complex, Index
 
 
 class Rectangles(NamedTuple):
@@ -82,22 +82,6 @@ def gaps_between(
     z = (away[:, 0] + 1j * away[:, 1]) * turned
     half_b = np.broadcast_to(0.5 * np.asarray(size_b), (len(z), 2))
     return _gaps(z, np.exp(1j * heading_b) * turned, 0.5 * np.asarray(size_a), half_b)
-
-
-def rectangles_overlap(
-    x: float,
-    y: float,
-    psi: float,
-    length: float,
-    width: float,
-    position: Array,
-    heading: Array,
-    size: Array,
-) -> Flags:
-    """Which (N,) of N rectangles overlap or touch the one given first; arguments as in `rectangle_gaps`."""
-    z, r = _seen_from(x, y, psi, position, heading)
-    half = np.array([0.5 * length, 0.5 * width])
-    return _separation(z, z * r.conj(), r, half, 0.5 * np.asarray(size)) <= 0.0
 
 
 def separation(r: Complex, facing: Complex, other: Complex, half: Array, half_other: Array) -> Array:

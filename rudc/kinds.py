@@ -9,6 +9,7 @@ from pydantic import BaseModel, ValidationError
 
 from rudc.errors import InputError
 from rudc.hints import there_are
+from rudc.settings import problems
 
 M = TypeVar("M", bound=BaseModel)
 
@@ -35,11 +36,3 @@ def read_kind(value: Any, registered: Mapping[str, type[M]], base: type[M], what
         raise InputError(problems(error, what)) from None
     except ValueError as error:
         raise InputError(f"{what}: {error}") from None
-
-
-def problems(error: ValidationError, what: str) -> str:
-    """All that pydantic found wrong, one `what.key: message` each."""
-    return "; ".join(
-        f"{'.'.join((what, *map(str, e['loc'])))}: {e['msg'].removeprefix('Value error, ')}"
-        for e in error.errors()
-    )

@@ -11,7 +11,6 @@ from rudc.geometry import (
     overlapping_pairs,
     rectangle_corners,
     rectangle_gaps,
-    rectangles_overlap,
     separation,
 )
 
@@ -24,10 +23,6 @@ rectangle = st.tuples(coordinate, coordinate, angle, length, length)
 def gap(a, b):
     """Gap between two rectangles (x, y, psi, length, width)."""
     return float(rectangle_gaps(*a, np.array([b[:2]]), np.array([b[2]]), np.array([b[3:]]))[0])
-
-
-def overlap(a, b):
-    return bool(rectangles_overlap(*a, np.array([b[:2]]), np.array([b[2]]), np.array([b[3:]]))[0])
 
 
 def gap_by_programme(a, b):
@@ -45,15 +40,6 @@ def gap_by_programme(a, b):
 @given(rectangle, rectangle)
 def test_gap_equals_quadratic_programme(a, b):
     assert gap(a, b) == pytest.approx(gap_by_programme(a, b), abs=1e-6)
-
-
-@settings(max_examples=200, deadline=None)
-@given(rectangle, rectangle)
-def test_overlap_is_gap_zero(a, b):
-    by_programme = gap_by_programme(a, b)
-    if abs(by_programme) > 1e-6:
-        assert not overlap(a, b)
-    assert overlap(a, b) == (gap(a, b) == 0.0)
 
 
 @settings(max_examples=200, deadline=None)
@@ -139,7 +125,6 @@ def test_many_at_once_and_none():
     assert gaps.shape == (30,)
     single = [gap(ego, (*p, h, *s)) for p, h, s in zip(position, heading, size, strict=True)]
     np.testing.assert_allclose(gaps, single, atol=1e-12)
-    np.testing.assert_array_equal(rectangles_overlap(*ego, position, heading, size), gaps == 0)
     assert rectangle_gaps(*ego, np.empty((0, 2)), np.empty(0), np.empty((0, 2))).shape == (0,)
     assert overlapping_pairs(np.empty((0, 2)), np.empty(0), np.empty((0, 2))).shape == (0, 2)
 

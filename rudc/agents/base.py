@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
 
@@ -67,3 +67,11 @@ class Agent(Protocol):
     def act(self, scene: Scene) -> Decision:
         """What to do for the next 0.1 s, given what the ego's sensors show."""
         ...
+
+
+def layers(agent: Agent) -> Iterator[Agent]:
+    """An agent, the one that it is put round, and so on: whoever is put round another names it `inner`."""
+    here: Agent | None = agent
+    while here is not None:
+        yield here
+        here = getattr(here, "inner", None)

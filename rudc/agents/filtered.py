@@ -23,17 +23,17 @@ class FilteredAgent:
     def __init__(self, driver: Agent, name: str, correction: Correction) -> None:
         """`name`: of the two together, as in tables."""
         self.name = name
-        self._driver = driver
+        self.inner = driver
         self.correction = correction
 
     def reset(self, scene: Scene, seed: int) -> None:
         """Reset driver and correction."""
-        self._driver.reset(scene, seed)
+        self.inner.reset(scene, seed)
         self.correction.reset(scene, seed)
 
     def act(self, scene: Scene) -> Decision:
         """The driver's proposal, corrected."""
-        proposed = self._driver.act(scene)
+        proposed = self.inner.act(scene)
         start = time.perf_counter()
         corrected = self.correction.correct(scene, Proposal(proposed.u_rl, sigma=proposed.sigma), None)
         spent = 1000.0 * (time.perf_counter() - start)

@@ -25,15 +25,15 @@ class GuardedAgent:
     def __init__(self, agent: Agent, name: str) -> None:
         self.name = name
         self.ego_driver: EgoDriver = getattr(agent, "ego_driver", "agent")
-        self._agent = agent
+        self.inner = agent
 
     def reset(self, scene: Scene, seed: int) -> None:
         """Its own."""
-        self._call("reset", scene, lambda: self._agent.reset(scene, seed))
+        self._call("reset", scene, lambda: self.inner.reset(scene, seed))
 
     def act(self, scene: Scene) -> Decision:
         """Its own, checked."""
-        answer: Any = self._call("act", scene, lambda: self._agent.act(scene))
+        answer: Any = self._call("act", scene, lambda: self.inner.act(scene))
         if not isinstance(answer, Decision):
             u = self._action(answer, scene)
             return Decision(u, u)

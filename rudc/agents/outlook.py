@@ -14,8 +14,6 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 
-from pydantic import field_validator
-
 from rudc.agents.adaptation import Adaptation, Knowledge
 from rudc.agents.base import Agent, Decision, EgoDriver
 from rudc.agents.courses import Courses
@@ -34,12 +32,6 @@ class OutlookSettings(Settings):
     truth (`known`, for ablations)"""
     probe: bool = True
     """whether a short full braking at the start asks how well the road grips; with `plant` estimated only"""
-
-    @field_validator("plant", mode="before")
-    @classmethod
-    def _read_off(cls, value: object) -> object:
-        """YAML takes a bare `off` for false."""
-        return "off" if value is False else value
 
     def without_effect(self) -> Mapping[str, str]:
         """Who knows nothing of the car, or all, need not ask."""
@@ -90,19 +82,19 @@ class OutlookAgent:
 
     def __init__(self, driver: Agent, name: str, outlook: Outlook) -> None:
         self.name = name
-        self._driver, self.outlook = driver, outlook
+        self.inner, self.outlook = driver, outlook
 
     def reset(self, scene: Scene, seed: int) -> None:
         """Reset outlook and driver."""
         self.outlook.reset(scene)
-        self._driver.reset(scene, seed)
+        self.inner.reset(scene, seed)
 
     def act(self, scene: Scene) -> Decision:
         """The driver's decision in the scene that the outlook shows."""
         clock = [time.perf_counter()]
         shown = self.outlook.see(scene)
         clock.append(time.perf_counter())
-        decision = self._driver.act(shown)
+        decision = self.inner.act(shown)
         clock.append(time.perf_counter())
         u = self.outlook.govern(shown, decision.u)
         spent = clock[1] - clock[0] + time.perf_counter() - clock[2]

@@ -1,6 +1,6 @@
 """Settings written behind an agent's name, `NAME:key=value,key=value`, so that a sweep can compare variants.
 
-Keys are those of the tree of settings (rudc/agents/config.py), values are read as YAML:
+Keys are those of the tree of settings (rudc/agents/config.py), values are read as in a scenario file:
 `rudc-t:correction.d_safe=0.3,correction.slack.gain=0`, `rudc-t:correction.kind=none`. What only learning
 depends on is refused.
 """
@@ -10,12 +10,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
-import yaml
-
 from rudc.agents.config import AgentConfig, refuse_old_keys
 from rudc.agents.correction import CbfSettings, CorrectionKind, CorrectionSettings
 from rudc.agents.outlook import OutlookSettings
 from rudc.errors import AgentError, InputError
+from rudc.scenario.yaml_text import read_value
 from rudc.settings import Settings, changed
 
 Changes = dict[str, Any]
@@ -38,9 +37,9 @@ def parse(text: str) -> Changes:
         if key in changes:
             raise AgentError(f"agent setting {key!r} is given twice")
         try:
-            changes[key] = yaml.safe_load(value)
-        except yaml.YAMLError:
-            raise AgentError(f"agent setting {part!r}: {value!r} is not a value as in a YAML file") from None
+            changes[key] = read_value(value)
+        except ValueError as error:
+            raise AgentError(f"agent setting {part!r}: {error}") from None
     return changes
 
 

@@ -41,7 +41,7 @@ class SafetyFilterWrapper(gymnasium.Wrapper):
             raise InputError("SafetyFilterWrapper stands around rudc/Intersection-v0 only")
         if settings.asks_critics:
             raise InputError("a correction that asks critics (correction.slack.gain) needs a learnt agent")
-        made = settings.make({}, action=self.unwrapped.action.model_dump()["kind"])
+        made = settings.make({}, action=self.unwrapped.action.name)
         if made is None:
             raise InputError("SafetyFilterWrapper: correction `none` corrects nothing")
         self._env, self._correction = self.unwrapped, made

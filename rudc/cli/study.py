@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -10,6 +9,7 @@ import typer
 
 from rudc.cli.complete import complete_agents
 from rudc.cli.console import SweepBar, SweepLines, note, print_table, sweep_progress
+from rudc.cli.options import ResultsFolder, Workers, cores
 from rudc.errors import InputError
 
 
@@ -33,13 +33,8 @@ def study(
         typer.Option("--episodes", "-n", min=1, help="For each scenario and agent. Default: by the budget."),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the first episode; the others follow.")] = 0,
-    workers: Annotated[
-        int | None,
-        typer.Option("--workers", "-w", min=1, help="Processes, a world each. Default: one a core."),
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder for the results.")
-    ] = None,
+    workers: Workers = None,
+    out: ResultsFolder = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Finish the study in DIR; start it if there is none.")
     ] = False,
@@ -73,7 +68,7 @@ def study(
         tuple(folders or ()),
         episodes,
         seed,
-        workers or _cores(),
+        workers or cores(),
         resume,
         budget,
     )
@@ -110,8 +105,3 @@ def _close(bars: list[SweepBar | SweepLines]) -> None:
     for bar in bars:
         bar.close()
     bars.clear()
-
-
-def _cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

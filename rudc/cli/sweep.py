@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -11,6 +10,7 @@ import typer
 
 from rudc.cli.complete import complete_agents, complete_scenarios
 from rudc.cli.console import note, sweep_progress
+from rudc.cli.options import ResultsFolder, Workers, cores
 from rudc.cli.scenario import parse_overrides
 from rudc.errors import InputError
 
@@ -58,13 +58,8 @@ def sweep(
         int,
         typer.Option(min=0, help="Seed of the first episode; the others follow, the same for each agent."),
     ] = 0,
-    workers: Annotated[
-        int | None,
-        typer.Option("--workers", "-w", min=1, help="Processes, a world each. Default: one a core."),
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder for the results.")
-    ] = None,
+    workers: Workers = None,
+    out: ResultsFolder = None,
     overrides: Annotated[
         list[str] | None,
         typer.Option(
@@ -116,7 +111,7 @@ def sweep(
             plan,
             out,
             partial(EpisodeRunner, limit_s=limit, folder=Path.cwd()),
-            workers=workers or _cores(),
+            workers=workers or cores(),
             engine=engine,
             resume=resume,
             limit_s=limit,
@@ -129,11 +124,6 @@ def sweep(
     finally:
         progress.close()
     _report(result)
-
-
-def _cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _plan(

@@ -36,6 +36,11 @@ class ActionKind(Settings):
     follows_path: ClassVar[bool] = False
     """whether 0 on the second axis steers along the path"""
 
+    @property
+    def name(self) -> str:
+        """Its kind, as `ACTIONS` and settings name it."""
+        return type(self).model_fields["kind"].default
+
     def space(self) -> spaces.Box:
         """What actions are drawn from."""
         return spaces.Box(-1.0, 1.0, (2,), np.float32)

@@ -19,7 +19,7 @@ from rudc.agents.registry import agent_settings
 from rudc.data import data_folder
 from rudc.errors import SweepError
 from rudc.evaluation.tasks import SweepPlan
-from rudc.kinds import problems
+from rudc.settings import problems
 
 FORMAT = 2
 """of a sweep's folder; 1 had `conditions.csv`, and counted interventions in another way"""

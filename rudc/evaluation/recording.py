@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rudc.agents.base import layers
 from rudc.arrays import Array
 from rudc.drawing.palette import ASPHALT, MARK, VERGE, Colour
 from rudc.drawing.road_picture import Brush, paint_road
@@ -298,23 +299,17 @@ def _sensed(view: View) -> list[list[str | int]]:
 
 def _outlooks(agent: Agent) -> Iterator[Any]:
     """What the agent, or one that it is put round, has as its outlook (courses, adaptation)."""
-    return (layer.outlook for layer in _layers(agent) if getattr(layer, "outlook", None) is not None)
+    found = (getattr(layer, "outlook", None) for layer in layers(agent))
+    return (outlook for outlook in found if outlook is not None)
 
 
 def _percentiles(agent: Agent) -> tuple[float | None, float | None]:
     """sigma_l and sigma_h of the agent's slack, if it has one."""
-    for layer in _layers(agent):
+    for layer in layers(agent):
         slack = getattr(getattr(layer, "correction", None), "slack", None)
         if slack is not None:
             return round(slack.low, 4), round(slack.high, 4)
     return None, None
-
-
-def _layers(agent: Any) -> Iterator[Any]:
-    """The agent, the one that it is put round, and so on."""
-    while agent is not None:
-        yield agent
-        agent = getattr(agent, "_driver", None) or getattr(agent, "_agent", None)
 
 
 def _closed(track: dict[str, Any], center: Array) -> dict[str, Any]:

@@ -30,12 +30,11 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from rudc.errors import InputError
 from rudc.hints import there_are
-from rudc.kinds import problems
 from rudc.safety.barrier import BarrierSettings
 from rudc.safety.barriers import BARRIERS
 from rudc.safety.rows import RowWeights
 from rudc.safety.rules import RULES, NotNegative, Positive, Rule
-from rudc.settings import Settings, within
+from rudc.settings import Settings, problems, within
 
 M = TypeVar("M", bound=BaseModel)
 Unbounded = Annotated[

@@ -126,10 +126,12 @@ class _TooMuch(yaml.MarkedYAMLError):
     """More than a scenario may hold."""
 
 
-def read_yaml(text: str, file: str) -> tuple[Sheet | None, list[Report]]:
-    """The data in a text and its problems; no data where it cannot be understood at all."""
+def read_yaml(text: str, file: str, keys: str = "`name` and `network`") -> tuple[Sheet | None, list[Report]]:
+    """The data in a text and its problems; no data where it cannot be understood at all. `keys`: examples of
+    what it may have, for the message where it is no mapping.
+    """
     if len(text) > LONGEST:
-        return None, [Report(file, 1, 1, (), f"longer than {LONGEST} characters; no scenario is")]
+        return None, [Report(file, 1, 1, (), f"longer than {LONGEST} characters; no such file is")]
     try:
         node = _compose(text)
     except yaml.MarkedYAMLError as error:
@@ -144,7 +146,7 @@ def read_yaml(text: str, file: str) -> tuple[Sheet | None, list[Report]]:
         return None, [Report(file, 1, 1, (), "the file is empty")]
     data = reader.value(node, (), node.start_mark)
     if not isinstance(data, dict):
-        expected = "expected a mapping with keys such as `name` and `network`"
+        expected = f"expected a mapping with keys such as {keys}"
         return None, reader.reports or [
             Report(file, *_place(node.start_mark), (), f"{expected}, got {got(data)}")
         ]

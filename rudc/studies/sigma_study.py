@@ -72,7 +72,7 @@ class Listener:
     """An agent, and what it said of its uncertainty since it was reset."""
 
     def __init__(self, agent: Agent) -> None:
-        self._agent = agent
+        self.inner = agent
         self.name = agent.name
         self.ego_driver: EgoDriver = agent.ego_driver
         self.heard: list[tuple[float, ...]] = []
@@ -80,11 +80,11 @@ class Listener:
     def reset(self, scene: Scene, seed: int) -> None:
         """Reset the agent and forget."""
         self.heard = []
-        self._agent.reset(scene, seed)
+        self.inner.reset(scene, seed)
 
     def act(self, scene: Scene) -> Decision:
         """The agent's decision."""
-        decision = self._agent.act(scene)
+        decision = self.inner.act(scene)
         stated = decision.uncertainty
         self.heard.append((math.nan,) * 3 if stated is None else tuple(float(value) for value in stated))
         return decision

@@ -11,7 +11,7 @@ that, whichever action is replayed: the policy drives on and leaves braking to t
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -26,6 +26,7 @@ from rudc.evaluation.rollout import run_episode
 from rudc.learning.nstep import NStep, Transition
 from rudc.network.network import load_network
 from rudc.scenario import load_scenario
+from rudc.scenario.plan import EpisodePlan
 from rudc.training.calibration import sigmas_of
 from rudc.training.config import TrainConfig
 from rudc.training.curriculum import make_mixture
@@ -104,29 +105,24 @@ class Collector:
 
     def evaluate(self, tasks: tuple[tuple[str, int], ...]) -> tuple[EpisodeRecord, ...]:
         """Drive the held-out episodes (scenario, seed) by the policy's mean; the running episode is lost."""
-        self._episode = None
-        self._steps.clear()
-        records = []
-        for name, seed in tasks:
-            scenario = load_scenario(name)
-            self._move_to(scenario.network, scenario.junction)
-            records.append(run_episode(Episode(self._world), scenario.plan(seed), self._agent))
-        return tuple(records)
+        return tuple(run_episode(Episode(self._world), p, self._agent) for p in self._held_out(tasks))
 
     def sigmas(self, tasks: tuple[tuple[str, int], ...]) -> tuple[Array, ...]:
         """sigma_total of each decision in these episodes, driven as in `evaluate`."""
-        self._episode = None
-        self._steps.clear()
-        seen = []
-        for name, seed in tasks:
-            scenario = load_scenario(name)
-            self._move_to(scenario.network, scenario.junction)
-            seen.append(sigmas_of(self._world, scenario.plan(seed), self._agent))
-        return tuple(seen)
+        return tuple(sigmas_of(self._world, plan, self._agent) for plan in self._held_out(tasks))
 
     def close(self) -> None:
         """End the world."""
         self._world.close()
+
+    def _held_out(self, tasks: tuple[tuple[str, int], ...]) -> Iterator[EpisodePlan]:
+        """The plans of episodes (scenario, seed), the world moved to where each is; what runs is lost."""
+        self._episode = None
+        self._steps.clear()
+        for name, seed in tasks:
+            scenario = load_scenario(name)
+            self._move_to(scenario.network, scenario.junction)
+            yield scenario.plan(seed)
 
     def _running(self, rng: np.random.Generator) -> tuple[Episode, Scene]:
         if self._episode is None or self._scene is None:

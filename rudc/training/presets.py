@@ -8,11 +8,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from rudc.errors import InputError
 from rudc.hints import there_are
 from rudc.learning.algorithms import Algorithm
+from rudc.scenario.yaml_text import read_yaml
 from rudc.settings import merged
 
 FOLDER = Path(__file__).parent / "presets"
@@ -33,12 +32,13 @@ def read_preset(name: str) -> dict[str, Any]:
                 f"there is no preset {name!r}{there_are(name, preset_names())}; or give a .yaml file"
             )
     try:
-        tree = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot be read: {error}") from None
-    if not isinstance(tree, dict) or not all(isinstance(key, str) for key in tree):
-        raise InputError(f"{path}: a preset is a mapping of sections, such as `learner:`")
-    return tree
+    sheet, reports = read_yaml(text, str(path), keys="`learner` and `correction`")
+    if sheet is None or reports:
+        raise InputError("\n".join(map(str, reports)))
+    return sheet.data
 
 
 def with_preset(algorithm: Algorithm, preset: Mapping[str, Any]) -> dict[str, Any]:

@@ -72,7 +72,7 @@ class Trainer:
             raise InputError(f"device {config.training.device!r} cannot be used: {error}") from error
         self._replay = Replay(config.given, config.training.replay_size, *self._learner.masks)
         self._statistics = [field.name for field in fields(self._learner.statistics)]
-        self._taken_along = config.correction.arrays(config.action.model_dump()["kind"])
+        self._taken_along = config.correction.arrays(config.action.name)
         self._sigmas = RunningPercentiles()
         self._calibrated: tuple[float, float] | None = None
         self._round = 0

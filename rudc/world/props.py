@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from rudc.arrays import Array
-from rudc.geometry import rectangles_overlap
+from rudc.geometry import rectangle_gaps
 from rudc.world.scene import STANDING, Kind, Scene
 
 BRAKING = 6.0
@@ -96,7 +96,7 @@ class Prop:
         ego, body = scene.ego, scene.vehicle
         if walks or ego.v < STANDING:
             here, facing = np.array([[ego.x, ego.y]]), np.array([ego.psi])
-            if rectangles_overlap(*box, here, facing, np.array([[body.length, body.width]])).any():
+            if (rectangle_gaps(*box, here, facing, np.array([[body.length, body.width]])) == 0.0).any():
                 return False
         speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
         way = np.zeros_like(speed) if walks else speed**2 / (2 * BRAKING)
@@ -108,7 +108,7 @@ class Prop:
         course = np.column_stack([np.cos(scene.heading[rows]), np.sin(scene.heading[rows])])
         size = scene.size[rows] + way[rows, None] * (1.0, 0.0)
         position = scene.position[rows] + 0.5 * way[rows, None] * course
-        return not rectangles_overlap(*box, position, scene.heading[rows], size).any()
+        return bool((rectangle_gaps(*box, position, scene.heading[rows], size) > 0.0).all())
 
 
 def standing(name: str, kind: Kind, x: float, y: float, heading: float, length: float, width: float) -> Prop:

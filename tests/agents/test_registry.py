@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from rudc.agents.base import layers
 from rudc.agents.checkpoint import shipped_checkpoints
 from rudc.agents.filtered import FILTERS, FilteredAgent
 from rudc.agents.registry import agent_names, agent_settings, agent_summary, make_agent
@@ -77,3 +78,16 @@ def test_a_filter_leaves_an_empty_road_alone(scene_on):
     assert decision.corrected is not None
     assert decision.corrected.status == "nominal"
     np.testing.assert_allclose(decision.u, bare.act(scene).u)
+
+
+@pytest.mark.parametrize(
+    ("name", "there"),
+    [
+        ("gap-acceptance", ["GapAcceptance"]),
+        ("planner+ttcbf:outlook.plant=known", ["OutlookAgent", "FilteredAgent", "Planner"]),
+        ("rudc-t", ["OutlookAgent", "LearnedAgent"]),
+        ("examples/own_agent.py:Patient", ["GuardedAgent", "Patient"]),
+    ],
+)
+def test_whoever_is_put_round_another_says_round_whom(name, there):
+    assert [type(layer).__name__ for layer in layers(make_agent(name))] == there

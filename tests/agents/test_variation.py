@@ -18,16 +18,26 @@ def test_settings_stand_behind_the_last_colon():
     assert split("out/a:b") == ("out/a:b", "")
 
 
-def test_values_are_read_as_yaml():
+def test_values_are_read_as_in_files():
     text = (
         "correction.residual=off, correction.slack.gain=0.02, correction.constrained=all, action.kind=direct"
     )
     assert parse(text) == {
-        "correction.residual": False,
+        "correction.residual": "off",
         "correction.slack.gain": 0.02,
         "correction.constrained": "all",
         "action.kind": "direct",
     }
+
+
+@pytest.mark.parametrize("off", ["off", "false"])
+def test_off_is_a_word_and_switches_off(off):
+    """In YAML 1.1 `off` is false; here it is what `outlook.plant` calls it, and what a switch takes."""
+    varied = vary(small("rudc-t", correction="cbf"), parse(f"correction.residual={off},correction.last_resort={off}"))
+    assert isinstance(varied.correction, CbfSettings)
+    assert (varied.correction.residual, varied.correction.last_resort) == (False, False)
+    assert make_agent("gap-acceptance:outlook.plant=off,outlook.course=on").name.startswith("gap-acceptance")
+    assert parse("outlook.plant=off") == {"outlook.plant": "off"}
 
 
 def test_a_learnt_agents_configuration_is_varied():

@@ -19,7 +19,7 @@ from collections import Counter
 
 import numpy as np
 
-from rudc.geometry import rectangles_overlap
+from rudc.geometry import rectangle_gaps
 from rudc.network.network import Network, load_network
 from rudc.world.config import WorldConfig
 from rudc.world.scene import Scene
@@ -64,7 +64,7 @@ def fair(scene: Scene, pose: tuple[float, float, float]) -> bool:
         steps = np.arange(0.0, needed + 0.5, 0.5)
         x, y, psi = paths.pose(np.full(len(steps), scene.path[i]), scene.path_s[i] + steps)
         size = np.broadcast_to(scene.size[i] + [0.0, 0.6], (len(steps), 2))
-        if rectangles_overlap(*pose, body.length, body.width, np.column_stack([x, y]), psi, size).any():
+        if not rectangle_gaps(*pose, body.length, body.width, np.column_stack([x, y]), psi, size).all():
             return False
     return True
 

@@ -51,10 +51,10 @@ def test_a_name_or_a_mapping_says_which_is_meant():
     assert read_action({"kind": "adjustment", "adjustment": 0.2}) == Adjustment(adjustment=0.2)
     for wrong, said in (
         ("dirct", "action: there is no 'dirct' .did you mean 'direct'"),
-        ({"kind": "direct", "adjustment": 0.2}, "action.adjustment: Extra inputs"),
+        ({"kind": "direct", "adjustment": 0.2}, "action: there is no setting 'adjustment'"),
         (
             {"kind": "adjustment", "adjustment": 0},
-            "action.adjustment: Input should be greater than or equal to 0.001",
+            "action: adjustment: Input should be greater than or equal to 0.001",
         ),
         (3, "action: expected one of direct, adjustment"),
     ):

@@ -188,11 +188,14 @@ def test_a_preset_of_ones_own(tmp_path):
     found = TrainConfig.of("rudc-t", {}, str(path))
     assert isinstance(found.learner, EnsembleConfig)
     assert (found.learner.members, found.training.envs) == (7, 1)
+    path.write_text("learner: {n_step: 1\n")
+    with pytest.raises(InputError, match=r"mine.yaml:2:1: not valid YAML"):
+        TrainConfig.of("sac", {}, str(path))
     path.write_text("learner: [1]")
     with pytest.raises(InputError, match="learner"):
         TrainConfig.of("sac", {}, str(path))
     path.write_text("- 1")
-    with pytest.raises(InputError, match="a preset is a mapping"):
+    with pytest.raises(InputError, match=r"mine.yaml:1:1: expected a mapping with keys such as `learner`"):
         TrainConfig.of("sac", {}, str(path))
     with pytest.raises(InputError, match=r"no preset 'papr' \(did you mean 'paper'"):
         TrainConfig.of("sac", {}, "papr")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rudc.arrays import Array
-from rudc.geometry import rectangles_overlap
+from rudc.geometry import rectangle_gaps
 from rudc.scenario.events.stage import Body, Stage, XYHeading
 from rudc.world.traffic import VEHICLE_TYPES
 
@@ -83,10 +83,10 @@ def overlapped(new: Standing, others: Sequence[Standing]) -> list[Standing]:
     places = np.array([other.place for other in others])
     sizes = np.array([other.size for other in others])
     length, width = new.size
-    hit = rectangles_overlap(
+    gaps = rectangle_gaps(
         *new.place, length - TOUCH_M, width - TOUCH_M, places[:, :2], places[:, 2], sizes - TOUCH_M
     )
-    return [other for other, is_hit in zip(others, hit, strict=True) if is_hit]
+    return [other for other, gap in zip(others, gaps, strict=True) if gap == 0.0]
 
 
 def size_of(body: Body) -> tuple[float, float]:
