@@ -33,7 +33,9 @@ def test_values_are_read_as_in_files():
 @pytest.mark.parametrize("off", ["off", "false"])
 def test_off_is_a_word_and_switches_off(off):
     """In YAML 1.1 `off` is false; here it is what `outlook.plant` calls it, and what a switch takes."""
-    varied = vary(small("rudc-t", correction="cbf"), parse(f"correction.residual={off},correction.last_resort={off}"))
+    varied = vary(
+        small("rudc-t", correction="cbf"), parse(f"correction.residual={off},correction.last_resort={off}")
+    )
     assert isinstance(varied.correction, CbfSettings)
     assert (varied.correction.residual, varied.correction.last_resort) == (False, False)
     assert make_agent("gap-acceptance:outlook.plant=off,outlook.course=on").name.startswith("gap-acceptance")
