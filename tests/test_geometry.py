@@ -22,7 +22,8 @@ rectangle = st.tuples(coordinate, coordinate, angle, length, length)
 
 def gap(a, b):
     """Gap between two rectangles (x, y, psi, length, width)."""
-    return float(rectangle_gaps(*a, np.array([b[:2]]), np.array([b[2]]), np.array([b[3:]]))[0])
+    other = {"position": np.array([b[:2]]), "heading": np.array([b[2]]), "size": np.array([b[3:]])}
+    return float(rectangle_gaps(*a, **other)[0])
 
 
 def gap_by_programme(a, b):

@@ -47,7 +47,8 @@ def test_a_learnt_agents_configuration_is_varied():
     changes = {"correction.d_safe": 0.1, "correction.residual": True, "correction.slack.gain": 0.5}
     varied = vary(config, changes).correction
     assert isinstance(varied, CbfSettings)
-    assert (varied.rule, varied.d_safe, varied.max_vehicles) == ("ecbf", 0.1, 3)
+    written = varied.model_dump()
+    assert (varied.rule, written["d_safe"], written["max_vehicles"]) == ("ecbf", 0.1, 3)
     assert (varied.residual, varied.slack.gain) == (True, 0.5)
     assert vary(config, {"correction.kind": "none"}).correction.make({}) is None
     assert config.model_dump()["correction"]["d_safe"] == 0.4

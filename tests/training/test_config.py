@@ -212,7 +212,7 @@ def test_single_values_can_be_changed_by_their_keys():
     )
     assert config.learner.n_step == 1
     assert isinstance(config.correction, CbfSettings)
-    assert config.correction.constrained == "all"
+    assert config.correction.model_dump()["constrained"] == "all"
     assert config.training.curriculum is not None
     assert config.training.curriculum.left_share == 0.5
     assert TrainConfig.of("rudc-t", {"training.curriculum": None}).training.curriculum is None
