@@ -17,7 +17,7 @@ from typing import Annotated
 import typer
 
 import rudc
-from rudc.cli import agent, network, replay, residual, run, scenario, study, sweep, table, train
+from rudc.cli import agent, network, replay, report, residual, run, scenario, study, sweep, table, train
 from rudc.errors import RudcError
 
 app = typer.Typer(
@@ -31,6 +31,7 @@ app = typer.Typer(
 app.command("sweep")(sweep.sweep)
 app.command("run")(run.run)
 app.command("replay")(replay.replay)
+app.command("report")(report.report)
 app.command("table")(table.table)
 app.command("train")(train.train)
 app.command("study")(study.study)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -44,28 +44,40 @@ def replay(
 
     `rudc replay out/first -e dense_left_turn:follower:0 -e dense_left_turn:follower+ttcbf:0 -o both.html`
     """
-    from rudc.agents.registry import make_agent
-    from rudc.evaluation.rerun import differences, find_episode
     from rudc.reporting.html.page import check_page
     from rudc.reporting.replay.page import WHAT, save_replay
 
     check_page(out, WHAT)
     if len(episodes) > MOST:
         raise InputError(f"{len(episodes)} episodes were asked for, at most {MOST} stand beside each other")
-    found = [find_episode(folder, which) for which in episodes]
-    drivers = [make_agent(one.task.agent) for one in found]
-    pages, checks, same = [], [], True
-    for one, driver in zip(found, drivers, strict=True):
-        record, page = recorded(one.task.scenario, one.task.seed, driver)
-        other = differences(one.row, record)
-        checks.append(_check(folder, one.number, other, one.changes))
-        note(f"{one.task}: {record.outcome}; {checks[-1]}")
-        pages.append(page)
-        same = same and not other
-    save_replay(out, pages, checks)
+    done = [replayed(folder, which) for which in episodes]
+    save_replay(out, [one.page for one in done], [one.check for one in done])
     note(f"{out} written")
-    if not same:
+    if not all(one.same for one in done):
         raise typer.Exit(1)
+
+
+class Replayed(NamedTuple):
+    """An episode of a sweep that was run again."""
+
+    page: dict[str, Any]
+    """its recording"""
+    check: str
+    """what comparing it with its row says"""
+    same: bool
+
+
+def replayed(folder: Path, which: str) -> Replayed:
+    """Run an episode of a sweep again, and say how it went. Raises SweepError, AgentError."""
+    from rudc.agents.registry import make_agent
+    from rudc.evaluation.rerun import differences, find_episode
+
+    found = find_episode(folder, which)
+    record, page = recorded(found.task.scenario, found.task.seed, make_agent(found.task.agent))
+    other = differences(found.row, record)
+    check = _check(folder, found.number, other, found.changes)
+    note(f"{found.task}: {record.outcome}; {check}")
+    return Replayed(page, check, not other)
 
 
 def recorded(scenario: Scenario, seed: int, driver: Agent) -> tuple[EpisodeRecord, dict[str, Any]]:

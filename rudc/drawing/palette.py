@@ -46,6 +46,16 @@ TURNS: dict[str, Colour] = {
 }
 """routes in the picture of a network"""
 
+SERIES: tuple[Colour, ...] = (
+    (0, 114, 178),
+    (213, 94, 0),
+    (0, 158, 115),
+    (204, 121, 167),
+    (138, 109, 0),
+    (86, 180, 233),
+)
+"""curves, points and bars of plots: agents, variants"""
+
 OUTCOMES: dict[str, tuple[str, Colour]] = {
     "success": ("arrived", (0, 130, 96)),
     "frozen": ("time limit", (170, 118, 0)),

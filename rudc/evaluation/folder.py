@@ -201,10 +201,10 @@ def read_sweep(path: Path) -> tuple[list[dict[str, str]], tuple[str, ...]]:
     renamed = {old: new for old, new in _RENAMED.items() if new not in rows[0]}
     there = [renamed.get(name, name) for name in rows[0]]
     parameters = tuple(name for name in there if name not in COLUMNS and name not in _DROPPED)
-    found = []
-    for row in rows:
-        known = dict(zip(there, row.values(), strict=True))
-        found.append({name: known.get(name, "") for name in (*COLUMNS, *parameters)})
+    found = rows
+    if there != [*COLUMNS, *parameters]:
+        known = (dict(zip(there, row.values(), strict=True)) for row in rows)
+        found = [{name: row.get(name, "") for name in (*COLUMNS, *parameters)} for row in known]
     refuse_damaged(found, parameters, path / "episodes.csv")
     return found, parameters
 

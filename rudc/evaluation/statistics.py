@@ -31,7 +31,7 @@ Z = 1.959963984540054
 RESAMPLES = 10_000
 SEED = 20_250
 """of the bootstrap's draws"""
-NORMAL_FROM = 5_000
+NORMAL_FROM = 2_000
 """values from which on the normal interval stands for the bootstrap's"""
 _CHUNK = 2_000_000
 """draws held in memory at once"""
@@ -95,14 +95,19 @@ def _percentiles(samples: Sequence[Sample], n: int, resamples: int, seed: int) -
     """
     rng = np.random.default_rng(seed)
     tops = np.stack([values for values, _ in samples], axis=1)
-    bottoms = np.stack([np.ones(n) if over is None else over for _, over in samples], axis=1)
+    ratios = [k for k, (_, over) in enumerate(samples) if over is not None]
+    bottoms = np.stack([over for _, over in samples if over is not None], axis=1) if ratios else None
     rows = max(_CHUNK // n, 1)
     means = np.empty((resamples, len(samples)))
     for start in range(0, resamples, rows):
         count = min(rows, resamples - start)
         draws = rng.integers(n, size=(count, n)) + n * np.arange(count)[:, None]
         counts = np.bincount(draws.ravel(), minlength=count * n).reshape(count, n).astype(float)
-        means[start : start + count] = (counts @ tops) / (counts @ bottoms)
+        means[start : start + count] = counts @ tops
+        parts = np.full(means[start : start + count].shape, float(n))
+        if bottoms is not None:
+            parts[:, ratios] = counts @ bottoms
+        means[start : start + count] /= parts
     low, high = np.quantile(means, [0.025, 0.975], axis=0)
     return [(round(float(a), 9), round(float(b), 9)) for a, b in zip(low, high, strict=True)]
 

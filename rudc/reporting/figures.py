@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rudc.drawing.palette import SERIES
 from rudc.errors import StorageError
 from rudc.files import replacing
 
@@ -18,8 +19,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 INK, FAINT = "#22262d", "#c9ced6"
-PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8a6d00", "#56b4e9")
-"""told apart by nearly all eyes (Okabe and Ito)"""
+PALETTE = tuple("#{:02x}{:02x}{:02x}".format(*colour[:3]) for colour in SERIES)
+"""of curves, as matplotlib has them"""
 
 STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",

@@ -3,17 +3,14 @@
 With x_1 ... x_n the values of n trainings at one number of decisions, mean +- t s / sqrt(n), s their standard
 deviation and t the 97.5 percentile of Student's distribution with n - 1 degrees of freedom; rates are cut off
 at 0 and 100 %. There is no band for a single training. Trainings are alike if their folders' names differ
-only in `-seedN`. Only what all of them reached is shown.
-
-    training     episodes driven while learning (`progress.csv`), means over BIN decisions
-    evaluation   the held-out episodes (`evaluation.csv`), each scenario, and its arms apart
+only in `-seedN`. Only what all of them reached is shown. Where the values come from says
+rudc/training/log_curves.py.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -21,27 +18,12 @@ from scipy.stats import t as student
 
 from rudc.arrays import Array
 from rudc.errors import InputError
-from rudc.evaluation.columns import RATES
-from rudc.evaluation.metrics import numbers
-from rudc.evaluation.store import read_table
 from rudc.evaluation.sweep import Progress
 from rudc.files import make_folder
 from rudc.reporting.curves import Curve, draw_curves
 from rudc.reporting.text import csv_text, interval, markdown
 from rudc.studies.base import Order, Report, family, write
-from rudc.training.log import EVALUATION, OUTCOMES
-
-NEEDED = ("steps", "episodes", *OUTCOMES, "episode_reward")
-"""columns of progress.csv; learners add others of their own"""
-BIN = 5_000
-"""decisions"""
-METRICS = {rate: RATES[rate] for rate in ("SR", "VR", "FR")}
-"""rate -> columns that it is the sum of"""
-
-Key = tuple[str, str, str, str]
-"""source, scenario, priority, metric"""
-Series = dict[int, float]
-"""decisions -> value, percent or reward"""
+from rudc.training.log_curves import RATE_COLUMNS, Key, Series, read_training
 
 
 class Band(NamedTuple):
@@ -72,51 +54,6 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
     return Report(table, files, tuple(_shortened(trainings)))
 
 
-def read_training(folder: Path) -> dict[Key, Series]:
-    """All curves of a training's folder. Raises InputError when its logs are not there."""
-    driven = _log(folder / "progress.csv", NEEDED)
-    tested = _log(folder / "evaluation.csv", EVALUATION)
-    curves: dict[Key, Series] = {}
-    bins: dict[int, list[dict[str, str]]] = {}
-    for row in driven:
-        bins.setdefault(-(-int(row["steps"]) // BIN) * BIN, []).append(row)
-    if bins and int(driven[-1]["steps"]) < max(bins):
-        del bins[max(bins)]
-    for step, rows in bins.items():
-        for metric, value in _values(rows).items():
-            curves.setdefault(("training", "", "all", metric), {})[step] = value
-    for row in tested:
-        for metric, value in _values([row]).items():
-            key = ("evaluation", row["scenario"], row["priority"], metric)
-            curves.setdefault(key, {})[int(row["steps"])] = value
-    return curves
-
-
-def _log(path: Path, columns: Sequence[str]) -> list[dict[str, str]]:
-    if not path.is_file():
-        raise InputError(f"no {path.name} in {path.parent}; is it the folder of a training?")
-    rows = read_table(path)
-    missing = [name for name in columns if rows and name not in rows[0]]
-    if missing:
-        raise InputError(f"{path} has no column {missing[0]!r}; is it the log of a training?")
-    return rows
-
-
-def _values(rows: Sequence[Mapping[str, str]]) -> dict[str, float]:
-    """Rates in percent and the mean reward, over the episodes of all rows."""
-    weight = numbers(rows, "episodes")
-    found = {
-        name: 100.0 * _mean(np.sum([numbers(rows, column) for column in columns], axis=0), weight)
-        for name, columns in METRICS.items()
-    }
-    return found | {"reward": _mean(numbers(rows, "episode_reward"), weight)}
-
-
-def _mean(values: Array, weight: Array) -> float:
-    known = np.isfinite(values) & (weight > 0)
-    return float(np.average(values[known], weights=weight[known])) if known.any() else math.nan
-
-
 def combine(name: str, trainings: Sequence[Mapping[Key, Series]]) -> list[dict[str, object]]:
     """Lines of `curves.csv` of trainings that differ only in their seed."""
     lines = []
@@ -124,7 +61,7 @@ def combine(name: str, trainings: Sequence[Mapping[Key, Series]]) -> list[dict[s
     for key in keys:
         series = [training[key] for training in trainings]
         for step in sorted(set.intersection(*(set(s) for s in series))):
-            band = band_of(np.array([s[step] for s in series]), rate=key[3] in METRICS)
+            band = band_of(np.array([s[step] for s in series]), rate=key[3] in RATE_COLUMNS)
             source, scenario, priority, metric = key
             lines.append(
                 {
@@ -174,7 +111,7 @@ def as_markdown(lines: Sequence[Mapping]) -> str:
     rows = []
     for key, metrics in last.items():
         first = next(iter(metrics.values()))
-        values = [interval(*(metrics[m][part] for part in Band._fields)) for m in (*METRICS, "reward")]
+        values = [interval(*(metrics[m][part] for part in Band._fields)) for m in (*RATE_COLUMNS, "reward")]
         rows.append([*key, str(first["trainings"]), str(first["steps"]), *values])
     names = ("SR (%)", "VR (%)", "FR (%)", "reward")
     return markdown(["agent", "scenario", "arms", "trainings", "steps", *names], rows, left=3)

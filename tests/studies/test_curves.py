@@ -11,8 +11,9 @@ from rudc.errors import InputError
 from rudc.evaluation.store import read_table
 from rudc.evaluation.sweep import Silent
 from rudc.studies.base import Order
-from rudc.studies.curves import band_of, read_training, run
+from rudc.studies.curves import band_of, run
 from rudc.training.log import BEFORE, EVALUATION
+from rudc.training.log_curves import read_training
 
 
 def training(folder: Path, rate: float, last: int = 20_000) -> Path:

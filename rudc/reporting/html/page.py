@@ -31,21 +31,22 @@ def render(
     folder: Path,
     title: str,
     *,
+    template: str = "page.html",
     style: str,
     scripts: Sequence[str],
     data: Mapping[str, Any],
     **content: Any,
 ) -> str:
-    """The text of a page from `page.html`, a style and scripts of a folder.
+    """The text of a page from a template, a style and scripts of a folder.
 
     `data`: id -> what a script finds there as JSON; `content`: what the template asks for.
     """
     loader = jinja2.FileSystemLoader([folder, _HERE])
-    template = jinja2.Environment(
+    environment = jinja2.Environment(
         loader=loader, autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    ).get_template("page.html")
+    )
     sources = [_HERE / "base.js", *(folder / name for name in scripts)]
-    return template.render(
+    return environment.get_template(template).render(
         title=title,
         style="\n".join(_text(path) for path in (_HERE / "base.css", folder / style)),
         script="\n".join(map(_text, sources)),

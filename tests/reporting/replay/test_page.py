@@ -2,9 +2,7 @@
 
 import json
 import re
-import shutil
 import subprocess
-from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
@@ -19,9 +17,7 @@ from rudc.reporting.replay import page
 from rudc.reporting.replay.page import replay_page, save_replay
 from rudc.scenario import load_scenario
 from rudc.world.world import World
-
-VOID = {"meta", "input", "br", "link", "img"}
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+from tests.reporting.browser import CHROMIUM, driven, parsed
 
 
 def recorded(name, agent, seed, **changes):
@@ -39,37 +35,6 @@ def runs():
     return [
         recorded("blocked_left_turn", agent, 3, **dense) for agent in ("gap-acceptance+ttcbf", "follower")
     ]
-
-
-class Checker(HTMLParser):
-    """Keeps open elements, and every attribute that could name something outside."""
-
-    def __init__(self):
-        super().__init__()
-        self.open, self.links, self.ids, self.data = [], [], [], {}
-
-    def handle_starttag(self, tag, attrs):
-        given = dict(attrs)
-        self.links += [value for name, value in attrs if name in ("src", "href", "srcset", "action")]
-        self.ids += [given["id"]] if "id" in given else []
-        if tag not in VOID:
-            self.open.append((tag, given.get("id")))
-
-    def handle_endtag(self, tag):
-        assert self.open.pop()[0] == tag
-
-    def handle_data(self, data):
-        if self.open:
-            name = self.open[-1][1]
-            self.data[name] = self.data.get(name, "") + data
-
-
-def parsed(text):
-    checker = Checker()
-    checker.feed(text)
-    checker.close()
-    assert checker.open == []
-    return checker
 
 
 def test_a_page_is_whole_and_refers_to_nothing_outside(runs):
@@ -165,31 +130,17 @@ const waiting = setInterval(() => {
   clearInterval(waiting);
   note('moved', moved);
   press(' '); note('stops', document.getElementById('play').textContent);
-  document.title = JSON.stringify(Object.fromEntries(told));
+  finish(Object.fromEntries(told));
 }, 50);
 """
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
-@pytest.mark.parametrize("width", [1400, 500])
+@pytest.mark.parametrize("width", [1400, 400])
 def test_a_browser_opens_and_drives_the_page(runs, tmp_path, width):
-    """Without a complaint; narrower than 500 pixels is no window of Chromium's."""
-    text = replay_page(runs).replace("</body>", f"<script>{DRIVE}</script></body>")
-    (tmp_path / "page.html").write_text(text, encoding="utf-8")
-    result = subprocess.run(
-        [
-            str(CHROMIUM), "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking",
-            f"--user-data-dir={tmp_path / 'profile'}", "--enable-logging=stderr",
-            "--virtual-time-budget=15000", f"--window-size={width},900", "--dump-dom",
-            f"{(tmp_path / 'page.html').as_uri()}#12.3",
-        ],
-        capture_output=True, text=True, check=False, timeout=120,
-    )  # fmt: skip
-    assert "CONSOLE" not in result.stderr
-    title = re.search("<title>(.*)</title>", result.stdout)
-    assert title is not None
-    told = json.loads(title[1])
+    """Without a complaint."""
+    told = driven(replay_page(runs), DRIVE, tmp_path, width, "#12.3")
     assert told == {
         "opened": "12.3 s", "on": "12.4 s", "a second back": "11.4 s", "end": "40.0 s", "home": "0.1 s",
         "view": "all", "moment": told["moment"], "slider": "10.0 s", "plot": "40.0 s", "fits": True,

@@ -1,0 +1,59 @@
+"""`rudc report`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rudc.cli.console import note
+
+
+def report(
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Folder of a sweep, finished or not, or of a training.")
+    ],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="F.html", help="The page. Default: DIR/report.html.")
+    ] = None,
+    replays: Annotated[
+        int,
+        typer.Option(min=0, metavar="N", help="Replay the N worst episodes, too, into `replays` beside it."),
+    ] = 0,
+) -> None:
+    """Write what a sweep or a training says as a page to look at: one file, for any browser, offline.
+
+    Of a sweep: what stands out in sentences, rates of each scenario and agent, the table of metrics with its
+    intervals, differences between any two agents in the same episodes, distributions, how episodes ended,
+    whether events happened, the worst episodes and how to replay them, and what it was made from.
+
+    **Examples**
+
+    `rudc report out/first`
+
+    `rudc report out/first --out first.html --replays 5`
+    """
+    from rudc.reporting.html.page import check_page
+    from rudc.reporting.report.page import NAME, save_report
+
+    page = out or folder / NAME
+    check_page(page, "a report")
+    if replays:
+        _replay_worst(folder, page, replays)
+    save_report(folder, page)
+    note(f"{page} written")
+
+
+def _replay_worst(folder: Path, page: Path, count: int) -> None:
+    """Pages of a sweep's worst episodes, in a folder beside the report."""
+    from rudc.cli.replay import replayed
+    from rudc.evaluation.folder import read_sweep
+    from rudc.reporting.replay.page import save_replay
+    from rudc.reporting.report.episodes import Episodes, replay_name, worst
+    from rudc.reporting.report.sweep import REPLAYS
+
+    episodes = Episodes.of(*read_sweep(folder))
+    for i in worst(episodes)[:count]:
+        done = replayed(folder, str(i + 1))
+        save_replay(page.parent / REPLAYS / replay_name(episodes, i), [done.page], [done.check])

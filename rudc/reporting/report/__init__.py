@@ -1,0 +1,1 @@
+"""The report: one file that shows what a sweep, or a training, says."""

@@ -1,0 +1,108 @@
+"""What a sweep says, in sentences: made of the numbers that the page shows, each with where it stands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rudc.evaluation.columns import METRICS
+from rudc.evaluation.metrics import Group
+from rudc.evaluation.tables import cell
+from rudc.reporting.report.episodes import Episodes
+
+_RATES = [metric for metric in METRICS if metric.outcomes]
+_NAMED = 3
+"""scenarios named at most in a sentence"""
+_SELDOM = 0.5
+"""an event that happens in fewer of the episodes is worth a sentence"""
+
+
+def findings(
+    episodes: Episodes, agents: Sequence[Group], data: Mapping[str, Any], total: int | None
+) -> list[str]:
+    """Sentences, the most important first. `agents`: metrics of each agent over all scenarios; `data`: the
+    page's.
+    """
+    ranked = sorted((g for g in agents if g.episodes), key=lambda g: -g.metrics["SR"].mean)
+    said = [_size(episodes, total)]
+    if ranked:
+        said += _best(ranked, episodes, data)
+        said += _hard(ranked[0].key[0], data)
+    return [*said, *_events(data)]
+
+
+def _size(episodes: Episodes, total: int | None) -> str:
+    n, failed = len(episodes.rows), int((~episodes.done).sum())
+    seeds = len({row["seed"] for row in episodes.rows})
+    parts = [
+        _counted(len(episodes.scenarios), "scenario"),
+        _counted(len(episodes.agents), "agent"),
+        _counted(seeds, "seed"),
+    ]
+    there = f"{n} of {total} episodes so far" if total is not None and n < total else _counted(n, "episode")
+    swept = f", swept over {', '.join(episodes.parameters)}" if episodes.parameters else ""
+    errors = f"; {failed} could not be run" if failed else ""
+    return f"{there}: {' × '.join(parts)}{swept}{errors}."
+
+
+def _best(ranked: Sequence[Group], episodes: Episodes, data: Mapping[str, Any]) -> list[str]:
+    first = ranked[0]
+    rates = ", ".join(f"{m.name} {cell(m, first.metrics[m.name])}" for m in _RATES)
+    said = [f"{first.key[0]} succeeds most often over all scenarios: {rates} %."]
+    at = {name: i for i, name in enumerate(episodes.agents)}
+    for other in ranked[1 : 1 + _NAMED]:
+        if told := _against(at[first.key[0]], at[other.key[0]], data):
+            said.append(f"Against {other.key[0]}, in the same episodes: {told}.")
+    return said
+
+
+def _against(first: int, other: int, data: Mapping[str, Any]) -> str:
+    """The first agent's rates less the other's, over all scenarios."""
+    wanted = [p for p in data["pairs"]["pairs"] if {p["a"], p["b"]} == {first, other}]
+    if not wanted:
+        return ""
+    _, n, values = wanted[0]["lines"][0]
+    sign = 1.0 if wanted[0]["b"] == first else -1.0
+    parts = []
+    for name, value in zip(data["pairs"]["metrics"], values, strict=True):
+        if name not in [m.name for m in _RATES]:
+            continue
+        change, low, high = sign * value[2] + 0.0, *sorted((sign * value[3], sign * value[4]))
+        chance = "" if low > 0.0 or high < 0.0 else ", which may be chance"
+        parts.append(f"{name} {change:+.1f} points [{low:+.1f}, {high:+.1f}]{chance}")
+    return f"{'; '.join(parts)} (n = {n})"
+
+
+def _hard(agent: str, data: Mapping[str, Any]) -> list[str]:
+    """Where the best agent succeeds least."""
+    if len(data["scenarios"]) < 2:
+        return []
+    column = data["agents"].index(agent)
+    known = [
+        (values[column][0], name)
+        for name, values in zip(data["scenarios"], data["heat"]["SR"], strict=True)
+        if values[column] is not None
+    ]
+    hard = [f"{name} ({rate:.1f} %)" for rate, name in sorted(known)[:_NAMED] if rate < 100.0]
+    if not hard:
+        return [f"{agent} succeeds in every episode of every scenario."]
+    return [f"The hardest scenarios for {agent}, by SR: {', '.join(hard)}."]
+
+
+def _events(data: Mapping[str, Any]) -> list[str]:
+    """Scenarios whose events seldom happen: there the episodes are ordinary ones."""
+    seldom = []
+    for entry in data["events"]:
+        known = sum(line[0] for line in entry["agents"])
+        some = sum(line[1] for line in entry["agents"])
+        if known and some < _SELDOM * known:
+            seldom.append(f"{data['scenarios'][entry['scenario']]} ({100 * some / known:.0f} %)")
+    if seldom:
+        return [f"In fewer than half of the episodes anything scripted happened: {', '.join(seldom[:8])}."]
+    return ["In every scenario with events, they happened in at least half of the episodes."] * bool(
+        data["events"]
+    )
+
+
+def _counted(n: int, name: str) -> str:
+    return f"{n:,} {name}{'s' * (n != 1)}"

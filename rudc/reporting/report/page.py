@@ -1,0 +1,63 @@
+"""A sweep's or a training's folder -> one HTML file that needs nothing else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rudc.drawing.palette import OUTCOMES, SERIES
+from rudc.errors import SweepError
+from rudc.files import make_folder_of, write_atomically
+from rudc.reporting.html.page import check_page, css, render
+from rudc.reporting.report.sweep import sweep_content
+from rudc.reporting.report.training import is_training, training_content
+
+_FOLDER = Path(__file__).parent
+NAME = "report.html"
+"""in the folder that it is about, unless said otherwise"""
+
+
+def save_report(folder: Path, path: Path, *, live: bool = False) -> None:
+    """Write the page of a folder. `live`: it will be written again, and loads itself again. Raises SweepError
+    for a folder of neither a sweep nor a training, InputError, StorageError.
+    """
+    check_page(path, "a report")
+    make_folder_of(path)
+    write_atomically(path, report_page(folder, path, live=live))
+
+
+def report_page(folder: Path, path: Path, *, live: bool = False) -> str:
+    """The page's text; arguments as for `save_report`."""
+    if not folder.is_dir():
+        raise SweepError(f"{folder} is no folder; give that of a sweep or of a training")
+    name = folder.resolve().name
+    look = {
+        "series": [css(colour) for colour in SERIES],
+        "outcomes": {
+            key: {"words": words, "colour": css(colour)} for key, (words, colour) in OUTCOMES.items()
+        },
+        "live": live,
+    }
+    if is_training(folder):
+        content = training_content(folder)
+        title, own = f"Training {name}", "training"
+    else:
+        content = sweep_content(folder, path)
+        title, own = f"Sweep {name}", "sweep"
+    data = {"data": content.pop("data"), "look": look}
+    scripts = ("charts.js", "state.js", *_SCRIPTS[own])
+    return render(
+        _FOLDER,
+        title,
+        template=f"{own}.html",
+        style="report.css",
+        scripts=scripts,
+        data=data,
+        live=live,
+        **content,
+    )
+
+
+_SCRIPTS = {
+    "sweep": ("table.js", "compare.js", "episodes.js", "sweep.js"),
+    "training": ("training.js",),
+}

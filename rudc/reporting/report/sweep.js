@@ -1,0 +1,7 @@
+// The report of a sweep.
+
+beginTables();
+beginComparisons();
+beginEpisodes();
+drawAll();
+keepFresh();

@@ -1,0 +1,244 @@
+"""The report of a sweep: the numbers of `rudc table`, differences and densities as scipy has them."""
+
+import json
+import math
+import re
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from rudc.errors import SweepError
+from rudc.evaluation.columns import DECISION_MS, METRICS
+from rudc.evaluation.folder import read_sweep
+from rudc.evaluation.tables import make_table
+from rudc.reporting.report.densities import POINTS, densities
+from rudc.reporting.report.episodes import Episodes, event_counts, which, worst
+from rudc.reporting.report.page import report_page, save_report
+from rudc.reporting.report.pairs import differences
+from tests.reporting.browser import CHROMIUM, driven, parsed
+from tests.reporting.report.made_up import made_up_sweep
+
+SHOWN = (*METRICS, DECISION_MS)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return made_up_sweep(tmp_path_factory.mktemp("report") / "swept", 480, scenarios=4, agents=3)
+
+
+@pytest.fixture(scope="module")
+def episodes(folder):
+    return Episodes.of(*read_sweep(folder))
+
+
+@pytest.fixture(scope="module")
+def text(folder):
+    return report_page(folder, folder / "report.html")
+
+
+@pytest.fixture(scope="module")
+def data(text):
+    return json.loads(parsed(text).data["data"])
+
+
+def test_the_numbers_are_those_of_rudc_table(folder, data):
+    rows, _ = read_sweep(folder)
+    assert [table["by"] for table in data["tables"]] == [
+        ["scenario", "agent"], ["agent"], ["agent", "priority"], ["agent", "turn"]
+    ]  # fmt: skip
+    for table in data["tables"]:
+        lines = make_table(rows, table["by"], "markdown", metrics=SHOWN).splitlines()[2:]
+        theirs = [[cell.strip() for cell in line.strip("|").split(" | ")] for line in lines]
+        ours = [
+            [*key, str(n), *(f"**{c}**" if k in best else c for k, c in enumerate(cells))]
+            for key, n, _, cells, best in table["lines"]
+        ]
+        assert ours == theirs
+        assert table["command"] == f"rudc table {folder} --by {','.join(table['by'])}"
+
+
+def test_the_heat_map_has_the_means_of_the_table(data):
+    for key, _, _, cells, _ in data["tables"][0]["lines"]:
+        at = data["scenarios"].index(key[0]), data["agents"].index(key[1])
+        for metric, text in zip(METRICS, cells, strict=False):
+            value = data["heat"][metric.name][at[0]][at[1]]
+            assert f"{value[0]:.{metric.decimals}f}" == text.split()[0]
+
+
+def test_differences_are_of_the_same_episodes(episodes, data):
+    assert data["pairs"] == json.loads(json.dumps(differences(episodes)))
+    (pair,) = [p for p in data["pairs"]["pairs"] if (p["a"], p["b"]) == (0, 2)]
+    assert [line[:2] for line in pair["lines"]] == [[-1, 160], [0, 40], [1, 40], [2, 40], [3, 40]]
+    by_agent = [[row for row in episodes.rows if row["agent"] == episodes.agents[k]] for k in (0, 2)]
+    assert [row["seed"] for row in by_agent[0]] == [row["seed"] for row in by_agent[1]]
+    success = [np.array([row["outcome"] == "success" for row in rows]) for rows in by_agent]
+    a, b, change, low, high, more, less, p = pair["lines"][0][2][0]
+    assert (a, b) == pytest.approx([100 * s.mean() for s in success])
+    assert change == pytest.approx(b - a)
+    assert low < change < high
+    assert (more, less) == ((success[1] & ~success[0]).sum(), (success[0] & ~success[1]).sum())
+    assert p == pytest.approx(stats.binomtest(more, more + less).pvalue, rel=2e-3)
+    speed = [np.array([float(row["mean_speed_mps"]) for row in rows]) for rows in by_agent]
+    theirs = stats.ttest_rel(speed[1], speed[0]).confidence_interval()
+    k = data["pairs"]["metrics"].index("AES")
+    assert pair["lines"][0][2][k][3:5] == pytest.approx([theirs.low, theirs.high], abs=1e-3)
+
+
+def test_an_episode_that_only_one_agent_finished_is_no_pair(episodes):
+    rows = [dict(row) for row in episodes.rows]
+    rows[0] |= {"error": "broken", "outcome": ""}
+    fewer = differences(Episodes.of(rows, ()))["pairs"]
+    assert [pair["lines"][0][1] for pair in fewer] == [159, 159, 160]
+
+
+def test_densities_are_scipys(episodes):
+    entry = next(e for e in densities(episodes) if e["name"] == "min_dtc_m")
+    grid = np.linspace(entry["low"], entry["high"], POINTS)
+    values = episodes.number("min_dtc_m")[(episodes.scenario == 1) & (episodes.agent == 2)]
+    place = next(p for p in entry["places"] if p["place"] == 1)
+    n, mean, *_, curve = place["agents"][2]
+    assert n == len(values)
+    assert mean == pytest.approx(values.mean(), rel=1e-4)
+    np.testing.assert_allclose(
+        np.array(curve) * place["top"] / 999, stats.gaussian_kde(values)(grid), atol=2e-3
+    )
+
+
+def row(outcome="success", fault="", gap="2", **more):
+    base = {"scenario": "fog", "agent": "a", "seed": "0", "route_completion": "0.5", "error": ""}
+    empty = dict.fromkeys(("events_fired", "first_event_s", "first_event_visible_s"), "")
+    return base | empty | {"outcome": outcome, "fault": fault, "min_dtc_m": gap} | more
+
+
+def test_worst_first_and_three_of_a_kind():
+    rows = [
+        row(), row("frozen"), row("collision", "other", "0"), row("collision", "ego", "0"), row("off_road"),
+        row(gap="0.1", agent="b"), row(agent="b"), row(outcome="", error="broken", agent="b"),
+    ]  # fmt: skip
+    assert worst(Episodes.of(rows, ())) == [3, 4, 2, 5, 6]
+    assert which(Episodes.of(rows, ()), 2) == "fog:a:0"
+    assert which(Episodes.of([r | {"k": "1"} for r in rows], ("k",)), 2) == "3"
+
+
+def test_events_are_counted_where_rows_say_so():
+    told = [
+        row(events_fired="2", first_event_s="3", first_event_visible_s="4"),
+        row(events_fired="1", first_event_s="5"),
+        row(events_fired="0"),
+        row(events_fired=""),
+    ]
+    (entry,) = event_counts(Episodes.of(told, ()), {"fog": ["occlusion", "hard_brake"]})
+    assert entry == {"scenario": 0, "kinds": ["occlusion", "hard_brake"], "agents": [[3, 2, 1, 1, 4.0]]}
+
+
+def test_the_page_is_whole_and_refers_to_nothing_outside(text, folder):
+    checker = parsed(text)
+    assert [link for link in checker.links if not link.startswith("#")] == []
+    assert {link[1:] for link in checker.links} <= set(checker.ids)
+    assert len(set(checker.ids)) == len(checker.ids)
+    assert not re.search(r"https?://(?!www\.w3\.org/2000/svg)|@import|url\(", text)
+    assert "default-src 'none'" in text
+    assert "480 episodes: 4 scenarios × 3 agents × 40 seeds." in text
+    assert report_page(folder, folder / "report.html") == text
+
+
+def test_the_page_grows_with_what_it_shows_not_with_the_episodes(text, tmp_path):
+    more = made_up_sweep(tmp_path / "more", 4800, scenarios=4, agents=3)
+    assert len(report_page(more, more / "report.html")) < 1.2 * len(text) < 400_000
+
+
+def test_an_unfinished_sweep_says_so(folder, tmp_path):
+    part = tmp_path / "part"
+    part.mkdir()
+    (part / "manifest.json").write_bytes((folder / "manifest.json").read_bytes())
+    lines = (folder / "episodes.csv").read_text().splitlines(keepends=True)
+    (part / "episodes.csv").write_text("".join(lines[:31]) + lines[31][:20])
+    text = report_page(part, part / "report.html", live=True)
+    assert "30 of 480 episodes so far: " in text
+    assert 'id="fresh"' in text
+    (part / "episodes.csv").write_text(lines[0])
+    with pytest.raises(SweepError, match="no finished episode yet"):
+        save_report(part, part / "report.html")
+    with pytest.raises(SweepError, match="is no folder"):
+        save_report(tmp_path / "nowhere", part / "report.html")
+
+
+def test_one_agent_one_episode_and_no_manifest(folder, tmp_path):
+    lines = (folder / "episodes.csv").read_text().splitlines(keepends=True)
+    (tmp_path / "episodes.csv").write_text("".join(lines[:2]))
+    text = report_page(tmp_path, tmp_path / "report.html")
+    assert "no manifest.json in it" in text
+    assert json.loads(parsed(text).data["data"])["densities"] == []
+
+
+DRIVE = """
+const told = {}, cells = (id) => [...document.querySelectorAll(`#${id} tbody tr`)].map((tr) => tr.children);
+const pick = (id, value) => { find(id).value = value; find(id).dispatchEvent(new Event('change')); };
+const rates = () => [...document.querySelectorAll('#table td[data-metric=SR]')];
+const means = () => rates().map((td) => parseFloat(td.textContent));
+told.lines = cells('table').length;
+told.first = document.querySelector('#table td[data-metric=SR]').textContent;
+document.querySelector('[data-sort=m0]').click();
+told.down = means();
+document.querySelector('[data-sort=m0]').click();
+told.up = means();
+document.querySelector('[data-sort=m0]').click();
+told.unsorted = document.querySelector('#table td[data-metric=SR]').textContent === told.first;
+find('filter').value = DATA.scenarios[1].toUpperCase(); find('filter').dispatchEvent(new Event('input'));
+told.filtered = cells('table').length;
+told.address = location.hash;
+find('filter').value = ''; find('filter').dispatchEvent(new Event('input'));
+pick('by', '1');
+told.grouped = cells('table').length;
+told.command = find('table-command').textContent;
+pick('pair-a', '2'); pick('pair-b', '0'); pick('pair-metric', 'VR');
+told.pair = cells('pairs-table')[0][4].textContent;
+told.worse = cells('pairs-table').length;
+pick('density-column', '1'); pick('density-place', '2');
+told.curves = document.querySelectorAll('#density .chart .curve').length;
+pick('heat-metric', 'VR'); pick('heat-order', 'hard');
+told.heat = cells('heat').map((row) => row[0].textContent);
+pick('worst-outcome', 'off_road');
+told.worst = [...new Set(cells('worst').map((row) => row[4].textContent))];
+told.commands = document.querySelector('#worst-table code').textContent;
+told.ends = document.querySelectorAll('#ends .part').length;
+told.events = cells('events').length;
+const paper = () => getComputedStyle(document.body).backgroundColor;
+const before = paper();
+for (const _ of [1, 2]) { find('theme').click(); told[find('theme').textContent] = paper(); }
+told.changed = new Set([told.dark, told.light]).size;
+told.fits = document.documentElement.scrollWidth <= window.innerWidth;
+told.width = window.innerWidth;
+finish(told);
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
+@pytest.mark.parametrize("width", [1400, 400])
+def test_a_browser_opens_and_drives_the_page(text, data, folder, tmp_path, width):
+    told = driven(text, DRIVE, tmp_path, width)
+    assert "error" not in told, told["error"]
+    cells = [line[3] for line in data["tables"][0]["lines"]]
+    assert (told["width"], told["fits"], told["changed"]) == (width, True, 2)
+    assert (told["lines"], told["first"]) == (12, cells[0][0])
+    rates = sorted((float(line[0].split()[0]) for line in cells), reverse=True)
+    assert told["down"] == rates
+    assert told["up"] == rates[::-1]
+    assert told["unsorted"]
+    assert (told["filtered"], told["grouped"]) == (3, 3)
+    assert f"filter={data['scenarios'][1].upper()}" in told["address"]
+    assert told["command"] == f"rudc table {folder} --by agent"
+    pair = next(p for p in data["pairs"]["pairs"] if (p["a"], p["b"]) == (0, 2))
+    change = -pair["lines"][0][2][data["pairs"]["metrics"].index("VR")][2]
+    assert float(told["pair"].split()[0].replace("−", "-")) == pytest.approx(change, abs=0.051)
+    assert (told["worse"], told["curves"]) == (5, 3)
+    means = [np.mean([line[k][0] for k in range(3)]) for line in data["heat"]["VR"]]
+    order = sorted(range(4), key=lambda k: -means[k])
+    assert told["heat"] == [*(data["scenarios"][k] for k in order), "all"]
+    assert told["worst"] == ["off the road"]
+    assert told["commands"].startswith(f"rudc replay {folder} --episode ")
+    assert told["ends"] == 12
+    assert told["events"] == len(data["events"])
+    assert not math.isnan(rates[0])

@@ -1,0 +1,64 @@
+"""The report of a training: its logs' numbers, whole and driven in a browser."""
+
+import json
+
+import pytest
+
+from rudc.data import data_folder
+from rudc.errors import SweepError
+from rudc.evaluation.store import read_table
+from rudc.reporting.report.page import report_page
+from tests.reporting.browser import CHROMIUM, driven, parsed
+
+FOLDER = data_folder("results/checkpoints") / "rudc-t"
+
+
+@pytest.fixture(scope="module")
+def text():
+    return report_page(FOLDER, FOLDER / "report.html")
+
+
+def test_the_numbers_are_those_of_the_logs(text):
+    checker = parsed(text)
+    assert [link for link in checker.links if not link.startswith("#")] == []
+    data = json.loads(checker.data["data"])
+    rows = read_table(FOLDER / "evaluation.csv")
+    (curve,) = [
+        curve["points"]
+        for curve in data["curves"]
+        if [curve[k] for k in ("scenario", "priority", "metric")] == ["dense_left_turn", "minor", "SR"]
+    ]
+    theirs = [r for r in rows if (r["scenario"], r["priority"]) == ("dense_left_turn", "minor")]
+    assert curve == [[int(r["steps"]), pytest.approx(100 * float(r["success"]), rel=1e-4)] for r in theirs]
+    sigma = next(s for s in data["statistics"] if s["name"] == "sigma_h")
+    last = read_table(FOLDER / "progress.csv")[-1]
+    assert sigma["points"][-1] == [int(last["steps"]), pytest.approx(float(last["sigma_h"]), rel=1e-4)]
+    assert f"rudc-t: {last['steps']} decisions" in text
+
+
+def test_a_training_that_has_only_begun(tmp_path):
+    for name in ("progress.csv", "evaluation.csv"):
+        lines = (FOLDER / name).read_text().splitlines(keepends=True)
+        (tmp_path / name).write_text("".join(lines[: 3 if name == "progress.csv" else 1]))
+    assert "No held-out episodes were driven yet." in report_page(tmp_path, tmp_path / "x.html", live=True)
+    (tmp_path / "progress.csv").write_text("steps\n")
+    with pytest.raises(SweepError, match="has no row yet"):
+        report_page(tmp_path, tmp_path / "x.html")
+
+
+DRIVE = """
+const told = { curves: document.querySelectorAll('#curves .chart').length };
+find('arms').value = 'minor'; find('arms').dispatchEvent(new Event('change'));
+told.minor = document.querySelectorAll('#curves .curve').length;
+told.statistics = document.querySelectorAll('#statistics .chart').length === DATA.statistics.length;
+told.fits = document.documentElement.scrollWidth <= window.innerWidth;
+finish(told);
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
+def test_a_browser_opens_the_page(text, tmp_path):
+    told = driven(text, DRIVE, tmp_path, 400)
+    assert (told["curves"], told["statistics"], told["fits"]) == (4, True, True), told
+    assert told["minor"] > 8
