@@ -45,6 +45,8 @@ Rows = Annotated[Index, _read(types.int64, 1)]
 NewVector = Annotated[Array, _made(types.float64, 1)]
 """(n,), made by a kernel or written to; the others likewise"""
 NewTable = Annotated[Array, _made(types.float64, 2)]
+NewColumns = Annotated[Array, types.Array(types.float64, 2, "F")]
+"""a table, one column after the other"""
 NewPlaces = Annotated[Complex, _made(types.complex128, 1)]
 NewPlaceTable = Annotated[Complex, _made(types.complex128, 2)]
 NewRows = Annotated[Index, _made(types.int64, 1)]

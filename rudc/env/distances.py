@@ -7,10 +7,9 @@ d_des   along the reference path to the destination, never negative
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
-from rudc.geometry import rectangle_gaps
+from rudc.env.kernels import nearest_gap
 from rudc.world.scene import Scene
 
 
@@ -25,12 +24,11 @@ class Distances(NamedTuple):
 def measure(scene: Scene, vehicle_m: float | None = None) -> Distances:
     """The distances of a scene; `vehicle_m` is d_veh where it is known already."""
     ego, body = scene.ego, scene.vehicle
-    nearest = math.inf if vehicle_m is None else vehicle_m
-    if scene.count and vehicle_m is None:
-        gaps = rectangle_gaps(
+    nearest = vehicle_m
+    if nearest is None:
+        nearest = nearest_gap(
             ego.x, ego.y, ego.psi, body.length, body.width, scene.position, scene.heading, scene.size
         )
-        nearest = float(gaps.min())
     road = scene.network.surface.depth(ego.x, ego.y)
     return Distances(nearest, road, max(destination_s(scene) - scene.ego_s, 0.0))
 

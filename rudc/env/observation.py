@@ -37,6 +37,7 @@ from rudc.arrays import Array, Floats
 from rudc.env.conflict import FEATURES as CONFLICT_FEATURES
 from rudc.env.conflict import conflict_features
 from rudc.env.distances import Distances, measure
+from rudc.env.kernels import others_features, waypoints
 from rudc.env.remembered import Remembered
 from rudc.errors import InputError
 from rudc.network.network import ReferencePath
@@ -104,12 +105,10 @@ def observe(scene: Scene, kind: ObservationKind, distances: Distances | None = N
 def observe_flat(scene: Scene, kind: ObservationKind, distances: Distances | None = None) -> Floats:
     """The observation as one array of float32, the parts one after another, freshly allocated."""
     result = np.zeros(observation_size(kind))
-    cos, sin = math.cos(scene.ego.psi), math.sin(scene.ego.psi)
-    to_body = np.array([[cos, -sin], [sin, cos]])  # row vectors times this are in the body frame
-    result[0:10] = _ego(scene, distances or measure(scene))
-    _others(scene, to_body, result[10 : 10 + 6 * OTHERS].reshape(OTHERS, 6))
     at = 10 + 6 * OTHERS
-    result[at : at + 2 * WAYPOINTS] = _waypoints(scene, to_body)
+    result[0:10] = _ego(scene, distances or measure(scene))
+    result[10:at] = _others(scene)
+    result[at : at + 2 * WAYPOINTS] = _waypoints(scene)
     result[at + 2 * WAYPOINTS + scene.route.task] = 1.0
     if kind == "conflict":
         result[-len(CONFLICT_FEATURES) :] = conflict_features(scene)
@@ -151,30 +150,22 @@ def _ego(scene: Scene, distances: Distances) -> tuple[float, ...]:
     )
 
 
-def _others(scene: Scene, to_body: Array, out: Array) -> None:
-    """Write the nearest others' rows into out (OTHERS, 6)."""
-    ego, n = scene.ego, min(scene.count, OTHERS)
-    if n == 0:
-        return
+def _others(scene: Scene) -> Array:
+    """(6 OTHERS,) the nearest others' rows."""
+    ego = scene.ego
     course = ego.psi + ego.slip
-    velocity = (ego.v * math.cos(course), ego.v * math.sin(course))
-    out[:n, 0] = 1.0
-    out[:n, 1:3] = (scene.position[:n] - (ego.x, ego.y)) @ (to_body / POSITION)
-    out[:n, 3:5] = (scene.velocity[:n] - velocity) @ (to_body / VELOCITY)
-    turned = (scene.heading[:n] - ego.psi) / math.pi
-    out[:n, 5] = turned - 2.0 * np.ceil(0.5 * (turned - OTHERS_CUT))
+    return others_features(
+        ego.x, ego.y, ego.psi, ego.v * math.cos(course), ego.v * math.sin(course), OTHERS,
+        scene.position, scene.heading, scene.velocity, 1.0 / POSITION, 1.0 / VELOCITY, OTHERS_CUT,
+    )  # fmt: skip
 
 
-def _waypoints(scene: Scene, to_body: Array) -> Array:
+def _waypoints(scene: Scene) -> Array:
     """(2 WAYPOINTS,) dx, dy of the reference points ahead."""
-    path = scene.route.path
+    path, ego = scene.route.path, scene.ego
     line = _lines.get(path, lambda: _prolonged(path))
     at = min(max(scene.ego_s / STATION, 0.0), len(line) - _SPAN - 1.0)
-    i = int(at)
-    low = line[i + _STRIDE : i + _SPAN : _STRIDE]
-    points = low + (at - i) * (line[i + _STRIDE + 1 : i + _SPAN + 1 : _STRIDE] - low)
-    points -= (scene.ego.x, scene.ego.y)
-    return (points @ (to_body / TO_WAYPOINT)).ravel()
+    return waypoints(line, at, _STRIDE, WAYPOINTS, ego.x, ego.y, ego.psi, 1.0 / TO_WAYPOINT)
 
 
 def _prolonged(path: ReferencePath) -> Array:

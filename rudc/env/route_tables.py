@@ -13,14 +13,12 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from rudc.arrays import Array, Index
+from rudc.env.kernels import FARTHEST, UNIT, looked_up, seen_from_line, stray_gaps, table_gaps
 from rudc.geometry import gaps_between
 from rudc.network.network import Network, Route
+from rudc.network.paths import SPACING
 from rudc.vehicle import EgoVehicle
-
-FARTHEST = 10.0
-"""m, gaps above count as this"""
-UNIT = 0.04
-"""m, step in which gaps are kept"""
+from rudc.world.scene import Scene
 
 
 class RouteTables:
@@ -36,58 +34,53 @@ class RouteTables:
         """(P, 5) for each way through the junction: arc lengths (m) on the ego's path and on it where their
         conflict ends, where it enters and leaves the ego's conflict zone (nan: never); speed limit, m/s"""
         self._per_row = paths.heading.shape[1]
-        self._tree = KDTree(route.path.xy)
-        self._lines = self.relative_to(paths.xy.reshape(-1, 2), paths.heading.ravel())
-        self._entries: dict[tuple[EgoVehicle, int], tuple[int, ...]] = {}
+        self._lines = self._seen(paths.xy.reshape(-1, 2), paths.heading.ravel())
+        """(P * M, 4) for each station of each way: arc length on the ego's path (m), offset to its left (m),
+        cosine and sine of the angle to it"""
+        self._entries: dict[EgoVehicle, dict[int, tuple[int, ...]]] = {}
         self._gaps = np.zeros(0, dtype=np.uint8)
 
-    def relative(self, rows: Index, s: Array) -> Array:
-        """(N, 4) as in `relative_to`, of arc lengths s (N,) m on rows (N,) of `network.paths`."""
-        station = np.minimum(np.maximum(np.rint(s * (1.0 / self.ds)), 0.0), self._per_row - 1.0)
-        return self._lines.take((station + rows * self._per_row).astype(np.int64), axis=0, mode="wrap")
-
-    def relative_to(self, xy: Array, heading: Array) -> Array:
-        """(N, 4), of poses xy (N, 2) m, heading (N,) rad, relative to the ego's path.
-
-        Arc length on it (m), offset to its left (m), cosine and sine of the angle to it.
+    def relative(self, scene: Scene) -> Array:
+        """(N, 4) of the others: arc length on the ego's path (m), offset to its left (m), cosine and sine of
+        the angle to it.
         """
+        seen = looked_up(self._lines, self._per_row, self.ds, scene.path, scene.path_s)
+        stray = scene.path < 0
+        if stray.any():
+            seen[stray] = self._seen(scene.position[stray], scene.heading[stray])
+        return seen
+
+    def _seen(self, xy: Array, heading: Array) -> Array:
         path = self.route.path
-        _, nearest = self._tree.query(xy)
-        away, course = xy - path.xy[nearest], path.heading[nearest]
-        cos, sin = np.cos(course), np.sin(course)
-        turn = heading - course
-        along = path.s[nearest] + away[:, 0] * cos + away[:, 1] * sin
-        return np.column_stack([along, away[:, 1] * cos - away[:, 0] * sin, np.cos(turn), np.sin(turn)])
+        return seen_from_line(path.xy, path.heading, SPACING, xy, heading)
 
-    def gaps(self, body: EgoVehicle, ego_s: Array, rows: Index, s: Array, size: Array) -> NDArray[np.uint8]:
-        """(A, H, T) least gap to any of N others in units of `UNIT`, for A futures of the ego, H of theirs.
+    def least(self, scene: Scene, which: Index, ego_s: Array, s: Array, times: Array) -> Array:
+        """(A, H, T) m, least gap to any of the others `which` (K,) or without a path, at most `FARTHEST`.
 
-        ego_s (A, T) m, rows (N,), s (N, H, T) m, size (N, 2) m.
+        For A futures `ego_s` (A, T) m of the ego, and H futures s (K, H, T) m of those with a path.
         """
-        entries = np.array(self._find(body, rows, size))
-        base, first, last, their_first, their_last, width = entries.T[:, :, None, None]
-        per_m = 1.0 / self.ds
-        ours = np.minimum(np.maximum(np.rint(ego_s * per_m), first), last)
-        theirs = np.minimum(np.maximum(np.rint(s * per_m), their_first), their_last)
-        ours *= width
-        ours += base - their_first - first * width
-        index = ours.astype(np.int64)[:, :, None] + theirs.astype(np.int64)[:, None]
-        return self._gaps.take(index).min(axis=0)
+        least = np.full((len(ego_s), *s.shape[1:]), FARTHEST)
+        if len(which):
+            entries = np.array(self._find(scene.vehicle, scene.path[which], scene.size[which]))
+            table_gaps(self._gaps, entries, self.ds, ego_s, s, least)
+        path, body = self.route.path, scene.vehicle
+        stray_gaps(
+            path.xy, path.heading, SPACING, ego_s, body.length, body.width, times,
+            scene.path, scene.position, scene.heading, scene.velocity, scene.acceleration, scene.size, least,
+        )  # fmt: skip
+        return least
 
     def _find(self, body: EgoVehicle, rows: Index, size: Array) -> list[tuple[int, ...]]:
         """Where in the gap tables each vehicle's is, see `_add`."""
         codes = (rows * 1_000_000 + np.rint(size @ (10_000.0, 10.0)).astype(np.int64)).tolist()
-        known = self._entries
-        try:
-            return [known[body, code] for code in codes]
-        except KeyError:
-            for code in codes:
-                if (body, code) not in known:
-                    self._add(body, code)
-            return [known[body, code] for code in codes]
+        known = self._entries.setdefault(body, {})
+        for code in codes:
+            if code not in known:
+                known[code] = self._add(body, code)
+        return [known[code] for code in codes]
 
-    def _add(self, body: EgoVehicle, code: int) -> None:
-        """Make the table for a path and a size, coded in decimetres, and note where it is.
+    def _add(self, body: EgoVehicle, code: int) -> tuple[int, ...]:
+        """Make the table for a path and a size, coded in decimetres, and say where it is.
 
         Its base in `_gaps`, the ego's first and last station in it, the other's, and how many the other has.
         """
@@ -95,8 +88,9 @@ class RouteTables:
         size = np.array(divmod(decimetres, 1000)) / 10.0
         first, their_first, table = self._gap_table(row, size, body)
         last, their_last = first + table.shape[0] - 1, their_first + table.shape[1] - 1
-        self._entries[body, code] = (len(self._gaps), first, last, their_first, their_last, table.shape[1])
+        base = len(self._gaps)
         self._gaps = np.concatenate([self._gaps, table.ravel()])
+        return base, first, last, their_first, their_last, table.shape[1]
 
     def _gap_table(self, row: int, size: Array, body: EgoVehicle) -> tuple[int, int, NDArray[np.uint8]]:
         """First stations of the ego and of the other, and gaps (E, O), those at the border `FARTHEST`."""

@@ -50,7 +50,7 @@ import numpy as np
 
 from rudc.arrays import Array, Complex
 from rudc.safety.barrier import Barrier, Found, Terms
-from rudc.safety.road_points import CLOSEST
+from rudc.safety.kernels import clearance
 from rudc.world.scene import Scene
 
 EPSILON = 1e-6
@@ -118,45 +118,4 @@ def clearance_terms(position: complex, heading: complex, v: float, wheelbase: fl
 
     `position` m and `heading` e^(i psi) of the ego's centre of gravity, `v` m/s, `wheelbase` m.
     """
-    c, m = to.offset, to.mode
-    k = v / wheelbase
-    r = (position + c * heading) - to.position
-    w = v * heading - to.velocity
-    seen: Complex = np.empty((2, len(r)), dtype=np.complex128)
-    seen[0] = along = r * heading.conjugate()
-    np.multiply(r, to.direction.conj(), out=seen[1])
-    p, q = along.real, along.imag
-    squared = np.maximum(p * p + q * q, CLOSEST)
-    turning = r.conj() * w
-    closing = turning.real
-    bearing_rate = turning.imag / squared
-
-    across, square = seen.real * seen.imag / squared, seen.real**2 / squared
-    rho = np.sqrt(to.short + to.stretch * square)
-    rho1 = -to.stretch * across / rho
-    rho2 = (to.stretch * (1.0 - 2.0 * square) - rho1 * rho1) / rho
-    d = m * (rho[0] + rho[1]) + to.margin
-    e1, e2 = rho1[0], rho2[0]
-    slope = e1 + rho1[1]
-    swing = slope * bearing_rate
-    d_slope = d * slope / squared
-
-    lever = c * q + d * e1
-    lflg = (2.0 * k) * (c * (w * heading.conjugate()).imag + (slope * e1 + d * e2) * bearing_rate)
-    return Terms(
-        h=p * p + q * q - d * d,
-        lf=2.0 * (closing - d * swing),
-        lg=(2.0 * k) * lever,
-        lf2=2.0
-        * (
-            w.real**2
-            + w.imag**2
-            - swing * swing
-            - d * bearing_rate * ((e2 + rho2[1]) * bearing_rate - 2.0 * slope * closing / squared)
-        ),
-        lglf_a=2.0 * (p + d_slope * q),
-        lglf_z=(2.0 * k * v) * (q - d_slope * p) + lflg,
-        lflg=lflg,
-        az=(2.0 / wheelbase) * lever,
-        zz=(2.0 * k * k) * (c * c - c * p - e1 * e1 - d * e2),
-    )
+    return Terms(*clearance(position, heading, v, wheelbase, *to))

@@ -20,10 +20,9 @@ import numpy as np
 
 from rudc.arrays import Array, Complex
 from rudc.network.route import Route
+from rudc.safety.kernels import CLOSEST, to_edges
 from rudc.vehicle import EgoVehicle
 
-CLOSEST = 1e-6
-"""m2, |r|^2 below which a bearing means nothing; taken as this"""
 REACH = 8.0
 """m of path before and after the ego within which projections are looked for"""
 POINTS = ("cg", "third", "two_thirds")
@@ -36,41 +35,24 @@ class RoadPoints:
 
     def __init__(self, route: Route, vehicle: EgoVehicle) -> None:
         edges = np.stack([route.left_edge, route.right_edge])
-        corners: Complex = edges[..., 0] + 1j * edges[..., 1]
+        self._edges: Complex = edges[..., 0] + 1j * edges[..., 1]
         self.route = route
         self.vehicle = vehicle
         third = vehicle.wheelbase / 3
         self._ahead: Array = np.array([0.0, third, 2 * third]) - [0.0, vehicle.cg_to_rear, vehicle.cg_to_rear]
         self.offset: Array = np.concatenate([self._ahead, self._ahead])
         """(6,) m, reference points ahead of the centre of gravity, once for each edge"""
-        self._start: Complex = corners[:, None, :-1]
-        self._step: Complex = np.diff(corners)[:, None, :]
-        # stations may coincide on the inside of a bend; such a piece is a point, and its projection the start
-        self._inverse: Array = 1.0 / np.maximum(np.abs(self._step) ** 2, 1e-12)
         self._spacing = float(route.path.s[1] - route.path.s[0])
-        self._pieces = corners.shape[1] - 1
-        self._window = min(round(2 * REACH / self._spacing), self._pieces)
 
     def away(self, position: complex, heading: complex, s: float) -> Complex:
         """(6,) m from each reference point's projection on its edge to the point itself (r).
 
         `position` m and `heading` e^(i psi) of the centre of gravity, `s` m its arc length on the route.
         """
-        first = min(max(int((s - REACH) / self._spacing), 0), self._pieces - self._window)
-        near = slice(first, first + self._window)
-        step = self._step[..., near]
-        away = (position + self._ahead * heading)[:, None] - self._start[..., near]
-        along = (away * step.conj()).real * self._inverse[..., near]
-        away -= np.minimum(np.maximum(along, 0.0), 1.0) * step
-        away = away.reshape(len(NAMES), -1)
-        best = (away.real**2 + away.imag**2).argmin(axis=1)
-        return away[_EACH, best]
+        return to_edges(self._edges, self._spacing, REACH, position, heading, self._ahead, s)
 
 
 def sliding(away: Complex, motion: complex) -> Complex:
     """(n,) m/s, how projections move when the reference points, `away` (n,) m off, move by `motion` m/s."""
     squared = np.maximum(away.real**2 + away.imag**2, CLOSEST)
     return motion - ((away.conj() * motion).real / squared) * away
-
-
-_EACH = np.arange(len(NAMES))

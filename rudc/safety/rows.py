@@ -31,6 +31,7 @@ import numpy as np
 
 from rudc.arrays import Array
 from rudc.safety.barrier import Terms
+from rudc.safety.kernels import rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,12 +79,14 @@ def affine_rows(
 
     `relief`: w + delta, (K,) or one for all, m2 per step; positive relaxes.
     """
-    first, second = weights.first, weights.second
-    lg, az, zz = terms.lg, terms.az, terms.zz
-    rows = np.empty((len(lg), 2), order="F")
-    rows[:, 0] = second * (terms.lglf_a + z0 * az)
-    if terms.lg_a is not None:
-        rows[:, 0] += first * terms.lg_a
-    rows[:, 1] = first * lg + second * (terms.lglf_z + terms.lflg + a0 * az + (2.0 * z0) * zz)
-    drift = weights.h * terms.h + first * terms.lf + second * (terms.lf2 - z0 * (a0 * az + z0 * zz))
-    return rows, weights.required - drift - relief
+    k = len(terms.h)
+    lg_a = np.zeros(k) if terms.lg_a is None else terms.lg_a
+    return rows(
+        *terms[:9], lg_a, _each(weights.h, k), _each(weights.first, k), weights.second, weights.required,
+        a0, z0, _each(relief, k),
+    )  # fmt: skip
+
+
+def _each(value: Array | float, k: int) -> Array:
+    """(K,) of one number for all, or of K."""
+    return value if isinstance(value, np.ndarray) and value.ndim else np.full(k, float(value))

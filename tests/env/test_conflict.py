@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from rudc.env import conflict
+from rudc.env import conflict, kernels
 from rudc.env.conflict import ACCELERATIONS, FEATURES, conflict_features, idm
-from rudc.env.route_tables import FARTHEST, UNIT, RouteTables
+from rudc.env.kernels import FARTHEST, UNIT
+from rudc.env.route_tables import RouteTables
 from rudc.geometry import rectangle_gaps
-from rudc.vehicle import EgoVehicle
 from rudc.world.scene import Kind
 
 TIMES = np.arange(0.25, 5.01, 0.25)
@@ -48,13 +48,16 @@ def ego_way(v, a, limit):
 @pytest.mark.parametrize("v", [0.0, 0.4, 3.0, 9.0, 10.0, 14.0])
 def test_free_road_is_idm(make_scene, v):
     scene = make_scene(others=[(2, 80.0, v, -1.0)])
-    ahead = conflict._ahead(scene, np.array([0]), np.array([10.0]))
-    np.testing.assert_allclose(ahead[0, 0], free_way(v, max(v, 10.0)), atol=5e-3)
+    rows = np.full((scene.network.paths.count, 5), 10.0)
+    table = conflict._U_MOST, conflict._TAU, conflict._U, conflict._Y
+    motion = scene.path, scene.path_s, scene.velocity, scene.acceleration
+    s = kernels.others_s(np.array([0]), rows, *motion, conflict.IDM_ACCEL, *table, TIMES)
+    np.testing.assert_allclose(s[0, 0] - 80.0, free_way(v, max(v, 10.0)), atol=5e-3)
 
 
 @pytest.mark.parametrize(("v", "a"), [(8.0, -3.0), (8.0, 0.0), (5.0, 1.5), (0.0, -2.0)])
 def test_braking_keeps_the_deceleration_until_standstill(v, a):
-    way = conflict._braking_way(np.array([v]), np.array([a]))[0]
+    way = [kernels.braking_way(v, a, float(t)) for t in TIMES]
     stop = v / -a if a < 0 else math.inf
     t = np.minimum(TIMES, stop)
     np.testing.assert_allclose(way, v * t + 0.5 * min(a, 0.0) * t**2, atol=1e-4)
@@ -83,7 +86,7 @@ def test_gaps_are_those_of_a_direct_simulation(make_scene, network, seed):
     scene = make_scene("south", turn, s=start, v=float(rng.uniform(0, 10)), others=[other], size=size)
     values = named(scene)
     limit = float(network.paths.speed_limit[row])
-    braking = conflict._braking_way(np.array([other[2]]), np.array([other[3]]))[0]
+    braking = np.array([kernels.braking_way(other[2], other[3], float(t)) for t in TIMES])
     ways = {"free": free_way(other[2], max(limit, other[2])), "braking": braking}
     for a in ACCELERATIONS:
         ours = scene.ego_s + ego_way(scene.ego.v, a, scene.route.speed_limit)
@@ -102,7 +105,7 @@ def test_gaps_are_those_of_a_direct_simulation(make_scene, network, seed):
                 assert time == 5.0
 
 
-def test_route_tables_hold_the_gaps(network):
+def test_route_tables_hold_the_gaps(make_scene, network):
     route, paths = network.route("south", "left"), network.paths
     tables = RouteTables(network, route)
     rows = np.flatnonzero(np.isfinite(network.conflict(route)[:, 0]))
@@ -111,9 +114,8 @@ def test_route_tables_hold_the_gaps(network):
         ours = np.rint(rng.uniform(80, 160, 50) * 2) / 2
         theirs = np.rint(rng.uniform(80, 160, 50) * 2) / 2
         size = np.array([[12.0, 2.5]])
-        looked_up = UNIT * tables.gaps(
-            EgoVehicle(), ours[None], np.array([row]), theirs[None, None], size
-        ).astype(float)
+        scene = make_scene(others=[(int(row), 100.0, 0.0, 0.0)], size=(12.0, 2.5))
+        looked_up = tables.least(scene, np.array([0]), ours[None], theirs[None, None], np.zeros(50))
         x, y, psi = route.path.pose(ours)
         px, py, heading = paths.pose(np.full(50, row), theirs)
         for k in range(50):

@@ -130,3 +130,18 @@ def test_behind_is_who_follows_on_the_line_within_the_tail():
     assert not behind(-50j)
     assert not behind(10j)
     assert not behind(-10j, 1 + 0j)
+
+
+def test_the_nearest_place_on_an_edge_is_the_best_of_all_its_pieces():
+    rng = RNG(4)
+    x = 0.5 * np.arange(120)
+    edges = np.stack([x + 1j * (4 + np.sin(x / 9)), x - 1j * (3 + np.cos(x / 7))])
+    edges[1, 50:53] = edges[1, 50]  # stations that coincide
+    ahead, heading = np.array([-1.4, 0.0, 1.9]), np.exp(0.2j)
+    for s in rng.uniform(10, 50, 20):
+        position = s + 1j * rng.uniform(-2, 2)
+        got = kernels.to_edges(edges, 0.5, 8.0, position, heading, ahead, float(s))
+        share = np.linspace(0, 1, 400)
+        fine = (edges[:, :-1, None] + np.diff(edges)[..., None] * share).reshape(2, -1)
+        away = (position + ahead * heading)[None, :, None] - fine[:, None]
+        assert np.abs(got) == pytest.approx(np.abs(away).min(axis=2).ravel(), abs=1e-4)

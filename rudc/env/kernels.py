@@ -1,0 +1,330 @@
+"""The observation's arithmetic as kernels; formulas stand at the heads of the modules that call them."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rudc.kernels import (
+    NewRows,
+    NewTable,
+    NewVector,
+    Rows,
+    Table,
+    Vector,
+    kernel,
+    rectangle_gap,
+    types,
+)
+
+FARTHEST = 10.0
+"""m, gaps above count as this"""
+UNIT = 0.04
+"""m, step in which gaps are kept in tables"""
+
+Gaps = Annotated[NDArray[np.uint8], types.Array(types.uint8, 1, "A", readonly=True)]
+Entries = Annotated[NDArray[np.int64], types.Array(types.int64, 2, "A", readonly=True)]
+NewCube = Annotated[NDArray[np.float64], types.Array(types.float64, 3, "C")]
+
+# ---- who is where
+
+
+@kernel
+def seen_from_line(line: Table, course: Vector, spacing: float, position: Table, heading: Vector) -> NewTable:
+    """(N, 4) of poses (N, 2) m, (N,) rad seen from a line (M, 2) m with directions `course` (M,) rad: arc
+    length at the nearest station, offset to the left (m), cosine and sine of the angle to it.
+    """
+    seen = np.empty((len(heading), 4))
+    for i in range(len(heading)):
+        nearest, least = 0, 1e300
+        for k in range(len(course)):
+            squared = (position[i, 0] - line[k, 0]) ** 2 + (position[i, 1] - line[k, 1]) ** 2
+            if squared < least:
+                nearest, least = k, squared
+        cos, sin, turn = math.cos(course[nearest]), math.sin(course[nearest]), heading[i] - course[nearest]
+        x, y = position[i, 0] - line[nearest, 0], position[i, 1] - line[nearest, 1]
+        seen[i, 0], seen[i, 1] = nearest * spacing + x * cos + y * sin, y * cos - x * sin
+        seen[i, 2], seen[i, 3] = math.cos(turn), math.sin(turn)
+    return seen
+
+
+@kernel
+def looked_up(lines: Table, per_row: int, spacing: float, path: Rows, path_s: Vector) -> NewTable:
+    """(N, 4) as `seen_from_line`, of those on paths, from `lines` (P * per_row, 4); 0 of those on none."""
+    seen = np.zeros((len(path), 4))
+    for i in range(len(path)):
+        if path[i] >= 0:
+            station = int(min(max(np.rint(path_s[i] * (1.0 / spacing)), 0.0), per_row - 1.0))
+            for k in range(4):
+                seen[i, k] = lines[path[i] * per_row + station, k]
+    return seen
+
+
+@kernel
+def relevant(
+    seen: Table, rows: Table, path: Rows, path_s: Vector, size: Table, ego_s: float, ego_length: float
+) -> NewRows:
+    """(K,) who has a path, has not yet passed where it meets the ego's, and does not follow the ego.
+
+    `rows` (P, 5) as `RouteTables.rows`.
+    """
+    found = np.empty(len(path), np.int64)
+    count = 0
+    for i in range(len(path)):
+        if path[i] < 0:
+            continue
+        touching = 0.5 * (size[i, 0] + ego_length)
+        meets = path_s[i] < rows[path[i], 1] + touching and ego_s < rows[path[i], 0] + touching
+        follows = seen[i, 0] < ego_s and abs(seen[i, 1]) < 2.0 and seen[i, 2] > 0.7
+        if meets and not follows:
+            found[count] = i
+            count += 1
+    return found[:count].copy()
+
+
+@kernel
+def leader(seen: Table, size: Table, ego_s: float, ego_width: float) -> tuple[int, float]:
+    """Who is first in the band that the ego will sweep, and m along the path to its rear; inf for nobody."""
+    first, gap = 0, math.inf
+    for i in range(len(seen)):
+        parallel, crosswise = abs(seen[i, 2]), abs(seen[i, 3])
+        length, width = 0.5 * size[i, 0], 0.5 * size[i, 1]
+        inside = abs(seen[i, 1]) < 0.5 * ego_width + length * crosswise + width * parallel
+        if inside and seen[i, 0] > ego_s and seen[i, 0] - length * parallel - width * crosswise < gap:
+            first, gap = i, seen[i, 0] - length * parallel - width * crosswise
+    return first, gap
+
+
+# ---- where they will be
+
+
+@kernel
+def interpolated(x: float, xp: Vector, fp: Vector) -> float:
+    """The function with values fp (n,) at rising xp (n,), linear in between, constant beyond."""
+    if x <= xp[0]:
+        return fp[0]
+    if x >= xp[len(xp) - 1]:
+        return fp[len(xp) - 1]
+    low, high = 0, len(xp) - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if xp[middle] <= x:
+            low = middle
+        else:
+            high = middle
+    return fp[low] + (fp[high] - fp[low]) / (xp[high] - xp[low]) * (x - xp[low])
+
+
+@kernel
+def braking_way(v: float, acceleration: float, time: float) -> float:
+    """m in `time` s from v m/s on at the present deceleration, never speeding up."""
+    braking = max(-acceleration, 1e-6)
+    t = min(time, v / braking)
+    return t * (v - 0.5 * braking * t)
+
+
+@kernel
+def free_way(
+    v: float, limit: float, accel: float, most: float, tau: Vector, u: Vector, y: Vector, times: Vector
+) -> NewVector:
+    """(T,) m in `times` (T,) s on a free road: v0^2 / a (y(tau + a t / v0) - y(tau)), u(tau) = v / v0."""
+    v0 = max(limit, v)
+    rate = accel / v0
+    start = interpolated(min(v / v0, most), u, tau)
+    way = np.empty(len(times))
+    for t in range(len(times)):
+        later = interpolated(start + rate * times[t], tau, y)
+        way[t] = (later - interpolated(start, tau, y)) * (v0 / rate)
+    return way
+
+
+@kernel
+def others_s(
+    which: Rows, rows: Table, path: Rows, path_s: Vector, velocity: Table, acceleration: Vector,
+    accel: float, most: float, tau: Vector, u: Vector, y: Vector, times: Vector,
+) -> NewCube:  # fmt: skip
+    """(K, 2, T) m, arc lengths of others `which` (K,) on their paths at `times` (T,) s: free, and braking."""
+    s = np.empty((len(which), 2, len(times)))
+    for k in range(len(which)):
+        i = which[k]
+        v = math.hypot(velocity[i, 0], velocity[i, 1])
+        free = free_way(v, rows[path[i], 4], accel, most, tau, u, y, times)
+        for t in range(len(times)):
+            s[k, 0, t] = path_s[i] + free[t]
+            s[k, 1, t] = path_s[i] + braking_way(v, acceleration[i], times[t])
+    return s
+
+
+@kernel
+def ego_s(s: float, v: float, top: float, accelerations: Vector, times: Vector) -> NewTable:
+    """(A, T) m, arc lengths of an ego that keeps each acceleration until it drives `top` m/s or stands."""
+    result = np.empty((len(accelerations), len(times)))
+    for k in range(len(accelerations)):
+        a = accelerations[k]
+        end, until = (top, (top - v) / a) if a > 0.0 else (0.0, -v / a if a < 0.0 else math.inf)
+        for i in range(len(times)):
+            t = min(times[i], until)
+            result[k, i] = s + t * (v + 0.5 * a * t) + end * (times[i] - t)
+    return result
+
+
+# ---- gaps
+
+
+@kernel
+def table_gaps(
+    table: Gaps, entries: Entries, spacing: float, ego_s: Table, s: NewCube, least: NewCube
+) -> int:
+    """Lower `least` (A, H, T) m to the gaps that tables say for arc lengths `ego_s` (A, T) and s (K, H, T) m.
+
+    `entries` (K, 6) as of `RouteTables._find`. Answers 0.
+    """
+    per_m = 1.0 / spacing
+    for k in range(len(entries)):
+        base, first, last, their_first, their_last, width = entries[k]
+        for t in range(ego_s.shape[1]):
+            for h in range(s.shape[1]):
+                theirs = int(min(max(np.rint(s[k, h, t] * per_m), float(their_first)), float(their_last)))
+                for a in range(len(ego_s)):
+                    ours = int(min(max(np.rint(ego_s[a, t] * per_m), float(first)), float(last)))
+                    gap = table[base + (ours - first) * width + theirs - their_first]
+                    least[a, h, t] = min(least[a, h, t], gap * UNIT)
+    return 0
+
+
+@kernel
+def stray_gaps(
+    line: Table, course: Vector, spacing: float, ego_s: Table, length: float, width: float, times: Vector,
+    path: Rows, position: Table, heading: Vector, velocity: Table, acceleration: Vector, size: Table,
+    least: NewCube,
+) -> int:  # fmt: skip
+    """Lower `least` (A, H, T) m to the gaps towards those without a path, straight ahead and braking.
+
+    Answers 0.
+    """
+    for i in range(len(path)):
+        if path[i] >= 0:
+            continue
+        here, facing = complex(position[i, 0], position[i, 1]), cmath.exp(1j * heading[i])
+        drift = complex(velocity[i, 0], velocity[i, 1])
+        speed = abs(drift)
+        drift /= max(speed, 1e-6)
+        for t in range(len(times)):
+            there = here + braking_way(speed, acceleration[i], times[t]) * drift
+            for a in range(len(ego_s)):
+                at = ego_s[a, t] * (1.0 / spacing)
+                k = int(min(max(at, 0.0), len(course) - 2.0))
+                x = line[k, 0] + (at - k) * (line[k + 1, 0] - line[k, 0])
+                y = line[k, 1] + (at - k) * (line[k + 1, 1] - line[k, 1])
+                r = there - complex(x, y)
+                if r.real**2 + r.imag**2 >= (FARTHEST + 12.0) ** 2:
+                    continue
+                turn = course[k] + min(max(at - k, 0.0), 1.0) * (course[k + 1] - course[k])
+                half = 0.5 * size[i, 0], 0.5 * size[i, 1]
+                gap = rectangle_gap(
+                    r, cmath.exp(1j * turn), facing, 0.5 * length, 0.5 * width, half[0], half[1]
+                )
+                for h in range(least.shape[1]):
+                    least[a, h, t] = min(least[a, h, t], gap)
+    return 0
+
+
+@kernel
+def gap_features(least: NewCube, touch: float) -> NewVector:
+    """(2 H A,): of each hypothesis and acceleration the least of gaps `least` (A, H, T) m / `FARTHEST`; and
+    the first of the T instants below `touch` m, as a share of T (1: none before the last).
+    """
+    ego, others, count = least.shape
+    result = np.empty(2 * others * ego)
+    for h in range(others):
+        for a in range(ego):
+            smallest, first = least[a, h, 0], count
+            for t in range(count):
+                smallest = min(smallest, least[a, h, t])
+                if least[a, h, t] < touch and t < first:
+                    first = t + 1
+            result[h * ego + a] = smallest / FARTHEST
+            result[(others + h) * ego + a] = first / count
+    return result
+
+
+@kernel
+def occupied(which: Rows, rows: Table, path: Rows, size: Table, s: NewCube, bins: int) -> NewVector:
+    """(bins + 2,): whether anyone of `which`, if free, is on the ego's conflict zone in each of `bins` equal
+    parts of the time; the first part that is free and the first that is not, as shares (1: none).
+    """
+    result = np.zeros(bins + 2)
+    each = s.shape[2] // bins
+    for k in range(len(which)):
+        i = which[k]
+        entry, leaving = rows[path[i], 2] - 0.5 * size[i, 0], rows[path[i], 3] + 0.5 * size[i, 0]
+        for t in range(bins * each):
+            if entry < s[k, 0, t] < leaving:
+                result[t // each] = 1.0
+    for wanted in range(2):
+        result[bins + wanted] = 1.0
+        for b in range(bins - 1, -1, -1):
+            if result[b] == wanted:
+                result[bins + wanted] = b / bins
+    return result
+
+
+# ---- the paper's observation
+
+
+@kernel
+def nearest_gap(
+    x: float, y: float, psi: float, length: float, width: float, position: Table, heading: Vector, size: Table
+) -> float:
+    """m, gap from a rectangle at (x, y) m turned by psi rad to the nearest of N others; inf for none."""
+    least, facing = math.inf, cmath.exp(1j * psi)
+    reach = math.hypot(length, width)
+    for i in range(len(heading)):
+        r = complex(position[i, 0] - x, position[i, 1] - y)
+        if abs(r) - 0.5 * (reach + math.hypot(size[i, 0], size[i, 1])) >= least:
+            continue
+        other = cmath.exp(1j * heading[i])
+        gap = rectangle_gap(r, facing, other, 0.5 * length, 0.5 * width, 0.5 * size[i, 0], 0.5 * size[i, 1])
+        least = min(least, gap)
+    return least
+
+
+@kernel
+def others_features(
+    x: float, y: float, psi: float, velocity_x: float, velocity_y: float, most: int,
+    position: Table, heading: Vector, velocity: Table, per_m: float, per_speed: float, cut: float,
+) -> NewVector:  # fmt: skip
+    """(6 most,): validity, dx, dy, dv_x, dv_y, dphi of the first `most` others, in the ego's body frame."""
+    result = np.zeros(6 * most)
+    cos, sin = math.cos(psi), math.sin(psi)
+    for i in range(min(len(heading), most)):
+        away_x, away_y = position[i, 0] - x, position[i, 1] - y
+        faster_x, faster_y = velocity[i, 0] - velocity_x, velocity[i, 1] - velocity_y
+        turned = (heading[i] - psi) / math.pi
+        result[6 * i] = 1.0
+        result[6 * i + 1] = (away_x * cos + away_y * sin) * per_m
+        result[6 * i + 2] = (away_y * cos - away_x * sin) * per_m
+        result[6 * i + 3] = (faster_x * cos + faster_y * sin) * per_speed
+        result[6 * i + 4] = (faster_y * cos - faster_x * sin) * per_speed
+        result[6 * i + 5] = turned - 2.0 * math.ceil(0.5 * (turned - cut))
+    return result
+
+
+@kernel
+def waypoints(
+    line: Table, station: float, stride: int, count: int, x: float, y: float, psi: float, per_m: float
+) -> NewVector:
+    """(2 count,) dx, dy of the line's points 1, 2, ... strides ahead of a station, in the body frame."""
+    result = np.empty(2 * count)
+    cos, sin, i = math.cos(psi), math.sin(psi), int(station)
+    for k in range(count):
+        j = i + (k + 1) * stride
+        away_x = line[j, 0] + (station - i) * (line[j + 1, 0] - line[j, 0]) - x
+        away_y = line[j, 1] + (station - i) * (line[j + 1, 1] - line[j, 1]) - y
+        result[2 * k] = (away_x * cos + away_y * sin) * per_m
+        result[2 * k + 1] = (away_y * cos - away_x * sin) * per_m
+    return result
