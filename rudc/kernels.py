@@ -25,7 +25,7 @@ from numba import types
 
 from rudc.arrays import Array, Complex, Flags, Index
 
-Function = TypeVar("Function", bound=Callable[..., Any])
+Result = TypeVar("Result")
 
 
 def _read(dtype: Any, dimensions: int) -> types.Array:
@@ -39,12 +39,14 @@ def _made(dtype: Any, dimensions: int) -> types.Array:
 Vector = Annotated[Array, _read(types.float64, 1)]
 """(n,), read whatever its strides; the others likewise"""
 Table = Annotated[Array, _read(types.float64, 2)]
+Cube = Annotated[Array, _read(types.float64, 3)]
 Places = Annotated[Complex, _read(types.complex128, 1)]
 PlaceTable = Annotated[Complex, _read(types.complex128, 2)]
 Rows = Annotated[Index, _read(types.int64, 1)]
 NewVector = Annotated[Array, _made(types.float64, 1)]
 """(n,), made by a kernel or written to; the others likewise"""
 NewTable = Annotated[Array, _made(types.float64, 2)]
+NewCube = Annotated[Array, _made(types.float64, 3)]
 NewColumns = Annotated[Array, types.Array(types.float64, 2, "F")]
 """a table, one column after the other"""
 NewPlaces = Annotated[Complex, _made(types.complex128, 1)]
@@ -61,7 +63,7 @@ def _type_of(hint: Any) -> Any:
     return _PLAIN[hint] if hint in _PLAIN else get_args(hint)[1]
 
 
-def kernel(function: Function) -> Function:
+def kernel(function: Callable[..., Result]) -> Callable[..., Result]:
     """Compile a function when it is defined, for the types that it states, or load it. Divisions by 0 are as
     numpy's.
     """
@@ -70,7 +72,7 @@ def kernel(function: Function) -> Function:
     signature = result(*[_type_of(hint) for hint in hints.values()])
     before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, _folder()  # type: ignore[attr-defined]
     try:
-        return numba.njit(signature, cache=True, error_model="numpy")(function)  # type: ignore[return-value]
+        return numba.njit(signature, cache=True, error_model="numpy")(function)
     finally:
         numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
 
@@ -80,7 +82,7 @@ def _folder() -> str:
     """Where compiled kernels of this content lie."""
     package = Path(__file__).parent
     digest = hashlib.sha256()
-    for module in sorted(package.rglob("kernels.py")):
+    for module in sorted(package.rglob("*kernels.py")):
         digest.update(module.read_bytes())
     home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
     places = (

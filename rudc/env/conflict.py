@@ -64,7 +64,7 @@ FEATURES: tuple[str, ...] = (
 )
 """names of the features, in order"""
 
-_TIMES: Array = STEP * np.arange(1, round(HORIZON / STEP) + 1)
+_TIMES: Array = np.linspace(STEP, HORIZON, round(HORIZON / STEP))
 _ACCELERATIONS: Array = np.array(ACCELERATIONS)
 
 _tables: Remembered[object, RouteTables] = Remembered(32)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rudc.kernels import (
+    NewCube,
     NewRows,
     NewTable,
     NewVector,
@@ -28,7 +29,6 @@ UNIT = 0.04
 
 Gaps = Annotated[NDArray[np.uint8], types.Array(types.uint8, 1, "A", readonly=True)]
 Entries = Annotated[NDArray[np.int64], types.Array(types.int64, 2, "A", readonly=True)]
-NewCube = Annotated[NDArray[np.float64], types.Array(types.float64, 3, "C")]
 
 # ---- who is where
 

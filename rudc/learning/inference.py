@@ -1,11 +1,11 @@
-"""Deciding with a trained agent: one observation to an action and its uncertainty, in numpy alone.
+"""Deciding with a trained agent: one observation to an action and its uncertainty, without torch.
 
-A decision is a batch of one. What torch spends on that is the calling of some hundred small operations, and
-numpy's calls cost less; and a process that only drives needs no torch. So the networks of networks.py are
-written out once more for a single observation, with what does not depend on it taken together beforehand:
-maps that share their input become one matrix, the waypoint branch one map, the trained and the prior networks
-of all critics one stack of 2 N; and absent SVs are left out instead of masked. Results agree with networks.py
-to rounding.
+A decision is a batch of one. What torch spends on that is the calling of some hundred small operations;
+kernels (rudc/learning/kernels.py) cost a tenth, and a process that only drives needs no torch. So the
+networks of networks.py are written out once more for a single observation, with what does not depend on it
+taken together beforehand: maps that share their input become one matrix, the waypoint branch one map, the
+trained and the prior networks of all critics one stack of 2 N; and absent SVs are left out instead of
+masked. Results agree with networks.py to rounding.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from rudc.learning.config import (
     NetworkConfig,
     ObservationLayout,
 )
+from rudc.learning.kernels import gelu_of, mapped, mapped_each
 from rudc.learning.parameters import SCORE_BOUND, group, waypoint_positions
 from rudc.learning.uncertainty import Uncertainty, uncertainty
 
@@ -63,14 +64,13 @@ class Network:
 
     def _map(self, name: str, x: Floats) -> Floats:
         """Each member's own map of its row of x (N, inputs)."""
-        y = np.matmul(x[:, None], self._arrays[f"{name}.weight"])
-        y += self._arrays[f"{name}.bias"]
-        return y[:, 0]
+        arrays, x = self._arrays, np.ascontiguousarray(x)
+        return mapped_each(x, arrays[f"{name}.weight"], arrays[f"{name}.bias"].reshape(self.members, -1))
 
     def _map_common(self, name: str, x: Floats) -> Floats:
         """All members' maps of x (inputs,), (N, outputs)."""
         weight, bias = self._common[name]
-        return (x @ weight + bias).reshape(self.members, -1)
+        return mapped(np.ascontiguousarray(x, np.float32), weight, bias).reshape(self.members, -1)
 
     def encode(self, observation: Floats) -> Floats:
         """Latents (N, hidden) of an observation (size,)."""
@@ -175,23 +175,8 @@ class Decider:
         return uncertainty(self.quantiles(observation, action), self.config.beta)
 
 
-_P, *_A = (
-    np.float32(v) for v in (0.3275911, 1.061405429, -1.453152027, 1.421413741, -0.284496736, 0.254829592)
-)
-_ROOT_HALF = np.float32(math.sqrt(0.5))
-
-
 def gelu(x: Floats) -> Floats:
-    """x Phi(x) to 3e-7; erf by Abramowitz and Stegun 7.1.26, eight times as fast as scipy.special.erf."""
-    z = np.abs(x)
-    z *= _ROOT_HALF
-    t = np.float32(1) / (np.float32(1) + _P * z)
-    tail = t * _A[0]
-    for a in _A[1:]:
-        tail += a
-        tail *= t
-    z *= z
-    tail *= np.exp(np.negative(z, out=z), out=z)  # erfc(|x| / sqrt(2))
-    tail *= x
-    tail *= np.float32(0.5)  # x (1 - Phi(|x|))
-    return np.where(x > 0, x - tail, tail)
+    """x Phi(x) of single precision."""
+    y = np.array(x, np.float32, order="C")
+    gelu_of(y.reshape(-1))
+    return y

@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rudc.arrays import Array, Arrays
 from rudc.learning.distortion import make_distortion
+from rudc.learning.kernels import tail_moments
 
 PERCENTILES = (95.0, 97.5)
 """of sigma_total, that are called sigma_l and sigma_h"""
@@ -42,23 +43,19 @@ class Uncertainty(NamedTuple):
 
 
 @lru_cache
-def _tail(quantiles: int, beta: float) -> tuple[int, Array]:
-    """How many of the lowest quantiles are in the tail, and the weight of each."""
+def _tail(quantiles: int, beta: float) -> Array:
+    """Weights of the lowest quantiles, of those that are in the tail."""
     weights = make_distortion("cvar", beta).weights(quantiles)
-    count = int(np.count_nonzero(weights > 1e-12))
-    return count, weights[:count]
+    return weights[: int(np.count_nonzero(weights > 1e-12))]
 
 
 def uncertainty(quantiles: ArrayLike, beta: float) -> Uncertainty:
     """Uncertainty of returns with quantiles (N, ..., N_q), one set a member; result of shape (...)."""
-    z = np.sort(np.asarray(quantiles, dtype=float), axis=-1)
-    count, weights = _tail(z.shape[-1], beta)
-    tail = z[..., :count]
-    expectation = tail @ weights
-    variance = np.square(tail - expectation[..., None]) @ weights
-    epistemic = expectation.var(axis=0)
-    aleatoric = variance.mean(axis=0)
-    return Uncertainty(np.sqrt(epistemic), np.sqrt(aleatoric), np.sqrt(epistemic + aleatoric))
+    z = np.asarray(quantiles, dtype=float)
+    shape = z.shape[1:-1]
+    epistemic, aleatoric = tail_moments(z.reshape(len(z), -1, z.shape[-1]), _tail(z.shape[-1], beta))
+    parts = epistemic, aleatoric, epistemic + aleatoric
+    return Uncertainty(*(np.sqrt(part).reshape(shape)[()] for part in parts))
 
 
 class RunningPercentiles:

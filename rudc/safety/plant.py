@@ -19,12 +19,12 @@ functions).
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
 
 from rudc.arrays import Array, Index
+from rudc.safety.plant_kernels import drive_bank, score_bank
 from rudc.vehicle import Actuation, EgoVehicle
 from rudc.world.ego import GRAVITY
 from rudc.world.scene import EgoState
@@ -39,6 +39,7 @@ FRICTIONS = np.array(
     [np.inf, 0.7, 0.6, 0.52, 0.46, 0.4, 0.35, 0.3, 0.26, 0.23, 0.2, 0.17, 0.15, 0.13, 0.11, 0.09]
 )
 """coefficients of friction of the bank; inf for no limit"""
+_LIMITS: Array = FRICTIONS * GRAVITY
 ACCELERATION_STD, STEERING_STD = 0.25, 0.01
 """m/s2, rad: A and D, what readings may be off by without telling anything"""
 CUT = 16.0
@@ -88,7 +89,7 @@ class PlantMonitor:
         self._lag: Array = lag.ravel()
         self._limit: Array = friction.ravel() * GRAVITY
         with np.errstate(divide="ignore"):
-            self._keep: Array = np.where(self._lag > 0, np.exp(-SUBSTEP_S / np.maximum(self._lag, 1e-9)), 0.0)
+            self._keep: Array = np.where(LAGS > 0, np.exp(-SUBSTEP_S / np.maximum(LAGS, 1e-9)), 0.0)
         self._plainness = (
             self._delay * 1.0
             + self._lag / 0.05
@@ -99,9 +100,10 @@ class PlantMonitor:
 
     def reset(self) -> None:
         """Begin a new episode with an ordinary car."""
-        count = len(self._delay)
-        self._given: deque[tuple[float, float]] = deque([(0.0, 0.0)] * (len(DELAYS) + 1), len(DELAYS) + 1)
-        self._a, self._delta, self._cost = np.zeros(count), np.zeros(count), np.zeros(count)
+        bank = len(DELAYS), len(LAGS), len(FRICTIONS)
+        self._given: Array = np.zeros((len(DELAYS) + 1, 2))
+        """m/s2, rad, commands of the last sub-steps, newest first"""
+        self._a, self._delta, self._cost = np.zeros(bank), np.zeros(bank), np.zeros(len(self._delay))
         self._v: float | None = None
         self._believed = self._nominal
         self.estimate = ORDINARY
@@ -117,35 +119,21 @@ class PlantMonitor:
 
     def _drive(self, a: float, delta: float, v_after: float) -> None:
         """Let all models take the command for one decision."""
-        body, v = self._vehicle, self._v or 0.0
-        command = min(max(a, body.a_min), body.a_max), min(max(delta, -body.delta_max), body.delta_max)
-        for i in range(self._substeps):
-            self._given.append(command)
-            given = np.array(self._given)[::-1]
-            wanted_a, wanted_delta = given[self._delay, 0], given[self._delay, 1]
-            here = v + (v_after - v) * i / self._substeps
-            wanted_a, wanted_delta = self._within_friction(wanted_a, wanted_delta, here)
-            self._a = wanted_a + (self._a - wanted_a) * self._keep
-            self._delta = wanted_delta + (self._delta - wanted_delta) * self._keep
-
-    def _within_friction(self, a: Array, delta: Array, v: float) -> tuple[Array, Array]:
-        """The friction circle of rudc/world/ego.py for all models."""
-        body, ratio = self._vehicle, self._vehicle.cg_to_rear / self._vehicle.wheelbase
-        if v > 0.1:
-            sin_slip = np.minimum(self._limit * (body.cg_to_rear / v**2), 0.999)
-            widest = np.arctan(np.tan(np.arcsin(sin_slip)) / ratio)
-            delta = np.minimum(np.maximum(delta, -widest), widest)
-        lateral = v**2 * np.sin(np.arctan(ratio * np.tan(delta))) / body.cg_to_rear
-        left = np.sqrt(np.maximum(self._limit**2 - lateral**2, 0.0))
-        return np.minimum(np.maximum(a, -left), left), delta
+        body = self._vehicle
+        command = complex(
+            min(max(a, body.a_min), body.a_max), min(max(delta, -body.delta_max), body.delta_max)
+        )
+        drive_bank(
+            self._a, self._delta, self._given, self._keep, _LIMITS, command, self._substeps,
+            self._v or 0.0, v_after, body.cg_to_rear, body.cg_to_rear / body.wheelbase,
+        )  # fmt: skip
 
     def _score(self, ego: EgoState) -> None:
-        self._cost *= FORGET
-        if STANDING < ego.v < self._vehicle.v_max - 0.1:
-            self._cost += np.minimum(((self._a - ego.acceleration) / ACCELERATION_STD) ** 2, CUT)
-        self._cost += np.minimum(((self._delta - ego.steering) / STEERING_STD) ** 2, CUT)
-        self._cost -= self._cost.min()
-        np.minimum(self._cost, WORST, out=self._cost)
+        counts = float(STANDING < ego.v < self._vehicle.v_max - 0.1)
+        score_bank(
+            self._cost, self._a.ravel(), self._delta.ravel(), ego.acceleration, ego.steering, counts,
+            FORGET, ACCELERATION_STD, STEERING_STD, CUT, WORST,
+        )  # fmt: skip
 
     def _best(self) -> PlantEstimate:
         least = float(self._cost.min())
@@ -163,4 +151,4 @@ class PlantMonitor:
     def pending(self, delay_s: float) -> list[tuple[float, float]]:
         """Commands (m/s2, rad) given within the last delay_s s, oldest first, one a sub-step."""
         late = min(round(delay_s / SUBSTEP_S), len(self._given))
-        return list(self._given)[len(self._given) - late :]
+        return [(a, delta) for a, delta in self._given[:late][::-1].tolist()]

@@ -94,7 +94,9 @@ def test_gaps_are_those_of_a_direct_simulation(make_scene, network, seed):
         for hypothesis, way in ways.items():
             px, py, heading = network.paths.pose(np.full(20, row), other[1] + way)
             gaps = [
-                rectangle_gaps(*pose, 5.0, 1.8, np.array([[qx, qy]]), np.array([h]), np.array([size]))[0]
+                rectangle_gaps(
+                    pose[0], pose[1], pose[2], 5.0, 1.8, np.array([[qx, qy]]), np.array([h]), np.array([size])
+                )[0]
                 for *pose, qx, qy, h in zip(x, y, psi, px, py, heading, strict=True)
             ]
             least = min(min(gaps), 10.0)

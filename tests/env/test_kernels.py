@@ -28,7 +28,7 @@ def test_the_nearest_gap_is_the_least_of_all(n):
     rng = np.random.default_rng(n)
     for _ in range(20):
         rest = rng.uniform(-30, 30, (n, 2)), rng.uniform(-4, 4, n), rng.uniform(0.5, 9, (n, 2))
-        pose = (*rng.uniform(-30, 30, 2), 0.4, 5.0, 1.8)
+        pose = float(rng.uniform(-30, 30)), float(rng.uniform(-30, 30)), 0.4, 5.0, 1.8
         least = rectangle_gaps(*pose, *rest).min(initial=np.inf)
         assert kernels.nearest_gap(*pose, *rest) == pytest.approx(least, abs=1e-9)
 

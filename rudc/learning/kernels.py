@@ -1,0 +1,100 @@
+"""Networks of single precision for one observation, as kernels (see rudc/learning/inference.py)."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import numpy as np
+
+from rudc.arrays import Floats
+from rudc.kernels import Cube, NewTable, Vector, kernel, types
+
+Single = Annotated[Floats, types.Array(types.float32, 1, "C", readonly=True)]
+"""(n,) of single precision, read; the others likewise"""
+Singles = Annotated[Floats, types.Array(types.float32, 2, "C", readonly=True)]
+SingleCube = Annotated[Floats, types.Array(types.float32, 3, "C", readonly=True)]
+NewSingle = Annotated[Floats, types.Array(types.float32, 1, "C")]
+NewSingles = Annotated[Floats, types.Array(types.float32, 2, "C")]
+
+_P, *_A = (
+    np.float32(v) for v in (0.3275911, 1.061405429, -1.453152027, 1.421413741, -0.284496736, 0.254829592)
+)
+_A1, _A2, _A3, _A4, _A5 = _A
+_ROOT_HALF, _HALF, _ONE, _ZERO = (np.float32(v) for v in (math.sqrt(0.5), 0.5, 1.0, 0.0))
+_LOWEST, _SHARE = np.float32(-20.0), np.float32(1 / 16)
+_MIDDLE, _AT_MIDDLE = np.float32(0.625), np.float32(math.exp(-0.625))
+_E8, _E7, _E6, _E5, _E4, _E3, _E2 = (np.float32(1 / math.factorial(n)) for n in range(8, 1, -1))
+
+
+@kernel
+def gelu_of(x: NewSingle) -> int:
+    """Put x Phi(x) in place of x (n,), to 2e-6 of the largest. Answers 0.
+
+    Phi by erf's formula 7.1.26 of Abramowitz and Stegun; e^z = (e^(z / 16))^16 with a series about the
+    middle of [-1.25, 0], so that all of it is arithmetic, eight numbers at a time.
+    """
+    for i in range(len(x)):
+        z = abs(x[i]) * _ROOT_HALF
+        t = _ONE / (_ONE + _P * z)
+        r = max(-z * z, _LOWEST) * _SHARE + _MIDDLE
+        e = _E4 + r * (_E5 + r * (_E6 + r * (_E7 + r * _E8)))
+        e = _AT_MIDDLE * (_ONE + r * (_ONE + r * (_E2 + r * (_E3 + r * e))))
+        e = e * e
+        e = e * e
+        e = e * e
+        e = e * e
+        tail = t * (_A5 + t * (_A4 + t * (_A3 + t * (_A2 + t * _A1))))
+        below = _HALF * x[i] * tail * e  # x (1 - Phi(|x|))
+        x[i] = x[i] - below if x[i] > _ZERO else below
+    return 0
+
+
+@kernel
+def mapped(x: Single, weight: Singles, bias: Single) -> NewSingle:
+    """(O,) x W + b of x (I,), W (I, O), b (O,); what is 0 in x costs nothing."""
+    y = bias.copy()
+    for i in range(len(x)):
+        if x[i] != _ZERO:
+            for j in range(len(y)):
+                y[j] += x[i] * weight[i, j]
+    return y
+
+
+@kernel
+def mapped_each(x: Singles, weight: SingleCube, bias: Singles) -> NewSingles:
+    """(N, O), the same for each of N members: x (N, I), W (N, I, O), b (N, O)."""
+    y = bias.copy()
+    for n in range(len(x)):
+        for i in range(x.shape[1]):
+            for j in range(y.shape[1]):
+                y[n, j] += x[n, i] * weight[n, i, j]
+    return y
+
+
+@kernel
+def tail_moments(quantiles: Cube, weights: Vector) -> NewTable:
+    """(2, B): variance over members of the tail's mean, and mean over members of the tail's variance.
+
+    `quantiles` (N, B, Q) in any order; the tail is the lowest of them, with `weights`, which sum to 1.
+    """
+    members, count = len(quantiles), len(weights)
+    result, means = np.zeros((2, quantiles.shape[1])), np.empty(members)
+    for b in range(quantiles.shape[1]):
+        for n in range(members):
+            z = quantiles[n, b].copy()
+            for i in range(1, len(z)):  # insertion sort
+                new, k = z[i], i
+                while k > 0 and z[k - 1] > new:
+                    z[k] = z[k - 1]
+                    k -= 1
+                z[k] = new
+            means[n] = 0.0
+            for k in range(count):
+                means[n] += weights[k] * z[k]
+            for k in range(count):
+                result[1, b] += weights[k] * (z[k] - means[n]) ** 2 / members
+        mean = means.sum() / members
+        for n in range(members):
+            result[0, b] += (means[n] - mean) ** 2 / members
+    return result

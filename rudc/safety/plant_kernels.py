@@ -1,0 +1,91 @@
+"""The plant monitor's arithmetic as kernels (see rudc/safety/plant.py): D dead times, L lags, F frictions."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rudc.kernels import NewCube, NewTable, NewVector, Vector, kernel
+
+SLOW = 0.1
+"""m/s up to which the front wheels turn as far as they are told, as in rudc/world/ego.py"""
+
+
+@kernel
+def widest_angles(limit: Vector, v: float, cg_to_rear: float, ratio: float) -> tuple[NewVector, NewVector]:
+    """(F,) rad, front-wheel angles at which tyres that give `limit` (F,) m/s2 begin to slip; (F,) tangents.
+
+    sin(slip) = limit l_r / v^2, tan(delta) = tan(slip) / ratio with ratio = l_r / wheelbase.
+    """
+    angle, tangent = np.full(len(limit), math.inf), np.full(len(limit), math.inf)
+    if v > SLOW:
+        for f in range(len(limit)):
+            sin_slip = min(limit[f] * (cg_to_rear / v**2), 0.999)
+            tangent[f] = sin_slip / math.sqrt(1.0 - sin_slip * sin_slip) / ratio
+            angle[f] = math.atan(tangent[f])
+    return angle, tangent
+
+
+@kernel
+def within_friction(
+    a: float, tangent: float, limit: float, v: float, cg_to_rear: float, ratio: float
+) -> float:
+    """m/s2, what the friction circle leaves of an acceleration at a front-wheel angle of that tangent.
+
+    Across: v^2 sin(slip) / l_r with tan(slip) = ratio tan(delta).
+    """
+    tan_slip = ratio * tangent
+    across = v**2 * (tan_slip / math.sqrt(1.0 + tan_slip * tan_slip)) / cg_to_rear
+    left = math.sqrt(max(limit * limit - across * across, 0.0))
+    return min(max(a, -left), left)
+
+
+@kernel
+def drive_bank(
+    a: NewCube, delta: NewCube, given: NewTable, keep: Vector, limit: Vector,
+    command: complex, substeps: int, v: float, v_after: float, cg_to_rear: float, ratio: float,
+) -> int:  # fmt: skip
+    """Let accelerations `a` m/s2 and front-wheel angles `delta` rad (D, L, F) take a command, a + i delta,
+    for some sub-steps, while speed goes from v to v_after m/s. Answers 0.
+
+    `given` (D + 1, 2): past commands, newest first; `keep` (L,): share of a difference left after a sub-step.
+    """
+    delays, lags, frictions = a.shape
+    wanted_a, wanted_delta = np.empty(frictions), np.empty(frictions)
+    for i in range(substeps):
+        for d in range(len(given) - 1, 0, -1):
+            given[d, 0], given[d, 1] = given[d - 1, 0], given[d - 1, 1]
+        given[0, 0], given[0, 1] = command.real, command.imag
+        here = v + (v_after - v) * i / substeps
+        widest, widest_tangent = widest_angles(limit, here, cg_to_rear, ratio)
+        for d in range(delays):
+            tangent = math.tan(given[d, 1])
+            for f in range(frictions):
+                turned = min(max(tangent, -widest_tangent[f]), widest_tangent[f])
+                wanted_delta[f] = min(max(given[d, 1], -widest[f]), widest[f])
+                wanted_a[f] = within_friction(given[d, 0], turned, limit[f], here, cg_to_rear, ratio)
+            for k in range(lags):
+                for f in range(frictions):
+                    a[d, k, f] = wanted_a[f] + (a[d, k, f] - wanted_a[f]) * keep[k]
+                    delta[d, k, f] = wanted_delta[f] + (delta[d, k, f] - wanted_delta[f]) * keep[k]
+    return 0
+
+
+@kernel
+def score_bank(
+    cost: NewVector, a: Vector, delta: Vector, acceleration: float, steering: float, counts: float,
+    forget: float, a_std: float, delta_std: float, cut: float, worst: float,
+) -> int:  # fmt: skip
+    """J of the M models after a reading, the least 0, the largest `worst`. Answers 0.
+
+    `counts`: 1 if the acceleration does, else 0.
+    """
+    least = math.inf
+    for m in range(len(cost)):
+        off_a, off_delta = (a[m] - acceleration) / a_std, (delta[m] - steering) / delta_std
+        cost[m] = forget * cost[m] + counts * min(off_a * off_a, cut) + min(off_delta * off_delta, cut)
+        least = min(least, cost[m])
+    for m in range(len(cost)):
+        cost[m] = min(cost[m] - least, worst)
+    return 0

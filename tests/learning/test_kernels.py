@@ -1,0 +1,40 @@
+"""Kernels of networks and of the uncertainty against numpy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.special import ndtr
+
+from rudc.learning import kernels
+
+RNG = np.random.default_rng(0)
+
+
+def single(*shape):
+    return RNG.normal(size=shape).astype(np.float32)
+
+
+def test_gelu_is_x_times_the_normal_distributions_function():
+    x = np.concatenate([np.linspace(-12, 12, 5000), [0.0, -200.0, 200.0]]).astype(np.float32)
+    y = x.copy()
+    kernels.gelu_of(y)
+    assert y == pytest.approx(x * ndtr(x.astype(float)), abs=2e-6)
+
+
+def test_maps_are_products():
+    x, weight, bias = single(7), single(7, 40), single(40)
+    x[2:4] = 0.0
+    assert kernels.mapped(x, weight, bias) == pytest.approx(x @ weight + bias, abs=1e-5)
+    rows, weights, biases = single(3, 16), single(3, 16, 9), single(3, 9)
+    wanted = (rows[:, None] @ weights)[:, 0] + biases
+    assert kernels.mapped_each(rows, weights, biases) == pytest.approx(wanted, abs=1e-5)
+
+
+def test_moments_of_the_tail():
+    z, weights = RNG.normal(size=(4, 6, 32)), np.array([0.3, 0.3, 0.3, 0.1])
+    got = kernels.tail_moments(z, weights)
+    tail = np.sort(z, axis=-1)[..., :4]
+    mean = tail @ weights
+    assert got[0] == pytest.approx(mean.var(axis=0), abs=1e-12)
+    assert got[1] == pytest.approx((((tail - mean[..., None]) ** 2) @ weights).mean(axis=0), abs=1e-12)
