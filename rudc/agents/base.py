@@ -32,11 +32,17 @@ class Decision(NamedTuple):
     """what a correction, such as the safety filter, says about its work; None without one"""
     timing_ms: Mapping[str, float] = MappingProxyType({})
     """ms spent in each part (`outlook`, `observation`, `policy`, `critic`, `correction`)"""
+    by_route: Uncertainty | None = None
+    """the uncertainty compared with what is usual where the ego is (rudc/agents/route_sigma.py); None where
+    that is not known"""
+    states: Literal["paper", "route"] = "paper"
+    """which of the two the driver calls its sigma"""
 
     @property
     def sigma(self) -> float:
-        """sigma_total; nan for drivers that state no uncertainty."""
-        return math.nan if self.uncertainty is None else float(self.uncertainty.total)
+        """sigma_total, or that by route; nan for drivers that state no uncertainty."""
+        stated = self.by_route if self.states == "route" else self.uncertainty
+        return math.nan if stated is None else float(stated.total)
 
 
 def unfiltered(acceleration: float, steering: float) -> Decision:

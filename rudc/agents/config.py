@@ -2,7 +2,7 @@
 
 It is a part of one tree of settings, with training (rudc/training/config.py):
 
-    algorithm, observation, action, correction, outlook, learner, training
+    algorithm, observation, action, sigma, correction, outlook, learner, training
 
 Keys are dotted, `learner.n_step`, `correction.slack.gain`, and the same in `rudc train --set KEY=VALUE`, in
 config.json and agent.json, and behind an agent's name (rudc/agents/variation.py). What follows from the
@@ -12,7 +12,7 @@ settings is not among them: the layout of the observation, seeds, the schedule o
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 from pydantic import Field, SerializeAsAny, ValidationInfo, field_validator, model_validator
 
@@ -36,6 +36,9 @@ class AgentConfig(Settings):
     """the paper's observation, or the same with predicted conflicts"""
     action: ActionSettings = Adjustment()
     """what the policy's numbers mean, see rudc/env/action.py"""
+    sigma: Literal["paper", "route"] = "paper"
+    """what it calls its uncertainty once it has learnt: sigma_total, as in the paper, or that compared with
+    what is usual where it is on its route (rudc/agents/route_sigma.py)"""
     correction: CorrectionSettings = NoCorrection()
     """what corrects its actions, see rudc/agents/correction.py"""
     outlook: OutlookSettings = OutlookSettings()
@@ -70,6 +73,8 @@ class AgentConfig(Settings):
             raise ValueError(
                 f"the correction asks how sure the critics are, which those of {self.algorithm!r} do not say"
             )
+        if self.sigma == "route" and not self.learner.states_sigma:
+            raise ValueError(f"sigma=route: the critics of {self.algorithm!r} state no sigma")
         return self
 
     @property

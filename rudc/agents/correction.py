@@ -117,13 +117,22 @@ class NoCorrection(CorrectionKind):
 
 
 class SlackSettings(Settings):
-    """The slack delta(sigma) of the rows (rudc/safety/slack.py)."""
+    """The slack of the rows (rudc/safety/slack.py): delta = constant + delta(sigma)."""
 
+    kind: Literal["level", "rate"] = "level"
+    """what delta does: it is added to the rows, or multiplies the weight of h by exp(delta)"""
     gain: float = Field(default=0.0, ge=0, le=1e6, allow_inf_nan=False)
-    """m2 of h towards vehicles that one is willing to give up at rest for each unit of sigma (reward units)
-    below sigma_l; eta is this times the rows' weight of h, so that it means the same under each rule. 0: no
-    slack
+    """level: m2 of h towards vehicles that one is willing to give up at rest for each unit of sigma (reward
+    units) below sigma_l; eta is this times the rows' weight of h, so that it means the same under each rule.
+    rate: eta itself. 0: sigma decides nothing
     """
+    constant: float = Field(default=0.0, ge=-1e6, le=1e6, allow_inf_nan=False)
+    """level: m2 of h that one is willing to give up at rest whatever sigma is. rate: logarithm of the factor
+    """
+
+    def without_effect(self) -> Mapping[str, str]:
+        """Where there is no slack, it has no kind."""
+        return {} if self.gain or self.constant else {"kind": "with gain=0 and constant=0"}
 
 
 class CbfSettings(FilterConfig, CorrectionKind):
@@ -161,7 +170,10 @@ class CbfCorrection:
         self, settings: CbfSettings, arrays: Mapping[str, NDArray], percentiles: Percentiles = None
     ) -> None:
         self.filter = SafetyFilter(settings)
-        self._eta = settings.slack.gain * float(settings.row_weights(road=False).h)
+        slack = settings.slack
+        self._as_rate = slack.kind == "rate"
+        unit = 1.0 if self._as_rate else float(settings.row_weights(road=False).h)
+        self._eta, self._constant = slack.gain * unit, slack.constant * unit
         self._predictor = _predictor(arrays) if settings.residual else None
         self.load(arrays, percentiles)
 
@@ -174,13 +186,14 @@ class CbfCorrection:
         self.filter.reset()
 
     def correct(self, scene: Scene, proposal: Proposal, critics: Critics | None) -> Corrected:
-        """See `Correction`; without sigma there is no slack."""
+        """See `Correction`; without sigma the slack is the constant alone."""
         stated = not math.isnan(proposal.sigma)
-        slack = self.slack(proposal.sigma) if self.slack is not None and stated else 0.0
+        slack = self._constant + (self.slack(proposal.sigma) if self.slack is not None and stated else 0.0)
         residual = None
         if self._predictor is not None:
             residual = self._predictor(scene, self.filter.constraints(scene), proposal.u)
-        return self.filter.filter(scene, proposal.u, slack, residual)
+        level, rate = (0.0, slack) if self._as_rate else (slack, 0.0)
+        return self.filter.filter(scene, proposal.u, level, residual, rate)._replace(slack=slack)
 
 
 CORRECTIONS: dict[str, type[CorrectionKind]] = {"none": NoCorrection, "cbf": CbfSettings}

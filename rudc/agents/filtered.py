@@ -38,4 +38,4 @@ class FilteredAgent:
         corrected = self.correction.correct(scene, Proposal(proposed.u_rl, sigma=proposed.sigma), None)
         spent = 1000.0 * (time.perf_counter() - start)
         timing = {**proposed.timing_ms, "correction": spent}
-        return Decision(corrected.u, proposed.u_rl, proposed.uncertainty, corrected, timing)
+        return proposed._replace(u=corrected.u, corrected=corrected, timing_ms=timing)

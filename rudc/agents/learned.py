@@ -2,7 +2,7 @@
 
     a       = tanh(mean of the policy)            [-1, 1]^2; while it explores, a sample instead
     u_rl    = what a means (rudc/env/action.py)
-    sigma   = sigma_total of the critics at (observation, a)
+    sigma   = sigma_total of the critics at (observation, a), or that by route (rudc/agents/route_sigma.py)
     u       = u_rl after correction (rudc/agents/correction.py)
 
 Needs numpy only; torch is for learning.
@@ -14,7 +14,7 @@ import math
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,9 +23,11 @@ from rudc.agents.base import Decision, EgoDriver
 from rudc.agents.checkpoint import load_learnt
 from rudc.agents.config import AgentConfig
 from rudc.agents.correction import Proposal
+from rudc.agents.route_sigma import RouteSigma
 from rudc.agents.variation import vary
 from rudc.arrays import Floats
 from rudc.env.observation import observe_flat
+from rudc.errors import AgentError
 from rudc.learning.inference import Decider
 from rudc.learning.parameters import grouped, policy_arrays
 from rudc.world.scene import Scene
@@ -65,10 +67,15 @@ class LearnedAgent:
         self.load(arrays, percentiles)
 
     def load(self, arrays: Mapping[str, NDArray], percentiles: tuple[float, float] | None = None) -> None:
-        """Take over weights, named as in `Learner.weights`, and sigma_l and sigma_h of the slack. Without
-        critics there is neither sigma nor slack.
+        """Take over weights, named as in `Learner.weights`, what is usual along the route, and sigma_l and
+        sigma_h of sigma_total. Without critics there is neither sigma nor slack. Until it is known what is
+        usual (in training), sigma is the paper's.
         """
         self._decider.refresh(arrays)
+        self._route = RouteSigma.among(arrays)
+        self._states: Literal["paper", "route"] = "paper"
+        if self.config.sigma == "route" and self._route is not None:
+            self._states, percentiles = "route", self._route.percentiles
         if self.correction is not None:
             self.correction.load(arrays, percentiles)
 
@@ -100,11 +107,13 @@ class LearnedAgent:
         u_rl = self.config.action.physical(proposed, scene)
         clock.append(time.perf_counter())
         unsure = self._decider.uncertainty(observation, proposed)
+        by_route = None if unsure is None or self._route is None else self._route.of(scene, unsure)
+        stated = by_route if self._states == "route" else unsure
         clock.append(time.perf_counter())
         if self.correction is None or not correcting:
             u, executed, corrected = u_rl, proposed, None
         else:
-            sigma = math.nan if unsure is None else float(unsure.total)
+            sigma = math.nan if stated is None else float(stated.total)
             proposal = Proposal(u_rl, proposed, sigma, observation)
             critics = self._decider if self._decider.has_critics else None
             corrected = self.correction.correct(scene, proposal, critics)
@@ -114,7 +123,8 @@ class LearnedAgent:
         clock.append(time.perf_counter())
         parts = ("observation", "policy", "critic", "correction")
         timing = {part: 1000.0 * float(clock[i + 1] - clock[i]) for i, part in enumerate(parts)}
-        return Choice(Decision(u, u_rl, unsure, corrected, timing), observation, executed, proposed)
+        decision = Decision(u, u_rl, unsure, corrected, timing, by_route, self._states)
+        return Choice(decision, observation, executed, proposed)
 
 
 def untrained(config: AgentConfig, seed: int = 0) -> LearnedAgent:
@@ -125,7 +135,13 @@ def untrained(config: AgentConfig, seed: int = 0) -> LearnedAgent:
 
 def load_learned(name: str, folder: Path, changes: Mapping[str, Any]) -> LearnedAgent:
     """The agent in a checkpoint's folder with `changes` of its settings as in variation.py, called `name` in
-    tables. Raises AgentError.
+    tables. Raises AgentError, also if sigma shall be by route and nobody measured what is usual there.
     """
     learnt = load_learnt(folder)
-    return LearnedAgent(name, vary(learnt.config, changes), learnt.arrays, learnt.percentiles)
+    config = vary(learnt.config, changes)
+    if config.sigma == "route" and RouteSigma.among(learnt.arrays) is None:
+        raise AgentError(
+            f"{name}: sigma=route needs what is usual along the route, which was never measured: "
+            f"`rudc agent calibrate {folder} --write` does so"
+        )
+    return LearnedAgent(name, config, learnt.arrays, learnt.percentiles)

@@ -12,7 +12,7 @@ from rudc.cli.complete import complete_agents
 from rudc.cli.console import note, print_table
 
 if TYPE_CHECKING:
-    from rudc.training.calibration import Calibration
+    from rudc.training.calibration import Limits
 
 app = typer.Typer(no_args_is_help=True, help="Who can drive the ego vehicle.")
 
@@ -53,8 +53,9 @@ def calibrate(
 ) -> None:
     """Measure the percentiles of a trained agent's uncertainty, sigma_l and sigma_h, as it drives.
 
-    Held-out episodes, driven as in a sweep. Also said: how often the stored percentiles are exceeded (5 % and
-    2.5 % where they hold). Only `--write` changes the agent.
+    Held-out episodes, driven as in a sweep. Of sigma as in the paper, and of sigma by route, which
+    `sigma=route` takes: compared with what is usual where the ego is. Also said: how often the stored
+    percentiles are exceeded (5 % and 2.5 % where they hold). Only `--write` changes the agent.
 
     **Example**: `rudc agent calibrate out/first`
     """
@@ -74,19 +75,19 @@ def calibrate(
             note(f"{done}/{len(names) * episodes} episodes")
 
     result = calibrate(found, names, episodes, write=write, advance=advance)
-    low, high = result.percentiles
     print_table(
-        ["", "sigma_l", "sigma_h"],
-        [["measured", f"{low:.3f}", f"{high:.3f}"], *_stored(result)],
-        right=(1, 2),
+        ["sigma", "", "sigma_l", "sigma_h"],
+        [line for kind, limits in result.kinds.items() for line in _lines(kind, limits)],
+        right=(2, 3),
     )
-    note(f"of {result.decisions} decisions; {'stored' if write else 'not stored: add --write'}")
+    stored = "stored" if write else "not stored: add --write"
+    note(f"of {result.decisions} decisions; the route explains {result.explained:.0%} of log sigma; {stored}")
 
 
-def _stored(result: Calibration) -> list[list[str]]:
-    if result.before is None or result.above is None:
-        return []
-    return [
-        ["stored so far", *(f"{value:.3f}" for value in result.before)],
-        ["decisions above those", *(f"{share:.1%}" for share in result.above)],
-    ]
+def _lines(kind: str, limits: Limits) -> list[list[str]]:
+    lines = [[kind, "measured", *(f"{value:.3f}" for value in limits.found)]]
+    if limits.before is not None:
+        lines.append([kind, "stored so far", *(f"{value:.3f}" for value in limits.before)])
+    if limits.above is not None:
+        lines.append([kind, "decisions above those", *(f"{share:.1%}" for share in limits.above)])
+    return lines

@@ -5,7 +5,8 @@ agent.json:
     algorithm, observation, action, correction, outlook, learner, training
                     what was set, key by key as in config.json; nothing that follows from it
     spaces          shapes and bounds of observation and action
-    sigma           sigma_l and sigma_h, 95th and 97.5th percentile of the uncertainty; null: not measured
+    sigma           kind, as was set; low and high: sigma_l and sigma_h, 95th and 97.5th percentile of
+                    sigma_total; null: not measured. Files of before there were kinds have none, or null
     prior           digest of the frozen prior networks, which are rebuilt from the seed and must match it
     weights         digest of the arrays in agent.safetensors: a mixture of two checkpoints is noticed
     code            version that wrote it
@@ -36,8 +37,9 @@ from rudc.learning.parameters import fingerprint
 
 FORMAT = 2
 WEIGHTS, DESCRIPTION = "agent.safetensors", "agent.json"
+SIGMA = "sigma"
 SECTIONS = ("algorithm", "observation", "action", "correction", "outlook", "learner", "training")
-"""of the settings"""
+"""of the settings, besides SIGMA"""
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,7 @@ class Checkpoint:
     """A trained agent, as stored."""
 
     settings: Mapping[str, Any]
-    """`SECTIONS`, plain JSON values"""
+    """`SECTIONS` and SIGMA, plain JSON values"""
     arrays: Arrays
     """weights, as `Learner.weights` gives them"""
     spaces: Mapping[str, Any] = field(default_factory=dict)
@@ -66,12 +68,12 @@ def save_checkpoint(folder: Path, checkpoint: Checkpoint) -> None:
     Raises StorageError, or InputError when there cannot be such a folder.
     """
     make_folder(folder)
-    sigma = checkpoint.sigma
+    low, high = checkpoint.sigma or (None, None)
     description = {
         "format": FORMAT,
         **{name: checkpoint.settings[name] for name in SECTIONS},
         "spaces": dict(checkpoint.spaces),
-        "sigma": None if sigma is None else dict(zip(("low", "high"), sigma, strict=True)),
+        SIGMA: {"kind": checkpoint.settings[SIGMA], "low": low, "high": high},
         "prior": checkpoint.prior,
         "weights": fingerprint(checkpoint.arrays),
         "code": checkpoint.code,
@@ -93,12 +95,12 @@ def load_checkpoint(folder: Path) -> Checkpoint:
         raise AgentError(f"{folder / DESCRIPTION}: is not a checkpoint of format {FORMAT}")
     arrays = load_state(folder / WEIGHTS)
     try:
-        sigma = description["sigma"]
+        sigma: dict[str, Any] = description[SIGMA] or {"low": None}
         checkpoint = Checkpoint(
-            settings={name: description[name] for name in SECTIONS},
+            settings={name: description[name] for name in SECTIONS} | {SIGMA: sigma.get("kind", "paper")},
             arrays=arrays,
             spaces=description["spaces"],
-            sigma=None if sigma is None else (float(sigma["low"]), float(sigma["high"])),
+            sigma=None if sigma["low"] is None else (float(sigma["low"]), float(sigma["high"])),
             prior=description["prior"],
             trained=description["trained"],
             code=description["code"],
@@ -106,7 +108,7 @@ def load_checkpoint(folder: Path) -> Checkpoint:
         digest = description["weights"]
     except KeyError as error:
         raise AgentError(f"{folder / DESCRIPTION}: {error.args[0]} is missing") from error
-    except (TypeError, ValueError, OverflowError) as error:
+    except (TypeError, ValueError, OverflowError, AttributeError) as error:
         raise AgentError(f"{folder / DESCRIPTION}: {error}") from error
     if checkpoint.sigma is not None and not 0 <= checkpoint.sigma[0] <= checkpoint.sigma[1] < math.inf:
         raise AgentError(f"{folder / DESCRIPTION}: sigma {checkpoint.sigma} is no range of an uncertainty")

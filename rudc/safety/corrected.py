@@ -32,3 +32,5 @@ class Corrected(NamedTuple):
     """ms in QP solvers"""
     infeasible: bool = False
     """whether no action within bounds satisfied all rows, as far as the solver could tell"""
+    slack: float = 0.0
+    """delta by which rows were relaxed, or tightened where negative: m2 per step, or 1 as a rate"""

@@ -30,6 +30,7 @@ What comes out, by `Corrected.status`:
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
@@ -44,6 +45,7 @@ from rudc.safety.last_resort import LastResort
 from rudc.safety.prediction import Predictor
 from rudc.safety.qp import TOLERANCE, Problem, Solution, make_solver
 from rudc.safety.rows import RowWeights, affine_rows, per_row
+from rudc.safety.slack import rate_factor
 from rudc.vehicle import EgoVehicle
 from rudc.world.scene import Scene
 
@@ -70,6 +72,15 @@ class _Bounds(NamedTuple):
     """(2,)"""
 
 
+class _Slack(NamedTuple):
+    """How much the rows are relaxed (rudc/safety/slack.py); 0 for not at all."""
+
+    level: float
+    """m2 per step, added to all rows"""
+    rate: float
+    """logarithm of the factor on the weight of h"""
+
+
 class _Conditions(NamedTuple):
     """The conditions of all constraints, exact to second order in time."""
 
@@ -94,6 +105,7 @@ class SafetyFilter:
         self.last_problem: Problem | None = None
         """the last QP of the last decision, solved or not; None if it had no constraints"""
         self._weights = config.row_weights(road=False), config.row_weights(road=True)
+        self._most = config.rule_settings.most(road=False), config.rule_settings.most(road=True)
         predictor = Predictor()
         self._builder = ConstraintBuilder(config, predictor)
         self._last_resort = LastResort(config, predictor) if config.last_resort else None
@@ -118,20 +130,26 @@ class SafetyFilter:
         return self._seen[1]
 
     def filter(
-        self, scene: Scene, u_rl: Array, slack: float = 0.0, residual: Array | None = None
+        self,
+        scene: Scene,
+        u_rl: Array,
+        slack: float = 0.0,
+        residual: Array | None = None,
+        rate: float = 0.0,
     ) -> Corrected:
         """The safe action for a nominal one `u_rl` (2,): acceleration m/s2, front-wheel angle rad.
 
-        `slack`: delta(sigma), m2 per step, for all rows. `residual`: (K,) m2 per step, predicted h(x_next)
+        `slack`: delta(sigma), m2 per step, for all rows. `rate`: the same as a rate (rudc/safety/slack.py).
+        `residual`: (K,) m2 per step, predicted h(x_next)
         minus the model's, in the order of `constraints(scene)`. Both as in `rows`, whichever kind of barrier.
         Raises SolverError if anything is not finite.
         """
         proposed = np.array([float(u_rl[0]), float(u_rl[1])])
-        if not (math.isfinite(proposed[0]) and math.isfinite(proposed[1]) and math.isfinite(slack)):
+        if not all(map(math.isfinite, (*proposed, slack, rate))):
             raise SolverError(
-                f"the filter was given an action or slack that is not finite: {proposed}, {slack}"
+                f"the filter was given an action or slack that is not finite: {proposed}, {slack}, {rate}"
             )
-        filtered = self._corrected(scene, proposed, slack, residual)
+        filtered = self._corrected(scene, proposed, _Slack(slack, rate), residual)
         if self._last_resort is not None:
             instead = self._last_resort.instead_of(scene, filtered.u)
             if instead is not None:
@@ -144,7 +162,7 @@ class SafetyFilter:
         names = tuple(["veh:" + scene.ids[i] for i in hit.tolist()])
         return filtered._replace(u=u, correction=u - proposed, status="last_resort", active=names)
 
-    def _corrected(self, scene: Scene, proposed: Array, slack: float, residual: Array | None) -> Corrected:
+    def _corrected(self, scene: Scene, proposed: Array, slack: _Slack, residual: Array | None) -> Corrected:
         """What the rows make of the action."""
         constraints = self.constraints(scene)
         bounds = self._bounds(scene, proposed)
@@ -193,18 +211,21 @@ class SafetyFilter:
         )
 
     def _conditions(
-        self, scene: Scene, constraints: Constraints, slack: float, residual: Array | None
+        self, scene: Scene, constraints: Constraints, slack: _Slack, residual: Array | None
     ) -> _Conditions:
         terms = constraints.terms(scene)
         if residual is not None and np.shape(residual) != (constraints.count,):
             raise SolverError(
                 f"the filter has {constraints.count} constraints, not {np.shape(residual)} as the residuals"
             )
-        relief = slack if residual is None else slack + residual
+        relief = slack.level if residual is None else slack.level + residual
         modes = constraints.mode.tobytes()
         weights = self._per_row.get(modes)
         if weights is None:
             weights = self._per_row[modes] = per_row(*self._weights, constraints.mode)
+        if slack.rate != 0.0:
+            most = np.where(constraints.mode > 0, *self._most)
+            weights = replace(weights, h=weights.h * rate_factor(slack.rate, terms.h, most))
         return _Conditions(terms, weights, relief)
 
     def _solve(

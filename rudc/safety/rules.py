@@ -31,6 +31,12 @@ class Rule(BaseModel):
         `second` and `required` must be the same for both.
         """
 
+    def most(self, *, road: bool) -> float:
+        """By what factor, 1 at least, the weight of h may grow or shrink such that rows still keep h >= 0;
+        1 of a rule that does not say, whose rate can therefore not be relaxed.
+        """
+        return 1.0
+
 
 class Ttcbf(Rule):
     """Truncated Taylor control barrier function."""
@@ -45,6 +51,10 @@ class Ttcbf(Rule):
     def weights(self, dt: float, *, road: bool) -> RowWeights:
         """See `Rule`."""
         return ttcbf_weights(self.road_rate if road else self.rate, self.gamma, dt)
+
+    def most(self, *, road: bool) -> float:
+        """See `Rule`: no more than all of h may be lost in a step."""
+        return 1.0 / (self.road_rate if road else self.rate)
 
 
 class Ecbf(Rule):
@@ -64,6 +74,11 @@ class Ecbf(Rule):
         if road:
             return ecbf_weights(self.road_rate1, self.road_rate2, dt)
         return ecbf_weights(self.rate1, self.rate2, dt)
+
+    def most(self, *, road: bool) -> float:
+        """See `Rule`: the poles of h'' + (l1 + l2) h' + k l1 l2 h must be real."""
+        l1, l2 = (self.road_rate1, self.road_rate2) if road else (self.rate1, self.rate2)
+        return (l1 + l2) ** 2 / (4.0 * l1 * l2)
 
 
 RULES: dict[str, type[Rule]] = {"ttcbf": Ttcbf, "ecbf": Ecbf}

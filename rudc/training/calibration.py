@@ -1,26 +1,28 @@
-"""sigma_l and sigma_h of an agent as it is deployed: percentiles of sigma over its decisions in held-out
-episodes.
+"""sigma_l and sigma_h of an agent as it is deployed, and what sigma is usual along the route: of its
+decisions in held-out episodes.
 
 Those of a training's last decisions do not hold afterwards: they are of a policy that explores, of critics
 that still changed, on the curriculum's starts. So at the end of a training, and by `rudc agent calibrate`,
-the final policy drives by its mean, corrected as it will be, and both are measured. The correction's slack
-depends on them in turn: it works with the old ones meanwhile, and where it matters calibrating again
-settles it.
+the final policy drives by its mean, with its outlook, corrected as it will be, and all of it is measured.
+The correction's slack depends on it in turn: it works with the old ones meanwhile, and where it matters
+calibrating again settles it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from rudc.agents.base import Agent, Decision
+from rudc.agents.base import Decision, EgoDriver
 from rudc.agents.checkpoint import load_learnt, save_learnt
 from rudc.agents.learned import LearnedAgent
-from rudc.arrays import Array
-from rudc.env.episode import Episode, StepResult
+from rudc.agents.outlook import OutlookAgent
+from rudc.agents.route_sigma import ROUTE, Heard, Place, RouteSigma, explained, fit, place_of
+from rudc.arrays import Array, Arrays
+from rudc.env.episode import Episode
 from rudc.errors import AgentError
 from rudc.evaluation.rollout import run_episode
 from rudc.learning.uncertainty import PERCENTILES
@@ -36,17 +38,64 @@ SCENARIOS = ("random_destination", "dense_left_turn")
 """that an agent is calibrated on unless told otherwise"""
 
 
-class Calibration(NamedTuple):
-    """What came out."""
+class Measured(NamedTuple):
+    """What held-out episodes say of sigma."""
 
     percentiles: tuple[float, float]
-    """sigma_l and sigma_h, reward units"""
-    decisions: int
-    """that they are of"""
+    """sigma_l and sigma_h of sigma_total, reward units"""
+    arrays: Arrays
+    """what is usual along the route, named as in a checkpoint"""
+
+
+class Limits(NamedTuple):
+    """sigma_l and sigma_h of one kind of sigma."""
+
+    found: tuple[float, float]
+    """reward units"""
     before: tuple[float, float] | None
     """those that the agent had"""
     above: tuple[float, float] | None
     """shares of the decisions above those: 0.05 and 0.025 if they held"""
+
+
+class Calibration(NamedTuple):
+    """What came out."""
+
+    kinds: Mapping[str, Limits]
+    """`paper` and `route`"""
+    decisions: int
+    """that they are of"""
+    explained: float
+    """share of the variance of log sigma_total that the place on the route explains, out of sample"""
+
+
+class Noting:
+    """An agent, and where it was and how unsure in each decision since it was reset."""
+
+    ego_driver: EgoDriver = "agent"
+
+    def __init__(self, agent: LearnedAgent) -> None:
+        self.name = agent.name
+        self._agent = agent
+
+    def reset(self, scene: Scene, seed: int) -> None:
+        """Reset the agent and forget."""
+        self._places: list[Place] = []
+        self._sigmas: list[tuple[float, ...]] = []
+        self._agent.reset(scene, seed)
+
+    def act(self, scene: Scene) -> Decision:
+        """The agent's decision."""
+        decision = self._agent.act(scene)
+        assert decision.uncertainty is not None
+        self._places.append(place_of(scene))
+        self._sigmas.append(tuple(float(value) for value in decision.uncertainty))
+        return decision
+
+    @property
+    def heard(self) -> Heard:
+        """The episode so far."""
+        return Heard(np.array(self._places, dtype=float), np.array(self._sigmas))
 
 
 def calibration_tasks(scenarios: Sequence[str], episodes: int) -> list[tuple[str, int]]:
@@ -55,28 +104,27 @@ def calibration_tasks(scenarios: Sequence[str], episodes: int) -> list[tuple[str
     return [(name, seed) for name in scenarios for seed in seeds]
 
 
-def sigmas_of(world: World, plan: EpisodePlan, agent: Agent) -> Array:
-    """sigma_total of each decision of an agent in an episode."""
-    seen: list[float] = []
-
-    def keep(_: Scene, decision: Decision, __: StepResult) -> None:
-        seen.append(decision.sigma)
-
-    run_episode(Episode(world), plan, agent, watch=keep)
-    return np.array(seen)
+def hear(world: World, plan: EpisodePlan, agent: LearnedAgent) -> Heard:
+    """An agent in an episode, driven as it is deployed: with its outlook."""
+    noting, outlook = Noting(agent), agent.config.outlook.make()
+    driver = noting if outlook is None else OutlookAgent(noting, agent.name, outlook)
+    run_episode(Episode(world), plan, driver)
+    return noting.heard
 
 
-def percentiles_of(sigmas: Sequence[Array]) -> tuple[float, float]:
-    """sigma_l and sigma_h of those of all episodes."""
-    low, high = np.percentile(np.concatenate(sigmas), PERCENTILES)
-    return float(low), float(high)
+def measured(episodes: Sequence[Heard]) -> Measured:
+    """sigma_l, sigma_h and what is usual along the route, of those of all episodes."""
+    low, high = np.percentile(np.concatenate([heard.sigmas for heard in episodes])[:, 2], PERCENTILES)
+    arrays = {f"{ROUTE}/{name}": value for name, value in fit(episodes).items()}
+    return Measured((float(low), float(high)), arrays)
 
 
 def calibrate(
-    folder: Path, scenarios: Sequence[str], episodes: int, *, write: bool, advance: Callable[[], None]
+    folder: Path, scenarios: Sequence[str], episodes: int, *, write: bool, advance: Callable[[], object]
 ) -> Calibration:
-    """Measure, and with `write` store, sigma_l and sigma_h of the agent in a checkpoint's folder. `advance`
-    is told of each episode. Raises AgentError if its critics say nothing of sigma.
+    """Measure, and with `write` store, sigma_l and sigma_h of the agent in a checkpoint's folder, of
+    sigma_total and by route. `advance` is told of each episode. Raises AgentError if its critics say nothing
+    of sigma.
     """
     learnt = load_learnt(folder)
     if not learnt.config.learner.states_sigma:
@@ -84,21 +132,33 @@ def calibrate(
             f"{folder}: {learnt.config.algorithm} states no sigma, so there is nothing to calibrate"
         )
     agent = LearnedAgent(str(folder), learnt.config, learnt.arrays, learnt.percentiles)
-    sigmas = []
+    heard = []
     for name in scenarios:
         scenario = load_scenario(name)
         world = World(load_network(scenario.network, scenario.junction))
         try:
             for _, seed in calibration_tasks((name,), episodes):
-                sigmas.append(sigmas_of(world, scenario.plan(seed), agent))
+                heard.append(hear(world, scenario.plan(seed), agent))
                 advance()
         finally:
             world.close()
-    found, everything = percentiles_of(sigmas), np.concatenate(sigmas)
-    above = None
-    if learnt.percentiles is not None:
-        low, high = (float(np.mean(everything > limit)) for limit in learnt.percentiles)
-        above = (low, high)
+    new, old = measured(heard), RouteSigma.among(learnt.arrays)
     if write:
-        save_learnt(folder, learnt._replace(percentiles=found))
-    return Calibration(found, everything.size, learnt.percentiles, above)
+        save_learnt(folder, learnt._replace(percentiles=new.percentiles, arrays=learnt.arrays | new.arrays))
+    total = np.concatenate([one.sigmas[:, 2] for one in heard])
+    usual = None if old is None else np.concatenate([old.of_heard(one)[:, 2] for one in heard])
+    by_route = RouteSigma.among(new.arrays)
+    assert by_route is not None
+    kinds = {
+        "paper": _limits(new.percentiles, learnt.percentiles, total),
+        "route": _limits(by_route.percentiles, None if old is None else old.percentiles, usual),
+    }
+    return Calibration(kinds, total.size, explained(heard))
+
+
+def _limits(found: tuple[float, float], before: tuple[float, float] | None, sigmas: Array | None) -> Limits:
+    """`sigmas`: by what the agent had."""
+    if before is None or sigmas is None:
+        return Limits(found, before, None)
+    low, high = (float(np.mean(sigmas > limit)) for limit in before)
+    return Limits(found, before, (low, high))

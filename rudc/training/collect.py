@@ -18,7 +18,8 @@ import numpy as np
 
 from rudc.agents.gap_acceptance import GapAcceptance
 from rudc.agents.learned import Choice, untrained
-from rudc.arrays import Array, Floats
+from rudc.agents.route_sigma import Heard
+from rudc.arrays import Floats
 from rudc.env.episode import Episode, Outcome, StepResult
 from rudc.env.observation import ObservationKind, observe_flat
 from rudc.evaluation.record import EpisodeRecord
@@ -27,7 +28,7 @@ from rudc.learning.nstep import NStep, Transition
 from rudc.network.network import load_network
 from rudc.scenario import load_scenario
 from rudc.scenario.plan import EpisodePlan
-from rudc.training.calibration import sigmas_of
+from rudc.training.calibration import hear
 from rudc.training.config import TrainConfig
 from rudc.training.curriculum import make_mixture
 from rudc.world.scene import Scene
@@ -107,9 +108,9 @@ class Collector:
         """Drive the held-out episodes (scenario, seed) by the policy's mean; the running episode is lost."""
         return tuple(run_episode(Episode(self._world), p, self._agent) for p in self._held_out(tasks))
 
-    def sigmas(self, tasks: tuple[tuple[str, int], ...]) -> tuple[Array, ...]:
-        """sigma_total of each decision in these episodes, driven as in `evaluate`."""
-        return tuple(sigmas_of(self._world, plan, self._agent) for plan in self._held_out(tasks))
+    def hear(self, tasks: tuple[tuple[str, int], ...]) -> tuple[Heard, ...]:
+        """What is stated in these episodes, driven as the agent will be."""
+        return tuple(hear(self._world, plan, self._agent) for plan in self._held_out(tasks))
 
     def close(self) -> None:
         """End the world."""

@@ -45,7 +45,7 @@ from rudc.learning.replay import Replay
 from rudc.learning.uncertainty import RunningPercentiles
 from rudc.scenario import load_scenario
 from rudc.settings import problems
-from rudc.training.calibration import calibration_tasks, percentiles_of
+from rudc.training.calibration import Measured, calibration_tasks, measured
 from rudc.training.collect import Finished
 from rudc.training.config import TrainConfig
 from rudc.training.curriculum import HELD_OUT_SEED, make_mixture
@@ -74,7 +74,7 @@ class Trainer:
         self._statistics = [field.name for field in fields(self._learner.statistics)]
         self._taken_along = config.correction.arrays(config.action.name)
         self._sigmas = RunningPercentiles()
-        self._calibrated: tuple[float, float] | None = None
+        self._calibrated: Measured | None = None
         self._round = 0
         self._finished: list[Finished] = []
         self._losses: list[Statistics] = []
@@ -194,7 +194,7 @@ class Trainer:
     def _evaluate(self) -> None:
         training = self._config.training
         seeds = range(HELD_OUT_SEED, HELD_OUT_SEED + training.evaluation_episodes)
-        self._pool.load(self._learner.weights(), self._percentiles())
+        self._pool.load(self._weights(), self._percentiles())
         records = self._pool.evaluate([(name, seed) for name in training.evaluate_on for seed in seeds])
         for row in evaluation_rows(self.steps, records):
             self._log.write("evaluation", row)
@@ -203,7 +203,7 @@ class Trainer:
                 self._watcher.note(f"step {self.steps}, {row['scenario']}: {rates}")
 
     def _calibrate(self) -> None:
-        """Take sigma_l and sigma_h of the final policy as it is deployed (see calibration.py)."""
+        """Take sigma of the final policy as it is deployed (see calibration.py)."""
         training = self._config.training
         if not (
             self._config.learner.states_sigma and training.calibration_episodes and self._learner.updates
@@ -211,11 +211,15 @@ class Trainer:
             return
         self._pool.load(self._learner.weights(), self._percentiles(), critics=True)
         tasks = calibration_tasks(training.evaluate_on, training.calibration_episodes)
-        self._calibrated = percentiles_of(self._pool.sigmas(tasks))
+        self._calibrated = measured(self._pool.hear(tasks))
+
+    def _weights(self) -> Arrays:
+        """The learner's, and what was found usual along the route."""
+        return self._learner.weights() | (self._calibrated.arrays if self._calibrated else {})
 
     def _percentiles(self) -> tuple[float, float] | None:
         if self._calibrated is not None:
-            return self._calibrated
+            return self._calibrated.percentiles
         low, high = self._sigmas.values()
         return (low, high) if math.isfinite(low) else None
 
@@ -240,7 +244,7 @@ class Trainer:
             "steps": self.steps,
             "updates": self._learner.updates,
         }
-        arrays = self._learner.weights() | self._taken_along
+        arrays = self._weights() | self._taken_along
         training = self._config.model_dump(mode="json")["training"]
         save_learnt(new, Learnt(self._config.agent, arrays, self._percentiles(), training, summary))
         state = {f"learner/{k}": v for k, v in self._learner.state().items()}

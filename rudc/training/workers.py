@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from multiprocessing.connection import Connection
 from typing import Any
 
-from rudc.arrays import Array
+from rudc.agents.route_sigma import Heard
 from rudc.errors import RudcError, TrainingError
 from rudc.evaluation.engine import quiet_start
 from rudc.evaluation.record import EpisodeRecord
@@ -63,9 +63,9 @@ class WorkerPool:
         """Drive held-out episodes (scenario, seed); records in the order of the tasks."""
         return self._shared("evaluate", tasks)
 
-    def sigmas(self, tasks: Sequence[tuple[str, int]]) -> list[Array]:
-        """sigma_total of each decision in held-out episodes (scenario, seed), episode by episode."""
-        return self._shared("sigmas", tasks)
+    def hear(self, tasks: Sequence[tuple[str, int]]) -> list[Heard]:
+        """What is stated in held-out episodes (scenario, seed), episode by episode."""
+        return self._shared("hear", tasks)
 
     def _shared(self, request: str, tasks: Sequence[tuple[str, int]]) -> list[Any]:
         count = len(self._workers)
@@ -134,7 +134,7 @@ def _answer(collector: Collector, request: str, arguments: tuple[Any, ...]) -> A
         return collector.load(*arguments)
     if request == "evaluate":
         return collector.evaluate(*arguments)
-    if request == "sigmas":
-        return collector.sigmas(*arguments)
+    if request == "hear":
+        return collector.hear(*arguments)
     round_, decisions, by, drop = arguments
     return collector.collect(round_, decisions, by, drop=drop)

@@ -124,3 +124,35 @@ def test_another_correction_takes_the_same_seat(monkeypatch, scene_on):
     assert proposal.sigma == choice.decision.sigma
     np.testing.assert_array_equal(proposal.action, choice.proposed)
     np.testing.assert_array_equal(proposal.observation, choice.observation)
+
+
+def test_a_constant_is_given_whatever_sigma_is_and_behind_any_driver():
+    scene = make_scene([Other(4.2, 0.0, math.pi / 2, 0.0, 8.0, 2.5)], v=0.0)
+    settings = {"constrained": "all", "road": False, "last_resort": False, "ttcbf_gamma": 0.0}
+    for constant, status in ((3.0, "nominal"), (0.1, "relaxed")):
+        correction = CbfSettings.preset("ttcbf", **settings, slack={"constant": constant}).make({})
+        answer = correction.correct(scene, Proposal(np.zeros(2)), None)
+        assert (answer.status, answer.slack) == (status, pytest.approx(0.1 * constant))
+
+
+def test_as_a_rate_the_slack_gives_nothing_away_at_rest_and_a_factor_else():
+    """Below h = 0 no sigma lets it stand; above, the h that may be lost in a step grows by exp(delta)."""
+    settings = {"constrained": "all", "road": False, "last_resort": False, "ttcbf_gamma": 0.0}
+    near, far = (make_scene([Other(x, 0.0, math.pi / 2, 0.0, 8.0, 2.5)], v=v) for x, v in ((4.2, 0), (13, 6)))
+
+    def braking(gain: float, sigma: float, scene) -> float:
+        slack = {"kind": "rate", "gain": gain} if gain else {}
+        correction = CbfSettings.preset("ttcbf", **settings, slack=slack).make({}, (5.0, 6.0))
+        return float(correction.correct(scene, Proposal(np.zeros(2), sigma=sigma), None).u[0])
+
+    fixed = braking(0.0, 3.0, far)
+    assert fixed < -0.5
+    assert braking(0.5, 3.0, far) > fixed
+    assert braking(0.5, 5.0, far) == pytest.approx(fixed, abs=1e-6)
+    assert braking(0.5, 7.0, far) < fixed
+    correction = CbfSettings.preset("ttcbf", **settings, slack={"kind": "rate", "gain": 9.0})
+    answer = correction.make({}, (5.0, 6.0)).correct(near, Proposal(np.zeros(2), sigma=0.0), None)
+    assert answer.h[0] < 0
+    assert answer.status == "relaxed"
+    with pytest.raises(InputError, match="has no effect with gain=0"):
+        read_correction({"kind": "cbf", "slack": {"kind": "rate"}})

@@ -1,7 +1,6 @@
 """A learnt policy at the wheel: what it proposes, how sure it is, what the filter makes of it."""
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +11,7 @@ from rudc.agents.learned import LearnedAgent, untrained
 from rudc.env.observation import observe_flat
 from rudc.learning.inference import Decider
 from rudc.learning.parameters import grouped, policy_arrays, twin_arrays
+from rudc.safety.corrected import Corrected
 from rudc.safety.slack import Slack
 from tests.agents.conftest import Other
 from tests.agents.learners import NETWORK, arrays_of, small
@@ -63,9 +63,9 @@ class Recorder:
     def reset(self) -> None:
         pass
 
-    def filter(self, scene, u_rl, slack: float = 0.0, residual=None):
+    def filter(self, scene, u_rl, slack: float = 0.0, residual=None, rate: float = 0.0):
         self.slacks.append(slack)
-        return SimpleNamespace(u=self._u)
+        return Corrected(self._u, self._u - u_rl, "solved")
 
 
 def test_the_filter_gets_the_slack_and_its_action_is_the_one_executed(scene):
@@ -76,6 +76,8 @@ def test_the_filter_gets_the_slack_and_its_action_is_the_one_executed(scene):
     agent.correction.filter = recorder  # pyright: ignore[reportAttributeAccessIssue] -- stands in for a filter
     choice = agent.choose(scene)
     assert recorder.slacks == [Slack(2.0 * 0.1, 3.0, 5.0)(choice.decision.sigma)]
+    assert choice.decision.corrected is not None
+    assert choice.decision.corrected.slack == recorder.slacks[0]
     assert choice.executed == pytest.approx(config.action.normalised(np.array([-6.0, 0.05]), scene))
     assert choice.executed[0] == -1.0
     assert choice.proposed[0] > -0.9

@@ -26,6 +26,7 @@ SETTINGS = {
     "observation": "conflict",
     "action": {"kind": "adjustment"},
     "correction": {"kind": "none"},
+    "sigma": "paper",
     "outlook": {"course": False, "plant": "off"},
     "learner": {"n_step": 3},
     "training": {"seed": 3},
@@ -60,6 +61,15 @@ def test_read_back_the_same(saved: tuple[Path, Checkpoint]) -> None:
     action = before.action(observation)
     assert np.array_equal(action, after.action(observation))
     assert before.uncertainty(observation, action) == after.uncertainty(observation, action)
+
+
+def test_one_from_before_there_were_kinds_of_sigma_states_the_papers(saved: tuple[Path, Checkpoint]) -> None:
+    folder, _ = saved
+    change(folder, sigma={"low": 3.5, "high": 4.25})
+    loaded = load_checkpoint(folder)
+    assert (loaded.settings["sigma"], loaded.sigma) == ("paper", (3.5, 4.25))
+    change(folder, sigma=None)
+    assert load_checkpoint(folder).sigma is None
 
 
 def test_files_of_two_checkpoints_are_noticed(saved: tuple[Path, Checkpoint]) -> None:

@@ -177,7 +177,7 @@ def test_nobody_trains_on_what_is_not_there(tmp_path: Path):
     assert stored_config(tmp_path / "a") is None  # the folder can be used with another device
     for wrong in ({"scenario": "no_such_scenario"}, {"evaluate_on": ("no_such_scenario",)}):
         with pytest.raises(InputError, match=r"no_such_scenario: no shipped scenario"):
-            train(_config(**wrong), tmp_path / "b", Watcher())
+            train(_config("rudc-wo-cbf", **wrong), tmp_path / "b", Watcher())
     assert not (tmp_path / "b").exists()
 
 
@@ -237,14 +237,17 @@ def test_algorithms_without_filter_train_resume_and_drive(tmp_path: Path, algori
 
 
 def test_the_final_policy_is_calibrated_as_it_drives(trained: Path, tmp_path: Path):
-    """sigma_l and sigma_h of the stored agent are those of the held-out episodes, and calibrating again,
-    which changes nothing here where no slack depends on them, finds the same.
+    """sigma_l and sigma_h of the stored agent are those of the held-out episodes, of both kinds, and
+    calibrating again, which changes nothing here where no slack depends on them, finds the same.
     """
     shutil.copytree(trained / "checkpoint", tmp_path / "copy")
     before = load_learnt(tmp_path / "copy").percentiles
     found = calibrate(tmp_path / "copy", ("random_destination",), 1, write=True, advance=int)
-    assert found.percentiles == pytest.approx(before, rel=1e-4)
-    assert found.above == pytest.approx((0.05, 0.025), abs=0.02)
+    for limits in found.kinds.values():
+        assert limits.found == pytest.approx(limits.before, rel=1e-4)
+        assert limits.above == pytest.approx((0.05, 0.025), abs=0.02)
+    assert found.kinds["paper"].before == before
     assert found.decisions > 20
+    make_agent(f"{tmp_path / 'copy'}:sigma=route")  # which needs what is usual along the route
     other = calibrate(tmp_path / "copy", ("dense_left_turn",), 1, write=True, advance=int)
-    assert load_learnt(tmp_path / "copy").percentiles == other.percentiles != before
+    assert load_learnt(tmp_path / "copy").percentiles == other.kinds["paper"].found != before

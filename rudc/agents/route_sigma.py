@@ -1,0 +1,177 @@
+"""sigma by route: how unsure the critics are, compared with what is usual where the ego is on its route.
+
+Most of sigma says how far the return still varies from here on, and that follows the route: the same at every
+visit of a place, whatever happens there (results/README.md). What is left once that is taken out says more of
+the situation. With x the place,
+
+    log sigma    = f(x) + e       f fitted to the decisions of the final policy in distribution
+    sigma(route) = sigma exp(mean f - f(x))
+
+the sigma that the decision would have at an ordinary place: reward units still, sigma_l and sigma_h being the
+percentiles of sigma(route) itself. f is linear between knots,
+
+    f(x) = stop[task, priority](way of the front bumper to the stop line) + go(way to the destination)
+
+by ridge regression: what all tasks and priorities share, and the deviation of each, which costs more. Beyond
+the outer knots f is constant. sigma_epi, sigma_ale and sigma_total have an f each. Percentiles are taken out
+of sample: each fifth of the episodes with f fitted to the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rudc.arrays import Array, Arrays, Index
+from rudc.env.distances import destination_s
+from rudc.errors import AgentError
+from rudc.learning.parameters import group
+from rudc.learning.uncertainty import PERCENTILES, Uncertainty
+from rudc.world.scene import Scene
+
+ROUTE = "route"
+"""what the names of these arrays begin with in a checkpoint"""
+STOP = np.array([-40, -30, -25, -20, -15, -10, -5, 0, 5, 10, 15, 20, 25, 30, 40], dtype=float)
+"""m before the stop line (negative: behind it), knots"""
+GO = np.array([0, 5, 10, 15, 20, 30, 40, 60, 80], dtype=float)
+"""m to the destination, knots"""
+TASKS, PRIORITIES = 3, 2
+SHARED_PRICE, OWN_PRICE = 1.0, 20.0
+"""of the ridge, in decisions: of what all places share, and of what a task or a priority has of its own"""
+FOLDS = 5
+LEAST = 1e-9
+"""reward units, smallest sigma that is told from 0"""
+
+
+class Place(NamedTuple):
+    """Where the ego is on its route; floats, or arrays of one shape."""
+
+    stop: Array | float
+    """m from the front bumper to the stop line, negative behind it"""
+    go: Array | float
+    """m to the destination"""
+    task: Index | int
+    """0 left, 1 straight, 2 right"""
+    major: Index | int
+    """1 on an arm with priority, else 0"""
+
+
+class Heard(NamedTuple):
+    """What an agent stated in the n decisions of an episode."""
+
+    places: Array
+    """(n, 4) `Place`, a row each"""
+    sigmas: Array
+    """(n, 3) sigma_epi, sigma_ale, sigma_total, reward units"""
+
+
+def place_of(scene: Scene) -> Place:
+    """Where the ego is."""
+    route = scene.route
+    front = scene.ego_s + 0.5 * scene.vehicle.length
+    return Place(route.stop_line_s - front, destination_s(scene) - scene.ego_s, route.task, int(route.major))
+
+
+class RouteSigma:
+    """f, as fitted."""
+
+    def __init__(self, arrays: Mapping[str, NDArray]) -> None:
+        """`arrays`: as `fit` gives them. Raises AgentError if they are others."""
+        wanted = {"stop": (3, TASKS, PRIORITIES, len(STOP)), "go": (3, len(GO)), "percentiles": (2,)}
+        found = {name: np.asarray(value).shape for name, value in arrays.items()}
+        if found != wanted:
+            raise AgentError(f"what is usual along the route is stored as {found}, not as {wanted}")
+        self._stop, self._go = (np.asarray(arrays[name], dtype=float) for name in ("stop", "go"))
+        low, high = (float(v) for v in arrays["percentiles"])
+        self.percentiles = (low, high)
+        """sigma_l and sigma_h of sigma(route), reward units"""
+
+    @classmethod
+    def among(cls, arrays: Mapping[str, NDArray]) -> RouteSigma | None:
+        """The one in a checkpoint's arrays; None if it was never fitted."""
+        own = group(arrays, ROUTE)
+        return cls(own) if own else None
+
+    def excess(self, places: Array) -> Array:
+        """(n, 3) f - mean f of places (n, 4), of log sigma_epi, sigma_ale and sigma_total."""
+        places = np.atleast_2d(places)
+        stop, go = _hats(places[:, 0], STOP), _hats(places[:, 1], GO)
+        values = self._stop[:, places[:, 2].astype(int), places[:, 3].astype(int)]
+        return np.einsum("knj,nj->nk", values, stop) + go @ self._go.T
+
+    def of(self, scene: Scene, unsure: Uncertainty) -> Uncertainty:
+        """What is stated in a scene, by route; reward units."""
+        shares = np.exp(-self.excess(np.array([place_of(scene)], dtype=float))[0])
+        return Uncertainty(*(value * share for value, share in zip(unsure, shares, strict=True)))
+
+    def of_heard(self, heard: Heard) -> Array:
+        """(n, 3) the same of an episode's decisions."""
+        return heard.sigmas * np.exp(-self.excess(heard.places))
+
+
+def fit(episodes: Sequence[Heard]) -> Arrays:
+    """Arrays of a `RouteSigma` fitted to these episodes; float32, small."""
+    everything = _fitted(episodes)
+    low, high = np.percentile(out_of_sample(episodes)[:, 2], PERCENTILES)
+    return {
+        name: value.astype(np.float32)
+        for name, value in {**everything, "percentiles": np.array([low, high])}.items()
+    }
+
+
+def out_of_sample(episodes: Sequence[Heard]) -> Array:
+    """(n, 3) sigma(route) of all decisions, each fifth of the episodes by what was fitted to the others."""
+    if len(episodes) < 2:
+        return np.concatenate([_made(_fitted(episodes)).of_heard(heard) for heard in episodes])
+    found: list[Array] = [np.zeros((0, 3))] * len(episodes)
+    for fold in range(min(FOLDS, len(episodes))):
+        others = [heard for k, heard in enumerate(episodes) if k % FOLDS != fold]
+        fitted = _made(_fitted(others))
+        for k in range(fold, len(episodes), FOLDS):
+            found[k] = fitted.of_heard(episodes[k])
+    return np.concatenate(found)
+
+
+def explained(episodes: Sequence[Heard]) -> float:
+    """Share of the variance of log sigma_total that f explains, out of sample."""
+    total = _log(np.concatenate([heard.sigmas for heard in episodes])[:, 2])
+    return 1.0 - float(np.var(_log(out_of_sample(episodes)[:, 2])) / max(np.var(total), LEAST))
+
+
+def _made(arrays: Arrays) -> RouteSigma:
+    return RouteSigma({**arrays, "percentiles": np.zeros(2)})
+
+
+def _fitted(episodes: Sequence[Heard]) -> Arrays:
+    """Values of f - mean f at the knots, by ridge regression."""
+    places = np.concatenate([heard.places for heard in episodes])
+    y = _log(np.concatenate([heard.sigmas for heard in episodes]))
+    stop, go = _hats(places[:, 0], STOP), _hats(places[:, 1], GO)
+    own = [places[:, 2] == task for task in range(TASKS)] + [places[:, 3] == one for one in range(PRIORITIES)]
+    x = np.hstack([stop, go, *(stop * flags[:, None] for flags in own)])
+    prices = np.full(x.shape[1], OWN_PRICE)
+    prices[: len(STOP) + len(GO)] = SHARED_PRICE
+    weights = np.linalg.solve(x.T @ x + np.diag(prices), x.T @ (y - y.mean(axis=0))).T
+    ends = np.cumsum([len(STOP), len(GO), *([len(STOP)] * (TASKS + PRIORITIES - 1))])
+    shared, far, *deviations = np.split(weights, ends, axis=1)
+    by_task, by_priority = np.stack(deviations[:TASKS], 1), np.stack(deviations[TASKS:], 1)
+    values = shared[:, None, None] + by_task[:, :, None] + by_priority[:, None]
+    return {"stop": values, "go": far}
+
+
+def _hats(x: Array, knots: Array) -> Array:
+    """(n, K) weights of the K knots for linear interpolation at x (n,), constant beyond the outer ones."""
+    x = np.clip(x, knots[0], knots[-1])
+    right = np.clip(np.searchsorted(knots, x), 1, len(knots) - 1)
+    share = (x - knots[right - 1]) / (knots[right] - knots[right - 1])
+    hats = np.zeros((len(x), len(knots)))
+    rows = np.arange(len(x))
+    hats[rows, right - 1], hats[rows, right] = 1.0 - share, share
+    return hats
+
+
+def _log(sigmas: Array) -> Array:
+    return np.log(np.maximum(sigmas, LEAST))
