@@ -3,6 +3,10 @@
 A course (rudc/network/course.py) is kept while it is clear, and planned anew once it is not, at most once
 in AGAIN_S s. While nothing is clear, the ego stops SHORT m before what blocks: nearer, nobody can pull out.
 Beside bodies it drives at most SLOW + PER_METRE x gap, in the bends of a course as of rudc/env/tracking.py.
+
+Where a course enters ground that its route does not touch (the lane beside, the lane of oncoming traffic),
+the ego gives way to all who drive there: until the gap between them suffices (rudc/agents/gaps.py) it stops
+before that ground; where that lies in the junction, at the waiting point.
 """
 
 from __future__ import annotations
@@ -14,6 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from rudc.agents.blocking import Blocking, Blocks
+from rudc.agents.gaps import entering, suffices
 from rudc.arrays import Array
 from rudc.env.remembered import Remembered
 from rudc.env.tracking import COMFORT, RESPONSE_S, speeds_in_bends, steering
@@ -41,7 +46,13 @@ LEEWAY = 0.03
 CREEPS, LOST = 2.0, 0.3
 """m/s, m: slower, and farther off its line, the ego is led anew"""
 HARDEST = 4.0
-"""m/s2, with which it stops for who comes the wrong way"""
+"""m/s2, with which it stops for others"""
+JUST_PAST = 3.0
+"""m, past its waiting point by less, an ego that creeps stays there for who comes the wrong way"""
+ASIDE = 1.0
+"""m beside its way, where the ego lets it pass if it has come farther"""
+AT_LINE = 0.3
+"""m, kept from where it stops"""
 STEEPEST = 0.6
 """rad, largest angle to the path from which a course is planned"""
 
@@ -62,6 +73,7 @@ class Courses:
 
     def see(self, scene: Scene) -> Scene:
         """The scene along the course."""
+        self._route = scene.route
         blocks = self._blocks = self._blocking.look(scene)
         shown = scene if self.course is None else along(scene, self.course)
         self._stop = math.inf
@@ -89,15 +101,19 @@ class Courses:
         `scene` as shown by `see`.
         """
         blocks = self._blocks
-        if blocks is None or not blocks.any:
+        if blocks is None or not (blocks.any or self.course):
             return u
-        speed = math.inf if self._stop == math.inf else math.sqrt(2 * COMFORT * max(self._stop, 0.0))
-        delta = float(u[1])
+        stop, delta = self._stop, float(u[1])
+        speed = math.inf
         if self.course is not None:
-            speed = min(speed, _speed_beside(scene, blocks))
+            profile = _profile(scene, blocks)
+            stop = min(stop, _entry(scene, self._route, profile))
+            speed = _speed_now(scene, profile)
             if _narrow(scene, blocks):
                 track = steering(scene)
                 delta = min(max(delta, track - LEEWAY), track + LEEWAY)
+        if stop < math.inf:
+            speed = min(speed, math.sqrt(2 * COMFORT * max(stop, 0.0)))
         wanted = max((speed - scene.ego.v) / RESPONSE_S, scene.vehicle.a_min)
         return np.array([min(float(u[0]), wanted), delta])
 
@@ -136,18 +152,23 @@ def _first_hit(scene: Scene, blocks: Blocks) -> float:
 
 
 def _wait(scene: Scene, blocks: Blocks) -> float:
-    """m to the stop line, or else the waiting point, if somebody is about to come through the junction the
-    wrong way.
+    """m to the stop line, or else the waiting point, or else the last place clear of them, if somebody is
+    about to come through the junction the wrong way.
 
-    inf if nobody is, or if the ego cannot stop at either.
+    inf if nobody is, or if the ego cannot stop there.
     """
     route, body = scene.route, scene.vehicle
     if not blocks.soon.number:
         return math.inf
+    s, gap = gaps_along(route.path, route.waiting_s, route.exit_s, body, blocks.soon)
+    if not (gap < CLEAR).any():
+        return math.inf
     front, least = scene.ego_s + 0.5 * body.length, scene.ego.v**2 / (2 * HARDEST)
-    rooms = [s - front for s in (route.stop_line_s, route.waiting_s) if s - front >= least]
-    _, gap = gaps_along(route.path, route.waiting_s, route.exit_s, body, blocks.soon)
-    return rooms[0] if rooms and (gap < CLEAR).any() else math.inf
+    if scene.ego.v < CREEPS and 0.0 <= front - route.waiting_s < JUST_PAST:
+        return 0.0
+    clear = float(s[gap < ASIDE][0]) - scene.ego_s
+    rooms = [*(s - front for s in (route.stop_line_s, route.waiting_s)), clear]
+    return next((room for room in rooms if room >= least), math.inf)
 
 
 def _narrow(scene: Scene, blocks: Blocks) -> bool:
@@ -162,12 +183,38 @@ def _astray(scene: Scene, blocks: Blocks) -> bool:
     return scene.ego.v < CREEPS and abs(scene.ego_offset) > LOST and _narrow(scene, blocks)
 
 
-def _speed_beside(scene: Scene, blocks: Blocks) -> float:
-    """m/s from which bends and gaps ahead can be driven, braking comfortably."""
+def _profile(scene: Scene, blocks: Blocks) -> Array:
+    """(M,) m/s, speed at each station of the ego's path that its bends and the gaps beside bodies allow."""
     path = scene.route.path
     s, gap = gaps_along(path, scene.ego_s - BACK, scene.ego_s + LOOK, scene.vehicle, blocks.standing)
-    if not len(s):
-        return math.inf
+    profile = speeds_in_bends(path).copy()
     station = np.minimum((s / SPACING).astype(np.int64), len(path.s) - 1)
-    speed = np.minimum(speeds_in_bends(path)[station], SLOW + PER_METRE * gap)
-    return float(np.sqrt(speed**2 + 2 * COMFORT * np.maximum(s - scene.ego_s, 0.0)).min())
+    np.minimum.at(profile, station, SLOW + PER_METRE * gap)
+    return profile
+
+
+def _speed_now(scene: Scene, profile: Array) -> float:
+    """m/s from which what the profile says of the next LOOK m can be kept, braking comfortably."""
+    s = scene.route.path.s
+    near = (s > scene.ego_s - BACK - SPACING) & (s < scene.ego_s + LOOK)
+    if not near.any():
+        return math.inf
+    return float(np.sqrt(profile[near] ** 2 + 2 * COMFORT * np.maximum(s[near] - scene.ego_s, 0.0)).min())
+
+
+def _entry(scene: Scene, route: Route, profile: Array) -> float:
+    """m from the front bumper to where the ego has to stop for those whose ground its course enters; inf if
+    it may go, or cannot stop any more.
+    """
+    found = entering(scene, route)
+    if found is None:
+        return math.inf
+    least = scene.ego.v**2 / (2 * HARDEST)
+    rooms = found.ego_in[~suffices(scene, found, profile) & (found.ego_in > least)]
+    if not len(rooms):
+        return math.inf
+    room, front = float(rooms.min()), scene.ego_s + 0.5 * scene.vehicle.length
+    waiting = scene.route.waiting_s - front
+    if scene.route.stop_line_s < front + room < scene.route.exit_s and waiting > least - AT_LINE:
+        room = min(room, waiting)
+    return max(room - AT_LINE, 0.0)

@@ -5,12 +5,7 @@ have no lane (pedestrians also where they will be within 2 s); once the ego has 
 
     a = A (1 - (v / v0)^4 - (g* / g)^2),    g* = G + v T + v (v - v_leader) / (2 sqrt(A B)).
 
-Gaps. For each surrounding vehicle whose path meets the ego's (`Network.conflict`), four times from now:
-    the ego's front reaches the conflict, its tail leaves it (accelerating as it would, bends respected),
-    the other's front reaches it at the earliest (accelerating), its tail leaves it (as fast as now).
-The gap suffices if the ego is gone `margin` before the other comes, or comes after the other is gone. Where
-both ways merge, gone means far enough in, and fast enough, not to be caught up with. The margin shrinks while
-the ego waits: nobody waits for a perfect gap for ever.
+Gaps. As in rudc/agents/gaps.py.
 
 Where it holds. Before the waiting point (the last place clear of those it must yield to; the stop line, if
 there is none inside the junction) it waits there for those it must yield to. Past it, and for those who
@@ -20,20 +15,16 @@ should yield but are already there, it stops before the conflict itself, if it s
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from rudc.agents.base import Decision, EgoDriver, unfiltered
-from rudc.arrays import Array, Flags
+from rudc.agents.gaps import ACCELERATION, CRUISE, DECELERATION, SLOWEST, crossing, suffices
 from rudc.env.tracking import acceleration_towards, speed_allowed, speeds_in_bends, steering
-from rudc.network.paths import SPACING
 from rudc.world.scene import Kind, Scene
 
-CRUISE = 8.5
-"""m/s, desired speed"""
-ACCELERATION, DECELERATION, HEADWAY, STANDSTILL = 2.0, 2.5, 1.0, 2.0
-"""m/s2, m/s2, s, m: IDM's A, B, T and G"""
+HEADWAY, STANDSTILL = 1.0, 2.0
+"""s, m: IDM's T and G"""
 HARDEST = 5.0
 """m/s2, braking with which it still tries to stop before a conflict"""
 LOOK_AHEAD = 50.0
@@ -42,38 +33,6 @@ BAND = 0.25
 """m to each side of the ego kept clear"""
 PEDESTRIAN_S = (0.0, 1.0, 2.0)
 """s ahead at which pedestrians are looked for on the path"""
-MARGIN, LEAST_MARGIN, PATIENCE = 1.2, 0.4, 12.0
-"""s, s, s: margin at first and after having waited for PATIENCE"""
-COURTESY = 3.0
-"""s of waiting after which those who stand before the conflict are taken to let it pass"""
-OTHERS_ACCELERATION = 1.5
-"""m/s2, assumed of the others where it is the worse"""
-MERGED = 6.0
-"""m beyond the start of a merge after which its vehicles follow one another"""
-SLOWEST = 1.0
-"""m/s, below which a vehicle counts as stopping: twice STANDING, since when one that creeps will have passed
-says nothing"""
-
-
-class _Conflicts(NamedTuple):
-    """The K surrounding vehicles that have yet to clear a conflict that the ego has yet to clear too."""
-
-    ego_in: Array
-    """(K,) m from the ego's front to the conflict, negative inside"""
-    ego_out: Array
-    """(K,) m the ego's front has to go until its tail is out"""
-    other_in: Array
-    """(K,) m from the other's front to the conflict, negative inside"""
-    other_out: Array
-    """(K,) m the other has to go until its tail is out"""
-    speed: Array
-    """(K,) m/s of the other"""
-    limit: Array
-    """(K,) m/s, what the other may come to drive"""
-    yields: Flags
-    """(K,) whether the ego must yield to it"""
-    merges: Flags
-    """(K,) whether both leave by the same lane"""
 
 
 class GapAcceptance:
@@ -134,10 +93,10 @@ class GapAcceptance:
 
     def _hold(self, scene: Scene) -> float:
         """m from the front bumper to where the ego has to stop; inf if it may go."""
-        found = _conflicts(scene)
+        found = crossing(scene)
         if found is None:
             return math.inf
-        unsafe = ~self._suffices(scene, found)
+        unsafe = ~suffices(scene, found, self._profile)
         if not unsafe.any():
             return math.inf
         front = scene.ego_s + 0.5 * scene.vehicle.length
@@ -150,79 +109,11 @@ class GapAcceptance:
         before = found.ego_in[there & (found.ego_in > stopping)] - BAND
         return min(room, float(before.min())) if len(before) else room
 
-    def _suffices(self, scene: Scene, found: _Conflicts) -> Flags:
-        """(K,) whether the ego may go as far as each of the others is concerned."""
-        margin = max(MARGIN - (MARGIN - LEAST_MARGIN) * scene.waited_s / PATIENCE, LEAST_MARGIN)
-        ego_in, ego_out, speed_then = self._times(scene, found)
-        other_in = _earliest(found.other_in, found.speed, found.limit)
-        other_out = np.maximum(found.other_out, 0.0) / np.maximum(found.speed, SLOWEST)
-        catching_up = np.where(found.merges, np.maximum(found.speed - speed_then, 0.0) / DECELERATION, 0.0)
-        first = ego_out + margin + catching_up < other_in
-        last = (other_out + 0.3 < ego_in) & (found.speed > SLOWEST)
-        waits = ~found.yields & (found.other_in > found.speed**2 / (2 * DECELERATION))
-        stands = (found.speed < SLOWEST) & (found.other_in > 0.0) & (scene.waited_s > COURTESY)
-        return first | last | waits | stands
-
-    def _times(self, scene: Scene, found: _Conflicts) -> tuple[Array, Array, Array]:
-        """(K,) s until the ego's front reaches each conflict and its tail leaves it, and (K,) m/s its speed
-        then.
-        """
-        begin = min(max(int(scene.ego_s / SPACING), 0), len(self._profile) - 2)
-        ahead = SPACING * np.arange(len(self._profile) - begin)
-        cruise = min(CRUISE, scene.route.speed_limit)
-        rising = np.sqrt(max(scene.ego.v, 0.5) ** 2 + 2 * ACCELERATION * ahead)
-        speed = np.minimum(np.minimum(rising, cruise), self._profile[begin:])
-        time = np.concatenate([[0.0], np.cumsum(2 * SPACING / (speed[1:] + speed[:-1]))])
-        ego_in = np.interp(np.maximum(found.ego_in, 0.0), ahead, time)
-        ego_out = np.interp(np.maximum(found.ego_out, 0.0), ahead, time)
-        return ego_in, ego_out, np.interp(np.maximum(found.ego_out, 0.0), ahead, speed)
-
 
 class Planner(GapAcceptance):
     """Gap acceptance on courses round what blocks the way: the yardstick where something does."""
 
     name = "planner"
-
-
-def _conflicts(scene: Scene) -> _Conflicts | None:
-    paths, own = scene.network.paths, scene.route.row
-    known = np.flatnonzero((scene.path >= 0) & (paths.origin[scene.path] != paths.origin[own]))
-    if not len(known):
-        return None
-    rows = scene.path[known]
-    table = scene.network.conflict(scene.route)[rows]
-    half, theirs = 0.5 * scene.vehicle.length, 0.5 * scene.size[known, 0]
-    merges = table[:, 3] > paths.exit_s[rows] + MERGED
-    ego_end = np.where(merges, np.minimum(table[:, 1], table[:, 0] + MERGED), table[:, 1])
-    other_end = np.where(merges, np.minimum(table[:, 3], table[:, 2] + MERGED), table[:, 3])
-    s = scene.path_s[known]
-    open_still = (s - theirs < other_end) & (
-        scene.ego_s - half < ego_end
-    )  # false where there is no conflict (nan)
-    keep = np.flatnonzero(open_still)
-    if not len(keep):
-        return None
-    speed = np.hypot(scene.velocity[known, 0], scene.velocity[known, 1])
-    return _Conflicts(
-        ego_in=(table[:, 0] - scene.ego_s - half)[keep],
-        ego_out=(ego_end - scene.ego_s + half)[keep],
-        other_in=(table[:, 2] - s - theirs)[keep],
-        other_out=(other_end - s + theirs)[keep],
-        speed=speed[keep],
-        limit=np.maximum(paths.speed_limit[rows], speed)[keep],
-        yields=paths.yields[own, rows][keep],
-        merges=merges[keep],
-    )
-
-
-def _earliest(distance: Array, speed: Array, limit: Array) -> Array:
-    """(K,) s in which the others cover (K,) m, accelerating from their speeds to their limits; 0 for what is
-    behind.
-    """
-    distance = np.maximum(distance, 0.0)
-    rising = (limit**2 - speed**2) / (2 * OTHERS_ACCELERATION)
-    top = np.sqrt(speed**2 + 2 * OTHERS_ACCELERATION * np.minimum(distance, rising))
-    return (top - speed) / OTHERS_ACCELERATION + np.maximum(distance - rising, 0.0) / limit
 
 
 def _idm(v: float, v0: float, gap: float, leader_speed: float) -> float:

@@ -57,6 +57,8 @@ MOST_PASSES = 4
 """how often rows are linearised at most; two do nearly always"""
 LEAST_ROOM = 1e-3
 """m/s2 between the bounds of acceleration at least, since interior-point solvers need an interior"""
+LEAST_LEVER = 1e-6
+"""m2 per unit of tan(steering) below which a row says nothing about steering"""
 PUSHING = 1e-6
 """multiplier (cost per m2) above which a row counts as active"""
 
@@ -266,10 +268,12 @@ class SafetyFilter:
         if passing.any() and conflict.any():
             solution = self._solver.solve(self._relaxed(part, mode, conflict))
             if solution.found:
-                return solution, kept
+                return solution._replace(x=_on_the_road(solution.x, part, mode)), kept
             spent_ms = solution.solve_ms
             part, mode, kept = _part(part, np.flatnonzero(~passing)), mode[~passing], kept[~passing]
         solution = self._solver.solve(self._relaxed(part, mode, np.zeros(len(mode), dtype=bool)))
+        if solution.found:
+            solution = solution._replace(x=_on_the_road(solution.x, part, mode))
         return solution._replace(solve_ms=solution.solve_ms + spent_ms), kept
 
     def _relaxed(self, problem: Problem, mode: Array, hard: Flags) -> Problem:
@@ -322,6 +326,27 @@ def _undecided(problem: Problem) -> tuple[Index, bool]:
 def _part(problem: Problem, kept: Index) -> Problem:
     """The problem with some of its rows only."""
     return problem._replace(A=np.asfortranarray(problem.A[kept]), b=problem.b[kept])
+
+
+def _on_the_road(x: Array, problem: Problem, mode: Array) -> Array:
+    """A relaxed solution (a, z, violations) with the steering that the road's rows (mode 0) want at its
+    acceleration.
+
+    Nothing is gained by leaving the road for somebody for whom the ego brakes already.
+    """
+    road = np.flatnonzero((mode == 0) & (np.abs(problem.A[:, 1]) > LEAST_LEVER))
+    if not len(road):
+        return x
+    lever = problem.A[road, 1]
+    wanted = (problem.b[road] - problem.A[road, 0] * x[0]) / lever
+    low, high = wanted[lever > 0].max(initial=-np.inf), wanted[lever < 0].min(initial=np.inf)
+    if low > high:  # from both edges: the solution's own
+        return x
+    z = min(max(x[1], low, problem.lower[1]), high, problem.upper[1])
+    if z == x[1]:
+        return x
+    u = np.array([x[0], z])
+    return np.concatenate([u, np.maximum(problem.b - problem.A @ u, 0.0)])
 
 
 def _refuse_unknown_rows(rows: Array, b: Array, names: tuple[str, ...]) -> None:

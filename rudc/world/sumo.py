@@ -37,6 +37,8 @@ HEEDLESS = 55
 """as OWN_SPEED, but right of way is ignored, before and inside a junction"""
 BRAKE_HARD = 27
 """as OWN_SPEED, but neither commands nor leaders are bound to the comfortable deceleration"""
+ONLY_WHEN_ASKED = 0b111100000000
+"""the bits of SUMO's lane-change mode that say how requests are obeyed; the others are reasons of its own"""
 OBEDIENT = 0
 """no check at all: the speed that is set is the speed that is driven"""
 
@@ -310,6 +312,18 @@ class Sumo:
     def keep_lane(self, vehicle: str) -> None:
         """From now on a vehicle changes lanes no more."""
         libsumo.vehicle.setLaneChangeMode(vehicle, 0)
+
+    @_to("hold a vehicle in its lane")
+    def hold_lane(self, vehicle: str) -> int:
+        """Have a vehicle change lanes only when asked to, and if there is room; what it did before."""
+        mode = libsumo.vehicle.getLaneChangeMode(vehicle)
+        libsumo.vehicle.setLaneChangeMode(vehicle, mode & ONLY_WHEN_ASKED)
+        return mode
+
+    @_to("set how a vehicle changes lanes")
+    def set_lane_changes(self, vehicle: str, mode: int) -> None:
+        """For which reasons a vehicle changes lanes, as `hold_lane` answered."""
+        libsumo.vehicle.setLaneChangeMode(vehicle, mode)
 
     @_to("slow a vehicle down")
     def slow_down(self, vehicle: str, speed: float, duration: float) -> None:

@@ -29,6 +29,7 @@ from rudc.world.detours import Detours
 from rudc.world.ego import EgoPlant, realised
 from rudc.world.events import Happening, Script, WorldStage
 from rudc.world.fault import Collision, judge
+from rudc.world.lane_keeping import LaneKeeping
 from rudc.world.perception import Sensors
 from rudc.world.reading import EgoView, Reader
 from rudc.world.scene import STANDING, EgoState, Kind, Scene
@@ -162,6 +163,7 @@ class World:
         every = LAYER_EVERY_MOVING if any(prop.moves for prop in self.stage.props) else LAYER_EVERY
         if self._decisions % every == 0:
             self._brake(scene, every * self.config.decision_s)
+        self._lane_keeping.step(scene)
         self._decisions += 1
         self._last_u = np.array(u, dtype=float)
         reached = self._drive(scene, float(u[0]), float(u[1]))
@@ -211,6 +213,7 @@ class World:
         self.traffic.begin(plan.traffic, traffic_rng)
         self._reader = Reader(self._sumo, self.network, self.traffic)
         self._brakes = Brakes(self._sumo, self.traffic)
+        self._lane_keeping = LaneKeeping(self._sumo)
         self._detours = Detours(self._sumo, self.network, self.traffic)
         self._script = Script(plan.events, self.stage)
         self.traffic.populate()

@@ -1,0 +1,162 @@
+"""Whether the gaps in the traffic that crosses or joins the ego's way suffice.
+
+For each surrounding vehicle whose path meets the ego's (`Network.conflict`), four times from now:
+    the ego's front reaches the conflict, its tail leaves it (accelerating as it would, bends respected),
+    the other's front reaches it at the earliest (accelerating), its tail leaves it (as fast as now).
+The gap suffices if the ego is gone `margin` before the other comes, or comes after the other is gone. Where
+both ways merge, gone means far enough in, and fast enough, not to be caught up with. The margin shrinks while
+the ego waits: nobody waits for a perfect gap for ever.
+
+Who crosses comes from another arm (`crossing`). A course (rudc/network/course.py) also enters ground that the
+route it replaces never touches: the lane beside, or the one against which the ego drives. There the ego gives
+way to everybody (`entering`), whatever the junction's right of way says of the two arms.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rudc.arrays import Array, Flags, Index
+from rudc.network.paths import SPACING
+from rudc.network.route import Route
+from rudc.world.scene import Scene
+
+CRUISE = 8.5
+"""m/s, desired speed"""
+ACCELERATION, DECELERATION = 2.0, 2.5
+"""m/s2, m/s2: IDM's A and B"""
+MARGIN, LEAST_MARGIN, PATIENCE = 1.2, 0.4, 12.0
+"""s, s, s: margin at first and after having waited for PATIENCE"""
+COURTESY = 3.0
+"""s of waiting after which those who stand before the conflict are taken to let it pass"""
+OTHERS_ACCELERATION = 1.5
+"""m/s2, assumed of the others where it is the worse"""
+MERGED = 6.0
+"""m beyond the start of a merge after which its vehicles follow one another"""
+SLOWEST = 1.0
+"""m/s, below which a vehicle counts as stopping: twice STANDING, since when one that creeps will have passed
+says nothing"""
+SOONER = 5.0
+"""m by which a conflict must begin sooner on a course than on its route to be one of the course's own"""
+
+
+class Conflicts(NamedTuple):
+    """The K surrounding vehicles that have yet to clear a conflict that the ego has yet to clear too."""
+
+    ego_in: Array
+    """(K,) m from the ego's front to the conflict, negative inside"""
+    ego_out: Array
+    """(K,) m the ego's front has to go until its tail is out"""
+    other_in: Array
+    """(K,) m from the other's front to the conflict, negative inside"""
+    other_out: Array
+    """(K,) m the other has to go until its tail is out"""
+    speed: Array
+    """(K,) m/s of the other"""
+    limit: Array
+    """(K,) m/s, what the other may come to drive"""
+    yields: Flags
+    """(K,) whether the ego must yield to it"""
+    merges: Flags
+    """(K,) whether both leave by the same lane"""
+
+
+def crossing(scene: Scene) -> Conflicts | None:
+    """With those from other arms; None if there are none."""
+    paths, own = scene.network.paths, scene.route.row
+    known = np.flatnonzero((scene.path >= 0) & (paths.origin[scene.path] != paths.origin[own]))
+    if not len(known):
+        return None
+    rows = scene.path[known]
+    table = scene.network.conflict(scene.route)[rows]
+    merges = table[:, 3] > paths.exit_s[rows] + MERGED
+    return _open(scene, known, table, merges, paths.yields[own, rows])
+
+
+def entering(scene: Scene, route: Route) -> Conflicts | None:
+    """With those on whose ground the ego's course comes, and its `route` does not, or later; None if nobody
+    is there.
+    """
+    driven = np.flatnonzero(scene.path >= 0)
+    if not len(driven):
+        return None
+    paths = scene.network.paths
+    table = scene.network.conflict(scene.route)[scene.path[driven]]
+    before = scene.network.conflict(route)[scene.path[driven]]
+    own = np.isfinite(table[:, 0]) & ~(before[:, 0] < table[:, 0] + SOONER)
+    known, table = driven[own], table[own]
+    if not len(known):
+        return None
+    _, _, theirs = paths.pose(scene.path[known], 0.5 * (table[:, 2] + table[:, 3]))
+    _, _, ours = scene.route.path.pose(0.5 * (table[:, 0] + table[:, 1]))
+    same_way = np.cos(theirs - ours) > 0.0
+    return _open(scene, known, table, same_way, np.ones(len(known), dtype=np.bool_))
+
+
+def _open(scene: Scene, known: Index, table: Array, merges: Flags, yields: Flags) -> Conflicts | None:
+    """Of the conflicts `table` (K, 4) with others `known` (K,) those that neither has cleared."""
+    paths, rows = scene.network.paths, scene.path[known]
+    half, theirs = 0.5 * scene.vehicle.length, 0.5 * scene.size[known, 0]
+    ego_end = np.where(merges, np.minimum(table[:, 1], table[:, 0] + MERGED), table[:, 1])
+    other_end = np.where(merges, np.minimum(table[:, 3], table[:, 2] + MERGED), table[:, 3])
+    s = scene.path_s[known]
+    open_still = (s - theirs < other_end) & (
+        scene.ego_s - half < ego_end
+    )  # false where there is no conflict (nan)
+    keep = np.flatnonzero(open_still)
+    if not len(keep):
+        return None
+    speed = np.hypot(scene.velocity[known, 0], scene.velocity[known, 1])
+    return Conflicts(
+        ego_in=(table[:, 0] - scene.ego_s - half)[keep],
+        ego_out=(ego_end - scene.ego_s + half)[keep],
+        other_in=(table[:, 2] - s - theirs)[keep],
+        other_out=(other_end - s + theirs)[keep],
+        speed=speed[keep],
+        limit=np.maximum(paths.speed_limit[rows], speed)[keep],
+        yields=yields[keep],
+        merges=merges[keep],
+    )
+
+
+def suffices(scene: Scene, found: Conflicts, profile: Array) -> Flags:
+    """(K,) whether the ego may go as far as each of the others is concerned; `profile`: m/s that it may drive
+    at each station of its path.
+    """
+    margin = max(MARGIN - (MARGIN - LEAST_MARGIN) * scene.waited_s / PATIENCE, LEAST_MARGIN)
+    ego_in, ego_out, speed_then = _times(scene, found, profile)
+    other_in = _earliest(found.other_in, found.speed, found.limit)
+    other_out = np.maximum(found.other_out, 0.0) / np.maximum(found.speed, SLOWEST)
+    catching_up = np.where(found.merges, np.maximum(found.speed - speed_then, 0.0) / DECELERATION, 0.0)
+    first = ego_out + margin + catching_up < other_in
+    last = (other_out + 0.3 < ego_in) & (found.speed > SLOWEST)
+    waits = ~found.yields & (found.other_in > found.speed**2 / (2 * DECELERATION))
+    stands = (found.speed < SLOWEST) & (found.other_in > 0.0) & (scene.waited_s > COURTESY)
+    return first | last | waits | stands
+
+
+def _times(scene: Scene, found: Conflicts, profile: Array) -> tuple[Array, Array, Array]:
+    """(K,) s until the ego's front reaches each conflict and its tail leaves it, and (K,) m/s its speed
+    then.
+    """
+    begin = min(max(int(scene.ego_s / SPACING), 0), len(profile) - 2)
+    ahead = SPACING * np.arange(len(profile) - begin)
+    cruise = min(CRUISE, scene.route.speed_limit)
+    rising = np.sqrt(max(scene.ego.v, 0.5) ** 2 + 2 * ACCELERATION * ahead)
+    speed = np.minimum(np.minimum(rising, cruise), profile[begin:])
+    time = np.concatenate([[0.0], np.cumsum(2 * SPACING / (speed[1:] + speed[:-1]))])
+    ego_in = np.interp(np.maximum(found.ego_in, 0.0), ahead, time)
+    ego_out = np.interp(np.maximum(found.ego_out, 0.0), ahead, time)
+    return ego_in, ego_out, np.interp(np.maximum(found.ego_out, 0.0), ahead, speed)
+
+
+def _earliest(distance: Array, speed: Array, limit: Array) -> Array:
+    """(K,) s in which the others cover (K,) m, accelerating from their speeds to their limits; 0 for what is
+    behind.
+    """
+    distance = np.maximum(distance, 0.0)
+    rising = (limit**2 - speed**2) / (2 * OTHERS_ACCELERATION)
+    top = np.sqrt(speed**2 + 2 * OTHERS_ACCELERATION * np.minimum(distance, rising))
+    return (top - speed) / OTHERS_ACCELERATION + np.maximum(distance - rising, 0.0) / limit

@@ -1,0 +1,48 @@
+"""Surrounding vehicles (SVs) near the ego change no lanes where SUMO would not see it.
+
+SUMO changes lanes from one step to the next, a lane's width sideways, and looks only along the two lanes.
+Inside a junction, and beside an ego between two lanes, that puts a vehicle onto the ego. There SVs within
+NEAR m of the ego stay in their lanes.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from rudc.world.scene import Scene
+    from rudc.world.sumo import Sumo
+
+NEAR = 15.0
+"""m between centres"""
+BETWEEN = 0.8
+"""m beside its route from where the ego may reach into another lane"""
+
+
+class LaneKeeping:
+    """Of one episode."""
+
+    def __init__(self, sumo: Sumo) -> None:
+        self._sumo = sumo
+        self._modes: dict[str, int] = {}
+
+    def step(self, scene: Scene) -> None:
+        """Hold who is near now; all others change lanes as they did."""
+        away = scene.position - scene.ego_position
+        near = (scene.path >= 0) & (np.hypot(away[:, 0], away[:, 1]) < NEAR)
+        if abs(scene.ego_offset) < BETWEEN and near.any():
+            paths, half = scene.network.paths, 0.5 * scene.size[:, 0]
+            past, before = (
+                scene.path_s + half > paths.stop_s[scene.path],
+                scene.path_s - half < paths.exit_s[scene.path],
+            )
+            near &= past & before
+        held = {scene.ids[i] for i in np.flatnonzero(near).tolist()}
+        for name in self._modes.keys() - held:
+            mode = self._modes.pop(name)
+            if name in scene.ids:
+                self._sumo.set_lane_changes(name, mode)
+        for name in sorted(held - self._modes.keys()):
+            self._modes[name] = self._sumo.hold_lane(name)
