@@ -5,7 +5,8 @@ identified.
                  the commands that are on their way, the others along their paths (Smith predictor)
     limits       braking and accelerating within USABLE mu g, for filter, last resort and driver alike
     govern       where grip is poor, speed in bends as of LATERAL mu g, reached by braking with BRAKING mu
-                 g; on straights at most max(CAREFUL, what stops within STOPPING m)
+                 g; on straights at most max(CAREFUL, what stops within STOPPING m); before what the ego does
+                 not see, what stops in time for who may come from there (hidden.py)
     probe        one short full braking at the start, since friction shows only once a command exceeds it
 
 The plant is estimated (rudc/safety/plant.py), or known (`Scene.actuation`: for ablations).
@@ -19,6 +20,7 @@ from typing import Literal
 
 import numpy as np
 
+from rudc.agents.hidden import speed_by_sight
 from rudc.arrays import Array
 from rudc.env.tracking import RESPONSE_S
 from rudc.network.paths import SPACING
@@ -87,7 +89,8 @@ class Adaptation:
         a, grip = float(u[0]), self.estimate.grip
         if grip < POOR:
             careful = max(CAREFUL, math.sqrt(2 * BRAKING * grip * STOPPING))
-            wanted = (min(self._allowed(scene, grip), careful) - scene.ego.v) / RESPONSE_S
+            by_sight = speed_by_sight(scene, BRAKING * grip)
+            wanted = (min(self._allowed(scene, grip), careful, by_sight) - scene.ego.v) / RESPONSE_S
             a = max(min(a, wanted), -USABLE * grip)
         if self._probing(scene):
             a = scene.vehicle.a_min

@@ -19,6 +19,7 @@ import numpy as np
 
 from rudc.agents.blocking import Blocking, Blocks
 from rudc.agents.gaps import entering, suffices
+from rudc.agents.standoff import Standoff
 from rudc.arrays import Array
 from rudc.env.remembered import Remembered
 from rudc.env.tracking import COMFORT, RESPONSE_S, speeds_in_bends, steering
@@ -65,6 +66,8 @@ class Courses:
     def reset(self, scene: Scene) -> None:
         """Begin a new episode on the route itself."""
         self._blocking = Blocking()
+        self._standoff = Standoff()
+        self._standoff.reset()
         self.course: Route | None = None
         """the course driven at present; None for the route itself"""
         self._again_s = -math.inf
@@ -100,6 +103,7 @@ class Courses:
 
         `scene` as shown by `see`.
         """
+        u = self._standoff.end(scene, u)
         blocks = self._blocks
         if blocks is None or not (blocks.any or self.course):
             return u

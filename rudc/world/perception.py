@@ -35,7 +35,11 @@ class Sensors:
 
     def perceive(self, scene: Scene, rng: np.random.Generator) -> Scene:
         """The scene as the ego sees it."""
-        if self.perfect or scene.count == 0:
+        if self.perfect:
+            return scene
+        boxes = self.occluders if len(self.occluders) else None
+        scene = replace(scene, hidden_by=boxes, sight_m=self.range_m)
+        if scene.count == 0:
             return scene
         seen = rng.random(scene.count) >= self.miss
         offset = scene.position - (scene.ego.x, scene.ego.y)
@@ -66,14 +70,19 @@ def visible(scene: Scene, occluders: Array) -> Flags:
     across = 0.5 * scene.size[:, 1:] * np.stack([-np.sin(scene.heading), np.cos(scene.heading)], axis=1)
     signs = np.array([(0, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)])
     points = scene.position[:, None] + signs[:, :1] * along[:, None] + signs[:, 1:] * across[:, None]
-    start = np.array([scene.ego.x, scene.ego.y])
-    clear = np.ones(points.shape[:2], dtype=bool)
+    return np.any(in_sight((scene.ego.x, scene.ego.y), points, occluders), axis=1)
+
+
+def in_sight(eye: tuple[float, float], points: Array, occluders: Array) -> Flags:
+    """(...) whether the line from the eye (m, m) to each of the points (..., 2) m clears all boxes (K, 5)."""
+    start = np.array(eye)
+    clear = np.ones(points.shape[:-1], dtype=bool)
     for x, y, heading, length, width in occluders:
         rotation = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
         a = rotation @ (start - (x, y))
         b = (points - (x, y)) @ rotation.T
         clear &= ~_segment_meets_box(a, b, 0.5 * np.array([length, width]))
-    return np.any(clear, axis=1)
+    return clear
 
 
 def _segment_meets_box(a: Array, b: Array, half: Array) -> Flags:

@@ -101,6 +101,11 @@ class Scene:
     """m, arc length on `route.path` where the episode succeeds; where the path ends if that comes first"""
     actuation: Actuation | None = None
     """what stands between a command and the wheels; for ablations, since no car knows that of itself"""
+    hidden_by: Array | None = None
+    """(K, 5) opaque boxes that hide what is behind them: centre x, y (m), heading (rad), length, width (m);
+    None for none"""
+    sight_m: float = math.inf
+    """m, how far the ego's sensors reach"""
 
     def __eq__(self, other: object) -> bool:
         """Whether both show the same instant, number for number (network and route: by identity)."""

@@ -12,7 +12,7 @@ layer looks only at pairs of an SV and
         wait in places that others, long ones above all, sweep over.
 
 An ego that waits where it should (before its stop line, or at its waiting point inside the junction) is in
-none of these cases; who queues behind it is SUMO's business.
+nobody's way, unless it stands beside its path there; who queues behind it is SUMO's business.
 
 SVs are predicted along their own lanes at constant speed, the ego along its reference path (straight ahead
 when off it), each at 0.25 s steps, as slightly enlarged rectangles. An SV that must yield brakes with b = v^2
@@ -176,10 +176,13 @@ def _ego(scene: Scene, speed: Array, driven: np.ndarray) -> _Threats | None:
     stray, half = off_path(scene), 0.5 * body.length
     waits, past = scene.ego_s + half <= route.waiting_s + 1.0, scene.ego_s - half > route.exit_s + PAST_M
     owe = scene.network.paths.yields[:, route.row]
-    if not stray and (past or (waits and (ego.v < LINGERS or not owe.any()))):
+    stands = waits and ego.v < LINGERS
+    if not stray and (past or (waits and not stands and not owe.any())):
         return None
     concerned = driven & (_near_ego(scene, speed) if stray else _meets_ego(scene, speed))
-    if waits and not stray:
+    if stands and not stray:
+        concerned &= scene.network.paths.origin[scene.path] != scene.network.paths.origin[route.row]
+    elif waits and not stray:
         concerned &= owe[scene.path]
     if not concerned.any():
         return None
