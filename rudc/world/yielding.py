@@ -31,7 +31,7 @@ import numpy as np
 from rudc.arrays import Array
 from rudc.geometry import separation
 from rudc.network.paths import SPACING
-from rudc.world.scene import Scene
+from rudc.world.scene import STANDING, Scene
 
 HORIZON_S = 0.25 * np.arange(9.0)
 """(9,) s, the instants looked at; the first is now"""
@@ -102,6 +102,7 @@ def must_yield(scene: Scene, *, ego_present: bool = True, brake_most: float = BR
     if threats is None:
         return NOBODY
     rows = np.flatnonzero(threats.heeded.any(axis=1))
+    passed = (speed[rows] < STANDING) & (found[0] is not None and scene.ego.v >= LINGERS)
     speed = np.maximum(speed[rows], CREEP)
     x, y, psi = _ahead(scene, rows, speed[:, None] * HORIZON_S)
     apart = separation(
@@ -111,10 +112,11 @@ def must_yield(scene: Scene, *, ego_present: bool = True, brake_most: float = BR
         0.5 * (scene.size[rows] + GROW)[:, None, None],
         threats.half[:, None],
     )
-    hit = np.any((apart <= 0.0) & threats.heeded[rows, :, None], axis=1)
+    overlaps = (apart <= 0.0) & threats.heeded[rows, :, None]
+    hit = np.any(overlaps, axis=1)
     if not hit.any():
         return NOBODY
-    return _braking(rows, speed, hit, brake_most)
+    return _braking(rows, speed, hit, passed & overlaps[:, 0, 0], brake_most)
 
 
 def ego_must_yield(scene: Scene, path: int, path_s: float) -> float:
@@ -150,12 +152,15 @@ def _ahead(scene: Scene, rows: np.ndarray, way: Array) -> tuple[Array, Array, Ar
     return x - beside * sin, y + beside * cos, psi
 
 
-def _braking(rows: np.ndarray, speed: Array, hit: np.ndarray, brake_most: float) -> Yielding:
-    """From who overlaps what when, hit (k, 9), to who brakes how hard."""
+def _braking(
+    rows: np.ndarray, speed: Array, hit: np.ndarray, passed: np.ndarray, brake_most: float
+) -> Yielding:
+    """From who overlaps what when, hit (k, 9), to who brakes how hard; passed (k,): who stands while the ego
+    passes it."""
     later = hit[:, 1:]
     first = np.argmax(later, axis=1) + 1
     # An overlap that is there already cannot be braked away, and the SV may be driving out of it.
-    yields = later.any(axis=1) & ~(hit[:, 0] & ~hit.all(axis=1))
+    yields = later.any(axis=1) & ~(hit[:, 0] & ~hit.all(axis=1) & ~passed)
     free = np.maximum(speed * HORIZON_S[first - 1] - 0.3, 0.05)
     need = speed**2 / (2 * free)
     brakes = yields & ((need > BRAKE_FROM) | (first <= 2))
