@@ -1,0 +1,77 @@
+"""Giving way where a course enters ground that its route does not touch; on scenes made by hand."""
+
+# ruff: noqa: F811 -- fixtures come by import
+import numpy as np
+import pytest
+
+from rudc.agents.courses import Courses, along
+from rudc.agents.gaps import entering
+from rudc.geometry import Rectangles
+from rudc.network.course import CoursePlanner
+from rudc.world.scene import Kind
+from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
+
+
+@pytest.fixture(scope="module")
+def rows(four_way):
+    """Rows straight on from the south: in the ego's own lane, and in the lane beside."""
+    route = four_way.route("south", "straight")
+    beside = [
+        row
+        for row in four_way.movement("south", "straight").rows
+        if four_way.inbound_lane(row).index != four_way.inbound_lane(route.row).index
+    ]
+    return route.row, beside[0]
+
+
+def truck(four_way):
+    """A truck that stands in the lane by which the ego leaves."""
+    route = four_way.route("south", "straight")
+    x, y, psi = (float(v) for v in route.path.pose(route.exit_s + 15.0))
+    return {"at": (x, y, psi), "size": (12.0, 2.5), "kind": Kind.TRUCK}
+
+
+def shown(four_way, scene):
+    """The scene along a course round the truck, and the guard's verdict on full acceleration."""
+    courses = Courses()
+    courses.reset(scene)
+    seen = courses.see(scene)
+    assert courses.course is not None
+    return seen, courses.govern(seen, np.array([2.0, 0.0]))
+
+
+@pytest.mark.parametrize("offset", [-6.0, 0.0, 6.0])
+def test_who_drives_beside_is_let_past(make_scene, four_way, rows, offset):
+    for front, stops in ((-10.0, False), (22.0, True)):
+        alone = make_scene(truck(four_way), front=front, v=7.0)
+        s = alone.ego_s + offset
+        with_neighbour = make_scene(truck(four_way), {"row": rows[1], "s": s, "v": 7.0}, front=front, v=7.0)
+        _, free = shown(four_way, alone)
+        _, held = shown(four_way, with_neighbour)
+        assert held[0] <= free[0]
+        assert (held[0] < free[0] - 0.5) or not stops
+
+
+def test_those_far_behind_ahead_or_in_the_own_lane_hinder_nobody(make_scene, four_way, rows):
+    ego_s = make_scene(front=8.0).ego_s
+    _, free = shown(four_way, make_scene(truck(four_way), front=8.0, v=7.0))
+    for row, s in ((rows[1], ego_s - 60.0), (rows[1], ego_s + 45.0), (rows[0], ego_s - 15.0)):
+        scene = make_scene(truck(four_way), {"row": row, "s": s, "v": 7.0}, front=8.0, v=7.0)
+        _, u = shown(four_way, scene)
+        assert u[0] == pytest.approx(free[0])
+
+
+def test_only_what_the_route_itself_does_not_touch_is_the_courses_own(make_scene, four_way, rows):
+    route = four_way.route("south", "straight")
+    scene = make_scene({"row": rows[1], "s": 100.0}, {"row": rows[0], "s": 60.0}, front=-10.0)
+    assert entering(scene, route) is None
+    body = truck(four_way)
+    standing = Rectangles(np.array([body["at"][:2]]), np.array([body["at"][2]]), np.array([body["size"]]))
+    nobody = Rectangles(np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)))
+    course = CoursePlanner(four_way, route, scene.vehicle).plan(scene.ego_s, 0.0, 0.0, standing, nobody)
+    assert course is not None
+    found = entering(along(scene, course), route)
+    assert found is not None
+    assert len(found.ego_in) == 1
+    assert found.merges.all()
+    assert found.yields.all()

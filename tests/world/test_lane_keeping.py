@@ -1,0 +1,29 @@
+"""Nobody jumps into another lane where SUMO does not see the ego."""
+
+from rudc.agents.registry import make_agent
+from rudc.env.episode import Episode
+from rudc.scenario import load_scenario
+from tests.world.conftest import world, world_on  # noqa: F401 -- fixtures
+
+
+def test_inside_the_junction_nobody_near_the_ego_changes_lanes(world_on):  # noqa: F811
+    """Seed 8 had a car jump sideways onto the ego's corner at 6.4 s."""
+    found = load_scenario("wrong_way_driver")
+    world = world_on(found.network)  # noqa: F811
+    episode = Episode(world)
+    scene = episode.reset(found.plan(8))
+    agent = make_agent("rudc-t")
+    agent.reset(scene, 8)
+    paths, jumps = scene.network.paths, 0
+    while episode.outcome is None and scene.time_s < 9.0:
+        before = {name: (scene.path[i], scene.position[i]) for i, name in enumerate(scene.ids)}
+        scene = episode.step(agent.act(scene).u).scene
+        for i, name in enumerate(scene.ids):
+            row, position = before.get(name, (-1, None))
+            if row < 0 or scene.path[i] < 0 or position is None:
+                continue
+            inside = paths.stop_s[row] < scene.path_s[i] < paths.exit_s[row]
+            moved = scene.position[i] - position
+            jumps += inside and scene.path[i] != row and float(moved @ moved) > 2.5**2
+    assert not jumps
+    assert episode.outcome is None
