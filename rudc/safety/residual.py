@@ -13,8 +13,13 @@ sizes it cancelled the filter's rows about them.
 
 There is one predictor for each kind of action: what slip and actuators make of a proposal depends on how
 proposals steer. Towards standstill w fades, in proportion to the ego's speed below FADING: an ego that stands
-moves as the model says, and an error of 0.01 m2 is enough to hold it for good. On ice a predictor fitted on
-dry roads is worse than none (share of the change of h that the model explains without it 0.92, with it 0.54).
+moves as the model says, and an error of 0.01 m2 is enough to hold it for good.
+
+A predictor fitted on dry roads takes for granted that the road gives what is asked of it. On ice it is right
+for as long as that is so, and worse than none where far more is asked. So w fades with what a proposal asks,
+from HOLDS to GIVES_OUT times the known limit. Known is what the scene's vehicle is said to brake with: the
+outlook (rudc/agents/outlook.py) shows its estimate of the grip, or the truth, so. Without an outlook nobody
+knows, and w counts in full.
 
 One predictor serves TTCBF and ECBF: both predict the same h by the same model and need the same w, in m2 per
 step; rows.py derives where it enters ECBF's row. The buffer (`Bodies.margin`) is part of xi, so that it
@@ -39,6 +44,7 @@ from rudc.errors import AgentError
 from rudc.safety.barrier import COMMON, STEP, Terms
 from rudc.safety.barriers import BARRIERS
 from rudc.safety.constraints import Constraints
+from rudc.vehicle import EgoVehicle
 from rudc.world.scene import Scene
 
 SHIPPED = "results/residual"
@@ -48,6 +54,13 @@ SUFFIX = ".safetensors"
 SPEED = COMMON.index("speed / 10")
 FADING = 1.0
 """m/s, speed of the ego below which w fades, in proportion, to 0"""
+
+DRY = EgoVehicle()
+"""the car on the road that predictors are fitted on"""
+HOLDS, GIVES_OUT = 1.5, 2.5
+"""acceleration asked for, over what the road is known to give, up to which w counts in full, and from which
+on it does not count: at mu of 0.2, 0.35 and 0.65 w mended the prediction up to 1.6 and spoilt it beyond 2.5
+"""
 
 
 def heads() -> dict[str, tuple[str, ...]]:
@@ -84,6 +97,17 @@ def predicted_change(terms: Terms, a: float, z: float) -> Array:
     return STEP * first + 0.5 * STEP * STEP * second
 
 
+def trust(vehicle: EgoVehicle, v: float, u: Array) -> float:
+    """0 to 1, how much w counts for a proposal u (2,), m/s2 and rad, at v m/s; `vehicle` is the scene's."""
+    limit = -vehicle.a_min
+    if limit >= -DRY.a_min:
+        return 1.0
+    slip = math.atan(vehicle.cg_to_rear / vehicle.wheelbase * math.tan(u[1]))
+    lateral = v * v * math.sin(slip) / vehicle.cg_to_rear
+    asked = math.hypot(max(float(u[0]), -v / STEP), lateral) / max(limit, 1e-6)
+    return min(max((GIVES_OUT - asked) / (GIVES_OUT - HOLDS), 0.0), 1.0)
+
+
 class ResidualPredictor:
     """f_vehicle and f_road, and one head for each further barrier that has been fitted."""
 
@@ -108,11 +132,15 @@ class ResidualPredictor:
 
     def __call__(self, scene: Scene, constraints: Constraints, u_rl: Array) -> Array:
         """(K,) m2 per step, w of all constraints for the proposed action (2,), m/s2 and rad."""
-        xi, w = features(scene, constraints, u_rl), np.zeros(constraints.count)
+        w = np.zeros(constraints.count)
+        counts = trust(scene.vehicle, scene.ego.v, u_rl)
+        if counts == 0.0:
+            return w
+        xi = features(scene, constraints, u_rl)
         for barrier, _, rows in constraints.parts:
             if barrier.name in self._heads:
                 w[rows] = self.of(barrier.name, xi[barrier.name])
-        return w
+        return counts * w
 
     def of(self, head: str, xi: Array) -> Array:
         """(n,) m2 per step, w from features (n, F) of one head."""

@@ -15,6 +15,7 @@ from rudc.agents.registry import agent_settings, make_agent
 from rudc.env.episode import Episode
 from rudc.errors import AgentError
 from rudc.safety.plant import SUBSTEP_S
+from rudc.safety.residual import trust
 from rudc.scenario import load_scenario
 from rudc.vehicle import Actuation
 from rudc.world.ego import EgoPlant
@@ -146,6 +147,18 @@ def test_the_probe_is_short_on_a_dry_road_and_can_be_left_out(world):
         hardest[text] = [float(decision.u[0]) for _, decision in seen]
     assert sum(a < -5.9 for a in hardest["true"]) == 1
     assert min(hardest["false"]) > -3.0
+
+
+@pytest.mark.parametrize(
+    ("plant", "friction", "counts"), [("known", None, 1.0), ("known", 0.3, 0.0), ("off", 0.3, 1.0)]
+)
+def test_residuals_do_not_count_where_more_is_asked_than_ice_is_known_to_give(
+    make_scene, plant, friction, counts
+):
+    scene = make_scene(v=9.0, actuation=Actuation(friction=friction))
+    outlook = OutlookSettings(plant=plant, course=True).make()
+    outlook.reset(scene)
+    assert trust(outlook.see(scene).vehicle, 9.0, np.array([-6.0, 0.3])) == counts
 
 
 def test_settings_are_those_of_the_one_tree():

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from rudc.agents.base import layers
-from rudc.agents.checkpoint import shipped_checkpoints
+from rudc.agents.checkpoint import load_learnt, shipped_checkpoints
+from rudc.agents.correction import RESIDUAL
 from rudc.agents.filtered import FILTERS, FilteredAgent
 from rudc.agents.registry import agent_names, agent_settings, agent_summary, make_agent
 from rudc.errors import AgentError
@@ -78,6 +79,16 @@ def test_a_filter_leaves_an_empty_road_alone(scene_on):
     assert decision.corrected is not None
     assert decision.corrected.status == "nominal"
     np.testing.assert_allclose(decision.u, bare.act(scene).u)
+
+
+@pytest.mark.parametrize("name", shipped_checkpoints())
+def test_shipped_agents_carry_the_residual_predictor_of_their_own_actions(name):
+    learnt = load_learnt(shipped_checkpoints()[name])
+    carried = {k: v for k, v in learnt.arrays.items() if k.startswith(RESIDUAL)}
+    wanted = learnt.config.correction.arrays(learnt.config.action.name)
+    assert carried.keys() == wanted.keys()
+    for key, array in wanted.items():
+        np.testing.assert_array_equal(carried[key], array)
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """What the residual predictor sees, and the prediction that it adds to."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -84,6 +86,21 @@ def test_residuals_fade_towards_standstill():
     standing = make_scene(others=[Other(6.0, 3.0), Other(-8.0, -3.0, 0.3, 6.0)], v=0.0)
     constraints = ConstraintBuilder(FilterConfig.preset("ttcbf", constrained="all")).build(standing)
     assert not predictor(standing, constraints, u).any()
+
+
+@pytest.mark.parametrize(
+    ("a_min", "braking", "counts"),
+    [(-6.0, 6.0, 1.0), (-2.0, 3.0, 1.0), (-2.0, 4.0, 0.5), (-2.0, 5.0, 0.0), (-0.0, 1.0, 0.0)],
+)
+def test_residuals_fade_where_more_is_asked_than_the_road_is_known_to_give(a_min, braking, counts):
+    """The predictor was fitted on dry roads."""
+    predictor, u = shipped_predictor(), np.array([-braking, 0.0])
+    dry = predictor(SCENE, CONSTRAINTS, u)
+    assert dry.any()
+    slippery = replace(SCENE, vehicle=replace(SCENE.vehicle, a_min=a_min))
+    np.testing.assert_allclose(predictor(slippery, CONSTRAINTS, u), counts * dry)
+    turning = np.array([0.0, 0.4])  # 11 m/s2 to the side
+    assert predictor(slippery, CONSTRAINTS, turning).any() == (a_min == -6.0)
 
 
 def test_each_kind_of_action_has_its_predictor():

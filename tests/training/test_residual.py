@@ -1,5 +1,7 @@
 """The residual predictor: its samples, what it learns, and how it comes back from a file."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -8,13 +10,13 @@ from safetensors.numpy import save_file
 from rudc.arrays import Array
 from rudc.env.action import Adjustment
 from rudc.errors import AgentError, InputError
-from rudc.safety.residual import (
-    ResidualPredictor,
-    heads,
-    load_predictor,
-)
+from rudc.safety.residual import ResidualPredictor, heads, load_predictor, shipped_predictor, trust
+from rudc.scenario import load_scenario
+from rudc.training import residual_data
+from rudc.training.curriculum import Mixture
 from rudc.training.residual_data import Samples, collect, load_dataset, save_dataset
 from rudc.training.residual_fit import _initial, _predict, evaluate, fit, standing
+from rudc.vehicle import EgoVehicle
 
 VEHICLE, ROAD = heads().values()
 
@@ -130,3 +132,20 @@ def test_what_is_no_predictor_and_no_samples_is_refused(tmp_path):
     save_file({"vehicle/mean": np.zeros(3, np.float32)}, tmp_path / "part")
     with pytest.raises(AgentError, match="lacks 'vehicle/spread'"):
         load_predictor(tmp_path / "part")
+
+
+def test_on_ice_the_faded_predictor_is_better_than_none(monkeypatch):
+    """Random actions ask for far more than the road gives; unfaded, it is worse than none."""
+    ice = {"events": [{"kind": "low_friction", "friction": 0.2}]}
+    mixture = Mixture((load_scenario("random_destination", ice),), (1.0,))
+    monkeypatch.setattr(residual_data, "make_mixture", lambda source, curriculum: mixture)
+    samples = residual_data.collect(1500, 3, Adjustment(), lambda count: None)["road"]
+    known = replace(EgoVehicle(), a_min=-0.2 * 9.81)
+    counts = [
+        trust(known, 10 * v, np.array([6 * a, np.arctan(tan)]))
+        for a, tan, v in samples.xi[:, :3].astype(float)
+    ]
+    w = shipped_predictor().of("road", samples.xi.astype(float))
+    alone, unfaded, faded = (np.mean((samples.w - f * w) ** 2) for f in (0.0, 1.0, np.array(counts)))
+    assert faded < alone < unfaded
+    assert faded < 0.9 * alone
