@@ -10,7 +10,7 @@ import pytest
 from rudc.agents.adaptation import Adaptation
 from rudc.agents.blocking import PATIENCE, Blocking
 from rudc.agents.courses import Courses, along
-from rudc.agents.outlook import OutlookAgent, OutlookSettings
+from rudc.agents.outlook import Outlook, OutlookAgent, OutlookSettings
 from rudc.agents.registry import agent_settings, make_agent
 from rudc.env.episode import Episode
 from rudc.errors import AgentError
@@ -73,10 +73,11 @@ def test_a_queue_blocks_only_behind_somebody_who_goes_nowhere(make_scene, four_w
     ]
     watch = Blocking()
     scene = make_scene(*queue, *inbound)
-    for k in range(round(10 * PATIENCE) + 3):
-        blocks = watch.look(replace(scene, time_s=0.1 * k))
-        if k < 10 * PATIENCE:
-            assert not blocks.any
+    waits = math.ceil(10 * PATIENCE)
+    assert not any(watch.look(replace(scene, time_s=0.1 * k)).any for k in range(waits))
+    for k in (0, 1):
+        watch.look(replace(scene, time_s=0.1 * (waits + k)))
+    blocks = watch.look(replace(scene, time_s=0.1 * (waits + 2)))
     assert blocks.standing.number == 2
     assert {tuple(p) for p in blocks.standing.position} == {tuple(p) for p in scene.position[:2]}
 
@@ -115,7 +116,7 @@ def test_it_decides_where_the_car_will_be_when_the_command_acts(make_scene, actu
         shown.append((adaptation.see(here).ego, plant.state))
         given = np.array([rng.uniform(-3.0, 3.0), rng.uniform(-0.1, 0.1)])
         for _ in range(2):
-            plant.step(*given, SUBSTEP_S)
+            plant.step(float(given[0]), float(given[1]), SUBSTEP_S)
     late = round(actuation.delay_s / 0.1)
     for k in range(10, 30 - late):
         predicted, true = shown[k][0], shown[k + late][1]
@@ -156,7 +157,7 @@ def test_residuals_do_not_count_where_more_is_asked_than_ice_is_known_to_give(
     make_scene, plant, friction, counts
 ):
     scene = make_scene(v=9.0, actuation=Actuation(friction=friction))
-    outlook = OutlookSettings(plant=plant, course=True).make()
+    outlook = Outlook(OutlookSettings(plant=plant))
     outlook.reset(scene)
     assert trust(outlook.see(scene).vehicle, 9.0, np.array([-6.0, 0.3])) == counts
 

@@ -15,7 +15,7 @@ from tests.safety.scenes import Other, make_scene
 
 VEHICLE, ROAD = heads().values()
 SCENE = make_scene(others=[Other(20.0, 3.0, 0.3, 6.0), Other(-15.0, -8.0, 2.0, 4.0, row=0, s=90.0)])
-CONSTRAINTS = ConstraintBuilder(FilterConfig(constrained="all")).build(SCENE)
+CONSTRAINTS = ConstraintBuilder(FilterConfig.preset("ttcbf", constrained="all")).build(SCENE)
 
 
 def test_the_prediction_is_the_rows_own():
@@ -47,13 +47,13 @@ def test_features_say_what_they_are_named_after():
 
 def test_no_action_drives_backwards():
     standing = make_scene(others=[Other(20.0, 3.0)], v=0.0)
-    constraints = ConstraintBuilder(FilterConfig(constrained="all")).build(standing)
+    constraints = ConstraintBuilder(FilterConfig.preset("ttcbf", constrained="all")).build(standing)
     one, other = (features(standing, constraints, np.array([a, 0.0]))["vehicle"] for a in (-6.0, 0.0))
     np.testing.assert_array_equal(one, other)
 
 
 def test_a_negative_residual_tightens_and_a_positive_one_relaxes():
-    guard = SafetyFilter(FilterConfig(constrained="all", road=False))
+    guard = SafetyFilter(FilterConfig.preset("ttcbf", constrained="all", road=False))
     scene = make_scene(others=[Other(17.0, 0.0, 0.0, 0.0)], v=8.0)
     u_rl = np.array([0.0, 0.0])
     none = np.zeros(guard.constraints(scene).count)
@@ -65,7 +65,7 @@ def test_a_negative_residual_tightens_and_a_positive_one_relaxes():
 @pytest.mark.parametrize("size", [(12.0, 2.5), (1.6, 0.6), (0.5, 0.5), (20.0, 3.5)])
 def test_sizes_that_the_shipped_predictor_has_not_seen_do_not_mislead_it(size):
     """Trucks, bicycles, pedestrians and closed lanes: their residual is that of a car in their place."""
-    guard = SafetyFilter(FilterConfig(constrained="all", road=False))
+    guard = SafetyFilter(FilterConfig.preset("ttcbf", constrained="all", road=False))
     u_rl = np.array([1.0, 0.0])
     scenes = [
         make_scene(others=[Other(20.0, 0.5, 0.0, 0.0, length, width)], v=8.0)
