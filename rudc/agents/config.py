@@ -69,9 +69,11 @@ class AgentConfig(Settings):
 
     @model_validator(mode="after")
     def _states_what_is_asked(self) -> Self:
-        if self.correction.asks_critics and not self.learner.states_sigma:
+        unsaid = [what for what in self.correction.asks if what not in self.learner.offers]
+        if unsaid:
             raise ValueError(
-                f"the correction asks how sure the critics are, which those of {self.algorithm!r} do not say"
+                f"the correction asks the critics for {' and '.join(unsaid)}, which those of "
+                f"{self.algorithm!r} do not say"
             )
         if self.sigma == "route" and not self.learner.states_sigma:
             raise ValueError(f"sigma=route: the critics of {self.algorithm!r} state no sigma")

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from pydantic import BeforeValidator, ConfigDict, Field, SerializeAsAny
 
 from rudc.arrays import Array, Arrays, Floats
+from rudc.env.action import ActionKind, Adjustment
 from rudc.kinds import of_kind, read_kind
 from rudc.safety.config import FilterConfig
 from rudc.safety.corrected import Corrected
@@ -40,6 +41,8 @@ from rudc.safety.slack import Slack
 from rudc.settings import Settings
 from rudc.world.scene import Scene
 
+ADJUSTMENT = Adjustment()
+"""what the numbers of a proposed action mean unless it is said otherwise"""
 Percentiles = tuple[float, float] | None
 RESIDUAL = "residual/"
 """what the names of the residual predictor's arrays begin with"""
@@ -86,19 +89,21 @@ class CorrectionKind(Settings):
     """Base of the settings of all corrections; subclasses have `kind`, their name in `CORRECTIONS`."""
 
     @property
-    def asks_critics(self) -> bool:
-        """Whether it needs sigma or asks critics otherwise, so that whoever drives must have them."""
-        return False
+    def asks(self) -> tuple[str, ...]:
+        """What it needs of whoever drives, beyond the proposed action: `sigma`, or by the names of their
+        methods what it asks critics for. Learners say what they offer (`LearnerConfig.offers`).
+        """
+        return ()
 
-    def arrays(self, action: str = "adjustment") -> Arrays:
+    def arrays(self, action: ActionKind = ADJUSTMENT) -> Arrays:
         """Weights of its own that a trained agent takes along, named as in a checkpoint: others may be
-        shipped one day. `action`: kind of action that is proposed.
+        shipped one day. `action`: what the proposed numbers mean.
         """
         return {}
 
     @abstractmethod
     def make(
-        self, arrays: Mapping[str, NDArray], percentiles: Percentiles = None, action: str = "adjustment"
+        self, arrays: Mapping[str, NDArray], percentiles: Percentiles = None, action: ActionKind = ADJUSTMENT
     ) -> Correction | None:
         """The correction; None if there is none. `arrays` and `percentiles` as for `Correction.load`,
         `action` as for `arrays`.
@@ -111,7 +116,7 @@ class NoCorrection(CorrectionKind):
     kind: Literal["none"] = "none"
 
     def make(
-        self, arrays: Mapping[str, NDArray], percentiles: Percentiles = None, action: str = "adjustment"
+        self, arrays: Mapping[str, NDArray], percentiles: Percentiles = None, action: ActionKind = ADJUSTMENT
     ) -> None:
         """None."""
 
@@ -147,16 +152,19 @@ class CbfSettings(FilterConfig, CorrectionKind):
     """whether rows take in the residuals that a learnt predictor expects (rudc/safety/residual.py)"""
 
     @property
-    def asks_critics(self) -> bool:
-        """With slack."""
-        return self.slack.gain > 0
+    def asks(self) -> tuple[str, ...]:
+        """With slack, sigma."""
+        return ("sigma",) if self.slack.gain > 0 else ()
 
-    def arrays(self, action: str = "adjustment") -> Arrays:
+    def arrays(self, action: ActionKind = ADJUSTMENT) -> Arrays:
         """The residual predictor's for that kind of action, where it has one."""
-        return {RESIDUAL + k: v for k, v in shipped_predictor(action).arrays.items()} if self.residual else {}
+        if not self.residual:
+            return {}
+        shipped = shipped_predictor(action.name)
+        return {RESIDUAL + k: v for k, v in shipped.arrays.items()}
 
     def make(
-        self, arrays: Mapping[str, NDArray], percentiles: Percentiles = None, action: str = "adjustment"
+        self, arrays: Mapping[str, NDArray], percentiles: Percentiles = None, action: ActionKind = ADJUSTMENT
     ) -> Correction:
         """The filter, with the residual predictor among `arrays` or else the shipped one for `action`."""
         own = any(name.startswith(RESIDUAL) for name in arrays)

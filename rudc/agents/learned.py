@@ -63,7 +63,7 @@ class LearnedAgent:
         self.name = name
         self.config = config
         self._decider = Decider(config.learner, config.problem().layout, arrays)
-        self.correction = config.correction.make(arrays, percentiles, config.action.name)
+        self.correction = config.correction.make(arrays, percentiles, config.action)
         self.load(arrays, percentiles)
 
     def load(self, arrays: Mapping[str, NDArray], percentiles: tuple[float, float] | None = None) -> None:

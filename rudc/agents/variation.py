@@ -58,7 +58,7 @@ def filter_behind(rule: str, changes: Mapping[str, Any]) -> CorrectionKind:
         if key in ("correction", "correction.kind", "correction.rule"):
             raise AgentError(f"agent setting {key!r}: what stands behind the driver is said by +{rule}")
     settings = _changed(_Behind(correction=CbfSettings.preset(rule)), changes).correction
-    if settings.asks_critics:
+    if settings.asks:
         raise AgentError("agent setting 'correction.slack.gain' has no effect behind a driver without sigma")
     return settings
 

@@ -39,9 +39,9 @@ class SafetyFilterWrapper(gymnasium.Wrapper):
         settings = read_correction(correction)
         if not isinstance(self.unwrapped, IntersectionEnv):
             raise InputError("SafetyFilterWrapper stands around rudc/Intersection-v0 only")
-        if settings.asks_critics:
+        if settings.asks:
             raise InputError("a correction that asks critics (correction.slack.gain) needs a learnt agent")
-        made = settings.make({}, action=self.unwrapped.action.name)
+        made = settings.make({}, action=self.unwrapped.action)
         if made is None:
             raise InputError("SafetyFilterWrapper: correction `none` corrects nothing")
         self._env, self._correction = self.unwrapped, made

@@ -60,6 +60,15 @@ class LagrangianConfig(ConstrainedConfig):
     """by how much lambda rises in an update for each unit of cost above the limit; 0 keeps it"""
 
 
+class FacConfig(ConstrainedConfig):
+    """SAC's under a limit of the expected cost in every state, with a network of multipliers."""
+
+    multiplier_rate: float = Field(default=1e-6, gt=0)
+    """learning rate of lambda(s)"""
+    multiplier_delay: int = Field(default=6, ge=1)
+    """m, updates for each step of lambda(s)"""
+
+
 class DistributionalConfig(LearnerConfig):
     """SAC's with distributions of the return."""
 
@@ -118,6 +127,11 @@ for _name, _algorithm in {
         "Soft actor-critic under a limit of the expected cost, by a Lagrange multiplier.",
         "rudc.learning.sac_lagrangian:SacLagrangianLearner",
         LagrangianConfig,
+    ),
+    "fac": Algorithm(
+        "Feasible actor-critic: a limit of the expected cost in every state, by a network of multipliers.",
+        "rudc.learning.fac:FacLearner",
+        FacConfig,
     ),
 }.items():
     register_algorithm(_name, _algorithm)

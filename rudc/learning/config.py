@@ -115,8 +115,8 @@ class Problem:
 class LearnerConfig(Settings):
     """What all soft actor-critics have; plain SAC has nothing else."""
 
-    states_sigma: ClassVar[bool] = False
-    """whether its critics say how sure they are"""
+    offers: ClassVar[tuple[str, ...]] = ()
+    """what a correction may ask of its agents, see rudc/agents/correction.py"""
 
     policy: NetworkConfig = NetworkConfig()
     """the policy's network"""
@@ -153,6 +153,10 @@ class LearnerConfig(Settings):
     initial_log_std: float = -1.0
     """where it starts"""
 
+    def observers(self, actions: int) -> Mapping[str, tuple[NetworkConfig, int]]:
+        """Networks of the observation alone that driving needs: name -> what it is, and its outputs."""
+        return {"policy": (self.policy, 2 * actions)}
+
     def without_effect(self) -> Mapping[str, str]:
         """A temperature that is kept has neither target nor floor."""
         kept = "with temperature_rate=0, which keeps the temperature"
@@ -167,19 +171,28 @@ class LearnerConfig(Settings):
         return self
 
 
-class ConstrainedConfig(LearnerConfig):
-    """What methods with a limit of the expected cost share (paper, "Safe Reinforcement Learning")."""
+class CostConfig(LearnerConfig):
+    """What methods with cost critics share (paper, "Safe Reinforcement Learning")."""
+
+    offers = ("cost",)
+
+    cost_scale: float = Field(default=5.0, gt=0)
+    """units of cost, what one unit of a cost critic's raw output is worth: the order of the costs to come"""
+
+
+class ConstrainedConfig(CostConfig):
+    """What methods share that learn under a limit of the expected cost."""
+
+    offers = ("cost", "excess")
 
     cost_limit: float = Field(default=0.2, ge=0)
     """d_th, of the discounted sum of the step-wise costs that is to be expected"""
-    cost_scale: float = Field(default=5.0, gt=0)
-    """units of cost, what one unit of a cost critic's raw output is worth: the order of the costs to come"""
 
 
 class EnsembleConfig(LearnerConfig):
     """RUDC's: an ensemble of quantile critics with priors, and a distorted objective."""
 
-    states_sigma = True
+    offers = ("sigma",)
 
     members: int = Field(default=5, ge=1, le=100)
     """N_ens, critics"""

@@ -21,11 +21,12 @@ def misfits(config: LearnerConfig, problem: Problem, arrays: Mapping[str, NDArra
         elif not np.all(np.isfinite(value)):
             yield f"{name} is not finite"
     ensemble = config if isinstance(config, EnsembleConfig) else None
-    policy = shapes(problem.layout, config.policy, 0, 2 * problem.actions)
-    yield from _unlike("policy", policy, 1, 2 * problem.actions, group(arrays, "policy"))
+    for name, (network, outputs) in config.observers(problem.actions).items():
+        maps = shapes(problem.layout, network, 0, outputs)
+        yield from _unlike(name, maps, 1, outputs, group(arrays, name))
     for name in ("critic", "cost"):
         found = group(arrays, name)
-        if not found and not (ensemble and name == "critic"):
+        if not found and not (ensemble and name == "critic") and name not in config.offers:
             continue
         maps = shapes(problem.layout, config.critic, problem.actions, 1)
         if ensemble and name == "critic":

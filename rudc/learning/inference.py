@@ -11,19 +11,19 @@ masked. Results agree with networks.py to rounding.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from rudc.arrays import Floats
 from rudc.learning.config import (
-    ConstrainedConfig,
+    CostConfig,
     EnsembleConfig,
     LearnerConfig,
     NetworkConfig,
     ObservationLayout,
 )
-from rudc.learning.kernels import gelu_of, mapped, mapped_each
+from rudc.learning.kernels import gelu_of, gelu_slope, mapped, mapped_each
 from rudc.learning.parameters import SCORE_BOUND, group, waypoint_positions
 from rudc.learning.uncertainty import Uncertainty, uncertainty
 
@@ -107,6 +107,15 @@ class Network:
             latent = latent + self._map_common("action", action)
         return self._map("out", gelu(self._map("hidden", gelu(latent))))
 
+    def sloped(self, latent: Floats, action: Floats) -> tuple[Floats, Floats]:
+        """First output (N,) of each network, and its gradient (N, actions) with respect to the action."""
+        first = latent + self._map_common("action", action)
+        second = self._map("hidden", gelu(first))
+        back = self._arrays["out.weight"][:, :, 0] * gelu_slope(second)
+        back = np.matmul(self._arrays["hidden.weight"], back[..., None])[..., 0] * gelu_slope(first)
+        slopes = np.matmul(self._arrays["action.weight"], back[..., None])[..., 0]
+        return self._map("out", gelu(second))[:, 0], slopes
+
 
 class Decider:
     """A trained policy, and the critics that come with it."""
@@ -120,9 +129,11 @@ class Decider:
     def refresh(self, arrays: Mapping[str, Floats]) -> None:
         """Take over weights named as in `Learner.weights`: `policy/...`, and what critics there are."""
         config, layout = self.config, self._layout
-        policy = group(arrays, "policy")
-        self._policy = Network(layout, config.policy, policy)
-        self._actions = policy["out.bias"].shape[-1] // 2
+        self._actions = group(arrays, "policy")["out.bias"].shape[-1] // 2
+        self._observers: dict[str, Network] = {}
+        for name, (network, _) in config.observers(self._actions).items():
+            if found := group(arrays, name):
+                self._observers[name] = Network(layout, network, found)
         self._critics: dict[str, Network] = {}
         for name in ("critic", "cost"):
             if critic := group(arrays, name):
@@ -132,7 +143,7 @@ class Decider:
 
     def action(self, observation: Floats, rng: np.random.Generator | None = None) -> Floats:
         """The policy's most likely action (actions,) in [-1, 1], or one drawn from it with `rng`."""
-        outputs = self._policy.decode(self._policy.encode(observation))[0]
+        outputs = self._seen("policy", observation)
         mean = outputs[: self._actions]
         if rng is not None:
             spread = np.exp(outputs[self._actions :].clip(*self.config.log_std))
@@ -156,15 +167,54 @@ class Decider:
 
     def cost(self, observation: Floats, action: Floats) -> float:
         """The larger of the costs that two cost critics expect after an action."""
-        if not isinstance(self.config, ConstrainedConfig):
+        return self._cost_scale * float(self._outputs("cost", observation, action).max())
+
+    def excess_at(self, observation: Floats) -> Callable[[Floats], tuple[float, Floats]]:
+        """What gives Q_c - d_th of an action (actions,), and its gradient (actions,) with respect to it."""
+        scale, limit = self._cost_scale, getattr(self.config, "cost_limit", None)
+        if limit is None:
+            raise ValueError("this algorithm knows no limit of the cost")
+        network = self._network("cost")
+        latent = network.encode(observation)
+
+        def excess(action: Floats) -> tuple[float, Floats]:
+            costs, slopes = network.sloped(latent, action)
+            larger = int(costs.argmax())
+            return scale * float(costs[larger]) - limit, np.float32(scale) * slopes[larger]
+
+        return excess
+
+    def recovery(self, observation: Floats) -> Floats:
+        """The recovery policy's action (actions,), where there is one."""
+        return np.tanh(self._seen("recovery", observation)[: self._actions])
+
+    def change(self, observation: Floats) -> Floats:
+        """g (actions,): by how much the step-wise cost grows with each number of an action, where that is
+        learnt.
+        """
+        return self._seen("change", observation)
+
+    @property
+    def _cost_scale(self) -> float:
+        if not isinstance(self.config, CostConfig):
             raise ValueError("this algorithm has no cost critics")
-        return self.config.cost_scale * float(self._outputs("cost", observation, action).max())
+        return self.config.cost_scale
+
+    def _seen(self, name: str, observation: Floats) -> Floats:
+        """Outputs of a network of the observation alone."""
+        if name not in self._observers:
+            raise ValueError(f"this decider was built without a {name} network")
+        network = self._observers[name]
+        return network.decode(network.encode(observation))[0]
 
     def _outputs(self, critic: str, observation: Floats, action: Floats) -> Floats:
+        network = self._network(critic)
+        return network.decode(network.encode(observation), action)
+
+    def _network(self, critic: str) -> Network:
         if critic not in self._critics:
             raise ValueError(f"this decider was built without {critic} networks")
-        network = self._critics[critic]
-        return network.decode(network.encode(observation), action)
+        return self._critics[critic]
 
     def uncertainty(self, observation: Floats, action: Floats) -> Uncertainty | None:
         """Of the return that follows from an action, reward units; None where critics are no ensemble of

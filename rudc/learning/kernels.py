@@ -51,6 +51,17 @@ def gelu_of(x: NewSingle) -> int:
 
 
 @kernel
+def gelu_slope(x: Singles) -> NewSingles:
+    """(N, O) the derivative of x Phi(x) at each of x (N, O): Phi(x) + x phi(x)."""
+    y = x.copy()
+    for n in range(len(x)):
+        for i in range(x.shape[1]):
+            z = float(x[n, i])
+            y[n, i] = 0.5 * math.erfc(-z * math.sqrt(0.5)) + z * math.exp(-0.5 * z * z) / math.sqrt(2 * math.pi)
+    return y
+
+
+@kernel
 def mapped(x: Single, weight: Singles, bias: Single) -> NewSingle:
     """(O,) x W + b of x (I,), W (I, O), b (O,); what is 0 in x costs nothing."""
     y = bias.copy()

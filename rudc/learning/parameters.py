@@ -98,7 +98,7 @@ def waypoint_positions(waypoints: int, width: int) -> Floats:
     return np.where(np.arange(width) % 2 == 0, np.sin(angle), np.cos(angle)).astype(np.float32)
 
 
-CRITIC, PRIOR, POLICY, COST = 1, 2, 3, 4
+CRITIC, PRIOR, POLICY, COST, MULTIPLIER, RECOVERY, CHANGE = range(1, 8)
 """tags that keep the generators of the groups apart"""
 TWINS = 2
 """critics where there is no ensemble"""
@@ -137,12 +137,17 @@ def frozen_arrays(config: LearnerConfig, problem: Problem, stored: Mapping[str, 
     return grouped(prior=normalised(prior, **normal) if prior and normal else prior)
 
 
-def policy_arrays(config: LearnerConfig, problem: Problem) -> Arrays:
-    """Initial weights of the policy, a stack of one."""
-    maps = shapes(problem.layout, config.policy, 0, 2 * problem.actions)
-    arrays = initial(maps, 1, (problem.seed, POLICY))
+def observer_arrays(network: NetworkConfig, problem: Problem, tag: int, outputs: int) -> Arrays:
+    """Initial weights of a network of the observation alone, a stack of one, whose outputs start small."""
+    arrays = initial(shapes(problem.layout, network, 0, outputs), 1, (problem.seed, tag))
     arrays["out.weight"] *= np.float32(OUTPUT_GAIN)
     arrays["out.bias"][:] = 0.0
+    return arrays
+
+
+def policy_arrays(config: LearnerConfig, problem: Problem, tag: int = POLICY) -> Arrays:
+    """Initial weights of the policy, a stack of one."""
+    arrays = observer_arrays(config.policy, problem, tag, 2 * problem.actions)
     arrays["out.bias"][..., problem.actions :] = config.initial_log_std
     return arrays
 

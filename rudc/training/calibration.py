@@ -127,7 +127,7 @@ def calibrate(
     of sigma.
     """
     learnt = load_learnt(folder)
-    if not learnt.config.learner.states_sigma:
+    if "sigma" not in learnt.config.learner.offers:
         raise AgentError(
             f"{folder}: {learnt.config.algorithm} states no sigma, so there is nothing to calibrate"
         )

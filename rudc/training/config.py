@@ -101,7 +101,7 @@ class TrainConfig(AgentConfig):
         idle = dict(super().without_effect())
         if isinstance(self.correction, NoCorrection):
             idle["training.filtered_share"] = "with correction.kind=none"
-        if not self.learner.states_sigma:
+        if "sigma" not in self.learner.offers:
             idle["training.calibration_episodes"] = f"with {self.algorithm}, which states no sigma"
         return idle
 

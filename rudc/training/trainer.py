@@ -72,7 +72,7 @@ class Trainer:
             raise InputError(f"device {config.training.device!r} cannot be used: {error}") from error
         self._replay = Replay(config.given, config.training.replay_size, *self._learner.masks)
         self._statistics = [field.name for field in fields(self._learner.statistics)]
-        self._taken_along = config.correction.arrays(config.action.name)
+        self._taken_along = config.correction.arrays(config.action)
         self._sigmas = RunningPercentiles()
         self._calibrated: Measured | None = None
         self._round = 0
@@ -205,9 +205,8 @@ class Trainer:
     def _calibrate(self) -> None:
         """Take sigma of the final policy as it is deployed (see calibration.py)."""
         training = self._config.training
-        if not (
-            self._config.learner.states_sigma and training.calibration_episodes and self._learner.updates
-        ):
+        states = "sigma" in self._config.learner.offers
+        if not (states and training.calibration_episodes and self._learner.updates):
             return
         self._pool.load(self._learner.weights(), self._percentiles(), critics=True)
         tasks = calibration_tasks(training.evaluate_on, training.calibration_episodes)

@@ -39,7 +39,7 @@ class WorkerPool:
                 process.start()
             theirs.close()
             self._workers.append((process, ours))
-        self._critics = config.correction.asks_critics
+        self._critics = bool(config.correction.asks)
         self._answers()
 
     def load(self, arrays: Mapping[str, Any], percentiles: Percentiles, *, critics: bool = False) -> None:

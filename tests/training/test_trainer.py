@@ -212,7 +212,7 @@ def test_the_filter_in_the_loop_resumes_too_and_the_agent_takes_its_residual_pre
     assert {k for k in whole.arrays if k.startswith("residual/")} == {f"residual/{k}" for k in shipped}
 
 
-@pytest.mark.parametrize("algorithm", ["sac", "dsac", "sac-lagrangian"])
+@pytest.mark.parametrize("algorithm", ["sac", "dsac", "sac-lagrangian", "fac"])
 def test_algorithms_without_filter_train_resume_and_drive(tmp_path: Path, algorithm: str):
     """The same numbers twice, stopped in between; progress.csv has the learner's own columns."""
     config = _config(algorithm, steps=200, evaluate_every=200)
@@ -223,7 +223,7 @@ def test_algorithms_without_filter_train_resume_and_drive(tmp_path: Path, algori
     assert curves == _curves(tmp_path / "stopped")
     last = curves["progress"][-1]
     assert float(last["episode_cost"] or 0) >= 0
-    assert ("multiplier" in last) is (algorithm == "sac-lagrangian")
+    assert ("multiplier" in last) is (algorithm in ("sac-lagrangian", "fac"))
     assert last["sigma_l"] == ""
     for name in ("agent.safetensors", "training.safetensors"):
         whole, stopped = (load_file(tmp_path / f / "checkpoint" / name) for f in ("whole", "stopped"))
