@@ -1,21 +1,4 @@
-"""The seat of whatever corrects an action: a proposal goes in, an action that may be taken comes out.
-
-    correct(scene, proposal, critics) -> Corrected
-
-The proposal says what would be done, in physical units and, where a policy proposed it, in [-1, 1], how
-unsure the driver is, and what it saw. `critics` is what a learnt agent offers to be asked about other
-actions; None behind drivers that offer nothing. A correction states what it asks of them as a protocol of its
-own that goes beyond `Critics`, and refuses, by AgentError, an agent that does not offer it. So the seat stays
-as it is for
-
-    CBF filter             the one below: asks for sigma only, which the proposal carries
-    safety layer (QPSL)    c(s') = c(s) + g(observation) . action with g learnt: g's weights come by `load`,
-                           the QP is rudc/safety/qp.py's; asks `critics` for nothing
-    unrolled corrections   action <- action - eta grad Q_c(observation, action) until Q_c <= d: asks for
-    (USL)                  `cost(observation, actions (n, 2)) -> (n,)` and its gradient, or takes differences
-                           of four actions of a batch for it; starts from `proposal.action`
-    Recovery RL            where the risk of `proposal.action` exceeds epsilon, the recovery policy's action
-                           instead: asks for `cost` and `recovery(observation) -> (2,)`
+"""Corrections by name: what they are given and give back stands in seat.py, the baselines' in of_actions.py.
 
 An entry in `CORRECTIONS` is a class of settings; its `make` gives the correction.
 """
@@ -23,15 +6,16 @@ An entry in `CORRECTIONS` is a class of settings; its `make` gives the correctio
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, NamedTuple, Protocol
+from typing import Annotated, Any, Literal
 
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, ConfigDict, Field, SerializeAsAny
 
-from rudc.arrays import Array, Arrays, Floats
-from rudc.env.action import ActionKind, Adjustment
+from rudc.agents.of_actions import RecoverySettings, UslSettings
+from rudc.agents.seat import ADJUSTMENT, Correction, CorrectionKind, Critics, Percentiles, Proposal
+from rudc.arrays import Arrays
+from rudc.env.action import ActionKind
 from rudc.kinds import of_kind, read_kind
 from rudc.safety.config import FilterConfig
 from rudc.safety.corrected import Corrected
@@ -41,73 +25,8 @@ from rudc.safety.slack import Slack
 from rudc.settings import Settings
 from rudc.world.scene import Scene
 
-ADJUSTMENT = Adjustment()
-"""what the numbers of a proposed action mean unless it is said otherwise"""
-Percentiles = tuple[float, float] | None
 RESIDUAL = "residual/"
 """what the names of the residual predictor's arrays begin with"""
-
-
-class Proposal(NamedTuple):
-    """What a driver would do."""
-
-    u: Array
-    """(2,) acceleration m/s2, front-wheel angle rad"""
-    action: Floats | None = None
-    """(2,) the same in [-1, 1] as the policy chose it; None of drivers that have no such action"""
-    sigma: float = math.nan
-    """sigma_total, reward units; nan of drivers that state none"""
-    observation: Floats | None = None
-    """(size,) what a policy saw"""
-
-
-class Critics(Protocol):
-    """What any learnt agent with critics answers."""
-
-    def quantiles(self, observation: Floats, action: Floats) -> Floats:
-        """(members, quantiles) of the return, reward units, of an action (2,) at an observation (size,)."""
-        ...
-
-
-class Correction(Protocol):
-    """Corrects actions, one decision after the other."""
-
-    def load(self, arrays: Mapping[str, NDArray], percentiles: Percentiles) -> None:
-        """Take over what training has changed: weights, named as in a checkpoint, and sigma_l, sigma_h."""
-        ...
-
-    def reset(self, scene: Scene, seed: int) -> None:
-        """Begin a new episode."""
-        ...
-
-    def correct(self, scene: Scene, proposal: Proposal, critics: Critics | None) -> Corrected:
-        """What to do instead; `u` is the proposal's own where nothing needs correction."""
-        ...
-
-
-class CorrectionKind(Settings):
-    """Base of the settings of all corrections; subclasses have `kind`, their name in `CORRECTIONS`."""
-
-    @property
-    def asks(self) -> tuple[str, ...]:
-        """What it needs of whoever drives, beyond the proposed action: `sigma`, or by the names of their
-        methods what it asks critics for. Learners say what they offer (`LearnerConfig.offers`).
-        """
-        return ()
-
-    def arrays(self, action: ActionKind = ADJUSTMENT) -> Arrays:
-        """Weights of its own that a trained agent takes along, named as in a checkpoint: others may be
-        shipped one day. `action`: what the proposed numbers mean.
-        """
-        return {}
-
-    @abstractmethod
-    def make(
-        self, arrays: Mapping[str, NDArray], percentiles: Percentiles = None, action: ActionKind = ADJUSTMENT
-    ) -> Correction | None:
-        """The correction; None if there is none. `arrays` and `percentiles` as for `Correction.load`,
-        `action` as for `arrays`.
-        """
 
 
 class NoCorrection(CorrectionKind):
@@ -204,7 +123,12 @@ class CbfCorrection:
         return self.filter.filter(scene, proposal.u, level, residual, rate)._replace(slack=slack)
 
 
-CORRECTIONS: dict[str, type[CorrectionKind]] = {"none": NoCorrection, "cbf": CbfSettings}
+CORRECTIONS: dict[str, type[CorrectionKind]] = {
+    "none": NoCorrection,
+    "cbf": CbfSettings,
+    "usl": UslSettings,
+    "recovery": RecoverySettings,
+}
 """name of a kind -> its settings"""
 
 

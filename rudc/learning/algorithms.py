@@ -15,7 +15,14 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field
 
 from rudc.errors import InputError
-from rudc.learning.config import ConstrainedConfig, EnsembleConfig, LearnerConfig, Problem
+from rudc.learning.config import (
+    ConstrainedConfig,
+    CostConfig,
+    EnsembleConfig,
+    LearnerConfig,
+    NetworkConfig,
+    Problem,
+)
 
 if TYPE_CHECKING:
     from rudc.learning.learner import Learner
@@ -69,6 +76,23 @@ class FacConfig(ConstrainedConfig):
     """m, updates for each step of lambda(s)"""
 
 
+class UslConfig(ConstrainedConfig):
+    """SAC's with a penalty on the expected cost above a limit."""
+
+    penalty: float = Field(default=5.0, ge=0)
+    """kappa, reward units for each unit of cost above the limit"""
+
+
+class RecoveryConfig(CostConfig):
+    """SAC's with a recovery policy, whose network is as the policy's."""
+
+    offers = (*CostConfig.offers, "recovery")
+
+    def observers(self, actions: int) -> Mapping[str, tuple[NetworkConfig, int]]:
+        """The policy, and the recovery policy."""
+        return {**super().observers(actions), "recovery": (self.policy, 2 * actions)}
+
+
 class DistributionalConfig(LearnerConfig):
     """SAC's with distributions of the return."""
 
@@ -79,6 +103,8 @@ class DistributionalConfig(LearnerConfig):
 
 
 _RUDC = "rudc.learning.rudc:RudcLearner"
+_ALWAYS = {"training": {"filtered_share": 1.0}}
+"""their correction is a part of the method, at work in every episode"""
 _CBF = {"kind": "cbf", "residual": True}
 
 for _name, _algorithm in {
@@ -127,6 +153,18 @@ for _name, _algorithm in {
         "Soft actor-critic under a limit of the expected cost, by a Lagrange multiplier.",
         "rudc.learning.sac_lagrangian:SacLagrangianLearner",
         LagrangianConfig,
+    ),
+    "usl": Algorithm(
+        "SAC with a penalty on the expected cost; actions are corrected down its gradient until it is kept.",
+        "rudc.learning.usl:UslLearner",
+        UslConfig,
+        {"correction": {"kind": "usl"}, **_ALWAYS},
+    ),
+    "recovery-rl": Algorithm(
+        "Recovery RL: SAC, and a recovery policy that takes over where the expected cost exceeds a limit.",
+        "rudc.learning.recovery:RecoveryLearner",
+        RecoveryConfig,
+        {"correction": {"kind": "recovery"}, "learner": {"learns_from": "proposed"}, **_ALWAYS},
     ),
     "fac": Algorithm(
         "Feasible actor-critic: a limit of the expected cost in every state, by a network of multipliers.",

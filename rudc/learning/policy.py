@@ -17,7 +17,7 @@ from torch.nn.functional import softplus
 
 from rudc.learning.config import LearnerConfig, Problem
 from rudc.learning.networks import Stack
-from rudc.learning.parameters import policy_arrays
+from rudc.learning.parameters import POLICY, policy_arrays
 from rudc.learning.tracked import Tracked
 
 
@@ -34,12 +34,19 @@ class Policy(Tracked):
     """A policy that learns, and, where one is wanted, the target policy that follows it."""
 
     def __init__(
-        self, config: LearnerConfig, problem: Problem, device: torch.device, *, target: bool = False
+        self,
+        config: LearnerConfig,
+        problem: Problem,
+        device: torch.device,
+        *,
+        target: bool = False,
+        tag: int = POLICY,
     ) -> None:
+        """`target`: whether one follows it; `tag`: which initial weights."""
         super().__init__(config.target_rate)
         self.stack = Stack(problem.layout, config.policy)
         self._log_std = config.log_std
-        arrays = policy_arrays(config, problem)
+        arrays = policy_arrays(config, problem, tag)
         self.trained = {k: torch.tensor(v, device=device, requires_grad=True) for k, v in arrays.items()}
         followed = arrays if target else {}
         self.target = {k: torch.tensor(v, device=device) for k, v in followed.items()}
@@ -49,6 +56,10 @@ class Policy(Tracked):
         outputs = self.stack.decode(weights, self.stack.encode(weights, observation))[0]
         mean, log_std = outputs.chunk(2, dim=1)
         return mean, log_std.clamp(*self._log_std)
+
+    def likely(self, observation: Tensor) -> Tensor:
+        """tanh of the mean, (B, actions), at observations (B, size), differentiable."""
+        return self.distribution(self.trained, observation)[0].tanh()
 
     def draw(self, weights: Mapping[str, Tensor], observation: Tensor, noise: Tensor) -> Drawn:
         """Actions from standard normal noise (B, actions), differentiable."""

@@ -1,0 +1,169 @@
+"""Corrections that learning brings along, of what a policy proposed in [-1, 1] before that is given its
+meaning: unrolled corrections (USL) and Recovery RL, baselines of the paper (appendix "Safe Reinforcement
+Learning").
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Mapping
+from typing import Literal, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from rudc.agents.seat import ADJUSTMENT, Correction, CorrectionKind, Critics, Percentiles, Proposal
+from rudc.arrays import Floats
+from rudc.env.action import ActionKind
+from rudc.errors import AgentError
+from rudc.safety.corrected import Corrected
+from rudc.world.scene import Scene
+
+
+class UslSettings(CorrectionKind):
+    """Unrolled corrections (paper, appendix "Unrolling Safety Layer"; Zhang et al., 2023): a <- a - step g /
+    max |g| while Q_c(s, a) > d_th, g its gradient there. d_th is the limit that the agent has learnt under.
+    """
+
+    kind: Literal["usl"] = "usl"
+    steps: int = Field(default=20, ge=1, le=1000)
+    """K, corrections of one action at most"""
+    step: float = Field(default=0.05, gt=0, le=2)
+    """eta, by how much a correction changes that number of the action in [-1, 1] which counts most"""
+
+    @property
+    def asks(self) -> tuple[str, ...]:
+        """Q_c - d_th and its gradient."""
+        return ("excess",)
+
+    def make(
+        self, arrays: Mapping[str, NDArray], percentiles: Percentiles = None, action: ActionKind = ADJUSTMENT
+    ) -> Correction:
+        """The loop; of `arrays` it needs none."""
+        return UslCorrection(self, action)
+
+
+@runtime_checkable
+class ExcessCritics(Protocol):
+    """What unrolled corrections ask."""
+
+    def excess_at(self, observation: Floats) -> Callable[[Floats], tuple[float, Floats]]:
+        """Gives Q_c - d_th of an action (2,) at that observation, and its gradient (2,)."""
+        ...
+
+
+class RecoverySettings(CorrectionKind):
+    """Recovery RL (paper, appendix "Safety Recovery"; Thananjeyan et al., 2021): where the risk of the task
+    policy's action exceeds a limit, the recovery policy acts instead.
+    """
+
+    kind: Literal["recovery"] = "recovery"
+    cost_limit: float = Field(default=0.2, ge=0)
+    """d_th, the largest Q_risk(s, a) at which the task policy acts: discounted sum of step-wise costs"""
+
+    @property
+    def asks(self) -> tuple[str, ...]:
+        """Q_risk and the recovery policy."""
+        return ("cost", "recovery")
+
+    def make(
+        self, arrays: Mapping[str, NDArray], percentiles: Percentiles = None, action: ActionKind = ADJUSTMENT
+    ) -> Correction:
+        """The switch; of `arrays` it needs none."""
+        return RecoveryCorrection(self, action)
+
+
+@runtime_checkable
+class RecoveryCritics(Protocol):
+    """What Recovery RL asks."""
+
+    def cost(self, observation: Floats, action: Floats) -> float:
+        """Q_risk of an action (2,)."""
+        ...
+
+    def recovery(self, observation: Floats) -> Floats:
+        """(2,) what the recovery policy does."""
+        ...
+
+
+class _OfActions:
+    """Corrections of what a policy proposed in [-1, 1], before that is given its meaning."""
+
+    def __init__(self, action: ActionKind) -> None:
+        self._means = action
+
+    def load(self, arrays: Mapping[str, NDArray], percentiles: Percentiles) -> None:
+        """Critics come with each question."""
+
+    def reset(self, scene: Scene, seed: int) -> None:
+        """Nothing is kept from decision to decision."""
+
+    @abstractmethod
+    def instead(
+        self, scene: Scene, observation: Floats, action: Floats, critics: Critics | None
+    ) -> tuple[Floats, str, bool] | None:
+        """Another action, how it came about, and whether it is infeasible all the same; None if the proposed
+        one may be taken.
+        """
+
+    def correct(self, scene: Scene, proposal: Proposal, critics: Critics | None) -> Corrected:
+        """See `Correction`."""
+        if proposal.action is None or proposal.observation is None:
+            raise _not_offered(self)
+        found = self.instead(scene, proposal.observation, proposal.action, critics)
+        if found is None:
+            return Corrected(proposal.u, np.zeros(2), "nominal")
+        action, status, infeasible = found
+        u = self._means.physical(action, scene)
+        return Corrected(u, u - proposal.u, status, infeasible=infeasible)
+
+
+class UslCorrection(_OfActions):
+    """a <- psi(a), K times at most."""
+
+    def __init__(self, settings: UslSettings, action: ActionKind = ADJUSTMENT) -> None:
+        super().__init__(action)
+        self._settings = settings
+
+    def instead(
+        self, scene: Scene, observation: Floats, action: Floats, critics: Critics | None
+    ) -> tuple[Floats, str, bool] | None:
+        """See `_OfActions`; infeasible if Q_c still exceeds the limit after K corrections."""
+        if not isinstance(critics, ExcessCritics):
+            raise _not_offered(self)
+        excess_at, first = critics.excess_at(observation), action
+        excess, slope = excess_at(action)
+        for _ in range(self._settings.steps):
+            largest = float(np.abs(slope).max())
+            if excess <= 0 or largest == 0:
+                break
+            action = (action - self._settings.step / largest * slope).clip(-1, 1)
+            excess, slope = excess_at(action)
+        return None if action is first else (action, "unrolled", excess > 0)
+
+
+class RecoveryCorrection(_OfActions):
+    """a_task where Q_risk(s, a_task) <= d_th, else a_recovery."""
+
+    def __init__(self, settings: RecoverySettings, action: ActionKind = ADJUSTMENT) -> None:
+        super().__init__(action)
+        self._limit = settings.cost_limit
+
+    def instead(
+        self, scene: Scene, observation: Floats, action: Floats, critics: Critics | None
+    ) -> tuple[Floats, str, bool] | None:
+        """See `_OfActions`; infeasible where the recovery policy's action exceeds the limit, too."""
+        if not isinstance(critics, RecoveryCritics):
+            raise _not_offered(self)
+        if critics.cost(observation, action) <= self._limit:
+            return None
+        other = critics.recovery(observation)
+        return other, "recovery", critics.cost(observation, other) > self._limit
+
+
+def _not_offered(correction: object) -> AgentError:
+    return AgentError(
+        f"{type(correction).__name__} asks what only an agent says that has learnt with it; "
+        "it cannot stand behind another driver"
+    )
