@@ -75,7 +75,7 @@ class AgentConfig(Settings):
                 f"the correction asks the critics for {' and '.join(unsaid)}, which those of "
                 f"{self.algorithm!r} do not say"
             )
-        if self.sigma == "route" and not self.learner.states_sigma:
+        if self.sigma == "route" and "sigma" not in self.learner.offers:
             raise ValueError(f"sigma=route: the critics of {self.algorithm!r} state no sigma")
         return self
 

@@ -56,8 +56,10 @@ def gelu_slope(x: Singles) -> NewSingles:
     y = x.copy()
     for n in range(len(x)):
         for i in range(x.shape[1]):
-            z = float(x[n, i])
-            y[n, i] = 0.5 * math.erfc(-z * math.sqrt(0.5)) + z * math.exp(-0.5 * z * z) / math.sqrt(2 * math.pi)
+            z = np.float64(x[n, i])
+            y[n, i] = 0.5 * math.erfc(-z * math.sqrt(0.5)) + z * math.exp(-0.5 * z * z) / math.sqrt(
+                2 * math.pi
+            )
     return y
 
 

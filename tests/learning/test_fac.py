@@ -19,7 +19,7 @@ from tests.learning.test_sac import PROBLEM, batch
 CONFIG = FacConfig(
     **SAC_CONFIG.model_dump(), cost_limit=0.5, cost_scale=1.0, multiplier_rate=1e-2, multiplier_delay=2
 )
-SAFE, UNSAFE = np.float32([1.0, 0.0]), np.float32([0.0, 1.0])
+SAFE, UNSAFE = np.array([1.0, 0.0], np.float32), np.array([0.0, 1.0], np.float32)
 
 
 def stakes(rng: np.random.Generator, count: int = 48) -> Batch:
@@ -34,7 +34,7 @@ def stakes(rng: np.random.Generator, count: int = 48) -> Batch:
         observation=observation,
         executed=action,
         proposed=action,
-        reward=20 * x - 10 * x**2,
+        reward=(20 * x - 10 * x**2).astype(np.float32),
         cost=np.where(unsafe, 2 * x, 0).astype(np.float32),
         discount=np.full(count, 0.9, np.float32),
         next_observation=observation,

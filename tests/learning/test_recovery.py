@@ -14,7 +14,9 @@ from tests.learning.test_sac import CONFIG as SAC_CONFIG
 from tests.learning.test_sac import PROBLEM, batch
 from tests.learning.test_sac_lagrangian import bandit
 
-CONFIG = RecoveryConfig(**(SAC_CONFIG.model_dump() | {"learns_from": "proposed"}), cost_scale=1.0)
+CONFIG = RecoveryConfig.model_validate(
+    SAC_CONFIG.model_dump() | {"learns_from": "proposed", "cost_scale": 1.0}
+)
 
 
 def test_an_update_against_its_equations() -> None:

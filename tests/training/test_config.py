@@ -37,8 +37,10 @@ def test_a_fixed_filter_is_rudcs_own_but_for_slack_and_residual(rule: str, prese
     fixed, whole = (
         TrainConfig.of(name, preset=preset).model_dump() for name in (f"only-{rule}", f"rudc-{rule[0]}")
     )
-    assert (fixed["correction"].pop("slack"), fixed["correction"].pop("residual")) == ({"gain": 0.0}, False)
-    assert (whole["correction"].pop("slack"), whole["correction"].pop("residual")) == ({"gain": 0.5}, True)
+    slack, others = fixed["correction"].pop("slack"), whole["correction"].pop("slack")
+    assert (slack["gain"], slack["constant"], others["gain"]) == (0.0, 0.0, 0.5)
+    assert not fixed["correction"].pop("residual")
+    assert whole["correction"].pop("residual")
     assert fixed | {"algorithm": ""} == whole | {"algorithm": ""}
 
 
