@@ -1,20 +1,20 @@
 """RUDC: a SUMO-backed testbed for safe decision-making at unsignalized intersections.
 
-Importing it registers `rudc/Intersection-v0`, so that `gymnasium.make` knows it. `rudc.register_agent` and
-its kin let names mean what others have written; CONTRIBUTING.md says what can be added, and how.
+Importing it registers `rudc/Intersection-v0` (rudc/registration.py), so that `gymnasium.make` knows it.
+`rudc.register_agent` and its kin let names mean what others have written; CONTRIBUTING.md says what can be
+added, and how.
 """
 
 import importlib
 from typing import Any
 
-import gymnasium
+from rudc.registration import ENV_ID, register_environment
 
 __version__ = "0.1.0"
 
-ENV_ID = "rudc/Intersection-v0"
+__all__ = ["ENV_ID"]
 
-if ENV_ID not in gymnasium.registry:
-    gymnasium.register(ENV_ID, entry_point="rudc.env.intersection:IntersectionEnv")
+register_environment()
 
 PUBLIC = {
     "SafetyFilterWrapper": "rudc.agents.wrapper",

@@ -8,8 +8,9 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+import typer
 from rich.console import Console
 from rich.table import Table
 
@@ -31,8 +32,32 @@ def console(*, to_stderr: bool = False) -> Console:
     return Console(file=stream, width=None if stream.isatty() else WIDE, highlight=False)
 
 
+class _Manner:
+    """How the command line talks."""
+
+    quiet = False
+
+
+def _be_quiet(quiet: bool) -> bool:
+    _Manner.quiet = quiet
+    return quiet
+
+
+Quiet = Annotated[
+    bool,
+    typer.Option("--quiet", "-q", callback=_be_quiet, help="Say nothing but results, warnings and errors."),
+]
+"""an option of commands that say how they are getting on"""
+
+
 def note(text: str) -> None:
-    """A line for the user that is not a result."""
+    """A line for the user that is not a result; left out by `--quiet`."""
+    if not _Manner.quiet:
+        warn(text)
+
+
+def warn(text: str) -> None:
+    """A line that `--quiet` does not leave out."""
     print(text, file=sys.stderr, flush=True)
 
 
@@ -48,7 +73,12 @@ def print_table(headings: Sequence[str], rows: Sequence[Sequence[str]], right: S
 
 def sweep_progress() -> SweepBar | SweepLines:
     """A bar on a terminal, a line now and then elsewhere."""
-    return SweepBar() if sys.stderr.isatty() else SweepLines()
+    return SweepBar() if shows_bars() else SweepLines()
+
+
+def shows_bars() -> bool:
+    """Whether there is a terminal, and `--quiet` was not given."""
+    return sys.stderr.isatty() and not _Manner.quiet
 
 
 class _Outcomes:
@@ -148,7 +178,7 @@ class SweepBar:
 
 def _note_failure(count: int, task: Task, record: EpisodeRecord, on: Console | None = None) -> None:
     """Name the first failures, and say where the others stand."""
-    if count > FAILURES_NAMED + 1:
+    if count > FAILURES_NAMED + 1 or _Manner.quiet:
         return
     text = f"failed: {task}: {record.error}"
     if count > FAILURES_NAMED:
@@ -158,6 +188,6 @@ def _note_failure(count: int, task: Task, record: EpisodeRecord, on: Console | N
 
 def _begin_notes(total: int, finished: int, warnings: Sequence[str]) -> None:
     for warning in warnings:
-        note(f"warning: {warning}")
+        warn(f"warning: {warning}")
     there = f", {finished} of them finished already" if finished else ""
     note(f"{total} episodes{there}")

@@ -14,6 +14,9 @@ Workers = Annotated[
 ResultsFolder = Annotated[
     Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder for the results.")
 ]
+LiveReport = Annotated[
+    bool, typer.Option("--report", help="Keep DIR/report.html fresh meanwhile: `rudc report`, live.")
+]
 
 
 def cores() -> int:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from rudc.cli.console import note
+from rudc.cli.console import Quiet, note
 from rudc.errors import InputError
 
 if TYPE_CHECKING:
@@ -32,6 +32,7 @@ def replay(
         ),
     ],
     out: Annotated[Path, typer.Option("--out", "-o", metavar="F.html", help="The page.")],
+    quiet: Quiet = False,
 ) -> None:
     """Run an episode of a sweep again and write it as a page to look at: one file, for any browser, offline.
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rudc.cli.console import note
+from rudc.cli.console import Quiet, note
 
 
 def report(
@@ -21,6 +21,7 @@ def report(
         int,
         typer.Option(min=0, metavar="N", help="Replay the N worst episodes, too, into `replays` beside it."),
     ] = 0,
+    quiet: Quiet = False,
 ) -> None:
     """Write what a sweep or a training says as a page to look at: one file, for any browser, offline.
 

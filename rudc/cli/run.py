@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from rudc.cli.complete import complete_agents, complete_scenarios
-from rudc.cli.console import note
+from rudc.cli.console import Quiet, note
 from rudc.cli.replay import MOST
 from rudc.cli.scenario import Overrides, parse_overrides
 from rudc.errors import InputError
@@ -57,6 +57,7 @@ def run(
         bool, typer.Option("--gui", help="Show it in a window as it happens (needs pygame).")
     ] = False,
     overrides: Overrides = None,
+    quiet: Quiet = False,
 ) -> None:
     """Run one episode and say how it went.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -9,14 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from rudc.cli.complete import complete_agents, complete_scenarios
-from rudc.cli.console import note, sweep_progress
-from rudc.cli.options import ResultsFolder, Workers, cores
+from rudc.cli.console import Quiet, SweepBar, SweepLines, note, sweep_progress, warn
+from rudc.cli.options import LiveReport, ResultsFolder, Workers, cores
 from rudc.cli.scenario import parse_overrides
 from rudc.errors import InputError
 
 if TYPE_CHECKING:
+    from rudc.evaluation.record import EpisodeRecord
     from rudc.evaluation.sweep import SweepResult
-    from rudc.evaluation.tasks import SweepPlan
+    from rudc.evaluation.tasks import SweepPlan, Task
 
 SHIPPED_AGENTS = (
     "sumo",
@@ -84,6 +86,8 @@ def sweep(
             "--episode-limit", min=1.0, metavar="S", help="Wall time after which an episode is given up."
         ),
     ] = 300.0,
+    report: LiveReport = False,
+    quiet: Quiet = False,
 ) -> None:
     """Run scenarios x agents x seeds in parallel, into a folder of CSV files.
 
@@ -97,6 +101,8 @@ def sweep(
 
     `rudc sweep dense_left_turn -a rudc-t --set 'traffic.density=[10, 20, 30]' --out out/density`
 
+    `rudc sweep dense_left_turn -a sumo -a rudc-t --report --out out/live`, and open `out/live/report.html`
+
     `rudc sweep random_destination '*left*' my.yaml -a sumo -a gap-acceptance+ttcbf -w 8 -o out/all --resume`
     """
     from rudc.evaluation.runner import EpisodeRunner
@@ -105,7 +111,7 @@ def sweep(
     plan = _plan(scenarios or [], agents or [], shipped, episodes, seed, parse_overrides(overrides))
     if out is None:
         raise InputError("where to? give a folder for the results: --out DIR")
-    progress = sweep_progress()
+    progress = _Reported(sweep_progress(), out) if report else sweep_progress()
     try:
         result = run_sweep(
             plan,
@@ -124,6 +130,35 @@ def sweep(
     finally:
         progress.close()
     _report(result)
+
+
+class _Reported:
+    """A progress, with a page that is kept fresh beside it."""
+
+    def __init__(self, inner: SweepBar | SweepLines, folder: Path) -> None:
+        from rudc.reporting.report.live import LivePage
+
+        self._inner, self._page, self._begun = inner, LivePage(folder), False
+
+    def begin(self, total: int, finished: int, warnings: Sequence[str]) -> None:
+        """Say what there is to do, and where the page is."""
+        self._begun = True
+        self._inner.begin(total, finished, warnings)
+        note(f"live page: {self._page.path}")
+
+    def advance(self, task: Task, record: EpisodeRecord) -> None:
+        """Count an episode."""
+        self._inner.advance(task, record)
+        self._page.refresh()
+
+    def close(self) -> None:
+        """Write the page for the last time, once, if there is anything to write."""
+        self._inner.close()
+        if self._begun:
+            self._begun = False
+            self._page.finish()
+            if self._page.problem:
+                warn(f"warning: no report: {self._page.problem}")
 
 
 def _plan(
@@ -163,9 +198,9 @@ def _report(result: SweepResult) -> None:
     note(f"in {result.folder}: episodes.csv, metrics.csv, manifest.json")
     if result.errors:
         kinds = dict.fromkeys(row["error"].partition(TRACEBACK)[0] for row in result.errors)
-        note(
+        warn(
             f"{len(result.errors)} of {len(result.rows)} episodes failed, in {len(kinds)} way(s); the first:"
         )
-        note(f"  {result.errors[0]['error']}")
-        note("--resume tries them again")
+        warn(f"  {result.errors[0]['error']}")
+        warn("--resume tries them again")
         raise typer.Exit(1)

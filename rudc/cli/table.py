@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from rudc.cli.complete import complete_columns, complete_metrics
+from rudc.errors import InputError
 
 
 def table(
@@ -34,6 +35,9 @@ def table(
             autocompletion=complete_metrics,
         ),
     ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="As JSON, numbers in full; instead of --format.")
+    ] = False,
     against: Annotated[
         Literal["comparison", "ablation", "paper"] | None,
         typer.Option(help="Put a table of the paper beside, or both."),
@@ -50,6 +54,8 @@ def table(
 
     `rudc table out/all --by agent,events_fired --metrics SR,VR,interventions`
 
+    `rudc table out/all --json | jq '.[] | select(.agent == "rudc-t") | .SR.mean'`
+
     `rudc table out/all --against comparison --format markdown`
     """
     from rudc.cli.metrics_table import print_metrics
@@ -57,10 +63,14 @@ def table(
     from rudc.evaluation.folder import read_sweep
     from rudc.evaluation.tables import make_table, named_metrics
 
+    if as_json and style is not None:
+        raise InputError("--json is a format of its own: give it, or --format")
     rows, parameters = read_sweep(folder)
     columns = _names(by) if by else ["scenario", *parameters, "agent"]
     chosen = named_metrics(_names(metrics)) if metrics else None
-    if style is None:
+    if as_json:
+        typer.echo(make_table(rows, columns, "json", against, chosen or METRICS), nl=False)
+    elif style is None:
         print_metrics(rows, columns, against, chosen)
     else:
         typer.echo(make_table(rows, columns, style, against, chosen or METRICS), nl=False)

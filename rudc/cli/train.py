@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Mapping
 from importlib.util import find_spec
@@ -11,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rudc.cli.console import note, progress_bar
+from rudc.cli.console import Quiet, note, progress_bar, shows_bars, warn
+from rudc.cli.options import LiveReport
 from rudc.cli.scenario import parse_overrides
 from rudc.errors import InputError
 from rudc.hints import install_command
@@ -57,6 +57,8 @@ def train(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the training in DIR; start it if there is none.")
     ] = False,
+    report: LiveReport = False,
+    quiet: Quiet = False,
 ) -> None:
     """Train an agent from nothing.
 
@@ -83,7 +85,9 @@ def train(
     if scenario is not None:
         changes["training.curriculum"] = None
     config = _config(algorithm, changes, configuration, parse_overrides(settings), out, resume)
-    watcher = TrainBar(config) if sys.stderr.isatty() else TrainLines(config)
+    watcher = TrainBar(config) if shows_bars() else TrainLines(config)
+    if report:
+        watcher = Reported(watcher, out)
     try:
         done = run(config, out, watcher, resume=resume)
     finally:
@@ -187,6 +191,36 @@ class TrainBar:
     def close(self) -> None:
         """Take it away."""
         self._progress.stop()
+
+
+class Reported:
+    """A watcher, with a page that is kept fresh beside it."""
+
+    def __init__(self, inner: TrainBar | TrainLines, folder: Path) -> None:
+        from rudc.reporting.report.live import LivePage
+
+        self._inner, self._page = inner, LivePage(folder)
+        inner.note(f"live page: {self._page.path}")
+
+    def advance(self, steps: int) -> None:
+        """Say how far it is."""
+        self._inner.advance(steps)
+
+    def progress(self, row: Mapping[str, Any]) -> None:
+        """The row in short, and in the page."""
+        self._inner.progress(row)
+        self._page.refresh()
+
+    def note(self, text: str) -> None:
+        """A line of its own."""
+        self._inner.note(text)
+
+    def close(self) -> None:
+        """Write the page for the last time."""
+        self._inner.close()
+        self._page.finish()
+        if self._page.problem:
+            warn(f"warning: no report: {self._page.problem}")
 
 
 def _shown(row: Mapping[str, Any]) -> str:

@@ -1,10 +1,11 @@
-"""Metrics as tables: CSV (numbers in full), Markdown and LaTeX (rounded, with intervals).
+"""Metrics as tables: CSV and JSON (numbers in full), Markdown and LaTeX (rounded, with intervals).
 
 Bold: the best of the agents in a scenario, if its 95 % interval does not overlap with that of the next best.
 """
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
 from typing import Literal
@@ -17,7 +18,7 @@ from rudc.evaluation.paper import is_from_paper, paper_groups
 from rudc.evaluation.statistics import Summary
 from rudc.hints import did_you_mean, there_are
 
-Format = Literal["csv", "markdown", "latex"]
+Format = Literal["csv", "markdown", "latex", "json"]
 MISSING = "–"
 """stands where a number is not known"""
 _ARROWS = {"higher": " ↑", "lower": " ↓", None: ""}
@@ -39,6 +40,8 @@ def make_table(
     groups = measured(rows, by, against, metrics)
     if style == "csv":
         return metrics_csv(groups, by, metrics)
+    if style == "json":
+        return _json(groups, by, metrics)
     return _markdown(groups, by, metrics) if style == "markdown" else _latex(groups, by, metrics)
 
 
@@ -122,6 +125,23 @@ def best_of(groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Metric
 def _apart(a: Summary, b: Summary) -> bool:
     """Whether two intervals have nothing in common; False where one is not known."""
     return a.low > b.high or a.high < b.low
+
+
+def _json(groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Metric]) -> str:
+    """A list with an object for each group: what it has in common, `episodes`, `errors`, and for each metric
+    its statistics; null for what is not known.
+    """
+    lines = [
+        dict(zip(by, group.key, strict=True))
+        | {"episodes": group.episodes, "errors": group.errors}
+        | {m.name: {k: _or_none(v) for k, v in group.metrics[m.name]._asdict().items()} for m in metrics}
+        for group in groups
+    ]
+    return json.dumps(lines, indent=1, allow_nan=False) + "\n"
+
+
+def _or_none(value: float) -> float | None:
+    return None if math.isnan(value) else value
 
 
 def _markdown(groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Metric]) -> str:

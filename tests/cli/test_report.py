@@ -1,4 +1,7 @@
-"""`rudc report`, of a sweep and with replays of its worst episodes."""
+"""`rudc report`, of a sweep and with replays of its worst episodes; live; tables as JSON; quiet."""
+
+import csv
+import json
 
 
 def test_a_report_and_replays_of_the_worst(rudc, tmp_path):
@@ -25,3 +28,49 @@ def test_what_is_no_folder_of_results_is_refused(rudc, tmp_path):
     assert "no episodes.csv in" in answer.err
     assert rudc("report", ".", "--out", "page.pdf").status == 2
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_sweep_keeps_its_report_fresh(rudc, tmp_path, monkeypatch):
+    from rudc.reporting.report import live
+
+    monkeypatch.setattr(live, "EVERY_S", 0.0)
+    monkeypatch.setattr(live, "SHARE", 1e9)
+    written = []
+    save = live.save_report
+
+    def saved(folder, path, *, live):
+        save(folder, path, live=live)
+        written.append(
+            (live, path.read_text().count('id="fresh"'), " of 3 episodes so far" in path.read_text())
+        )
+
+    monkeypatch.setattr(live, "save_report", saved)
+    answer = rudc(
+        "sweep", "random_destination", "-a", "follower", "-n", 3, "-w", 1, "-o", "swept", "--report", "-q"
+    )
+    assert answer.status == 0, answer.err
+    assert answer.err == ""  # quiet
+    assert written == [(True, 1, True), (True, 1, True), (True, 1, False), (False, 0, False)]
+
+
+def test_a_report_that_cannot_be_written_stops_no_sweep(rudc, tmp_path):
+    sweep = ("sweep", "random_destination", "-a", "follower", "-n", 1, "-w", 1, "-o", "swept")
+    assert rudc(*sweep).status == 0
+    (tmp_path / "swept" / "report.html").mkdir()
+    answer = rudc(*sweep, "--report", "--resume")
+    assert answer.status == 0, answer.err
+    assert "warning: no report: cannot write swept/report.html" in answer.err
+
+
+def test_a_table_as_json_has_the_numbers_of_csv(rudc):
+    rudc("sweep", "random_destination", "-a", "follower", "-a", "sumo", "-n", 2, "-w", 1, "-o", "swept")
+    table = json.loads(rudc("table", "swept", "--json").out)
+    lines = list(csv.DictReader(rudc("table", "swept", "--format", "csv").out.splitlines()))
+    assert [[g["scenario"], g["agent"], g["episodes"]] for g in table] == [
+        [line["scenario"], line["agent"], int(line["episodes"])] for line in lines
+    ]
+    for group, line in zip(table, lines, strict=True):
+        for name in ("SR", "AES", "min_DTC"):
+            theirs = [float(line[f"{name}_{k}"]) for k in group[name]]
+            assert list(group[name].values()) == theirs
+    assert rudc("table", "swept", "--json", "--format", "csv").status == 2

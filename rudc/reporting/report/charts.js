@@ -23,6 +23,11 @@ function filled(made, attributes, children) {
   return made;
 }
 
+// A name that may go on in the next line after a sign.
+function wrapped(name) {
+  return name.split(/(?<=[_:,+=])/).flatMap((part, k) => (k ? [document.createElement('wbr'), part] : [part]));
+}
+
 function signed(value, decimals) {
   const text = Math.abs(value).toFixed(decimals);
   return Number(text) === 0 ? text : (value > 0 ? '+' : MINUS) + text;

@@ -62,7 +62,7 @@ function drawDensity() {
   const heads = ['agent', 'n', 'mean', '5 %', 'median', '95 %'];
   find('density-table').replaceChildren(element('caption', {}, `${column.name}: ${column.text}; ${where}`),
     element('thead', {}, element('tr', {}, ...heads.map((text, i) => element('th', { scope: 'col', class: i ? 'number' : null }, text)))),
-    element('tbody', {}, ...place.agents.map((line, k) => element('tr', {}, element('th', { scope: 'row' }, DATA.agents[k]),
+    element('tbody', {}, ...place.agents.map((line, k) => element('tr', {}, element('th', { scope: 'row' }, ...wrapped(DATA.agents[k])),
       ...line.slice(0, 5).map((v) => element('td', { class: 'number' }, v === null ? '–' : short(v)))))));
 }
 

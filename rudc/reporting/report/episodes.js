@@ -15,7 +15,7 @@ function drawEnds() {
     const total = counts.reduce((sum, [, n]) => sum + n, 0), failed = summed(errors, k, place);
     const blame = Object.entries(faults).map(([name, all]) => [name, summed(all, k, place)]).filter(([, n]) => n);
     const told = counts.filter(([, n]) => n).map(([name, n]) => `${LOOK.outcomes[name]?.words ?? name} ${n}`).join(', ');
-    return element('tr', {}, element('th', { scope: 'row' }, agent), element('td', { class: 'wide' }, stack(counts, total)),
+    return element('tr', {}, element('th', { scope: 'row' }, ...wrapped(agent)), element('td', { class: 'wide' }, stack(counts, total)),
       element('td', {}, told || 'no episode', failed ? `; ${failed} could not be run` : ''),
       element('td', {}, blame.length ? blame.map(([name, n]) => `${name} ${n}`).join(', ') : '–'));
   }));

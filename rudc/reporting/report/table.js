@@ -19,7 +19,7 @@ function drawHeat() {
   const sign = metric.better === 'lower' ? -1 : 1;
   if (chosen('heat-order') === 'hard') order.sort((a, b) => sign * (mean(a) - mean(b)));
   const head = element('tr', {}, element('th', { scope: 'col' }, 'scenario'),
-    ...DATA.agents.map((agent) => element('th', { scope: 'col' }, agent)));
+    ...DATA.agents.map((agent) => element('th', { scope: 'col' }, ...wrapped(agent))));
   const lines = order.map((k) => element('tr', {},
     element('th', { scope: 'row' }, element('button', { type: 'button', class: 'link', title: 'Show this scenario in the table of metrics', onclick: () => filterBy(DATA.scenarios[k]) }, DATA.scenarios[k])),
     ...values[k].map((value) => heatCell(value, metric, (v) => (v - low) / (high - low || 1)))));
@@ -67,7 +67,7 @@ function drawTable() {
 }
 
 function tableRow([key, episodes, errors, cells, best], scales) {
-  return element('tr', {}, ...key.map((text) => element('th', { scope: 'row' }, text)),
+  return element('tr', {}, ...key.map((text) => element('th', { scope: 'row' }, ...wrapped(text))),
     element('td', { class: 'number' }, String(episodes) + (errors ? ` (+${errors} failed)` : '')),
     ...cells.map((text, k) => element('td', { class: 'number', 'data-metric': DATA.metrics[k].name }, best.includes(k) ? element('strong', {}, text) : text, whisker(parsed(text), scales[k]))));
 }

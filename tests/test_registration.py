@@ -1,0 +1,25 @@
+"""gymnasium knows the environment, whichever is imported first, and RUDC alone does not import it."""
+
+import subprocess
+import sys
+
+import pytest
+
+ASK = "print('rudc/Intersection-v0' in gymnasium.registry)"
+
+
+@pytest.mark.parametrize(
+    "first", ["import rudc, gymnasium", "import gymnasium, rudc", "import rudc, gymnasium.spaces, gymnasium"]
+)
+def test_the_id_is_there_in_either_order(first):
+    result = subprocess.run(
+        [sys.executable, "-c", f"{first}; {ASK}"], capture_output=True, text=True, check=True
+    )
+    assert result.stdout == "True\n"
+
+
+def test_the_command_line_starts_without_what_only_its_commands_need():
+    code = """import sys, rudc.cli.main
+print([name for name in ("gymnasium", "numpy", "torch", "libsumo") if name in sys.modules])"""
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert result.stdout == "[]\n"
