@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
@@ -16,6 +18,9 @@ if TYPE_CHECKING:
     from rudc.scenario import Scenario
 
 app = typer.Typer(no_args_is_help=True, help="Scenario files: find, write, check and draw them.")
+
+WATCH_S = 0.5
+"""s between two looks at files that are watched"""
 
 Overrides = Annotated[
     list[str] | None,
@@ -125,6 +130,9 @@ def validate(
     seeds: Annotated[
         int, typer.Option(min=0, help="Drive so many episodes of each and say how often its events happen.")
     ] = 0,
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Do it again whenever a file changes, until Ctrl-C.")
+    ] = False,
 ) -> None:
     """Check scenario files, and that each fits its network and can be set up (first seed, each swept value).
 
@@ -137,7 +145,17 @@ def validate(
     `rudc scenario validate my_scenarios/*.yaml`
 
     `rudc scenario validate sudden_brake --seeds 20`
+
+    `rudc scenario validate my_scenario.yaml --watch`, in a terminal beside the editor
     """
+    if watch:
+        _validate_again_and_again(files, seeds)
+    if problems := _problems(files, seeds):
+        raise ScenarioError("\n".join(problems))
+
+
+def _problems(files: list[str], seeds: int) -> list[str]:
+    """Say of each file whether it is fine; what is wrong with all of them."""
     from rudc.evaluation.preflight import validated
     from rudc.scenario.library import existing_files, shipped_scenarios, shown
 
@@ -154,8 +172,33 @@ def validate(
             swept = f", {points} swept points" if scenario.sweep else ""
             typer.echo(f"{name}: ok ({count} event{'s' * (count != 1)}{swept})")
             _echo_firings(scenario, seeds)
-    if problems:
-        raise ScenarioError("\n".join(dict.fromkeys(problems)))
+    return list(dict.fromkeys(problems))
+
+
+def _validate_again_and_again(files: list[str], seeds: int) -> NoReturn:
+    """Validate whenever one of the files changes, or another scenario beside it, which it may extend."""
+    seen: dict[Path, int] | None = None
+    while True:
+        now = _states(files)
+        if now != seen:
+            seen = now
+            for problem in _problems(files, seeds):
+                typer.echo(problem)
+            note("watching; Ctrl-C ends it")
+        time.sleep(WATCH_S)
+
+
+def _states(files: list[str]) -> dict[Path, int]:
+    """Each scenario file in the folders of these -> when it was written last, ns."""
+    from rudc.scenario.library import SUFFIXES, existing_files
+
+    found: dict[Path, int] = {}
+    for folder in dict.fromkeys(path.parent for path in existing_files(files)[0]):
+        for path in folder.iterdir():
+            if path.suffix in SUFFIXES:
+                with contextlib.suppress(OSError):  # editors replace files
+                    found[path] = path.stat().st_mtime_ns
+    return found
 
 
 def _echo_firings(scenario: Scenario, seeds: int) -> None:
@@ -179,6 +222,12 @@ def preview(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", metavar="F.png", help="Image. Default: NAME.png.")
     ] = None,
+    animate: Annotated[
+        bool,
+        typer.Option(
+            "--animate", help="A film instead, NAME.gif: the episode as `gap-acceptance` drives it."
+        ),
+    ] = False,
     overrides: Overrides = None,
 ) -> None:
     """Draw a scenario's first scene as one seed has it: the ego (yellow) and its path, traffic (blue), events
@@ -186,12 +235,36 @@ def preview(
 
     **Example**: `rudc scenario preview blocked_left_turn --seed 3 --out blocked.png`
     """
+    from rudc.drawing.picture_file import check_film
     from rudc.drawing.preview import draw_preview
     from rudc.scenario import load_scenario
     from rudc.world.fitting import misfits
 
     scenario = load_scenario(source, parse_overrides(overrides), misfits)
-    typer.echo(draw_preview(scenario, seed, out or Path(f"{scenario.name}.png")))
+    path = out or Path(f"{scenario.name}.{'gif' if animate else 'png'}")
+    if animate:
+        check_film(path)
+        _animate(scenario, seed, path)
+        typer.echo(path)
+    else:
+        typer.echo(draw_preview(scenario, seed, path))
+
+
+def _animate(scenario: Scenario, seed: int, path: Path) -> None:
+    """Drive an episode by the driver that needs no training, and write it as a film."""
+    from rudc.agents.registry import make_agent
+    from rudc.env.episode import Episode
+    from rudc.evaluation.film import Film
+    from rudc.evaluation.rollout import run_episode
+    from rudc.network.network import load_network
+    from rudc.world.world import World
+
+    driver = make_agent("gap-acceptance")
+    with World(load_network(scenario.network, scenario.junction)) as world:
+        episode = Episode(world)
+        film = Film(episode, driver.name)
+        run_episode(episode, scenario.plan(seed), driver, watch=film.watch)
+    film.save(path)
 
 
 @app.command()

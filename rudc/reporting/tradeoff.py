@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rudc.reporting.figures import INK, PALETTE, bare, grid, legend_below
+from rudc.reporting.figures import INK, PALETTE, Label, bare, grid, legend_below, place_labels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,22 +52,26 @@ def draw_tradeoff(points: Sequence[Point], path: Path) -> Path:
     ]
     size = (3.6 * len(columns), 0.5 + 3.4 * len(agents))
     with grid(len(agents), len(columns), size, path, sharex="col", sharey="col") as (figure, panels):
+        labels: list[Label] = []
         for i, agent in enumerate(agents):
             for k, (domain, constrained) in enumerate(columns):
                 inside = [p for p in points if (p.agent, p.domain) == (agent, domain)]
-                _panel(panels[i, k], [p for p in inside if p.constrained in ("", constrained)])
+                labels += _panel(panels[i, k], [p for p in inside if p.constrained in ("", constrained)])
                 panels[i, k].set_title(f"{agent}, {constrained}\n{domain}")
                 panels[i, k].set_xlabel("frozen, FR (%)" if i == len(agents) - 1 else "")
                 panels[i, k].set_ylabel("violations, VR (%)" if k == 0 else "")
         legend_below(figure, _handles({p.variant for p in points}))
+        place_labels(figure, labels)
     return path
 
 
-def _panel(axes: Axes, points: Sequence[Point]) -> None:
+def _panel(axes: Axes, points: Sequence[Point]) -> list[Label]:
+    """Draw a panel; the labels that are still to be placed."""
     shown = [p for p in points if p.fr[0] == p.fr[0]]
     if not shown:
         bare(axes, "no episode ended")
-        return
+        return []
+    labels = []
     for p in shown:
         colour = INK if p.variant == OFF else _COLOURS[p.variant]
         (x, y), (x_error, y_error) = (p.fr[0], p.vr[0]), (_arms(p.fr), _arms(p.vr))
@@ -79,13 +83,10 @@ def _panel(axes: Axes, points: Sequence[Point]) -> None:
             axes.plot(x, y, "*", color=INK, markersize=12, zorder=5)
             continue
         axes.plot(x, y, color=_COLOURS[variant], lw=1.2, marker=_MARKERS[variant], markersize=4.5, zorder=4)
-        for (fr, vr), text in _ends(line).items():
-            axes.annotate(
-                text, (fr, vr), xytext=(4, 4), textcoords="offset points", fontsize=7.5,
-                color=_COLOURS[variant],
-            )  # fmt: skip
+        labels += [Label(axes, place, text, _COLOURS[variant]) for place, text in _ends(line).items()]
     axes.set_xlim(left=min(0.0, axes.get_xlim()[0]))
     axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
+    return labels
 
 
 def _ends(line: Sequence[Point]) -> dict[tuple[float, float], str]:

@@ -8,6 +8,7 @@ from PIL import Image
 
 from rudc.errors import StorageError
 from rudc.reporting.curves import Curve, draw_curves
+from rudc.reporting.figures import INK, Label, grid, place_labels
 from rudc.reporting.separation import Mark, draw_separation
 from rudc.reporting.tradeoff import Point, draw_tradeoff
 
@@ -53,6 +54,8 @@ CURVES = [
 def test_figures_are_drawn_and_repeatable(draw, data, tmp_path):
     first, again = draw(data, tmp_path / "a.png"), draw(data, tmp_path / "b.png")
     assert first.read_bytes() == again.read_bytes()
+    assert (tmp_path / "a.pdf").read_bytes() == (tmp_path / "b.pdf").read_bytes()
+    assert (tmp_path / "a.pdf").read_bytes().startswith(b"%PDF")
     with Image.open(first) as picture:
         assert min(picture.size) > 200
     with pytest.raises(StorageError, match="cannot write"):
@@ -62,3 +65,15 @@ def test_figures_are_drawn_and_repeatable(draw, data, tmp_path):
 def test_a_variant_that_never_ended_is_said(tmp_path):
     none = Point("a", "in distribution", "gated", "fixed", 0.3, NOTHING, NOTHING)
     assert draw_tradeoff([none], tmp_path / "a.png").is_file()
+
+
+def test_no_label_lies_over_another(tmp_path):
+    with grid(1, 1, (4.0, 3.0), tmp_path / "a.png") as (figure, panels):
+        panels[0, 0].plot([0.0, 1.0], [0.0, 1.0])
+        places = [(0.5 + 0.01 * (k % 3), 0.5 + 0.01 * (k // 3)) for k in range(12)]
+        labels = [Label(panels[0, 0], place, f"0.{k}–0.{k}", INK) for k, place in enumerate(places)]
+        written = place_labels(figure, labels)
+        boxes = [text.get_window_extent() for text in written]
+    overlapping = [(a, b) for i, a in enumerate(boxes) for b in boxes[:i] if a.overlaps(b)]
+    assert overlapping == []
+    assert [text.get_text() for text in written] == [label.text for label in labels]

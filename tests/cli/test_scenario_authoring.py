@@ -1,0 +1,52 @@
+"""What helps while a scenario is written: validated as it changes, and shown moving."""
+
+import pytest
+from PIL import Image
+
+from rudc.cli import scenario as commands
+
+
+def test_a_preview_moves(rudc, tmp_path):
+    answer = rudc("scenario", "preview", "random_destination", "--animate", "--set", "episode.timeout=3")
+    assert answer.status == 0, answer.err
+    assert answer.out == "random_destination.gif\n"
+    with Image.open(tmp_path / "random_destination.gif") as film:
+        assert getattr(film, "n_frames", 1) > 10
+    assert rudc("scenario", "preview", "random_destination", "--animate", "-o", "x.png").status == 2
+
+
+def test_a_file_is_validated_whenever_it_or_its_neighbour_changes(rudc, tmp_path, monkeypatch):
+    mine, base = tmp_path / "mine.yaml", tmp_path / "base.yaml"
+    base.write_text("name: base\nnetwork: four_way\n")
+    mine.write_text("name: mine\nextends: base.yaml\n")
+    changes = iter([
+        lambda: mine.write_text("name: mine\nextends: base.yaml\ntrafic: {density: 20}\n"),
+        lambda: None,
+        lambda: mine.write_text("name: mine\nextends: base.yaml\ntraffic: {density: 20}\n"),
+        lambda: base.write_text("name: base\nnetwork: four_wya\n"),
+    ])  # fmt: skip
+
+    def meanwhile(_seconds):
+        change = next(changes, None)
+        if change is None:
+            raise KeyboardInterrupt
+        change()
+
+    monkeypatch.setattr(commands.time, "sleep", meanwhile)
+    answer = rudc("scenario", "validate", "mine.yaml", "--watch")
+    assert answer.status == 130
+    lines = [line for line in answer.out.splitlines() if line.startswith("mine.yaml:")]
+    assert lines[0] == "mine.yaml: ok (0 events)"
+    assert lines[1] == "mine.yaml: 1 problem"
+    assert lines[2].startswith("mine.yaml:3:1: trafic: unknown key (did you mean 'traffic'?)")
+    assert lines[3] == "mine.yaml: ok (0 events)"
+    assert "four_wya" in answer.out
+    assert answer.err.count("watching") == 4
+
+
+@pytest.mark.parametrize("name", ["mine"])
+def test_a_new_file_tells_editors_its_schema(rudc, tmp_path, name):
+    assert rudc("scenario", "new", name).status == 0
+    first = (tmp_path / f"{name}.yaml").read_text().splitlines()[0]
+    assert first.startswith("# yaml-language-server: $schema=")
+    assert (tmp_path / first.partition("=")[2]).is_file()
