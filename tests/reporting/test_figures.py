@@ -12,7 +12,7 @@ from rudc.reporting.figures import INK, Label, grid, place_labels
 from rudc.reporting.separation import Mark, draw_separation
 from rudc.reporting.tradeoff import Point, draw_tradeoff
 
-NOTHING = (math.nan,) * 3
+NOTHING = (math.nan, math.nan, math.nan)
 
 
 def points() -> list[Point]:
