@@ -18,7 +18,7 @@ from rudc.env.episode import Episode
 from rudc.errors import AgentError, AgentFailedError, RudcError
 from rudc.evaluation.manifest import agent_digest
 from rudc.evaluation.record import EpisodeRecord
-from rudc.evaluation.rollout import run_episode
+from rudc.evaluation.rollout import Watcher, run_episode
 from rudc.evaluation.tasks import Task
 from rudc.imports import in_words
 from rudc.network.network import load_network
@@ -37,15 +37,17 @@ class EpisodeRunner:
         make: Callable[[str], Agent] = make_agent,
         limit_s: float | None = None,
         folder: Path | None = None,
+        watch: Callable[[Episode, Agent], Watcher] | None = None,
     ) -> None:
         """`make`: an agent's name -> the agent. `limit_s`: s of wall time after which an episode is given up,
         wherever it stands. `folder`: what relative paths in agents' names are relative to, should this
-        process have been started elsewhere.
+        process have been started elsewhere. `watch`: an episode and its agent -> who is shown its decisions.
         """
         if folder is not None and folder.is_dir():
             os.chdir(folder)
         self._make = make
         self._limit_s = limit_s
+        self._watch = watch
         self._world: World | None = None
         self._network: tuple[str, str | None] | None = None
         self._agents: dict[str, Agent] = {}
@@ -87,7 +89,8 @@ class EpisodeRunner:
         agent, world = self._load(task)
         episode = Episode(world)
         with _time_limit(None if self._limit_s is None else SOONER * self._limit_s):
-            return run_episode(episode, task.scenario.plan(task.seed), agent)
+            watch = None if self._watch is None else self._watch(episode, agent)
+            return run_episode(episode, task.scenario.plan(task.seed), agent, watch=watch)
 
     def close(self) -> None:
         """Forget everything; the next task starts afresh."""

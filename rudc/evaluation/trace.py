@@ -27,6 +27,7 @@ class Trace:
     def watch(self, scene: Scene, decision: Decision, result: StepResult) -> None:
         """Keep a decision: the scene it was taken in, and what came of it."""
         ego, corrected = scene.ego, decision.corrected
+        unsure, by_route = decision.uncertainty, decision.by_route
         row: dict[str, object] = {
             "time_s": scene.time_s,
             "x_m": ego.x,
@@ -40,6 +41,11 @@ class Trace:
             "acceleration_mps2": decision.u[0],
             "steering_rad": decision.u[1],
             "sigma": decision.sigma,
+            "sigma_epi": float(unsure.epistemic) if unsure else math.nan,
+            "sigma_ale": float(unsure.aleatoric) if unsure else math.nan,
+            "sigma_total": float(unsure.total) if unsure else math.nan,
+            "sigma_by_route": float(by_route.total) if by_route else math.nan,
+            "slack": corrected.slack if corrected else math.nan,
             "filter_status": corrected.status if corrected else "",
             "filter_active": " ".join(corrected.active) if corrected else "",
             "filter_least_h_m2": float(np.min(corrected.h)) if corrected and len(corrected.h) else math.nan,

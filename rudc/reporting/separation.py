@@ -11,10 +11,16 @@ from rudc.reporting.figures import FAINT, PALETTE, grid, legend_below
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-TITLES = {"ood": "out of distribution or not", "violation": "violation within 2 s"}
-_LABELS = {"epistemic": r"$\sigma_{epi}$", "aleatoric": r"$\sigma_{ale}$", "total": r"$\sigma_{total}$"}
+TITLES = {
+    "violation": "violation within 2 s", "violation seen": "the same, cause in sight",
+    "violation hidden": "the same, cause hidden", "exposed": "exposed to an event",
+}  # fmt: skip
+_LABELS = {
+    "total": r"$\sigma_{total}$", "route": r"$\sigma$ by route",
+    "route_or_mismatch": "by route, and plant monitor",
+}  # fmt: skip
 _COLOURS: dict[str, str] = dict(zip(_LABELS, (PALETTE[0], PALETTE[4], PALETTE[1]), strict=True))
-_SHIFT = {"epistemic": -0.22, "aleatoric": 0.0, "total": 0.22}
+_SHIFT: dict[str, float] = dict(zip(_LABELS, (-0.22, 0.0, 0.22), strict=True))
 
 
 class Mark(NamedTuple):
@@ -60,7 +66,7 @@ def _panel(axes: Axes, marks: Sequence[Mark]) -> None:
         value, low, high = m.value
         y = rows.index(m.scenarios) + _SHIFT[m.sigma]
         if value != value:
-            if m.sigma == "aleatoric":
+            if m.sigma == "route":
                 axes.text(0.51, y, "none happened", va="center", fontsize=7.5, color="#767d88")
             continue
         if low == low:

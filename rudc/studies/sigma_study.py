@@ -1,19 +1,28 @@
 """Does sigma mean something?
 
-    ood         does it tell decisions in an out-of-distribution scenario from those in the two tasks?
-                Positives: all decisions of the scenario's episodes, also those before anything unusual shows
-    violation   does it announce a violation? Positives: decisions at most HORIZON steps before an episode's
-                violation; negatives: all others of the same scenarios
+Of decisions, by AUROC (rudc/studies/auroc.py):
 
-Each for sigma_epi, sigma_ale and sigma_total as AUROC (rudc/studies/auroc.py), agent by agent, since critics
+    violation         does it announce a violation? Positives: decisions at most HORIZON steps before one
+    violation seen    the same, of those whose cause could be seen (rudc/studies/sigma_steps.py)
+    violation hidden  the same, of the others: an icy road, late actuators, who comes out of nowhere
+    exposed           does it notice what is unusual? Positives: decisions with an event in sight, ahead,
+                      within 40 m
+
+Negatives are undisturbed decisions of the same scenarios: no event has begun and been shown yet, and no
+violation follows within HORIZON. Asked of sigma_epi, sigma_ale and sigma_total as in the paper and by route
+(rudc/agents/route_sigma.py), of what the plant monitor finds wrong with the car, and of sigma by route with
+the monitor beside it, where a car that is not ordinary comes before all sigma. Agent by agent, since critics
 of different agents have scales of their own, and as the mean of the agents that differ only in their training
-seed. Sigmas are kept as they are stated, an array (steps, 3) for each episode in `sigmas/`.
+seed.
+
+And of the slack, by either kind of sigma: the share of decisions in distribution above sigma_l, 5 % if it
+holds, and the share of the decisions within HORIZON before a violation in which sigma was below sigma_l, so
+that delta > 0 relaxed the filter.
 """
 
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -22,18 +31,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rudc.agents.base import Agent, Decision, EgoDriver
-from rudc.agents.checkpoint import find_checkpoint
+from rudc.agents.checkpoint import find_checkpoint, load_learnt
 from rudc.agents.registry import make_agent
+from rudc.agents.route_sigma import RouteSigma
 from rudc.agents.variation import split
 from rudc.arrays import Array, Flags, Index
 from rudc.errors import InputError, StorageError
 from rudc.evaluation.columns import happened
-from rudc.evaluation.record import EpisodeRecord
-from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.sweep import Progress, run_sweep
-from rudc.evaluation.tasks import SweepPlan, Task
-from rudc.files import make_folder, replacing
+from rudc.evaluation.tasks import SweepPlan
+from rudc.files import make_folder
 from rudc.reporting.separation import Mark, draw_separation
 from rudc.reporting.text import csv_text, interval, markdown
 from rudc.studies.auroc import auroc, auroc_draws, percentile_interval
@@ -48,13 +55,16 @@ from rudc.studies.base import (
     out_of_distribution,
     write,
 )
-from rudc.world.scene import Scene
+from rudc.studies.sigma_steps import AT, HORIZON, StepRunner, steps_file
 
-HORIZON = 20
-"""decisions, 2 s"""
 EPISODES = {"quick": 10, "full": 100}
 """for each scenario and agent, by budget"""
-SIGMAS = ("epistemic", "aleatoric", "total")
+SCORES = (
+    "epistemic", "aleatoric", "total", "route_epistemic", "route_aleatoric", "route", "mismatch",
+    "route_or_mismatch",
+)  # fmt: skip
+SHOWN = ("total", "route", "route_or_mismatch")
+"""of those, in the table and the figure"""
 INSIDE, OUTSIDE, ALL = "in distribution", "all out of distribution", "all scenarios"
 
 
@@ -64,62 +74,26 @@ class Drive(NamedTuple):
     scenario: str
     violated: bool
     """whether it ended in a violation"""
-    sigmas: Array
-    """(steps, 3) epistemic, aleatoric, total, reward units"""
+    steps: Array
+    """(steps, columns), see rudc/studies/sigma_steps.py"""
+
+    def of(self, column: str) -> Array:
+        """(steps,) a column."""
+        return self.steps[:, AT[column]]
+
+    def scores(self) -> Array:
+        """(steps, scores) of `SCORES`."""
+        both = np.where(self.of("mismatch") > 0, FIRST + self.of("mismatch"), self.of("route"))
+        return np.column_stack([*(self.of(name) for name in SCORES[:-1]), both])
+
+    def before_violation(self) -> Flags:
+        """(steps,) whether a violation follows within HORIZON."""
+        steps = len(self.steps)
+        return np.arange(steps) >= steps - HORIZON if self.violated else np.zeros(steps, dtype=bool)
 
 
-class Listener:
-    """An agent, and what it said of its uncertainty since it was reset."""
-
-    def __init__(self, agent: Agent) -> None:
-        self.inner = agent
-        self.name = agent.name
-        self.ego_driver: EgoDriver = agent.ego_driver
-        self.heard: list[tuple[float, ...]] = []
-
-    def reset(self, scene: Scene, seed: int) -> None:
-        """Reset the agent and forget."""
-        self.heard = []
-        self.inner.reset(scene, seed)
-
-    def act(self, scene: Scene) -> Decision:
-        """The agent's decision."""
-        decision = self.inner.act(scene)
-        stated = decision.uncertainty
-        self.heard.append((math.nan,) * 3 if stated is None else tuple(float(value) for value in stated))
-        return decision
-
-
-class ListeningRunner:
-    """Runs episodes and writes the sigmas of each into a folder, before its row is written."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._listeners: dict[str, Listener] = {}
-        self._run = EpisodeRunner(self._make)
-
-    def _make(self, name: str) -> Listener:
-        self._listeners[name] = Listener(make_agent(name))
-        return self._listeners[name]
-
-    def __call__(self, task: Task) -> EpisodeRecord:
-        """Run the task's episode."""
-        record = self._run(task)
-        if record.error:
-            return record
-        path = sigma_file(self._folder, task.agent, task.scenario.name, task.seed)
-        try:
-            make_folder(path.parent)
-            with replacing(path) as file:
-                np.save(file, np.array(self._listeners[task.agent].heard, dtype=np.float32))
-        except (InputError, StorageError) as error:
-            return EpisodeRecord.failed(record.scenario, record.agent, record.seed, str(error))
-        return record
-
-
-def sigma_file(folder: Path, agent: str, scenario: str, seed: int) -> Path:
-    """Where an episode's sigmas are."""
-    return folder / re.sub(r"[^\w.+=,-]", "_", agent) / scenario / f"{seed}.npy"
+FIRST = 1e6
+"""reward units, above all sigma"""
 
 
 def run(order: Order, progress: Callable[[str], Progress]) -> Report:
@@ -129,9 +103,9 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
         _must_state_sigma(name)
     scenarios = (*in_distribution(), *out_of_distribution(order.budget))
     make_folder(order.out)
-    sigmas = order.out.resolve() / "sigmas"
+    steps = order.out.resolve() / "steps"
     plan = SweepPlan(scenarios, agents, order.episodes or EPISODES[order.budget], order.seed)
-    runner = partial(ListeningRunner, sigmas)
+    runner = partial(StepRunner, steps)
     result = run_sweep(
         plan,
         order.out / "sweep",
@@ -140,11 +114,13 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
         resume=order.resume,
         progress=progress("sigma"),
     )
-    drives = {name: _drives([row for row in result.rows if row["agent"] == name], sigmas) for name in agents}
+    drives = {name: _drives([row for row in result.rows if row["agent"] == name], steps) for name in agents}
     lines = measure(drives)
-    table = as_markdown(lines)
+    slack = [line for name in agents for line in slack_lines(name, limits_of(name), drives[name])]
+    table = f"{as_markdown(lines)}\n{slack_markdown(slack)}"
     files = (
         write(order.out / "sigma.csv", csv_text(lines)),
+        write(order.out / "sigma_slack.csv", csv_text(slack)),
         write(order.out / "sigma.md", table),
         draw_separation(marks(lines), order.out / "sigma.png"),
     )
@@ -164,17 +140,20 @@ def _drives(rows: Sequence[Mapping[str, str]], folder: Path) -> list[Drive]:
     for row in rows:
         if row["error"]:
             continue
-        path = sigma_file(folder, row["agent"], row["scenario"], int(row["seed"]))
+        path = steps_file(folder, row["agent"], row["scenario"], int(row["seed"]))
         try:
             stated = np.load(path).astype(float)
         except OSError as error:
             raise StorageError(
                 f"{path} cannot be read ({error.strerror}); its episode is finished, so give another --out"
             ) from None
-        if not np.isfinite(stated).all():
+        if not np.isfinite(stated[:, AT["total"]]).all():
             raise InputError(f"{row['agent']} states no uncertainty, so there is nothing to study")
         found.append(Drive(row["scenario"], happened("VR", row["outcome"]), stated))
     return found
+
+
+TASKS = ("violation", "violation seen", "violation hidden", "exposed")
 
 
 @dataclass(frozen=True)
@@ -182,29 +161,37 @@ class Question:
     """Which decisions are to be told from which."""
 
     task: str
-    """ood or violation"""
+    """one of `TASKS`"""
     scenarios: str
     """as shown"""
-    positive: frozenset[str]
-    """scenarios whose decisions are (ood) or may be (violation) positive"""
-    negative: frozenset[str]
+    among: frozenset[str]
+    """scenarios whose decisions it is about"""
+
+    def positive(self, drive: Drive) -> Flags:
+        """(steps,) the decisions that should stand out."""
+        if self.task == "exposed":
+            return drive.of("exposed") > 0
+        seen = drive.of("seen")  # nan without a violation
+        wanted = {"violation": seen == seen, "violation seen": seen == 1, "violation hidden": seen == 0}
+        return drive.before_violation() & wanted[self.task]
+
+    def negative(self, drive: Drive) -> Flags:
+        """(steps,) the undisturbed ones."""
+        return (drive.of("disturbed") == 0) & ~drive.before_violation()
 
 
 def questions(scenarios: Sequence[str]) -> list[Question]:
     """Everything that is asked of an agent that drove these scenarios."""
-    inside = frozenset(IN_DISTRIBUTION)
-    outside = [name for name in scenarios if name not in inside]
-    whole = frozenset(outside)
-    everything = whole | inside
-    found = [Question("ood", OUTSIDE, whole, inside)]
-    found += [Question("ood", name, frozenset({name}), inside) for name in outside]
-    found += [
-        Question("violation", ALL, everything, everything),
-        Question("violation", INSIDE, inside, inside),
-        Question("violation", OUTSIDE, whole, whole),
+    inside = frozenset(scenarios) & frozenset(IN_DISTRIBUTION)
+    outside = frozenset(scenarios) - inside
+    pooled = ((ALL, inside | outside), (INSIDE, inside), (OUTSIDE, outside))
+    scopes = [*pooled, *((name, frozenset({name})) for name in scenarios)]
+    return [
+        Question(task, name, among)
+        for task in TASKS
+        for name, among in scopes
+        if task != "exposed" or among - inside
     ]
-    found += [Question("violation", name, frozenset({name}), frozenset({name})) for name in scenarios]
-    return found
 
 
 def measure(drives: Mapping[str, Sequence[Drive]]) -> list[dict[str, object]]:
@@ -217,7 +204,7 @@ def measure(drives: Mapping[str, Sequence[Drive]]) -> list[dict[str, object]]:
     for shared, members in families.items():
         for question in questions(scenarios):
             cases = {name: _case(question, drives[name]) for name in members}
-            for k, sigma in enumerate(SIGMAS):
+            for k, sigma in enumerate(SCORES):
                 measured = {name: _answer(case, k) for name, case in cases.items()}
                 one = len(members) == 1
                 if not one:
@@ -233,8 +220,8 @@ def measure(drives: Mapping[str, Sequence[Drive]]) -> list[dict[str, object]]:
 class _Case(NamedTuple):
     """The decisions that a question is about."""
 
-    sigmas: Array
-    """(n, 3)"""
+    scores: Array
+    """(n, scores)"""
     positive: Flags
     """(n,)"""
     episode: Index
@@ -244,28 +231,28 @@ class _Case(NamedTuple):
 
 
 def _case(question: Question, drives: Sequence[Drive]) -> _Case:
-    taken = [d for d in drives if d.scenario in question.positive | question.negative and len(d.sigmas)]
+    taken = [drive for drive in drives if drive.scenario in question.among and len(drive.steps)]
     names = sorted({drive.scenario for drive in taken})
-    positive = []
+    scores, positive, episode = [np.zeros((0, len(SCORES)))], [np.zeros(0, dtype=bool)], []
     for drive in taken:
-        steps = len(drive.sigmas)
-        if question.task == "ood":
-            flags = np.full(steps, drive.scenario in question.positive)
-        else:
-            flags = np.arange(steps) >= steps - HORIZON if drive.violated else np.zeros(steps, dtype=bool)
-        positive.append(flags)
-    episode = np.repeat(np.arange(len(taken)), [len(d.sigmas) for d in taken])
+        yes = question.positive(drive)
+        asked = yes | question.negative(drive)
+        scores.append(drive.scores()[asked])
+        positive.append(yes[asked])
+        episode.append(int(asked.sum()))
     return _Case(
-        np.concatenate([np.zeros((0, 3)), *(d.sigmas for d in taken)]),
-        np.concatenate([np.zeros(0, dtype=bool), *positive]),
-        episode.astype(np.int64),
-        np.array([names.index(d.scenario) for d in taken], dtype=np.int64),
+        np.concatenate(scores),
+        np.concatenate(positive),
+        np.repeat(np.arange(len(taken)), episode).astype(np.int64),
+        np.array([names.index(drive.scenario) for drive in taken], dtype=np.int64),
     )
 
 
 def _answer(case: _Case, sigma: int) -> tuple[float, Array]:
     """AUROC of one sigma, and its bootstrap's draws."""
-    scores = np.ascontiguousarray(case.sigmas[:, sigma])
+    scores = np.ascontiguousarray(case.scores[:, sigma])
+    if not np.isfinite(scores).all():  # nothing is known by route
+        return math.nan, np.array([math.nan])
     value = auroc(scores, case.positive)
     if math.isnan(value):
         return value, np.array([math.nan])
@@ -293,11 +280,11 @@ def _line(question: Question, sigma: str, agent: str, cases, value: float, draws
 
 
 def as_markdown(lines: Sequence[Mapping]) -> str:
-    """One line for each question, the three sigmas beside each other; families rather than single agents."""
-    headings = ["agent", "task", "scenarios", "episodes", "positive", *(f"sigma {name}" for name in SIGMAS)]
+    """One line for each question, `SHOWN` beside each other; families rather than single agents."""
+    headings = ["agent", "task", "scenarios", "episodes", "positive", *SHOWN]
     grouped: dict[tuple[str, str, str], list[Mapping]] = {}
     for line in lines:
-        if line["mean_of_seeds"]:
+        if line["mean_of_seeds"] and line["sigma"] in SHOWN:
             grouped.setdefault((line["family"], line["task"], line["scenarios"]), []).append(line)
     rows = []
     for key, members in grouped.items():
@@ -313,5 +300,52 @@ def marks(lines: Sequence[Mapping]) -> list[Mark]:
             m["family"], m["task"], m["scenarios"], m["sigma"], (m["auroc"], m["auroc_low"], m["auroc_high"])
         )
         for m in lines
-        if m["mean_of_seeds"]
+        if m["mean_of_seeds"] and m["sigma"] in SHOWN
     ]
+
+
+def limits_of(agent: str) -> dict[str, float]:
+    """sigma_l of an agent, reward units: `total`, and `route` where it is known."""
+    whole = split(agent)[0]
+    folder = find_checkpoint(agent) or find_checkpoint(whole) or find_checkpoint(whole.partition("+")[0])
+    if folder is None:
+        return {}
+    learnt = load_learnt(folder)
+    by_route = RouteSigma.among(learnt.arrays)
+    found = {"total": learnt.percentiles, "route": None if by_route is None else by_route.percentiles}
+    return {kind: limits[0] for kind, limits in found.items() if limits is not None}
+
+
+def slack_lines(agent: str, limits: Mapping[str, float], drives: Sequence[Drive]) -> list[dict[str, object]]:
+    """Lines of `sigma_slack.csv`: shares in percent, of decisions."""
+    inside = [drive for drive in drives if drive.scenario in IN_DISTRIBUTION]
+    lines = []
+    for kind, limit in limits.items():
+        line: dict[str, object] = {"agent": agent, "sigma": kind, "sigma_l": limit}
+        line |= _share("above_inside", [drive.of(kind) > limit for drive in inside])
+        for task in TASKS[:3]:
+            asked = Question(task, ALL, frozenset())
+            below = [drive.of(kind)[asked.positive(drive)] < limit for drive in drives]
+            line |= _share(f"relaxed_{task.replace(' ', '_')}", below)
+        lines.append(line)
+    return lines
+
+
+def _share(name: str, flags: Sequence[Flags]) -> dict[str, object]:
+    every = np.concatenate([np.zeros(0, dtype=bool), *flags])
+    return {name: 100.0 * float(every.mean()) if every.size else math.nan, f"{name}_decisions": every.size}
+
+
+def slack_markdown(lines: Sequence[Mapping]) -> str:
+    """The shares, to read."""
+    shares = [
+        ("above_inside", "above sigma_l in distribution (%)"),
+        ("relaxed_violation", "relaxed before a violation (%)"),
+        ("relaxed_violation_seen", "cause seen"),
+        ("relaxed_violation_hidden", "cause hidden"),
+    ]
+    rows = [
+        [line["agent"], line["sigma"], *(interval(line[key], math.nan, math.nan, 1) for key, _ in shares)]
+        for line in lines
+    ]
+    return markdown(["agent", "sigma", *(text for _, text in shares)], rows, left=2)

@@ -33,11 +33,11 @@ def points() -> list[Point]:
 MARKS = [
     Mark("rudc-t", task, name, sigma, value)
     for task, name, value in (
-        ("ood", "all out of distribution", (0.7, 0.6, 0.8)),
-        ("ood", "fog", (0.9, math.nan, math.nan)),
+        ("exposed", "all out of distribution", (0.7, 0.6, 0.8)),
+        ("exposed", "fog", (0.9, math.nan, math.nan)),
         ("violation", "fog", NOTHING),
     )
-    for sigma in ("epistemic", "aleatoric", "total")
+    for sigma in ("total", "route", "route_or_mismatch")
 ]
 STEPS = np.arange(1.0, 5.0) * 1e4
 CURVES = [

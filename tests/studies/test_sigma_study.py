@@ -9,47 +9,96 @@ import pytest
 from rudc.errors import InputError, StorageError
 from rudc.evaluation.store import read_table
 from rudc.evaluation.sweep import Silent
-from rudc.studies import sigma_study
+from rudc.safety.plant import ORDINARY, PlantEstimate
 from rudc.studies.auroc import auroc
 from rudc.studies.base import Order
-from rudc.studies.sigma_study import HORIZON, Drive, ListeningRunner, measure, questions, run, sigma_file
+from rudc.studies.sigma_steps import AT, COLUMNS, HORIZON, StepRunner, mismatch, steps_file
+from rudc.studies.sigma_study import (
+    SCORES,
+    Drive,
+    Question,
+    limits_of,
+    measure,
+    questions,
+    run,
+    slack_lines,
+)
+from rudc.vehicle import Actuation
 
-TASKS = ("random_destination", "dense_left_turn")
+PAIR = ("random_destination", "dense_left_turn")
 
 
-def made(scenario: str, level: float, *, violated: bool = False, steps: int = 40, seed: int = 0) -> Drive:
-    """An episode whose sigmas are near a level, total rising in the last two seconds of a violation."""
-    sigmas = level + 0.1 * np.random.default_rng(seed).normal(size=(steps, 3))
+def made(
+    scenario: str, level: float, *, seen: float = math.nan, steps: int = 40, seed: int = 0, event_at: int = 99
+) -> Drive:
+    """An episode whose sigmas are near a level. By route they rise in the last two seconds of a violation; an
+    event is in sight from a step on. `seen`: nan without violation, else whether the cause could be seen.
+    """
+    rng = np.random.default_rng(seed)
+    table = np.full((steps, len(COLUMNS)), math.nan)
+    for name in SCORES[:6]:
+        table[:, AT[name]] = level + 0.1 * rng.normal(size=steps)
+    table[:, AT["mismatch"]] = 0.0
+    table[:, AT["disturbed"]] = table[:, AT["exposed"]] = np.arange(steps) >= event_at
+    table[:, AT["seen"]] = seen
+    violated = not math.isnan(seen)
     if violated:
-        sigmas[-HORIZON:, 2] += 10.0
-    return Drive(scenario, violated, sigmas)
+        table[-HORIZON:, AT["route"]] += 10.0
+    return Drive(scenario, violated, table)
 
 
 def some_drives(shift: float = 0.0) -> list[Drive]:
-    inside = [made(name, 1.0 + shift, seed=k) for name in TASKS for k in range(6)]
-    strange = [made("fog", 2.0 + shift, violated=k < 3, seed=10 + k) for k in range(6)]
+    inside = [made(name, 1.0 + shift, seed=k) for name in PAIR for k in range(6)]
+    causes = (1.0, 1.0, 0.0, math.nan, math.nan, math.nan)
+    strange = [made("fog", 2.0 + shift, seen=causes[k], seed=10 + k, event_at=10) for k in range(6)]
     return [*inside, *strange, *(made("calm", 1.0 + shift, seed=20 + k) for k in range(6))]
 
 
 def test_each_question_is_answered():
     lines = measure({"a": some_drives()})
     found = {(m["task"], m["scenarios"], m["sigma"]): m for m in lines}
-    assert len(found) == len(lines) == 3 * len(questions([*TASKS, "fog", "calm"]))
-    fog = found["ood", "fog", "epistemic"]
-    assert fog["auroc"] == 1.0
-    assert (fog["episodes"], fog["positive_episodes"], fog["positive_decisions"]) == (18, 6, 240)
-    calm = found["ood", "calm", "epistemic"]
-    assert 0.4 < calm["auroc_low"] < calm["auroc"] < calm["auroc_high"] < 0.6
-    soon = found["violation", "fog", "total"]
-    assert soon["auroc"] == 1.0
-    assert soon["positive_decisions"] == 3 * HORIZON
-    assert found["violation", "fog", "aleatoric"]["auroc"] < 0.6
+    assert len(found) == len(lines) == len(SCORES) * len(questions([*PAIR, "fog", "calm"]))
+    for task, episodes in (("violation", 3), ("violation seen", 2), ("violation hidden", 1)):
+        soon = found[task, "fog", "route"]
+        assert soon["auroc"] == found[task, "fog", "route_or_mismatch"]["auroc"] == 1.0
+        assert (soon["positive_episodes"], soon["positive_decisions"]) == (episodes, episodes * HORIZON)
+        assert soon["decisions"] == episodes * HORIZON + 6 * 10  # undisturbed: before the event
+        assert 0.3 < found[task, "fog", "total"]["auroc"] < 0.7
     assert math.isnan(found["violation", "calm", "total"]["auroc"])
+    exposed = found["exposed", "all out of distribution", "total"]
+    assert exposed["positive_decisions"] == 6 * 30
+    assert exposed["auroc"] > 0.8  # fog's own undisturbed decisions are like those exposed, calm's are not
+    assert ("exposed", "random_destination", "total") not in found
+
+
+def test_a_car_that_is_not_ordinary_comes_before_all_sigma():
+    drive = made("ice", 5.0)
+    drive.steps[30:, AT["mismatch"]] = np.linspace(0.1, 0.9, 10)
+    both = drive.scores()[:, SCORES.index("route_or_mismatch")]
+    assert both[30:].min() > both[:30].max()
+    assert np.all(np.diff(both[30:]) > 0)
+    assert mismatch(ORDINARY) == mismatch(None) == 0.0
+    icy = PlantEstimate(Actuation(0.2, 0.1, 0.15), unusual=True)
+    assert mismatch(icy) == pytest.approx(0.85 + 0.3)
+
+
+def test_shares_of_the_slack():
+    """Sigma_total below its limit in all that precede violations; above it in one in twenty inside."""
+    drives = some_drives()
+    inside = np.concatenate([d.of("total") for d in drives if d.scenario in PAIR])
+    limit = float(np.percentile(inside, 95))
+    (line, by_route) = slack_lines("a", {"total": limit, "route": 5.0}, drives)
+    assert line["above_inside"] == pytest.approx(5.0, abs=0.3)
+    assert line["above_inside_decisions"] == 12 * 40
+    assert line["relaxed_violation"] == 0.0  # fog's level is 2, the limit about 1.2
+    assert by_route["relaxed_violation_seen"] == 0.0
+    (line,) = slack_lines("a", {"total": 5.0}, drives)
+    assert (line["relaxed_violation_hidden"], line["relaxed_violation_hidden_decisions"]) == (100.0, HORIZON)
 
 
 def test_training_seeds_are_averaged_not_mixed():
     lines = measure({"a": some_drives(), "a-seed1": some_drives(shift=50.0)})
-    asked = [m for m in lines if (m["task"], m["scenarios"], m["sigma"]) == ("ood", "fog", "aleatoric")]
+    asked = [m for m in lines if (m["task"], m["scenarios"], m["sigma"]) == ("violation", "fog", "route")]
     fog = {m["agent"] + "*" * m["mean_of_seeds"]: m for m in asked}
     assert sorted(fog) == ["a", "a*", "a-seed1"]
     assert fog["a*"]["auroc"] == pytest.approx(1.0)
@@ -64,19 +113,41 @@ def test_it_drives_listens_and_resumes(monkeypatch, tmp_path):
     monkeypatch.setattr(module, "in_distribution", partial(_only, "random_destination"))
     order = Order(tmp_path / "s", agents=("rudc-wo-cbf",), episodes=1, seed=3)
     report = run(order, lambda _: Silent())
-    assert [path.name for path in report.files] == ["sigma.csv", "sigma.md", "sigma.png"]
+    assert [path.name for path in report.files] == ["sigma.csv", "sigma_slack.csv", "sigma.md", "sigma.png"]
     assert not report.errors
     (row,) = read_table(tmp_path / "s" / "sweep" / "episodes.csv")
-    stated = np.load(sigma_file(tmp_path / "s" / "sigmas", "rudc-wo-cbf", "random_destination", 3))
-    assert stated.shape == (int(row["steps"]), 3)
-    assert stated[:, 2].mean() == pytest.approx(float(row["mean_sigma"]), rel=1e-4)
-    np.testing.assert_allclose(np.hypot(stated[:, 0], stated[:, 1]), stated[:, 2], rtol=1e-4)
+    stated = np.load(steps_file(tmp_path / "s" / "steps", "rudc-wo-cbf", "random_destination", 3))
+    assert stated.shape == (int(row["steps"]), len(COLUMNS))
+    total = stated[:, AT["total"]]
+    assert total.mean() == pytest.approx(float(row["mean_sigma"]), rel=1e-4)
+    np.testing.assert_allclose(
+        np.hypot(stated[:, AT["epistemic"]], stated[:, AT["aleatoric"]]), total, rtol=1e-4
+    )
+    assert not stated[:, AT["disturbed"]].any()
+    assert np.isnan(stated[:, AT["seen"]]).all() == (row["outcome"] in ("success", "frozen"))
+    (share, *_) = read_table(tmp_path / "s" / "sigma_slack.csv")
+    assert float(share["sigma_l"]) == pytest.approx(limits_of("rudc-wo-cbf")["total"])
     before = (tmp_path / "s" / "sigma.csv").read_bytes()
     again = run(Order(order.out, order.agents, (), 1, 3, resume=True), lambda _: Silent())
     assert again.files[0].read_bytes() == before
-    sigma_file(tmp_path / "s" / "sigmas", "rudc-wo-cbf", "random_destination", 3).unlink()
+    steps_file(tmp_path / "s" / "steps", "rudc-wo-cbf", "random_destination", 3).unlink()
     with pytest.raises(StorageError, match=r"3\.npy cannot be read"):
         run(Order(order.out, order.agents, (), 1, 3, resume=True), lambda _: Silent())
+
+
+def test_what_an_event_does_is_in_the_steps(tmp_path):
+    """A truck stands on the way from the start: it is ahead and near at some step, and no car is unusual."""
+    from rudc.evaluation.tasks import Task
+
+    (scenario,) = _only("stalled_truck")
+    runner = StepRunner(tmp_path)
+    assert not runner(Task(scenario, {}, "planner", 0)).error
+    runner.close()
+    steps = np.load(steps_file(tmp_path, "planner", "stalled_truck", 0))
+    assert steps[:, AT["exposed"]].any()
+    assert steps[-1, AT["exposed"]] == 0  # past it
+    assert np.all(steps[:, AT["disturbed"]] >= steps[:, AT["exposed"]])
+    assert not steps[:, AT["mismatch"]].any()
 
 
 def _only(name: str):
@@ -96,15 +167,16 @@ def test_a_folder_that_cannot_be_written_is_an_error_of_the_episode(tmp_path):
 
     (tmp_path / "file").write_text("")
     (scenario,) = _only("random_destination")
-    runner = ListeningRunner(tmp_path / "file")
+    runner = StepRunner(tmp_path / "file")
     record = runner(Task(scenario, {}, "rudc-wo-cbf", 0))
-    runner._run.close()
+    runner.close()
     assert "Not a directory" in record.error
 
 
 def test_one_auroc_by_hand():
-    drives = [made(TASKS[0], 1.0, seed=1), made("fog", 1.05, seed=2)]
-    line = next(m for m in measure({"a": drives}) if m["scenarios"] == "fog" and m["sigma"] == "total")
-    scores = np.concatenate([d.sigmas[:, 2] for d in drives])
-    assert line["auroc"] == auroc(scores, np.repeat([False, True], 40))
-    assert sigma_study.SIGMAS[2] == "total"
+    drives = [made("fog", 1.0, seed=1), made("fog", 1.05, seed=2, seen=1.0)]
+    lines = measure({"a": drives})
+    line = next(m for m in lines if (m["task"], m["scenarios"], m["sigma"]) == ("violation", "fog", "total"))
+    scores = np.concatenate([d.of("total") for d in drives])
+    assert line["auroc"] == auroc(scores, np.arange(80) >= 60)
+    assert Question("exposed", "fog", frozenset({"fog"})).positive(drives[0]).sum() == 0
