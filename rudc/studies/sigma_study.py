@@ -27,7 +27,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -194,7 +194,7 @@ def questions(scenarios: Sequence[str]) -> list[Question]:
     ]
 
 
-def measure(drives: Mapping[str, Sequence[Drive]]) -> list[dict[str, object]]:
+def measure(drives: Mapping[str, Sequence[Drive]]) -> list[dict[str, Any]]:
     """Lines of `sigma.csv`: every question and sigma, for each agent and for each family of several."""
     families: dict[str, list[str]] = {}
     for name in drives:
@@ -259,7 +259,7 @@ def _answer(case: _Case, sigma: int) -> tuple[float, Array]:
     return value, auroc_draws(scores, case.positive, case.episode, case.stratum)
 
 
-def _line(question: Question, sigma: str, agent: str, cases, value: float, draws: Array) -> dict[str, object]:
+def _line(question: Question, sigma: str, agent: str, cases, value: float, draws: Array) -> dict[str, Any]:
     low, high = percentile_interval(value, draws)[1:]
     cases = list(cases)
     return {
@@ -316,12 +316,12 @@ def limits_of(agent: str) -> dict[str, float]:
     return {kind: limits[0] for kind, limits in found.items() if limits is not None}
 
 
-def slack_lines(agent: str, limits: Mapping[str, float], drives: Sequence[Drive]) -> list[dict[str, object]]:
+def slack_lines(agent: str, limits: Mapping[str, float], drives: Sequence[Drive]) -> list[dict[str, Any]]:
     """Lines of `sigma_slack.csv`: shares in percent, of decisions."""
     inside = [drive for drive in drives if drive.scenario in IN_DISTRIBUTION]
     lines = []
     for kind, limit in limits.items():
-        line: dict[str, object] = {"agent": agent, "sigma": kind, "sigma_l": limit}
+        line: dict[str, Any] = {"agent": agent, "sigma": kind, "sigma_l": limit}
         line |= _share("above_inside", [drive.of(kind) > limit for drive in inside])
         for task in TASKS[:3]:
             asked = Question(task, ALL, frozenset())
@@ -331,7 +331,7 @@ def slack_lines(agent: str, limits: Mapping[str, float], drives: Sequence[Drive]
     return lines
 
 
-def _share(name: str, flags: Sequence[Flags]) -> dict[str, object]:
+def _share(name: str, flags: Sequence[Flags]) -> dict[str, Any]:
     every = np.concatenate([np.zeros(0, dtype=bool), *flags])
     return {name: 100.0 * float(every.mean()) if every.size else math.nan, f"{name}_decisions": every.size}
 
