@@ -54,6 +54,10 @@ class Blocks(NamedTuple):
         return bool(self.standing.number or self.coming.number)
 
 
+_NOBODY = Rectangles(np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)))
+NOTHING = Blocks(_NOBODY, _NOBODY, _NOBODY)
+
+
 class Blocking:
     """Watches one episode."""
 
@@ -70,6 +74,8 @@ class Blocking:
             if stands
         }
         without_way = (scene.path < 0) & (scene.kind != Kind.PEDESTRIAN)
+        if not (self._since or without_way.any()):
+            return NOTHING
         stuck = still & (without_way | self._stuck(scene, still, without_way))
         stray = np.array(
             [i for i in np.flatnonzero(without_way & ~still).tolist() if _against(scene, i)], dtype=np.int64
@@ -83,6 +89,8 @@ class Blocking:
     def _stuck(self, scene: Scene, still: Flags, without_way: Flags) -> Flags:
         """(N,) whether vehicles on their way have stood too long for no reason, or behind one that has."""
         paths, stuck = scene.network.paths, still & without_way
+        if not stuck.any() and scene.time_s - min(self._since.values(), default=math.inf) <= PATIENCE:
+            return stuck
         patient = np.array(
             [scene.time_s - self._since.get(name, math.inf) > PATIENCE for name in scene.ids], dtype=bool
         )
@@ -102,6 +110,8 @@ class Blocking:
 
 def _swept(scene: Scene, who: Index, way: Array) -> Rectangles:
     """What others sweep over on a straight way (n,) m."""
+    if not len(who):
+        return _NOBODY
     course = np.stack([np.cos(scene.heading[who]), np.sin(scene.heading[who])], axis=1)
     return Rectangles(
         scene.position[who] + 0.5 * way[:, None] * course,

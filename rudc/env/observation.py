@@ -28,6 +28,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import cache
 from typing import Literal, get_args
 
 import numpy as np
@@ -85,6 +86,7 @@ def parts(kind: ObservationKind) -> tuple[str, ...]:
     return tuple(PARTS) if kind == "conflict" else tuple(name for name in PARTS if name != "conflict")
 
 
+@cache
 def observation_size(kind: ObservationKind) -> int:
     """How many numbers an observation has."""
     return sum(math.prod(PARTS[name]) for name in parts(kind))

@@ -50,7 +50,7 @@ import numpy as np
 
 from rudc.arrays import Array, Complex
 from rudc.safety.barrier import Barrier, Found, Terms
-from rudc.safety.kernels import clearance
+from rudc.safety.barrier_kernels import clearance
 from rudc.world.scene import Scene
 
 EPSILON = 1e-6

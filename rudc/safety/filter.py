@@ -41,6 +41,7 @@ from rudc.safety.barrier import Terms
 from rudc.safety.config import FilterConfig
 from rudc.safety.constraints import ConstraintBuilder, Constraints
 from rudc.safety.corrected import Corrected
+from rudc.safety.kernels import all_finite
 from rudc.safety.last_resort import LastResort
 from rudc.safety.prediction import Predictor
 from rudc.safety.qp import TOLERANCE, Problem, Solution, make_solver
@@ -364,11 +365,12 @@ def _within(body: EgoVehicle, u: Array) -> Array:
 
 
 def _refuse_unknown_world(scene: Scene) -> None:
-    """Raise SolverError where the scene is not finite; sums of squares see it at one call an array."""
+    """Raise SolverError where the scene is not finite."""
     ego = scene.ego
     if not math.isfinite(ego.x + ego.y + ego.psi + ego.v + scene.ego_s):
         raise SolverError(f"the filter was given an ego state that is not finite: {ego}")
+    if all_finite(scene.position, scene.heading, scene.velocity, scene.path_s, scene.size):
+        return
     for name in ("position", "heading", "velocity", "size", "path_s"):
-        values = getattr(scene, name).ravel()
-        if not math.isfinite(values.dot(values)):
+        if not np.isfinite(getattr(scene, name)).all():
             raise SolverError(f"the filter was given a scene whose {name} is not finite")

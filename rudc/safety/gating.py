@@ -30,8 +30,8 @@ import numpy as np
 
 from rudc.arrays import Array, Flags, Index
 from rudc.safety.barrier import as_complex
-from rudc.safety.kernels import least_separation, meeting
-from rudc.safety.prediction import GO_ACCELERATION, GO_SPEED, Predictor, bodies
+from rudc.safety.kernels import let_through, meeting
+from rudc.safety.prediction import ALONG, GO_ACCELERATION, GO_SPEED, LANE, TAIL, Predictor, bodies
 from rudc.world.scene import Scene
 
 CONFLICT_TIMES: Array = np.linspace(0.0, 3.0, 16)
@@ -63,30 +63,13 @@ class Gate:
         `short` and `stretch` (2, N) m2: squares of the half axes across, and along minus across, of ego and
         others.
         """
-        met = np.flatnonzero(
-            self._meet(scene, (scene.ego.v * self._times,), self._times, self._gap, short, stretch)
-        )
-        if not len(met):
-            return met
-        here = as_complex(scene.position)[met]
-        behind = self._predictor.following(scene, here, np.exp(1j * scene.heading[met]))
-        found = met[~behind]
-        return found[~self._passed(scene, found)]
-
-    def _passed(self, scene: Scene, who: Index) -> Flags:
-        """(n,) which of the others `who` stand and are passed: rectangles tell."""
-        velocity = scene.velocity[who]
-        passed: Flags = np.hypot(velocity[:, 0], velocity[:, 1]) < STILL
-        if passed.any():
-            body = scene.vehicle
-            way = np.linspace(0.0, self._horizon * max(scene.ego.v, SLOWEST), PASSING_STATIONS)
-            place, facing = self._predictor.ego(scene, way)
-            for k in np.flatnonzero(passed).tolist():
-                i = who[k]
-                here, turned = complex(*scene.position[i]), cmath.exp(1j * scene.heading[i])
-                own, half = (0.5 * body.length, 0.5 * body.width), 0.5 * scene.size[i]
-                passed[k] = least_separation(place, facing, *own, here, turned, *half) >= PASSING
-        return passed
+        ego, body, predictor = scene.ego, scene.vehicle, self._predictor
+        way = np.linspace(0.0, self._horizon * max(ego.v, SLOWEST), PASSING_STATIONS)
+        return let_through(
+            *bodies(scene), scene.size, *predictor.paths(scene), *predictor.route(scene), scene.ego_s,
+            complex(ego.x, ego.y), cmath.exp(1j * ego.psi), ego.v, self._times, self._gap, short, stretch,
+            TAIL, LANE, ALONG, STILL, PASSING, way, 0.5 * body.length, 0.5 * body.width,
+        )  # fmt: skip
 
     def in_conflict(self, scene: Scene, who: Index, short: Array, stretch: Array) -> Flags:
         """(n,) which of the others `who` (n,) are in conflict with the ego; `short` and `stretch` (2, N) as

@@ -44,6 +44,7 @@ from rudc.errors import AgentError
 from rudc.safety.barrier import COMMON, STEP, Terms
 from rudc.safety.barriers import BARRIERS
 from rudc.safety.constraints import Constraints
+from rudc.safety.residual_kernels import common_features, network
 from rudc.vehicle import EgoVehicle
 from rudc.world.scene import Scene
 
@@ -74,19 +75,19 @@ def features(scene: Scene, constraints: Constraints, u_rl: Array) -> dict[str, A
     """
     ego, to = scene.ego, constraints.bodies
     a = max(float(u_rl[0]), -ego.v / STEP)  # no driving backwards, as in the filter
-    heading = complex(math.cos(ego.psi), math.sin(ego.psi))
     own = (a / 6, math.tan(u_rl[1]), ego.v / 10, ego.acceleration / 6, math.tan(ego.steering))
-    away = (to.position - to.offset * heading - complex(ego.x, ego.y)) * heading.conjugate()
+    here = complex(ego.x, ego.y)
     found: dict[str, Array] = {}
     for barrier, seen, rows in constraints.parts:
         if not barrier.inputs:
             continue
-        part, k = away[rows], len(seen.names)
-        xi = found[barrier.name] = np.empty((k, len(COMMON) + len(barrier.inputs)))
-        xi[:, :5] = own
-        xi[:, 5], xi[:, 6], xi[:, 7] = part.real / 20, part.imag / 20, np.abs(part) / 20
-        if k:
-            barrier.features(scene, seen, to.part(rows), xi)
+        part = to.part(rows)
+        xi = common_features(
+            own, part.position, part.offset, here, ego.psi, len(COMMON) + len(barrier.inputs)
+        )
+        if len(xi):
+            barrier.features(scene, seen, part, xi)
+        found[barrier.name] = xi
     return found
 
 
@@ -173,26 +174,15 @@ class _Head:
         mean, spread = arrays[f"{head}/mean"], arrays[f"{head}/spread"]
         first = arrays[f"{head}/w1"] / spread[:, None]
         self.inputs = len(mean)
-        self._low, self._high = arrays[f"{head}/low"], arrays[f"{head}/high"]
-        self._layers: list[tuple[NDArray, NDArray]] = [
-            (first, arrays[f"{head}/b1"] - mean @ first),
-            (arrays[f"{head}/w2"], arrays[f"{head}/b2"]),
-        ]
         scale = np.float32(arrays[f"{head}/scale"])
-        self._last = arrays[f"{head}/w3"][:, 0] * scale, np.float32(arrays[f"{head}/b3"][0]) * scale
+        layers = (
+            arrays[f"{head}/low"], arrays[f"{head}/high"], first, arrays[f"{head}/b1"] - mean @ first,
+            arrays[f"{head}/w2"], arrays[f"{head}/b2"], arrays[f"{head}/w3"][:, 0] * scale,
+        )  # fmt: skip
+        self._arrays = *map(np.ascontiguousarray, layers), np.float32(arrays[f"{head}/b3"][0]) * scale
 
     def __call__(self, xi: Array) -> Array:
-        x: NDArray = np.minimum(np.maximum(xi.astype(np.float32), self._low), self._high)
-        for weight, bias in self._layers:
-            x = _gelu(x @ weight + bias)
-        tail, offset = self._last
-        return (x @ tail + offset).astype(np.float64)
-
-
-def _gelu(x: NDArray) -> NDArray:
-    """GELU with the tanh approximation."""
-    inner = np.float32(0.7978845608) * (x + np.float32(0.044715) * x * x * x)
-    return np.float32(0.5) * x * (np.float32(1) + np.tanh(inner))
+        return network(xi, *self._arrays)
 
 
 def load_predictor(path: Path) -> ResidualPredictor:

@@ -20,7 +20,7 @@ import numpy as np
 
 from rudc.arrays import Array, Complex
 from rudc.network.route import Route
-from rudc.safety.kernels import CLOSEST, to_edges
+from rudc.safety.barrier_kernels import CLOSEST, to_edges
 from rudc.vehicle import EgoVehicle
 
 REACH = 8.0

@@ -31,7 +31,7 @@ import numpy as np
 
 from rudc.arrays import Array
 from rudc.safety.barrier import Terms
-from rudc.safety.kernels import rows
+from rudc.safety.barrier_kernels import rows
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,6 @@ Of those that qualify (all, or let through by the gate, see `gating`), the neare
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -17,6 +16,7 @@ from rudc.safety.barrier import BarrierSettings, Found, as_complex
 from rudc.safety.clearance import EPSILON, Bodies, Clearance
 from rudc.safety.gating import Gate
 from rudc.safety.prediction import Predictor
+from rudc.safety.residual_kernels import vehicle_features
 from rudc.safety.rules import NotNegative, Positive
 from rudc.settings import within
 from rudc.world.scene import Scene
@@ -103,15 +103,11 @@ class VehicleBarrier(Clearance):
 
     def features(self, scene: Scene, found: Found, part: Bodies, xi: Array) -> None:
         """See `Barrier`."""
-        away = complex(math.cos(scene.ego.psi), -math.sin(scene.ego.psi))
-        relative, moving = part.direction * away, part.velocity * away
-        xi[:, 8], xi[:, 9] = relative.real, relative.imag
-        xi[:, 10], xi[:, 11] = moving.real / 10, moving.imag / 10
-        xi[:, 12] = scene.acceleration[found.others] / 6
-        xi[:, 13] = _yaw_rates(scene, found.others)
-        short, stretch = part.short[1], part.stretch[1]
-        xi[:, 14], xi[:, 15] = np.sqrt(short + stretch) / 5, np.sqrt(short) / 5
-        xi[:, 16] = part.margin
+        paths = scene.network.paths
+        vehicle_features(
+            xi, scene.ego.psi, part.direction, part.velocity, part.short, part.stretch, part.margin,
+            found.others, scene.acceleration, scene.path, scene.path_s, paths.heading, SPACING,
+        )  # fmt: skip
 
     def _ellipses(self, scene: Scene) -> tuple[Array, Array]:
         """B^2 + eps0 and A^2 - B^2, (2, N) m2 each: ego in the first row, the others in the second."""
@@ -132,13 +128,3 @@ class VehicleBarrier(Clearance):
         if self.settings.constrained == "all":
             return np.arange(scene.count)[: self.settings.max_vehicles]
         return self._gate.meeting(scene, short, stretch)[: self.settings.max_vehicles]
-
-
-def _yaw_rates(scene: Scene, others: Index) -> Array:
-    """(n,) rad/s of vehicles that follow their paths at their speeds; 0 for those that have none."""
-    paths, rows = scene.network.paths, scene.path[others]
-    here = np.clip(scene.path_s[others] / SPACING, 1, paths.heading.shape[1] - 2).astype(np.int64)
-    known = np.maximum(rows, 0)
-    bend = (paths.heading[known, here + 1] - paths.heading[known, here - 1]) / (2 * SPACING)
-    speed = np.hypot(scene.velocity[others, 0], scene.velocity[others, 1])
-    return np.where(rows >= 0, bend * speed, 0.0)

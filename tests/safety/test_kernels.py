@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rudc.geometry import separation
-from rudc.safety import kernels
+from rudc.safety import barrier_kernels, kernels, residual_kernels
 from tests.safety.scenes import crossing_paths
 
 RNG = np.random.default_rng
@@ -140,8 +140,69 @@ def test_the_nearest_place_on_an_edge_is_the_best_of_all_its_pieces():
     ahead, heading = np.array([-1.4, 0.0, 1.9]), np.exp(0.2j)
     for s in rng.uniform(10, 50, 20):
         position = s + 1j * rng.uniform(-2, 2)
-        got = kernels.to_edges(edges, 0.5, 8.0, position, heading, ahead, float(s))
+        got = barrier_kernels.to_edges(edges, 0.5, 8.0, position, heading, ahead, float(s))
         share = np.linspace(0, 1, 400)
         fine = (edges[:, :-1, None] + np.diff(edges)[..., None] * share).reshape(2, -1)
         away = (position + ahead * heading)[None, :, None] - fine[:, None]
         assert np.abs(got) == pytest.approx(np.abs(away).min(axis=2).ravel(), abs=1e-4)
+
+
+def test_who_is_let_through_meets_does_not_follow_and_is_not_passed():
+    rng, tracks, times = RNG(5), lines(), np.linspace(0, 3, 16)
+    bodies, size = others(rng, 300), rng.uniform(1, 6, (300, 2))
+    bodies[2][::4] *= 0.01  # some stand
+    bodies[0][:9] = np.stack([np.full(9, 0.5), np.linspace(-24.5, -22.5, 9)], axis=1)  # some are behind
+    bodies[0][12:40:4], size[12:40:4] = [3.5, -10.0], 2.0  # and some stand beside
+    bodies[1][:40] = 1.5
+    line = tracks[0][:1], tracks[1][:1], tracks[2]
+    s, here, heading, half = 80.0, 0.5 - 20j, np.exp(1.5j), np.full((2, 300), 2.0)
+    ego = here, heading, 7.0
+    way = np.linspace(0, 21, 40)
+    got = kernels.let_through(
+        *bodies,
+        size,
+        *tracks,
+        *line,
+        s,
+        *ego,
+        times,
+        0.8,
+        half,
+        half,
+        45.0,
+        1.5,
+        0.7,
+        0.2,
+        0.3,
+        way,
+        2.5,
+        0.9,
+    )
+    place, facing = (a[None] for a in kernels.follow(*line, 0, s, here, heading, 7.0 * times))
+    met = kernels.meeting(*bodies, *tracks, place, facing, times, 21.0, 0.8, half, half)
+    centre, turned = bodies[0] @ [1, 1j], np.exp(1j * bodies[1])
+    behind = [
+        kernels.drives_behind(*line, s, 45.0, 1.5, 0.7, *pose) for pose in zip(centre, turned, strict=True)
+    ]
+    place, facing = kernels.follow(*line, 0, s, here, heading, way)
+    apart = separation(
+        centre[:, None] - place, facing, turned[:, None], np.array([2.5, 0.9]), size[:, None] / 2
+    )
+    passed = (np.hypot(*bodies[2].T) < 0.2) & (apart.min(axis=1) >= 0.3)
+    assert (met & behind).any()
+    assert (met & passed).any()
+    assert got.tolist() == np.flatnonzero(met & ~np.array(behind) & ~passed).tolist()
+
+
+def test_the_residuals_network_is_its_formula():
+    rng = RNG(6)
+    layers = [rng.normal(size=shape).astype(np.float32) for shape in ((5, 16), 16, (16, 16), 16, 16)]
+    xi, low, high = rng.normal(size=(9, 5)), np.full(5, -1, np.float32), np.full(5, 1.5, np.float32)
+
+    def gelu(x):
+        return 0.5 * x * (1 + np.tanh(np.sqrt(2 / np.pi) * (x + 0.044715 * x**3)))
+
+    w1, b1, w2, b2, w3 = layers
+    wanted = gelu(gelu(np.clip(xi, low, high) @ w1 + b1) @ w2 + b2) @ w3 + 0.25
+    got = residual_kernels.network(xi, low, high, *layers, np.float32(0.25))
+    assert got == pytest.approx(wanted, abs=2e-4)
