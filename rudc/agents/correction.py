@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, ConfigDict, Field, SerializeAsAny
 
-from rudc.agents.of_actions import RecoverySettings, UslSettings
+from rudc.agents.of_actions import QpslSettings, RecoverySettings, UslSettings
 from rudc.agents.seat import ADJUSTMENT, Correction, CorrectionKind, Critics, Percentiles, Proposal
 from rudc.arrays import Arrays
 from rudc.env.action import ActionKind
@@ -128,6 +128,7 @@ CORRECTIONS: dict[str, type[CorrectionKind]] = {
     "cbf": CbfSettings,
     "usl": UslSettings,
     "recovery": RecoverySettings,
+    "qpsl": QpslSettings,
 }
 """name of a kind -> its settings"""
 

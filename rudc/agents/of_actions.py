@@ -1,6 +1,5 @@
 """Corrections that learning brings along, of what a policy proposed in [-1, 1] before that is given its
-meaning: unrolled corrections (USL) and Recovery RL, baselines of the paper (appendix "Safe Reinforcement
-Learning").
+meaning: the paper's baselines USL, QPSL and Recovery RL (appendix "Safe Reinforcement Learning").
 """
 
 from __future__ import annotations
@@ -16,8 +15,10 @@ from pydantic import Field
 from rudc.agents.seat import ADJUSTMENT, Correction, CorrectionKind, Critics, Percentiles, Proposal
 from rudc.arrays import Floats
 from rudc.env.action import ActionKind
+from rudc.env.reward import scene_cost
 from rudc.errors import AgentError
 from rudc.safety.corrected import Corrected
+from rudc.safety.qp import Problem, make_solver
 from rudc.world.scene import Scene
 
 
@@ -84,6 +85,38 @@ class RecoveryCritics(Protocol):
 
     def recovery(self, observation: Floats) -> Floats:
         """(2,) what the recovery policy does."""
+        ...
+
+
+class QpslSettings(CorrectionKind):
+    """The safety layer (paper, appendix "Safety Layer"; Dalal et al., 2018): the nearest action a to the
+    policy's with c(s) + g(s) . a <= d_th, c(s) the step-wise cost of the scene and g learnt.
+    """
+
+    kind: Literal["qpsl"] = "qpsl"
+    cost_limit: float = Field(default=0.2, ge=0)
+    """d_th, of the next step-wise cost"""
+    solver: str = "piqp"
+    """of the QP: piqp, or any that qpsolvers knows and that is installed"""
+
+    @property
+    def asks(self) -> tuple[str, ...]:
+        """g."""
+        return ("change",)
+
+    def make(
+        self, arrays: Mapping[str, NDArray], percentiles: Percentiles = None, action: ActionKind = ADJUSTMENT
+    ) -> Correction:
+        """The QP; of `arrays` it needs none."""
+        return QpslCorrection(self, action)
+
+
+@runtime_checkable
+class ChangeCritics(Protocol):
+    """What the safety layer asks."""
+
+    def change(self, observation: Floats) -> Floats:
+        """(2,) g: by how much the step-wise cost grows with each number of an action."""
         ...
 
 
@@ -160,6 +193,33 @@ class RecoveryCorrection(_OfActions):
             return None
         other = critics.recovery(observation)
         return other, "recovery", critics.cost(observation, other) > self._limit
+
+
+class QpslCorrection(_OfActions):
+    """argmin |a' - a|^2 / 2 with c + g . a' <= d_th, a' in [-1, 1]^2."""
+
+    def __init__(self, settings: QpslSettings, action: ActionKind = ADJUSTMENT) -> None:
+        super().__init__(action)
+        self._limit, self._solver = settings.cost_limit, make_solver(settings.solver)
+
+    def instead(
+        self, scene: Scene, observation: Floats, action: Floats, critics: Critics | None
+    ) -> tuple[Floats, str, bool] | None:
+        """See `_OfActions`; infeasible where no action is allowed: then it is the one of the least cost."""
+        if not isinstance(critics, ChangeCritics):
+            raise _not_offered(self)
+        g = critics.change(observation).astype(np.float64)
+        room = self._limit - scene_cost(scene)
+        if g @ action <= room:
+            return None
+        least = -np.sign(g)
+        length = float(np.linalg.norm(g))
+        if g @ least > room or length == 0:
+            return least.astype(np.float32), "projected", True
+        one = np.ones(2)
+        row, bound = -g[None] / length, np.array([-room / length])
+        found = self._solver.solve(Problem(np.eye(2), -action.astype(float), row, bound, -one, one))
+        return (found.x if found.found else least).astype(np.float32), "projected", not found.found
 
 
 def _not_offered(correction: object) -> AgentError:

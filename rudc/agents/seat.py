@@ -10,6 +10,7 @@ as it is for
 
     cbf         the safety filter: asks for sigma only, which the proposal carries
     usl         unrolled corrections: asks for `excess_at`, Q_c - d_th of an action and its gradient
+    qpsl        the safety layer: asks for `change`, g of c(s') = c(s) + g . a; its QP is rudc/safety/qp.py's
     recovery    Recovery RL: asks for `cost`, the risk of an action, and `recovery`, what to do instead
 
 A kind is a class of settings, whose `make` gives the correction; correction.py has them by name.

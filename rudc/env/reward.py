@@ -44,7 +44,7 @@ from __future__ import annotations
 
 import math
 
-from rudc.env.distances import Distances
+from rudc.env.distances import Distances, measure
 from rudc.network.network import ReferencePath
 from rudc.network.paths import SPACING
 from rudc.world.scene import Scene
@@ -92,6 +92,11 @@ def step_cost(distances: Distances, *, collided: bool, broke_rule: bool) -> floa
     """The unified step-wise cost C of a scene's distances and of how the decision ended."""
     closeness = 0.5 * (_z(distances.vehicle_m) ** 2 + _z(distances.road_m) ** 2)
     return COST_DISTANCE * closeness + COST_VIOLATION * collided + COST_VIOLATION * broke_rule
+
+
+def scene_cost(scene: Scene) -> float:
+    """C of a scene in which nothing has happened: that of its distances alone."""
+    return step_cost(measure(scene), collided=False, broke_rule=False)
 
 
 def _reference_error(scene: Scene) -> float:

@@ -93,6 +93,16 @@ class RecoveryConfig(CostConfig):
         return {**super().observers(actions), "recovery": (self.policy, 2 * actions)}
 
 
+class QpslConfig(LearnerConfig):
+    """SAC's with a linear model of the step-wise cost, whose network is as a critic's."""
+
+    offers = ("change",)
+
+    def observers(self, actions: int) -> Mapping[str, tuple[NetworkConfig, int]]:
+        """The policy, and g."""
+        return {**super().observers(actions), "change": (self.critic, actions)}
+
+
 class DistributionalConfig(LearnerConfig):
     """SAC's with distributions of the return."""
 
@@ -159,6 +169,12 @@ for _name, _algorithm in {
         "rudc.learning.usl:UslLearner",
         UslConfig,
         {"correction": {"kind": "usl"}, **_ALWAYS},
+    ),
+    "qpsl": Algorithm(
+        "SAC behind a safety layer: a QP that keeps the next step's cost, linear and learnt, in a limit.",
+        "rudc.learning.qpsl:QpslLearner",
+        QpslConfig,
+        {"correction": {"kind": "qpsl"}, **_ALWAYS},
     ),
     "recovery-rl": Algorithm(
         "Recovery RL: SAC, and a recovery policy that takes over where the expected cost exceeds a limit.",

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Literal, NamedTuple
 
+import numpy as np
+
 from rudc.arrays import Flags, Floats
 
 
@@ -28,6 +30,8 @@ class Batch(NamedTuple):
     """(B,), whether the episode ended there; False for a time-out, whose value is bootstrapped"""
     mask: Flags
     """(B, masked critics), m_n of Eq. (ensemble_huber_loss): which critics learn from it"""
+    cost_change: Floats = np.empty(0, np.float32)
+    """(B,), by how much the first of the k decisions changed the step-wise cost; the replay always has it"""
 
     def action(self, which: Literal["executed", "proposed"]) -> Floats:
         """(B, actions), the action that critics are to learn about."""

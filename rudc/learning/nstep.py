@@ -39,6 +39,8 @@ class Transition(NamedTuple):
     """(size,)"""
     terminal: bool
     """whether the episode ended there by itself"""
+    cost_change: float = 0.0
+    """c_t - c_{t-1}: the step-wise cost of the first decision less that of the scene it was taken in"""
 
 
 class NStep:
@@ -47,7 +49,7 @@ class NStep:
     def __init__(self, steps: int, discount: float) -> None:
         self._steps = steps
         self._discount = discount
-        self._waiting: deque[tuple[Floats, Floats, Floats, float, float]] = deque()
+        self._waiting: deque[tuple[Floats, Floats, Floats, float, float, float]] = deque()
 
     def add(
         self,
@@ -60,9 +62,12 @@ class NStep:
         *,
         terminal: bool,
         truncated: bool = False,
+        cost_before: float = 0.0,
     ) -> list[Transition]:
-        """Take in one decision; give back the transitions it completes, oldest first."""
-        self._waiting.append((observation, executed, proposed, reward, cost))
+        """Take in one decision; give back the transitions it completes, oldest first. `cost_before`: the
+        step-wise cost of the scene it was taken in.
+        """
+        self._waiting.append((observation, executed, proposed, cost - cost_before, reward, cost))
         if terminal or truncated:
             return [self._oldest(next_observation, terminal) for _ in range(len(self._waiting))]
         if len(self._waiting) == self._steps:
@@ -79,5 +84,7 @@ class NStep:
             reward = later_reward + self._discount * reward
             cost = later_cost + self._discount * cost
         discount = self._discount ** len(self._waiting)
-        observation, executed, proposed, *_ = self._waiting.popleft()
-        return Transition(observation, executed, proposed, reward, cost, discount, next_observation, terminal)
+        observation, executed, proposed, change, *_ = self._waiting.popleft()
+        return Transition(
+            observation, executed, proposed, reward, cost, discount, next_observation, terminal, change
+        )

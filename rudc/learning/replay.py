@@ -46,6 +46,7 @@ class Replay:
             next_observation=np.zeros((capacity, size), np.float32),
             terminal=np.zeros(capacity, np.bool_),
             mask=np.zeros((capacity, masks), np.bool_),
+            cost_change=np.zeros(capacity, np.float32),
         )
         self._stored = 0
 

@@ -22,6 +22,7 @@ from rudc.agents.route_sigma import Heard
 from rudc.arrays import Floats
 from rudc.env.episode import Episode, Outcome, StepResult
 from rudc.env.observation import ObservationKind, observe_flat
+from rudc.env.reward import scene_cost
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.rollout import run_episode
 from rudc.learning.nstep import NStep, Transition
@@ -74,6 +75,7 @@ class Collector:
         self._scene: Scene | None = None
         self._kind: ObservationKind = config.observation
         self._seen: Floats = np.empty(0, np.float32)
+        self._cost = 0.0
         self._reference = GapAcceptance()
         self._agent = untrained(config.agent, config.training.seed)
         self._correcting = True
@@ -91,9 +93,10 @@ class Collector:
         for k in range(decisions):
             episode, scene = self._running(rng)
             choice = self._choose(scene, by, rng)
-            result = episode.step(choice.decision.u)
+            before, result = self._cost, episode.step(choice.decision.u)
             self._scene, self._seen = result.scene, observe_flat(result.scene, self._kind)
-            new += self._transitions(choice, result, cut=drop and k == decisions - 1)
+            self._cost = result.cost
+            new += self._transitions(choice, result, before, cut=drop and k == decisions - 1)
             if result.outcome is not None:
                 metrics = episode.metrics()
                 finished.append(
@@ -132,6 +135,7 @@ class Collector:
             self._episode = Episode(self._world)
             self._scene = self._episode.reset(plan)
             self._seen = observe_flat(self._scene, self._kind)
+            self._cost = scene_cost(self._scene)
             self._reference.reset(self._scene, plan.seed)
             self._agent.reset(self._scene, plan.seed)
             self._correcting = bool(rng.random() < self._training.filtered_share)
@@ -152,7 +156,9 @@ class Collector:
         decision = proposed._replace(u=means.physical(action, scene))
         return Choice(decision, self._seen, action, action)
 
-    def _transitions(self, choice: Choice, result: StepResult, *, cut: bool) -> list[Transition]:
+    def _transitions(
+        self, choice: Choice, result: StepResult, cost_before: float, *, cut: bool
+    ) -> list[Transition]:
         reward, outcome = result.reward, result.outcome
         if outcome is Outcome.COLLISION:
             reward += self._training.collision_reward - result.terms["collision"]
@@ -165,4 +171,5 @@ class Collector:
             self._seen,
             terminal=outcome not in (None, Outcome.FROZEN),
             truncated=cut or outcome is Outcome.FROZEN,
+            cost_before=cost_before,
         )

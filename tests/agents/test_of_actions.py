@@ -12,10 +12,11 @@ from rudc.agents.config import AgentConfig
 from rudc.agents.correction import read_correction
 from rudc.agents.filtered import FilteredAgent
 from rudc.agents.follower import Follower
-from rudc.agents.of_actions import RecoverySettings, UslSettings
+from rudc.agents.of_actions import QpslSettings, RecoverySettings, UslSettings
 from rudc.agents.seat import Proposal
 from rudc.arrays import Floats
 from rudc.env.action import Adjustment, Direct
+from rudc.env.reward import scene_cost
 from rudc.errors import AgentError
 from rudc.learning.algorithms import RecoveryConfig, UslConfig
 from rudc.learning.batch import Batch
@@ -130,7 +131,55 @@ def test_recovery_takes_over_exactly_at_the_threshold(scene: Scene):
     assert RecoverySettings(cost_limit=0.0).make({}).correct(scene, asked, decider).infeasible
 
 
-@pytest.mark.parametrize("kind", ["usl", "recovery"])
+class Model:
+    """g as it is known."""
+
+    def __init__(self, g: Floats) -> None:
+        self.g = g
+
+    def quantiles(self, observation: Floats, action: Floats) -> Floats:
+        return np.zeros((2, 1), np.float32)
+
+    def change(self, observation: Floats) -> Floats:
+        return self.g
+
+
+def test_the_safety_layers_projection_is_the_closed_form(scene: Scene):
+    """a - max(0, (g . a + c - d) / g . g) g, where that lies within [-1, 1]^2; else the nearest on its edge,
+    or, where nothing is allowed, the least cost.
+    """
+    means, rng, c = Direct(), np.random.default_rng(0), scene_cost(scene)
+    seen = {"nominal": 0, "inside": 0, "edge": 0, "infeasible": 0}
+    grid = np.stack(np.meshgrid(*[np.linspace(-1, 1, 201)] * 2), axis=-1).reshape(-1, 2)
+    for _ in range(200):
+        g = (rng.choice([0.1, 0.3]) * rng.normal(size=2)).astype(np.float32)
+        a, limit = rng.uniform(-1, 1, 2), float(rng.uniform(0, 1.2 * c))
+        asked = proposal(scene, list(a), means)
+        assert asked.action is not None
+        answer = QpslSettings(cost_limit=limit).make({}, action=means).correct(scene, asked, Model(g))
+        over = float(g @ asked.action) + c - limit
+        closed = asked.action - max(0.0, over / float(g @ g)) * g
+        action = means.normalised(answer.u, scene)
+        if over <= 0:
+            seen["nominal"] += 1
+            assert answer.status == "nominal"
+        elif answer.infeasible:
+            seen["infeasible"] += 1
+            assert c - np.abs(g).sum() > limit
+            assert action == pytest.approx(-np.sign(g), abs=1e-6)
+        elif np.abs(closed).max() <= 1:
+            seen["inside"] += 1
+            assert action == pytest.approx(closed, abs=1e-5)
+        else:
+            seen["edge"] += 1
+            allowed = grid[grid @ g <= limit - c]
+            assert g @ action <= limit - c + 1e-5
+            best = np.linalg.norm(allowed - asked.action, axis=1).min(initial=9.0)
+            assert np.linalg.norm(action - asked.action) <= best + 1e-5
+    assert min(seen.values()) >= 10
+
+
+@pytest.mark.parametrize("kind", ["usl", "recovery", "qpsl"])
 def test_who_has_not_learnt_with_it_is_refused(scene: Scene, kind: str):
     with pytest.raises(ValidationError, match=r"asks the critics for .*those of 'sac' do not say"):
         AgentConfig.model_validate({"algorithm": "sac", "correction": kind})

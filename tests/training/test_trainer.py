@@ -212,7 +212,7 @@ def test_the_filter_in_the_loop_resumes_too_and_the_agent_takes_its_residual_pre
     assert {k for k in whole.arrays if k.startswith("residual/")} == {f"residual/{k}" for k in shipped}
 
 
-@pytest.mark.parametrize("algorithm", ["sac", "dsac", "sac-lagrangian", "fac", "usl", "recovery-rl"])
+@pytest.mark.parametrize("algorithm", ["sac", "dsac", "sac-lagrangian", "fac", "usl", "recovery-rl", "qpsl"])
 def test_algorithms_without_filter_train_resume_and_drive(tmp_path: Path, algorithm: str):
     """The same numbers twice, stopped in between; progress.csv has the learner's own columns."""
     config = _config(algorithm, steps=200, evaluate_every=200)
