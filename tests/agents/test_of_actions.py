@@ -144,15 +144,17 @@ class Model:
         return self.g
 
 
-def test_the_safety_layers_projection_is_the_closed_form(scene: Scene):
+def test_the_safety_layers_projection_is_the_closed_form(scene_on):
     """a - max(0, (g . a + c - d) / g . g) g, where that lies within [-1, 1]^2; else the nearest on its edge,
     or, where nothing is allowed, the least cost.
     """
+    scene = scene_on("south", "right", 50.0, 4.0)  # in the outer lane, 1.75 m from the edge of the road
     means, rng, c = Direct(), np.random.default_rng(0), scene_cost(scene)
+    assert c == pytest.approx(0.195, abs=0.01)
     seen = {"nominal": 0, "inside": 0, "edge": 0, "infeasible": 0}
     grid = np.stack(np.meshgrid(*[np.linspace(-1, 1, 201)] * 2), axis=-1).reshape(-1, 2)
     for _ in range(200):
-        g = (rng.choice([0.1, 0.3]) * rng.normal(size=2)).astype(np.float32)
+        g = (rng.choice([0.4, 0.8]) * c * rng.normal(size=2)).astype(np.float32)
         a, limit = rng.uniform(-1, 1, 2), float(rng.uniform(0, 1.2 * c))
         asked = proposal(scene, list(a), means)
         assert asked.action is not None
