@@ -26,7 +26,7 @@ import numpy as np
 from rudc.arrays import Array, Index
 from rudc.safety.plant_kernels import drive_bank, score_bank
 from rudc.vehicle import Actuation, EgoVehicle
-from rudc.world.ego import GRAVITY
+from rudc.world.ego import DRY, GRAVITY
 from rudc.world.scene import EgoState
 
 SUBSTEP_S = 0.05
@@ -38,8 +38,8 @@ LAGS = np.array([0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6])
 FRICTIONS = np.array(
     [np.inf, 0.7, 0.6, 0.52, 0.46, 0.4, 0.35, 0.3, 0.26, 0.23, 0.2, 0.17, 0.15, 0.13, 0.11, 0.09]
 )
-"""coefficients of friction of the bank; inf for no limit"""
-_LIMITS: Array = FRICTIONS * GRAVITY
+"""coefficients of friction of the bank; inf for a dry road"""
+_LIMITS: Array = np.minimum(FRICTIONS, DRY) * GRAVITY
 ACCELERATION_STD, STEERING_STD = 0.25, 0.01
 """m/s2, rad: A and D, what readings may be off by without telling anything"""
 CUT = 16.0

@@ -12,7 +12,7 @@ rate v tan(delta) / L. The difference is what the residual predictor learns.
 Actuators: a command may arrive late (dead time) and is followed with a first-order lag,
     a(t) = a_cmd + (a_0 - a_cmd) exp(-t / T),     the same for delta.
 Friction: lateral acceleration v^2 sin(beta) / l_r stays below mu g (the wheels turn in, the car does not),
-and longitudinal acceleration within what the friction circle leaves.
+and longitudinal acceleration within what the friction circle leaves; on a dry road mu is DRY.
 
 Without lag, beta is constant over a step and the way is an arc of length s = v t + a t^2 / 2 and of curvature
 k = sin(beta) / l_r, so with theta = psi + beta, exactly
@@ -31,6 +31,8 @@ from rudc.world.scene import EgoState
 
 GRAVITY = 9.81
 """m/s2"""
+DRY = 0.9
+"""coefficient of friction of a dry road"""
 CRAWL_M = 0.02
 """m driven, below which a turn says nothing about the wheels"""
 PIECES_PER_LAG = 4.0
@@ -44,12 +46,14 @@ class EgoPlant:
         self.vehicle = vehicle
         self.actuation = Actuation()
         self._pending: deque[tuple[float, float]] = deque()
+        self._given = (0.0, 0.0)
         self.state = EgoState(0, 0, 0, 0, 0, 0, 0, 0)
 
     def reset(self, x: float, y: float, psi: float, v: float, actuation: Actuation | None = None) -> None:
         """Put the vehicle at a pose (m, m, rad) with a speed (m/s), wheels straight."""
         self.actuation = actuation or Actuation()
         self._pending.clear()
+        self._given = (0.0, 0.0)
         self.state = EgoState(x, y, psi, min(max(v, 0.0), self.vehicle.v_max), 0.0, 0.0, 0.0, 0.0)
 
     def resume(self, state: EgoState, actuation: Actuation) -> None:
@@ -64,20 +68,24 @@ class EgoPlant:
         body = self.vehicle
         a = min(max(a, body.a_min), body.a_max)
         delta = min(max(delta, -body.delta_max), body.delta_max)
-        if self.actuation.delay_s > 0:
-            a, delta = self._delayed(a, delta, dt)
-        if self.actuation.friction is not None:
-            a, delta = self._within_friction(a, delta, self.actuation.friction)
+        a, delta = self._delayed(a, delta, dt)
+        mu = DRY if self.actuation.friction is None else self.actuation.friction
+        a, delta = self._within_friction(a, delta, mu)
         self.state = self._lagging(a, delta, dt) if self.actuation.lag_s > 0 else self._promptly(a, delta, dt)
         return self.state
 
     def _delayed(self, a: float, delta: float, dt: float) -> tuple[float, float]:
-        steps = round(self.actuation.delay_s / dt)
-        if steps == 0:
+        """What takes effect now; a dead time that begins holds the last command that it finds."""
+        steps, last = round(self.actuation.delay_s / dt), self._given
+        self._given = a, delta
+        if not steps:
+            self._pending.clear()
             return a, delta
         while len(self._pending) < steps:
-            self._pending.append((0.0, 0.0))
+            self._pending.appendleft(self._pending[0] if self._pending else last)
         self._pending.append((a, delta))
+        while len(self._pending) > steps + 1:
+            self._pending.popleft()
         return self._pending.popleft()
 
     def _within_friction(self, a: float, delta: float, mu: float) -> tuple[float, float]:

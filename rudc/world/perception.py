@@ -23,6 +23,8 @@ class Sensors:
     """m/s"""
     heading_std: float = 0.0
     """rad"""
+    own_acceleration_std: float = 0.0
+    """m/s2, of the ego's own acceleration"""
     miss: float = 0.0
     """probability that a vehicle goes unseen at one decision"""
     range_m: float = np.inf
@@ -30,7 +32,8 @@ class Sensors:
     @property
     def perfect(self) -> bool:
         """Whether perception equals truth."""
-        flawless = self.position_std == self.speed_std == self.heading_std == self.miss == 0
+        noise = self.position_std, self.speed_std, self.heading_std, self.own_acceleration_std
+        flawless = not any(noise) and self.miss == 0
         return flawless and not len(self.occluders) and self.range_m == np.inf
 
     def perceive(self, scene: Scene, rng: np.random.Generator) -> Scene:
@@ -39,8 +42,15 @@ class Sensors:
             return scene
         boxes = self.occluders if len(self.occluders) else None
         scene = replace(scene, hidden_by=boxes, sight_m=self.range_m)
-        if scene.count == 0:
-            return scene
+        if scene.count:
+            scene = self._others(scene, rng)
+        if self.own_acceleration_std:
+            measured = scene.ego.acceleration + self.own_acceleration_std * float(rng.standard_normal())
+            scene = replace(scene, ego=replace(scene.ego, acceleration=measured))
+        return scene
+
+    def _others(self, scene: Scene, rng: np.random.Generator) -> Scene:
+        """The scene with the others as the ego sees them."""
         seen = rng.random(scene.count) >= self.miss
         offset = scene.position - (scene.ego.x, scene.ego.y)
         seen &= np.hypot(offset[:, 0], offset[:, 1]) <= self.range_m

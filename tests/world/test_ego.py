@@ -10,10 +10,12 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from rudc.vehicle import Actuation, EgoVehicle
-from rudc.world.ego import GRAVITY, EgoPlant, realised
+from rudc.world.ego import DRY, GRAVITY, EgoPlant, realised
 
 BODY = EgoVehicle()
 DT = 0.05
+GRIPS = 1e3
+"""friction of a road on which no car slides"""
 
 speeds = st.floats(0.0, 14.0)
 accelerations = st.floats(-6.0, 3.0)
@@ -48,7 +50,7 @@ def integrate(state, a, delta, dt, lag=0.0, a0=None, delta0=None):
 
 def plant_at(x, y, psi, v, actuation=None):
     plant = EgoPlant(BODY)
-    plant.reset(x, y, psi, v, actuation)
+    plant.reset(x, y, psi, v, actuation or Actuation(friction=GRIPS))
     return plant
 
 
@@ -73,7 +75,7 @@ def test_follows_the_bicycle_model(psi, v, inputs):
 @settings(max_examples=40, deadline=None)
 @given(st.floats(3.0, 10.0), st.floats(0.05, 0.8), commands)
 def test_follows_commands_with_a_first_order_lag(v, lag, inputs):
-    plant = plant_at(0.0, 0.0, 0.4, v, Actuation(lag_s=lag))
+    plant = plant_at(0.0, 0.0, 0.4, v, Actuation(lag_s=lag, friction=GRIPS))
     expected, a0, delta0 = np.array([0.0, 0.0, 0.4, v]), 0.0, 0.0
     for a, delta in inputs:
         if not 1.0 < expected[3] < BODY.v_max - 1.0:
@@ -153,6 +155,26 @@ def test_friction_bounds_the_total_acceleration(v, mu, a, delta):
     state = plant.step(a, delta, DT)
     lateral = v * v * math.sin(state.slip) / BODY.cg_to_rear
     assert math.hypot(lateral, state.acceleration) <= mu * GRAVITY + 1e-6
+
+
+def test_a_dead_time_that_begins_holds_the_last_command_and_one_that_ends_lets_go():
+    plant = plant_at(0.0, 0.0, 0.0, 8.0, Actuation())
+    plant.step(-1.0, 0.05, DT)
+    plant.actuation = Actuation(delay_s=0.1)
+    late = [plant.step(-2.0 - k, 0.0, DT).acceleration for k in range(4)]
+    assert late == pytest.approx([-1.0, -1.0, -2.0, -3.0])
+    plant.actuation = Actuation(delay_s=0.05)
+    assert plant.step(-6.0, 0.0, DT).acceleration == pytest.approx(-5.0)
+    plant.actuation = Actuation()
+    assert plant.step(1.0, 0.0, DT).acceleration == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("v", [6.0, 10.0, 14.0])
+def test_a_dry_road_has_its_limit_too(v):
+    plant = plant_at(0.0, 0.0, 0.0, v, Actuation())
+    for _ in range(20):
+        state = plant.step(-3.0, 0.5, DT)
+        assert math.hypot(state.v * state.yaw_rate, state.acceleration) <= DRY * GRAVITY + 1e-6
 
 
 def test_friction_leaves_a_gentle_drive_alone():

@@ -98,3 +98,14 @@ def test_noise_has_the_standard_deviations_asked_for(scene_with):
         "place on the path and on the plane agree"
     )
     assert all(s.size is scene.size for s in seen)
+
+
+def test_the_egos_own_accelerometer_may_be_noisy(scene_with):
+    scene = scene_with((20.0, 5.0, 0.0))
+    sensors = Sensors(NOWHERE, own_acceleration_std=0.15)
+    rng = np.random.default_rng(0)
+    read = [sensors.perceive(scene, rng).ego.acceleration - scene.ego.acceleration for _ in range(400)]
+    assert np.std(read) == pytest.approx(0.15, rel=0.15)
+    seen = sensors.perceive(scene, rng)
+    assert np.array_equal(seen.position, scene.position)
+    assert seen.ego.v == scene.ego.v

@@ -1,4 +1,4 @@
-"""`sensor_noise`: Gaussian errors of what the ego perceives of others."""
+"""`sensor_noise`: Gaussian errors of what the ego perceives of others and of itself."""
 
 from __future__ import annotations
 
@@ -13,32 +13,37 @@ from rudc.scenario.events.stage import Stage
 
 
 class SensorNoise(Event, frozen=True):
-    """Gaussian errors of what the ego perceives of others."""
+    """Gaussian errors of what the ego perceives of others and of itself."""
 
     kind: Literal["sensor_noise"]
-    """Gaussian errors of what the ego perceives of others"""
+    """Gaussian errors of what the ego perceives of others and of itself"""
     position: Annotated[AnyDistribution, Bounds(0, 20, "m")] = Constant(value=0.0)
     """m, standard deviation along each axis"""
     speed: Annotated[AnyDistribution, Bounds(0, 20, "m/s")] = Constant(value=0.0)
     """m/s, standard deviation"""
     heading: Annotated[AnyDistribution, Bounds(0, 180, "deg")] = Constant(value=0.0)
     """deg, standard deviation"""
+    own_acceleration: Annotated[AnyDistribution, Bounds(0, 5, "m/s2")] = Constant(value=0.0)
+    """m/s2, standard deviation of what the ego measures of its own acceleration"""
 
     @classmethod
     def misfits(cls, given: Mapping[str, Any]) -> Iterator[tuple[str, str | None]]:
         """One of its numbers at least."""
-        if not {"position", "speed", "heading"} & set(given) and set(given) <= set(cls.model_fields):
-            yield "expected one or more of `position`, `speed` and `heading` (standard deviations)", None
+        numbers = {"position", "speed", "heading", "own_acceleration"}
+        if not numbers & set(given) and set(given) <= set(cls.model_fields):
+            said = "`position`, `speed`, `heading` and `own_acceleration`"
+            yield f"expected one or more of {said} (standard deviations)", None
 
 
 class SensorNoiseEffect(Felt[SensorNoise]):
-    """Gaussian errors on what the ego sees of others."""
+    """Gaussian errors on what the ego sees of others and measures of itself."""
 
     from_the_start = True
 
     def begin(self, stage: Stage) -> bool:
         event = self.event
         stage.set_noise(float(event.position), float(event.speed), math.radians(float(event.heading)))
+        stage.set_own_noise(float(event.own_acceleration))
         return True
 
 

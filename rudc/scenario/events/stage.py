@@ -144,6 +144,10 @@ class Stage(ABC):
         """Standard deviations (m along each axis, m/s, rad) of what the ego perceives of others."""
 
     @abstractmethod
+    def set_own_noise(self, acceleration: float) -> None:
+        """Standard deviation (m/s2) of what the ego measures of its own acceleration."""
+
+    @abstractmethod
     def set_dropout(self, probability: float, range_m: float) -> None:
         """How likely the ego is to miss a vehicle at a decision, and how far it sees (m)."""
 

@@ -159,6 +159,9 @@ class WorldStage(NetworkStage):
         self.sensors.position_std, self.sensors.speed_std = position, speed
         self.sensors.heading_std = heading
 
+    def set_own_noise(self, acceleration: float) -> None:
+        self.sensors.own_acceleration_std = acceleration
+
     def set_dropout(self, probability: float, range_m: float) -> None:
         self.sensors.miss, self.sensors.range_m = probability, range_m
 
