@@ -1,6 +1,8 @@
 """The ego's plant against an independent integration of its equations, and against what must hold of any
 car."""
 
+# pyright: reportPossiblyUnbound=false, reportOperatorIssue=false
+# states are read after loops that always run
 import math
 
 import numpy as np
