@@ -1,7 +1,7 @@
 """The ego's plant against an independent integration of its equations, and against what must hold of any
 car."""
 
-# pyright: reportPossiblyUnbound=false, reportOperatorIssue=false
+# pyright: reportPossiblyUnboundVariable=false, reportOperatorIssue=false
 # states are read after loops that always run
 import math
 
