@@ -7,8 +7,7 @@ identified.
     govern       where grip is poor, speed in bends as of LATERAL mu g, reached by braking with BRAKING mu
                  g; on straights at most max(CAREFUL, what stops within STOPPING m); before what the ego does
                  not see, what stops in time for who may come from there (hidden.py)
-    probe        one short full braking at the start, since friction shows only once a command exceeds it;
-                 on a slippery road again every AGAIN_S s for one decision
+    probe        one short full braking at the start, since friction shows only once a command exceeds it
 
 The plant is estimated (rudc/safety/plant.py), or known (`Scene.actuation`: for ablations).
 """
@@ -48,8 +47,6 @@ PROBE_SPEED = 4.0
 """m/s, below which a probe says little"""
 PROBE_S = 0.5
 """s after which a probe ends, whatever it has shown"""
-AGAIN_S = 1.0
-"""s after which, on a slippery road, one decision's braking asks whether it has become more slippery still"""
 SHOWN = 0.85
 """share of full braking at which the road has shown that it is dry"""
 SETTLED = 0.5
@@ -69,7 +66,6 @@ class Adaptation:
         """Begin a new episode with an ordinary car."""
         self._monitor = PlantMonitor(scene.vehicle)
         self._seen: float | None = None
-        self._again_s = AGAIN_S
         self._probe_ends = math.inf if self._probes else -math.inf
         self._braking = math.inf
         """m/s2, acceleration at the last decision of a probe"""
@@ -128,10 +124,6 @@ class Adaptation:
     def _probing(self, scene: Scene) -> bool:
         """Whether to brake in order to learn how well the road grips."""
         if scene.time_s >= self._probe_ends:
-            again = self._probes and self.estimate.grip < POOR and scene.ego.v > PROBE_SPEED
-            if again and scene.time_s >= self._again_s:
-                self._again_s = scene.time_s + AGAIN_S
-                return True
             return False
         if math.isinf(self._probe_ends):
             if scene.ego.v < PROBE_SPEED:
