@@ -24,6 +24,7 @@ setup: .venv/.core
 
 .venv/.core: .venv/.made pyproject.toml constraints.txt
 	$(PIP) --editable .
+	$(PY) -m rudc.evaluation.compiled
 	@touch $@
 
 .venv/.dev: .venv/.core

@@ -11,6 +11,7 @@ from typing import Any, Literal, Protocol
 
 from rudc.agents.drivers import MakeAgent, register_agent, registered_agents
 from rudc.errors import StorageError, SweepError
+from rudc.evaluation.compiled import compile_kernels
 from rudc.evaluation.engine import Result, Runner, RunnerFactory, run_local
 from rudc.evaluation.folder import SweepFolder
 from rudc.evaluation.manifest import code_digest
@@ -109,6 +110,7 @@ def _finish(
     todo = [task for task in folder.tasks if task.key(folder.parameters) not in folder.finished]
     progress.begin(len(folder.tasks), len(folder.finished), folder.warnings)
     if todo:
+        compile_kernels()
         make_runner = _Prepared(code_digest(), imported_first(), registered_agents(), make_runner)
         with closing(ENGINES[engine](todo, workers, limit_s, make_runner)) as results:  # pyright: ignore
             for task, record in results:

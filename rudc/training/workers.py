@@ -15,6 +15,7 @@ from typing import Any
 
 from rudc.agents.route_sigma import Heard
 from rudc.errors import RudcError, TrainingError
+from rudc.evaluation.compiled import compile_kernels
 from rudc.evaluation.engine import quiet_start
 from rudc.evaluation.record import EpisodeRecord
 from rudc.training.collect import By, Collected, Collector
@@ -28,6 +29,7 @@ class WorkerPool:
 
     def __init__(self, config: TrainConfig) -> None:
         self._share = config.training.round_decisions
+        compile_kernels()
         context = multiprocessing.get_context("spawn")
         self._workers: list[tuple[Any, Connection]] = []
         for index in range(config.training.envs):

@@ -241,11 +241,14 @@ class World:
             for _ in range(self.config.substeps):
                 self._sumo.step()
                 self._move_props()
-            scene = self._refresh()
-            if self.stage.props:
+            self._refill()
+            if self.stage.props:  # only they are looked at, and look out, before the ego enters
+                scene = self._look()
                 self._brake(scene, self.config.decision_s)
-            for prop in self.stage.props:
-                prop.look_out(scene)
+                for prop in self.stage.props:
+                    prop.look_out(scene)
+        if not self.stage.props:
+            self._look()
 
     def _enter_ego(self, rng: np.random.Generator) -> bool:
         state, body = self._plant.state, self.vehicle
@@ -343,9 +346,12 @@ class World:
 
     def _refresh(self) -> Scene:
         """Read the road anew, let others enter where some have left, compose the scene."""
-        motion = self._reader.read()
-        self.traffic.refill(motion, self._reader.lengths)
+        self._refill()
         return self._look()
+
+    def _refill(self) -> None:
+        """Read the road anew, let others enter where some have left."""
+        self.traffic.refill(self._reader.read(), self._reader.lengths)
 
     def _look(self) -> Scene:
         """Compose the scene from what was read, and find what is near the ego."""
