@@ -19,8 +19,21 @@ _COLOURS: dict[str, str] = {
     "slack": PALETTE[4],
     "both": PALETTE[1],
     "last_resort": PALETTE[3],
+    "level_route": PALETTE[0],
+    "rate_route": INK,
 }
-_MARKERS = {"fixed": "o", "residual": "s", "slack": "^", "both": "D", "last_resort": "v"}
+_MARKERS = {
+    "fixed": "o",
+    "residual": "s",
+    "slack": "^",
+    "both": "D",
+    "last_resort": "v",
+    "level_route": "P",
+    "rate_route": "X",
+}
+
+DRAWN = tuple(_COLOURS)
+"""variants that are drawn, besides OFF"""
 
 Estimate = tuple[float, float, float]
 """value and ends of its interval"""
@@ -113,6 +126,8 @@ def _handles(variants: set[str]) -> list:
         "slack": "slack only",
         "both": "residual and slack",
         "last_resort": "and last resort",
+        "level_route": "slack by route",
+        "rate_route": "the same as a rate",
     }
     rest = [
         Line2D([], [], color=_COLOURS[v], marker=_MARKERS[v], markersize=5, label=label)

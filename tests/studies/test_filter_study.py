@@ -4,23 +4,25 @@ import math
 
 import pytest
 
+from rudc.agents.checkpoint import load_learnt, save_learnt
 from rudc.agents.registry import agent_settings, make_agent
+from rudc.agents.route_sigma import ROUTE, fit
 from rudc.errors import AgentError, InputError
-from rudc.studies.filter_study import (
-    INSIDE,
-    OUTSIDE,
-    Variant,
-    aggregate,
-    as_markdown,
-    variants_of,
-)
+from rudc.studies.filter_pairs import compare, pairs, pairs_markdown
+from rudc.studies.filter_study import INSIDE, OUTSIDE, aggregate, as_markdown
+from rudc.studies.filter_variants import LEVELS, RATES, Variant, variants_of
+from tests.agents.test_route_sigma import drives
+
+ALWAYS = 1 + 2 * (len(LEVELS) + len(RATES))
+"""off, and the constants, of an agent that states sigma"""
 
 
 def test_full_grid_of_a_trained_agent(trained):
     variants = variants_of(str(trained), (0.1, 0.3, 0.5, 0.8))
-    assert len(variants) == len({v.agent for v in variants}) == 41
-    assert len({v.setting for v in variants}) == 41
-    found = {(v.kind, v.constrained, v.d_safe): agent_settings(v.agent)["correction"] for v in variants[1:]}
+    assert len(variants) == len({v.agent for v in variants}) == ALWAYS + 40
+    assert len({v.setting for v in variants}) == ALWAYS + 40
+    paper = [v for v in variants[1:] if " " not in v.kind]
+    found = {(v.kind, v.constrained, v.d_safe): agent_settings(v.agent)["correction"] for v in paper}
     assert agent_settings(variants[0].agent)["correction"] == {"kind": "none"}
     for (kind, constrained, d_safe), settings in found.items():
         assert settings["residual"] is (kind in ("residual", "both", "last_resort"))
@@ -31,11 +33,29 @@ def test_full_grid_of_a_trained_agent(trained):
 
 def test_settings_given_are_kept_and_the_slacks_gain_is_taken(trained):
     variants = variants_of(f"{trained}:correction.slack.gain=0.2,correction.ttcbf_rate=0.2", (0.3,))
-    assert len(variants) == 11
+    assert len(variants) == ALWAYS + 10
     for variant in variants[1:]:
         settings = agent_settings(variant.agent)["correction"]
         assert settings["ttcbf_rate"] == 0.2
         assert settings["slack"]["gain"] == (0.2 if variant.kind in ("slack", "both", "last_resort") else 0.0)
+
+
+def test_slack_by_route_and_constants_are_tried_at_the_agents_own_d_safe(trained):
+    learnt = load_learnt(trained)
+    usual = {f"{ROUTE}/{name}": value for name, value in fit(drives(3)).items()}
+    save_learnt(trained, learnt._replace(arrays=learnt.arrays | usual))
+    variants = [v for v in variants_of(str(trained), (0.1, 0.8)) if v.kind in ("level_route", "rate_route")]
+    assert {(v.kind, v.constrained, v.d_safe) for v in variants} == {
+        (kind, constrained, 0.5) for kind in ("level_route", "rate_route") for constrained in ("gated", "all")
+    }
+    for variant in variants:
+        settings = agent_settings(variant.agent)
+        slack = settings["correction"]["slack"]
+        assert (settings["sigma"], slack["gain"]) == ("route", 0.4)
+        assert slack["kind"] == variant.kind.removesuffix("_route")
+    (constant,) = [v for v in variants_of(str(trained), ()) if (v.kind, v.constrained) == ("rate 0.5", "all")]
+    slack = agent_settings(constant.agent)["correction"]["slack"]
+    assert slack == {"kind": "rate", "gain": 0.0, "constant": 0.5}
 
 
 def test_a_distance_in_the_name_is_the_only_one():
@@ -90,9 +110,12 @@ def row(
 
 def variants_of_two_seeds() -> list[Variant]:
     return [
-        Variant(f"{name}:{kind}", name, "a", kind, *(() if kind == "off" else ("gated", 0.3)))
+        variant
         for name in ("a", "a-seed1")
-        for kind in ("off", "fixed")
+        for variant in (
+            Variant(f"{name}:off", name, "a", "off"),
+            Variant(f"{name}:fixed", name, "a", "fixed", "gated", 0.3),
+        )
     ]
 
 
@@ -124,3 +147,41 @@ def test_training_seeds_are_pooled_and_episodes_compared_in_pairs():
     text = as_markdown(lines)
     assert len(text.splitlines()) == 4
     assert "| out of distribution | gated       | fixed   |" in text
+
+
+def test_the_oracle_has_no_filter_where_that_succeeds():
+    variants = [
+        Variant("a:off", "a", "a", "off"),
+        Variant("a:w", "a", "a", "residual", "all", 0.5),
+    ]
+    rows = [
+        row("a:off", 0, "success"), row("a:w", 0, "frozen"),
+        row("a:off", 1, "violation"), row("a:w", 1, "success"),
+        row("a:off", 2, "violation"), row("a:w", 2, "frozen"),
+    ]  # fmt: skip
+    lines = {(m["variant"], m["scenario"]): m for m in aggregate({INSIDE: rows}, variants)}
+    best = lines["oracle", "all"]
+    assert (best["SR"], best["FR"], best["VR"]) == pytest.approx((200 / 3, 100 / 3, 0.0))
+    assert (best["constrained"], best["d_safe_m"], best["episodes"]) == ("all", 0.5, 3)
+
+
+def test_an_adaptive_variant_is_compared_with_each_constant_in_the_same_episodes():
+    kinds = ("both", "residual", "level 4")
+    variants = [Variant(f"a:{kind}", "a", "a", kind, "all", 0.5) for kind in kinds]
+    rows = [row(f"a:{kind}", k, "success") | {"mean_speed_mps": "6"} for kind in kinds for k in range(30)]
+    for k in range(20):
+        rows[30 + k]["outcome"] = "frozen"  # residual
+    rows[60]["error"] = "no"
+    lines = pairs({INSIDE: rows}, variants)
+    assert [(m["adaptive"], m["constant"], m["episodes"]) for m in lines] == [
+        ("both", "residual", 30),
+        ("both", "level 4", 29),
+    ]
+    first, second = lines
+    assert first["FR_change"] == pytest.approx(-200 / 3)
+    assert first["FR_high"] < 0
+    assert (first["speed_change"], first["speed_low"], first["VR_change"]) == (0.0, 0.0, 0.0)
+    assert (first["dominates"], second["dominates"]) == (True, False)
+    worse = {("a", "fog", str(k)): row("a", k, "violation") | {"mean_speed_mps": "7"} for k in range(3)}
+    assert not compare(worse, {key: {**r, "outcome": "frozen"} for key, r in worse.items()})["dominates"]
+    assert len(pairs_markdown(lines).splitlines()) == 4
