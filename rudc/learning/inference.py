@@ -23,7 +23,7 @@ from rudc.learning.config import (
     NetworkConfig,
     ObservationLayout,
 )
-from rudc.learning.kernels import gelu_of, gelu_slope, mapped, mapped_each
+from rudc.learning.kernels import decoded, gelu_of, gelu_slope, mapped, mapped_each
 from rudc.learning.parameters import SCORE_BOUND, group, waypoint_positions
 from rudc.learning.uncertainty import Uncertainty, uncertainty
 
@@ -41,6 +41,10 @@ class Network:
         self._common = {name: self._side_by_side(name) for name in common if f"{name}.weight" in arrays}
         if "action.weight" in arrays:
             self._common["action"] = self._side_by_side("action")
+        self._head: list[Floats] = []
+        for name in ("hidden", "out"):
+            bias = self._arrays[f"{name}.bias"].reshape(self.members, -1)
+            self._head += [self._arrays[f"{name}.weight"], bias]
         if network.encoder == "attention":
             self._common["waypoint"] = self._waypoint_map()
             scale = np.float32(1 / math.sqrt(network.embedding))
@@ -105,7 +109,7 @@ class Network:
         """Outputs (N, outputs) from latents (N, hidden) and, for a critic, an action."""
         if action is not None:
             latent = latent + self._map_common("action", action)
-        return self._map("out", gelu(self._map("hidden", gelu(latent))))
+        return decoded(np.ascontiguousarray(latent), *self._head)
 
     def sloped(self, latent: Floats, action: Floats) -> tuple[Floats, Floats]:
         """First output (N,) of each network, and its gradient (N, actions) with respect to the action."""

@@ -108,6 +108,20 @@ def mapped_each(x: Singles, weight: SingleCube, bias: Singles) -> NewSingles:
 
 
 @kernel
+def decoded(
+    latent: Singles, weight: SingleCube, bias: Singles, last: SingleCube, last_bias: Singles
+) -> NewSingles:
+    """(N, O), of each of N members gelu(gelu(latent) W + b) W' + b' for latents (N, I)."""
+    x = latent.copy()
+    for n in range(len(x)):
+        gelu_of(x[n])
+    y = mapped_each(x, weight, bias)
+    for n in range(len(y)):
+        gelu_of(y[n])
+    return mapped_each(y, last, last_bias)
+
+
+@kernel
 def tail_moments(quantiles: Cube, weights: Vector) -> NewTable:
     """(2, B): variance over members of the tail's mean, and mean over members of the tail's variance.
 

@@ -43,8 +43,8 @@ PASSING = 0.3
 """m beside the ego's rectangle on its way, with which somebody who stands is passed"""
 SLOWEST = 3.0
 """m/s, at least, of an ego that is taken to pass"""
-PASSING_STATIONS = 40
-"""places on that way that are looked at"""
+_SHARES: Array = np.linspace(0.0, 1.0, 40)
+"""of that way, where it is looked at"""
 
 
 class Gate:
@@ -64,7 +64,7 @@ class Gate:
         others.
         """
         ego, body, predictor = scene.ego, scene.vehicle, self._predictor
-        way = np.linspace(0.0, self._horizon * max(ego.v, SLOWEST), PASSING_STATIONS)
+        way = self._horizon * max(ego.v, SLOWEST) * _SHARES
         return let_through(
             *bodies(scene), scene.size, *predictor.paths(scene), *predictor.route(scene), scene.ego_s,
             complex(ego.x, ego.y), cmath.exp(1j * ego.psi), ego.v, self._times, self._gap, short, stretch,

@@ -31,6 +31,22 @@ def test_maps_are_products():
     assert kernels.mapped_each(rows, weights, biases) == pytest.approx(wanted, abs=1e-5)
 
 
+def test_a_head_is_two_maps_with_gelus_before_them():
+    latent, weight, bias, last, last_bias = (
+        single(2, 8),
+        single(2, 8, 9),
+        single(2, 9),
+        single(2, 9, 3),
+        single(2, 3),
+    )
+
+    def each(x, weight, bias):
+        return ((x * ndtr(x))[:, None] @ weight)[:, 0] + bias
+
+    wanted = each(each(latent, weight, bias), last, last_bias)
+    assert kernels.decoded(latent, weight, bias, last, last_bias) == pytest.approx(wanted, abs=1e-4)
+
+
 def test_moments_of_the_tail():
     z, weights = RNG.normal(size=(4, 6, 32)), np.array([0.3, 0.3, 0.3, 0.1])
     got = kernels.tail_moments(z, weights)
