@@ -85,7 +85,7 @@ def test_a_filter_leaves_an_empty_road_alone(scene_on):
 def test_shipped_agents_carry_the_residual_predictor_of_their_own_actions(name):
     learnt = load_learnt(shipped_checkpoints()[name])
     carried = {k: v for k, v in learnt.arrays.items() if k.startswith(RESIDUAL)}
-    wanted = learnt.config.correction.arrays(learnt.config.action.name)
+    wanted = learnt.config.correction.arrays(learnt.config.action)
     assert carried.keys() == wanted.keys()
     for key, array in wanted.items():
         np.testing.assert_array_equal(carried[key], array)
