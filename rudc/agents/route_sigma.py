@@ -66,6 +66,8 @@ class Heard(NamedTuple):
     """(n, 4) `Place`, a row each"""
     sigmas: Array
     """(n, 3) sigma_epi, sigma_ale, sigma_total, reward units"""
+    succeeded: bool = True
+    """whether the episode ended so"""
 
 
 def place_of(scene: Scene) -> Place:

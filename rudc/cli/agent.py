@@ -44,7 +44,7 @@ def calibrate(
     folder: Annotated[
         Path, typer.Argument(metavar="DIR", help="Folder of a training, or of its checkpoint.")
     ],
-    episodes: Annotated[int, typer.Option("--episodes", "-n", min=1, help="For each scenario.")] = 50,
+    episodes: Annotated[int, typer.Option("--episodes", "-n", min=1, help="For each scenario.")] = 200,
     scenario: Annotated[
         list[str] | None,
         typer.Option(metavar="SCENARIO", help="Instead of random_destination and dense_left_turn."),
@@ -53,7 +53,7 @@ def calibrate(
 ) -> None:
     """Measure the percentiles of a trained agent's uncertainty, sigma_l and sigma_h, as it drives.
 
-    Held-out episodes, driven as in a sweep. Of sigma as in the paper, and of sigma by route, which
+    Held-out episodes, driven as in a sweep; those count that succeed. Of sigma as in the paper, and of sigma by route, which
     `sigma=route` takes: compared with what is usual where the ego is. Also said: how often the stored
     percentiles are exceeded (5 % and 2.5 % where they hold). Only `--write` changes the agent.
 
@@ -81,7 +81,8 @@ def calibrate(
         right=(2, 3),
     )
     stored = "stored" if write else "not stored: add --write"
-    note(f"of {result.decisions} decisions; the route explains {result.explained:.0%} of log sigma; {stored}")
+    usual = f"{result.decisions} decisions in the {result.episodes} episodes that succeeded"
+    note(f"of {usual}; the route explains {result.explained:.0%} of log sigma; {stored}")
 
 
 def _lines(kind: str, limits: Limits) -> list[list[str]]:

@@ -152,3 +152,15 @@ def test_without_what_is_usual_the_name_is_refused_and_says_what_to_do(tmp_path)
     own = {f"{ROUTE}/{name}": value for name, value in fit(drives(3)).items()}
     save_learnt(tmp_path / "taught", learnt._replace(arrays=bare | own))
     assert agent_settings(f"{tmp_path / 'taught'}:sigma=route")["sigma"] == "route"
+
+
+def test_an_episode_that_froze_is_not_usual():
+    """It has four times the decisions of another, at one place, and would move sigma_l."""
+    from rudc.training.calibration import measured
+
+    fine = drives(40)
+    stuck = Heard(np.tile(fine[0].places[40], (400, 1)), np.full((400, 3), 30.0), succeeded=False)
+    alone, both = measured(fine), measured([*fine, stuck])
+    assert both.percentiles == alone.percentiles
+    np.testing.assert_array_equal(both.arrays[f"{ROUTE}/stop"], alone.arrays[f"{ROUTE}/stop"])
+    assert measured([stuck]).percentiles == (30.0, 30.0)
