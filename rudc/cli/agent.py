@@ -54,8 +54,8 @@ def calibrate(
     """Measure the percentiles of a trained agent's uncertainty, sigma_l and sigma_h, as it drives.
 
     Held-out episodes, driven as in a sweep; those count that succeed. Of sigma as in the paper, and of sigma
-    by route, which `sigma=route` takes: compared with what is usual where the ego is. Also said: how often the stored
-    percentiles are exceeded (5 % and 2.5 % where they hold). Only `--write` changes the agent.
+    by route, which `sigma=route` takes: compared with what is usual where the ego is. Also said: how often
+    the stored percentiles are exceeded (5 % and 2.5 % where they hold). Only `--write` changes the agent.
 
     **Example**: `rudc agent calibrate out/first`
     """
