@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -71,7 +71,7 @@ def sweep(
         ),
     ] = None,
     engine: Annotated[
-        Literal["local", "ray"], typer.Option(help="Processes on this machine, or actors of a ray cluster.")
+        str, typer.Option(metavar="NAME", help="`local`: processes here; `ray`: actors of a ray cluster.")
     ] = "local",
     resume: Annotated[
         bool, typer.Option("--resume", help="Finish the sweep in DIR; start it if there is none.")

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Protocol
 
 from rudc.agents.drivers import MakeAgent, register_agent, registered_agents
-from rudc.errors import StorageError, SweepError
+from rudc.errors import InputError, StorageError, SweepError
 from rudc.evaluation.compiled import compile_kernels
 from rudc.evaluation.engine import Result, Runner, RunnerFactory, run_local
 from rudc.evaluation.folder import SweepFolder
@@ -18,11 +18,22 @@ from rudc.evaluation.manifest import code_digest
 from rudc.evaluation.ray_engine import connect, run_ray
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.tasks import SweepPlan, Task
+from rudc.hints import there_are
 from rudc.imports import PREFIX, import_first, imported_first
 
-EngineName = Literal["local", "ray"]
-Engine = Callable[[Sequence[Task], int, float, RunnerFactory], Iterator[Result]]
-ENGINES: dict[EngineName, Engine] = {"local": run_local, "ray": run_ray}
+
+@dataclass(frozen=True, slots=True)
+class Engine:
+    """Who runs the episodes of a sweep."""
+
+    run: Callable[[Sequence[Task], int, float, RunnerFactory], Iterator[Result]]
+    """takes tasks, workers, a time limit (s) and a factory of runners; yields results in any order"""
+    check: Callable[[], object] | None = None
+    """raises InputError where it cannot run; called before the folder is touched"""
+
+
+ENGINES = {"local": Engine(run_local), "ray": Engine(run_ray, connect)}
+"""by name: `local` worker processes on this machine, `ray` actors of a cluster"""
 
 EPISODE_LIMIT_S = 300.0
 """s of wall time after which an episode is given up"""
@@ -72,7 +83,7 @@ def run_sweep(
     make_runner: RunnerFactory,
     *,
     workers: int = 1,
-    engine: EngineName = "local",
+    engine: str = "local",
     resume: bool = False,
     limit_s: float = EPISODE_LIMIT_S,
     progress: Progress | None = None,
@@ -85,12 +96,15 @@ def run_sweep(
     """
     if workers < 1:
         raise SweepError(f"a sweep needs at least one worker, not {workers}")
-    if engine == "ray":
-        connect()  # before the folder is touched
+    if engine not in ENGINES:
+        raise InputError(f"no engine {engine!r}{there_are(engine, ENGINES)}")
+    chosen = ENGINES[engine]
+    if chosen.check is not None:
+        chosen.check()
     with SweepFolder(out, plan) as folder:
         folder.open(resume)
         try:
-            return _finish(folder, workers, engine, limit_s, make_runner, progress or Silent())
+            return _finish(folder, workers, chosen, limit_s, make_runner, progress or Silent())
         except StorageError as error:
             raise StorageError(
                 f"{error}. All rows written before are kept; "
@@ -101,7 +115,7 @@ def run_sweep(
 def _finish(
     folder: SweepFolder,
     workers: int,
-    engine: EngineName,
+    engine: Engine,
     limit_s: float,
     make_runner: RunnerFactory,
     progress: Progress,
@@ -112,7 +126,7 @@ def _finish(
     if todo:
         compile_kernels()
         make_runner = _Prepared(code_digest(), imported_first(), registered_agents(), make_runner)
-        with closing(ENGINES[engine](todo, workers, limit_s, make_runner)) as results:  # pyright: ignore
+        with closing(engine.run(todo, workers, limit_s, make_runner)) as results:  # pyright: ignore
             for task, record in results:
                 progress.advance(task, folder.add(task, record))
     return SweepResult(folder.path, folder.complete(), folder.parameters)

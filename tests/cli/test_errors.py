@@ -19,6 +19,7 @@ SWEEP = ("sweep", "random_destination", "--agent", "follower", "--episodes", "1"
         (("sweep", "random_destinaton", "-a", "sumo", "-o", "x"), "random_destination"),
         (("sweep", "random_destination", "-o", "x"), "give at least one --agent NAME"),
         (("sweep", "-a", "sumo", "-o", "x"), "which scenarios?"),
+        ((*SWEEP, "--engine", "locl"), "no engine 'locl' (did you mean 'local'?)"),
         (("sweep", "random_destination", "-a", "sumo"), "--out DIR"),
         (("run", "random_destination", "--agent", "sumo+ecbf"), "SUMO itself drives"),
         (("run", "random_destination", "--set", "traffic.densty=30"), "did you mean 'density'?"),

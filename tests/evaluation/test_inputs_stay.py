@@ -9,7 +9,7 @@ from rudc.agents.checkpoint import shipped_checkpoints
 from rudc.errors import SimulationError, SweepError
 from rudc.evaluation import manifest
 from rudc.evaluation.runner import EpisodeRunner
-from rudc.evaluation.sweep import run_sweep
+from rudc.evaluation.sweep import ENGINES, Engine, run_sweep
 from rudc.evaluation.tasks import SweepPlan
 from rudc.network.network import shipped_networks
 from rudc.scenario import load_scenario
@@ -59,7 +59,7 @@ def here(monkeypatch):
         for task in tasks:
             yield task, make_runner()(task)
 
-    monkeypatch.setitem(__import__("rudc.evaluation.sweep", fromlist=["ENGINES"]).ENGINES, "local", engine)
+    monkeypatch.setitem(ENGINES, "local", Engine(engine))
 
 
 def test_a_network_that_is_replaced_changes_no_row(plan, tmp_path, here):
