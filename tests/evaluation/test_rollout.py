@@ -105,7 +105,7 @@ def test_a_runner_goes_from_network_to_network_and_survives_what_fails(tmp_path,
     first = [runner(task) for task in tasks]
     assert not any(record.error for record in first)
     with monkeypatch.context() as patch:
-        patch.setattr("rudc.evaluation.runner.run_episode", lambda *_: 1 / 0)
+        patch.setattr("rudc.evaluation.runner.run_episode", lambda *_, **__: 1 / 0)
         record = runner(tasks[0])
     assert record.error.startswith("ZeroDivisionError: division by zero (test_rollout.py:")
     backwards = [runner(task) for task in reversed(tasks)]
