@@ -34,6 +34,7 @@ from rudc.env.intersection import IntersectionEnv
 from rudc.env.observation import ObservationKind
 from rudc.scenario import load_scenario
 from rudc.scenario.model import Scenario
+from rudc.world.borders import Borders
 from rudc.world.ego import EgoPlant
 from rudc.world.reading import Reader
 from rudc.world.scene import Scene
@@ -66,7 +67,7 @@ class Tape:
     """What an episode asked of SUMO, to be played back without us."""
 
     INFLOW = ("load", "add_route", "add", "personality")
-    CONTROL = ("take_over", "place", "slow_down", "set_mode")
+    CONTROL = ("take_over", "place", "slow_down", "set_mode", "hold_lane", "set_lane_changes")
 
     def __init__(self, sumo: Sumo) -> None:
         self._sumo = sumo
@@ -78,13 +79,13 @@ class Tape:
             setattr(sumo, name, self._kept(name))
         sumo.step = self._step  # pyright: ignore[reportAttributeAccessIssue] - recorded on purpose
 
-    def _kept(self, name: str) -> Callable[..., None]:
-        def keep(*args: Any, **kwargs: Any) -> None:
+    def _kept(self, name: str) -> Callable[..., Any]:
+        def keep(*args: Any, **kwargs: Any) -> Any:
             if name == "load":  # an episode begins, or an unsafe start is drawn again
                 self.calls.clear()
                 self.steps = 0
             self.calls.append((self.steps, name, args, kwargs))
-            self._play[name](*args, **kwargs)
+            return self._play[name](*args, **kwargs)
 
         return keep
 
@@ -131,6 +132,7 @@ def against_sumo(kind: ObservationKind, episodes: int) -> float:
     env = IntersectionEnv(busy_scenario(), observation=kind)
     env.reset(seed=0)
     world = env.episode.world
+    assert isinstance(world, World)
     tape, substeps = Tape(world._sumo), world.config.substeps
     ours: list[float] = []
     same: list[float] = []
@@ -198,7 +200,7 @@ def where_time_goes(kind: ObservationKind, episodes: int) -> None:
         (World, "_bodies_now", "contact test"),
         (world_module, "survey", "contact test"),
         (world_module, "nearer", "contact test"),
-        (World, "_leaves_road", "off-road and wrong-way test"),
+        (Borders, "left", "off-road and wrong-way test"),
         (World, "_look", "scene"),
         (EgoPlant, "step", "ego's plant"),
         (Reader, "read", "reading the SVs"),
