@@ -4,9 +4,11 @@ identified.
     look ahead   a command given now acts after the dead time d: the scene is predicted by d, the ego under
                  the commands that are on their way, the others along their paths (Smith predictor)
     limits       braking and accelerating within USABLE mu g, for filter, last resort and driver alike
-    govern       where grip is poor, speed in bends as of LATERAL mu g, reached by braking with BRAKING mu
-                 g; on straights at most max(CAREFUL, what stops within STOPPING m); before what the ego does
-                 not see, what stops in time for who may come from there (hidden.py)
+    govern       speed in bends as of USABLE mu g, reached by braking with BRAKING mu g; where grip is poor as
+                 of LATERAL mu g, on straights at most max(CAREFUL, what stops within STOPPING m), and before
+                 what the ego does not see, what stops in time for who may come from there (hidden.py);
+                 steering within what braking leaves of mu g, up to BRAKING of it: wheels that ask for more
+                 turn the car no further, and take all that brakes could have
     probe        one short full braking at the start, since friction shows only once a command exceeds it
 
 The plant is estimated (rudc/safety/plant.py), or known (`Scene.actuation`: for ablations).
@@ -28,7 +30,7 @@ from rudc.network.route import ReferencePath
 from rudc.safety.plant import SUBSTEP_S, PlantEstimate, PlantMonitor
 from rudc.safety.prediction import Predictor
 from rudc.vehicle import Actuation
-from rudc.world.ego import EgoPlant
+from rudc.world.ego import DRY, GRAVITY, EgoPlant, widest_steering
 from rudc.world.scene import Scene
 
 Knowledge = Literal["off", "estimated", "known"]
@@ -36,9 +38,12 @@ Knowledge = Literal["off", "estimated", "known"]
 USABLE = 0.9
 """share of mu g that a command may ask for"""
 LATERAL, BRAKING = 0.75, 0.6
-"""shares of mu g that bends and planned braking may ask for"""
+"""shares of mu g that bends and planned braking may ask for where grip is poor"""
+FULL = 0.98
+"""share of what can be braked, from which on the brakes are asked for all that they have: more than the road
+gives brakes no worse, and shows at once if it gives more than was thought"""
 POOR = 6.0
-"""m/s2 of grip, below which speed is governed: what full braking on a dry road takes"""
+"""m/s2 of grip, below which it is poor: what full braking on a dry road takes"""
 CAREFUL = 6.0
 """m/s, always allowed on straights"""
 STOPPING = 10.0
@@ -85,16 +90,19 @@ class Adaptation:
         return replace(self._ahead(scene), vehicle=limited)
 
     def govern(self, scene: Scene, u: Array) -> Array:
-        """(2,) the command with its acceleration bounded; `scene` as shown by `see`."""
-        a, grip = float(u[0]), self.estimate.grip
+        """(2,) the command, bounded; `scene` as shown by `see`."""
+        a, delta, grip = float(u[0]), float(u[1]), min(self.estimate.grip, DRY * GRAVITY)
+        allowed = self._allowed(scene, grip)
         if grip < POOR:
             careful = max(CAREFUL, math.sqrt(2 * BRAKING * grip * STOPPING))
-            by_sight = speed_by_sight(scene, BRAKING * grip)
-            wanted = (min(self._allowed(scene, grip), careful, by_sight) - scene.ego.v) / RESPONSE_S
-            a = max(min(a, wanted), -USABLE * grip)
-        if self._probing(scene):
-            a = scene.vehicle.a_min
-        return u if a == u[0] else np.array([a, u[1]])
+            allowed = min(allowed, careful, speed_by_sight(scene, BRAKING * grip))
+        a = min(a, (allowed - scene.ego.v) / RESPONSE_S)
+        if self._probing(scene) or a <= FULL * max(scene.vehicle.a_min, -USABLE * grip):
+            a = scene.network.vehicle.a_min
+        left = math.sqrt(grip**2 - min(max(-a, 0.0), BRAKING * grip) ** 2)
+        widest = widest_steering(scene.vehicle, scene.ego.v, left)
+        delta = min(max(delta, -widest), widest)
+        return u if (a, delta) == (u[0], u[1]) else np.array([a, delta])
 
     def _ahead(self, scene: Scene) -> Scene:
         """The scene after the dead time, if there is one."""
@@ -111,15 +119,19 @@ class Adaptation:
         return replace(_others_later(scene, self._predictor, later), ego=ego, ego_s=s, ego_offset=offset)
 
     def _allowed(self, scene: Scene, grip: float) -> float:
-        """m/s, speed from which all bends ahead can be taken with that grip (m/s2)."""
+        """m/s, speed from which all bends ahead can be taken with that grip (m/s2); the least from here to
+        where the ego will be when its speed has followed."""
         path = scene.route.path
         if self._profile is None or self._profile[0] is not path or self._profile[1] != grip:
-            squared = (LATERAL * grip / np.maximum(np.abs(path.curvature), 1e-4)).tolist()
+            share = LATERAL if grip < POOR else USABLE
+            squared = (share * grip / np.maximum(np.abs(path.curvature), 1e-4)).tolist()
             for i in range(len(squared) - 2, -1, -1):
                 squared[i] = min(squared[i], squared[i + 1] + 2 * BRAKING * grip * SPACING)
             self._profile = path, grip, np.sqrt(squared)
         profile = self._profile[2]
-        return float(profile[min(max(int(scene.ego_s / SPACING), 0), len(profile) - 1)])
+        way = scene.ego.v * (RESPONSE_S + self.estimate.actuation.lag_s)
+        first = min(max(int(scene.ego_s / SPACING), 0), len(profile) - 1)
+        return float(profile[first : first + int(way / SPACING) + 1].min())
 
     def _probing(self, scene: Scene) -> bool:
         """Whether to brake in order to learn how well the road grips."""

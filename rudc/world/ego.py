@@ -39,6 +39,14 @@ PIECES_PER_LAG = 4.0
 """Runge-Kutta steps in one time constant of the actuators"""
 
 
+def widest_steering(body: EgoVehicle, v: float, lateral: float) -> float:
+    """rad, front-wheel angle that takes a lateral acceleration (m/s2) at v m/s; at a stand the largest."""
+    if v <= 0.1:
+        return body.delta_max
+    sin_slip = min(lateral * body.cg_to_rear / v**2, 0.999)
+    return math.atan(body.wheelbase / body.cg_to_rear * math.tan(math.asin(sin_slip)))
+
+
 class EgoPlant:
     """Integrates the ego's motion from one simulation step to the next."""
 
@@ -91,10 +99,8 @@ class EgoPlant:
     def _within_friction(self, a: float, delta: float, mu: float) -> tuple[float, float]:
         body, v = self.vehicle, self.state.v
         limit = mu * GRAVITY
-        if v > 0.1:
-            sin_slip = min(limit * body.cg_to_rear / v**2, 0.999)
-            widest = math.atan(body.wheelbase / body.cg_to_rear * math.tan(math.asin(sin_slip)))
-            delta = min(max(delta, -widest), widest)
+        widest = widest_steering(body, v, limit)
+        delta = min(max(delta, -widest), widest)
         slip = math.atan(body.cg_to_rear / body.wheelbase * math.tan(delta))
         lateral = v**2 * math.sin(slip) / body.cg_to_rear
         left = math.sqrt(max(limit**2 - lateral**2, 0.0))
