@@ -314,13 +314,13 @@ def test_presets() -> None:
 @pytest.mark.parametrize(
     ("settings", "complaint"),
     [
-        ({"rule": "cbf"}, "correction.rule: there is no 'cbf' (did you mean 'ecbf'?)"),
-        ({"constrained": "some"}, "correction.constrained: Input should be 'gated' or 'all'"),
-        ({"dt": 0.0}, "correction.dt: Input should be greater than 0"),
-        ({"d_safe": -0.1}, "correction.d_safe: Input should be greater than or equal to 0"),
-        ({"ttcbf_rate": 1.5}, "correction.ttcbf_rate: Input should be less than or equal to 1"),
-        ({"rule": "ecbf", "ecbf_rate1": math.nan}, "correction.ecbf_rate1: Input should be"),
-        ({"gate_horizon": math.inf}, "correction.gate_horizon: Input should be"),
+        ({"rule": "cbf"}, "correction: rule: there is no 'cbf' (did you mean 'ecbf'?)"),
+        ({"constrained": "some"}, "correction: constrained: Input should be 'gated' or 'all'"),
+        ({"dt": 0.0}, "correction: dt: Input should be greater than 0"),
+        ({"d_safe": -0.1}, "correction: d_safe: Input should be greater than or equal to 0"),
+        ({"ttcbf_rate": 1.5}, "correction: ttcbf_rate: Input should be less than or equal to 1"),
+        ({"rule": "ecbf", "ecbf_rate1": math.nan}, "correction: ecbf_rate1: Input should be"),
+        ({"gate_horizon": math.inf}, "correction: gate_horizon: Input should be"),
         ({"ecbf_rate1": 2.0}, "ecbf_rate1: has no effect with rule=ttcbf"),
         ({"rule": "ecbf", "ttcbf_road_rate": 0.2}, "ttcbf_road_rate: has no effect with rule=ecbf"),
         ({"constrained": "all", "gate_step": 0.1}, "gate_step: has no effect with constrained=all"),
@@ -343,7 +343,7 @@ def test_settings_come_back_from_what_is_written_of_them(config: FilterConfig) -
 def test_unknown_settings() -> None:
     with pytest.raises(InputError, match="no such setting \\(did you mean 'd_safe'"):
         FilterConfig.preset("ttcbf", dsafe=0.3)
-    with pytest.raises(InputError, match=r"correction\.rule: there is no"):
+    with pytest.raises(InputError, match=r"correction: rule: there is no"):
         FilterConfig.preset("clf")
 
 
