@@ -152,7 +152,7 @@ class LoopLearner:
 
     def update(self, batch: Batch) -> dict[str, float]:
         """One update."""
-        observation, action, _, reward, _, discount, after, terminal, mask = map(torch.from_numpy, batch)
+        observation, action, _, reward, _, discount, after, terminal, mask, _ = map(torch.from_numpy, batch)
         alpha = self.log_alpha.detach().exp()
         with torch.no_grad():
             next_action, log_p = self.draw(self.target_policy, after)
