@@ -14,9 +14,10 @@ from rudc.errors import InputError
 
 
 def study(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="`filter`, `sigma`, `curves`; or `list`.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="A study; `list` says which there are.")],
     folders: Annotated[
-        list[Path] | None, typer.Argument(metavar="[DIR]...", help="Folders of trainings, for `curves`.")
+        list[Path] | None,
+        typer.Argument(metavar="[DIR]...", help="Folders of trainings, for studies of them."),
     ] = None,
     agents: Annotated[
         list[str] | None,

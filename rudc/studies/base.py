@@ -16,6 +16,7 @@ from rudc.scenario import find_scenarios, shipped_scenarios
 from rudc.scenario.model import Scenario
 
 Budget = Literal["quick", "full"]
+Given = Literal["agents", "episodes", "folders"]
 
 IN_DISTRIBUTION = ("random_destination", "dense_left_turn")
 """the paper's two tasks, which agents are trained for"""
@@ -65,7 +66,8 @@ class Study:
     summary: str
     run: Callable[[Order, Callable[[str], Progress]], Report]
     """second argument: a new progress for each of its sweeps, which are named"""
-    takes: Literal["agents", "folders"] = "agents"
+    takes: frozenset[Given] = frozenset(("agents", "episodes"))
+    """what of an order it heeds besides what every study does"""
 
 
 def chosen_agents(order: Order) -> tuple[str, ...]:

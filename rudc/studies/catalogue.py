@@ -24,7 +24,7 @@ STUDIES = {
             "curves",
             "Training curves, mean and 95 % band over training seeds.",
             curves.run,
-            takes="folders",
+            takes=frozenset(("folders",)),
         ),
     )
 }
@@ -35,10 +35,12 @@ def find_study(name: str, order: Order) -> Study:
     if name not in STUDIES:
         raise InputError(f"no study {name!r}{there_are(name, STUDIES)}")
     study = STUDIES[name]
-    if study.takes == "agents" and order.folders:
-        raise InputError(f"study {name!r} takes no folders; name agents with --agent")
-    if study.takes == "folders" and (order.agents or order.episodes is not None):
-        raise InputError(
-            f"study {name!r} drives nothing: it takes folders of trainings, no --agent or --episodes"
-        )
+    given = {"agents": order.agents, "episodes": order.episodes, "folders": order.folders}
+    for what, value in given.items():
+        if value and what not in study.takes:
+            taken = " and ".join(_OPTIONS[w] for w in _OPTIONS if w in study.takes) or "none of these"
+            raise InputError(f"study {name!r} takes no {_OPTIONS[what]}; it takes {taken}")
     return study
+
+
+_OPTIONS = {"agents": "--agent", "episodes": "--episodes", "folders": "folders of trainings"}

@@ -1,7 +1,6 @@
-"""What the sigma study keeps of every decision: a table of columns, and the runner that fills it.
+"""What the sigma study keeps of every decision (rudc/studies/step_files.py): a table of columns.
 
-A new column is one entry of `COLUMNS`: its name, its text, and how it is read off a decision. Each episode is
-an array (steps, columns) in a file of its own, written before its row of `episodes.csv`.
+A new column is one entry of `COLUMNS`: its name, its text, and how it is read off a decision.
 
 An episode that ends in a violation has a cause that could be seen if the car is an ordinary one (grip, delay)
 and, in a collision, the ego's sensors showed whom it hit in at least half of the last HORIZON decisions.
@@ -10,23 +9,15 @@ and, in a collision, the ego's sensors showed whom it hit in at least half of th
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from rudc.agents.base import Agent, Decision
-from rudc.agents.registry import make_agent
 from rudc.arrays import Array
 from rudc.env.episode import Episode, StepResult
-from rudc.errors import InputError, StorageError
-from rudc.evaluation.record import EpisodeRecord
-from rudc.evaluation.runner import EpisodeRunner
-from rudc.evaluation.tasks import Task
-from rudc.files import make_folder, replacing
 from rudc.safety.plant import PlantEstimate
 from rudc.vehicle import Actuation
 from rudc.world.scene import Scene
@@ -113,8 +104,8 @@ AT = {column.name: k for k, column in enumerate(COLUMNS)}
 """name of a column -> where it stands"""
 
 
-class StepLog:
-    """Keeps one episode; `watch` is for `run_episode`."""
+class SigmaLog:
+    """Keeps one episode."""
 
     def __init__(self, episode: Episode, agent: Agent) -> None:
         self._episode = episode
@@ -150,39 +141,3 @@ class StepLog:
         hit = last.advance.collision
         shown = self._shown[-HORIZON:]
         return hit is None or 2 * sum(hit.other in names for names in shown) >= len(shown)
-
-
-class StepRunner:
-    """Runs episodes and writes the steps of each into a folder, before its row is written."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._log: StepLog | None = None
-        self._run = EpisodeRunner(make_agent, watch=self._begin)
-
-    def _begin(self, episode: Episode, agent: Agent) -> Callable[[Scene, Decision, StepResult], None]:
-        self._log = StepLog(episode, agent)
-        return self._log.watch
-
-    def __call__(self, task: Task) -> EpisodeRecord:
-        """Run the task's episode."""
-        record = self._run(task)
-        if record.error or self._log is None:
-            return record
-        path = steps_file(self._folder, task.agent, task.scenario.name, task.seed)
-        try:
-            make_folder(path.parent)
-            with replacing(path) as file:
-                np.save(file, self._log.steps().astype(np.float32))
-        except (InputError, StorageError) as error:
-            return EpisodeRecord.failed(record.scenario, record.agent, record.seed, str(error))
-        return record
-
-    def close(self) -> None:
-        """Forget everything; the next task starts afresh."""
-        self._run.close()
-
-
-def steps_file(folder: Path, agent: str, scenario: str, seed: int) -> Path:
-    """Where an episode's steps are."""
-    return folder / re.sub(r"[^\w.+=,-]", "_", agent) / scenario / f"{seed}.npy"

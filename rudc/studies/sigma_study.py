@@ -36,7 +36,7 @@ from rudc.agents.registry import make_agent
 from rudc.agents.route_sigma import RouteSigma
 from rudc.agents.variation import split
 from rudc.arrays import Array, Flags, Index
-from rudc.errors import InputError, StorageError
+from rudc.errors import InputError
 from rudc.evaluation.columns import happened
 from rudc.evaluation.sweep import Progress, run_sweep
 from rudc.evaluation.tasks import SweepPlan
@@ -55,7 +55,8 @@ from rudc.studies.base import (
     out_of_distribution,
     write,
 )
-from rudc.studies.sigma_steps import AT, HORIZON, StepRunner, steps_file
+from rudc.studies.sigma_steps import AT, HORIZON, SigmaLog
+from rudc.studies.step_files import StepRunner, read_steps
 
 EPISODES = {"quick": 10, "full": 100}
 """for each scenario and agent, by budget"""
@@ -105,7 +106,7 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
     make_folder(order.out)
     steps = order.out.resolve() / "steps"
     plan = SweepPlan(scenarios, agents, order.episodes or EPISODES[order.budget], order.seed)
-    runner = partial(StepRunner, steps)
+    runner = partial(StepRunner, steps, SigmaLog)
     result = run_sweep(
         plan,
         order.out / "sweep",
@@ -137,16 +138,7 @@ def _must_state_sigma(name: str) -> None:
 def _drives(rows: Sequence[Mapping[str, str]], folder: Path) -> list[Drive]:
     """Raises StorageError when what the runner wrote is gone."""
     found = []
-    for row in rows:
-        if row["error"]:
-            continue
-        path = steps_file(folder, row["agent"], row["scenario"], int(row["seed"]))
-        try:
-            stated = np.load(path).astype(float)
-        except OSError as error:
-            raise StorageError(
-                f"{path} cannot be read ({error.strerror}); its episode is finished, so give another --out"
-            ) from None
+    for row, stated in read_steps(folder, rows):
         if not np.isfinite(stated[:, AT["total"]]).all():
             raise InputError(f"{row['agent']} states no uncertainty, so there is nothing to study")
         found.append(Drive(row["scenario"], happened("VR", row["outcome"]), stated))

@@ -7,6 +7,7 @@ from rudc.agents.checkpoint import find_checkpoint
 from rudc.cli.main import main
 from rudc.evaluation.store import read_table
 from rudc.studies import base, filter_study, filter_variants
+from rudc.studies.catalogue import STUDIES
 
 
 @pytest.fixture
@@ -27,7 +28,7 @@ def rudc(monkeypatch, capsys, tmp_path):
 def test_list(rudc):
     status, out, _ = rudc("study", "list")
     assert status == 0
-    assert [line.split()[0] for line in out.splitlines()] == ["study", "filter", "sigma", "curves"]
+    assert [line.split()[0] for line in out.splitlines()] == ["study", *STUDIES]
 
 
 @pytest.mark.parametrize(
@@ -36,10 +37,10 @@ def test_list(rudc):
         (["filtr", "-o", "x"], "did you mean 'filter'?"),
         (["filter", "-a", "gap-acceptance+ttcbf"], "--out DIR"),
         (["filter", "-a", "gap-acceptance", "-o", "x"], "no safety filter"),
-        (["filter", "here", "-o", "x"], "takes no folders"),
+        (["filter", "here", "-o", "x"], "takes no folders of trainings; it takes --agent and --episodes"),
         (["sigma", "-a", "sumo", "-o", "x"], "states no uncertainty"),
         (["curves", "-o", "x"], "which trainings?"),
-        (["curves", "here", "-a", "sumo", "-o", "x"], "drives nothing"),
+        (["curves", "here", "-a", "sumo", "-o", "x"], "takes no --agent; it takes folders"),
     ],
 )
 def test_wrong_input_is_one_message(rudc, arguments, said, tmp_path):

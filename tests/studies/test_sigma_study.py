@@ -12,7 +12,8 @@ from rudc.evaluation.sweep import Silent
 from rudc.safety.plant import ORDINARY, PlantEstimate
 from rudc.studies.auroc import auroc
 from rudc.studies.base import Order
-from rudc.studies.sigma_steps import AT, COLUMNS, HORIZON, StepRunner, mismatch, steps_file
+from rudc.studies.sigma_steps import AT, COLUMNS, HORIZON, SigmaLog, mismatch
+from rudc.studies.step_files import StepRunner, steps_file
 from rudc.studies.sigma_study import (
     SCORES,
     Drive,
@@ -140,7 +141,7 @@ def test_what_an_event_does_is_in_the_steps(tmp_path):
     from rudc.evaluation.tasks import Task
 
     (scenario,) = _only("stalled_truck")
-    runner = StepRunner(tmp_path)
+    runner = StepRunner(tmp_path, SigmaLog)
     assert not runner(Task(scenario, {}, "planner", 0)).error
     runner.close()
     steps = np.load(steps_file(tmp_path, "planner", "stalled_truck", 0))
@@ -167,7 +168,7 @@ def test_a_folder_that_cannot_be_written_is_an_error_of_the_episode(tmp_path):
 
     (tmp_path / "file").write_text("")
     (scenario,) = _only("random_destination")
-    runner = StepRunner(tmp_path / "file")
+    runner = StepRunner(tmp_path / "file", SigmaLog)
     record = runner(Task(scenario, {}, "rudc-wo-cbf", 0))
     runner.close()
     assert "Not a directory" in record.error

@@ -1,0 +1,89 @@
+"""Numbers of every decision of a sweep: an array (steps, columns) for each episode, in a file of its own that
+is written before its row of `episodes.csv`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from rudc.agents.base import Agent, Decision
+from rudc.agents.registry import make_agent
+from rudc.arrays import Array
+from rudc.env.episode import Episode, StepResult
+from rudc.errors import InputError, StorageError
+from rudc.evaluation.record import EpisodeRecord
+from rudc.evaluation.rollout import Watcher
+from rudc.evaluation.runner import EpisodeRunner
+from rudc.evaluation.tasks import Task
+from rudc.files import make_folder, replacing
+from rudc.world.scene import Scene
+
+
+class StepLog(Protocol):
+    """Keeps the numbers of one episode."""
+
+    def watch(self, scene: Scene, decision: Decision, result: StepResult) -> None:
+        """Keep a decision, as `run_episode` shows it."""
+        ...
+
+    def steps(self) -> Array:
+        """(steps, columns) of the episode."""
+        ...
+
+
+class StepRunner:
+    """Runs episodes and writes the steps of each into a folder."""
+
+    def __init__(self, folder: Path, begin: Callable[[Episode, Agent], StepLog]) -> None:
+        """`begin`: an episode and its agent -> what keeps its numbers."""
+        self._folder, self._begin = folder, begin
+        self._log: StepLog | None = None
+        self._run = EpisodeRunner(make_agent, watch=self._watcher)
+
+    def _watcher(self, episode: Episode, agent: Agent) -> Watcher:
+        self._log = self._begin(episode, agent)
+        return self._log.watch
+
+    def __call__(self, task: Task) -> EpisodeRecord:
+        """Run the task's episode."""
+        record = self._run(task)
+        if record.error or self._log is None:
+            return record
+        path = steps_file(self._folder, task.agent, task.scenario.name, task.seed)
+        try:
+            make_folder(path.parent)
+            with replacing(path) as file:
+                np.save(file, self._log.steps().astype(np.float32))
+        except (InputError, StorageError) as error:
+            return EpisodeRecord.failed(record.scenario, record.agent, record.seed, str(error))
+        return record
+
+    def close(self) -> None:
+        """Forget everything; the next task starts afresh."""
+        self._run.close()
+
+
+def steps_file(folder: Path, agent: str, scenario: str, seed: int) -> Path:
+    """Where an episode's steps are."""
+    return folder / re.sub(r"[^\w.+=,-]", "_", agent) / scenario / f"{seed}.npy"
+
+
+def read_steps(folder: Path, rows: Sequence[Mapping[str, str]]) -> Iterator[tuple[Mapping[str, str], Array]]:
+    """Each row of an episode that was run, and its steps (steps, columns). Raises StorageError when what the
+    runner wrote is gone.
+    """
+    for row in rows:
+        if row["error"]:
+            continue
+        path = steps_file(folder, row["agent"], row["scenario"], int(row["seed"]))
+        try:
+            yield row, np.load(path).astype(float)
+        except OSError as error:
+            raise StorageError(
+                f"{path} cannot be read ({error.strerror}); its episode is finished, so give another --out"
+            ) from None
