@@ -13,7 +13,6 @@ from rudc.safety.plant import ORDINARY, PlantEstimate
 from rudc.studies.auroc import auroc
 from rudc.studies.base import Order
 from rudc.studies.sigma_steps import AT, COLUMNS, HORIZON, SigmaLog, mismatch
-from rudc.studies.step_files import StepRunner, steps_file
 from rudc.studies.sigma_study import (
     SCORES,
     Drive,
@@ -24,6 +23,7 @@ from rudc.studies.sigma_study import (
     run,
     slack_lines,
 )
+from rudc.studies.step_files import StepRunner, steps_file
 from rudc.vehicle import Actuation
 
 PAIR = ("random_destination", "dense_left_turn")
