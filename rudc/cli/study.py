@@ -40,9 +40,20 @@ def study(
         bool, typer.Option("--resume", help="Finish the study in DIR; start it if there is none.")
     ] = False,
     budget: Annotated[
-        Literal["quick", "full"],
-        typer.Option(help="`quick`: one agent, few episodes, a part of the settings; about two minutes."),
+        Literal["quick", "full", "paper"],
+        typer.Option(help="`quick`: few episodes, a part of the settings; minutes. `paper`: the most."),
     ] = "full",
+    seeds: Annotated[
+        str | None,
+        typer.Option(metavar="N,...", help="Training seeds, of studies that train. Default: by the budget."),
+    ] = None,
+    trainings: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Trainings made before, DIR/NAME-seedN; what is missing is left out, not trained.",
+        ),
+    ] = None,
 ) -> None:
     """Repeat one of the experiments behind what is claimed: a table (CSV and Markdown) and a figure in DIR.
 
@@ -72,6 +83,8 @@ def study(
         workers or cores(),
         resume,
         budget,
+        _numbers(seeds),
+        trainings,
     )
     chosen = find_study(name, order)
     if out is None:
@@ -100,6 +113,13 @@ def study(
         note(f"some episodes failed, in {len(report.errors)} way(s); the first: {report.errors[0]}")
         note("--resume tries them again")
         raise typer.Exit(1)
+
+
+def _numbers(text: str | None) -> tuple[int, ...]:
+    parts = [part.strip() for part in (text or "").split(",") if part.strip()]
+    if not all(part.isascii() and part.isdigit() for part in parts):
+        raise InputError(f"--seeds {text}: expected numbers with commas between, such as 0,1,2")
+    return tuple(dict.fromkeys(map(int, parts)))
 
 
 def _close(bars: list[SweepBar | SweepLines]) -> None:

@@ -15,8 +15,8 @@ from rudc.files import write_atomically
 from rudc.scenario import find_scenarios, shipped_scenarios
 from rudc.scenario.model import Scenario
 
-Budget = Literal["quick", "full"]
-Given = Literal["agents", "episodes", "folders"]
+Budget = Literal["quick", "full", "paper"]
+Given = Literal["agents", "episodes", "folders", "seeds", "trainings"]
 
 IN_DISTRIBUTION = ("random_destination", "dense_left_turn")
 """the paper's two tasks, which agents are trained for"""
@@ -43,6 +43,10 @@ class Order:
     workers: int = 1
     resume: bool = False
     budget: Budget = "full"
+    training_seeds: tuple[int, ...] = ()
+    """of the trainings compared; empty for what the budget says"""
+    trainings: Path | None = None
+    """folder of trainings made before, NAME-seedN each; None: what there is no agent of is trained"""
 
 
 @dataclass(frozen=True)
@@ -68,6 +72,7 @@ class Study:
     """second argument: a new progress for each of its sweeps, which are named"""
     takes: frozenset[Given] = frozenset(("agents", "episodes"))
     """what of an order it heeds besides what every study does"""
+    budgets: tuple[Budget, ...] = ("quick", "full")
 
 
 def chosen_agents(order: Order) -> tuple[str, ...]:

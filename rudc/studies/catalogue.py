@@ -35,12 +35,27 @@ def find_study(name: str, order: Order) -> Study:
     if name not in STUDIES:
         raise InputError(f"no study {name!r}{there_are(name, STUDIES)}")
     study = STUDIES[name]
-    given = {"agents": order.agents, "episodes": order.episodes, "folders": order.folders}
+    given = {
+        "agents": order.agents,
+        "episodes": order.episodes,
+        "folders": order.folders,
+        "seeds": order.training_seeds,
+        "trainings": order.trainings,
+    }
     for what, value in given.items():
         if value and what not in study.takes:
             taken = " and ".join(_OPTIONS[w] for w in _OPTIONS if w in study.takes) or "none of these"
             raise InputError(f"study {name!r} takes no {_OPTIONS[what]}; it takes {taken}")
+    if order.budget not in study.budgets:
+        there = there_are(order.budget, study.budgets)
+        raise InputError(f"study {name!r} has no budget {order.budget!r}{there}")
     return study
 
 
-_OPTIONS = {"agents": "--agent", "episodes": "--episodes", "folders": "folders of trainings"}
+_OPTIONS = {
+    "agents": "--agent",
+    "episodes": "--episodes",
+    "folders": "folders of trainings",
+    "seeds": "--seeds",
+    "trainings": "--trainings",
+}

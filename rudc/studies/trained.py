@@ -1,0 +1,201 @@
+"""Trainings that a study compares: taken where there are such, made where there are none.
+
+A training is called NAME-seedN, N its training seed, and is looked for in this order:
+
+1. in the folder of trainings (`--trainings DIR`; else `trainings` in the study's own folder),
+2. among the agents that are shipped (NAME, NAME-seedN), if it changes nothing of its algorithm's settings,
+3. where no folder of trainings was named, it is trained, for as long as the budget says. One that was cut off
+   goes on from its checkpoint.
+
+Only trainings that reached their end are taken. Agents are named relative to the folder of trainings, so that
+a sweep's rows say nothing of the machine: sweep within `named_from`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from rudc.agents.checkpoint import LATEST, find_checkpoint, load_learnt, shipped_checkpoints
+from rudc.errors import InputError
+from rudc.files import make_folder
+from rudc.hints import install_command
+from rudc.studies.base import Order
+
+Tell = Callable[[str], object]
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """A training that a study needs, whatever its seed."""
+
+    name: str
+    """of its folder, before `-seedN`"""
+    algorithm: str
+    changes: Mapping[str, Any] = field(default_factory=dict)
+    """settings of the training otherwise than by default, by dotted keys"""
+
+    def __str__(self) -> str:
+        return self.name
+
+
+@dataclass(frozen=True)
+class Trained:
+    """A training that is there."""
+
+    name: str
+    seed: int
+    agent: str
+    """what `--agent` calls it, in the folder of trainings"""
+    logs: Path
+    """folder of its `progress.csv` and `evaluation.csv`"""
+    steps: int
+    """decisions it was trained for"""
+
+
+@dataclass(frozen=True)
+class Trainings:
+    """What was found or trained."""
+
+    folder: Path
+    """absolute; agents' names are relative to it"""
+    found: tuple[Trained, ...]
+    missing: tuple[str, ...]
+    """NAME-seedN of each that there is none of, and why"""
+
+    def of(self, name: str) -> tuple[Trained, ...]:
+        """Those of one name, by seed."""
+        return tuple(sorted((t for t in self.found if t.name == name), key=lambda t: t.seed))
+
+    @contextlib.contextmanager
+    def named_from(self) -> Iterator[Path]:
+        """Names of agents hold inside: the working folder is that of the trainings meanwhile."""
+        with contextlib.chdir(self.folder):
+            yield self.folder
+
+
+def trainings_for(
+    wanted: Sequence[Wanted], seeds: Sequence[int], order: Order, settings: Mapping[str, Any], tell: Tell
+) -> Trainings:
+    """Every training wanted with every seed. `settings`: of those that are made, by dotted keys,
+    `training.steps` at least. `tell` is told what is trained, and how far it is. Raises InputError, and
+    KeyboardInterrupt when a training was stopped (its checkpoint is kept).
+    """
+    if order.trainings is not None and not order.trainings.is_dir():
+        raise InputError(f"no folder {order.trainings}: give that of trainings, NAME-seedN each")
+    folder = (order.trainings or order.out / "trainings").resolve()
+    if order.trainings is None:
+        make_folder(folder)
+    steps = int(settings["training.steps"])
+    found: list[Trained] = []
+    missing: list[str] = []
+    for want in wanted:
+        for seed in seeds:
+            training = _made(folder, want, seed)
+            if isinstance(training, str) and not want.changes:
+                training = _shipped(want, seed, None if order.trainings else steps) or training
+            if isinstance(training, str) and order.trainings is None:
+                _train(folder, want, seed, settings, order.resume, tell)
+                training = _made(folder, want, seed)
+            if isinstance(training, str):
+                missing.append(f"{want.name}-seed{seed}: {training}")
+            else:
+                found.append(training)
+    return Trainings(folder, tuple(found), tuple(missing))
+
+
+def _made(folder: Path, want: Wanted, seed: int) -> Trained | str:
+    """One in the folder of trainings, or why it cannot be taken."""
+    name = f"{want.name}-seed{seed}"
+    checkpoint = find_checkpoint(str(folder / name))
+    if checkpoint is None:
+        return "no training"
+    learnt = load_learnt(checkpoint)
+    if (learnt.config.algorithm, learnt.training["seed"]) != (want.algorithm, seed):
+        raise InputError(
+            f"{folder / name} was trained by {learnt.config.algorithm} with seed {learnt.training['seed']}, "
+            f"not by {want.algorithm} with seed {seed}"
+        )
+    stored = {**learnt.config.model_dump(mode="json"), "training": learnt.training}
+    for key, value in want.changes.items():
+        if (there := _at(stored, key)) != value:
+            raise InputError(f"{folder / name} was trained with {key}={there}, not {value}")
+    done, planned = int(learnt.trained["steps"]), int(learnt.training["steps"])
+    if done < planned:
+        return f"trained for {done} of {planned} steps so far"
+    logs = checkpoint.parent if checkpoint.name == LATEST else checkpoint
+    return Trained(want.name, seed, f"./{name}", logs, done)
+
+
+def _at(tree: Any, key: str) -> Any:
+    """The value at a dotted key; None where there is none."""
+    for part in key.split("."):
+        tree = tree.get(part) if isinstance(tree, Mapping) else None
+    return tree
+
+
+def _shipped(want: Wanted, seed: int, steps: int | None) -> Trained | None:
+    """A shipped one, of so many steps if that matters."""
+    for name in (f"{want.name}-seed{seed}", want.name):
+        folder = shipped_checkpoints().get(name)
+        if folder is None:
+            continue
+        learnt = load_learnt(folder)
+        done = int(learnt.trained["steps"])
+        if (learnt.config.algorithm, learnt.training["seed"]) != (want.algorithm, seed):
+            continue
+        if steps is None or steps == done:
+            return Trained(want.name, seed, name, folder, done)
+    return None
+
+
+def _train(
+    folder: Path, want: Wanted, seed: int, settings: Mapping[str, Any], resume: bool, tell: Tell
+) -> None:
+    if find_spec("torch") is None:
+        raise InputError(
+            f"training {want} needs torch: {install_command('train')}; or name trainings made before: "
+            "--trainings DIR"
+        )
+    from rudc.training.config import TrainConfig
+    from rudc.training.trainer import train
+
+    changes = {**settings, **want.changes, "training.seed": seed}
+    config = TrainConfig.of(want.algorithm, _fitting(changes, want))
+    name = f"{want.name}-seed{seed}"
+    watcher = _Watcher(name, config.rounds * config.round_steps, tell)
+    if not train(config, folder / name, watcher, resume=resume):
+        raise KeyboardInterrupt
+
+
+def _fitting(settings: Mapping[str, Any], want: Wanted) -> dict[str, Any]:
+    """Without what has no effect on learners that state no sigma."""
+    from rudc.training.config import TrainConfig
+
+    states = "sigma" in TrainConfig.of(want.algorithm, want.changes).learner.offers
+    return {k: v for k, v in settings.items() if states or k != "training.calibration_episodes"}
+
+
+class _Watcher:
+    """Says what is trained, at each tenth."""
+
+    def __init__(self, name: str, total: int, tell: Tell) -> None:
+        self._name, self._total, self._tell, self._tenths = name, total, tell, -1
+
+    def advance(self, steps: int) -> None:
+        """So many decisions were taken."""
+        tenths = 10 * steps // self._total
+        if tenths > self._tenths:
+            self._tenths = tenths
+            self._tell(f"training {self._name}, {steps} of {self._total} decisions")
+
+    def progress(self, row: Mapping[str, Any]) -> None:
+        """Nothing: it stands in the training's `progress.csv`."""
+
+    def note(self, text: str) -> None:
+        """Pass it on."""
+        self._tell(f"{self._name}: {text}")

@@ -1,0 +1,82 @@
+"""Trainings are taken where there are such, and made where there are none."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from rudc.agents.registry import make_agent
+from rudc.data import data_folder
+from rudc.errors import InputError
+from rudc.studies.base import Order
+from rudc.studies.trained import Wanted, trainings_for
+
+SHIPPED = data_folder("results/checkpoints")
+STEPS = {"training.steps": 100_000}
+TINY = {
+    "training.steps": 200,
+    "training.seed_steps": 100,
+    "training.learning_starts": 16,
+    "training.round_decisions": 25,
+    "training.evaluation_episodes": 0,
+    "training.calibration_episodes": 0,
+    "learner.batch_size": 16,
+}
+
+
+def said(_: str) -> None:
+    """Nobody listens."""
+
+
+def test_those_of_the_folder_come_before_the_shipped_and_none_is_made(tmp_path):
+    shutil.copytree(SHIPPED / "rudc-t-seed1", tmp_path / "rudc-t-seed1")
+    order = Order(tmp_path / "out", trainings=tmp_path)
+    wanted = [Wanted("rudc-t", "rudc-t"), Wanted("beta", "rudc-t", {"learner.beta": 0.5})]
+    found = trainings_for(wanted, (0, 1, 7), order, STEPS, said)
+    assert [(t.agent, t.seed, t.steps) for t in found.of("rudc-t")] == [
+        ("rudc-t", 0, 100_000),
+        ("./rudc-t-seed1", 1, 100_000),
+    ]
+    assert found.missing == (
+        "rudc-t-seed7: no training",
+        *(f"beta-seed{n}: no training" for n in (0, 1, 7)),
+    )
+    with found.named_from():
+        make_agent("./rudc-t-seed1:outlook.course=false")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_training_that_is_another_is_refused(tmp_path):
+    shutil.copytree(SHIPPED / "rudc-t-seed1", tmp_path / "rudc-t-seed0")
+    order = Order(tmp_path / "out", trainings=tmp_path)
+    with pytest.raises(InputError, match="rudc-t with seed 1, not by rudc-t with seed 0"):
+        trainings_for([Wanted("rudc-t", "rudc-t")], (0,), order, STEPS, said)
+    with pytest.raises(InputError, match="no folder"):
+        trainings_for([], (0,), Order(tmp_path, trainings=tmp_path / "nowhere"), STEPS, said)
+    shutil.copytree(SHIPPED / "rudc-t", tmp_path / "beta-seed0")
+    with pytest.raises(InputError, match=r"learner.beta=0.25, not 0.5"):
+        trainings_for([Wanted("beta", "rudc-t", {"learner.beta": 0.5})], (0,), order, STEPS, said)
+
+
+def test_what_is_not_there_is_trained_and_the_next_time_taken(tmp_path):
+    heard: list[str] = []
+    order = Order(tmp_path)
+    wanted = [Wanted("sac-slow", "sac", {"learner.discount": 0.9})]
+    made = trainings_for(wanted, (3,), order, TINY, heard.append)
+    assert [(t.agent, t.steps) for t in made.found] == [("./sac-slow-seed3", 200)]
+    assert "training sac-slow-seed3, 50 of 300 decisions" in heard
+    assert (made.found[0].logs / "progress.csv").is_file()
+    heard.clear()
+    assert trainings_for(wanted, (3,), order, TINY, heard.append) == made
+    assert not heard
+    (tmp_path / "trainings" / "sac-slow-seed3" / "checkpoint").rename(tmp_path / "aside")
+    with pytest.raises(InputError, match="--resume"):
+        trainings_for(wanted, (3,), order, TINY, heard.append)
+
+
+def test_shipped_agents_of_another_budget_are_not_taken(tmp_path):
+    order = Order(Path(tmp_path))
+    made = trainings_for([Wanted("sac", "sac")], (0,), order, TINY, said)
+    assert [(t.agent, t.steps) for t in made.found] == [("./sac-seed0", 200)]
+    same = trainings_for([Wanted("rudc-e", "rudc-e")], (2,), order, STEPS, said)
+    assert [t.agent for t in same.found] == ["rudc-e-seed2"]
