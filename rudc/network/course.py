@@ -13,12 +13,13 @@ from dataclasses import replace
 import numpy as np
 
 from rudc.arrays import Array
-from rudc.geometry import Rectangles, gaps_between
+from rudc.geometry import Rectangles, gaps_between, rectangle_corners
 from rudc.network.conflicts import waiting_bumper
 from rudc.network.depths import Depths
 from rudc.network.lattice import STEP, Lattice
 from rudc.network.network import Network
-from rudc.network.polyline import arc_length, resample, smooth
+from rudc.network.paths import SPACING
+from rudc.network.polyline import arc_length, resample, smooth, union_boundary
 from rudc.network.road_edges import edge_widths
 from rudc.network.route import ReferencePath, Route
 from rudc.vehicle import EgoVehicle
@@ -36,6 +37,9 @@ SMOOTHING = 2.0
 """m, window of the moving averages over offsets and line"""
 FINE = 0.05
 """m, spacing at which lines are drawn before they are sampled"""
+ROAD_MARGINS = 0.15, 0.25, 0.35, 0.45
+"""m of carriageway beside the car at the lattice's nodes; the next where the finished line, which is smoother
+than the profile, leaves the road"""
 NEAR = 3.0
 """m, gaps above are not told apart"""
 
@@ -71,7 +75,8 @@ class CoursePlanner:
     def __init__(self, network: Network, route: Route, body: EgoVehicle) -> None:
         self._network, self._route, self._body = network, route, body
         self._carriageway = network.carriageway(network.movement(route.origin, route.destination))
-        depths = Depths(route.path, self._carriageway)
+        self._boundary = union_boundary(self._carriageway)
+        depths = Depths(route.path, self._carriageway, self._boundary)
         self._lattice = Lattice(route.path, depths, body, math.tan(TIGHTEST) / body.wheelbase)
 
     def plan(
@@ -80,19 +85,32 @@ class CoursePlanner:
         """A course round bodies for a car at arc length s (m) of the route's path, `offset` m to its left.
 
         `slope`: tangent of the angle between path and car. `coming`: bodies that count beyond the junction
-        only. None if the lattice has no way; whether the course that comes out is clear is the caller's to
-        ask (`gaps_along`).
+        only. None if the lattice has no way on which the car stays on the road; whether the course that
+        comes out is clear is the caller's to ask (`gaps_along`).
         """
         first = round(s / STEP)
         last = min(first + round(REACH / STEP), len(self._lattice.s) - 1)
         if (last - first) * STEP < SHORTEST:
             return None
-        profile = self._lattice.search(
-            first, last, (offset, slope), [(standing, 0.0), (coming, self._route.exit_s)]
-        )
-        if profile is None:
-            return None
-        return self._along(ReferencePath(self._line(first, profile, offset)))
+        bodies = [(standing, 0.0), (coming, self._route.exit_s)]
+        for margin in ROAD_MARGINS:
+            profile = self._lattice.search(first, last, (offset, slope), bodies, margin)
+            if profile is None:
+                return None
+            path = ReferencePath(self._line(first, profile, offset))
+            if self._stays_on_road(path, s, s + REACH):
+                return self._along(path)
+        return None
+
+    def _stays_on_road(self, path: ReferencePath, first: float, last: float) -> bool:
+        """Whether a car on the line stays on the road with all corners, between the places at first and
+        last m of the route's path; not asked of where the car is now.
+        """
+        size = np.array([self._body.length, self._body.width])
+        s = np.arange(self._same_place(path, first) + STEP, self._same_place(path, last), 2 * SPACING)
+        x, y, psi = path.pose(s)
+        corners = rectangle_corners(np.column_stack([x, y]), psi, np.broadcast_to(size, (len(s), 2)))
+        return bool((self._network.surface.signed_distance(corners) >= 0.0).all())
 
     def _line(self, first: int, profile: Array, offset: float) -> Array:
         """(K, 2) m: back to the path behind the car, the profile, and on from its end at the offset there."""
@@ -116,7 +134,7 @@ class CoursePlanner:
         stop, exit_s = (self._same_place(path, s) for s in (old.stop_line_s, old.exit_s))
         table = network.conflict(path)
         crossing = table[(paths.origin != paths.origin[row]) & np.isfinite(table[:, 0])]
-        left, right = edge_widths(self._carriageway, path)
+        left, right = edge_widths(self._boundary, path)
         normal = np.column_stack([-np.sin(path.heading), np.cos(path.heading)])
         return replace(
             old,

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from rudc.arrays import Array
-from rudc.network.polyline import in_any, union_boundary
+from rudc.network.polyline import in_any
 from rudc.network.route import ReferencePath
 
 FARTHEST = 4.0
@@ -22,8 +22,8 @@ ALONG, ACROSS = 1.0, 0.25
 class Depths:
     """Depths (m) at arc length s and offset l from a path: negative outside, bilinear between places kept."""
 
-    def __init__(self, path: ReferencePath, carriageway: Sequence[Array]) -> None:
-        """`carriageway`: polygons (K, 2) m."""
+    def __init__(self, path: ReferencePath, carriageway: Sequence[Array], boundary: Array) -> None:
+        """`carriageway`: polygons (K, 2) m; `boundary` (B, 2, 2) m: of their union."""
         x, y, psi = path.pose(np.arange(0.0, path.length, ALONG))
         offsets = np.arange(-REACH, REACH + ACROSS / 2, ACROSS)
         points = np.stack(
@@ -31,8 +31,7 @@ class Depths:
             axis=-1,
         )
         flat = points.reshape(-1, 2)
-        edge = union_boundary(carriageway).mean(axis=1)
-        depth, _ = KDTree(edge).query(flat, distance_upper_bound=FARTHEST)
+        depth, _ = KDTree(boundary.mean(axis=1)).query(flat, distance_upper_bound=FARTHEST)
         depth = np.minimum(depth, FARTHEST)
         self._depth: Array = np.where(in_any(carriageway, flat), depth, -depth).reshape(points.shape[:2])
 

@@ -34,8 +34,6 @@ SLOPES: Array = np.arange(-7, 8, dtype=np.float64) * 0.1
 """(K,)"""
 CHANGES = range(-4, 5)
 """steps by which the slope may change from one station to the next"""
-ROAD_MARGIN = 0.15
-"""m of carriageway beside the car"""
 MARGIN = 0.45
 """m, least gap to a body"""
 COMFORTABLE = 1.2
@@ -61,19 +59,24 @@ class Lattice:
         self._normal = np.column_stack([-np.sin(self._psi), np.cos(self._psi)])
         self._bend: Array = np.interp(self.s, path.s, path.curvature)
         self._depths = depths
-        self._on_road: dict[int, Flags] = {}
+        self._depth: dict[int, Array] = {}
         self._from = _sources()
 
     def search(
-        self, first: int, last: int, start: tuple[float, float], bodies: Sequence[tuple[Rectangles, float]]
+        self,
+        first: int,
+        last: int,
+        start: tuple[float, float],
+        bodies: Sequence[tuple[Rectangles, float]],
+        road_margin: float,
     ) -> Array | None:
         """(T,) m, offsets at stations first to last of the cheapest profile that starts at (offset m, slope).
 
-        `bodies`: rectangles to keep off, and the arc length (m) from which on each lot counts. None if
-        there is no such profile.
+        `bodies`: rectangles to keep off, and the arc length (m) from which on each lot counts.
+        `road_margin`: m of carriageway to keep beside the car. None if there is no such profile.
         """
         offset, slope = start
-        allowed, gap = self._nodes(first, last, bodies)
+        allowed, gap = self._nodes(first, last, bodies, road_margin)
         cost = np.full((len(OFFSETS), len(SLOPES)), np.inf)
         here = OFFSET * OFFSETS[:, None] ** 2 + SLOPE * SLOPES[None] ** 2
         cost[_nearest(OFFSETS, offset), _nearest(SLOPES, slope)] = 0.0
@@ -96,11 +99,11 @@ class Lattice:
         return _traced(cost, came)
 
     def _nodes(
-        self, first: int, last: int, bodies: Sequence[tuple[Rectangles, float]]
+        self, first: int, last: int, bodies: Sequence[tuple[Rectangles, float]], road_margin: float
     ) -> tuple[Flags, Array]:
         """(T, L, K) whether the car may be at each node, and (T, L, K) m its gap to the nearest body
         there."""
-        allowed = np.stack([self._roadworthy(i) for i in range(first, last + 1)])
+        allowed = np.stack([self._depths_at(i) for i in range(first, last + 1)]) >= road_margin
         gap = np.full(allowed.shape, COMFORTABLE)
         for rectangles, begins in bodies:
             if rectangles.number:
@@ -129,9 +132,9 @@ class Lattice:
             )  # fmt: skip
             np.minimum.at(gap[t], (rows, cols), found)
 
-    def _roadworthy(self, i: int) -> Flags:
-        """(L, K) whether the car stands on the carriageway at station i; kept."""
-        if i not in self._on_road:
+    def _depths_at(self, i: int) -> Array:
+        """(L, K) m of carriageway beside the car at station i, at least; kept."""
+        if i not in self._depth:
             turned, own = np.arctan(SLOPES), self._bend[i]
             stretch = np.maximum(1.0 - own * OFFSETS[:, None], STRAIGHTEST)
             least = np.full((len(OFFSETS), len(SLOPES)), np.inf)
@@ -141,8 +144,8 @@ class Lattice:
                 beside = along * np.sin(turned) + across * np.cos(turned) - 0.5 * own * ahead**2
                 depth = self._depths.at(self.s[i] + ahead / stretch, OFFSETS[:, None] + beside)
                 least = np.minimum(least, depth)
-            self._on_road[i] = least >= ROAD_MARGIN
-        return self._on_road[i]
+            self._depth[i] = least
+        return self._depth[i]
 
 
 def _nearest(values: Array, value: float) -> int:

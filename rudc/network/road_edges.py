@@ -9,14 +9,11 @@ SMOOTHING m without ever growing.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from scipy.ndimage import minimum_filter1d, uniform_filter1d
 
 from rudc.arrays import Array
 from rudc.network.paths import SPACING
-from rudc.network.polyline import union_boundary
 from rudc.network.route import ReferencePath
 
 REACH = 6.0
@@ -29,13 +26,14 @@ BEND = 0.8
 """share of a bend's radius that the width on its inner side may be"""
 
 
-def edge_widths(carriageway: Sequence[Array], path: ReferencePath) -> tuple[Array, Array]:
-    """(M,), (M,) m from the stations of the path to the left and right edge of the union of polygons (K, 2)
-    m."""
-    pieces = union_boundary(carriageway)
+def edge_widths(boundary: Array, path: ReferencePath) -> tuple[Array, Array]:
+    """(M,), (M,) m from the stations of the path to the carriageway's left and right edge.
+
+    `boundary` (B, 2, 2) m: the carriageway's, as of `union_boundary`.
+    """
     normal = np.column_stack([-np.sin(path.heading), np.cos(path.heading)])
-    left = _lines(_cast(path.xy, normal, pieces), path.curvature)
-    right = _lines(_cast(path.xy, -normal, pieces), -path.curvature)
+    left = _lines(_cast(path.xy, normal, boundary), path.curvature)
+    right = _lines(_cast(path.xy, -normal, boundary), -path.curvature)
     return left, right
 
 

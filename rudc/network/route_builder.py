@@ -15,7 +15,7 @@ import numpy as np
 from rudc.arrays import Array
 from rudc.network.conflicts import waiting_bumper
 from rudc.network.layout import Layout
-from rudc.network.polyline import arc_length, resample, smooth, without_repeats, wrap
+from rudc.network.polyline import arc_length, resample, smooth, union_boundary, without_repeats, wrap
 from rudc.network.road import Movement
 from rudc.network.road_edges import edge_widths
 from rudc.network.route import ReferencePath, Route, RouteKey
@@ -49,7 +49,7 @@ def build_route(network: Layout, movement: Movement, lane: int | None, vehicle: 
     stop_line_s = _station_of(path, resample(line, np.array([stop]))[0], stop)
     exit_line_s = _station_of(path, resample(line, np.array([exit_s]))[0], exit_s)
     crossing = table[(paths.origin != paths.origin[row]) & np.isfinite(table[:, 0])]
-    left, right = edge_widths(network.carriageway(movement), path)
+    left, right = edge_widths(union_boundary(network.carriageway(movement)), path)
     normal = np.column_stack([-np.sin(path.heading), np.cos(path.heading)])
     return Route(
         origin=movement.origin,

@@ -5,14 +5,13 @@ import pickle
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from rudc.geometry import Rectangles, rectangle_corners, rectangle_gaps
 from rudc.network.course import CoursePlanner, gaps_along
 from rudc.network.network import load_network
 from rudc.vehicle import EgoVehicle
-from rudc.world.borders import OFF_ROAD_M
 
 BODY = EgoVehicle()
 NOBODY = Rectangles(np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)))
@@ -42,13 +41,11 @@ def least_gap(course, standing):
 
 
 def on_the_road(network, course, first, last):
-    """Whether every corner of a car that follows the course from first to last m stays on the carriageway,
-    but for half of what counts as having left it (rudc/world/borders.py).
-    """
+    """Whether every corner of a car that follows the course from first to last m stays on the carriageway."""
     s = np.arange(first, last, 0.5)
     x, y, psi = course.path.pose(s)
     corners = rectangle_corners(np.column_stack([x, y]), psi, np.tile([BODY.length, BODY.width], (len(s), 1)))
-    return network.surface.signed_distance(corners.reshape(-1, 2)).min() >= -0.5 * OFF_ROAD_M
+    return network.surface.signed_distance(corners.reshape(-1, 2)).min() >= 0.0
 
 
 @pytest.fixture(scope="module")
@@ -116,6 +113,8 @@ def test_who_comes_the_wrong_way_counts_beyond_the_junction_only(left):
     st.floats(60.0, 90.0),
     st.floats(-0.5, 0.5),
 )
+@example([(4.23, -0.76, -1.63)], 72.57, 0.18)
+@example([(19.95, -2.19, 2.42), (3.9, -0.21, -2.09), (7.87, -1.78, 1.78)], 64.06, 0.03)
 def test_what_comes_out_is_clear_on_the_road_and_starts_at_the_car(left, places, s, offset):
     network, route, planner = left
     standing = bodies(*(beside(route, route.stop_line_s + at, away, turned) for at, away, turned in places))
