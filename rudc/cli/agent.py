@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,11 +19,29 @@ app = typer.Typer(no_args_is_help=True, help="Who can drive the ego vehicle.")
 
 
 @app.command("list")
-def list_() -> None:
-    """Every name that `--agent` takes."""
-    from rudc.agents.registry import agent_names, agent_summary
+def list_(
+    as_json: Annotated[bool, typer.Option("--json", help="As JSON, with folders of checkpoints.")] = False,
+) -> None:
+    """Everything that can drive, or be trained to: its name in the paper, whether it is shipped, and what it
+    has otherwise than rudc-t.
 
-    print_table(["name", "what it does"], [[name, agent_summary(name)] for name in agent_names()])
+    **Example**: `rudc agent list --json | jq -r '.[] | select(.status == "trainable") | .name'`
+    """
+    from rudc.agents.filtered import FILTERS
+    from rudc.agents.listing import entries
+
+    found = entries()
+    if as_json:
+        lines = [{k: str(v) if isinstance(v, Path) else v for k, v in asdict(e).items()} for e in found]
+        typer.echo(json.dumps(lines, indent=1))
+        return
+    rows = [[e.name, e.paper, e.status, e.text] for e in found]
+    print_table(["name", "in the paper", "status", "what it is"], rows, widest=100)
+    note("in the paper: its row of Tab. comparison or ablation (`rudc table DIR --against paper`)")
+    folder = next((e.checkpoint.parent for e in found if e.checkpoint is not None), None)
+    if folder is not None:
+        note(f"shipped: {folder}/NAME; trainable: rudc train NAME --out DIR, then --agent DIR")
+    note(f"{', '.join(f'NAME+{suffix}' for suffix in FILTERS)}: a safety filter behind any but sumo")
 
 
 @app.command()

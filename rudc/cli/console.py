@@ -61,14 +61,23 @@ def warn(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
-def print_table(headings: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[int] = ()) -> None:
-    """A plain table; `right`: indices of the columns aligned to the right."""
+def print_table(
+    headings: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    right: Sequence[int] = (),
+    *,
+    widest: int | None = None,
+) -> None:
+    """A plain table; `right`: indices of the columns aligned to the right, `widest`: characters at most,
+    where the screen has more.
+    """
     grid = Table(box=None, pad_edge=False, header_style="bold")
     for k, heading in enumerate(headings):
         grid.add_column(heading, justify="right" if k in right else "left", overflow="fold")
     for row in rows:
         grid.add_row(*row)
-    console().print(grid)
+    screen = console()
+    screen.print(grid, width=screen.width if widest is None else min(widest, screen.width))
 
 
 def sweep_progress() -> SweepBar | SweepLines:

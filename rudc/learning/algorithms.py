@@ -40,6 +40,10 @@ class Algorithm:
     """settings of the learner"""
     defaults: Mapping[str, Any] = field(default_factory=dict)
     """what its agents and their training have otherwise than the preset: a tree as in config.json"""
+    paper: str = ""
+    """what the paper's tables call it; empty for what is not in them"""
+    differs: str = ""
+    """what it has otherwise than rudc-t, in a few words; empty for rudc-t itself, and where nobody said"""
 
     def make(self, config: LearnerConfig, problem: Problem, device: str = "cpu") -> Learner:
         """A new learner. Imports torch."""
@@ -123,69 +127,98 @@ for _name, _algorithm in {
         _RUDC,
         EnsembleConfig,
         {"correction": {**_CBF, "rule": "ttcbf", "slack": {"gain": 0.5}}},
+        paper="RUDC-T",
     ),
     "rudc-e": Algorithm(
         "RUDC with exponential control barrier functions.",
         _RUDC,
         EnsembleConfig,
         {"correction": {**_CBF, "rule": "ecbf", "slack": {"gain": 0.5}}},
+        paper="RUDC-E",
+        differs="ECBF rows instead of TTCBF rows",
     ),
-    "rudc-wo-cbf": Algorithm("RUDC without a safety filter.", _RUDC, EnsembleConfig),
+    "rudc-wo-cbf": Algorithm(
+        "RUDC without a safety filter.",
+        _RUDC,
+        EnsembleConfig,
+        paper="RUDC w/o CBF",
+        differs="no safety filter",
+    ),
     "only-ttcbf": Algorithm(
         "RUDC behind a fixed filter (truncated Taylor control barrier functions), no slack, no residual.",
         _RUDC,
         EnsembleConfig,
         {"correction": {"kind": "cbf", "rule": "ttcbf"}},
+        paper="Only-TTCBF",
+        differs="a filter without slack and residual",
     ),
     "only-ecbf": Algorithm(
         "RUDC behind a fixed filter (exponential control barrier functions), no slack, no residual.",
         _RUDC,
         EnsembleConfig,
         {"correction": {"kind": "cbf", "rule": "ecbf"}},
+        paper="Only-ECBF",
+        differs="ECBF rows, a filter without slack and residual",
     ),
     "esac": Algorithm(
         "Ensemble of distributional critics, expected return, no safety filter.",
         _RUDC,
         EnsembleConfig,
         {"learner": {"distortion": "expectation"}},
+        paper="ESAC",
+        differs="expected return instead of CVaR, no safety filter",
     ),
     "sac": Algorithm(
         "Soft actor-critic: two critics, expected return, no safety filter.",
         "rudc.learning.sac:SacLearner",
         LearnerConfig,
+        paper="SAC",
+        differs="two critics of the expected return, no safety filter",
     ),
     "dsac": Algorithm(
         "Distributional soft actor-critic: two critics of quantiles, expected return, no safety filter.",
         "rudc.learning.dsac:DsacLearner",
         DistributionalConfig,
+        paper="DSAC",
+        differs="two critics of quantiles, expected return, no safety filter",
     ),
     "sac-lagrangian": Algorithm(
         "Soft actor-critic under a limit of the expected cost, by a Lagrange multiplier.",
         "rudc.learning.sac_lagrangian:SacLagrangianLearner",
         LagrangianConfig,
+        paper="Lagrangian",
+        differs="sac's learner with cost critics and one multiplier, no safety filter",
     ),
     "usl": Algorithm(
         "SAC with a penalty on the expected cost; actions are corrected down its gradient until it is kept.",
         "rudc.learning.usl:UslLearner",
         UslConfig,
         {"correction": {"kind": "usl"}, **_ALWAYS},
+        paper="USL",
+        differs="sac's learner with cost critics and a penalty; corrections down the cost's gradient",
     ),
     "qpsl": Algorithm(
         "SAC behind a safety layer: a QP that keeps the next step's cost, linear and learnt, in a limit.",
         "rudc.learning.qpsl:QpslLearner",
         QpslConfig,
         {"correction": {"kind": "qpsl"}, **_ALWAYS},
+        paper="QPSL",
+        differs="sac's learner; the QP's one row is a learnt linear cost",
     ),
     "recovery-rl": Algorithm(
         "Recovery RL: SAC, and a recovery policy that takes over where the expected cost exceeds a limit.",
         "rudc.learning.recovery:RecoveryLearner",
         RecoveryConfig,
         {"correction": {"kind": "recovery"}, "learner": {"learns_from": "proposed"}, **_ALWAYS},
+        paper="Recovery RL",
+        differs="sac's learner with cost critics; a recovery policy takes over",
     ),
     "fac": Algorithm(
         "Feasible actor-critic: a limit of the expected cost in every state, by a network of multipliers.",
         "rudc.learning.fac:FacLearner",
         FacConfig,
+        paper="FAC",
+        differs="sac's learner with cost critics and a network of multipliers, no safety filter",
     ),
 }.items():
     register_algorithm(_name, _algorithm)

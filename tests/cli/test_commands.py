@@ -14,6 +14,7 @@ from PIL import Image
 
 from rudc.data import data_folder
 from rudc.evaluation.store import read_table
+from rudc.learning.algorithms import ALGORITHMS
 from rudc.scenario import load_scenario, shipped_scenarios
 
 PYTHON = [sys.executable, "-m", "rudc"]
@@ -147,7 +148,14 @@ def test_networks_are_listed_checked_and_built(rudc, tmp_path):
 
 
 def test_agents_are_listed_and_shown(rudc):
-    assert "gap-acceptance+ecbf" in rudc("agent", "list").out
+    listed = rudc("agent", "list")
+    assert max(map(len, listed.out.splitlines())) <= 100
+    assert "NAME+ecbf" in listed.err
+    described = {entry["name"]: entry for entry in json.loads(rudc("agent", "list", "--json").out)}
+    assert {"planner", "rudc-t", "rudc-t-seed1", *ALGORITHMS} <= described.keys()
+    assert all(name in listed.out for name in described)
+    assert (described["qpsl"]["paper"], described["qpsl"]["status"]) == ("QPSL", "trainable")
+    assert Path(described["rudc-e"]["checkpoint"]).name == "rudc-e"
     head, _, settings = rudc("agent", "show", "follower+ttcbf").out.partition("\n")
     assert head.startswith("follower+ttcbf: ")
     assert json.loads(settings)["correction"]["rule"] == "ttcbf"

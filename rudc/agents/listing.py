@@ -1,0 +1,119 @@
+"""All that can drive, and all that can be trained to: what `rudc agent list` shows.
+
+What an algorithm is called in the paper and how it differs from rudc-t stands in its entry
+(rudc/learning/algorithms.py). What else an agent has otherwise than the shipped rudc-t is read off the
+settings of both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from rudc.agents.checkpoint import load_learnt, shipped_checkpoints
+from rudc.agents.drivers import SHIPPED, driver_names, driver_summary
+from rudc.learning.algorithms import ALGORITHMS, Algorithm
+
+REFERENCE = "rudc-t"
+"""what the others are compared with"""
+NAMED = 3
+"""settings named at most; beyond, how many more there are"""
+Status = Literal["rule-based", "added", "shipped", "trainable"]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """An agent, or an algorithm of which none is shipped."""
+
+    name: str
+    status: Status
+    """by rules; added by a package or a file; a trained agent that is shipped; to be trained first"""
+    summary: str
+    """what it is, in a sentence"""
+    differs: tuple[str, ...] = ()
+    """what a learnt one has otherwise than the shipped rudc-t"""
+    algorithm: str = ""
+    """that it learnt, or would learn, by; empty for others"""
+    paper: str = ""
+    """what the paper's tables call it; empty for what is not in them"""
+    seed: int | None = None
+    """of its training"""
+    steps: int | None = None
+    """decisions it was trained for"""
+    checkpoint: Path | None = None
+    """its folder"""
+
+    @property
+    def text(self) -> str:
+        """What it is, in short: against rudc-t, if it is learnt."""
+        if self.differs:
+            return f"as {REFERENCE}, but: {'; '.join(self.differs)}"
+        return self.summary
+
+
+def entries() -> list[Entry]:
+    """Drivers, then for each algorithm its shipped agents, or itself where none is shipped."""
+    shipped = [_shipped(name, folder) for name, folder in shipped_checkpoints().items()]
+    return [
+        *(_driver(name) for name in driver_names()),
+        *(
+            entry
+            for name, algorithm in ALGORITHMS.items()
+            for entry in [e for e in shipped if e.algorithm == name] or [_trainable(name, algorithm)]
+        ),
+    ]
+
+
+def _driver(name: str) -> Entry:
+    return Entry(name, "rule-based" if name in SHIPPED else "added", driver_summary(name))
+
+
+def _trainable(name: str, algorithm: Algorithm) -> Entry:
+    differs = (algorithm.differs,) if algorithm.differs else ()
+    return Entry(name, "trainable", algorithm.summary, differs, name, algorithm.paper)
+
+
+def _shipped(name: str, folder: Path) -> Entry:
+    learnt = load_learnt(folder)
+    entry, seed = learnt.config.entry, int(learnt.training["seed"])
+    differs = [entry.differs] if entry.differs else []
+    reference = shipped_checkpoints().get(REFERENCE)
+    if reference is not None and folder != reference:
+        against = load_learnt(reference)
+        if seed != against.training["seed"]:
+            differs.append(f"training seed {seed}")
+        own = {*entry.defaults, *against.config.entry.defaults} if entry.differs else set()
+        settings = _otherwise(learnt.config.model_dump(), against.config.model_dump(), own)
+        more = f" and {len(settings) - NAMED} more settings" if len(settings) > NAMED else ""
+        differs += [", ".join(settings[:NAMED]) + more] if settings else []
+    return Entry(
+        name,
+        "shipped",
+        entry.summary,
+        tuple(differs),
+        learnt.config.algorithm,
+        entry.paper,
+        seed,
+        int(learnt.trained["steps"]),
+        folder,
+    )
+
+
+def _otherwise(ours: Mapping[str, Any], theirs: Mapping[str, Any], but: set[str]) -> list[str]:
+    """`key=value` of each setting that both have, with other values; without sections that algorithms set."""
+    there = dict(_flat(theirs))
+    return [
+        f"{key}={value}"
+        for key, value in _flat(ours)
+        if key in there and there[key] != value and key.partition(".")[0] not in {"algorithm", *but}
+    ]
+
+
+def _flat(tree: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    if isinstance(tree, Mapping):
+        for key, value in tree.items():
+            yield from _flat(value, f"{prefix}.{key}" if prefix else str(key))
+    else:
+        yield prefix, tree
