@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rudc.errors import InputError
 from rudc.hints import there_are
-from rudc.studies import curves, filter_study, sigma_study
+from rudc.studies import curves, filter_study, latency, sigma_study
 from rudc.studies.base import Order, Study
 
 STUDIES = {
@@ -25,6 +25,11 @@ STUDIES = {
             "Training curves, mean and 95 % band over training seeds.",
             curves.run,
             takes=frozenset(("folders",)),
+        ),
+        Study(
+            "latency",
+            "How long a decision takes, mean, p99 and peak, and the shares of its parts.",
+            latency.run,
         ),
     )
 }

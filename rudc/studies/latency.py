@@ -1,0 +1,223 @@
+"""How long a decision takes, and where the time goes (paper, Sec. "Case Studies in OOD Scenarios", Fig.
+"ood_case" d: HOCBF 43.8 %, critics 40.7 %, policy 15.5 % of 21.88 ms, peak below 60 ms).
+
+Of each agent: mean, 99th percentile and peak (ms) of a decision and of each of its parts, and the parts'
+shares of the mean, in processor time, to which other programs do not add; and the same of a decision by the
+wall's clock, to which they do. A decision is one call of `act`; `PLACES` says which functions are which part,
+by a stopwatch that is there only while the study runs (rudc/studies/stopwatch.py). Agents drive one after the
+other in one process, whatever the number of workers asked for; the first episode that an agent
+drives of a scenario warms it up and is not counted.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rudc.agents.base import Agent, Decision
+from rudc.agents.registry import make_agent
+from rudc.arrays import Array
+from rudc.env.episode import Episode, StepResult
+from rudc.errors import InputError
+from rudc.evaluation.record import EpisodeRecord
+from rudc.evaluation.sweep import Progress, run_sweep
+from rudc.evaluation.tasks import SweepPlan, Task
+from rudc.files import make_folder
+from rudc.reporting.latency import Cost, draw_latency
+from rudc.reporting.text import MISSING, csv_text, markdown
+from rudc.scenario import find_scenarios
+from rudc.studies.base import Order, Report, kinds_of_errors, write
+from rudc.studies.step_files import StepRunner, read_steps
+from rudc.studies.stopwatch import Stopwatch, timing
+from rudc.world.scene import Scene
+
+SCENARIOS = ("dense_left_turn", "blocked_left_turn")
+"""the paper measures in the second"""
+AGENTS = {
+    "quick": ("rudc-t", "rudc-wo-cbf"),
+    "full": ("rudc-t", "rudc-e", "rudc-wo-cbf", "sac", "planner", "gap-acceptance+ttcbf"),
+}
+"""that drive when none are named, by budget"""
+EPISODES = {"quick": 2, "full": 20}
+"""for each scenario and agent, by budget"""
+PLACES = {
+    "rudc.agents.learned:observe_flat": "observation",
+    "rudc.learning.inference:Decider.action": "policy",
+    "rudc.learning.inference:Decider.uncertainty": "critics",
+    "rudc.agents.route_sigma:RouteSigma.of": "critics",
+    "rudc.safety.residual:ResidualPredictor.__call__": "residual",
+    "rudc.safety.constraints:ConstraintBuilder.build": "constraints",
+    "rudc.safety.filter:SafetyFilter.filter": "rows",
+    "rudc.safety.qp:PiqpSolver.solve": "QP",
+    "rudc.safety.qp:NamedSolver.solve": "QP",
+    "rudc.safety.last_resort:LastResort.instead_of": "last resort",
+    "rudc.agents.of_actions:_OfActions.correct": "correction",
+    "rudc.agents.adaptation:Adaptation.see": "plant",
+    "rudc.agents.adaptation:Adaptation.govern": "plant",
+    "rudc.agents.courses:Courses.see": "course",
+    "rudc.agents.courses:Courses.govern": "course",
+}
+"""function -> the part of a decision that it is. `constraints`: whom and which edges the filter keeps clear
+of, with its gate; `rows`: their derivatives, and what the filter does besides solving; `correction`: all of a
+baseline's but its QP
+"""
+REST = "rest"
+"""what is in none of them; all of a decision, of drivers that have no such parts"""
+ALL = "both"
+WALL = "by the wall's clock"
+PARTS = tuple(dict.fromkeys((*PLACES.values(), REST)))
+CBF = ("residual", "constraints", "rows", "QP", "last resort")
+"""parts that the paper calls HOCBF"""
+
+
+class LatencyLog:
+    """ms of the parts of each decision, by the wall's clock of the whole, and whether it counts."""
+
+    def __init__(self, stopwatch: Stopwatch, wall: Stopwatch, *, counts: bool) -> None:
+        self._stopwatch, self._wall, self._counts = stopwatch, wall, counts
+        self._rows: list[list[float]] = []
+        for clock in (stopwatch, wall):
+            clock.take()
+
+    def watch(self, scene: Scene, decision: Decision, result: StepResult) -> None:
+        """Keep a decision."""
+        spent = self._stopwatch.take()
+        wall = self._wall.take().get(WALL, 0.0)
+        self._rows.append([*(spent.get(part, 0.0) for part in PARTS), wall, float(self._counts)])
+
+    def steps(self) -> Array:
+        """(steps, parts + 2)."""
+        return np.array(self._rows).reshape(len(self._rows), len(PARTS) + 2)
+
+
+class LatencyRunner:
+    """Runs episodes with a stopwatch in their decisions."""
+
+    def __init__(self, folder: Path) -> None:
+        self._stopwatch, self._wall = Stopwatch(), Stopwatch(time.perf_counter)
+        self._warm: set[tuple[str, str]] = set()
+        self._run = StepRunner(folder, self._begin)
+
+    def _begin(self, episode: Episode, agent: Agent) -> LatencyLog:
+        own = type(agent).act.__get__(agent)
+        timed = self._wall.timed(WALL, self._stopwatch.timed(REST, own))
+        setattr(agent, "act", timed)  # noqa: B010 -- to a checker, `act` is a method
+        return LatencyLog(self._stopwatch, self._wall, counts=self._drives in self._warm)
+
+    def __call__(self, task: Task) -> EpisodeRecord:
+        """Run the task's episode."""
+        self._drives = (task.agent, task.scenario.name)
+        with timing(self._stopwatch, PLACES):
+            record = self._run(task)
+        self._warm.add(self._drives)
+        return record
+
+    def close(self) -> None:
+        """Forget everything; the next task starts afresh."""
+        self._run.close()
+
+
+def run(order: Order, progress: Callable[[str], Progress]) -> Report:
+    """Drive and measure."""
+    agents = order.agents or AGENTS[order.budget]
+    for name in agents:
+        make_agent(name)
+    with timing(Stopwatch(), PLACES):  # fails here rather than in every episode
+        make_folder(order.out)
+    steps = order.out.resolve() / "steps"
+    episodes = 1 + (order.episodes or EPISODES[order.budget])
+    plan = SweepPlan(
+        tuple(find_scenarios(list(SCENARIOS))), tuple(dict.fromkeys(agents)), episodes, order.seed
+    )
+    result = run_sweep(
+        plan,
+        order.out / "sweep",
+        partial(LatencyRunner, steps),
+        resume=order.resume,
+        progress=progress("latency"),
+    )
+    spent: dict[tuple[str, str], list[Array]] = {}
+    for row, found in read_steps(steps, result.rows):
+        for scenario in (row["scenario"], ALL):
+            spent.setdefault((row["agent"], scenario), []).append(found[found[:, -1] > 0, :-1])
+    lines = [
+        line
+        for key in sorted(spent, key=_place(plan.agents))
+        for line in lines_of(*key, np.concatenate(spent[key]))
+    ]
+    if not lines:
+        raise InputError("no episode could be run to be timed; its folder says why")
+    table = as_markdown(lines)
+    files = (
+        write(order.out / "latency.csv", csv_text(lines)),
+        write(order.out / "latency.md", table),
+        draw_latency(costs(lines), ALL, order.out / "latency.png"),
+    )
+    return Report(table, files, errors=kinds_of_errors(result.rows))
+
+
+def _place(agents: Sequence[str]) -> Callable[[tuple[str, str]], tuple[int, int]]:
+    """Where an agent and a scenario stand in the table."""
+    scenarios = (*SCENARIOS, ALL)
+    return lambda key: (agents.index(key[0]), scenarios.index(key[1]))
+
+
+def lines_of(agent: str, scenario: str, spent: Array) -> list[dict[str, Any]]:
+    """Lines of `latency.csv`: the whole decision, each part that took any time, and the parts that the paper
+    calls HOCBF together. `spent`: (decisions, parts + 1) ms, the last by the wall's clock.
+    """
+    if not len(spent):
+        return []
+    whole = spent[:, :-1].sum(axis=1)
+    parts = {part: spent[:, k] for k, part in enumerate(PARTS) if spent[:, k].any()}
+    cbf = spent[:, [PARTS.index(part) for part in CBF]].sum(axis=1)
+    found = {"all": whole, **parts, **({"HOCBF": cbf} if cbf.any() else {}), WALL: spent[:, -1]}
+    return [
+        {
+            "agent": agent,
+            "scenario": scenario,
+            "part": part,
+            "decisions": len(ms),
+            "mean_ms": float(ms.mean()),
+            "p99_ms": float(np.percentile(ms, 99)),
+            "peak_ms": float(ms.max()),
+            "share_percent": math.nan if part == WALL else 100.0 * float(ms.sum() / whole.sum()),
+        }
+        for part, ms in found.items()
+    ]
+
+
+def as_markdown(lines: Sequence[Mapping[str, Any]]) -> str:
+    """The decisions of each agent and scenario, and the parts' shares of their mean."""
+    agents: dict[tuple[str, str], dict[str, Mapping[str, Any]]] = {}
+    for line in lines:
+        agents.setdefault((line["agent"], line["scenario"]), {})[line["part"]] = line
+    parts = [part for part in (*PARTS, "HOCBF") if any(part in found for found in agents.values())]
+    headings = ["agent", "scenario", "decisions", "mean (ms)", "p99 (ms)", "peak (ms)", f"the same {WALL}"]
+    keys = ("mean_ms", "p99_ms", "peak_ms")
+    rows = [
+        [
+            *key,
+            str(found["all"]["decisions"]),
+            *(f"{found['all'][ms]:.2f}" for ms in keys),
+            ", ".join(f"{found[WALL][ms]:.1f}" for ms in keys),
+            *(f"{found[part]['share_percent']:.1f}" if part in found else MISSING for part in parts),
+        ]
+        for key, found in agents.items()
+    ]
+    return markdown([*headings, *(f"{part} (%)" for part in parts)], rows, left=2)
+
+
+def costs(lines: Sequence[Mapping[str, Any]]) -> list[Cost]:
+    """What the figure shows."""
+    return [
+        Cost(line["agent"], line["scenario"], line["part"], line["mean_ms"], line["p99_ms"], line["peak_ms"])
+        for line in lines
+        if line["part"] not in ("HOCBF", WALL)
+    ]

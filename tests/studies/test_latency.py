@@ -1,0 +1,83 @@
+"""The latency study: parts of a decision add up, the stopwatch leaves no trace, and it runs for real."""
+
+import time
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from rudc.evaluation.store import read_table
+from rudc.evaluation.sweep import Silent
+from rudc.safety.qp import PiqpSolver
+from rudc.studies import latency
+from rudc.studies.base import Order
+from rudc.studies.stopwatch import Stopwatch, timing
+
+
+def busy(seconds: float) -> None:
+    """Take the processor's time."""
+    end = time.thread_time() + seconds
+    while time.thread_time() < end:
+        pass
+
+
+def test_time_of_an_inner_part_is_not_the_outers():
+    watch = Stopwatch()
+    inner = watch.timed("inner", lambda: busy(0.03))
+
+    def outer() -> None:
+        busy(0.01)
+        inner()
+
+    watch.timed("outer", outer)()
+    spent = watch.take()
+    assert spent["inner"] == pytest.approx(30, abs=5)
+    assert spent["outer"] == pytest.approx(10, abs=5)
+    assert watch.take() == {}
+
+
+def test_stopwatch_is_taken_away():
+    before = PiqpSolver.solve
+    with timing(Stopwatch(), latency.PLACES):
+        assert PiqpSolver.solve is not before
+    assert PiqpSolver.solve is before
+    with (
+        pytest.raises(AttributeError, match="no such function"),
+        timing(Stopwatch(), {"rudc.safety.qp:X": ""}),
+    ):
+        pass
+
+
+def test_shares_are_of_the_mean():
+    spent = np.zeros((100, len(latency.PARTS) + 1))
+    spent[:, latency.PARTS.index("QP")] = 1.0
+    spent[:, latency.PARTS.index("policy")] = 3.0
+    spent[7, latency.PARTS.index("policy")] = 103.0
+    lines = {line["part"]: line for line in latency.lines_of("mine", "fog", spent)}
+    assert lines["all"]["mean_ms"] == pytest.approx(5.0)
+    assert lines["all"]["peak_ms"] == 104.0
+    assert lines["QP"]["share_percent"] == lines["HOCBF"]["share_percent"] == pytest.approx(20.0)
+    assert "critics" not in lines
+
+
+@pytest.mark.slow
+def test_it_runs_and_resumes(tmp_path, monkeypatch, trained):
+    monkeypatch.setattr("rudc.evaluation.manifest.code_version", lambda: "v0")
+    monkeypatch.setattr(latency, "SCENARIOS", ("dense_left_turn",))
+    order = Order(tmp_path / "out", agents=(str(trained),), episodes=1)
+    report = latency.run(order, lambda _: Silent())
+    lines = {
+        line["part"]: line
+        for line in read_table(tmp_path / "out" / "latency.csv")
+        if line["scenario"] == "both"
+    }
+    parts = [line for part, line in lines.items() if part in latency.PARTS]
+    assert sum(float(line["share_percent"]) for line in parts) == pytest.approx(100.0, abs=0.01)
+    assert {"observation", "policy", "critics", "constraints", "rest"} <= set(lines)
+    assert float(lines["all"]["mean_ms"]) < float(lines["all"]["peak_ms"])
+    with Image.open(tmp_path / "out" / "latency.png") as picture:
+        assert picture.size[0] > 600
+    again = latency.run(
+        Order(tmp_path / "out", agents=(str(trained),), episodes=1, resume=True), lambda _: Silent()
+    )
+    assert again.table == report.table
