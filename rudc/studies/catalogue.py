@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rudc.errors import InputError
 from rudc.hints import there_are
-from rudc.studies import curves, filter_study, latency, sigma_study
+from rudc.studies import curves, filter_study, latency, ood_case, sigma_study
 from rudc.studies.base import Order, Study
 
 STUDIES = {
@@ -30,6 +30,11 @@ STUDIES = {
             "latency",
             "How long a decision takes, mean, p99 and peak, and the shares of its parts.",
             latency.run,
+        ),
+        Study(
+            "ood-case",
+            "A blocked left turn in full: ways over time, h, controls, corrections, sigma, time.",
+            ood_case.run,
         ),
     )
 }
