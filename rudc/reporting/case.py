@@ -250,12 +250,12 @@ LABELS = {
 }
 
 
-def _colour_bar(figure: Figure, panels: Array) -> None:
+def _colour_bar(figure: Figure, panels: np.ndarray[Any, Any]) -> None:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 
     shown = ScalarMappable(Normalize(0.0, HIGHEST_H), "viridis")
-    bar = figure.colorbar(shown, ax=list(panels.ravel()), extend="both", aspect=30, pad=0.01)
+    bar = figure.colorbar(shown, ax=panels.ravel().tolist(), extend="both", aspect=30, pad=0.01)
     bar.set_label("h towards vehicles (m²)", fontsize=8.5)
     bar.ax.tick_params(labelsize=7.5)
 
