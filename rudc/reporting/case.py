@@ -95,7 +95,7 @@ def draw_cases(
                 panels[i, k].tick_params(labelbottom=i == timed[-1])
             panels[timed[-1], k].set_xlabel("time (s)", fontsize=8.5)
         _colour_bar(figure, panels[: max(1, rows.index("way") + 1 if "way" in rows else 1)])
-        figure.legend(handles=_handles(rows), loc="outside lower center", ncols=6, fontsize=7.5)
+        figure.legend(handles=_handles(rows), loc="outside lower center", ncols=5, fontsize=7.5)
     return path
 
 
@@ -245,6 +245,7 @@ LABELS = {
     "acceleration": "acceleration\n(m/s²)",
     "steering": "steering\n(rad)",
     "correction": "correction",
+    "density": "correction\n(half ranges)",
     "sigma": r"$\sigma$ (reward)",
     "time": "decision\n(ms)",
 }
@@ -274,7 +275,14 @@ def _handles(rows: Sequence[str]) -> list:
         found += [
             Line2D([], [], color=SV, lw=0.8, label="proposed"),
             Line2D([], [], color=INK, lw=1.0, label="applied"),
-            Patch(color=CORRECTED, label="correction"),
+            Patch(color=CORRECTED, label="changed by filter, outlook"),
+        ]
+    if "density" in rows:
+        found += [
+            Patch(color="#9ecae1", label="decisions (log)"),
+            Line2D([], [], color=INK, lw=1.3, label="median"),
+            Line2D([], [], color=PALETTE[1], lw=1.3, label="90th percentile"),
+            Line2D([], [], color=INK, lw=0.9, ls="--", label="turning point"),
         ]
     if "sigma" in rows:
         names = ((INK, "total"), (PALETTE[4], "epi"), (PALETTE[5], "ale"))

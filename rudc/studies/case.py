@@ -8,7 +8,9 @@ Which episode is shown is decided by a rule, never by hand. Of the seeds that we
     the seed is lowest                 then
 
 `h` is the least value of the paper's barrier towards all vehicles (m2), whatever the agent's own filter looks
-at: ellipses, d_safe 0.5 m, no gate. The correction is |u - u_rl| with both numbers scaled to [-1, 1].
+at: ellipses, d_safe 0.5 m, no gate. The correction is the size of what the agent's own correction (such as
+the filter) changed, both numbers scaled to [-1, 1]; what was applied differs from what was proposed by that
+and by what course and grip allow (rudc/agents/outlook.py).
 """
 
 from __future__ import annotations
@@ -73,9 +75,11 @@ def chosen_seed(rows: Sequence[Row], agents: Sequence[str]) -> int | None:
 
 
 def scaled_correction(decision: Decision, scene: Scene) -> float:
-    """|u - u_rl|, both numbers scaled to [-1, 1]."""
+    """|u - u_nominal| of the correction, both numbers scaled to [-1, 1]; 0 without one."""
+    if decision.corrected is None:
+        return 0.0
     body = scene.vehicle
-    a, delta = decision.u - decision.u_rl
+    a, delta = decision.corrected.correction
     return float(math.hypot(a / (0.5 * (body.a_max - body.a_min)), delta / body.delta_max))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rudc.errors import InputError
 from rudc.hints import there_are
-from rudc.studies import curves, filter_study, latency, ood_case, sigma_study
+from rudc.studies import ablation_case, curves, filter_study, latency, ood_case, sigma_study
 from rudc.studies.base import Order, Study
 
 STUDIES = {
@@ -35,6 +35,11 @@ STUDIES = {
             "ood-case",
             "A blocked left turn in full: ways over time, h, controls, corrections, sigma, time.",
             ood_case.run,
+        ),
+        Study(
+            "ablation-case",
+            "Parts of RUDC taken away in one dense left turn; from what sigma on the filter corrects.",
+            ablation_case.run,
         ),
     )
 }
