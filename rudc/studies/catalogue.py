@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rudc.errors import InputError
 from rudc.hints import there_are
-from rudc.studies import ablation_case, curves, filter_study, latency, ood_case, sigma_study
+from rudc.studies import ablation_case, curves, filter_study, latency, ood_case, residual_study, sigma_study
 from rudc.studies.base import Order, Study
 
 STUDIES = {
@@ -40,6 +40,12 @@ STUDIES = {
             "ablation-case",
             "Parts of RUDC taken away in one dense left turn; from what sigma on the filter corrects.",
             ablation_case.run,
+        ),
+        Study(
+            "residual",
+            "How well the shipped predictors foresee what the filter's model leaves out.",
+            residual_study.run,
+            takes=frozenset(),
         ),
     )
 }

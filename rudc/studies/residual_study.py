@@ -1,0 +1,105 @@
+"""How well the shipped residual predictors foresee what the filter's model leaves out (paper, Appx.
+"Validation of CBF residual predictor", Fig. "cbf_predictor": R2, MAE, RMSE, predicted against true change of
+h).
+
+For each kind of action that a predictor is shipped for, and both heads (vehicles, road edges), on random
+exploration as in the paper, of episodes that the predictors were not fitted to. The residual is of h itself,
+so TTCBF and ECBF share it. Scores are those of `rudc residual evaluate`; what is added is the picture, and w
+itself: where h changes by tens of m2 and w by hundredths, the R2 of the change says little.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from rudc.env.action import read_action
+from rudc.errors import InputError
+from rudc.evaluation.sweep import Progress
+from rudc.files import make_folder
+from rudc.hints import install_command
+from rudc.reporting.agreement import Agreement, draw_agreement
+from rudc.reporting.text import csv_text, markdown
+from rudc.safety.residual import heads, shipped_predictor
+from rudc.studies.base import Order, Report, write
+from rudc.training.residual_data import Dataset, collect, load_dataset, save_dataset
+
+KINDS = ("adjustment", "direct")
+"""of actions, that a predictor is shipped for"""
+SAMPLES = {"quick": 2_000, "full": 100_000}
+"""of each head, by budget; full: as many as in the paper"""
+FRESH = 1_000
+"""added to the seed asked for: the shipped predictors were fitted to samples of seed 0"""
+
+
+def run(order: Order, progress: Callable[[str], Progress]) -> Report:
+    """Collect, predict, compare."""
+    if find_spec("torch") is None:
+        raise InputError(f"measuring needs torch: {install_command('train')}")
+    from rudc.training.residual_fit import evaluate
+
+    make_folder(order.out)
+    lines: list[dict[str, Any]] = []
+    pictures: list[Agreement] = []
+    for kind in KINDS:
+        progress(f"{SAMPLES[order.budget]} samples of each head, action={kind}")
+        dataset = _samples(order, kind)
+        predictor = shipped_predictor(kind)
+        for found in evaluate(dataset, predictor, only_held_out=False):
+            for name, score in (("model alone", found.model), ("with predictor", found.predictor)):
+                line = {"action": kind, "constraints": found.about, "samples": found.samples, "by": name}
+                explained = found.explained if score is found.predictor else 0.0
+                lines.append(line | score._asdict() | {"share_of_w": explained})
+        for head in heads():
+            samples = dataset[head]
+            w = samples.w.astype(float)
+            expected = predictor.of(head, samples.xi.astype(float))
+            pictures.append(Agreement(kind, head, samples.change.astype(float), w, expected))
+    table = as_markdown(lines)
+    files = (
+        write(order.out / "residual.csv", csv_text(lines)),
+        write(order.out / "residual.md", table),
+        draw_agreement(pictures, order.out / "residual.png"),
+    )
+    return Report(table, files)
+
+
+def _samples(order: Order, kind: str) -> Dataset:
+    """Those in the study's folder, if they are to be resumed from and are as many, else new ones."""
+    wanted, path = SAMPLES[order.budget], _path(order.out, kind, order.seed)
+    if path.is_file():
+        if not order.resume:
+            raise InputError(f"{path} is there already: add --resume to take it, or give another --out")
+        dataset = load_dataset(path)
+        if len(dataset["vehicle"].w) == wanted:
+            return dataset
+    dataset = collect(wanted, order.seed + FRESH, read_action(kind), lambda _: None)
+    save_dataset(path, dataset)
+    return dataset
+
+
+def _path(out: Path, kind: str, seed: int) -> Path:
+    return out / f"samples-{kind}-{seed}.safetensors"
+
+
+def as_markdown(lines: Sequence[dict[str, Any]]) -> str:
+    """The lines, to read."""
+    headings = [
+        "action", "constraints", "samples", "change of h by", "R2", "MAE (m²)", "RMSE (m²)", "share of w",
+    ]  # fmt: skip
+    rows = [
+        [
+            line["action"],
+            line["constraints"],
+            str(line["samples"]),
+            line["by"],
+            f"{line['r2']:.5f}",
+            f"{line['mae']:.4f}",
+            f"{line['rmse']:.4f}",
+            f"{line['share_of_w']:.3f}",
+        ]
+        for line in lines
+    ]
+    return markdown(headings, rows, left=2)
