@@ -1,4 +1,4 @@
-# make sweep | test | check | bench: each sets up what it needs first. Paths are relative, so spaces above do no harm.
+# make sweep | test | check | docs | bench: each sets up what it needs first. Paths are relative, so spaces above do no harm.
 PYTHON ?= python3
 PY := .venv/bin/python
 PIP := $(PY) -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
@@ -6,12 +6,13 @@ EPISODES ?= 10
 WORKERS ?= $(shell nproc 2>/dev/null || echo 2)
 OUT ?= out/sweep
 
-.PHONY: help setup sweep test lint types contracts check format bench clean
+.PHONY: help setup sweep test lint types contracts check format docs bench clean
 
 help:
 	@echo "make sweep   sweep the shipped scenarios with the shipped agents: $(OUT)/metrics.csv and a table"
 	@echo "make test    run the tests"
 	@echo "make check   tests, lint, types, import contracts"
+	@echo "make docs    the documentation: out/docs/index.html"
 	@echo "make bench   the benchmarks, as ratios"
 
 setup: .venv/.core
@@ -29,6 +30,10 @@ setup: .venv/.core
 
 .venv/.dev: .venv/.core
 	$(PIP) --editable ".[dev]"
+	@touch $@
+
+.venv/.docs: .venv/.core
+	$(PIP) --editable ".[docs]"
 	@touch $@
 
 .venv/.bench: .venv/.dev
@@ -56,6 +61,10 @@ check: lint types contracts test
 format: .venv/.dev
 	$(PY) -m ruff format .
 	$(PY) -m ruff check --fix .
+
+docs: .venv/.docs
+	NO_MKDOCS_2_WARNING=1 $(PY) -m mkdocs build --quiet --clean
+	@echo "out/docs/index.html written"
 
 bench: .venv/.bench
 	$(PY) -m tests.benchmarks

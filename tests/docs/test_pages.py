@@ -1,0 +1,47 @@
+"""The pages of docs/: their blocks run, in order, in one empty folder a page; links lead somewhere."""
+
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+from rudc.scenario import load_scenario
+from tests.blocks import blocks_of, run_python, run_script, smaller
+
+DOCS = Path(__file__).parents[2] / "docs"
+PAGES = sorted(DOCS.rglob("*.md"))
+WITH_BLOCKS = [page for page in PAGES if blocks_of(page)]
+NEEDS = {"own_network": "sumo", "training": "torch", "paper": "torch"}
+"""page -> a package that one of its commands needs"""
+
+
+def test_there_are_pages():
+    assert len(PAGES) >= 11
+    assert {page.stem for page in WITH_BLOCKS} >= {"own_scenario", "own_agent", "own_network", "own_barrier"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", WITH_BLOCKS, ids=lambda page: page.stem)
+def test_what_a_page_says_works(page, tmp_path):
+    if page.stem in NEEDS:
+        pytest.importorskip(NEEDS[page.stem])
+    for block in blocks_of(page):
+        if block.file:
+            (tmp_path / block.file).parent.mkdir(exist_ok=True)
+            (tmp_path / block.file).write_text(block.text, encoding="utf-8")
+        elif block.language == "bash":
+            run_script(smaller(block.text), tmp_path)
+        elif block.language == "python":
+            run_python(block.text, tmp_path)
+        elif block.language == "yaml":
+            (tmp_path / "block.yaml").write_text(block.text, encoding="utf-8")
+            load_scenario(tmp_path / "block.yaml")
+        else:
+            assert block.language == "text", f"{page}: nobody runs {block.language}"
+
+
+def test_every_page_is_in_the_menu():
+    menu = yaml.load((DOCS.parent / "mkdocs.yml").read_text(encoding="utf-8"), yaml.BaseLoader)["nav"]
+    named = set(re.findall(r"[\w/]+\.md", str(menu)))
+    assert {str(page.relative_to(DOCS)) for page in PAGES} <= named
