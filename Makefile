@@ -1,4 +1,4 @@
-# make sweep | test | check | docs | bench: each sets up what it needs first. Paths are relative, so spaces above do no harm.
+# make sweep | test | check | docs | gallery | bench: each sets up what it needs first. Paths are relative, so spaces above do no harm.
 PYTHON ?= python3
 PY := .venv/bin/python
 PIP := $(PY) -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
@@ -6,13 +6,14 @@ EPISODES ?= 10
 WORKERS ?= $(shell nproc 2>/dev/null || echo 2)
 OUT ?= out/sweep
 
-.PHONY: help setup sweep test lint types contracts check format docs bench clean
+.PHONY: help setup sweep test lint types contracts check format docs gallery bench clean
 
 help:
 	@echo "make sweep   sweep the shipped scenarios with the shipped agents: $(OUT)/metrics.csv and a table"
 	@echo "make test    run the tests"
 	@echo "make check   tests, lint, types, import contracts"
 	@echo "make docs    the documentation: out/docs/index.html"
+	@echo "make gallery all scenarios, what agents do in them, reports of results: out/gallery/index.html"
 	@echo "make bench   the benchmarks, as ratios"
 
 setup: .venv/.core
@@ -65,6 +66,9 @@ format: .venv/.dev
 docs: .venv/.docs
 	NO_MKDOCS_2_WARNING=1 $(PY) -m mkdocs build --quiet --clean
 	@echo "out/docs/index.html written"
+
+gallery: .venv/.core
+	$(PY) -m rudc.reporting.gallery out/gallery results/ood results/tasks
 
 bench: .venv/.bench
 	$(PY) -m tests.benchmarks

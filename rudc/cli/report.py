@@ -48,8 +48,8 @@ def report(
 
 def _replay_worst(folder: Path, page: Path, count: int) -> None:
     """Pages of a sweep's worst episodes, in a folder beside the report."""
-    from rudc.cli.replay import replayed
     from rudc.evaluation.folder import read_sweep
+    from rudc.reporting.replay.again import replayed
     from rudc.reporting.replay.page import save_replay
     from rudc.reporting.report.episodes import Episodes, replay_name, worst
     from rudc.reporting.report.sweep import REPLAYS
@@ -57,4 +57,5 @@ def _replay_worst(folder: Path, page: Path, count: int) -> None:
     episodes = Episodes.of(*read_sweep(folder))
     for i in worst(episodes)[:count]:
         done = replayed(folder, str(i + 1))
+        note(done.line)
         save_replay(page.parent / REPLAYS / replay_name(episodes, i), [done.page], [done.check])

@@ -40,7 +40,7 @@ def run(
     seed: Annotated[int, typer.Option(min=0, help="Which episode.")] = 0,
     video: Annotated[
         Path | None,
-        typer.Option(metavar="F.gif|F.mp4", help="Film of the episode; .mp4 needs the extra `video`."),
+        typer.Option(metavar="F.gif|F.webp|F.mp4", help="Film of the episode; .mp4 needs the extra `video`."),
     ] = None,
     replay: Annotated[
         Path | None,

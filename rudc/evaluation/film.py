@@ -1,4 +1,4 @@
-"""An episode as a film (GIF, or MP4 with the extra `video`), or in a window as it happens."""
+"""An episode as a film (GIF, WebP, or MP4 with the extra `video`), or in a window as it happens."""
 
 from __future__ import annotations
 
@@ -20,20 +20,29 @@ class Film:
     """Draws each decision of one episode; `watch` is for `run_episode`."""
 
     def __init__(
-        self, episode: Episode, agent: str = "", window: Window | None = None, size: int = 600
+        self,
+        episode: Episode,
+        agent: str = "",
+        window: Window | None = None,
+        size: int = 600,
+        every: int = 1,
     ) -> None:
         """`agent`: the driver's name. `window`: where frames are shown as they come; without, they are kept
-        for `save`.
+        for `save`. `every`: one of so many decisions is drawn, and the last.
         """
         self._episode = episode
         self._agent = agent
         self._renderer = Renderer(episode.world.network, size=size)
         self._window = window
         self._frames: list[Frame] = []
-        self._rate = 1.0 / episode.world.config.decision_s
+        self._every, self._seen = every, 0
+        self._rate = 1.0 / (every * episode.world.config.decision_s)
 
     def watch(self, scene: Scene, decision: Decision, result: StepResult) -> None:
         """Draw what a decision led to."""
+        self._seen += 1
+        if (self._seen - 1) % self._every and not result.outcome:
+            return
         view = view_of(self._episode.world, result.outcome)
         frame = self._renderer.frame(view, driving(self._agent, decision))
         if self._window is not None:

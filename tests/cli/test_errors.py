@@ -24,7 +24,7 @@ SWEEP = ("sweep", "random_destination", "--agent", "follower", "--episodes", "1"
         (("run", "random_destination", "--agent", "sumo+ecbf"), "SUMO itself drives"),
         (("run", "random_destination", "--set", "traffic.densty=30"), "did you mean 'density'?"),
         (("run", "random_destination", "--set", "traffic.density"), "expected KEY=VALUE"),
-        (("run", "random_destination", "--video", "film.avi"), "a film is a .gif or a .mp4"),
+        (("run", "random_destination", "--video", "film.avi"), "a film is a .gif, .webp or .mp4"),
         (("run", "nowhere.yaml"), "nowhere.yaml: no such file"),
         (("agent", "show", "folower"), "did you mean 'follower'?"),
         (("scenario", "validate", "nowhere.yaml"), "no such file"),

@@ -47,16 +47,18 @@ def test_a_full_disk_leaves_the_old_picture_and_film(tmp_path):
     assert (picture.read_bytes(), film.read_bytes()) == before
 
 
-def test_a_gif_holds_all_frames_and_pauses_at_the_end(tmp_path):
-    save_film(FRAMES, tmp_path / "film.gif", 10.0)
-    with Image.open(tmp_path / "film.gif") as film:
+@pytest.mark.parametrize("name", ["film.gif", "film.webp"])
+def test_a_film_holds_all_frames_and_pauses_at_the_end(tmp_path, name):
+    save_film(FRAMES, tmp_path / name, 10.0)
+    with Image.open(tmp_path / name) as film:
         assert film.n_frames == 3
         film.seek(2)
+        film.load()
         assert film.info["duration"] == 1500
 
 
 def test_films_of_another_kind_are_refused(tmp_path):
-    with pytest.raises(InputError, match=r"a film is a \.gif or a \.mp4"):
+    with pytest.raises(InputError, match=r"a film is a \.gif, \.webp or \.mp4"):
         check_film(tmp_path / "film.avi")
 
 

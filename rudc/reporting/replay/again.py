@@ -1,0 +1,78 @@
+"""An episode of a sweep driven again for its page, and compared with its row."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from rudc.agents.registry import make_agent
+from rudc.env.episode import Episode
+from rudc.evaluation.film import Film
+from rudc.evaluation.recording import Recording
+from rudc.evaluation.rerun import differences, find_episode
+from rudc.evaluation.rollout import run_episode
+from rudc.network.network import load_network
+from rudc.world.world import World
+
+if TYPE_CHECKING:
+    from rudc.agents.base import Agent, Decision
+    from rudc.env.episode import StepResult
+    from rudc.evaluation.record import EpisodeRecord
+    from rudc.scenario.model import Scenario
+    from rudc.world.scene import Scene
+
+CLIP_PX, CLIP_EVERY = 320, 2
+"""width of a clip in pixels, and of how many frames it keeps one"""
+
+
+class Replayed(NamedTuple):
+    """An episode of a sweep that was run again."""
+
+    page: dict[str, Any]
+    """its recording"""
+    check: str
+    """what comparing it with its row says"""
+    same: bool
+    line: str
+    """all of that in a line"""
+
+
+def replayed(folder: Path, which: str, clip: Path | None = None) -> Replayed:
+    """Run an episode of a sweep again, and say how it went. `clip`: where a small film of it goes.
+    Raises SweepError, AgentError.
+    """
+    found = find_episode(folder, which)
+    record, page = recorded(found.task.scenario, found.task.seed, make_agent(found.task.agent), clip)
+    other = differences(found.row, record)
+    check = _check(folder, found.number, other, found.changes)
+    return Replayed(page, check, not other, f"{found.task}: {record.outcome}; {check}")
+
+
+def recorded(
+    scenario: Scenario, seed: int, driver: Agent, clip: Path | None = None
+) -> tuple[EpisodeRecord, dict[str, Any]]:
+    """An episode driven, and its recording; `clip` as for `replayed`."""
+    with World(load_network(scenario.network, scenario.junction)) as world:
+        episode = Episode(world)
+        recording = Recording(episode, driver)
+        film = Film(episode, driver.name, size=CLIP_PX, every=CLIP_EVERY) if clip else None
+
+        def watch(scene: Scene, decision: Decision, result: StepResult) -> None:
+            recording.watch(scene, decision, result)
+            if film is not None:
+                film.watch(scene, decision, result)
+
+        record = run_episode(episode, scenario.plan(seed), driver, watch=watch)
+        page = recording.data(record)
+    if film is not None and clip is not None:
+        film.save(clip)
+    return record, page
+
+
+def _check(folder: Path, number: int, other: Sequence[str], changes: Sequence[str]) -> str:
+    row = f"row {number} of {folder.name}/episodes.csv"
+    if not other:
+        return f"came out the same as {row}"
+    since = f" (since then: {', '.join(changes)})" if changes else ""
+    return f"came out otherwise than {row}: {'; '.join(other)}{since}"
