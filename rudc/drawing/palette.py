@@ -58,7 +58,7 @@ SERIES: tuple[Colour, ...] = (
 
 OUTCOMES: dict[str, tuple[str, Colour]] = {
     "success": ("arrived", (0, 130, 96)),
-    "frozen": ("time limit", (170, 118, 0)),
+    "frozen": ("time limit", (150, 104, 0)),
     "collision": ("collision", (190, 30, 40)),
     "off_road": ("off the road", (190, 30, 40)),
     "wrong_way": ("wrong way", (190, 30, 40)),

@@ -11,6 +11,7 @@ import pytest
 from rudc.evaluation.columns import COLUMNS
 from rudc.scenario import shipped_scenarios
 from rudc.scenario.events import EVENT_KINDS
+from tests.reporting.accessibility import MISSING, faults
 
 pytest.importorskip("material")
 ROOT = Path(__file__).parents[2]
@@ -53,3 +54,11 @@ def test_figures_are_drawn(site):
     names = re.findall(r'src="(figures/\w+\.svg)"', method)
     assert len(names) == 5
     assert all((site / name).read_text().startswith("<?xml") for name in names)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(MISSING, reason="needs Chromium and axe")
+@pytest.mark.parametrize("name", ["method.html", "tutorials/own_scenario.html", "reference/metrics.html"])
+def test_no_page_has_a_serious_fault_of_accessibility(site, name):
+    page = site / name
+    assert faults(page.read_text(encoding="utf-8"), page.parent) == {"light": [], "dark": []}

@@ -53,9 +53,8 @@ def driven(text: str, script: str, folder: Path, width: int, place: str = "") ->
     """What a script said by `finish({...})` that ran at the end of a page `width` pixels wide: in a frame,
     since Chromium's windows are 500 wide at least. Whatever the page writes to the console fails.
     """
-    page = text.replace("<body>", "<body>" + FINISH, 1).replace(
-        "</body>", f"<script>{script}</script></body>"
-    )
+    before, body, after = re.split(r"(<body[^>]*>)", text, maxsplit=1)
+    page = before + body + FINISH + after.replace("</body>", f"<script>{script}</script></body>")
     (folder / "page.html").write_text(page, encoding="utf-8")
     (folder / "frame.html").write_text(FRAME.format(hash=place, width=width), encoding="utf-8")
     command = [

@@ -13,6 +13,7 @@ function setTheme(theme) {
   if (theme) document.documentElement.dataset.theme = theme;
   else delete document.documentElement.dataset.theme;
   find('theme').textContent = theme || 'as the system';
+  find('theme').setAttribute('aria-label', `Light or dark: ${find('theme').textContent}`);
   try { localStorage.setItem('rudc-theme', theme); } catch { /* a browser that keeps nothing of files */ }
   document.dispatchEvent(new Event('theme'));
 }
