@@ -1,0 +1,149 @@
+"""What trainings with several seeds say together.
+
+Values stand in cells: one for each training seed s and scenario k, with what each episode of it gave. With
+m_sk the mean of a cell, S seeds and K scenarios:
+
+    mean = sum_sk m_sk / (S K)                          each training and each scenario counts the same
+    std  = standard deviation (S - 1) of sum_k m_sk / K over seeds, as the paper prints
+    IQM  = mean of the middle half of the m_sk: of sorted values x_1 ... x_n, each stands for [i - 1, i] of
+           [0, n], and what lies in [n / 4, 3 n / 4] is averaged (Agarwal et al., NeurIPS 2021, who round
+           n / 4 down; the same where 4 divides n)
+
+Intervals, 95 %: the stratified percentile bootstrap of Agarwal et al. with one level more. Each of RESAMPLES
+times seeds are drawn with replacement, then, for each seed drawn and in each scenario, its episodes. With one
+seed only episodes are drawn, and the interval is about that training alone. Three seeds are few: such an
+interval is too narrow rather than too wide.
+
+Pairs: two agents in the same episodes, `Paired`. Rates: change with Bonett and Price's interval and McNemar's
+exact p; means: change with its bootstrap interval over pairs. Nothing is corrected for how many are compared.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from rudc.arrays import Array
+from rudc.evaluation.statistics import SEED, bootstrap, mcnemar, paired_change
+
+RESAMPLES = 2_000
+Cells = Mapping[tuple[int, str], Array]
+"""(training seed, scenario) -> (n,) values of its episodes; nan counts as not there"""
+
+
+class OverSeeds(NamedTuple):
+    """A mean over trainings; nan where there are too few values to tell."""
+
+    mean: float
+    std: float
+    """over training seeds"""
+    low: float
+    high: float
+    """of the mean's 95 % interval"""
+    iqm: float
+    iqm_low: float
+    iqm_high: float
+    seeds: int
+    episodes: int
+
+
+class Paired(NamedTuple):
+    """By how much an agent has more than another in the same episodes."""
+
+    pairs: int
+    change: float
+    low: float
+    high: float
+    more: int
+    """pairs in which only the agent has it, of a rate; 0 for means"""
+    less: int
+    """pairs in which only the other has it"""
+    p: float
+    """McNemar's, of a rate; nan for means"""
+
+
+def over_seeds(cells: Cells, resamples: int = RESAMPLES, seed: int = SEED) -> OverSeeds:
+    """Everything above, of the cells that have values. Seeds must have the same scenarios."""
+    known = {key: values[~np.isnan(values)] for key, values in cells.items()}
+    known = {key: values for key, values in known.items() if len(values)}
+    if not known:
+        return OverSeeds(*(math.nan,) * 7, 0, 0)
+    seeds = sorted({s for s, _ in known})
+    scenarios = list(dict.fromkeys(k for _, k in known))
+    means = np.array([[_mean(known.get((s, k))) for k in scenarios] for s in seeds])
+    each = np.nanmean(means, axis=1)
+    std = float(each.std(ddof=1)) if len(seeds) > 1 else math.nan
+    episodes = sum(map(len, known.values()))
+    draws = _draws(known, seeds, scenarios, resamples, seed)
+    ends = [_ends(np.nanmean(draws, axis=1), episodes), _ends(interquartile_mean(draws), episodes)]
+    middle = float(interquartile_mean(means.reshape(1, -1))[0])
+    return OverSeeds(float(np.nanmean(means)), std, *ends[0], middle, *ends[1], len(seeds), episodes)
+
+
+def interquartile_mean(values: Array) -> Array:
+    """(m,) of each row of values (m, n), without those that are nan; nan for a row without any."""
+    ordered = np.sort(values, axis=1)  # nan last
+    n = np.isfinite(values).sum(axis=1, keepdims=True)
+    rank = np.arange(values.shape[1])[None, :]
+    inside = np.clip(np.minimum(rank + 1, 0.75 * n) - np.maximum(rank, 0.25 * n), 0.0, 1.0)
+    total = inside.sum(axis=1)
+    summed = np.where(inside > 0, inside * np.nan_to_num(ordered), 0.0).sum(axis=1)
+    return np.divide(summed, total, out=np.full(len(values), math.nan), where=total > 0)
+
+
+def paired_rate(new: Sequence[bool], old: Sequence[bool]) -> Paired:
+    """Percentage points by which `new` has it in more of the same episodes than `old`."""
+    both = list(zip(new, old, strict=True))
+    more, less = both.count((True, False)), both.count((False, True))
+    return Paired(len(both), *paired_change(len(both), more, less), more, less, mcnemar(more, less))
+
+
+def paired_mean(new: Array, old: Array) -> Paired:
+    """Mean of new - old, (n,) each in the same episodes; pairs of which one is nan count as not there."""
+    change = new - old
+    change = change[~np.isnan(change)]
+    mean = float(change.mean()) if len(change) else math.nan
+    return Paired(len(change), mean, *bootstrap(change), 0, 0, math.nan)
+
+
+def _mean(values: Array | None) -> float:
+    return math.nan if values is None else float(values.mean())
+
+
+def _draws(known: Cells, seeds: Sequence[int], scenarios: Sequence[str], resamples: int, seed: int) -> Array:
+    """(resamples, S * K) means of cells drawn anew."""
+    rng = np.random.default_rng(seed)
+    chosen = rng.integers(len(seeds), size=(resamples, len(seeds)))
+    found = np.full((resamples, len(seeds), len(scenarios)), math.nan)
+    for i, s in enumerate(seeds):
+        at = np.nonzero(chosen == i)
+        for j, k in enumerate(scenarios):
+            values = known.get((s, k))
+            if values is not None:
+                found[at[0], at[1], j] = _resampled(values, len(at[0]), rng)
+    return found.reshape(resamples, -1)
+
+
+def _resampled(values: Array, times: int, rng: np.random.Generator) -> Array:
+    """(times,) means of as many values drawn with replacement; of rates by their binomial, which is the same
+    distribution.
+    """
+    n, different = len(values), np.unique(values)
+    if len(different) == 1:
+        return np.full(times, different[0])
+    if len(different) == 2:
+        low, high = different
+        share = rng.binomial(n, np.count_nonzero(values == high) / n, size=times) / n
+        return low + (high - low) * share
+    return values[rng.integers(n, size=(times, n))].mean(axis=1)
+
+
+def _ends(draws: Array, episodes: int) -> tuple[float, float]:
+    known = draws[~np.isnan(draws)]
+    if episodes < 2 or not len(known):
+        return math.nan, math.nan
+    low, high = np.quantile(known, [0.025, 0.975])
+    return round(float(low), 9), round(float(high), 9)
