@@ -70,7 +70,8 @@ def over_seeds(cells: Cells, resamples: int = RESAMPLES, seed: int = SEED) -> Ov
     known = {key: values[~np.isnan(values)] for key, values in cells.items()}
     known = {key: values for key, values in known.items() if len(values)}
     if not known:
-        return OverSeeds(*(math.nan,) * 7, 0, 0)
+        nothing = math.nan
+        return OverSeeds(nothing, nothing, nothing, nothing, nothing, nothing, nothing, 0, 0)
     seeds = sorted({s for s, _ in known})
     scenarios = list(dict.fromkeys(k for _, k in known))
     means = np.array([[_mean(known.get((s, k))) for k in scenarios] for s in seeds])

@@ -2,11 +2,24 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from rudc.errors import InputError
 from rudc.hints import there_are
-from rudc.studies import ablation_case, curves, filter_study, latency, ood_case, residual_study, sigma_study
-from rudc.studies.base import Order, Study
+from rudc.studies import (
+    ablation_case,
+    comparison,
+    curves,
+    filter_study,
+    latency,
+    ood_case,
+    residual_study,
+    sigma_study,
+)
+from rudc.studies.base import Given, Order, Study
 
+TRAINS: frozenset[Given] = frozenset(("agents", "episodes", "seeds", "trainings"))
+"""what studies of trainings heed; their agents are rows of the table"""
 STUDIES = {
     study.name: study
     for study in (
@@ -19,6 +32,20 @@ STUDIES = {
             "sigma",
             "Whether sigma tells unfamiliar scenarios from familiar ones, and announces violations (AUROC).",
             sigma_study.run,
+        ),
+        Study(
+            "comparison",
+            "RUDC and the paper's baselines, from training to the paper's main table and its claims.",
+            comparison.run,
+            takes=TRAINS,
+            budgets=("quick", "full", "paper"),
+        ),
+        Study(
+            "ablation",
+            "RUDC without one part after the other, from training to the paper's ablation table.",
+            partial(comparison.run, name="ablation"),
+            takes=TRAINS,
+            budgets=("quick", "full", "paper"),
         ),
         Study(
             "curves",

@@ -51,7 +51,7 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
         write(order.out / "curves.md", table),
         draw_curves(curves(lines), order.out / "curves.png"),
     )
-    return Report(table, files, tuple(_shortened(trainings)))
+    return Report(table, files, tuple(shortened(trainings)))
 
 
 def combine(name: str, trainings: Sequence[Mapping[Key, Series]]) -> list[dict[str, object]]:
@@ -89,7 +89,7 @@ def band_of(values: Array, *, rate: bool) -> Band:
     return Band(mean, mean - half, mean + half)
 
 
-def _shortened(trainings: Mapping[str, Sequence[Mapping[Key, Series]]]) -> list[str]:
+def shortened(trainings: Mapping[str, Sequence[Mapping[Key, Series]]]) -> list[str]:
     """A note for each kind whose trainings went on for different lengths."""
     notes = []
     for name, members in trainings.items():

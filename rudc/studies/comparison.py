@@ -1,0 +1,265 @@
+"""Trainings compared, from training to tables: Tab. "Performance comparison" and "Ablation study".
+
+What is compared says the campaign's file (rudc/studies/campaign.py). Trainings are taken or made
+(rudc/studies/trained.py), every agent drives the same episodes of both tasks and of all scenarios out of
+distribution, each in a sweep of its own, so that rows and training seeds can be added later. The folder gets
+
+    NAME.md             everything below, to read
+    metrics.csv         each row in each place: mean, std over training seeds, interval, IQM and its interval
+    pairs.csv           each row against the reference in the same episodes, with McNemar's p
+    against_paper.csv   ours and the paper's one after the other
+    trainings.csv       what drove: training seeds, decisions, and what is missing, with the reason
+    curves.csv, .png, .pdf    success, violations, frozen and reward over training
+    claims.csv, .md     what the paper says, held or not (rudc/studies/claims.py)
+    in_distribution/, out_of_distribution/    episodes.csv of all rows, for `rudc table`
+    sweeps/, trainings/ what all of it was made from
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+from rudc.agents.registry import make_agent
+from rudc.errors import AgentError, InputError
+from rudc.evaluation.runner import EpisodeRunner
+from rudc.evaluation.sweep import Progress, run_sweep
+from rudc.evaluation.tasks import SweepPlan
+from rudc.files import make_folder
+from rudc.reporting.curves import draw_curves
+from rudc.reporting.text import MISSING, csv_text, markdown
+from rudc.scenario.model import Scenario
+from rudc.studies.base import (
+    Order,
+    Report,
+    in_distribution,
+    kinds_of_errors,
+    out_of_distribution,
+    write,
+)
+from rudc.studies.campaign import OUTSIDE, Campaign, Effort, Row, read_campaign
+from rudc.studies.claims import claims_markdown, judge
+from rudc.studies.curves import combine, curves, shortened
+from rudc.studies.outcomes import Outcomes
+from rudc.studies.seed_tables import (
+    Line,
+    iqm_markdown,
+    lines_of,
+    metrics_markdown,
+    pair_lines,
+    pairs_markdown,
+    paper_lines,
+    paper_markdown,
+)
+from rudc.studies.trained import Trained, Trainings, trainings_for
+from rudc.training.log_curves import read_training
+
+INSIDE = "in distribution"
+
+
+class Driver(NamedTuple):
+    """A trained agent in a row of the tables."""
+
+    row: Row
+    trained: Trained
+    agent: str
+
+
+class Ran(NamedTuple):
+    """What was driven."""
+
+    campaign: Campaign
+    rows: tuple[Row, ...]
+    """of the tables, whether they drove or not"""
+    effort: Effort
+    drivers: tuple[Driver, ...]
+    missing: tuple[str, ...]
+    """trainings that did not drive, and why"""
+    domains: Mapping[str, tuple[Scenario, ...]]
+    outcomes: Outcomes
+
+    @property
+    def places(self) -> dict[str, tuple[str, ...]]:
+        """Each task, and all scenarios out of distribution together -> their scenarios."""
+        tasks = {scenario.name: (scenario.name,) for scenario in self.domains[INSIDE]}
+        return {**tasks, OUTSIDE: tuple(scenario.name for scenario in self.domains[OUTSIDE])}
+
+
+def run(order: Order, progress: Callable[[str], Progress], name: str = "comparison") -> Report:
+    """The campaign of that name, as ordered."""
+    campaign = read_campaign(name)
+    rows = campaign.chosen(order.agents)
+    effort = campaign.budgets[order.budget].with_episodes(order.episodes)
+    make_folder(order.out)
+    order = replace(order, out=order.out.resolve())
+    wanted = list({row.wanted.name: row.wanted for row in rows}.values())
+    seeds = order.training_seeds or effort.seeds
+    trainings = trainings_for(wanted, seeds, order, effort.settings, progress)
+    drivers, missing = _drivers(rows, trainings)
+    if not drivers:
+        raise InputError(f"no agent to drive: {'; '.join(missing)}")
+    domains = {INSIDE: in_distribution(), OUTSIDE: out_of_distribution(order.budget)}
+    ran = Ran(campaign, rows, effort, tuple(drivers), tuple(missing), domains, Outcomes())
+    errors: list[str] = []
+    with trainings.named_from():
+        for driver in drivers:
+            for domain in domains:
+                errors += _drive(ran, driver, domain, order, progress)
+    return _report(ran, order.out, tuple(dict.fromkeys(errors)))
+
+
+def _drivers(rows: Sequence[Row], trainings: Trainings) -> tuple[list[Driver], list[str]]:
+    """Who drives, row after row, and what is missing. An agent that cannot be made as its row says (sigma by
+    route, of one that was never calibrated) is missing.
+    """
+    found, missing = [], list(trainings.missing)
+    with trainings.named_from():
+        for row in rows:
+            for trained in trainings.of(row.wanted.name):
+                driver = Driver(row, trained, row.agent(trained.agent))
+                try:
+                    make_agent(driver.agent)
+                except AgentError as error:
+                    missing.append(f"{row.name}-seed{trained.seed}: {error}")
+                else:
+                    found.append(driver)
+    return found, missing
+
+
+def _drive(
+    ran: Ran, driver: Driver, domain: str, order: Order, progress: Callable[[str], Progress]
+) -> tuple[str, ...]:
+    """One agent's sweep in one domain; what went wrong, once each."""
+    name = f"{driver.row.name}-seed{driver.trained.seed}"
+    episodes = ran.effort.episodes if domain == INSIDE else ran.effort.outside
+    plan = SweepPlan(ran.domains[domain], (driver.agent,), episodes, order.seed)
+    result = run_sweep(
+        plan,
+        order.out / "sweeps" / _folder(domain) / name,
+        partial(EpisodeRunner, folder=Path.cwd()),
+        workers=order.workers,
+        resume=order.resume,
+        progress=progress(f"{name}, {domain}"),
+    )
+    ran.outcomes.add(driver.row.name, driver.trained.seed, result.rows)
+    return kinds_of_errors(result.rows)
+
+
+def _folder(domain: str) -> str:
+    return domain.replace(" ", "_")
+
+
+def _report(ran: Ran, out: Path, errors: tuple[str, ...]) -> Report:
+    each = {scenario.name: (scenario.name,) for scenario in ran.domains[OUTSIDE]}
+    every = {**ran.places, **each}
+    lines = lines_of(ran.rows, ran.outcomes, every)
+    pairs = pair_lines(ran.rows, ran.campaign.reference, ran.outcomes, every)
+    papers = paper_lines(ran.campaign, ran.rows, lines)
+    verdicts = judge(ran.campaign, ran.outcomes, ran.places)
+    drawn, shortened = _curves(ran, out)
+    claims = claims_markdown(verdicts)
+    text = _page(ran, lines, pairs, papers, claims)
+    tables = {
+        "metrics.csv": lines,
+        "pairs.csv": pairs,
+        "against_paper.csv": papers,
+        "trainings.csv": _trainings(ran),
+        "claims.csv": [verdict._asdict() for verdict in verdicts],
+    }
+    files = [
+        write(out / f"{ran.campaign.name}.md", text),
+        *(write(out / name, csv_text(table)) for name, table in tables.items() if table),
+        write(out / "claims.md", claims),
+        *_episodes(ran, out),
+        *drawn,
+    ]
+    return Report(text, tuple(files), (*ran.missing, *shortened), errors)
+
+
+def _page(ran: Ran, lines: Sequence[Line], pairs: Sequence[Line], papers: Sequence[Line], claims: str) -> str:
+    """Everything to read, in one file."""
+    effort, reference = ran.effort, next(r for r in ran.campaign.rows if r.name == ran.campaign.reference)
+    parts = [
+        f"# Study {ran.campaign.name}\n",
+        f"{effort.episodes} episodes of each task, {effort.outside} of each of the "
+        f"{len(ran.domains[OUTSIDE])} scenarios out of distribution, for each training; the same for all. "
+        "`mean (std) [low, high]`: std over training seeds, 95 % interval over seeds and episodes "
+        "(rudc/evaluation/seeds.py).\n",
+        "## What drove\n",
+        _trainings_markdown(ran),
+    ]
+    for place in ran.places:
+        here = [line for line in lines if line["place"] == place]
+        tested = [pair for pair in pairs if pair["place"] == place]
+        beside = [line for line in papers if line["place"] == place]
+        parts += [f"## {place}\n", metrics_markdown(here)]
+        parts += ["Interquartile means:\n", iqm_markdown(here)]
+        if tested:
+            parts += [f"Against {reference.heading} in the same episodes (McNemar's p):\n"]
+            parts += [pairs_markdown(tested)]
+        if beside:
+            parts += ["Beside the paper's, which drove in another simulator:\n", paper_markdown(beside)]
+    return "\n".join([*parts, "## What the paper says\n", claims])
+
+
+def _trainings(ran: Ran) -> list[Line]:
+    """A line for each training that drove, and for each that is missing."""
+    drove = [
+        {
+            "row": driver.row.name,
+            "title": driver.row.heading,
+            "training_seed": driver.trained.seed,
+            "steps": driver.trained.steps,
+            "agent": driver.agent,
+            "missing": "",
+        }
+        for driver in ran.drivers
+    ]
+    absent = [text.partition(": ") for text in ran.missing]
+    return drove + [
+        {"row": name.rpartition("-seed")[0], "title": "", "training_seed": name.rpartition("-seed")[2],
+         "steps": "", "agent": "", "missing": reason}
+        for name, _, reason in absent
+    ]  # fmt: skip
+
+
+def _trainings_markdown(ran: Ran) -> str:
+    rows = []
+    for row in ran.rows:
+        own = [d.trained for d in ran.drivers if d.row == row]
+        stems = {f"{row.wanted.name}-seed", f"{row.name}-seed"}
+        absent = [t for t in ran.missing if t.partition(": ")[0].rstrip("0123456789") in stems]
+        steps = ", ".join(map(str, dict.fromkeys(t.steps for t in own)))
+        seeds = ", ".join(str(t.seed) for t in own)
+        rows.append([row.heading, row.name, seeds or "none", steps or MISSING, "; ".join(absent) or MISSING])
+    return markdown(["", "row", "training seeds", "decisions", "missing"], rows, left=5)
+
+
+def _episodes(ran: Ran, out: Path) -> list[Path]:
+    """The episodes of all rows, one file a domain."""
+    table, files = ran.outcomes.table(), []
+    for domain, scenarios in ran.domains.items():
+        names = {scenario.name for scenario in scenarios}
+        mine = [episode for episode in table if episode["scenario"] in names]
+        if mine:
+            make_folder(out / _folder(domain))
+            files.append(write(out / _folder(domain) / "episodes.csv", csv_text(mine)))
+    return files
+
+
+def _curves(ran: Ran, out: Path) -> tuple[list[Path], list[str]]:
+    """Of each training once, under the title of the first row that it stands in."""
+    titles = {row.wanted.name: row.heading for row in reversed(ran.rows)}
+    logs: dict[str, dict[str, Path]] = {}
+    for driver in ran.drivers:
+        title = titles[driver.trained.name]
+        logs.setdefault(title, {})[driver.trained.agent] = driver.trained.logs
+    read = {title: [read_training(folder) for folder in of.values()] for title, of in logs.items()}
+    lines = [line for title, members in read.items() for line in combine(title, members)]
+    if not lines:
+        return [], []
+    files = [write(out / "curves.csv", csv_text(lines)), draw_curves(curves(lines), out / "curves.png")]
+    return [*files, files[-1].with_suffix(".pdf")], shortened(read)

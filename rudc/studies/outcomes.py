@@ -1,0 +1,102 @@
+"""Episodes of a comparison: which row of the tables drove them, and with which training seed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from rudc.arrays import Array
+from rudc.evaluation.columns import COLUMNS, Metric, happened
+from rudc.evaluation.seeds import Cells, OverSeeds, Paired, over_seeds, paired_mean, paired_rate
+
+Episode = Mapping[str, str]
+"""a row of `episodes.csv`"""
+Key = tuple[int, str, str]
+"""what two rows of the tables must share to be compared: training seed, scenario, seed of the episode"""
+TRAINING_SEED = "training_seed"
+"""column that tells trainings of one row apart"""
+
+
+class Outcomes:
+    """What each row's trainings did in each episode."""
+
+    def __init__(self) -> None:
+        self._done: dict[str, dict[Key, Episode]] = {}
+        self._errors: dict[str, list[Key]] = {}
+
+    def add(self, row: str, training_seed: int, episodes: Iterable[Episode]) -> None:
+        """Take in what one training of a row drove."""
+        done, errors = self._done.setdefault(row, {}), self._errors.setdefault(row, [])
+        for episode in episodes:
+            key = (training_seed, episode["scenario"], episode["seed"])
+            if episode["error"]:
+                errors.append(key)
+            else:
+                done[key] = episode
+
+    def rows(self) -> tuple[str, ...]:
+        """Names of those that drove."""
+        return tuple(self._done)
+
+    def errors(self, row: str, scenarios: Sequence[str]) -> int:
+        """Episodes that could not be run."""
+        return sum(scenario in scenarios for _, scenario, _ in self._errors.get(row, ()))
+
+    def training_seeds(self, row: str) -> tuple[int, ...]:
+        """Of the trainings that drove, in order."""
+        return tuple(sorted({seed for seed, _, _ in self._done.get(row, {})}))
+
+    def over_seeds(self, row: str, metric: Metric, scenarios: Sequence[str]) -> OverSeeds:
+        """A metric of a row in these scenarios."""
+        return over_seeds(self._cells(row, metric, scenarios))
+
+    def _cells(self, row: str, metric: Metric, scenarios: Sequence[str]) -> Cells:
+        found: dict[tuple[int, str], list[float]] = {}
+        for (seed, scenario, _), episode in self._done.get(row, {}).items():
+            if scenario in scenarios:
+                found.setdefault((seed, scenario), []).append(value(metric, episode))
+        order = {name: k for k, name in enumerate(scenarios)}
+        cells = sorted(found.items(), key=lambda item: (item[0][0], order[item[0][1]]))
+        return {key: np.array(values) for key, values in cells}
+
+    def paired(self, row: str, than: str, metric: Metric, scenarios: Sequence[str]) -> Paired | None:
+        """By how much a row has more of a metric than another, in the episodes that trainings of one seed
+        drove for both; None if there are none.
+        """
+        ours, theirs = self._done.get(row, {}), self._done.get(than, {})
+        keys = [key for key in ours if key in theirs and key[1] in scenarios]
+        if not keys:
+            return None
+        if metric.outcomes:
+            new, old = ([happened(metric.name, m[key]["outcome"]) for key in keys] for m in (ours, theirs))
+            return paired_rate(new, old)
+        return paired_mean(*(np.array([value(metric, m[key]) for key in keys]) for m in (ours, theirs)))
+
+    def lead(self, row: str, than: Sequence[str], metric: Metric, scenarios: Sequence[str]) -> Array:
+        """(n,) by how much a row has more of a metric than the others have on average, in each episode that
+        trainings of one seed drove for all.
+        """
+        ours, others = self._done.get(row, {}), [self._done.get(name, {}) for name in than]
+        keys = [k for k in ours if k[1] in scenarios and all(k in other for other in others)]
+        mean = [float(np.mean([value(metric, other[k]) for other in others])) for k in keys]
+        return np.array([value(metric, ours[k]) for k in keys]) - np.array(mean)
+
+    def table(self) -> list[dict[str, str]]:
+        """All finished episodes as rows of `episodes.csv`: `agent` is the row's name, and the last column
+        tells trainings apart.
+        """
+        return [
+            {**{name: episode[name] for name in COLUMNS}, "agent": row, TRAINING_SEED: str(key[0])}
+            for row, episodes in self._done.items()
+            for key, episode in episodes.items()
+        ]
+
+
+def value(metric: Metric, episode: Episode) -> float:
+    """What one episode gives to a metric, 0 or 100 to a rate; nan where it is empty."""
+    if metric.outcomes:
+        return 100.0 * happened(metric.name, episode["outcome"])
+    text = episode[metric.column]
+    return metric.scale * float(text) if text else math.nan
