@@ -108,7 +108,8 @@ def study(
     typer.echo(report.table, nl=False)
     for text in report.notes:
         note(text)
-    note(f"in {out}: {', '.join(path.name for path in report.files)}")
+    names = [str(path.resolve().relative_to(out.resolve())) for path in report.files]
+    note(f"in {out}: {', '.join(names)}")
     if report.errors:
         note(f"some episodes failed, in {len(report.errors)} way(s); the first: {report.errors[0]}")
         note("--resume tries them again")

@@ -12,7 +12,9 @@ m_sk the mean of a cell, S seeds and K scenarios:
 Intervals, 95 %: the stratified percentile bootstrap of Agarwal et al. with one level more. Each of RESAMPLES
 times seeds are drawn with replacement, then, for each seed drawn and in each scenario, its episodes. With one
 seed only episodes are drawn, and the interval is about that training alone. Three seeds are few: such an
-interval is too narrow rather than too wide.
+interval is too narrow rather than too wide. That of a rate is at least as wide as Wilson's of all episodes
+together, since where nothing failed nothing else can be drawn. Where all draws are the same, any other mean,
+and any IQM, has no interval.
 
 Pairs: two agents in the same episodes, `Paired`. Rates: change with Bonett and Price's interval and McNemar's
 exact p; means: change with its bootstrap interval over pairs. Nothing is corrected for how many are compared.
@@ -26,8 +28,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rudc.arrays import Array
-from rudc.evaluation.statistics import SEED, bootstrap, mcnemar, paired_change
+from rudc.arrays import Array, Flags
+from rudc.evaluation.statistics import SEED, bootstrap, mcnemar, paired_change, wilson
 
 RESAMPLES = 2_000
 Cells = Mapping[tuple[int, str], Array]
@@ -65,8 +67,10 @@ class Paired(NamedTuple):
     """McNemar's, of a rate; nan for means"""
 
 
-def over_seeds(cells: Cells, resamples: int = RESAMPLES, seed: int = SEED) -> OverSeeds:
-    """Everything above, of the cells that have values. Seeds must have the same scenarios."""
+def over_seeds(
+    cells: Cells, resamples: int = RESAMPLES, seed: int = SEED, *, rate: bool = False
+) -> OverSeeds:
+    """Everything above, of the cells that have values: of a `rate` 0 or 100."""
     known = {key: values[~np.isnan(values)] for key, values in cells.items()}
     known = {key: values for key, values in known.items() if len(values)}
     if not known:
@@ -80,6 +84,8 @@ def over_seeds(cells: Cells, resamples: int = RESAMPLES, seed: int = SEED) -> Ov
     episodes = sum(map(len, known.values()))
     draws = _draws(known, seeds, scenarios, resamples, seed)
     ends = [_ends(np.nanmean(draws, axis=1), episodes), _ends(interquartile_mean(draws), episodes)]
+    if rate:
+        ends[0] = _at_least_wilsons(ends[0], np.concatenate(list(known.values())) > 0)
     middle = float(interquartile_mean(means.reshape(1, -1))[0])
     return OverSeeds(float(np.nanmean(means)), std, *ends[0], middle, *ends[1], len(seeds), episodes)
 
@@ -146,5 +152,13 @@ def _ends(draws: Array, episodes: int) -> tuple[float, float]:
     known = draws[~np.isnan(draws)]
     if episodes < 2 or not len(known):
         return math.nan, math.nan
+    if known.min() == known.max():
+        return math.nan, math.nan
     low, high = np.quantile(known, [0.025, 0.975])
     return round(float(low), 9), round(float(high), 9)
+
+
+def _at_least_wilsons(ends: tuple[float, float], happened: Flags) -> tuple[float, float]:
+    """In percent. The interval, or Wilson's where that reaches farther."""
+    low, high = wilson(int(happened.sum()), len(happened))
+    return float(np.fmin(ends[0], 100 * low)), float(np.fmax(ends[1], 100 * high))

@@ -50,7 +50,7 @@ def judge(campaign: Campaign, outcomes: Outcomes, places: Mapping[str, Sequence[
     found = []
     for claim in campaign.claims:
         if claim.rule == "gap":
-            found.append(_gap(claim, outcomes, places))
+            found.append(_gap(claim, outcomes, places, titles))
             continue
         rule = _first if claim.rule == "first" else _compared
         for where in claim.where:
@@ -64,7 +64,7 @@ def claims_markdown(verdicts: Sequence[Verdict]) -> str:
     """A table, and how the verdicts are reached."""
     rows = [[v.says, v.source, v.where, v.verdict, str(v.seeds or "–"), v.figures] for v in verdicts]
     table = markdown(["claim", "paper", "where", "here", "training seeds", "figures"], rows, left=6)
-    rules = (__doc__ or "").partition("\n")[2].strip()
+    rules = (__doc__ or "").partition("\n")[2].strip().replace("FROZEN", f"{FROZEN:g}")
     return f"{table}\nHow it is decided:\n\n```\n{rules}\n```\n"
 
 
@@ -92,7 +92,7 @@ def _first(
     sign = -1.0 if metric.better == "lower" else 1.0
     pairs: dict[str, Paired] = {}
     frozen = []
-    for other in claim.than or outcomes.rows():
+    for other in claim.than or titles:
         if other == claim.row or other in claim.without:
             continue
         pair = outcomes.paired(claim.row, other, metric, scenarios)
@@ -109,9 +109,9 @@ def _first(
     nearest = min(pairs, key=lambda other: sign * pairs[other].change)
     behind = [titles[o] for o, pair in pairs.items() if sign * pair.change < 0]
     level = [titles[o] for o, p in pairs.items() if titles[o] not in behind and _side(p) != sign]
-    figures = [f"{metric.name} {_change(pairs[nearest], metric)} against {titles[nearest]}, the next"]
+    figures = [f"{metric.name} {_change(pairs[nearest], metric)} against {titles[nearest]}, the nearest"]
     figures += [f"behind {', '.join(behind)}"] if behind else []
-    figures += [f"ahead of {', '.join(level)} by no clear change"] if level else []
+    figures += [f"not clearly apart from {', '.join(level)}"] if level else []
     figures += [f"not counted, they freeze: {', '.join(frozen)}"] if frozen else []
     others = {*claim.than} or titles.keys() - {claim.row, *claim.without}
     absent = [titles[name] for name in titles if name in others and name not in outcomes.rows()]
@@ -120,7 +120,9 @@ def _first(
     return (HELD if held else NOT_HELD), "; ".join(figures), tuple(pairs)
 
 
-def _gap(claim: Claim, outcomes: Outcomes, places: Mapping[str, Sequence[str]]) -> Verdict:
+def _gap(
+    claim: Claim, outcomes: Outcomes, places: Mapping[str, Sequence[str]], titles: Mapping[str, str]
+) -> Verdict:
     metric, where = METRIC[claim.metric], " < ".join(claim.where)
     there = [name for name in claim.than if name in outcomes.rows()]
     leads = [outcomes.lead(claim.row, there, metric, places.get(place, ())) for place in claim.where]
@@ -133,7 +135,7 @@ def _gap(claim: Claim, outcomes: Outcomes, places: Mapping[str, Sequence[str]]) 
     figures = (
         f"lead in {metric.name} {means[0]:.1f} and {means[1]:.1f}, change {shown}, over {len(there)} rows"
     )
-    left = [name for name in claim.than if name not in there]
+    left = [titles[name] for name in claim.than if name not in there]
     figures += f"; without {', '.join(left)}, which did not drive" if left else ""
     verdict = HELD if change - half > 0 else NOT_HELD
     return Verdict(claim.says, claim.source, where, verdict, figures, _seeds(outcomes, (claim.row, *there)))

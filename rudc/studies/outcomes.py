@@ -50,7 +50,7 @@ class Outcomes:
 
     def over_seeds(self, row: str, metric: Metric, scenarios: Sequence[str]) -> OverSeeds:
         """A metric of a row in these scenarios."""
-        return over_seeds(self._cells(row, metric, scenarios))
+        return over_seeds(self._cells(row, metric, scenarios), rate=bool(metric.outcomes))
 
     def _cells(self, row: str, metric: Metric, scenarios: Sequence[str]) -> Cells:
         found: dict[tuple[int, str], list[float]] = {}

@@ -3,7 +3,8 @@
 A training is called NAME-seedN, N its training seed, and is looked for in this order:
 
 1. in the folder of trainings (`--trainings DIR`; else `trainings` in the study's own folder),
-2. among the agents that are shipped (NAME, NAME-seedN), if it changes nothing of its algorithm's settings,
+2. among the agents that are shipped (NAME, NAME-seedN), if it changes nothing of its algorithm's settings
+   and the shipped one learnt with those that are the default now,
 3. where no folder of trainings was named, it is trained, for as long as the budget says. One that was cut off
    goes on from its checkpoint.
 
@@ -25,6 +26,7 @@ from rudc.errors import InputError
 from rudc.files import make_folder
 from rudc.hints import install_command
 from rudc.studies.base import Order
+from rudc.training.config import TrainConfig
 
 Tell = Callable[[str], object]
 
@@ -138,8 +140,8 @@ def _at(tree: Any, key: str) -> Any:
     return tree
 
 
-def _shipped(want: Wanted, seed: int, steps: int | None) -> Trained | None:
-    """A shipped one, of so many steps if that matters."""
+def _shipped(want: Wanted, seed: int, steps: int | None) -> Trained | str | None:
+    """A shipped one, of so many steps if that matters; or why it cannot be taken; None if there is none."""
     for name in (f"{want.name}-seed{seed}", want.name):
         folder = shipped_checkpoints().get(name)
         if folder is None:
@@ -148,6 +150,8 @@ def _shipped(want: Wanted, seed: int, steps: int | None) -> Trained | None:
         done = int(learnt.trained["steps"])
         if (learnt.config.algorithm, learnt.training["seed"]) != (want.algorithm, seed):
             continue
+        if learnt.config.learner != TrainConfig.of(want.algorithm).learner:
+            return f"no training, and the shipped {name} learnt with settings that are no longer the default"
         if steps is None or steps == done:
             return Trained(want.name, seed, name, folder, done)
     return None
@@ -161,7 +165,6 @@ def _train(
             f"training {want} needs torch: {install_command('train')}; or name trainings made before: "
             "--trainings DIR"
         )
-    from rudc.training.config import TrainConfig
     from rudc.training.trainer import train
 
     changes = {**settings, **want.changes, "training.seed": seed}
@@ -174,8 +177,6 @@ def _train(
 
 def _fitting(settings: Mapping[str, Any], want: Wanted) -> dict[str, Any]:
     """Without what has no effect on learners that state no sigma."""
-    from rudc.training.config import TrainConfig
-
     states = "sigma" in TrainConfig.of(want.algorithm, want.changes).learner.offers
     return {k: v for k, v in settings.items() if states or k != "training.calibration_episodes"}
 

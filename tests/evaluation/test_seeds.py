@@ -72,7 +72,18 @@ def test_spread_of_trainings_and_of_episodes_add_up():
 def test_scenarios_count_the_same_and_are_not_drawn():
     """Two scenarios without spread inside, however many episodes each has: no interval but a point."""
     found = over_seeds({(0, "fog"): np.full(90, 80.0), (0, "ice"): np.full(10, 20.0)})
-    assert (found.mean, found.low, found.high) == (50.0, 50.0, 50.0)
+    assert found.mean == 50.0
+    assert math.isnan(found.low)
+
+
+def test_a_rate_is_never_a_point():
+    """Where nothing failed, nothing else can be drawn: Wilson's interval of all episodes together."""
+    cells = {(s, "fog"): np.full(20, 100.0) for s in (0, 1)}
+    found = over_seeds(cells, rate=True)
+    theirs = stats.binomtest(40, 40).proportion_ci(0.95, method="wilson")
+    np.testing.assert_allclose((found.low, found.high), (100 * theirs.low, 100.0))
+    wide = over_seeds({(0, "fog"): np.full(20, 100.0), (1, "fog"): np.zeros(20)}, rate=True)
+    assert (wide.low, wide.high) == (0.0, 100.0)  # the bootstrap's: two trainings that have nothing in common
 
 
 def test_the_same_every_time_and_nothing_of_nothing():

@@ -44,6 +44,8 @@ def test_those_of_the_folder_come_before_the_shipped_and_none_is_made(tmp_path):
     with found.named_from():
         make_agent("./rudc-t-seed1:outlook.course=false")
     assert not (tmp_path / "out").exists()
+    old = trainings_for([Wanted("rudc-wo-cbf", "rudc-wo-cbf")], (0,), order, STEPS, said)
+    assert "no longer the default" in old.missing[0]  # three members, ten now
 
 
 def test_a_training_that_is_another_is_refused(tmp_path):

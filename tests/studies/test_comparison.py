@@ -1,0 +1,212 @@
+"""Comparisons of trainings: their files, their tables and claims, and one from training to tables."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rudc.evaluation.paper
+from rudc.errors import InputError
+from rudc.evaluation.columns import COLUMNS
+from rudc.evaluation.folder import read_sweep
+from rudc.evaluation.store import read_table
+from rudc.evaluation.sweep import Silent
+from rudc.evaluation.tables import make_table
+from rudc.studies import comparison
+from rudc.studies.base import Order
+from rudc.studies.campaign import METRIC, OUTSIDE, Campaign, Effort, Row, read_campaign
+from rudc.studies.claims import HELD, NOT_HELD, NOT_MEASURED, Verdict, claims_markdown, judge
+from rudc.studies.outcomes import Outcomes
+from rudc.studies.seed_tables import lines_of, metrics_markdown, pair_lines, paper_lines
+
+PAPER = Path(rudc.evaluation.paper.__file__).with_name("paper.csv")
+FOG = {"fog": ("fog",)}
+
+
+def drove(outcomes: Outcomes, row: str, ends: str, *, seed: int = 0, scenario: str = "fog", speed: float = 6):
+    """Take in a training whose episodes ended in s(uccess), f(rozen), c(ollision) or e(rror)."""
+    words = {"s": "success", "f": "frozen", "c": "collision", "e": ""}
+    outcomes.add(
+        row,
+        seed,
+        [
+            {
+                **dict.fromkeys(COLUMNS, "1"),
+                "scenario": scenario,
+                "seed": str(k),
+                "outcome": words[end],
+                "error": "no" if end == "e" else "",
+                "mean_speed_mps": str(speed + 0.01 * (k % 3)),
+            }
+            for k, end in enumerate(ends)
+        ],
+    )
+
+
+def campaign(*claims: dict) -> Campaign:
+    """Rows rudc-t, sac, dsac and usl."""
+    rows = [{"name": n, "algorithm": n} for n in ("sac", "dsac", "usl", "rudc-t")]
+    values = {"paper": "comparison", "reference": "rudc-t", "rows": rows, "budgets": {}}
+    source = {"says": "it does", "source": "Sec. X", "where": ("fog",)}
+    return Campaign.model_validate({"name": "x", **values, "claims": [{**source, **c} for c in claims]})
+
+
+def verdicts(outcomes: Outcomes, *claims: dict) -> list[Verdict]:
+    return judge(campaign(*claims), outcomes, FOG)
+
+
+@pytest.mark.parametrize("name", ["comparison", "ablation"])
+def test_a_campaign_has_every_row_of_the_papers_table(name):
+    found = read_campaign(name)
+    text = PAPER.read_text(encoding="utf-8").splitlines()
+    theirs = {row["agent"] for row in csv.DictReader(text) if row["table"] == name}
+    assert {row.in_paper for row in found.rows if row.in_paper} == theirs
+    assert list(found.budgets) == ["quick", "full", "paper"]
+    settings = [found.budgets[budget].settings for budget in ("quick", "full")]
+    assert settings[0]["training.steps"] < settings[1]["training.steps"] == 100_000
+
+
+def test_rows_are_chosen_by_name_and_drive_as_they_say():
+    found = read_campaign("ablation")
+    (row,) = found.chosen(("rudc-t-wo-course",))
+    assert row.wanted.name == "rudc-t"
+    assert row.agent("./rudc-t-seed0") == "./rudc-t-seed0:outlook.course=false"
+    own = next(r for r in found.rows if r.name == "rudc-t-wo-priors")
+    assert (own.wanted.name, own.in_paper) == ("rudc-t-wo-priors", "")
+    with pytest.raises(InputError, match="did you mean 'rudc-t'"):
+        found.chosen(("rudct",))
+    assert Effort(seeds=(0,), steps=1, episodes=100, outside=10).with_episodes(25).outside == 3
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"row": "sac", "metric": "VR", "rule": "more"}, "needs `than`"),
+        ({"row": "sak", "metric": "VR", "rule": "first"}, "no row 'sak'"),
+        ({"row": "sac", "metric": "SR", "rule": "gap", "than": ("usl",)}, "two places"),
+    ],
+)
+def test_a_claim_that_cannot_be_judged_is_refused(values, said):
+    with pytest.raises(ValueError, match=said):
+        campaign(values)
+
+
+def test_rows_are_compared_in_the_episodes_and_training_seeds_that_both_have():
+    outcomes = Outcomes()
+    drove(outcomes, "rudc-t", "s" * 30)
+    drove(outcomes, "rudc-t", "s" * 30, seed=1)
+    drove(outcomes, "sac", "c" * 20 + "s" * 9 + "e")
+    pair = outcomes.paired("sac", "rudc-t", METRIC["VR"], ("fog",))
+    assert pair is not None
+    assert (pair.pairs, pair.more, pair.less) == (29, 20, 0)
+    assert pair.change == pytest.approx(100 * 20 / 29)
+    assert outcomes.paired("sac", "dsac", METRIC["VR"], ("fog",)) is None
+    assert outcomes.errors("sac", ("fog",)) == 1
+    assert outcomes.over_seeds("rudc-t", METRIC["SR"], ("fog",)).seeds == 2
+    lead = outcomes.lead("rudc-t", ("sac",), METRIC["SR"], ("fog",))
+    assert np.bincount(lead.astype(int), minlength=101)[[0, 100]].tolist() == [9, 20]
+
+
+def test_claims_of_more_and_less():
+    outcomes = Outcomes()
+    drove(outcomes, "rudc-t", "s" * 40)
+    drove(outcomes, "sac", "c" * 15 + "s" * 25)
+    drove(outcomes, "dsac", "c" * 1 + "s" * 39)
+    more = {"rule": "more", "metric": "VR", "than": ["rudc-t"]}
+    found = verdicts(
+        outcomes,
+        {**more, "row": "sac"},
+        {**more, "row": "dsac"},
+        {**more, "row": "usl"},
+        {"rule": "less", "row": "rudc-t", "metric": "VR", "than": ["sac"]},
+        {"rule": "less", "row": "sac", "metric": "VR", "than": ["rudc-t"]},
+    )
+    assert [v.verdict for v in found] == [HELD, NOT_HELD, NOT_MEASURED, HELD, NOT_HELD]
+    assert found[0].figures.startswith("VR +37.5 [")
+    assert (found[0].seeds, found[2].figures) == (1, "no episodes of USL")
+
+
+def test_the_first_is_clear_of_all_that_drive():
+    outcomes = Outcomes()
+    drove(outcomes, "rudc-t", "s" * 50)
+    drove(outcomes, "sac", "c" * 20 + "s" * 30)
+    drove(outcomes, "usl", "f" * 50)
+    first = {"rule": "first", "row": "rudc-t", "metric": "VR"}
+    (alone,) = verdicts(outcomes, first)
+    assert alone.verdict == HELD
+    assert "they freeze: USL" in alone.figures
+    assert "without DSAC, which did not drive" in alone.figures
+    drove(outcomes, "dsac", "s" * 50)
+    (level,) = verdicts(outcomes, first)
+    assert (level.verdict, "not clearly apart from DSAC" in level.figures) == (NOT_HELD, True)
+    (left_out,) = verdicts(outcomes, {**first, "without": ["dsac"]})
+    assert left_out.verdict == HELD
+    (behind,) = verdicts(outcomes, {**first, "row": "sac", "metric": "SR"})
+    assert "behind DSAC, RUDC-T" in behind.figures
+    (frozen,) = verdicts(outcomes, {**first, "row": "usl"})
+    assert (frozen.verdict, "freezes itself" in frozen.figures) == (NOT_HELD, True)
+
+
+def test_a_gap_is_larger_where_the_leads_differ_clearly():
+    outcomes = Outcomes()
+    for scenario, failed in (("fog", 2), ("ice", 30)):
+        drove(outcomes, "rudc-t", "s" * 60, scenario=scenario)
+        drove(outcomes, "sac", "c" * failed + "s" * (60 - failed), scenario=scenario)
+    gap = {"rule": "gap", "row": "rudc-t", "metric": "SR", "than": ["sac", "dsac"]}
+    places = {"fog": ("fog",), "ice": ("ice",)}
+    (wider,) = judge(campaign({**gap, "where": ("fog", "ice")}), outcomes, places)
+    assert (wider.verdict, "without DSAC" in wider.figures) == (HELD, True)
+    (narrower,) = judge(campaign({**gap, "where": ("ice", "fog")}), outcomes, places)
+    assert narrower.verdict == NOT_HELD
+    (nowhere,) = judge(campaign({**gap, "where": ("fog", "rain")}), outcomes, places)
+    assert nowhere.verdict == NOT_MEASURED
+    assert "20 % of the episodes" in claims_markdown([wider])
+
+
+def test_a_row_without_episodes_stands_in_the_tables_as_missing():
+    outcomes = Outcomes()
+    drove(outcomes, "sac", "s" * 9 + "c", scenario="random_destination")
+    drove(outcomes, "sac", "s" * 10, scenario="random_destination", seed=1)
+    rows = (Row(name="sac", algorithm="sac"), Row(name="usl", algorithm="usl"))
+    place = {"random_destination": ("random_destination",)}
+    lines = lines_of(rows, outcomes, place)
+    assert (lines[0]["SR_mean"], lines[0]["SR_std"]) == pytest.approx((95.0, 50**0.5))
+    sac, usl = metrics_markdown(lines).splitlines()[2:]
+    assert "95.0 (7.1) [" in sac
+    assert usl.count("–") == 9
+    beside = paper_lines(read_campaign("comparison"), rows, lines)
+    sources = [(m["title"], m["source"]) for m in beside]
+    assert sources == [("SAC", "ours"), ("SAC", "paper"), ("USL", "ours"), ("USL", "paper")]
+    assert beside[1]["SR_mean"] == 75.4
+    assert not pair_lines(rows, "usl", outcomes, place)
+
+
+@pytest.mark.slow
+def test_from_training_to_tables_at_the_quick_budget(tmp_path, monkeypatch):
+    """And the same again with --resume; trainings made before are taken, and what is missing is said."""
+    monkeypatch.setattr("rudc.evaluation.manifest.code_version", lambda: "v0")
+    order = Order(tmp_path / "a", agents=("sac", "rudc-t"), episodes=1, budget="quick")
+    report = comparison.run(order, lambda _: Silent())
+    assert not report.errors
+    steps = {(m["row"], m["steps"]) for m in read_table(tmp_path / "a" / "trainings.csv")}
+    assert steps == {("sac", "1000"), ("rudc-t", "1000")}
+    metrics = read_table(tmp_path / "a" / "metrics.csv")
+    assert {m["place"] for m in metrics} > {"random_destination", "dense_left_turn", OUTSIDE}
+    for name in ("curves.png", "curves.pdf", "claims.md", "against_paper.csv", "pairs.csv"):
+        assert (tmp_path / "a" / name).stat().st_size > 100
+    rows, parameters = read_sweep(tmp_path / "a" / "in_distribution")
+    assert parameters == ("training_seed",)
+    table = make_table(rows, ("scenario", "agent"), against="paper")
+    assert table.index("| sac ") < table.index("| SAC (paper) ")
+    again = comparison.run(
+        Order(tmp_path / "a", ("sac", "rudc-t"), episodes=1, budget="quick", resume=True), lambda _: Silent()
+    )
+    assert again == report
+    made = tmp_path / "a" / "trainings"
+    few = Order(tmp_path / "b", ("sac", "usl"), episodes=1, budget="quick", trainings=made)
+    other = comparison.run(few, lambda _: Silent())
+    assert other.notes[0] == "usl-seed0: no training"
+    assert "usl-seed0: no training" in other.table
+    with pytest.raises(InputError, match="no agent to drive: usl-seed0"):
+        comparison.run(Order(tmp_path / "c", ("usl",), budget="quick", trainings=made), lambda _: Silent())
