@@ -31,22 +31,32 @@ def _register() -> None:
 
 
 class _Waiting(MetaPathFinder):
-    """Stands aside at the first import of gymnasium, and registers when that is done."""
+    """Stands aside until gymnasium has been imported, and registers when that is done.
+
+    Others may ask for gymnasium's specification (`importlib.util.find_spec`) long before anybody imports it.
+    """
+
+    _asking = False
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
         """gymnasium's own specification, which registers in the end; None for all others."""
-        if fullname != "gymnasium":
+        if fullname != "gymnasium" or self._asking:
             return None
-        sys.meta_path.remove(self)
-        found = importlib.util.find_spec(fullname)
+        self._asking = True
+        try:
+            found = importlib.util.find_spec(fullname)
+        finally:
+            self._asking = False
         if found is None or found.loader is None:
             return found
         execute = found.loader.exec_module
 
         def execute_and_register(module: ModuleType) -> None:
             execute(module)
+            if self in sys.meta_path:
+                sys.meta_path.remove(self)
             _register()
 
         found.loader.exec_module = execute_and_register

@@ -9,7 +9,14 @@ ASK = "print('rudc/Intersection-v0' in gymnasium.registry)"
 
 
 @pytest.mark.parametrize(
-    "first", ["import rudc, gymnasium", "import gymnasium, rudc", "import rudc, gymnasium.spaces, gymnasium"]
+    "first",
+    [
+        "import rudc, gymnasium",
+        "import gymnasium, rudc",
+        "import rudc, gymnasium.spaces, gymnasium",
+        # as TorchRL does: looks whether gymnasium is installed, twice, and imports it later
+        "import rudc, importlib.util as u; u.find_spec('gymnasium'), u.find_spec('gymnasium'); import gymnasium",
+    ],
 )
 def test_the_id_is_there_in_either_order(first):
     result = subprocess.run(

@@ -7,6 +7,7 @@ import sys
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.utils.env_checker import check_env
 
 import rudc
 from rudc.world.isolated import IsolatedWorld
@@ -63,6 +64,30 @@ def test_a_dropped_environment_releases_its_world():
     gc.collect()
     env.reset(seed=0)
     env.close()
+
+
+def test_a_cell_of_a_notebook_runs_as_often_as_one_likes():
+    cell = (
+        "import gymnasium, rudc\n"
+        "env = gymnasium.make(rudc.ENV_ID, render_mode='rgb_array')\n"
+        "env.reset(seed=0)\n"
+        "frame = (env.step(env.action_space.sample()), env.render())[1]\n"
+    )
+    names = {}
+    for _ in range(3):
+        exec(cell, names)
+        assert names["frame"].shape == (600, 600, 3)
+    names["env"].close()
+
+
+def test_a_second_environment_passes_gymnasiums_checks_rendering_included():
+    first = gymnasium.make(rudc.ENV_ID)
+    first.reset(seed=0)
+    second = gymnasium.make(rudc.ENV_ID, render_mode="rgb_array")
+    check_env(second.unwrapped)
+    assert isinstance(second.unwrapped.episode.world, IsolatedWorld)
+    second.close()
+    first.close()
 
 
 def test_closed_and_reset_again():
