@@ -14,8 +14,8 @@ ASK = "print('rudc/Intersection-v0' in gymnasium.registry)"
         "import rudc, gymnasium",
         "import gymnasium, rudc",
         "import rudc, gymnasium.spaces, gymnasium",
-        # as TorchRL does: looks whether gymnasium is installed, twice, and imports it later
-        "import rudc, importlib.util as u; u.find_spec('gymnasium'), u.find_spec('gymnasium'); import gymnasium",
+        # as TorchRL does: looks whether gymnasium is installed, and imports it later
+        "import rudc, importlib.util; importlib.util.find_spec('gymnasium'); import gymnasium",
     ],
 )
 def test_the_id_is_there_in_either_order(first):

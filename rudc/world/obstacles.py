@@ -1,4 +1,5 @@
-"""Things that a file has stand in the same place, or where the ego starts, as far as the file alone says so.
+"""Things that a file has stand in the same place, or where the ego starts, and boxes beside the road that
+reach onto it, as far as the file alone says so.
 
 The events are played on a stage on which nothing moves, and what they would have stand there is noted. Only
 those are played whose places are fixed numbers; what is drawn is looked at when the episode is set up.
@@ -22,7 +23,15 @@ from rudc.scenario.events import Event, effect_of
 from rudc.scenario.events.stage import Body, XYHeading
 from rudc.scenario.problems import Problem
 from rudc.scenario.triggers import Selector
-from rudc.world.events.places import NetworkStage, Standing, overlapped, size_of
+from rudc.world.events.places import (
+    ON_THE_ROAD,
+    NetworkStage,
+    Standing,
+    overlapped,
+    reaches_onto_road,
+    said,
+    size_of,
+)
 from rudc.world.spawn import MARGIN_M
 
 if TYPE_CHECKING:
@@ -43,6 +52,8 @@ class _Site(NetworkStage):
         self.network, self.route = network, route
         self.unlawful = set()
         self.found: list[Standing] = []
+        self.hiding: list[tuple[XYHeading, tuple[float, float]]] = []
+        """place and size (m) of the boxes that hide what is behind them"""
 
     @property
     def time_s(self) -> float:
@@ -82,7 +93,8 @@ class _Site(NetworkStage):
 
     def remove_things(self, event: str) -> None: ...
 
-    def hide_behind(self, place: XYHeading, size: tuple[float, float]) -> None: ...
+    def hide_behind(self, place: XYHeading, size: tuple[float, float]) -> None:
+        self.hiding.append((place, size))
 
     def set_noise(self, position: float, speed: float, heading: float) -> None: ...
 
@@ -98,33 +110,35 @@ class _Site(NetworkStage):
 def in_the_way(
     network: Network, movements: Sequence[Movement], ego: Ego, events: Mapping[int, Event]
 ) -> list[Problem]:
-    """What stands where something else does on some of the routes that the ego may be given, and what stands
-    too close to its start on all of them."""
+    """What stands where something else does on some of the routes that the ego may be given, what stands
+    too close to its start on all of them, and what is to hide things beside the road but reaches onto it."""
     placed = [event for event in events.values() if _is_placed(event)]
     if not placed:
         return []
     if not isinstance(ego.distance, Constant) and not any(map(_follows_ego, placed)):
         movements = movements[:1]
     overlaps: list[Problem] = []
+    boxes: dict[Path, Problem] = {}
     starts: list[dict[Path, Problem]] = []
     for movement in movements:
         route = network.route(movement.origin, movement.destination)
+        for i, event in events.items():
+            boxes = {**_boxes_on_the_road(network, route, i, event), **boxes}
         things = [thing for i, event in events.items() for thing in _standing(network, route, i, event)]
-        overlaps += _overlaps(things)
+        overlaps += _overlaps(network, things)
         starts.append(
             {path: p for path, event, thing in things for p in _at_start(route, ego, path, event, thing)}
         )
     always = [p for path, p in starts[0].items() if all(path in start for start in starts)] if starts else []
-    return [*dict.fromkeys(overlaps), *always]
+    return [*dict.fromkeys(overlaps), *always, *boxes.values()]
 
 
-def _overlaps(things: list[_Thing]) -> list[Problem]:
+def _overlaps(network: Network, things: list[_Thing]) -> list[Problem]:
     found = []
     for k, (path, event, thing) in enumerate(things):
         earlier = {other.name: at for at, before, other in things[:k] if _at_once(before, event)}
         for other in overlapped(thing, [other for _, _, other in things[:k] if other.name in earlier]):
-            x, y, _ = thing.place
-            where = f"stands where {dotted(earlier[other.name])} stands, at ({x:.1f}, {y:.1f}) m"
+            where = f"stands where {dotted(earlier[other.name])} stands, {said(network, thing.place)}"
             found.append(Problem(path, f"{where}; move one of them"))
     return found
 
@@ -143,30 +157,47 @@ def _at_start(route: Route, ego: Ego, path: Path, event: Event, thing: Standing)
 
 
 def _is_placed(event: Event) -> bool:
-    """Whether it may have a body, in places that are not drawn."""
-    names = [name for name in type(event).model_fields if name != "when"]
-    return not effect_of(event, event.kind).felt and all(_is_fixed(getattr(event, name)) for name in names)
+    """Whether its places, if it has any, are not drawn."""
+    return all(_is_fixed(getattr(event, name)) for name in type(event).model_fields if name != "when")
 
 
 def _follows_ego(event: Event) -> bool:
     """Whether it stands on a lane that is about the ego."""
-    return any(getattr(part, "lane", None) in EGO_LANES for part in (event, *getattr(event, "vehicles", ())))
+    parts = (event, *getattr(event, "vehicles", ()), *getattr(event, "boxes", ()))
+    return any(getattr(part, "lane", None) in EGO_LANES for part in parts)
+
+
+def _played(network: Network, route: Route, i: int, event: Event) -> _Site | None:
+    """A stage on which an event has begun; None where its places are drawn or are not there."""
+    if not _is_placed(event):
+        return None
+    site = _Site(network, route)
+    try:
+        effect_of(event, f"{event.kind}{i}").begin(site)
+    except NetworkError:
+        return None  # said elsewhere
+    return site
 
 
 def _standing(network: Network, route: Route, i: int, event: Event) -> Iterator[_Thing]:
-    """What an event has stand on the road and where the file says so; nothing where that is drawn."""
-    if not _is_placed(event):
-        return
-    effect = effect_of(event, f"{event.kind}{i}")
-    site = _Site(network, route)
-    try:
-        effect.begin(site)
-    except NetworkError:
-        return  # said elsewhere
+    """What an event has stand on the road, and where the file says so."""
+    site = None if effect_of(event, event.kind).felt else _played(network, route, i, event)
     parts: Any = getattr(event, "vehicles", ())
-    for thing in site.found:
+    for thing in site.found if site is not None else ():
         k = int(thing.name.rpartition(":")[2])
         yield ("events", i, *(("vehicles", k) if k < len(parts) else ())), event, thing
+
+
+def _boxes_on_the_road(network: Network, route: Route, i: int, event: Event) -> dict[Path, Problem]:
+    """Where the file says of a box that it hides things, which it may only do beside the road."""
+    boxes: Any = getattr(event, "boxes", ())
+    site = _played(network, route, i, event) if boxes else None
+    found = {}
+    for k, (place, size) in enumerate(site.hiding if site is not None else ()):
+        path: Path = ("events", i, "boxes", k)
+        if reaches_onto_road(network, place, size):
+            found[path] = Problem(path, f"{said(network, place)}: {ON_THE_ROAD}")
+    return found
 
 
 def _is_fixed(value: Any) -> bool:

@@ -2,11 +2,15 @@
 
 import re
 import textwrap
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from rudc.errors import ScenarioError
 from rudc.evaluation.preflight import try_out
+from rudc.network.build import build_network
+from rudc.network.network import load_network
 from rudc.scenario import load_scenario, shipped_scenarios
 from rudc.scenario.distributions import distribution
 from rudc.world.fitting import likely, misfits
@@ -162,6 +166,36 @@ def test_what_stands_in_the_same_place_is_refused_with_both_places(problems):
         "6:5: events.1: stands where events.0.vehicles.1 stands, ...",
         "8:5: events.3: stands 0.0 m from where the ego starts (ego.distance); 2 m are needed",
     )
+
+
+def test_a_box_that_hides_things_may_not_reach_onto_the_road(problems):
+    found = problems("""
+        name: a
+        events:
+          - kind: occlusion
+            boxes: [{position: [-16, -16], size: [8, 8]}, {position: [1, 1], size: [3, 3]}]
+          - kind: occlusion
+            boxes: [{lane: ego_in, at: 30, size: [3, 3]}]
+        sweep: {traffic.density: [10, 20]}
+        """)
+    check(
+        found,
+        "4:51: events.0.boxes.1: at (1.0, 1.0) m: it reaches onto the road; ...",
+        "6:13: events.1.boxes.0: at (...) m: it reaches onto the road; ...",
+    )
+
+
+def test_places_are_said_as_files_count_them(problems, tmp_path):
+    """From the junction's centre, wherever the network has its origin."""
+    sources = Path(__file__).parents[2] / "examples" / "osm_crossing"
+    built = build_network(sources, tmp_path / "crossing.net.xml")
+    assert np.linalg.norm(load_network(str(built)).center) > 100
+    found = problems("""
+        name: a
+        network: crossing.net.xml
+        events: [{kind: accident, vehicles: [{position: [2, -3]}, {position: [2, -3]}]}]
+        """)
+    check(found, "3:59: events.0.vehicles.1: stands where ... stands, at (2.0, -3.0) m; move one of them")
 
 
 def test_places_that_are_drawn_are_looked_at_when_the_episode_is_set_up(problems, tmp_path):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rudc.arrays import Array
-from rudc.geometry import rectangle_gaps
+from rudc.geometry import rectangle_corners, rectangle_gaps
 from rudc.scenario.events.stage import Body, Stage, XYHeading
 from rudc.world.traffic import VEHICLE_TYPES
 
@@ -22,6 +22,8 @@ ROADSIDE_M = 1.5
 """m beyond the road's edge where a pedestrian starts and ends"""
 BEYOND_M = 80.0
 """m that a wrong-way driver goes straight on beyond its lane"""
+ON_THE_ROAD = "it reaches onto the road; move it beside the road, or use `accident` for what stands on it"
+"""what is wrong with a box that is to hide what is beside the road"""
 TOUCH_M = 0.01
 """m by which things that stand may overlap: they touch"""
 
@@ -87,6 +89,19 @@ def overlapped(new: Standing, others: Sequence[Standing]) -> list[Standing]:
         *new.place, length - TOUCH_M, width - TOUCH_M, places[:, :2], places[:, 2], sizes - TOUCH_M
     )
     return [other for other, gap in zip(others, gaps, strict=True) if gap == 0.0]
+
+
+def said(network: Network, place: XYHeading) -> str:
+    """A place as scenario files count it, from the junction's centre."""
+    x, y = (float(value) for value in np.array(place[:2]) - network.center)
+    return f"at ({x:.1f}, {y:.1f}) m"
+
+
+def reaches_onto_road(network: Network, place: XYHeading, size: tuple[float, float]) -> bool:
+    """Whether a corner, or the middle, of a rectangle with length and width `size` (m) is on the road."""
+    x, y, heading = place
+    corners = rectangle_corners(np.array([x, y]), np.array(heading), np.array(size))
+    return bool(network.surface.signed_distance(np.vstack([corners, [(x, y)]])).max() > 0)
 
 
 def size_of(body: Body) -> tuple[float, float]:

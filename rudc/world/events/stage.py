@@ -13,7 +13,15 @@ from rudc.errors import SimulationError
 from rudc.geometry import rectangle_corners
 from rudc.scenario.events.stage import Body, XYHeading
 from rudc.world.ego import GRAVITY
-from rudc.world.events.places import NetworkStage, Standing, overlapped, size_of
+from rudc.world.events.places import (
+    ON_THE_ROAD,
+    NetworkStage,
+    Standing,
+    overlapped,
+    reaches_onto_road,
+    said,
+    size_of,
+)
 from rudc.world.events.selection import pick
 from rudc.world.props import Prop, standing
 from rudc.world.scene import Kind, Scene
@@ -113,7 +121,7 @@ class WorldStage(NetworkStage):
         for other in overlapped(new, [_as_standing(prop) for prop in self.props if not prop.moves]):
             raise SimulationError(
                 f"{other.name} and {name} (the event's kind and number: the thing's) would stand in the same "
-                f"place, at ({x:.1f}, {y:.1f}) m; move one of them"
+                f"place, {said(self.network, place)}; move one of them"
             )
         self.props.append(standing(name, Kind[body.upper()], x, y, heading, length, width))
         corners = rectangle_corners(np.array([x, y]), np.array(heading), np.array([length, width]))
@@ -144,13 +152,8 @@ class WorldStage(NetworkStage):
                 self.sumo.remove(name)
 
     def hide_behind(self, place: XYHeading, size: tuple[float, float]) -> None:
-        x, y, heading = place
-        corners = rectangle_corners(np.array([x, y]), np.array(heading), np.array(size))
-        if self.network.surface.signed_distance(np.vstack([corners, [(x, y)]])).max() > 0:
-            raise SimulationError(
-                f"an occlusion box at ({x:.1f}, {y:.1f}) m reaches onto the road; "
-                "move it beside the road, or use `accident` for what stands on it"
-            )
+        if reaches_onto_road(self.network, place, size):
+            raise SimulationError(f"an occlusion box {said(self.network, place)}: {ON_THE_ROAD}")
         self.sensors.occluders = np.vstack([self.sensors.occluders, [(*place, *size)]])
 
     # ---- the ego
