@@ -69,9 +69,8 @@ def _in_line(scene: Scene, stage: WorldStage, rng: np.random.Generator, ahead: b
     for row in found:
         reach = abs(route.path.project(*scene.position[row].tolist())[0] - scene.ego_s)
         gap = reach - 0.5 * (scene.vehicle.length + float(scene.size[row, 0]))
-        before_stop_line = scene.path_s[row] < scene.network.paths.stop_s[scene.path[row]]
         room = min(room, gap)
-        if gap < APART_M + NEAR_S * v and before_stop_line:
+        if gap < APART_M + NEAR_S * v and _can_take_part(scene, stage, row, ahead=ahead):
             if ahead:
                 stage.traffic.redirect(scene.ids[row], route.origin, route.destination)
             stage.sumo.keep_lane(scene.ids[row])
@@ -87,6 +86,14 @@ def _in_line(scene: Scene, stage: WorldStage, rng: np.random.Generator, ahead: b
     name = stage.traffic.add(stage.network.movement(route.origin, route.destination), place, kind, v)
     stage.sumo.keep_lane(name)
     return [name]
+
+
+def _can_take_part(scene: Scene, stage: WorldStage, row: int, ahead: bool) -> bool:
+    """Whether a neighbour is before its stop line; a leader that reaches beyond it cannot change its route."""
+    to_stop = float(scene.network.paths.stop_s[scene.path[row]] - scene.path_s[row])
+    driver, route = stage.traffic.drivers[scene.ids[row]], scene.route
+    same = (driver.origin, driver.destination) == (route.origin, route.destination)
+    return to_stop > (0.0 if same or not ahead else 0.5 * float(scene.size[row, 0]))
 
 
 def _room_ahead(scene: Scene) -> float:

@@ -45,6 +45,17 @@ def test_drawn_speeds_fit_the_road(tmp_path, limit):
                 world.advance(follow(world.scene(), 3.0))
 
 
+@pytest.mark.parametrize("kind", ["bicycle", "truck"])
+def test_whoever_an_event_puts_before_a_fast_ego_departs_no_faster_than_it_can(tmp_path, kind):
+    slow = {"kind": "slow_vehicle", "vehicle": "leader", "speed": 2, "when": {"simulation_time": {"above": 1}}}
+    changes = {
+        "ego.speed": 27, "traffic.density": 0, "traffic.mix": {kind: 1}, "traffic.speed_factor": 1.5,
+        "events": [slow],
+    }  # fmt: skip
+    network = with_limits(tmp_path, lambda edge: 27.8)
+    assert try_out(scenario_on(network, **changes)) == []
+
+
 def test_the_ego_starts_where_it_should_on_an_arm_of_several_edges(tmp_path):
     network = load_network(str(in_pieces(tmp_path)))
     outcomes = Counter()

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rudc.scenario import load_scenario
 from rudc.world.casting import selected
 from rudc.world.events.selection import pick
 from tests.plans import PlanSource, event
@@ -38,6 +39,17 @@ def test_a_leader_leads_through_the_junction_whether_it_was_there_or_was_added(w
                 assert [scene.ids[i] for i in here] == [leader], (density, seed, scene.time_s)
                 assert world.advance(follow(scene, 4.0)).collision is None
                 scene = world.scene()
+
+
+@pytest.mark.parametrize("seed", [14, 53])
+def test_who_has_begun_to_turn_elsewhere_is_not_made_the_leader(world, seed):
+    """Long vehicles whose front is in the junction already, and whose middle is not."""
+    changes = {
+        "events": [{"kind": "slow_vehicle", "vehicle": "leader", "speed": 2}],
+        "traffic": {"density": 40, "mix": {"truck": 1, "bus": 1}},
+        "ego": {"route": {"from": "east", "turn": "left"}, "distance": 20, "speed": 4},
+    }
+    world.reset(load_scenario("random_destination", changes).plan(seed))
 
 
 def test_a_follower_is_added_behind_at_a_safe_distance(world):
