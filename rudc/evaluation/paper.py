@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import math
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from rudc.errors import InputError
 from rudc.evaluation.columns import METRICS
 from rudc.evaluation.metrics import Group
 from rudc.evaluation.statistics import Summary
+from rudc.learning.algorithms import ALGORITHMS
 
 TABLES: dict[str, tuple[str, ...]] = {
     "comparison": ("comparison",),
@@ -43,6 +45,27 @@ def paper_groups(table: str, by: Sequence[str]) -> list[Group]:
             metrics = {m.name: _summary(row, m.name) for m in METRICS}
             found.setdefault(key, Group(key, 0, 0, metrics))
     return list(found.values())
+
+
+def beside(ours: Sequence[Group], theirs: Sequence[Group], at: int) -> list[Group]:
+    """Ours, each followed by the paper's of the same algorithm (its last agent, where several are), then the
+    others of the paper. at: where in their keys the agent stands.
+    """
+    names = [paper_name(group.key[at]) + _MARK for group in ours]
+    found: list[Group] = []
+    for k, (group, name) in enumerate(zip(ours, names, strict=True)):
+        found.append(group)
+        if name not in names[k + 1 :]:
+            found += [other for other in theirs if other.key[at] == name]
+    return found + [other for other in theirs if other.key[at] not in names]
+
+
+def paper_name(agent: str) -> str:
+    """What the paper's tables call an agent that is named as its algorithm, or with a training seed behind it
+    (`sac-seed1`); empty for others, settings of its own included.
+    """
+    algorithm = ALGORITHMS.get(re.sub(r"-seed\d+$", "", agent))
+    return "" if algorithm is None else algorithm.paper
 
 
 def _summary(row: dict[str, str], name: str) -> Summary:

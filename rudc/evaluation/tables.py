@@ -14,7 +14,7 @@ from rudc.errors import InputError
 from rudc.evaluation.columns import COLUMNS, DECISION_MS, METRICS, Metric, metric_names, metric_of
 from rudc.evaluation.folder import metrics_csv
 from rudc.evaluation.metrics import Group, group_metrics
-from rudc.evaluation.paper import is_from_paper, paper_groups
+from rudc.evaluation.paper import beside, is_from_paper, paper_groups
 from rudc.evaluation.statistics import Summary
 from rudc.hints import did_you_mean, there_are
 
@@ -60,7 +60,7 @@ def measured(
     against: str | None = None,
     metrics: Sequence[Metric] = (*METRICS, DECISION_MS),
 ) -> list[Group]:
-    """The groups of a table, those of the paper after ours of the same scenario."""
+    """The groups of a table; those of the paper beside ours of the same name and scenario, or after them."""
     if not rows:
         raise InputError("there is no finished episode to make a table of")
     unknown = [name for name in by if name not in rows[0]]
@@ -76,9 +76,13 @@ def measured(
         raise InputError("to compare with the paper, group by scenario and agent at least")
     at = list(by).index("scenario")
     scenarios = list(dict.fromkeys(group.key[at] for group in groups))
+    families = [(s, [g for g in groups if g.key[at] == s]) for s in scenarios]
     theirs = paper_groups(against, by)
-    ordered = [[g for g in (*groups, *theirs) if g.key[at] == scenario] for scenario in scenarios]
-    return [group for family in ordered for group in family]
+    return [
+        group
+        for scenario, ours in families
+        for group in beside(ours, [g for g in theirs if g.key[at] == scenario], list(by).index("agent"))
+    ]
 
 
 def cell(metric: Metric, value: Summary) -> str:

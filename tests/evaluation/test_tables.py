@@ -8,7 +8,8 @@ import pytest
 
 from rudc.errors import InputError
 from rudc.evaluation.columns import COLUMNS, METRICS
-from rudc.evaluation.paper import TABLES, paper_groups
+from rudc.evaluation.metrics import Group
+from rudc.evaluation.paper import TABLES, beside, paper_groups, paper_name
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.tables import make_table, measured, named_metrics
 
@@ -122,6 +123,19 @@ def test_any_column_can_be_grouped_by(rows):
         measured(rows, ["agent", "priorty"])
     with pytest.raises(InputError, match="no finished episode"):
         measured([], BY)
+
+
+def test_the_papers_rows_stand_beside_ours_of_the_same_algorithm():
+    def group(agent: str) -> Group:
+        return Group(("fog", agent), 1, 0, {})
+
+    ours = [group(n) for n in ("sac", "planner", "rudc-t", "rudc-t-seed1", "rudc-t:outlook.course=false")]
+    theirs = [group(f"{n} (paper)") for n in ("USL", "RUDC-T", "SAC")]
+    assert [g.key[1] for g in beside(ours, theirs, 1)] == [
+        "sac", "SAC (paper)", "planner", "rudc-t", "rudc-t-seed1", "RUDC-T (paper)",
+        "rudc-t:outlook.course=false", "USL (paper)",
+    ]  # fmt: skip
+    assert paper_name("sac-lagrangian-seed2") == "Lagrangian"
 
 
 def test_the_papers_numbers_stand_beside_ours_and_do_not_compete(rows):
