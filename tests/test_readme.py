@@ -3,14 +3,17 @@
 Blocks without a language are not run: set-up, long training, output.
 """
 
+import re
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 from rudc.scenario import load_scenario
 from tests.blocks import blocks_of, run_python, run_script
 
-BLOCKS = blocks_of(Path(__file__).parents[1] / "README.md")
+README = Path(__file__).parents[1] / "README.md"
+BLOCKS = blocks_of(README)
 
 
 def _texts(language: str) -> list[str]:
@@ -35,3 +38,13 @@ def test_yaml_is_a_valid_scenario(text, tmp_path):
     path = tmp_path / "my_scenario.yaml"
     path.write_text(text, encoding="utf-8")
     assert load_scenario(path).name == "my_scenario"
+
+
+def test_links_lead_somewhere_and_the_picture_moves():
+    links = re.findall(r"\]\(([^)#]+)\)", README.read_text(encoding="utf-8"))
+    assert len(links) > 15
+    assert [link for link in links if not (README.parent / link).exists()] == []
+    picture = README.parent / next(link for link in links if link.endswith(".webp"))
+    assert picture.stat().st_size < 1_500_000
+    with Image.open(picture) as film:
+        assert film.n_frames > 50
