@@ -14,6 +14,7 @@ from rudc.studies import (
     latency,
     ood_case,
     residual_study,
+    sensitivity,
     sigma_study,
 )
 from rudc.studies.base import Given, Order, Study
@@ -73,6 +74,16 @@ STUDIES = {
             "How well the shipped predictors foresee what the filter's model leaves out.",
             residual_study.run,
             takes=frozenset(),
+        ),
+        *(
+            Study(
+                swept.study,
+                f"RUDC-T trained with several values of {swept.key}, then driven.",
+                sensitivity.study_of(swept),
+                takes=frozenset(("episodes", "seeds", "trainings")),
+                budgets=("quick", "full", "paper"),
+            )
+            for swept in (sensitivity.BETA, sensitivity.ENSEMBLE)
         ),
     )
 }
