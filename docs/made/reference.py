@@ -54,7 +54,8 @@ def commands() -> str:
     parts = ["# Commands\n", MADE]
     parts.append(
         "`rudc --help` says the same in a terminal. Before a command may stand `--import FILE.py`: Python "
-        "that registers agents, events and more. Exit status: 0 done, 1 the work failed, 2 the input was wrong, "
+        "that registers agents, events and more. Exit status: 0 done, 1 the work failed, 2 the "
+        "input was wrong, "
         "130 interrupted.\n"
     )
     for name, command in _commands(typer.main.get_command(app), "rudc"):
@@ -176,7 +177,8 @@ def metrics() -> str:
         table(["metric", "what it says", "unit", "better", "made of"], measures),
         "## Columns of episodes.csv\n",
         "Swept keys come after them. `rudc table --by COLUMN` groups by any of them, `--metrics COLUMN` "
-        "shows the mean of those that have one: over *episodes*, over all *decisions*, or as the *share* of all "
+        "shows the mean of those that have one: over *episodes*, over all *decisions*, or as the "
+        "*share* of all "
         f"decisions. {', '.join(map(code, TIMING))} depend on the machine; all others do not.\n",
         table(["column", "what it says", "unit", "better", "mean over"], columns),
     ])  # fmt: skip
@@ -190,8 +192,10 @@ def settings() -> str:
     parts = [
         "# Settings\n", MADE,
         "One tree, with the same dotted keys everywhere: `rudc train --set learner.n_step=1`, "
-        "`config.json` and `agent.json`, and behind an agent's name: `rudc-t:correction.d_safe=0.3`. A setting "
-        "that decides nothing as the others stand is refused, with the reason. Defaults here are those of the "
+        "`config.json` and `agent.json`, and behind an agent's name: "
+        "`rudc-t:correction.d_safe=0.3`. A setting "
+        "that decides nothing as the others stand is refused, with the reason. Defaults here are "
+        "those of the "
         "classes; the [presets](#presets) say otherwise at some.\n",
     ]  # fmt: skip
     parts += _section("Agent", AgentConfig, "", leave=("correction", "outlook", "learner", "action"))
