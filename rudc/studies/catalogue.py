@@ -8,6 +8,7 @@ from rudc.errors import InputError
 from rudc.hints import there_are
 from rudc.studies import (
     ablation_case,
+    cbf_grid,
     comparison,
     curves,
     filter_study,
@@ -84,6 +85,11 @@ STUDIES = {
                 budgets=("quick", "full", "paper"),
             )
             for swept in (sensitivity.BETA, sensitivity.ENSEMBLE)
+        ),
+        Study(
+            "cbf-grid",
+            "Grids of the filter's rates, TTCBF's lambda and ECBF's two, behind drivers that need a filter.",
+            cbf_grid.run,
         ),
     )
 }

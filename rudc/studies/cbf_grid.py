@@ -1,0 +1,125 @@
+"""How fast barriers may be approached: grids of TTCBF's lambda and of ECBF's two (paper, Appx. "Details of
+High-Order Control Barrier Functions": lambda1 in [0.05, 1], chosen 0.1; lambda1 and lambda2 in [0.1, 3],
+chosen 1.5 and 0.3, for the fewest violations).
+
+The filter stands behind drivers that need one: `follower`, who looks at nobody, and RUDC without its own. It
+is the rows alone, without slack, residual and last resort. An ECBF row is the same with its two rates
+exchanged, so one half of that grid is driven. The chosen point is the paper's rule: the fewest violations,
+then (ours, where several have as many) the most successes. Other drivers are named with --agent, without a
+filter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rudc.agents.registry import make_agent
+from rudc.errors import InputError
+from rudc.evaluation.columns import RATES
+from rudc.evaluation.metrics import group_metrics
+from rudc.evaluation.runner import EpisodeRunner
+from rudc.evaluation.sweep import Progress, run_sweep
+from rudc.evaluation.tasks import SweepPlan
+from rudc.files import make_folder
+from rudc.reporting.cbf_grid import draw_grid
+from rudc.reporting.text import csv_text, interval, markdown
+from rudc.studies.base import Order, Report, in_distribution, kinds_of_errors, write
+
+DRIVERS = {"quick": ("follower",), "full": ("follower", "rudc-wo-cbf")}
+"""in front of the filter when none are named, by budget"""
+EPISODES = {"quick": 1, "full": 50}
+"""for each task, driver and point, by budget"""
+TTCBF = {"quick": (0.1, 1.0), "full": (0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0)}
+"""lambda, by budget"""
+ECBF = {"quick": (0.3, 1.5), "full": (0.1, 0.3, 0.75, 1.5, 3.0)}
+"""1/s, either lambda, by budget"""
+PAPER = {"ttcbf": (0.1,), "ecbf": (1.5, 0.3)}
+"""what the paper chose"""
+_ROWS_ALONE = "correction.last_resort=off"
+
+
+@dataclass(frozen=True)
+class Point:
+    """A driver with one filter behind it."""
+
+    driver: str
+    rule: str
+    rates: tuple[float, ...]
+    """lambda, or lambda1 and lambda2"""
+
+    @property
+    def agent(self) -> str:
+        """As behind --agent."""
+        keys = ("ttcbf_rate",) if self.rule == "ttcbf" else ("ecbf_rate1", "ecbf_rate2")
+        rates = ",".join(f"correction.{key}={rate:g}" for key, rate in zip(keys, self.rates, strict=True))
+        return f"{self.driver}+{self.rule}:{rates},{_ROWS_ALONE}"
+
+
+def points(drivers: Sequence[str], budget: str) -> list[Point]:
+    """Every driver with every point of both grids."""
+    one, two = TTCBF[budget], ECBF[budget]
+    grid = [("ttcbf", (rate,)) for rate in one]
+    grid += [("ecbf", (first, second)) for first in two for second in two if first >= second]
+    return [Point(driver, rule, rates) for driver in drivers for rule, rates in grid]
+
+
+def run(order: Order, progress: Callable[[str], Progress]) -> Report:
+    """Drive every point."""
+    drivers = tuple(dict.fromkeys(order.agents)) or DRIVERS[order.budget]
+    for name in drivers:
+        if ":" in name or "+" in name:
+            raise InputError(f"{name}: the study itself puts filters behind drivers; name one without")
+    by_agent = {point.agent: point for point in points(drivers, order.budget)}
+    for agent in by_agent:
+        make_agent(agent)
+    make_folder(order.out)
+    plan = SweepPlan(in_distribution(), tuple(by_agent), order.episodes or EPISODES[order.budget], order.seed)
+    result = run_sweep(
+        plan, order.out / "sweep", EpisodeRunner, workers=order.workers, resume=order.resume,
+        progress=progress("cbf-grid"),
+    )  # fmt: skip
+    lines = lines_of(result.rows, by_agent)
+    table = as_markdown(lines)
+    files = (
+        write(order.out / "cbf_grid.csv", csv_text(lines)),
+        write(order.out / "cbf_grid.md", table),
+        draw_grid(lines, PAPER, order.out / "cbf_grid.png"),
+    )
+    return Report(table, files, errors=kinds_of_errors(result.rows))
+
+
+def lines_of(rows: Sequence[Mapping[str, str]], by_agent: Mapping[str, Point]) -> list[dict[str, Any]]:
+    """A line for each point, both tasks together; `chosen` is what the rule chooses of a driver and kind."""
+    lines: list[dict[str, Any]] = []
+    for group in group_metrics(rows, ("agent",)):
+        point = by_agent[group.key[0]]
+        line: dict[str, Any] = {
+            "driver": point.driver,
+            "rule": point.rule,
+            "rate1": point.rates[0],
+            "rate2": point.rates[-1],
+            "episodes": group.episodes,
+        }
+        for rate in RATES:
+            value = group.metrics[rate]
+            line |= {rate: value.mean, f"{rate}_low": value.low, f"{rate}_high": value.high}
+        lines.append(line | {"AES": group.metrics["AES"].mean, "paper": point.rates == PAPER[point.rule]})
+    for line in lines:
+        alike = [m for m in lines if (m["driver"], m["rule"]) == (line["driver"], line["rule"])]
+        line["chosen"] = line is min(alike, key=lambda m: (m["VR"], -m["SR"]))
+    return lines
+
+
+def as_markdown(lines: Sequence[Mapping[str, Any]]) -> str:
+    """The lines, to read."""
+    headings = ["driver", "rule", "λ", "", "episodes", "SR (%)", "FR (%)", "VR (%)", "AES (m/s)"]
+    rows = []
+    for line in lines:
+        rates = f"{line['rate1']:g}" + (f", {line['rate2']:g}" if line["rule"] == "ecbf" else "")
+        said = [text for text, key in (("paper's", "paper"), ("chosen", "chosen")) if line[key]]
+        values = [interval(line[r], line[f"{r}_low"], line[f"{r}_high"]) for r in ("SR", "FR", "VR")]
+        name = [line["driver"], line["rule"], rates, ", ".join(said)]
+        rows.append([*name, str(line["episodes"]), *values, f"{line['AES']:.1f}"])
+    return markdown(headings, rows, left=4)

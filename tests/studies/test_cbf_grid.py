@@ -1,0 +1,52 @@
+"""Grids of the filter's rates: their points, what is chosen of them, and that they are driven for real."""
+
+import pytest
+from PIL import Image
+
+from rudc.errors import InputError
+from rudc.evaluation.store import read_table
+from rudc.evaluation.sweep import Silent
+from rudc.studies import base, cbf_grid
+from rudc.studies.base import Order
+from rudc.studies.cbf_grid import Point, lines_of, points
+
+
+def test_half_of_the_ecbf_grid_is_driven_and_the_papers_points_are_in_it():
+    found = points(("follower",), "full")
+    assert len(found) == 7 + 15
+    assert {
+        rule: rates for p in found if p.rates == cbf_grid.PAPER[p.rule] for rule, rates in [(p.rule, p.rates)]
+    } == cbf_grid.PAPER
+    last = Point("follower", "ecbf", (1.5, 0.3)).agent
+    assert last == (
+        "follower+ecbf:correction.ecbf_rate1=1.5,correction.ecbf_rate2=0.3,correction.last_resort=off"
+    )
+
+
+def test_the_fewest_violations_are_chosen_then_the_most_successes():
+    outcomes = {0.05: ("frozen", "frozen"), 0.1: ("success", "frozen"), 1.0: ("success", "collision")}
+    by_agent = {str(rate): Point("follower", "ttcbf", (rate,)) for rate in outcomes}
+    rows = [
+        {"agent": str(rate), "outcome": outcome, "error": "", "mean_speed_mps": "5", "episode_reward": "0",
+         "route_completion": "1", "min_dtc_m": "1", "decision_ms_mean": "1", "steps": "10"}
+        for rate, ends in outcomes.items() for outcome in ends
+    ]  # fmt: skip
+    lines = lines_of(rows, by_agent)
+    assert [line["rate1"] for line in lines if line["chosen"]] == [0.1]
+    assert [line["rate1"] for line in lines if line["paper"]] == [0.1]
+
+
+def test_drivers_with_a_filter_of_their_own_are_refused(tmp_path):
+    with pytest.raises(InputError, match="one without"):
+        cbf_grid.run(Order(tmp_path, agents=("follower+ttcbf",)), lambda _: Silent())
+
+
+@pytest.mark.slow
+def test_it_runs(tmp_path, monkeypatch):
+    monkeypatch.setattr("rudc.evaluation.manifest.code_version", lambda: "v0")
+    monkeypatch.setattr(base, "IN_DISTRIBUTION", ("dense_left_turn",))
+    report = cbf_grid.run(Order(tmp_path, budget="quick", episodes=1), lambda _: Silent())
+    assert len(read_table(tmp_path / "cbf_grid.csv")) == 2 + 3
+    assert "paper's" in report.table
+    with Image.open(tmp_path / "cbf_grid.png") as picture:
+        assert picture.size[0] > 600
