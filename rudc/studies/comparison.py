@@ -6,7 +6,7 @@ distribution, each in a sweep of its own, so that rows and training seeds can be
 
     NAME.md             everything below, to read
     metrics.csv         each row in each place: mean, std over training seeds, interval, IQM and its interval
-    pairs.csv           each row against the reference in the same episodes, with McNemar's p
+    pairs.csv           each two rows in the same episodes, with McNemar's p
     against_paper.csv   ours and the paper's one after the other
     trainings.csv       what drove: training seeds, decisions, and what is missing, with the reason
     curves.csv, .png, .pdf    success, violations, frozen and reward over training
@@ -193,7 +193,7 @@ def _page(ran: Ran, lines: Sequence[Line], pairs: Sequence[Line], papers: Sequen
     ]
     for place in ran.places:
         here = [line for line in lines if line["place"] == place]
-        tested = [pair for pair in pairs if pair["place"] == place]
+        tested = [p for p in pairs if (p["place"], p["against"]) == (place, reference.name)]
         beside = [line for line in papers if line["place"] == place]
         parts += [f"## {place}\n", metrics_markdown(here)]
         parts += ["Interquartile means:\n", iqm_markdown(here)]

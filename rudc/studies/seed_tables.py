@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import combinations
 from typing import Any
 
 from rudc.evaluation.columns import METRICS, Metric
@@ -19,6 +20,8 @@ Places = Mapping[str, Sequence[str]]
 """task, `out of distribution`, or a scenario -> its scenarios"""
 TESTED = ("SR", "VR", "FR", "AER", "AES", "min_DTC")
 """metrics of which pairs are shown, in this order"""
+RATES = 3
+"""how many of them, the first, are rates"""
 
 
 def lines_of(rows: Sequence[Row], outcomes: Outcomes, places: Places) -> list[Line]:
@@ -44,15 +47,21 @@ def lines_of(rows: Sequence[Row], outcomes: Outcomes, places: Places) -> list[Li
 
 
 def pair_lines(rows: Sequence[Row], reference: str, outcomes: Outcomes, places: Places) -> list[Line]:
-    """Each row against the reference, in the same episodes by trainings of the same seed."""
+    """Each two rows in the same episodes by trainings of the same seed: rates of any two, and against the
+    reference the means of `TESTED`, too.
+    """
     by_name = {metric.name: metric for metric in METRICS}
+    titles = {row.name: row.heading for row in rows}
+    others = [(name, reference, TESTED) for name in titles if name != reference]
+    rest = [name for name in titles if name != reference]
+    others += [(name, than, TESTED[:RATES]) for name, than in combinations(rest, 2)]
     found = []
     for place, scenarios in places.items():
-        for row in rows:
-            for name in TESTED if row.name != reference else ():
-                pair = outcomes.paired(row.name, reference, by_name[name], scenarios)
+        for row, than, metrics in others:
+            for name in metrics:
+                pair = outcomes.paired(row, than, by_name[name], scenarios)
                 if pair is not None:
-                    head = {"place": place, "row": row.name, "title": row.heading, "against": reference}
+                    head = {"place": place, "row": row, "title": titles[row], "against": than}
                     found.append({**head, "metric": name, **pair._asdict()})
     return found
 
@@ -88,7 +97,7 @@ def iqm_markdown(lines: Sequence[Line]) -> str:
 
 
 def pairs_markdown(lines: Sequence[Line]) -> str:
-    """Changes of the tested metrics, a row each."""
+    """Changes of the tested metrics, a row each; lines are those against one row."""
     decimals = {metric.name: metric.decimals for metric in METRICS}
     found: dict[str, dict[str, Line]] = {}
     for line in lines:

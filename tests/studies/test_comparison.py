@@ -108,6 +108,21 @@ def test_rows_are_compared_in_the_episodes_and_training_seeds_that_both_have():
     assert np.bincount(lead.astype(int), minlength=101)[[0, 100]].tolist() == [9, 20]
 
 
+def test_any_two_rows_are_paired():
+    outcomes = Outcomes()
+    for name in ("rudc-t", "sac", "usl"):
+        drove(outcomes, name, "s" * 9 + ("c" if name == "sac" else "s"))
+    lines = pair_lines(campaign().rows, "rudc-t", outcomes, FOG)
+    found = {(m["row"], m["against"]): [] for m in lines}
+    for line in lines:
+        found[line["row"], line["against"]].append(line["metric"])
+    assert found["sac", "rudc-t"] == ["SR", "VR", "FR", "AER", "AES", "min_DTC"]
+    assert found["sac", "usl"] == ["SR", "VR", "FR"]
+    assert len(found) == 3  # dsac did not drive
+    (line,) = (m for m in lines if (m["row"], m["against"], m["metric"]) == ("sac", "usl", "VR"))
+    assert (line["change"], line["more"], line["less"], line["p"]) == (10.0, 1, 0, 1.0)
+
+
 def test_claims_of_more_and_less():
     outcomes = Outcomes()
     drove(outcomes, "rudc-t", "s" * 40)

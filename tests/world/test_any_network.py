@@ -47,7 +47,12 @@ def test_drawn_speeds_fit_the_road(tmp_path, limit):
 
 @pytest.mark.parametrize("kind", ["bicycle", "truck"])
 def test_whoever_an_event_puts_before_a_fast_ego_departs_no_faster_than_it_can(tmp_path, kind):
-    slow = {"kind": "slow_vehicle", "vehicle": "leader", "speed": 2, "when": {"simulation_time": {"above": 1}}}
+    slow = {
+        "kind": "slow_vehicle",
+        "vehicle": "leader",
+        "speed": 2,
+        "when": {"simulation_time": {"above": 1}},
+    }
     changes = {
         "ego.speed": 27, "traffic.density": 0, "traffic.mix": {kind: 1}, "traffic.speed_factor": 1.5,
         "events": [slow],
