@@ -89,7 +89,7 @@ def _in_line(scene: Scene, stage: WorldStage, rng: np.random.Generator, ahead: b
 
 
 def _can_take_part(scene: Scene, stage: WorldStage, row: int, ahead: bool) -> bool:
-    """Whether a neighbour is before its stop line; a leader that reaches beyond it cannot change its route."""
+    """Whether a neighbour is before its stop line; a leader that reaches beyond cannot change its route."""
     to_stop = float(scene.network.paths.stop_s[scene.path[row]] - scene.path_s[row])
     driver, route = stage.traffic.drivers[scene.ids[row]], scene.route
     same = (driver.origin, driver.destination) == (route.origin, route.destination)

@@ -219,7 +219,7 @@ class Traffic:
             plan.speed_factor.sample(rng),
         )
         # SUMO ends the simulation over a vehicle that departs faster than it would ever drive on its lane,
-        # and refuses one that departs faster than its edge's limit, or than it can, whatever its speed factor.
+        # and refuses one that departs faster than its edge's limit or than it can, whatever its speed factor.
         usual = 0.99 * driver.speed_factor * min(lane.speed, driver.type.max_speed)
         speed = min(speed, usual, driver.type.max_speed, self._network.speed_limit(lane.edge))
         self._sumo.add(name, route, kind, lane.index, front, speed)
