@@ -46,7 +46,7 @@ def density(clouds: Mapping[str, Cloud]) -> Panel:
 def _draw(axes: Axes, cloud: Cloud, right: float, top: float) -> None:
     axes.set_xlabel(r"$\sigma_{total}$ (reward)", fontsize=8.5)
     axes.set_xlim(0.0, right)
-    axes.set_ylim(0.0, 1.18 * top)
+    axes.set_ylim(0.0, 1.4 * top)
     if not len(cloud.sigma):
         bare(axes, "states no sigma")
         return

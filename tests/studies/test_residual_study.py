@@ -24,6 +24,11 @@ def test_it_runs_and_resumes(tmp_path, monkeypatch):
     first = evaluate(dataset, shipped_predictor("direct"), only_held_out=False)[0]
     assert float(lines[1]["r2"]) == pytest.approx(first.predictor.r2, abs=1e-6)
     assert float(lines[0]["share_of_w"]) == 0.0
+    assert {line["constraints"] for line in lines} >= {"vehicle", "road", "road, within grip"}
+    kept = residual_study.within_grip(dataset)["road"]
+    assert 0 < len(kept.w) <= 300
+    slow = dataset["road"].xi[:, 2] < 0.1  # 1 m/s
+    assert len(kept.w) >= slow.sum()
     with Image.open(tmp_path / "residual.png") as picture:
         assert picture.size[0] > 600
     with pytest.raises(InputError, match="--resume"):
