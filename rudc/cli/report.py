@@ -12,7 +12,10 @@ from rudc.cli.console import Quiet, note
 
 def report(
     folder: Annotated[
-        Path, typer.Argument(metavar="DIR", help="Folder of a sweep, finished or not, or of a training.")
+        Path,
+        typer.Argument(
+            metavar="DIR", help="Folder of a sweep, finished or not, of a training, or of a study."
+        ),
     ],
     out: Annotated[
         Path | None, typer.Option("--out", "-o", metavar="F.html", help="The page. Default: DIR/report.html.")
@@ -23,7 +26,7 @@ def report(
     ] = 0,
     quiet: Quiet = False,
 ) -> None:
-    """Write what a sweep or a training says as a page to look at: one file, for any browser, offline.
+    """Write what a sweep, a training or a study says as a page: one file, for any browser, offline.
 
     Of a sweep: what stands out in sentences, rates of each scenario and agent, the table of metrics with its
     intervals, differences between any two agents in the same episodes, distributions, how episodes ended,

@@ -1,0 +1,72 @@
+"""What a study's folder says, for a page: its figures, the tables and text it wrote, the sweeps below it."""
+
+from __future__ import annotations
+
+import base64
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from rudc.errors import SweepError
+from rudc.evaluation.manifest import read_manifest
+
+_CELL = re.compile(r"(?<!\\)\|")
+
+
+def is_study(folder: Path) -> bool:
+    """Whether a folder holds what `rudc study` writes: a table as Markdown with its CSV, or as a figure."""
+    return any(
+        text.with_suffix(other).is_file() for text in folder.glob("*.md") for other in (".csv", ".png")
+    )
+
+
+def study_content(folder: Path) -> dict[str, Any]:
+    """What the page's template asks for. Raises SweepError for a folder that cannot be read."""
+    try:
+        texts = [
+            {"name": path.name, "csv": _beside(path, ".csv"), "parts": list(parts(path.read_text("utf-8")))}
+            for path in sorted(folder.glob("*.md"))
+        ]
+        figures = [
+            {"name": path.name, "vector": _beside(path, ".pdf"), "source": _inlined(path)}
+            for path in sorted(folder.glob("*.png"))
+        ]
+    except (OSError, UnicodeDecodeError) as error:
+        raise SweepError(f"{folder} cannot be read: {error}") from None
+    sweeps = sorted(path.parent for path in folder.rglob("manifest.json"))
+    return {
+        "data": {},
+        "source": str(folder),
+        "texts": texts,
+        "figures": figures,
+        "sweeps": [str(sweep) for sweep in sweeps],
+        "versions": read_manifest(sweeps[0]).get("versions", {}) if sweeps else {},
+    }
+
+
+def parts(text: str) -> Iterator[dict[str, Any]]:
+    """A Markdown text as tables (`head`, `rows`, `right`: which columns are numbers) and paragraphs."""
+    for block in re.split(r"\n\s*\n", text.strip()):
+        lines = [line.strip() for line in block.splitlines()]
+        table = [_cells(line) for line in lines if line.startswith("|")]
+        before = " ".join(line for line in lines if not line.startswith("|"))
+        if before:
+            yield {"text": before.lstrip("# ")}
+        if len(table) > 1:
+            head, marks, *rows = table
+            yield {"head": head, "rows": rows, "right": [mark.endswith(":") for mark in marks]}
+
+
+def _cells(line: str) -> Sequence[str]:
+    return [cell.strip().strip("*`").replace("\\|", "|") for cell in _CELL.split(line.strip("|"))]
+
+
+def _beside(path: Path, suffix: str) -> str:
+    """Name of the file beside it with another ending, if it is there."""
+    other = path.with_suffix(suffix)
+    return other.name if other.is_file() else ""
+
+
+def _inlined(path: Path) -> str:
+    return f"data:image/png;base64,{base64.b64encode(path.read_bytes()).decode()}"

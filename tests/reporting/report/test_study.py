@@ -1,0 +1,63 @@
+"""The report of a study: its own tables and figures, sorted and chosen from."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from rudc.reporting.report.page import report_page
+from rudc.reporting.report.study import is_study, parts
+from tests.reporting.browser import CHROMIUM, driven, parsed
+
+RESULTS = Path(__file__).parents[3] / "results"
+STUDIES = ["sigma", "curves", "filter"]
+
+
+def test_a_text_is_tables_and_paragraphs():
+    found = list(parts("# Claims\n\n| a | b (%) |\n| - | --: |\n| x\\|y | **1.5 [1, 2]** |\n\nIt\nholds.\n"))
+    table = {"head": ["a", "b (%)"], "rows": [["x|y", "1.5 [1, 2]"]], "right": [False, True]}
+    assert found == [{"text": "Claims"}, table, {"text": "It holds."}]
+
+
+def test_what_is_no_study():
+    assert not is_study(RESULTS / "ood")
+    assert not is_study(RESULTS)
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_a_page_has_every_row_and_refers_to_nothing_outside(name, tmp_path):
+    text = report_page(RESULTS / name, tmp_path / "report.html")
+    checker = parsed(text)
+    assert all(link.startswith("data:image/png") for link in checker.links)
+    assert len(checker.links) == 1
+    lines = (RESULTS / name / f"{name}.md").read_text(encoding="utf-8").splitlines()
+    rows = [line for line in lines if line.startswith("|") and not line.startswith("| -")]
+    assert text.count("<tr>") == len(rows)
+    assert len(text) < 5_000_000
+
+
+DRIVE = """
+const input = document.querySelector('input[type=search]'), table = find(input.dataset.table);
+const shown = () => [...table.tBodies[0].rows].filter((row) => !row.hidden);
+const told = { all: shown().length };
+input.value = 'paper random'; input.dispatchEvent(new Event('input'));
+told.chosen = shown().length;
+input.value = ''; input.dispatchEvent(new Event('input'));
+const column = [...table.tHead.rows[0].cells].findIndex((cell) => cell.textContent.startsWith('SR'));
+const button = table.tHead.rows[0].cells[column].querySelector('button');
+button.click(); told.least = shown()[0].cells[column].textContent;
+button.click(); told.most = parseFloat(shown()[0].cells[column].textContent);
+told.fits = document.documentElement.scrollWidth <= window.innerWidth;
+finish(told);
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
+def test_tables_are_sorted_and_chosen_from(tmp_path):
+    text = report_page(RESULTS / "curves", tmp_path / "report.html")
+    told = driven(text, DRIVE, tmp_path, 400)
+    cells = re.findall(r"^\| \S+ +\| random_destination", (RESULTS / "curves/curves.md").read_text(), re.M)
+    assert told["chosen"] == sum("paper" in cell for cell in cells)
+    assert (told["most"], told["fits"]) == (100.0, True)
+    assert float(told["least"].split()[0]) < 40.0
