@@ -5,8 +5,10 @@ PIP := $(PY) -m pip install --quiet --disable-pip-version-check --constraint con
 EPISODES ?= 10
 WORKERS ?= $(shell nproc 2>/dev/null || echo 2)
 OUT ?= out/sweep
+SHARE ?= 1
+FIRST ?= 0
 
-.PHONY: help setup sweep test lint types contracts check format docs gallery bench clean
+.PHONY: help setup sweep test lint types contracts check format docs gallery bench fuzz soak clean
 
 help:
 	@echo "make sweep   sweep the shipped scenarios with the shipped agents: $(OUT)/metrics.csv and a table"
@@ -15,6 +17,8 @@ help:
 	@echo "make docs    the documentation: out/docs/index.html"
 	@echo "make gallery all scenarios, what agents do in them, reports of results: out/gallery/index.html"
 	@echo "make bench   the benchmarks, as ratios"
+	@echo "make fuzz    damaged inputs of every sort; SHARE=0.01 of them, from FIRST=0.5 on: out/fuzz/fuzz.md"
+	@echo "make soak    20,000 episodes, SHARE=0.02 of them: are memory, speed and open files flat?"
 
 setup: .venv/.core
 
@@ -72,6 +76,12 @@ gallery: .venv/.core
 
 bench: .venv/.bench
 	$(PY) -m tests.benchmarks
+
+fuzz: .venv/.dev
+	$(PY) -m tests.fuzz --share $(SHARE) --first $(FIRST) --workers $(WORKERS)
+
+soak: .venv/.dev
+	$(PY) -m tests.benchmarks.soak --share $(SHARE) --workers $(WORKERS)
 
 clean:
 	rm -rf .venv out build dist

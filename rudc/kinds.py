@@ -23,9 +23,12 @@ def of_kind(value: Any, registered: Mapping[str, type[M]], base: type[M]) -> M:
     given = {"kind": value} if isinstance(value, str) else value
     if not isinstance(given, Mapping) or "kind" not in given:
         raise ValueError(f"expected one of {', '.join(registered)}, or a mapping with `kind`")
-    if given["kind"] not in registered:
-        raise ValueError(f"there is no {given['kind']!r}{there_are(given['kind'], registered)}")
-    return registered[given["kind"]].model_validate(dict(given))
+    kind = given["kind"]
+    if not isinstance(kind, str):
+        raise ValueError(f"`kind` is a name, one of {', '.join(registered)}")
+    if kind not in registered:
+        raise ValueError(f"there is no {kind!r}{there_are(kind, registered)}")
+    return registered[kind].model_validate(dict(given))
 
 
 def read_kind(value: Any, registered: Mapping[str, type[M]], base: type[M], what: str) -> M:

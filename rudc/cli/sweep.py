@@ -13,6 +13,7 @@ from rudc.cli.complete import complete_agents, complete_scenarios
 from rudc.cli.console import Quiet, SweepBar, SweepLines, note, sweep_progress, warn
 from rudc.cli.options import LiveReport, ResultsFolder, Workers, cores
 from rudc.cli.scenario import parse_overrides
+from rudc.cli.verify import verify_folder
 from rudc.errors import InputError
 
 if TYPE_CHECKING:
@@ -86,6 +87,14 @@ def sweep(
             "--episode-limit", min=1.0, metavar="S", help="Wall time after which an episode is given up."
         ),
     ] = 300.0,
+    verify: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Run a sample of a finished sweep's episodes again, and compare."),
+    ] = None,
+    share: Annotated[
+        float | None,
+        typer.Option(metavar="X", help="Of the episodes, for --verify; 0.05 by default. --seed draws them."),
+    ] = None,
     report: LiveReport = False,
     quiet: Quiet = False,
 ) -> None:
@@ -104,10 +113,27 @@ def sweep(
     `rudc sweep dense_left_turn -a sumo -a rudc-t --report --out out/live`, and open `out/live/report.html`
 
     `rudc sweep random_destination '*left*' my.yaml -a sumo -a gap-acceptance+ttcbf -w 8 -o out/all --resume`
+
+    `rudc sweep --verify out/all --share 0.1`: do its rows come out the same here? Exit status 1 where not
     """
     from rudc.evaluation.runner import EpisodeRunner
     from rudc.evaluation.sweep import run_sweep
 
+    if verify is not None:
+        given = {
+            "SCENARIO": scenarios,
+            "--agent": agents,
+            "--out": out,
+            "--set": overrides,
+            "--resume": resume,
+            "--shipped": shipped,
+            "--report": report,
+        }
+        others = [name for name, value in given.items() if value]
+        verify_folder(verify, others, share, seed, workers, limit)
+        return
+    if share is not None:
+        raise InputError("--share says how much of a sweep --verify DIR runs again; there is no --verify")
     plan = _plan(scenarios or [], agents or [], shipped, episodes, seed, parse_overrides(overrides))
     if out is None:
         raise InputError("where to? give a folder for the results: --out DIR")

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import importlib.metadata
 import json
 import platform
+import re
 import shutil
 import subprocess
 from collections.abc import Iterator, Mapping
@@ -23,7 +25,9 @@ from rudc.settings import problems
 
 FORMAT = 2
 """of a sweep's folder; 1 had `conditions.csv`, and counted interventions in another way"""
-PACKAGES = ("libsumo", "sumolib", "numpy", "scipy", "qpsolvers", "piqp", "gymnasium", "pydantic")
+PACKAGES = (
+    "libsumo", "sumolib", "numpy", "numba", "llvmlite", "scipy", "qpsolvers", "piqp", "gymnasium", "pydantic",
+)  # fmt: skip
 """whose versions can change a row"""
 
 
@@ -118,14 +122,26 @@ def _digest(settings: Any) -> str:
 
 
 def versions() -> dict[str, str]:
-    """Versions of everything that can change a row."""
+    """Versions of everything that can change a row, the processor's model included: libraries choose other
+    instructions on another, and round otherwise.
+    """
     found = {"rudc": rudc.__version__, "code": code_version(), "python": platform.python_version()}
+    found["processor"] = processor()
     for package in PACKAGES:
         try:
             found[package] = importlib.metadata.version(package)
         except importlib.metadata.PackageNotFoundError:
             found[package] = "not installed"
     return found
+
+
+def processor() -> str:
+    """Model of this machine's processor, or at least its kind."""
+    with contextlib.suppress(OSError):
+        said = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
+        if model := re.search(r"^model name\s*:\s*(\S.*)$", said, re.MULTILINE):
+            return " ".join(model[1].split())
+    return platform.processor() or platform.machine()
 
 
 def configuration(plan: SweepPlan) -> dict[str, Any]:
@@ -172,7 +188,7 @@ def resumed(old: Mapping[str, Any], new: Mapping[str, Any], folder: Path) -> dic
 def version_changes(content: Mapping[str, Any]) -> list[str]:
     """What changed between the versions that a resumed sweep's rows were made with: `name old -> new`."""
     first, last = content["versions"], content.get("resumed_with", [content["versions"]])[-1]
-    return [f"{name} {first.get(name)} -> {last[name]}" for name in last if first.get(name) != last[name]]
+    return [f"{name} {first[name]} -> {now}" for name, now in last.items() if first.get(name, now) != now]
 
 
 def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import glob
 import hashlib
+import itertools
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from rudc.errors import InputError, SweepError
 from rudc.evaluation.tasks import SweepPlan
@@ -44,6 +47,28 @@ def with_copies(scenario: Scenario, copies: Mapping[str, str]) -> Scenario:
     )
     vars(changed).pop("digest", None)  # cached, and of the files given
     return changed
+
+
+def kept_scenario(values: Mapping[str, Any], digest: str, folder: Path) -> Scenario:
+    """A scenario as a sweep's manifest says it, on the sweep's own copies of its networks: those with which
+    it has the digest that it had. Without such copies, on the networks it names. Raises pydantic's
+    ValidationError.
+    """
+    swept = values.get("sweep")
+    several = swept.get("network") if isinstance(swept, Mapping) else None
+    several = several if isinstance(several, list) else []
+    one = str(values.get("network"))
+    own = sorted(filter(is_network_path, {one, *map(str, several)}))
+    copies = [sorted((folder / FOLDER).absolute().glob(f"*/{glob.escape(Path(n).name)}")) for n in own]
+    for chosen in itertools.product(*copies) if own else ():
+        kept = dict(zip(own, map(str, chosen), strict=True))
+        told = {**values, "network": kept.get(one, one)}
+        if several:
+            told["sweep"] = {**values["sweep"], "network": [kept.get(str(name), name) for name in several]}
+        scenario = Scenario.model_validate(told)
+        if scenario.digest == digest:
+            return scenario
+    return Scenario.model_validate(values)
 
 
 def _copied(source: Path, folder: Path) -> str:

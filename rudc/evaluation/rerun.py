@@ -1,8 +1,9 @@
-"""An episode of a sweep run again: found by its row, set up from the sweep's manifest, checked against it."""
+"""Episodes of a sweep run again: found by their rows, set up from its manifest, compared with the rows."""
 
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,10 +15,11 @@ from rudc.errors import SweepError
 from rudc.evaluation.columns import COLUMNS, TIMING
 from rudc.evaluation.folder import read_sweep
 from rudc.evaluation.manifest import read_manifest, versions
+from rudc.evaluation.own_networks import kept_scenario
 from rudc.evaluation.record import EpisodeRecord, as_text
 from rudc.evaluation.tasks import Task
 from rudc.hints import did_you_mean
-from rudc.scenario.model import Scenario
+from rudc.scenario.model import Scalar, Scenario
 
 HOW = "give SCENARIO:AGENT:SEED, or the number of a row of episodes.csv, from 1"
 
@@ -35,21 +37,91 @@ class Rerun(NamedTuple):
 
 def find_episode(folder: Path, which: str) -> Rerun:
     """The episode that `SCENARIO:AGENT:SEED` or the number of a row stands for. Raises SweepError."""
-    content = read_manifest(folder)
-    rows, parameters = read_sweep(folder)
-    number = _number(rows, parameters, which, folder)
-    row = rows[number - 1]
-    task, changes = _task(content, row, parameters, folder)
-    return Rerun(number, row, task, changes)
+    sweep = Swept(folder)
+    return sweep.episode(_number(sweep.rows, sweep.parameters, which, folder))
 
 
-def differences(row: Mapping[str, str], record: EpisodeRecord) -> list[str]:
+class Swept:
+    """A sweep's folder, of which episodes can be run again. Raises SweepError where it is none."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._content = read_manifest(folder)
+        self.rows, self.parameters = read_sweep(folder)
+        self._families: dict[str, _Family] = {}
+        self._changes: dict[tuple[str, str], tuple[str, ...]] = {}
+
+    def episode(self, number: int) -> Rerun:
+        """The episode of a row, by its number from 1. Raises SweepError where the manifest cannot say what it
+        was."""
+        row = self.rows[number - 1]
+        name, agent = row["scenario"], row["agent"]
+        if name not in self._families:
+            self._families[name] = self._family(name)
+        family = self._families[name]
+        wanted = tuple(row[parameter] for parameter in self.parameters)
+        if wanted not in family.points:
+            raise SweepError(f"the scenario {name!r} of {self._folder} is not swept over {', '.join(wanted)}")
+        swept, scenario = family.points[wanted]
+        if (name, agent) not in self._changes:
+            self._changes[name, agent] = tuple(_changes(self._content, family, agent))
+        return Rerun(number, row, Task(scenario, swept, agent, int(row["seed"])), self._changes[name, agent])
+
+    def _family(self, name: str) -> _Family:
+        said = self._content["configuration"]["scenarios"].get(name)
+        if said is None:
+            raise SweepError(f"{self._folder / 'manifest.json'} says nothing of the scenario {name!r}")
+        try:
+            family = kept_scenario(said["values"], said["digest"], self._folder)
+        except ValidationError as error:
+            problem = error.errors()[0]
+            place = ".".join(map(str, problem["loc"]))
+            raise SweepError(
+                f"the scenario {name!r} of {self._folder} cannot be read any more: "
+                f"{place}: {problem['msg']}; "
+                f"the sweep ran with rudc {self._content['versions'].get('code', 'of another version')}"
+            ) from None
+        points = {
+            tuple(as_text(swept.get(parameter)) for parameter in self.parameters): (swept, scenario)
+            for swept, scenario in family.grid()
+        }
+        return _Family(points, family.digest == said["digest"])
+
+
+class _Family(NamedTuple):
+    """A scenario of a sweep, with all its swept values."""
+
+    points: Mapping[tuple[str, ...], tuple[Mapping[str, Scalar], Scenario]]
+    """by the text of its swept values"""
+    same: bool
+    """whether it still means what it meant when the sweep ran"""
+
+
+class Difference(NamedTuple):
+    """A column in which an episode came out otherwise than its row says."""
+
+    column: str
+    then: str
+    now: str
+
+    @property
+    def size(self) -> float:
+        """Of two numbers, how far apart they are; nan for anything else."""
+        try:
+            return abs(float(self.then) - float(self.now))
+        except ValueError:
+            return math.nan
+
+    def __str__(self) -> str:
+        return f"{self.column}: {self.then or 'nothing'} then, {self.now or 'nothing'} now"
+
+
+def differences(row: Mapping[str, str], record: EpisodeRecord) -> list[Difference]:
     """Columns in which an episode came out otherwise than its row says; timing is left out, and so is what
     the row does not say.
     """
-    pairs = ((name, row[name], record.text(name)) for name in COLUMNS if name not in TIMING)
-    return [f"{name}: {was or 'nothing'} then, {now or 'nothing'} now"
-            for name, was, now in pairs if was != now and (was or name in ("error", "fault"))]  # fmt: skip
+    pairs = (Difference(name, row[name], record.text(name)) for name in COLUMNS if name not in TIMING)
+    return [d for d in pairs if d.then != d.now and (d.then or d.column in ("error", "fault"))]
 
 
 def _number(rows: Sequence[Mapping[str, str]], parameters: Sequence[str], which: str, folder: Path) -> int:
@@ -79,34 +151,10 @@ def _number(rows: Sequence[Mapping[str, str]], parameters: Sequence[str], which:
     raise SweepError(f"{folder} has no episode {which}")
 
 
-def _task(
-    content: Mapping[str, Any], row: Mapping[str, str], parameters: Sequence[str], folder: Path
-) -> tuple[Task, tuple[str, ...]]:
-    known, name = content["configuration"], row["scenario"]
-    said = known["scenarios"].get(name)
-    if said is None:
-        raise SweepError(f"{folder / 'manifest.json'} says nothing of the scenario {name!r}")
-    try:
-        family = Scenario.model_validate(said["values"])
-    except ValidationError as error:
-        problem = error.errors()[0]
-        place = ".".join(map(str, problem["loc"]))
-        raise SweepError(
-            f"the scenario {name!r} of {folder} cannot be read any more: {place}: {problem['msg']}; "
-            f"the sweep ran with rudc {content['versions'].get('code', 'of another version')}"
-        ) from None
-    wanted = [row[parameter] for parameter in parameters]
-    for swept, scenario in family.grid():
-        if [as_text(swept.get(parameter)) for parameter in parameters] == wanted:
-            task = Task(scenario, swept, row["agent"], int(row["seed"]))
-            return task, tuple(_changes(content, family, said["digest"], row["agent"]))
-    raise SweepError(f"the scenario {name!r} of {folder} is not swept over {', '.join(wanted)}")
-
-
-def _changes(content: Mapping[str, Any], family: Scenario, digest: str, agent: str) -> list[str]:
+def _changes(content: Mapping[str, Any], family: _Family, agent: str) -> list[str]:
     """What is another now: scenario, agent, versions."""
     found = []
-    if family.digest != digest:
+    if not family.same:
         found.append("the scenario, or a file that it names, means something else now")
     settings = json.loads(json.dumps(agent_settings(agent)))
     if settings != content["configuration"].get("agents", {}).get(agent, settings):

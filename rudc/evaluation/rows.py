@@ -34,9 +34,9 @@ def _wrong(row: Mapping[str, str]) -> str:
     seed, outcome = row["seed"], row["outcome"]
     if not (seed.isascii() and seed.isdigit() and len(seed) < 20):
         return f"seed: {seed[:40]!r} is no number of an episode"
-    if row["error"]:
-        return "" if not outcome else f"outcome: {outcome[:40]!r} of an episode that has an error"
-    if outcome not in _OUTCOMES:
+    if row["error"] and outcome:
+        return f"outcome: {outcome[:40]!r} of an episode that has an error"
+    if not row["error"] and outcome not in _OUTCOMES:
         return f"outcome: {outcome[:40]!r} is none; there are {', '.join(sorted(_OUTCOMES))}"
     for name in _NUMBERS:
         if row[name] and not _is_number(row[name]):

@@ -125,11 +125,15 @@ def _finish(
     progress.begin(len(folder.tasks), len(folder.finished), folder.warnings)
     if todo:
         compile_kernels()
-        make_runner = _Prepared(code_digest(), imported_first(), registered_agents(), make_runner)
-        with closing(engine.run(todo, workers, limit_s, make_runner)) as results:  # pyright: ignore
+        with closing(engine.run(todo, workers, limit_s, prepared(make_runner))) as results:  # pyright: ignore
             for task, record in results:
                 progress.advance(task, folder.add(task, record))
     return SweepResult(folder.path, folder.complete(), folder.parameters)
+
+
+def prepared(make_runner: RunnerFactory) -> RunnerFactory:
+    """As `make_runner`, for processes with the code of this one; they learn what agents are registered here."""
+    return _Prepared(code_digest(), imported_first(), registered_agents(), make_runner)
 
 
 @dataclass(frozen=True)

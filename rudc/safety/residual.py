@@ -174,7 +174,7 @@ class _Head:
         mean, spread = arrays[f"{head}/mean"], arrays[f"{head}/spread"]
         first = arrays[f"{head}/w1"] / spread[:, None]
         self.inputs = len(mean)
-        scale = np.float32(arrays[f"{head}/scale"])
+        scale = np.float32(arrays[f"{head}/scale"].item())
         layers = (
             arrays[f"{head}/low"], arrays[f"{head}/high"], first, arrays[f"{head}/b1"] - mean @ first,
             arrays[f"{head}/w2"], arrays[f"{head}/b2"], arrays[f"{head}/w3"][:, 0] * scale,

@@ -60,3 +60,16 @@ def test_a_damaged_row_is_named_by_its_line(folder, fakes, make_plan, change, to
         read_sweep(folder)
     with pytest.raises(SweepError, match=r"episodes\.csv" + told):
         run_sweep(make_plan(), folder, fakes.Runner, resume=True)
+
+
+def test_numbers_of_episodes_that_failed_are_checked_too(folder):
+    """Reports read them, whether or not the episode ran."""
+    path = folder / "episodes.csv"
+    lines = path.read_text(encoding="utf-8").split("\n")
+    for column, value in (("outcome", ""), ("error", "it failed"), ("first_event_s", "first_event_s")):
+        _cell(column, value)(lines)
+    path.write_text("\n".join(lines), encoding="utf-8")
+    with pytest.raises(
+        SweepError, match=r"episodes\.csv:4: first_event_s: 'first_event_s' is no finite number"
+    ):
+        read_sweep(folder)

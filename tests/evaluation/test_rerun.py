@@ -40,7 +40,7 @@ def test_a_row_that_says_otherwise_is_noticed(folder):
     record = run(found.task)
     run.close()
     other = differences({**found.row, "outcome": "frozen", "decision_ms_mean": "99"}, record)
-    assert other == [f"outcome: frozen then, {record.outcome} now"]
+    assert [str(difference) for difference in other] == [f"outcome: frozen then, {record.outcome} now"]
 
 
 @pytest.mark.parametrize(

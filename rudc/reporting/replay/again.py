@@ -44,7 +44,7 @@ def replayed(folder: Path, which: str, clip: Path | None = None) -> Replayed:
     """
     found = find_episode(folder, which)
     record, page = recorded(found.task.scenario, found.task.seed, make_agent(found.task.agent), clip)
-    other = differences(found.row, record)
+    other = [str(difference) for difference in differences(found.row, record)]
     check = _check(folder, found.number, other, found.changes)
     return Replayed(page, check, not other, f"{found.task}: {record.outcome}; {check}")
 

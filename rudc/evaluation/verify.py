@@ -1,0 +1,114 @@
+"""Whether a sweep can be believed: a sample of its episodes run again, and compared with their rows.
+
+Timing columns are left out. On the machine that made the rows, with the same versions, they come out the same
+to the last digit; elsewhere an instruction that rounds otherwise may grow, in a few episodes, into another
+course of events.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from rudc.errors import SweepError
+from rudc.evaluation.columns import COLUMNS
+from rudc.evaluation.compiled import compile_kernels
+from rudc.evaluation.engine import RunnerFactory
+from rudc.evaluation.rerun import Difference, Rerun, Swept, differences
+from rudc.evaluation.sweep import ENGINES, EPISODE_LIMIT_S, Progress, Silent, prepared
+
+SHARE = 0.05
+"""of the episodes of a sweep that are run again unless told otherwise"""
+
+
+class Off(NamedTuple):
+    """How far a column is from what its rows say."""
+
+    column: str
+    episodes: int
+    """that say something else there"""
+    largest: float
+    """largest difference, in the column's unit; nan for texts, and where a number is missing"""
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What came of running episodes again."""
+
+    of: int
+    """episodes of the sweep that can be run again: those without an error"""
+    again: int
+    """of these that were"""
+    other: Sequence[tuple[Rerun, Sequence[Difference]]]
+    """those that came out otherwise"""
+    changes: tuple[str, ...]
+    """what is another here than where the sweep ran, as its manifest says"""
+
+    @property
+    def columns(self) -> list[Off]:
+        """The columns that differ, in their order."""
+        found: dict[str, list[Difference]] = {}
+        for _, those in self.other:
+            for difference in those:
+                found.setdefault(difference.column, []).append(difference)
+        return [
+            Off(name, len(those), max((d.size for d in those if not math.isnan(d.size)), default=math.nan))
+            for name in COLUMNS
+            if (those := found.get(name))
+        ]
+
+
+def verify_sweep(
+    folder: Path,
+    make_runner: RunnerFactory,
+    *,
+    share: float = SHARE,
+    seed: int = 0,
+    workers: int = 1,
+    limit_s: float = EPISODE_LIMIT_S,
+    progress: Progress | None = None,
+) -> Verification:
+    """Run a share of a folder's episodes again, at least one, drawn by `seed`; nothing is written.
+
+    Raises SweepError when it is no sweep's folder, or holds no episode that could be run.
+    """
+    if not 0.0 < share <= 1.0:
+        raise SweepError(f"a share of the episodes is more than 0 and at most 1, not {share:g}")
+    sweep = Swept(folder)
+    drawn = _sample(sweep.rows, share, seed, folder)
+    reruns = {r.task.key(sweep.parameters): r for r in (sweep.episode(number) for number in drawn.numbers)}
+    progress = progress or Silent()
+    progress.begin(len(reruns), 0, ())
+    compile_kernels()
+    tasks = [rerun.task for rerun in reruns.values()]
+    other = []
+    with closing(ENGINES["local"].run(tasks, workers, limit_s, prepared(make_runner))) as results:  # pyright: ignore
+        for task, record in results:
+            progress.advance(task, record)
+            rerun = reruns[task.key(sweep.parameters)]
+            if found := differences(rerun.row, record):
+                other.append((rerun, found))
+    changes = tuple(dict.fromkeys(change for rerun in reruns.values() for change in rerun.changes))
+    return Verification(drawn.of, len(reruns), sorted(other, key=lambda one: one[0].number), changes)
+
+
+class _Drawn(NamedTuple):
+    """Numbers of rows, out of so many."""
+
+    numbers: list[int]
+    of: int
+
+
+def _sample(rows: Sequence[Mapping[str, str]], share: float, seed: int, folder: Path) -> _Drawn:
+    able = [number for number, row in enumerate(rows, 1) if not row["error"]]
+    if not able:
+        raise SweepError(f"{folder} has no finished episode that could be run again")
+    count = max(1, math.ceil(share * len(able)))
+    chosen = np.random.default_rng(seed).choice(len(able), size=count, replace=False)
+    return _Drawn(sorted(able[k] for k in chosen), len(able))

@@ -1,0 +1,128 @@
+"""A sample of a finished sweep run again: same rows, other rows, and why they may be others."""
+
+import json
+import shutil
+
+import pytest
+
+from rudc.errors import SweepError
+from rudc.evaluation.folder import read_sweep
+from rudc.evaluation.runner import EpisodeRunner
+from rudc.evaluation.sweep import ENGINES, Engine, run_sweep
+from rudc.evaluation.tasks import SweepPlan
+from rudc.evaluation.verify import verify_sweep
+from rudc.network.network import shipped_networks
+from rudc.scenario import load_scenario
+
+
+@pytest.fixture(scope="module", autouse=True)
+def here():
+    """The engine in this process: what workers do, without their start."""
+
+    def engine(tasks, workers, limit_s, make_runner):
+        run = make_runner()
+        for task in tasks:
+            yield task, run(task)
+        run.close()
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setitem(ENGINES, "local", Engine(engine))
+        yield
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    """A sweep of 12 short episodes, a learnt agent's among them, on a network of one's own."""
+    folder = tmp_path_factory.mktemp("verify")
+    shutil.copy(shipped_networks()["t_junction"], folder / "own.net.xml")
+    (folder / "own.yaml").write_text(
+        "name: own\nextends: random_destination\nnetwork: own.net.xml\nepisode: {timeout: 2}\n"
+        "sweep: {traffic.density: [5, 15]}\n"
+    )
+    plan = SweepPlan((load_scenario(folder / "own.yaml"),), ("rudc-t", "gap-acceptance+ttcbf"), 3, 4)
+    run_sweep(plan, folder / "swept", EpisodeRunner)
+    return folder
+
+
+@pytest.fixture
+def copied(swept, tmp_path):
+    shutil.copytree(swept, tmp_path, dirs_exist_ok=True)
+    return tmp_path / "swept"
+
+
+def _edit(folder, number, column, value):
+    path = folder / "episodes.csv"
+    lines = path.read_text().split("\n")
+    cells = lines[number].split(",")
+    cells[lines[0].split(",").index(column)] = value
+    lines[number] = ",".join(cells)
+    path.write_text("\n".join(lines))
+
+
+def test_all_rows_come_out_the_same(copied):
+    _edit(copied, 2, "decision_ms_mean", "1234.5")  # timing
+    before = {path: path.read_bytes() for path in copied.rglob("*") if path.is_file()}
+    found = verify_sweep(copied, EpisodeRunner, share=1.0)
+    assert (found.of, found.again, list(found.other), found.changes) == (12, 12, [], ())
+    assert {path: path.read_bytes() for path in copied.rglob("*") if path.is_file()} == before
+
+
+def test_a_sample_is_a_share_drawn_by_the_seed(copied):
+    for number in range(1, 13):
+        _edit(copied, number, "steps", "7")  # so that every row is named
+    drawn = []
+    for seed in (0, 0, 1):
+        found = verify_sweep(copied, EpisodeRunner, share=0.2, seed=seed)
+        assert found.again == len(found.other) == 3
+        drawn.append([rerun.number for rerun, _ in found.other])
+    assert drawn[0] == drawn[1] != drawn[2]
+
+
+def test_what_differs_is_said_by_column_with_its_size(copied):
+    rows, _ = read_sweep(copied)
+    _edit(copied, 3, "mean_speed_mps", repr(float(rows[2]["mean_speed_mps"]) + 0.25))
+    _edit(copied, 5, "mean_speed_mps", repr(float(rows[4]["mean_speed_mps"]) - 0.125))
+    _edit(copied, 5, "outcome", "collision")
+    found = verify_sweep(copied, EpisodeRunner, share=1.0)
+    assert [rerun.number for rerun, _ in found.other] == [3, 5]
+    outcome, speed = found.columns
+    assert (outcome.column, outcome.episodes) == ("outcome", 1)
+    assert (speed.column, speed.episodes, round(speed.largest, 6)) == ("mean_speed_mps", 2, 0.25)
+
+
+def test_what_is_another_here_is_named(copied):
+    path = copied / "manifest.json"
+    content = json.loads(path.read_text())
+    content["versions"] |= {"numpy": "0.1", "processor": "an abacus"}
+    path.write_text(json.dumps(content))
+    numpy, processor = sorted(verify_sweep(copied, EpisodeRunner).changes)
+    assert numpy.startswith("numpy 0.1 -> ")
+    assert processor.startswith("processor an abacus -> ")
+
+
+def test_the_networks_are_the_sweeps_own_copies(copied, swept):
+    """Replaced, or gone, the original changes nothing."""
+    path = copied / "manifest.json"
+    for replaced in (True, False):
+        original = copied.parent / "own.net.xml"
+        if replaced:
+            shutil.copy(shipped_networks()["four_way"], original)
+        else:
+            original.unlink()
+        path.write_text(path.read_text().replace(str(swept), str(copied.parent)))
+        found = verify_sweep(copied, EpisodeRunner, share=0.1)
+        assert not found.other
+        assert not found.changes
+
+
+@pytest.mark.parametrize("share", [0.0, -1.0, 1.5, float("nan")])
+def test_a_share_that_is_none_is_refused(copied, share):
+    with pytest.raises(SweepError, match="more than 0 and at most 1"):
+        verify_sweep(copied, EpisodeRunner, share=share)
+
+
+def test_a_folder_without_finished_episodes_is_refused(copied):
+    rows = copied / "episodes.csv"
+    rows.write_text(rows.read_text().split("\n")[0] + "\n")
+    with pytest.raises(SweepError, match="no finished episode"):
+        verify_sweep(copied, EpisodeRunner)
