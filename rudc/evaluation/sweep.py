@@ -132,7 +132,7 @@ def _finish(
 
 
 def prepared(make_runner: RunnerFactory) -> RunnerFactory:
-    """As `make_runner`, for processes with the code of this one; they learn what agents are registered here."""
+    """As `make_runner`, for processes with the code of this one; they learn which agents are registered."""
     return _Prepared(code_digest(), imported_first(), registered_agents(), make_runner)
 
 

@@ -1,7 +1,8 @@
 """Whose fault a collision of the ego is, by a rule that can be stated in a sentence each; the first that fits
 decides.
 
-1. The other stands or is a pedestrian: the ego's if it drove, else shared.
+1. The other stands or is a pedestrian: the ego's if it drove, else shared. A car that the yielding layer
+   holds in the way of an ego on its reference path is asked for its right of way first: rules 3 to 6.
 2. The ego stands (below 0.5 m/s) on its reference path, either before the point up to which it may wait or
    with the other behind it: the other's.
 3. The two head the same way (within 45 degrees): the one behind is at fault; side by side, shared.
@@ -28,21 +29,19 @@ class Collision(NamedTuple):
     fault: Fault
 
 
-def judge(scene: Scene, index: int, unlawful: bool) -> Fault:
-    """Fault of a contact between the ego and the scene's vehicle `index`; unlawful says an event has it break
-    the rules."""
+def judge(scene: Scene, index: int, unlawful: bool, held: bool = False) -> Fault:
+    """Fault of a contact between the ego and the scene's vehicle `index`; `unlawful`: an event has it break
+    the rules; `held`: the yielding layer has it brake or stand."""
     ego = scene.ego
     dx, dy = scene.position[index] - (ego.x, ego.y)
     other_speed = math.hypot(*scene.velocity[index])
-    if scene.kind[index] == Kind.PEDESTRIAN or other_speed < STANDING:
+    stands = scene.kind[index] == Kind.PEDESTRIAN or other_speed < STANDING
+    on_path = abs(scene.ego_offset) < 1.0
+    if stands and not (held and ego.v >= STANDING and on_path):
         return "ego" if ego.v >= STANDING else "shared"
     turn = math.cos(scene.heading[index] - ego.psi)
     ahead = dx * math.cos(ego.psi) + dy * math.sin(ego.psi)
-    if (
-        ego.v < STANDING
-        and abs(scene.ego_offset) < 1.0
-        and (_may_wait(scene) or (turn > math.cos(math.pi / 4) and ahead < 0))
-    ):
+    if ego.v < STANDING and on_path and (_may_wait(scene) or (turn > math.cos(math.pi / 4) and ahead < 0)):
         return "other"
     if turn > math.cos(math.pi / 4):
         reach = 0.25 * (scene.vehicle.length + scene.size[index, 0])

@@ -213,6 +213,7 @@ class World:
         self.traffic.begin(plan.traffic, traffic_rng)
         self._reader = Reader(self._sumo, self.network, self.traffic)
         self._brakes = Brakes(self._sumo, self.traffic)
+        self._held: set[str] = set()
         self._lane_keeping = LaneKeeping(self._sumo)
         self._detours = Detours(self._sumo, self.network, self.traffic)
         self._script = Script(plan.events, self.stage)
@@ -340,7 +341,8 @@ class World:
         if hit not in scene.ids:
             scene = before
         index = scene.ids.index(hit)
-        return Collision(hit, Kind(scene.kind[index]), judge(scene, index, hit in self.stage.unlawful))
+        fault = judge(scene, index, hit in self.stage.unlawful, hit in self._held)
+        return Collision(hit, Kind(scene.kind[index]), fault)
 
     # ---- after the sub-steps
 
@@ -377,6 +379,7 @@ class World:
             return
         most = min(BRAKE_MOST, self.traffic.grip)
         braking = must_yield(scene, ego_present=self._ego_inside, brake_most=most)
+        self._held = {scene.ids[row] for row in braking.rows}
         wanted = {
             scene.ids[row]: (math.hypot(*scene.velocity[row]), deceleration)
             for row, deceleration in zip(braking.rows, braking.deceleration, strict=True)

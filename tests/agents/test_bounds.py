@@ -8,10 +8,12 @@ import pytest
 from safetensors.numpy import load_file, save_file
 
 from rudc.agents.checkpoint import shipped_checkpoints
+from rudc.agents.learned import load_learned
 from rudc.agents.registry import make_agent
 from rudc.errors import AgentError, SweepError
 from rudc.evaluation.tasks import SweepPlan
 from rudc.learning.parameters import fingerprint
+from rudc.safety.residual import heads
 from rudc.scenario import load_scenario
 
 
@@ -81,6 +83,7 @@ def _nan(array):
         ("policy/fuse.weight", _nan, "policy/fuse.weight is not finite"),
         ("residual/vehicle/w1", _nan, "residual/vehicle/w1 is not finite"),
         ("residual/vehicle/b2", lambda a: a[:1].copy(), "residual predictor's vehicle/"),
+        ("residual/vehicle/scale", lambda a: np.repeat(a, 2), "residual predictor's scales"),
         ("policy/more.weight", lambda a: np.zeros((1, 2, 2), np.float32), "is not of this configuration"),
     ],
 )
@@ -95,7 +98,8 @@ def test_weights_are_compared_with_what_the_settings_need(damaged, name, change,
         {"training": {"seed": -1}}, {"training": {"seed": "x"}}, {"training": []}, {"training": {}},
         {"trained": []}, {"sigma": {"low": 2.0, "high": 1.0}}, {"sigma": {"low": 1e400, "high": 1.0}},
         {"sigma": 3}, {"spaces": {}}, {"learner": {"critic": {"hidden": 10**9}}}, {"learner": []},
-        {"prior": ""}, {"algorithm": None}, {"format": [2]},
+        {"prior": ""}, {"algorithm": None}, {"format": [2]}, {"correction": {"kind": []}},
+        {"action": {"kind": {}}},
     ],
     ids=str,
 )  # fmt: skip
@@ -112,3 +116,10 @@ def test_a_description_nested_without_end_is_refused(damaged, tmp_path):
 
 def test_what_is_not_damaged_is_loaded(damaged):
     damaged()
+
+
+def test_a_scale_in_brackets_is_a_scale(damaged, tmp_path):
+    """An array of one number where the predictor writes a number."""
+    damaged({"residual/vehicle/scale": lambda a: np.reshape(a, 1)})
+    predictor = load_learned("agent", tmp_path / "agent", {}).correction._predictor
+    assert predictor.of("vehicle", np.zeros((2, len(heads()["vehicle"])))).shape == (2,)

@@ -20,14 +20,16 @@ def beside(scene, ahead, left, turned):
 def contact(make_scene):
     """Fault of a contact with something at (ahead m, left m, turned rad), driving at v m/s."""
 
-    def find(ahead, left, turned, v, *, ego=None, unlawful=False, kind=Kind.CAR, row=None, **where):
+    def find(
+        ahead, left, turned, v, *, ego=None, unlawful=False, held=False, kind=Kind.CAR, row=None, **where
+    ):
         scene = make_scene(v=8.0 if ego is None else ego, **where)
         scene = make_scene(
             {"at": beside(scene, ahead, left, turned), "v": v, "kind": kind}, v=scene.ego.v, **where
         )
         if row is not None:
             scene.path[0] = row
-        return judge(scene, 0, unlawful)
+        return judge(scene, 0, unlawful, held)
 
     return find
 
@@ -36,6 +38,18 @@ def test_running_into_what_stands_is_the_egos_fault(contact):
     assert contact(4.8, 0.3, 0.0, 0.0) == "ego"
     assert contact(4.0, 0.0, math.pi / 2, 0.0) == "ego"
     assert contact(3.0, 0.0, math.pi / 2, 1.4, kind=Kind.PEDESTRIAN) == "ego"
+
+
+def test_whom_the_yielding_layer_holds_before_the_ego_is_asked_for_right_of_way_first(contact, four_way):
+    own, yields = four_way.route("south", "straight").row, four_way.paths.yields
+    major = next(row for row in range(len(yields)) if yields[own, row] and not yields[row, own])
+    minor = next(row for row in range(len(yields)) if yields[row, own] and not yields[own, row])
+    for row, fault in ((major, "ego"), (minor, "other")):
+        assert contact(3.0, 0.0, math.pi / 2, 0.0, row=row, front=8.0, held=True) == fault
+        assert contact(3.0, 0.0, math.pi / 2, 0.0, row=row, front=8.0) == "ego", "it stands by itself"
+    assert contact(4.8, 0.3, 0.0, 0.0, row=minor, held=True) == "ego", "run into from behind"
+    beside_its_path = {"ego_offset": 2.0, "front": 8.0}
+    assert contact(3.0, 0.0, math.pi / 2, 0.0, row=minor, held=True, **beside_its_path) == "ego"
 
 
 def test_what_touches_a_standing_ego_while_standing_is_shared(contact):

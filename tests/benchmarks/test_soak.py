@@ -1,0 +1,22 @@
+"""What the soak calls flat, and what not."""
+
+from tests.benchmarks.soak import Look, not_flat
+
+
+def looks(**last):
+    """A first, a middle and a last look at a driver and a worker; `last`: what is another at the last."""
+    first = Look(100, 1000, {1: 150.0, 2: 400.0}, {1: 9, 2: 7}, 10.0)
+    middle = Look(500, 5000, {1: 150.0, 2: 405.0}, {1: 9, 2: 7}, 50.0)
+    end = Look(1000, 10_000, {1: 151.0, 2: 410.0}, {1: 9, 2: 7}, 100.0)
+    return [first, middle, end._replace(**last)]
+
+
+def test_flat_is_flat():
+    assert list(not_flat(looks())) == []
+
+
+def test_what_is_not_flat_is_named():
+    assert list(not_flat(looks(memory_mb={1: 150.0, 2: 440.0}))) == ["worker 1 grew by 40 MB"]
+    assert list(not_flat(looks(files={1: 10, 2: 7}))) == ["driver has 10 files open, 9 before"]
+    assert list(not_flat(looks(memory_mb={1: 150.0, 3: 400.0}))) == ["a worker was replaced"]
+    assert list(not_flat(looks(workers_s=150.0))) == ["50 decisions a second of processor time, 100 before"]
