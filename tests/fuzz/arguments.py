@@ -145,4 +145,4 @@ def _damaged(rng: random.Random, kind: str, words: list[str], least: int) -> lis
     return [word.replace("\0", "") for word in words if word not in LEFT_OUT]
 
 
-FUZZER = Fuzzer("arguments", 2_000, prepare, patience_s=90.0)
+FUZZER = Fuzzer("arguments", 2_000, prepare, patience_s=240.0)

@@ -32,7 +32,7 @@ class Fuzzer:
     """inputs of a whole run"""
     prepare: Callable[[Path], Callable[[random.Random, Path], Case]]
     """folder for what all inputs share -> what writes an input into its own folder; called once"""
-    patience_s: float = 30.0
+    patience_s: float = 120.0
     """s of wall time after which an input is taken to hang"""
 
     def randomness(self, seed: int, number: int) -> random.Random:

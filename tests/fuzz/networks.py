@@ -75,4 +75,4 @@ _DEEDS: dict[str, Callable[[random.Random, str], bytes]] = {
     "text": lambda rng, text: scratched_text(rng, text).encode("utf-8", "replace"),
     "bytes": lambda rng, text: scratched_bytes(rng, text.encode()),
 }
-FUZZER = Fuzzer("networks", 2_000, prepare, patience_s=90.0)
+FUZZER = Fuzzer("networks", 2_000, prepare, patience_s=240.0)
