@@ -1,4 +1,4 @@
-"""CONTRIBUTING.md's recipes, followed in a copy of the house."""
+"""CONTRIBUTING.md's recipes, followed in a copy of the house, and all else that its table counts."""
 
 import csv
 import os
@@ -6,22 +6,45 @@ import re
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
-BLOCKS = re.findall(
-    r"^```python\n# (?P<file>\S+?),? (?P<how>\(new\)|in \w+|at its end)\n(?P<code>.*?)^```",
-    (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"),
-    re.M | re.S,
-)
+from tests.additions import ADDED, END, NEW, ROOT, Change
+
+TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+BLOCKS = [
+    Change(*found)
+    for found in re.findall(
+        r"^```python\n# (?P<file>\S+?),? (?P<how>\(new\)|in \w+|at its end)\n(?P<code>.*?)^```",
+        TEXT,
+        re.M | re.S,
+    )
+]
+TABLE = dict(re.findall(r"^\| (.*?) \|.*\| (.*?) \|$", TEXT.split("## What it took before")[1], re.M))
+"""what is added -> how many files it takes"""
+RECIPES = {"an event": BLOCKS[1:2], "a metric": BLOCKS[2:3], "an action kind": BLOCKS[3:4]}
+"""row of the table -> what its recipe touches"""
 SCENARIO = """
 name: spill
 description: Oil is spilt.
 extends: dense_left_turn
 events: [{kind: oil_spill, friction: 0.3, when: {ego_distance_to_junction: {below: 30}}}]
 """
+
+
+def carry_out(path, how, code):
+    if how == NEW:
+        assert not path.exists()
+        path.write_text(code, encoding="utf-8")
+        return
+    text = path.read_text(encoding="utf-8")
+    if how == END:
+        at, code = len(text), f"\n\n{code}"
+    elif how.startswith("in "):
+        at = text.index("\n)\n", re.search(rf"^{how[3:]}\b", text, re.M).start()) + 1
+    else:
+        at = text.index(how.removeprefix("after ")) + len(how.removeprefix("after "))
+    path.write_text(text[:at] + code + text[at:], encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
@@ -31,18 +54,8 @@ def house(tmp_path_factory):
     shutil.copytree(ROOT / "rudc", folder / "rudc", ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("scenarios", "sumo_networks", "results"):
         (folder / name).symlink_to(ROOT / name)
-    for file, how, code in BLOCKS:
-        path = folder / file
-        if how == "(new)":
-            assert not path.exists()
-            path.write_text(code, encoding="utf-8")
-        elif how == "at its end":
-            path.write_text(f"{path.read_text(encoding='utf-8')}\n\n{code}", encoding="utf-8")
-        else:
-            table = how.removeprefix("in ")
-            text = path.read_text(encoding="utf-8")
-            end = text.index("\n)\n", re.search(rf"^{table}\b", text, re.M).start()) + 1
-            path.write_text(text[:end] + code + text[end:], encoding="utf-8")
+    for change in (*BLOCKS, *(change for changes in ADDED.values() for change in changes)):
+        carry_out(folder / change.file, change.how, change.code)
     (folder / "spill.yaml").write_text(SCENARIO, encoding="utf-8")
     return folder
 
@@ -56,7 +69,7 @@ def run(house, *arguments):
 
 
 def test_there_is_a_recipe_for_each():
-    assert [file for file, *_ in BLOCKS] == [
+    assert [change.file for change in BLOCKS] == [
         "my_agent.py", "rudc/scenario/events/oil_spill.py",
         "rudc/evaluation/columns.py", "rudc/env/action.py",
     ]  # fmt: skip
@@ -86,3 +99,65 @@ def test_action_kind(house):
         "a = np.array([0.3, -0.8])\n"
         "np.testing.assert_allclose(kind.normalised(kind.physical(a, scene), scene), a, atol=1e-6)\n",
     )  # fmt: skip
+
+
+def touched(changes):
+    """Files, as the table says it."""
+    new = {change.file for change in changes if change.how == NEW}
+    entries = {change.file for change in changes} - new
+    own = {1: "1", 2: "2"}.get(len(new), "")
+    more = {0: "", 1: "an entry", 2: "2 entries"}[len(entries)]
+    return f"{own} and {more}" if own and more else own or str(len(entries))
+
+
+@pytest.mark.parametrize(("row", "changes"), [*RECIPES.items(), *ADDED.items()])
+def test_the_table_says_how_many_files_were_touched(row, changes):
+    assert re.split(r", or |, else ", TABLE[row])[-1 if row == "a solver" else 0] == touched(changes)
+
+
+def test_all_rows_of_the_table_are_measured():
+    assert TABLE.keys() - {"to add"} == {*RECIPES, *ADDED}
+
+
+def test_driver_barrier_solver_and_engine(house):
+    """Driven by `creep`, whom a barrier keeps below 5 m/s, by another solver, one episode after the other."""
+    slow = "creep+ttcbf:correction.speed_limit=true,correction.speed_limit_most=5"
+    agents = ["creep", slow, f"{slow},correction.solver=sparse"]
+    run(
+        house, "-m", "rudc", "sweep", "random_destination", "--set", "traffic.density=0", "-n", 1, "-w", 1,
+        *(part for agent in agents for part in ("-a", agent)), "--engine", "one-by-one", "-o", "out/creep",
+    )  # fmt: skip
+    with (house / "out/creep/episodes.csv").open(newline="") as file:
+        speeds = [float(row["mean_speed_mps"]) for row in csv.DictReader(file)]
+    assert speeds[1] < 5.0 < speeds[0]
+    assert speeds[2] == pytest.approx(speeds[1], abs=1e-3)
+
+
+LEARN = """
+import sys
+from pathlib import Path
+from rudc.agents.registry import make_agent
+from rudc.training.config import TrainConfig
+from rudc.training.trainer import train
+
+class Watcher:
+    def advance(self, steps): pass
+    def progress(self, row): pass
+    def note(self, text): pass
+
+if __name__ == "__main__":
+    small = {
+        "training.steps": 50, "training.seed_steps": 50, "training.learning_starts": 16, "training.envs": 1,
+        "training.round_decisions": 25, "training.evaluation_episodes": 0, "learner.batch_size": 16,
+        "learner.policy.hidden": 8, "learner.critic.hidden": 8,
+    }
+    for name in sys.argv[1:]:
+        assert train(TrainConfig.of(name, small), Path("out", name), Watcher())
+        print(name, make_agent(f"out/{name}").inner.config.correction.kind)
+"""
+
+
+def test_learners(house):
+    (house / "learn.py").write_text(LEARN, encoding="utf-8")
+    said = run(house, "learn.py", "plain", "limited", "recovering")
+    assert said.splitlines() == ["plain none", "limited none", "recovering hand_over"]

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import time
 import warnings
+from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -142,9 +143,13 @@ class NamedSolver:
         return certified(problem, answer.x, y[:m], y_lower, y_upper, spent)
 
 
+SOLVERS: dict[str, Callable[[], Solver]] = {"piqp": PiqpSolver}
+"""name -> what makes a solver by its own interface; all others are those of qpsolvers"""
+
+
 def make_solver(name: str) -> Solver:
-    """The solver of that name."""
-    return PiqpSolver() if name == "piqp" else NamedSolver(name)
+    """The solver of that name. Raises SolverError."""
+    return SOLVERS[name]() if name in SOLVERS else NamedSolver(name)
 
 
 def certified(
