@@ -33,7 +33,7 @@ from rudc.learning.parameters import grouped, policy_arrays
 from rudc.world.scene import Scene
 
 
-class Choice(NamedTuple):
+class Chosen(NamedTuple):
     """A decision, and how it looks to whoever learns from it."""
 
     decision: Decision
@@ -95,7 +95,7 @@ class LearnedAgent:
         observation: Floats | None = None,
         *,
         correcting: bool = True,
-    ) -> Choice:
+    ) -> Chosen:
         """The same, and how it looks to a learner. With `rng` it explores; `observation`: that of this scene,
         where it is known already; `correcting`: False leaves out the correction.
         """
@@ -124,7 +124,7 @@ class LearnedAgent:
         parts = ("observation", "policy", "critic", "correction")
         timing = {part: 1000.0 * float(clock[i + 1] - clock[i]) for i, part in enumerate(parts)}
         decision = Decision(u, u_rl, unsure, corrected, timing, by_route, self._states)
-        return Choice(decision, observation, executed, proposed)
+        return Chosen(decision, observation, executed, proposed)
 
 
 def untrained(config: AgentConfig, seed: int = 0) -> LearnedAgent:

@@ -28,7 +28,7 @@ from rudc.learning.parameters import SCORE_BOUND, group, waypoint_positions
 from rudc.learning.uncertainty import Uncertainty, uncertainty
 
 
-class Network:
+class NeuralNetwork:
     """A stack of N networks of one architecture, for one observation at a time."""
 
     def __init__(
@@ -134,16 +134,16 @@ class Decider:
         """Take over weights named as in `Learner.weights`: `policy/...`, and what critics there are."""
         config, layout = self.config, self._layout
         self._actions = group(arrays, "policy")["out.bias"].shape[-1] // 2
-        self._observers: dict[str, Network] = {}
+        self._observers: dict[str, NeuralNetwork] = {}
         for name, (network, _) in config.observers(self._actions).items():
             if found := group(arrays, name):
-                self._observers[name] = Network(layout, network, found)
-        self._critics: dict[str, Network] = {}
+                self._observers[name] = NeuralNetwork(layout, network, found)
+        self._critics: dict[str, NeuralNetwork] = {}
         for name in ("critic", "cost"):
             if critic := group(arrays, name):
                 prior = group(arrays, "prior") if name == "critic" else {}
                 both = {k: np.concatenate([v, prior[k]]) if prior else v for k, v in critic.items()}
-                self._critics[name] = Network(layout, config.critic, both)
+                self._critics[name] = NeuralNetwork(layout, config.critic, both)
 
     def action(self, observation: Floats, rng: np.random.Generator | None = None) -> Floats:
         """The policy's most likely action (actions,) in [-1, 1], or one drawn from it with `rng`."""
@@ -215,7 +215,7 @@ class Decider:
         network = self._network(critic)
         return network.decode(network.encode(observation), action)
 
-    def _network(self, critic: str) -> Network:
+    def _network(self, critic: str) -> NeuralNetwork:
         if critic not in self._critics:
             raise ValueError(f"this decider was built without {critic} networks")
         return self._critics[critic]

@@ -32,7 +32,7 @@ step, exactly,
     X         = 2 (c q + d rho_e') / L
     Y         = 2 k^2 (c^2 - c p - rho_e'^2 - d rho_e'')
 
-Choice: these exact terms are used; the radii are not frozen over a step. Freezing them (d' = 0) errs by
+Chosen: these exact terms are used; the radii are not frozen over a step. Freezing them (d' = 0) errs by
 2 d (R f - rho_e' k z) dt in every step. The paper's affine rows keep L_f^2 h and L_g L_f h and lack the
 rest. X and Y are the only terms that are not affine in u; `rows` linearises them about the nominal
 action.

@@ -17,7 +17,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from rudc.agents.gap_acceptance import GapAcceptance
-from rudc.agents.learned import Choice, untrained
+from rudc.agents.learned import Chosen, untrained
 from rudc.agents.route_sigma import Heard
 from rudc.arrays import Floats
 from rudc.env.episode import Episode, Outcome, StepResult
@@ -146,7 +146,7 @@ class Collector:
             self._world.close()
             self._world, self._at = World(load_network(network, junction)), (network, junction)
 
-    def _choose(self, scene: Scene, by: By, rng: np.random.Generator) -> Choice:
+    def _choose(self, scene: Scene, by: By, rng: np.random.Generator) -> Chosen:
         if by == "policy":
             return self._agent.choose(scene, rng, self._seen, correcting=self._correcting)
         means = self._config.action
@@ -154,10 +154,10 @@ class Collector:
         action = means.normalised(proposed.u, scene) + self._training.seed_noise * rng.standard_normal(2)
         action = np.clip(action, -1.0, 1.0).astype(np.float32)  # as it will be learnt from
         decision = proposed._replace(u=means.physical(action, scene))
-        return Choice(decision, self._seen, action, action)
+        return Chosen(decision, self._seen, action, action)
 
     def _transitions(
-        self, choice: Choice, result: StepResult, cost_before: float, *, cut: bool
+        self, choice: Chosen, result: StepResult, cost_before: float, *, cut: bool
     ) -> list[Transition]:
         reward, outcome = result.reward, result.outcome
         if outcome is Outcome.COLLISION:
