@@ -157,7 +157,7 @@ def problems(error: ValidationError, what: str, known: Iterable[str] = (), given
             key = next((k for k in given if k.startswith(f"{key}.")), key)
             parts.append(f"there is no setting {key!r}{meant(key, keys)}")
         else:
-            parts.append(f"{key or 'all'}: {e['msg'].removeprefix('Value error, ')}")
+            parts.append((f"{key}: " if key else "") + e["msg"].removeprefix("Value error, "))
     return f"{what}: " + "; ".join(parts)
 
 

@@ -5,6 +5,7 @@ Results go to stdout, everything else to stderr.
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Sequence
@@ -27,9 +28,10 @@ WIDE = 200
 
 
 def console(*, to_stderr: bool = False) -> Console:
-    """A console as wide as the terminal, or wide enough for anything."""
+    """A console as wide as the terminal or as COLUMNS says, or else wide enough for anything."""
     stream = sys.stderr if to_stderr else sys.stdout
-    return Console(file=stream, width=None if stream.isatty() else WIDE, highlight=False)
+    told = stream.isatty() or os.environ.get("COLUMNS", "").isdigit()
+    return Console(file=stream, width=None if told else WIDE, highlight=False)
 
 
 class _Manner:

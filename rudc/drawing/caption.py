@@ -39,9 +39,12 @@ REMARKS = {
     "solved": "",
     "relaxed": "no action keeps all constraints",
     "braking": "full braking, nothing else was found",
-    "stopping": "full braking, or there would be no way out",
+    "last_resort": "full braking, or there would be no way out",
+    "unrolled": "until the expected cost is within its limit",
+    "recovery": "the recovery policy drives",
+    "projected": "the nearest action whose expected cost is within its limit",
 }
-"""what the safety filter's statuses mean"""
+"""what the statuses of corrections mean"""
 
 
 def title(view: View, driving: Driving) -> str:

@@ -333,7 +333,7 @@ def _on_the_road(x: Array, problem: Problem, mode: Array) -> Array:
     """A relaxed solution (a, z, violations) with the steering that the road's rows (mode 0) want at its
     acceleration.
 
-    Nothing is gained by leaving the road for somebody for whom the ego brakes already.
+    The ego brakes for the vehicles already; leaving the road for them as well would gain nothing.
     """
     road = np.flatnonzero((mode == 0) & (np.abs(problem.A[:, 1]) > LEAST_LEVER))
     if not len(road):

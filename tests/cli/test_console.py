@@ -1,6 +1,8 @@
 """What is said while a sweep or a training runs, and tables on narrow screens."""
 
 import io
+import shutil
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -99,6 +101,16 @@ def test_a_narrow_screen_breaks_no_number_and_says_what_is_missing(shown, width)
     head = "".join(lines[:2])
     for name in ("AER", "RC", "AES", "min-DTC"):
         assert (name in head) != (name in said)
+
+
+def test_off_a_terminal_columns_may_be_told(rudc, tmp_path, monkeypatch):
+    """Else nothing is cut off or left out."""
+    shutil.copytree(Path(__file__).parents[2] / "results" / "tasks", "tasks")
+    assert max(map(len, rudc("table", "tasks").out.splitlines())) > 120
+    monkeypatch.setenv("COLUMNS", "100")
+    answer = rudc("table", "tasks")
+    assert max(map(len, answer.out.splitlines())) <= 100
+    assert "too narrow for RC, AER, decision" in answer.err
 
 
 def test_long_names_get_a_line_of_their_own(shown):

@@ -1,11 +1,13 @@
 import math
+from typing import get_args
 
 import pytest
 
-from rudc.drawing.caption import correction_line, events_line, state_line, title
+from rudc.drawing.caption import REMARKS, correction_line, events_line, state_line, title
 from rudc.drawing.palette import TEXT
 from rudc.drawing.text import fitted, font, wrapped
 from rudc.drawing.view import Driving, ShownEvent, View
+from rudc.safety.filter import Status
 from tests.plans import event
 
 BRAKE = event("hard_brake", when={"simulation_time": {"above": 3}})
@@ -24,6 +26,11 @@ def test_how_the_ego_moves(make_scene):
     assert "accel. +0.0 m/s2" in state_line(scene, Driving())
     assert "sigma" not in state_line(scene, Driving(sigma=math.nan))
     assert "sigma 0.43" in state_line(scene, Driving(sigma=0.432))
+
+
+def test_every_status_of_a_correction_has_words():
+    learnt = {"unrolled", "recovery", "projected"}
+    assert REMARKS.keys() == {*get_args(Status), *learnt}
 
 
 @pytest.mark.parametrize(
