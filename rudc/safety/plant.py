@@ -55,7 +55,9 @@ BETTER = 4.0
 SAME = 1.0
 """difference in J below which two models are not told apart"""
 STANDING = 0.3
-"""m/s, below which acceleration says nothing about the brakes: a car that stands does not brake"""
+"""m/s, below which acceleration says nothing about the brakes: a car that stands does not brake. Lower than the
+scene's, since the last decimetres of a braking count still
+"""
 
 
 @dataclass(frozen=True, slots=True)
