@@ -55,8 +55,8 @@ BETTER = 4.0
 SAME = 1.0
 """difference in J below which two models are not told apart"""
 STANDING = 0.3
-"""m/s, below which acceleration says nothing about the brakes: a car that stands does not brake. Lower than the
-scene's, since the last decimetres of a braking count still
+"""m/s, below which acceleration says nothing about the brakes: a car that stands does not brake. Lower than
+the scene's: the last decimetres of a braking count, too
 """
 
 
