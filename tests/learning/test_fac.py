@@ -9,9 +9,9 @@ import torch
 
 from rudc.learning.algorithms import FacConfig
 from rudc.learning.batch import Batch
-from rudc.learning.config import NetworkConfig
 from rudc.learning.fac import FacLearner
 from rudc.learning.inference import Decider
+from tests.learning.constrained import SETTINGS, updated
 from tests.learning.helpers import TOY
 from tests.learning.test_sac import CONFIG as SAC_CONFIG
 from tests.learning.test_sac import PROBLEM, batch
@@ -44,20 +44,7 @@ def stakes(rng: np.random.Generator, count: int = 48) -> Batch:
 
 
 def test_the_multiplier_is_that_of_each_state() -> None:
-    network = NetworkConfig(encoder="mlp", hidden=32)
-    config = FacConfig(
-        policy=network,
-        critic=network,
-        value_scale=10.0,
-        cost_scale=1.0,
-        cost_limit=1.0,
-        multiplier_rate=1e-3,
-        multiplier_delay=2,
-        critic_rate=(3e-3, 3e-4),
-        actor_rate=(3e-3, 1e-3),
-        temperature=0.02,
-        temperature_rate=0.0,
-    )
+    config = FacConfig(**SETTINGS, cost_limit=1.0, multiplier_rate=1e-3, multiplier_delay=2)
     problem = replace(TOY, updates=700)
     learner, rng = FacLearner(config, problem), np.random.default_rng(0)
     states = torch.from_numpy(np.stack([SAFE, UNSAFE]))
@@ -76,13 +63,7 @@ def test_the_multiplier_is_that_of_each_state() -> None:
 
 def test_an_update_against_its_equations() -> None:
     learner, before = (FacLearner(CONFIG, PROBLEM) for _ in range(2))
-    b = batch(0)
-    seen = before.tensors(b)
-    before.draw_after(seen)
-    said = learner.update(b)
-    drawn = before.draw(seen.state)  # the policy had not stepped yet, the critics had
-    q = learner.critics.both(learner.critics.trained, seen.state, drawn.action).min(dim=0).values
-    q_c = learner.costs.both(learner.costs.trained, seen.state, drawn.action).max(dim=0).values
+    said, seen, drawn, q, q_c = updated(learner, before, batch(0))
     lagrange = before.multiplier(seen.state)
     loss = (0.3 * drawn.log_probability - q + lagrange * (q_c - 0.5)).mean()
     assert said.policy_loss == pytest.approx(float(loss.detach()), abs=1e-5)

@@ -7,12 +7,11 @@ import pytest
 import torch
 
 from rudc.learning.algorithms import RecoveryConfig
-from rudc.learning.config import NetworkConfig, ObservationLayout, Problem
 from rudc.learning.inference import Decider
 from rudc.learning.recovery import RecoveryLearner
+from tests.learning.constrained import SETTINGS, bandit, bandit_problem
 from tests.learning.test_sac import CONFIG as SAC_CONFIG
 from tests.learning.test_sac import PROBLEM, batch
-from tests.learning.test_sac_lagrangian import bandit
 
 CONFIG = RecoveryConfig.model_validate(
     SAC_CONFIG.model_dump() | {"learns_from": "proposed", "cost_scale": 1.0}
@@ -45,18 +44,8 @@ def test_an_update_against_its_equations() -> None:
 
 def test_one_policy_goes_for_the_return_the_other_for_no_risk() -> None:
     """All of the bandit's stake, and nothing of it."""
-    network = NetworkConfig(encoder="mlp", hidden=32)
-    config = RecoveryConfig(
-        policy=network,
-        critic=network,
-        value_scale=10.0,
-        cost_scale=1.0,
-        critic_rate=(3e-3, 3e-4),
-        actor_rate=(3e-3, 1e-3),
-        temperature=0.02,
-        temperature_rate=0.0,
-    )
-    problem = Problem(ObservationLayout(ego=1, vehicles=0, waypoints=0, task=0), actions=1, updates=300)
+    config = RecoveryConfig(**SETTINGS)
+    problem = bandit_problem(updates=300)
     learner, rng = RecoveryLearner(config, problem), np.random.default_rng(0)
     for _ in range(300):
         learner.update(bandit(rng))

@@ -7,12 +7,11 @@ import pytest
 import torch
 
 from rudc.learning.algorithms import LagrangianConfig
-from rudc.learning.batch import Batch
-from rudc.learning.config import NetworkConfig, ObservationLayout, Problem
 from rudc.learning.inference import Decider
 from rudc.learning.multiplier import Multiplier
 from rudc.learning.sac import SacLearner
 from rudc.learning.sac_lagrangian import SacLagrangianLearner
+from tests.learning.constrained import SETTINGS, bandit, bandit_problem
 from tests.learning.test_sac import CONFIG as SAC_CONFIG
 from tests.learning.test_sac import PROBLEM, batch
 
@@ -82,41 +81,9 @@ def test_without_multiplier_it_is_sac() -> None:
         assert np.array_equal(value, free.weights()[name]), name
 
 
-def bandit(rng: np.random.Generator, count: int = 32) -> Batch:
-    """One state, one step. The stake x = (1 + a) / 2 earns 20 x - 10 x^2 and costs 2 x: free, x = 1; where
-    the cost may be 1, x = 1/2, and there d reward / d cost = (20 - 20 x) / 2 = 5.
-    """
-    action = rng.uniform(-1, 1, size=(count, 1)).astype(np.float32)
-    x = (1 + action[:, 0]) / 2
-    one = np.ones((count, 1), np.float32)
-    return Batch(
-        observation=one,
-        executed=action,
-        proposed=action,
-        reward=20 * x - 10 * x**2,
-        cost=2 * x,
-        discount=np.full(count, 0.9, np.float32),
-        next_observation=one,
-        terminal=np.ones(count, np.bool_),
-        mask=np.zeros((count, 0), np.bool_),
-    )
-
-
 def test_the_multiplier_of_a_constrained_bandit_is_found() -> None:
-    network = NetworkConfig(encoder="mlp", hidden=32)
-    config = LagrangianConfig(
-        policy=network,
-        critic=network,
-        value_scale=10.0,
-        cost_scale=1.0,
-        cost_limit=1.0,
-        multiplier_rate=0.2,
-        critic_rate=(3e-3, 3e-4),
-        actor_rate=(3e-3, 1e-3),
-        temperature=0.02,
-        temperature_rate=0.0,
-    )
-    problem = Problem(ObservationLayout(ego=1, vehicles=0, waypoints=0, task=0), actions=1, updates=1200)
+    config = LagrangianConfig(**SETTINGS, cost_limit=1.0, multiplier_rate=0.2)
+    problem = bandit_problem(updates=1200)
     learner, rng = SacLagrangianLearner(config, problem), np.random.default_rng(0)
     seen = [learner.update(bandit(rng)) for _ in range(1200)]
     assert np.mean([s.multiplier for s in seen[-300:]]) == pytest.approx(5.0, abs=0.4)

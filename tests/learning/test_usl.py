@@ -6,25 +6,18 @@ import numpy as np
 import pytest
 
 from rudc.learning.algorithms import UslConfig
-from rudc.learning.config import NetworkConfig, ObservationLayout, Problem
 from rudc.learning.inference import Decider
 from rudc.learning.usl import UslLearner
+from tests.learning.constrained import SETTINGS, bandit, bandit_problem, updated
 from tests.learning.test_sac import CONFIG as SAC_CONFIG
 from tests.learning.test_sac import PROBLEM, batch
-from tests.learning.test_sac_lagrangian import bandit
 
 CONFIG = UslConfig(**SAC_CONFIG.model_dump(), cost_limit=0.5, cost_scale=1.0, penalty=3.0)
 
 
 def test_an_update_against_its_equations() -> None:
     learner, before = (UslLearner(CONFIG, PROBLEM) for _ in range(2))
-    b = batch(0)
-    seen = before.tensors(b)
-    before.draw_after(seen)
-    said = learner.update(b)
-    drawn = before.draw(seen.state)  # the policy had not stepped yet, the critics had
-    q = learner.critics.both(learner.critics.trained, seen.state, drawn.action).min(dim=0).values
-    q_c = learner.costs.both(learner.costs.trained, seen.state, drawn.action).max(dim=0).values
+    said, _, drawn, q, q_c = updated(learner, before, batch(0))
     loss = (0.3 * drawn.log_probability - q + 3.0 * (q_c - 0.5).relu()).mean()
     assert said.policy_loss == pytest.approx(float(loss.detach()), abs=1e-5)
     assert said.cost_value == pytest.approx(float(q_c.detach().mean()), abs=1e-5)
@@ -32,21 +25,9 @@ def test_an_update_against_its_equations() -> None:
 
 def test_a_penalty_larger_than_the_multiplier_keeps_the_limit() -> None:
     """The bandit's multiplier is 5, so with a penalty of 8 the policy stops at the limit, x = 1/2."""
-    network = NetworkConfig(encoder="mlp", hidden=32)
-    config = UslConfig(
-        policy=network,
-        critic=network,
-        value_scale=10.0,
-        cost_scale=1.0,
-        cost_limit=1.0,
-        penalty=8.0,
-        critic_rate=(3e-3, 3e-4),
-        actor_rate=(3e-3, 1e-4),
-        temperature=0.02,
-        temperature_rate=0.0,
-        initial_log_std=-2.0,
-    )
-    problem = Problem(ObservationLayout(ego=1, vehicles=0, waypoints=0, task=0), actions=1, updates=500)
+    settings = {**SETTINGS, "actor_rate": (3e-3, 1e-4)}
+    config = UslConfig(**settings, cost_limit=1.0, penalty=8.0, initial_log_std=-2.0)
+    problem = bandit_problem(updates=500)
     learner, rng = UslLearner(config, problem), np.random.default_rng(0)
     for _ in range(500):
         learner.update(bandit(rng))
