@@ -58,6 +58,8 @@ STEEPEST = 0.6
 """rad, largest angle to the path from which a course is planned"""
 
 _planners: Remembered[Route, CoursePlanner] = Remembered()
+_planners_across: Remembered[Route, CoursePlanner] = Remembered()
+"""for egos that may cross the centre line"""
 
 
 class Courses:
@@ -122,16 +124,25 @@ class Courses:
         return np.array([min(float(u[0]), wanted), delta])
 
     def _candidates(self, scene: Scene, blocks: Blocks) -> Iterator[Route | None]:
-        """The route itself where the ego is on it still, and a course round the bodies."""
+        """The route itself where the ego is on it still, and courses round the bodies: on its own
+        carriageway, and on the lanes of oncoming traffic where these may be used.
+        """
         if self.course is not None and abs(scene.ego_offset) < CLEAR:
             yield None
-        planner = _planners.get(scene.route, lambda: CoursePlanner(scene.network, scene.route, scene.vehicle))
         facing = float(scene.route.path.pose(scene.ego_s)[2])
         turned = math.remainder(scene.ego.psi - facing, 2 * math.pi)
         slope = math.tan(min(max(turned, -STEEPEST), STEEPEST))
-        course = planner.plan(scene.ego_s, scene.ego_offset, slope, blocks.standing, blocks.coming)
-        if course is not None:
-            yield course
+        for planner in _planners_of(scene):
+            course = planner.plan(scene.ego_s, scene.ego_offset, slope, blocks.standing, blocks.coming)
+            if course is not None:
+                yield course
+
+
+def _planners_of(scene: Scene) -> Iterator[CoursePlanner]:
+    network, route, body = scene.network, scene.route, scene.vehicle
+    yield _planners.get(route, lambda: CoursePlanner(network, route, body))
+    if scene.may_cross_centre:
+        yield _planners_across.get(route, lambda: CoursePlanner(network, route, body, may_cross_centre=True))
 
 
 def along(scene: Scene, course: Route) -> Scene:

@@ -72,11 +72,15 @@ def gaps_along(
 class CoursePlanner:
     """Plans courses for one route; what the road says is worked out once."""
 
-    def __init__(self, network: Network, route: Route, body: EgoVehicle) -> None:
+    def __init__(
+        self, network: Network, route: Route, body: EgoVehicle, may_cross_centre: bool = False
+    ) -> None:
+        """`may_cross_centre`: courses may use the lanes of oncoming traffic."""
         self._network, self._route, self._body = network, route, body
-        self._carriageway = network.carriageway(network.movement(route.origin, route.destination))
-        self._boundary = union_boundary(self._carriageway)
-        depths = Depths(route.path, self._carriageway, self._boundary)
+        movement = network.movement(route.origin, route.destination)
+        carriageway = network.carriageway(movement, may_cross_centre)
+        self._boundary = union_boundary(carriageway)
+        depths = Depths(route.path, carriageway, self._boundary)
         self._lattice = Lattice(route.path, depths, body, math.tan(TIGHTEST) / body.wheelbase)
 
     def plan(

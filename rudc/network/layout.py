@@ -158,9 +158,14 @@ class Layout:
         """(K, 2) m, the lanes' centre lines of a row of `paths`, joined."""
         return without_repeats(np.concatenate(self._sources[row].shapes))
 
-    def carriageway(self, movement: Movement) -> list[Array]:
-        """Polygons (K, 2) m that a movement's traffic may use: all lanes of its edges, and the junction."""
+    def carriageway(self, movement: Movement, both_ways: bool = False) -> list[Array]:
+        """Polygons (K, 2) m that a movement's traffic may use: all lanes of its edges, and the junction.
+
+        `both_ways`: and the lanes of oncoming traffic on the two arms.
+        """
         edges = {*movement.edges, *self.ring_edges}
+        if both_ways:
+            edges.update(self.arm(movement.origin).out_edges, self.arm(movement.destination).in_edges)
         lanes = [
             assembly.lane_area(lane) for lane in self.lanes.values() if lane.internal or lane.edge in edges
         ]

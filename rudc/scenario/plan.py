@@ -29,6 +29,8 @@ class EgoPlan:
     """before the stop line"""
     destination_m: float
     """beyond the junction's exit, where the episode succeeds"""
+    may_cross_centre: bool = False
+    """whether it may drive on the lanes of oncoming traffic"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -76,6 +76,8 @@ class Ego(FileModel, frozen=True):
     """m from its front to the stop line, at the start"""
     destination: Annotated[AnyDistribution, Bounds(0, 1000, "m", above=True)] = Constant(value=30.0)
     """m beyond the junction's exit, where it has arrived"""
+    may_cross_centre: bool = False
+    """whether it may pass what blocks its way on the lanes of oncoming traffic: no `wrong_way` then"""
 
     def plan(self, rng: np.random.Generator) -> EgoPlan:
         """The ego of one episode."""
@@ -87,6 +89,7 @@ class Ego(FileModel, frozen=True):
             speed_mps=self.speed.sample(rng),
             distance_m=self.distance.sample(rng),
             destination_m=self.destination.sample(rng),
+            may_cross_centre=self.may_cross_centre,
         )
 
 

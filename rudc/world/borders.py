@@ -15,15 +15,16 @@ OFF_ROAD_M = 0.3
 class Borders:
     """Of one episode."""
 
-    def __init__(self, surface: Surface, vehicle: EgoVehicle) -> None:
-        self._surface, self._vehicle = surface, vehicle
+    def __init__(self, surface: Surface, vehicle: EgoVehicle, may_cross_centre: bool) -> None:
+        """`may_cross_centre`: no direction is the wrong one."""
+        self._surface, self._vehicle, self._one_way = surface, vehicle, not may_cross_centre
         self._on_road = (0.0, 0.0, 0.0, -math.inf)
         """m, m, rad, m: the pose last looked up, and how far no corner may move without leaving the road"""
 
     def left(self, state: EgoState) -> tuple[bool, bool]:
         """Whether the ego is off the road, and whether its centre goes the wrong way."""
         direction = self._surface.direction(state.x, state.y)
-        wrong_way = not math.isnan(direction) and math.cos(state.psi - direction) < 0
+        wrong_way = self._one_way and not math.isnan(direction) and math.cos(state.psi - direction) < 0
         return self._off_road(state), wrong_way
 
     def _off_road(self, state: EgoState) -> bool:

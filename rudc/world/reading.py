@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class EgoView(NamedTuple):
-    """The part of a scene that is about the ego; fields as in `Scene`, in its order save the last two."""
+    """The part of a scene that is about the ego; fields as in `Scene`, in its order save the last three."""
 
     time_s: float
     timeout_s: float
@@ -38,6 +38,7 @@ class EgoView(NamedTuple):
     last_u: Array
     destination_s: float
     actuation: Actuation
+    may_cross_centre: bool
 
 
 class Reader:
@@ -116,7 +117,7 @@ class Reader:
         away = position - (ego.state.x, ego.state.y)
         order = np.hypot(away[:, 0], away[:, 1]).argsort()
         return Scene(
-            *ego[:-2],
+            *ego[:-3],
             self._network,
             tuple([ids[i] for i in order.tolist()]),
             position.take(order, 0),
@@ -129,6 +130,7 @@ class Reader:
             path_s.take(order),
             ego.destination_s,
             ego.actuation,
+            ego.may_cross_centre,
         )
 
     def locate_ego(self, route: Route, length: float) -> tuple[int, float]:

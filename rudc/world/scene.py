@@ -101,6 +101,8 @@ class Scene:
     """m, arc length on `route.path` where the episode succeeds; where the path ends if that comes first"""
     actuation: Actuation | None = None
     """what stands between a command and the wheels; for ablations, since no car knows that of itself"""
+    may_cross_centre: bool = False
+    """whether the ego may drive on the lanes of oncoming traffic"""
     hidden_by: Array | None = None
     """(K, 5) opaque boxes that hide what is behind them: centre x, y (m), heading (rad), length, width (m);
     None for none"""

@@ -202,7 +202,7 @@ class World:
         self._sumo.load(int(traffic_rng.integers(2**31 - 1)), types, options)
         self._time0 = self._waited = 0.0
         self._last_u = np.zeros(2)
-        self._borders = Borders(self.network.surface, self.vehicle)
+        self._borders = Borders(self.network.surface, self.vehicle, plan.ego.may_cross_centre)
         self._decisions = 0
         self._ego_inside = False
         self._place_ego(ego_rng)
@@ -362,7 +362,7 @@ class World:
         ego = EgoView(
             self._sumo.time() - self._time0, self.plan.timeout_s, state, self.vehicle, self.route,
             self._ego_s, offset, self._waited, self._last_u, self._destination_s,
-            self._plant.actuation,
+            self._plant.actuation, self.plan.ego.may_cross_centre,
         )  # fmt: skip
         scene = self._scene = self._reader.scene(ego, self.stage.props)
         self._perceived = None
