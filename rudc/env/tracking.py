@@ -43,11 +43,9 @@ _bends: Remembered[ReferencePath, Array] = Remembered()
 def steering(scene: Scene) -> float:
     """rad, front-wheel angle that follows `scene.route.path`."""
     ego, body, path = scene.ego, scene.vehicle, scene.route.path
-    index = min(max(int(scene.ego_s / SPACING), 0), len(path.heading) - 1)
-    ahead = min(max(int((scene.ego_s + PREVIEW_S * ego.v) / SPACING), 0), len(path.curvature) - 1)
-    bend = float(path.curvature[ahead])
+    bend = path.curvature_at(scene.ego_s + PREVIEW_S * ego.v)
     slip = math.asin(min(max(body.cg_to_rear * bend, -0.9), 0.9))
-    astray = math.remainder(ego.psi + slip - float(path.heading[index]), 2 * math.pi)
+    astray = math.remainder(ego.psi + slip - path.heading_at(scene.ego_s), 2 * math.pi)
     astray = min(max(astray, -1.0), 1.0)
     offset = min(max(scene.ego_offset, -2.0), 2.0)
     wanted = bend - 2.0 * astray / RETURN_M - offset / RETURN_M**2

@@ -57,8 +57,8 @@ def gaps_along(
     gap = np.full(len(s), np.inf)
     if not len(s) or not others.number:
         return s, gap
-    x, y, psi = path.pose(s)
-    xy, size = np.column_stack([x, y]), np.array([body.length, body.width])
+    xy, psi = path.body_pose(s, body)
+    size = np.array([body.length, body.width])
     reach = NEAR + 0.5 * (np.hypot(*size) + np.hypot(*others.size.T))
     away = xy[:, None] - others.position
     here, who = np.nonzero(np.hypot(away[..., 0], away[..., 1]) < reach)
@@ -112,8 +112,8 @@ class CoursePlanner:
         """
         size = np.array([self._body.length, self._body.width])
         s = np.arange(self._same_place(path, first) + STEP, self._same_place(path, last), 2 * SPACING)
-        x, y, psi = path.pose(s)
-        corners = rectangle_corners(np.column_stack([x, y]), psi, np.broadcast_to(size, (len(s), 2)))
+        xy, psi = path.body_pose(s, self._body)
+        corners = rectangle_corners(xy, psi, np.broadcast_to(size, (len(s), 2)))
         return bool((self._network.surface.signed_distance(corners) >= 0.0).all())
 
     def _line(self, first: int, profile: Array, offset: float) -> Array:

@@ -3,7 +3,8 @@
 Stations every STEP m of arc length s, offsets l to the path's left, slopes dl/ds. From one station to the
 next the slope changes by whole steps and the offset by the mean of the two slopes times STEP, so that every
 profile l(s) is a chain of arcs. A car at a node stands at the path's pose there, moved by l and turned by
-atan(slope). Dynamic programming finds the profile with the least
+atan(slope), its body turned out of the path's own bend by its slip (`ReferencePath.body_pose`). Dynamic
+programming finds the profile with the least
 
     sum over stations   OFFSET l^2 + SLOPE l'^2 + BEND l''^2 + CLOSE max(0, COMFORTABLE - gap)^2
 
@@ -58,6 +59,7 @@ class Lattice:
         self._xy = np.column_stack([x, y])
         self._normal = np.column_stack([-np.sin(self._psi), np.cos(self._psi)])
         self._bend: Array = np.interp(self.s, path.s, path.curvature)
+        self._slip: Array = np.arcsin(np.clip(body.cg_to_rear * self._bend, -0.9, 0.9))
         self._depths = depths
         self._depth: dict[int, Array] = {}
         self._from = _sources()
@@ -113,7 +115,7 @@ class Lattice:
     def _measure(self, gap: Array, first: int, begins: float, bodies: Rectangles) -> None:
         """Lower `gap` (T, L, K) m where bodies are nearer, at stations from arc length `begins` m on."""
         size = np.array([self._body.length, self._body.width])
-        turned = np.arctan(SLOPES)
+        turned = np.arctan(SLOPES) - self._slip[:, None]
         reach = 0.5 * np.hypot(*size) + COMFORTABLE + 0.5 * np.hypot(*bodies.size.T)
         for t in range(len(gap)):
             i = first + t
@@ -127,7 +129,7 @@ class Lattice:
             rows, who = np.repeat(near, len(SLOPES)), np.repeat(which, len(SLOPES))
             cols = np.tile(np.arange(len(SLOPES)), len(near))
             found = gaps_between(
-                place[rows], self._psi[i] + turned[cols], size,
+                place[rows], self._psi[i] + turned[i, cols], size,
                 bodies.position[who], bodies.heading[who], bodies.size[who],
             )  # fmt: skip
             np.minimum.at(gap[t], (rows, cols), found)
@@ -135,7 +137,7 @@ class Lattice:
     def _depths_at(self, i: int) -> Array:
         """(L, K) m of carriageway beside the car at station i, at least; kept."""
         if i not in self._depth:
-            turned, own = np.arctan(SLOPES), self._bend[i]
+            turned, own = np.arctan(SLOPES) - self._slip[i], self._bend[i]
             stretch = np.maximum(1.0 - own * OFFSETS[:, None], STRAIGHTEST)
             least = np.full((len(OFFSETS), len(SLOPES)), np.inf)
             for a, b in _OUTLINE:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -35,6 +36,8 @@ class ReferencePath:
         self._x: list[float] = self.xy[:, 0].tolist()
         self._y: list[float] = self.xy[:, 1].tolist()
         self._pose = np.column_stack([self.xy, self.heading])
+        self._heading: list[float] = self.heading.tolist()
+        self._curvature: list[float] = self.curvature.tolist()
 
     def pose(self, s: Array | float) -> tuple[Array, Array, Array]:
         """x m, y m and heading rad, each (...), at arc length s (...) m; straight on beyond both ends."""
@@ -45,6 +48,24 @@ class ReferencePath:
         step = self._pose[i + 1] - low
         xy = low[..., :2] + t[..., None] * step[..., :2]
         return xy[..., 0], xy[..., 1], low[..., 2] + np.minimum(np.maximum(t, 0.0), 1.0) * step[..., 2]
+
+    def body_pose(self, s: Array, body: EgoVehicle) -> tuple[Array, Array]:
+        """(..., 2) m and (...) rad, where a car is whose centre of gravity follows the path, at s (...) m.
+
+        With its front wheels turned it slips (rudc/world/ego.py): its body points out of the bend by
+        asin(cg_to_rear x curvature).
+        """
+        x, y, heading = self.pose(s)
+        turn = np.clip(body.cg_to_rear * np.interp(s, self.s, self.curvature), -0.9, 0.9)
+        return np.stack([x, y], axis=-1), heading - np.arcsin(turn)
+
+    def heading_at(self, s: float) -> float:
+        """`pose`'s heading (rad) at one arc length (m), in plain arithmetic."""
+        return _between(self._heading, s)
+
+    def curvature_at(self, s: float) -> float:
+        """1/m, at one arc length (m); an end's beyond it."""
+        return _between(self._curvature, s)
 
     def project(self, x: float, y: float, near: float | None = None) -> tuple[float, float]:
         """Arc length (m) of the nearest point of the path to (x, y) and the offset (m) to the path's left.
@@ -151,3 +172,10 @@ class Route:
     north)"""
     key: RouteKey
     """what it can be found again by"""
+
+
+def _between(values: Sequence[float], s: float) -> float:
+    """The value at arc length s (m) between those of stations; an end's beyond it."""
+    at = min(max(s / SPACING, 0.0), len(values) - 1.0)
+    i = min(int(at), len(values) - 2)
+    return values[i] + (at - i) * (values[i + 1] - values[i])

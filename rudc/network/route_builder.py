@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from rudc.arrays import Array
+from rudc.geometry import rectangle_corners
 from rudc.network.conflicts import waiting_bumper
 from rudc.network.layout import Layout
 from rudc.network.polyline import arc_length, resample, smooth, union_boundary, without_repeats, wrap
@@ -183,12 +184,6 @@ def _shift(p: Array, u: Array, q: Array, v: Array) -> Array:
 
 def fits(network: Layout, path: ReferencePath, vehicle: EgoVehicle, margin: float = 0.1) -> bool:
     """Whether a vehicle that follows the path keeps all of its body at least `margin` m on the road."""
-    x, y, psi = path.pose(path.s)
-    forward = np.column_stack([np.cos(psi), np.sin(psi)])
-    left = np.column_stack([-np.sin(psi), np.cos(psi)])
-    xy = np.column_stack([x, y])
-    for along in (-vehicle.length / 2, 0.0, vehicle.length / 2):
-        for across in (-vehicle.width / 2, vehicle.width / 2):
-            if network.surface.signed_distance(xy + along * forward + across * left).min() < margin:
-                return False
-    return True
+    xy, psi = path.body_pose(path.s, vehicle)
+    size = np.broadcast_to([vehicle.length, vehicle.width], (len(xy), 2))
+    return bool(network.surface.signed_distance(rectangle_corners(xy, psi, size)).min() >= margin)
