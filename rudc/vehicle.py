@@ -1,6 +1,10 @@
 """The ego vehicle (EV): its body and limits, and what stands between a command and its wheels."""
 
+import math
 from dataclasses import dataclass
+
+TURNING = 0.5
+"""rad, front-wheel angle of the tightest bend that is planned; what is left serves to stay on it"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +27,11 @@ class EgoVehicle:
     """rad, largest front-wheel angle to either side"""
     v_max: float = 15.0
     """m/s"""
+
+    @property
+    def tightest(self) -> float:
+        """1/m, curvature of the tightest bend that is planned."""
+        return math.tan(TURNING) / self.wheelbase
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
@@ -22,8 +21,6 @@ NARROW_LANE = 2.6
 """m: less leaves a car of 1.8 m no margin"""
 FAST = 15.0
 """m/s: the ego drives no faster"""
-TURNING = 0.5
-"""rad of steering that the tightest bend of the ego's path should take at most"""
 
 
 @dataclass(frozen=True)
@@ -192,7 +189,7 @@ def _movement_warnings(network: Network) -> Iterator[str]:
 
 def _route_warnings(network: Network, route: Route) -> Iterator[str]:
     way = f"the ego's path from {route.origin} to {route.destination}"
-    radius, least = _least_radius(route), network.vehicle.wheelbase / math.tan(TURNING)
+    radius, least = _least_radius(route), 1.0 / network.vehicle.tightest
     if radius < least:
         yield f"{way} bends with a radius of {radius:.1f} m; its turning circle needs {least:.1f} m"
     if not fits(network, route.path, network.vehicle, margin=0.0):

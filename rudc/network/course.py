@@ -7,7 +7,6 @@ is smoothed and then judged by exact rectangles.
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -24,8 +23,6 @@ from rudc.network.road_edges import edge_widths
 from rudc.network.route import ReferencePath, Route
 from rudc.vehicle import EgoVehicle
 
-TIGHTEST = 0.5
-"""rad, front-wheel angle of the tightest bend of a course"""
 REACH = 80.0
 """m ahead that a course is planned for"""
 SHORTEST = 12.0
@@ -81,7 +78,7 @@ class CoursePlanner:
         carriageway = network.carriageway(movement, may_cross_centre)
         self._boundary = union_boundary(carriageway)
         depths = Depths(route.path, carriageway, self._boundary)
-        self._lattice = Lattice(route.path, depths, body, math.tan(TIGHTEST) / body.wheelbase)
+        self._lattice = Lattice(route.path, depths, body, body.tightest)
 
     def plan(
         self, s: float, offset: float, slope: float, standing: Rectangles, coming: Rectangles
@@ -138,7 +135,7 @@ class CoursePlanner:
         stop, exit_s = (self._same_place(path, s) for s in (old.stop_line_s, old.exit_s))
         table = network.conflict(path)
         crossing = table[(paths.origin != paths.origin[row]) & np.isfinite(table[:, 0])]
-        left, right = edge_widths(self._boundary, path)
+        left, right = edge_widths(self._boundary, path, self._body)
         normal = np.column_stack([-np.sin(path.heading), np.cos(path.heading)])
         return replace(
             old,

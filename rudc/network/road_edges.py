@@ -4,18 +4,24 @@ The carriageway is what the movement's own edges and the junction cover. So besi
 the divider to oncoming lanes, and in the junction edges are its kerbs and the mouths of the other arms. Edges
 are found by rays square to the path, and then made into lines: farther off than REACH counts as that far, the
 inner side of a bend is cut short of the bend's centre, widths change by at most SLOPE, and are averaged over
-SMOOTHING m without ever growing.
+SMOOTHING m without ever growing. What a car on the path takes, and BESIDE m more, always lies between the
+edges: a line that swings out of a narrow lane before a sharp turn may be driven.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import minimum_filter1d, uniform_filter1d
+from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
+from scipy.spatial import KDTree
 
 from rudc.arrays import Array
+from rudc.geometry import rectangle_corners
 from rudc.network.paths import SPACING
 from rudc.network.route import ReferencePath
+from rudc.vehicle import EgoVehicle
 
+BESIDE = 0.3
+"""m, more than a road barrier's usual buffer (rudc/safety/road_edges.py)"""
 REACH = 6.0
 """m, farthest that an edge is from the path"""
 SLOPE = 0.5
@@ -26,15 +32,29 @@ BEND = 0.8
 """share of a bend's radius that the width on its inner side may be"""
 
 
-def edge_widths(boundary: Array, path: ReferencePath) -> tuple[Array, Array]:
-    """(M,), (M,) m from the stations of the path to the carriageway's left and right edge.
+def edge_widths(boundary: Array, path: ReferencePath, body: EgoVehicle) -> tuple[Array, Array]:
+    """(M,), (M,) m from the stations of the path to the left and right edge for a car that follows it.
 
     `boundary` (B, 2, 2) m: the carriageway's, as of `union_boundary`.
     """
+    least_left, least_right = _taken(path, body)
     normal = np.column_stack([-np.sin(path.heading), np.cos(path.heading)])
     left = _lines(_cast(path.xy, normal, boundary), path.curvature)
     right = _lines(_cast(path.xy, -normal, boundary), -path.curvature)
-    return left, right
+    return np.maximum(left, least_left + BESIDE), np.maximum(right, least_right + BESIDE)
+
+
+def _taken(path: ReferencePath, body: EgoVehicle) -> tuple[Array, Array]:
+    """(M,), (M,) m to each side of the stations that a car on the path takes."""
+    xy, psi = path.body_pose(path.s, body)
+    corners = rectangle_corners(xy, psi, np.broadcast_to([body.length, body.width], xy.shape)).reshape(-1, 2)
+    _, station = KDTree(path.xy).query(corners)
+    away, heading = corners - path.xy[station], path.heading[station]
+    aside = away[:, 1] * np.cos(heading) - away[:, 0] * np.sin(heading)
+    left, right = np.full(len(path.s), 0.5 * body.width), np.full(len(path.s), 0.5 * body.width)
+    np.maximum.at(left, station, aside)
+    np.maximum.at(right, station, -aside)
+    return maximum_filter1d(left, 5), maximum_filter1d(right, 5)
 
 
 def _lines(width: Array, bend: Array) -> Array:

@@ -4,8 +4,9 @@ beside it.
 Turns are drawn as one circular arc (fillet) between the centre lines of the inbound and the outbound lane,
 extended straight into the junction: left turns with radius LEFT_RADIUS, which begins the turn as late as such
 an arc can (two opposing left-turners then wait without overlapping), right turns with the widest arc that
-fits. Where no arc fits between stop line and exit, or a car on it would leave the road, the lanes' own shapes
-serve. All lines are smoothed by a moving average of SMOOTHING m, so that curvature is continuous.
+fits. Where no arc fits between stop line and exit, or a car on it would leave the road, the lanes' own
+shapes serve, and where they bend more tightly than a car can turn, a wider line (rudc/network/widening.py).
+All lines are smoothed by a moving average of SMOOTHING m, so that curvature is continuous.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from rudc.network.polyline import arc_length, resample, smooth, union_boundary, 
 from rudc.network.road import Movement
 from rudc.network.road_edges import edge_widths
 from rudc.network.route import ReferencePath, Route, RouteKey
+from rudc.network.widening import widened
 from rudc.vehicle import EgoVehicle
 
 LEFT_RADIUS = 10.5
@@ -50,7 +52,7 @@ def build_route(network: Layout, movement: Movement, lane: int | None, vehicle: 
     stop_line_s = _station_of(path, resample(line, np.array([stop]))[0], stop)
     exit_line_s = _station_of(path, resample(line, np.array([exit_s]))[0], exit_s)
     crossing = table[(paths.origin != paths.origin[row]) & np.isfinite(table[:, 0])]
-    left, right = edge_widths(union_boundary(network.carriageway(movement)), path)
+    left, right = edge_widths(union_boundary(network.carriageway(movement)), path, vehicle)
     normal = np.column_stack([-np.sin(path.heading), np.cos(path.heading)])
     return Route(
         origin=movement.origin,
@@ -118,13 +120,18 @@ def _other_exits(network: Layout, movement: Movement, row: int) -> list[int]:
 def _reference(
     network: Layout, line: Array, stop: float, exit_s: float, movement: Movement, vehicle: EgoVehicle
 ) -> ReferencePath:
-    """The path over a row: with a fillet if one fits and stays on the road, else along the lanes."""
+    """The path over a row: with a fillet if one fits and stays on the road, else along the lanes if a car can
+    drive that, else wider."""
     if abs(movement.angle) > STRAIGHT_ON and not network.is_roundabout:
         joined = _join(line, stop, line, exit_s, movement.angle)
         if joined is not None and fits(network, path := ReferencePath(joined), vehicle):
             return path
     fine = resample(line, np.arange(0.0, arc_length(line)[-1], FINE))
-    return ReferencePath(smooth(fine, FINE, SMOOTHING))
+    lanes = ReferencePath(smooth(fine, FINE, SMOOTHING))
+    if np.abs(lanes.curvature).max() <= vehicle.tightest and fits(network, lanes, vehicle, margin=0.0):
+        return lanes
+    wider = widened(network.surface, network.carriageway(movement), line, (stop, exit_s), vehicle)
+    return wider if fits(network, wider, vehicle, margin=0.0) else lanes
 
 
 def _join(before: Array, stop: float, after: Array, exit_s: float, angle: float) -> Array | None:

@@ -33,18 +33,17 @@ def beside(route, s, offset, turned=0.0):
 def least_gap(course, standing):
     """m, of a car that follows the course, at every 0.25 m, to any of the bodies."""
     s = np.arange(0.0, course.length, 0.25)
-    x, y, psi = course.path.pose(s)
+    xy, psi = course.path.body_pose(s, BODY)
     return min(
-        float(rectangle_gaps(x[i], y[i], psi[i], BODY.length, BODY.width, *standing).min())
-        for i in range(len(s))
+        float(rectangle_gaps(*xy[i], psi[i], BODY.length, BODY.width, *standing).min()) for i in range(len(s))
     )
 
 
 def on_the_road(network, course, first, last):
     """Whether every corner of a car that follows the course from first to last m stays on the carriageway."""
     s = np.arange(first, last, 0.5)
-    x, y, psi = course.path.pose(s)
-    corners = rectangle_corners(np.column_stack([x, y]), psi, np.tile([BODY.length, BODY.width], (len(s), 1)))
+    xy, psi = course.path.body_pose(s, BODY)
+    corners = rectangle_corners(xy, psi, np.tile([BODY.length, BODY.width], (len(s), 1)))
     return network.surface.signed_distance(corners.reshape(-1, 2)).min() >= 0.0
 
 
@@ -134,7 +133,7 @@ def test_gaps_along_agree_with_rectangles_one_by_one(left):
     standing = bodies(beside(route, 100.0, 2.5, 0.3), beside(route, 120.0, -2.2, 1.0))
     s, gap = gaps_along(route.path, 80.0, 140.0, BODY, standing)
     for k in range(0, len(s), 7):
-        x, y, psi = (float(v) for v in route.path.pose(s[k]))
+        (x, y), psi = route.path.body_pose(s[k], BODY)
         exact = float(rectangle_gaps(x, y, psi, BODY.length, BODY.width, *standing).min())
         assert gap[k] == pytest.approx(exact, abs=1e-9) if exact < 3.0 else gap[k] == math.inf
 

@@ -1,4 +1,5 @@
 import copy
+import math
 import pickle
 
 import numpy as np
@@ -11,8 +12,10 @@ from rudc.network.check import waiting_gap
 from rudc.network.network import load_network, shipped_networks
 from rudc.network.paths import SPACING
 from rudc.network.polyline import wrap
+from rudc.network.route import ReferencePath
 from rudc.network.route_builder import fits
 from rudc.vehicle import EgoVehicle
+from rudc.world.ego import EgoPlant
 
 NETWORKS = sorted(shipped_networks())
 STEERING_LIMIT = np.tan(0.5) / 2.8
@@ -247,3 +250,20 @@ def test_routes_are_those_of_a_vehicle():
     assert again[0] is route
     assert again[1] is network
     assert copy.deepcopy(route) is route
+
+
+@pytest.mark.parametrize("bend", [-0.18, -0.05, 0.1, 0.19])
+def test_the_body_on_a_path_stands_as_the_plant_does(bend):
+    """Driven with the steering of its curvature, the plant's heading stays that of `body_pose`."""
+    angle = np.arange(0.0, 2.0, 0.001)
+    path = ReferencePath(np.column_stack([np.sin(angle), np.sign(bend) * (1 - np.cos(angle))]) / abs(bend))
+    body, start = EgoVehicle(), 1.5
+    (x, y), psi = path.body_pose(np.array(start), body)
+    plant = EgoPlant(body)
+    plant.reset(float(x), float(y), float(psi), 3.0)
+    slip = math.asin(body.cg_to_rear * bend)
+    steering = math.atan(body.wheelbase / body.cg_to_rear * math.tan(slip))
+    for _ in range(10):
+        state = plant.step(0.0, steering, 0.1)
+    (x, y), psi = path.body_pose(np.array(start + 3.0), body)
+    assert (state.x, state.y, state.psi) == pytest.approx((float(x), float(y), float(psi)), abs=0.01)

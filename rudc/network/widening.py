@@ -1,0 +1,92 @@
+"""A wider turn: the line over a movement that a car can drive where the lanes' own shapes bend too tightly.
+
+The line is the lanes', smoothed over BASE m and moved sideways by offsets l(s): a cubic spline through knots
+KNOTS m apart, 0 at both ends. The knots are found by nonlinear least squares (scipy) over what the line
+should not have:
+
+    TIGHT (|k| - EASIER tightest)+,  BENT k,  JERKY dk/ds            its curvature k, 1/m
+    OUTSIDE (MARGIN - depth)+                                      m of road beside each corner of the car
+    ACROSS (OWN - depth)+                                   m of own carriageway beside its centre of gravity
+    ASIDE l                                                                                              m
+
+It swings out before the turn and after it, within its own carriageway, as drivers do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+from scipy.optimize import least_squares
+
+from rudc.arrays import Array
+from rudc.geometry import rectangle_corners
+from rudc.network.depths import Depths
+from rudc.network.polyline import arc_length, resample, smooth, union_boundary
+from rudc.network.route import ReferencePath
+from rudc.network.surface import Surface
+from rudc.vehicle import EgoVehicle
+
+AROUND = 18.0
+"""m before the stop line and behind the exit where the line may begin and end to differ"""
+BASE, KNOTS, FINE = 10.0, 2.5, 0.05
+"""m, m, m"""
+TIGHT, BENT, JERKY, OUTSIDE, ACROSS, ASIDE = 60.0, 1.0, 6.0, 12.0, 6.0, 0.05
+MARGIN, OWN, EASIER = 0.3, 0.4, 0.95
+"""m, m, share"""
+STATIONS = 1.0
+"""m between the places that are judged"""
+ROUNDS, ENOUGH = 15, 1e-2
+"""of least squares, at most; relative gain of a round with which it ends"""
+
+
+def widened(
+    surface: Surface,
+    carriageway: Sequence[Array],
+    line: Array,
+    span: tuple[float, float],
+    body: EgoVehicle,
+) -> ReferencePath:
+    """The line (K, 2) m, wider between stop line and exit (`span`, m along it).
+
+    `carriageway`: polygons (K, 2) m of the movement.
+    """
+    fine = resample(line, np.arange(0.0, arc_length(line)[-1], FINE))
+    base = ReferencePath(smooth(fine, FINE, BASE))
+    own = Depths(base, carriageway, union_boundary(carriageway))
+    first, last = max(span[0] - AROUND, 0.0), min(span[1] + AROUND, base.length)
+    s = np.arange(first, last, STATIONS)
+    knots = np.linspace(first, last, max(round((last - first) / KNOTS), 4))
+    x, y, psi = base.pose(s)
+    normal = np.column_stack([-np.sin(psi), np.cos(psi)])
+    size = np.broadcast_to([body.length, body.width], (len(s), 2))
+
+    splines = make_interp_spline(knots, np.eye(len(knots))[:, 1:-1], k=3, bc_type="clamped")(s)
+
+    def faults(free: Array) -> Array:
+        aside = splines @ free
+        xy = np.column_stack([x, y]) + aside[:, None] * normal
+        step = np.gradient(xy, axis=0)
+        spacing = np.hypot(*step.T)
+        heading = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
+        bend = np.gradient(heading) / spacing
+        turned = heading - np.arcsin(np.clip(body.cg_to_rear * bend, -0.9, 0.9))
+        depth = surface.signed_distance(rectangle_corners(xy, turned, size)).ravel()
+        return np.concatenate(
+            [
+                TIGHT * np.maximum(np.abs(bend) - EASIER * body.tightest, 0.0),
+                BENT * bend,
+                JERKY * np.gradient(bend) / spacing,
+                OUTSIDE * np.maximum(MARGIN - depth, 0.0),
+                ACROSS * np.maximum(OWN - own.at(s, aside), 0.0),
+                ASIDE * aside,
+            ]
+        )
+
+    found = least_squares(faults, np.zeros(len(knots) - 2), max_nfev=ROUNDS, ftol=ENOUGH).x.round(3)
+    stations = np.arange(0.0, base.length, FINE)
+    x_all, y_all, psi_all = base.pose(stations)
+    aside = np.interp(stations, s, splines @ found, left=0.0, right=0.0)
+    xy = np.column_stack([x_all - aside * np.sin(psi_all), y_all + aside * np.cos(psi_all)])
+    return ReferencePath(smooth(resample(xy, np.arange(0.0, arc_length(xy)[-1], FINE)), FINE, 2.0))

@@ -1,0 +1,61 @@
+"""Lines over sharp turns between narrow roads: on a network as netconvert makes it, with no help of ours."""
+
+import shutil
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+
+from rudc.geometry import rectangle_corners
+from rudc.network.build import build_network
+from rudc.network.network import load_network
+from rudc.network.route_builder import fits
+from rudc.vehicle import EgoVehicle
+
+BODY = EgoVehicle()
+ENDS = {"n": (12, 140), "e": (140, 20), "se": (95, -100), "s": (-20, -140), "w": (-140, 5)}
+
+pytestmark = pytest.mark.skipif(
+    find_spec("sumo") is None and shutil.which("netconvert") is None, reason="netconvert is not installed"
+)
+
+
+@pytest.fixture(scope="module")
+def five(tmp_path_factory):
+    """Five arms with lanes of 3 m, two of them 40 degrees apart; corners as netconvert rounds them."""
+    folder = tmp_path_factory.mktemp("five")
+    nodes = [f'<node id="{name}" x="{x}" y="{y}"/>' for name, (x, y) in ENDS.items()]
+    (folder / "five.nod.xml").write_text(
+        f'<nodes><node id="C" x="0" y="0" type="priority"/>{"".join(nodes)}</nodes>'
+    )
+    road = 'numLanes="1" speed="8.33" width="3.0"'
+    edges = [
+        f'<edge id="{name}_{way}" from="{a}" to="{b}" {road}/>'
+        for name in ENDS
+        for way, a, b in (("in", name, "C"), ("out", "C", name))
+    ]
+    (folder / "five.edg.xml").write_text(f"<edges>{''.join(edges)}</edges>")
+    return load_network(str(build_network(folder)))
+
+
+def test_every_turn_can_be_driven_and_keeps_the_car_on_the_road(five):
+    assert len(five.movements) == 20
+    for movement in five.movements:
+        route = five.route(movement.origin, movement.destination)
+        path = route.path
+        assert fits(five, path, BODY, margin=0.0), movement
+        assert np.abs(path.curvature).max() < 1.15 * BODY.tightest, movement
+
+
+def test_the_car_lies_between_the_edges_of_its_route(five):
+    for movement in five.movements:
+        route = five.route(movement.origin, movement.destination)
+        near = (route.path.s > route.stop_line_s - 20) & (route.path.s < route.exit_s + 20)
+        xy, psi = route.path.body_pose(route.path.s[near], BODY)
+        corners = rectangle_corners(xy, psi, np.broadcast_to([BODY.length, BODY.width], xy.shape))
+        for k, s in enumerate(route.path.s[near]):
+            for corner in corners[k]:
+                at, aside = route.path.project(float(corner[0]), float(corner[1]), float(s))
+                left = np.interp(at, route.path.s, route.left_width)
+                right = np.interp(at, route.path.s, route.right_width)
+                assert -right - 0.1 < aside < left + 0.1, (movement, s)
