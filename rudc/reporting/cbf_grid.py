@@ -1,4 +1,6 @@
-"""Grids of a filter's rates: TTCBF's as lines, ECBF's two as maps; a row for each driver."""
+"""Grids of a filter's rates: TTCBF's as lines, ECBF's two as maps; a row for each driver and choice of
+vehicles.
+"""
 
 from __future__ import annotations
 
@@ -22,13 +24,13 @@ def draw_grid(lines: Sequence[Line], paper: Mapping[str, tuple[float, ...]], pat
     """Rates (%) over lambda with 95 % intervals; over lambda1 and lambda2 as numbers on colours. The paper's
     choice is a dashed line, and a dashed frame; what its rule chooses here a ring, and a full frame.
     """
-    drivers = list(dict.fromkeys(line["driver"] for line in lines))
+    drivers = list(dict.fromkeys((line["driver"], line["constrained"]) for line in lines))
     size = (7.2, 0.5 + 2.0 * len(drivers))
     with grid(len(drivers), 4, size, path, width_ratios=[1.35, 1, 1, 1]) as (figure, panels):
         for i, driver in enumerate(drivers):
-            own = [line for line in lines if line["driver"] == driver]
+            own = [line for line in lines if (line["driver"], line["constrained"]) == driver]
             _lines(panels[i, 0], [m for m in own if m["rule"] == "ttcbf"], paper["ttcbf"][0])
-            panels[i, 0].set_ylabel(f"{driver}\nepisodes (%)", fontsize=8.5)
+            panels[i, 0].set_ylabel(f"{driver[0]}, {driver[1]}\nepisodes (%)", fontsize=8.5)
             for axes, rate in zip(panels[i, 1:], _MAPS, strict=True):
                 _map(axes, [m for m in own if m["rule"] == "ecbf"], rate)
                 if i == 0:

@@ -3,7 +3,8 @@ High-Order Control Barrier Functions": lambda1 in [0.05, 1], chosen 0.1; lambda1
 chosen 1.5 and 0.3, for the fewest violations).
 
 The filter stands behind drivers that need one: `follower`, who looks at nobody, and RUDC without its own. It
-is the rows alone, without slack, residual and last resort. An ECBF row is the same with its two rates
+is the rows alone, without slack, residual and last resort, towards the vehicles that the gate lets through
+(ours) and towards all (as in the paper). An ECBF row is the same with its two rates
 exchanged, so one half of that grid is driven. The chosen point is the paper's rule: the fewest violations,
 then (ours, where several have as many) the most successes. Other drivers are named with --agent, without a
 filter.
@@ -29,6 +30,8 @@ from rudc.studies.base import Order, Report, in_distribution, kinds_of_errors, w
 
 DRIVERS = {"quick": ("follower",), "full": ("follower", "rudc-wo-cbf")}
 """in front of the filter when none are named, by budget"""
+CONSTRAINED = {"quick": ("all",), "full": ("gated", "all")}
+"""whom the filter keeps clear of, by budget"""
 EPISODES = {"quick": 1, "full": 50}
 """for each task, driver and point, by budget"""
 TTCBF = {"quick": (0.1, 1.0), "full": (0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0)}
@@ -45,6 +48,7 @@ class Point:
     """A driver with one filter behind it."""
 
     driver: str
+    constrained: str
     rule: str
     rates: tuple[float, ...]
     """lambda, or lambda1 and lambda2"""
@@ -54,15 +58,18 @@ class Point:
         """As behind --agent."""
         keys = ("ttcbf_rate",) if self.rule == "ttcbf" else ("ecbf_rate1", "ecbf_rate2")
         rates = ",".join(f"correction.{key}={rate:g}" for key, rate in zip(keys, self.rates, strict=True))
-        return f"{self.driver}+{self.rule}:{rates},{_ROWS_ALONE}"
+        return f"{self.driver}+{self.rule}:{rates},correction.constrained={self.constrained},{_ROWS_ALONE}"
 
 
 def points(drivers: Sequence[str], budget: str) -> list[Point]:
-    """Every driver with every point of both grids."""
+    """Every driver with every point of both grids, towards either choice of vehicles."""
     one, two = TTCBF[budget], ECBF[budget]
     grid = [("ttcbf", (rate,)) for rate in one]
     grid += [("ecbf", (first, second)) for first in two for second in two if first >= second]
-    return [Point(driver, rule, rates) for driver in drivers for rule, rates in grid]
+    return [
+        Point(driver, constrained, rule, rates)
+        for driver in drivers for constrained in CONSTRAINED[budget] for rule, rates in grid
+    ]  # fmt: skip
 
 
 def run(order: Order, progress: Callable[[str], Progress]) -> Report:
@@ -91,12 +98,15 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
 
 
 def lines_of(rows: Sequence[Mapping[str, str]], by_agent: Mapping[str, Point]) -> list[dict[str, Any]]:
-    """A line for each point, both tasks together; `chosen` is what the rule chooses of a driver and kind."""
+    """A line for each point, both tasks together; `chosen` is what the rule chooses of a driver,
+    choice of vehicles and rule.
+    """
     lines: list[dict[str, Any]] = []
     for group in group_metrics(rows, ("agent",)):
         point = by_agent[group.key[0]]
         line: dict[str, Any] = {
             "driver": point.driver,
+            "constrained": point.constrained,
             "rule": point.rule,
             "rate1": point.rates[0],
             "rate2": point.rates[-1],
@@ -107,19 +117,30 @@ def lines_of(rows: Sequence[Mapping[str, str]], by_agent: Mapping[str, Point]) -
             line |= {rate: value.mean, f"{rate}_low": value.low, f"{rate}_high": value.high}
         lines.append(line | {"AES": group.metrics["AES"].mean, "paper": point.rates == PAPER[point.rule]})
     for line in lines:
-        alike = [m for m in lines if (m["driver"], m["rule"]) == (line["driver"], line["rule"])]
+        alike = [m for m in lines if all(m[k] == line[k] for k in ("driver", "constrained", "rule"))]
         line["chosen"] = line is min(alike, key=lambda m: (m["VR"], -m["SR"]))
     return lines
 
 
 def as_markdown(lines: Sequence[Mapping[str, Any]]) -> str:
     """The lines, to read."""
-    headings = ["driver", "rule", "λ", "", "episodes", "SR (%)", "FR (%)", "VR (%)", "AES (m/s)"]
+    headings = [
+        "driver",
+        "constrained",
+        "rule",
+        "λ",
+        "",
+        "episodes",
+        "SR (%)",
+        "FR (%)",
+        "VR (%)",
+        "AES (m/s)",
+    ]
     rows = []
     for line in lines:
         rates = f"{line['rate1']:g}" + (f", {line['rate2']:g}" if line["rule"] == "ecbf" else "")
         said = [text for text, key in (("paper's", "paper"), ("chosen", "chosen")) if line[key]]
         values = [interval(line[r], line[f"{r}_low"], line[f"{r}_high"]) for r in ("SR", "FR", "VR")]
-        name = [line["driver"], line["rule"], rates, ", ".join(said)]
+        name = [line["driver"], line["constrained"], line["rule"], rates, ", ".join(said)]
         rows.append([*name, str(line["episodes"]), *values, f"{line['AES']:.1f}"])
-    return markdown(headings, rows, left=4)
+    return markdown(headings, rows, left=5)

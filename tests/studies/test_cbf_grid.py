@@ -13,19 +13,20 @@ from rudc.studies.cbf_grid import Point, lines_of, points
 
 def test_half_of_the_ecbf_grid_is_driven_and_the_papers_points_are_in_it():
     found = points(("follower",), "full")
-    assert len(found) == 7 + 15
+    assert len(found) == 2 * (7 + 15)
     assert {
         rule: rates for p in found if p.rates == cbf_grid.PAPER[p.rule] for rule, rates in [(p.rule, p.rates)]
     } == cbf_grid.PAPER
-    last = Point("follower", "ecbf", (1.5, 0.3)).agent
+    last = Point("follower", "all", "ecbf", (1.5, 0.3)).agent
     assert last == (
-        "follower+ecbf:correction.ecbf_rate1=1.5,correction.ecbf_rate2=0.3,correction.last_resort=off"
+        "follower+ecbf:correction.ecbf_rate1=1.5,correction.ecbf_rate2=0.3,"
+        "correction.constrained=all,correction.last_resort=off"
     )
 
 
 def test_the_fewest_violations_are_chosen_then_the_most_successes():
     outcomes = {0.05: ("frozen", "frozen"), 0.1: ("success", "frozen"), 1.0: ("success", "collision")}
-    by_agent = {str(rate): Point("follower", "ttcbf", (rate,)) for rate in outcomes}
+    by_agent = {str(rate): Point("follower", "gated", "ttcbf", (rate,)) for rate in outcomes}
     rows = [
         {"agent": str(rate), "outcome": outcome, "error": "", "mean_speed_mps": "5", "episode_reward": "0",
          "route_completion": "1", "min_dtc_m": "1", "decision_ms_mean": "1", "steps": "10"}
