@@ -68,7 +68,7 @@ def _save_gif(frames: Sequence[Frame], file: BinaryIO, frames_per_s: float) -> N
 
 
 def _save_webp(frames: Sequence[Frame], file: BinaryIO, frames_per_s: float) -> None:
-    """A third of a GIF's size."""
+    """Much smaller than a GIF."""
     first, *rest = map(Image.fromarray, frames)
     durations = _durations(frames, frames_per_s)
     first.save(file, "WEBP", append_images=rest, duration=durations, **_LOOPS, quality=QUALITY, method=4)
