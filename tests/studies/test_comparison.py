@@ -1,6 +1,8 @@
 """Comparisons of trainings: their files, their tables and claims, and one from training to tables."""
 
 import csv
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -199,7 +201,9 @@ def test_a_row_without_episodes_stands_in_the_tables_as_missing():
 
 @pytest.mark.slow
 def test_from_training_to_tables_at_the_quick_budget(tmp_path, monkeypatch):
-    """And the same again with --resume; trainings made before are taken, and what is missing is said."""
+    """And the same again with --resume; trainings made before are taken, what is missing is said, and sweeps
+    of a row that two studies share are taken from one to the other.
+    """
     monkeypatch.setattr("rudc.evaluation.manifest.code_version", lambda: "v0")
     order = Order(tmp_path / "a", agents=("sac", "rudc-t"), episodes=1, budget="quick")
     report = comparison.run(order, lambda _: Silent())
@@ -214,14 +218,27 @@ def test_from_training_to_tables_at_the_quick_budget(tmp_path, monkeypatch):
     assert parameters == ("training_seed",)
     table = make_table(rows, ("scenario", "agent"), against="paper")
     assert table.index("| sac ") < table.index("| SAC (paper) ")
-    again = comparison.run(
-        Order(tmp_path / "a", ("sac", "rudc-t"), episodes=1, budget="quick", resume=True), lambda _: Silent()
-    )
-    assert again == report
+    assert comparison.run(replace(order, resume=True), nothing_is_driven) == report
     made = tmp_path / "a" / "trainings"
-    few = Order(tmp_path / "b", ("sac", "usl"), episodes=1, budget="quick", trainings=made)
-    other = comparison.run(few, lambda _: Silent())
+    more = Order(
+        tmp_path / "a", ("sac", "usl", "rudc-t"), episodes=1, budget="quick", trainings=made, resume=True
+    )
+    other = comparison.run(more, nothing_is_driven)
     assert other.notes[0] == "usl-seed0: no training"
     assert "usl-seed0: no training" in other.table
+    shutil.copytree(tmp_path / "a" / "sweeps", tmp_path / "b" / "sweeps")
+    ablation = replace(more, out=tmp_path / "b", agents=("rudc-t",))
+    assert "# Study ablation" in comparison.run(ablation, nothing_is_driven, "ablation").table
     with pytest.raises(InputError, match="no agent to drive: usl-seed0"):
         comparison.run(Order(tmp_path / "c", ("usl",), budget="quick", trainings=made), lambda _: Silent())
+
+
+class Finished(Silent):
+    """All episodes are there already."""
+
+    def begin(self, total, finished, warnings):
+        assert total == finished
+
+
+def nothing_is_driven(_: str) -> Finished:
+    return Finished()
