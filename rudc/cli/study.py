@@ -25,7 +25,8 @@ def study(
             "--agent",
             "-a",
             metavar="NAME",
-            help="An agent; repeat for several. Default: rudc-t and rudc-e as shipped, all training seeds.",
+            help="An agent; repeat for several. Default: rudc-t and rudc-e as shipped, all training seeds. Of "
+            "`comparison` and `ablation`: a row of their tables. Default: all.",
             autocompletion=complete_agents,
         ),
     ] = None,
@@ -59,12 +60,16 @@ def study(
 
     `--episodes` of `filter` is for each of the two tasks; the out-of-distribution scenarios share as many.
     Agents named `NAME-seedN` are pooled with `NAME`: the same algorithm, trained with other seeds.
+    Of `comparison` and `ablation`, `--episodes` is for each task, and the budget says how many fewer each other
+    scenario gets; rows and training seeds can be added later, with `--resume`.
 
     **Examples**
 
     `rudc study filter --budget quick --out out/filter`
 
     `rudc study sigma -a rudc-t -a rudc-t-seed1 -a rudc-t-seed2 --out out/sigma --resume`
+
+    `rudc study comparison --budget quick --agent sac --agent rudc-t --out out/comparison`
 
     `rudc study curves results/checkpoints/rudc-t* --out out/curves`
     """

@@ -93,7 +93,6 @@ def run(order: Order, progress: Callable[[str], Progress], name: str = "comparis
     campaign = read_campaign(name)
     rows = campaign.chosen(order.agents)
     effort = campaign.budgets[order.budget].with_episodes(order.episodes)
-    make_folder(order.out)
     order = replace(order, out=order.out.resolve())
     wanted = list({row.wanted.name: row.wanted for row in rows}.values())
     seeds = order.training_seeds or effort.seeds
@@ -101,6 +100,7 @@ def run(order: Order, progress: Callable[[str], Progress], name: str = "comparis
     drivers, missing = _drivers(rows, trainings)
     if not drivers:
         raise InputError(f"no agent to drive: {'; '.join(missing)}")
+    make_folder(order.out)
     domains = {INSIDE: in_distribution(), OUTSIDE: out_of_distribution(order.budget)}
     ran = Ran(campaign, rows, effort, tuple(drivers), tuple(missing), domains, Outcomes())
     errors: list[str] = []
