@@ -25,8 +25,8 @@ def study(
             "--agent",
             "-a",
             metavar="NAME",
-            help="An agent; repeat for several. Default: rudc-t and rudc-e as shipped, all training seeds. Of "
-            "`comparison` and `ablation`: a row of their tables. Default: all.",
+            help="An agent; repeat for several. Default: rudc-t and rudc-e as shipped, all training seeds. "
+            "Of `comparison` and `ablation`: a row of their tables. Default: all.",
             autocompletion=complete_agents,
         ),
     ] = None,
@@ -60,8 +60,8 @@ def study(
 
     `--episodes` of `filter` is for each of the two tasks; the out-of-distribution scenarios share as many.
     Agents named `NAME-seedN` are pooled with `NAME`: the same algorithm, trained with other seeds.
-    Of `comparison` and `ablation`, `--episodes` is for each task, and the budget says how many fewer each other
-    scenario gets; rows and training seeds can be added later, with `--resume`.
+    Of `comparison` and `ablation`, `--episodes` is for each task, and the budget says how many fewer each
+    other scenario gets; rows and training seeds can be added later, with `--resume`.
 
     **Examples**
 
