@@ -42,7 +42,7 @@ def check(
         bool, typer.Option("--lanes", help="List the names of lanes that scenario files may use.")
     ] = False,
 ) -> None:
-    """Say what is understood of a network: arms, lanes, movements, right of way; and what will be trouble.
+    """Say what is understood of a network: arms, lanes, movements, right of way; and what may go wrong.
 
     **Example**: `rudc network check town.net.xml --junction J12 --out town.png`
     """

@@ -25,7 +25,7 @@ Data = Annotated[Path, typer.Argument(metavar="DATA", help="File of `rudc residu
 def collect(
     out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="Where the samples go.")],
     samples: Annotated[int, typer.Option(min=100, help="Of vehicles, and as many of the road.")] = 200_000,
-    seed: Annotated[int, typer.Option(min=0, help="Of everything that is drawn.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = 0,
     agent: Annotated[
         str | None, typer.Option("--agent", "-a", help="Whose actions; random ones if left out.")
     ] = None,
@@ -63,7 +63,7 @@ def collect(
 def fit(
     data: Data,
     out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="Where the predictor goes.")],
-    seed: Annotated[int, typer.Option(min=0, help="Of initial weights and batches.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of first weights and batches.")] = 0,
 ) -> None:
     """Learn a predictor, and measure it on the episodes that were held out.
 

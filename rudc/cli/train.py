@@ -36,9 +36,9 @@ def train(
         typer.Option(metavar="SCENARIO", help="Train on this as it is, instead of on the curriculum."),
     ] = None,
     steps: Annotated[int | None, typer.Option(min=1, help="Decisions. Default: 100000.")] = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Of everything that is drawn. Default: 0.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed of everything random. Default: 0.")] = None,
     device: Annotated[
-        str | None, typer.Option(help="Where the learner computes: cpu, cuda, ... Default: cpu.")
+        str | None, typer.Option(help="Device that the learner runs on: cpu, cuda, ... Default: cpu.")
     ] = None,
     envs: Annotated[
         int | None, typer.Option(min=1, help="Worlds, each in a process of its own. Default: 2.")
@@ -60,7 +60,7 @@ def train(
     report: LiveReport = False,
     quiet: Quiet = False,
 ) -> None:
-    """Train an agent from nothing.
+    """Train an agent from scratch.
 
     DIR gets `checkpoint/` (the agent, which every `--agent` takes as `--agent DIR`, and what resuming needs),
     `progress.csv`, `evaluation.csv` (held-out episodes as training goes) and `config.json`. Ctrl-C keeps the
