@@ -8,7 +8,7 @@ from PIL import Image
 
 from rudc.errors import StorageError
 from rudc.reporting.curves import Curve, draw_curves
-from rudc.reporting.figures import INK, Label, grid, place_labels
+from rudc.reporting.figures import INK, Label, grid, legend_below, place_labels
 from rudc.reporting.separation import Mark, draw_separation
 from rudc.reporting.tradeoff import Point, draw_tradeoff
 
@@ -77,3 +77,15 @@ def test_no_label_lies_over_another(tmp_path):
     overlapping = [(a, b) for i, a in enumerate(boxes) for b in boxes[:i] if a.overlaps(b)]
     assert overlapping == []
     assert [text.get_text() for text in written] == [label.text for label in labels]
+
+
+@pytest.mark.parametrize("entries", [2, 9])
+def test_a_legend_is_as_wide_as_its_figure_at_most(entries, tmp_path):
+    with grid(1, 1, (5, 3), tmp_path / "x.png") as (figure, panels):
+        lines = [panels[0, 0].plot([0, k], label=f"{k}, one training")[0] for k in range(entries)]
+        legend_below(figure, lines)
+        figure.draw_without_rendering()
+        (legend,) = figure.legends
+        assert legend.get_window_extent().width <= figure.bbox.width
+        rows = {round(text.get_window_extent().y0) for text in legend.get_texts()}
+        assert len(rows) == (1 if entries == 2 else 3)
