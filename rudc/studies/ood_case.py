@@ -99,7 +99,7 @@ def as_markdown(lines: Sequence[Mapping[str, Any]]) -> str:
     rows = []
     for line in lines:
         told = [_number(value) for value in list(line.values())[3:11]]
-        of_all = f"{line['SR']:.0f} of {line['episodes']}"
+        of_all = f"{line['SR']:.0f} ({line['episodes']} episodes)"
         rows.append([line["agent"], line["settings"], line["outcome"], *told, of_all])
     return markdown(headings, rows, left=3)
 
