@@ -168,14 +168,14 @@ def _train(
     from rudc.training.trainer import train
 
     changes = {**settings, **want.changes, "training.seed": seed}
-    config = TrainConfig.of(want.algorithm, _fitting(changes, want))
+    config = TrainConfig.of(want.algorithm, fitting(changes, want))
     name = f"{want.name}-seed{seed}"
     watcher = _Watcher(name, config.rounds * config.round_steps, tell)
     if not train(config, folder / name, watcher, resume=resume):
         raise KeyboardInterrupt
 
 
-def _fitting(settings: Mapping[str, Any], want: Wanted) -> dict[str, Any]:
+def fitting(settings: Mapping[str, Any], want: Wanted) -> dict[str, Any]:
     """Without what has no effect on learners that state no sigma."""
     states = "sigma" in TrainConfig.of(want.algorithm, want.changes).learner.offers
     return {k: v for k, v in settings.items() if states or k != "training.calibration_episodes"}

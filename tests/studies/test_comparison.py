@@ -21,6 +21,8 @@ from rudc.studies.campaign import METRIC, OUTSIDE, Campaign, Effort, Row, read_c
 from rudc.studies.claims import HELD, NOT_HELD, NOT_MEASURED, Verdict, claims_markdown, judge
 from rudc.studies.outcomes import Outcomes
 from rudc.studies.seed_tables import lines_of, metrics_markdown, pair_lines, paper_lines
+from rudc.studies.trained import fitting
+from rudc.training.config import TrainConfig
 
 PAPER = Path(rudc.evaluation.paper.__file__).with_name("paper.csv")
 FOG = {"fog": ("fog",)}
@@ -67,6 +69,15 @@ def test_a_campaign_has_every_row_of_the_papers_table(name):
     assert list(found.budgets) == ["quick", "full", "paper"]
     settings = [found.budgets[budget].settings for budget in ("quick", "full")]
     assert settings[0]["training.steps"] < settings[1]["training.steps"] == 100_000
+
+
+@pytest.mark.parametrize("name", ["comparison", "ablation"])
+def test_every_row_can_be_trained_and_driven_as_it_says(name):
+    found = read_campaign(name)
+    for row in found.rows:
+        for effort in found.budgets.values():
+            TrainConfig.of(row.algorithm, fitting({**effort.settings, **row.train}, row.wanted))
+        TrainConfig.of(row.algorithm, row.drive)
 
 
 def test_rows_are_chosen_by_name_and_drive_as_they_say():
