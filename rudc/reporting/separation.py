@@ -34,48 +34,66 @@ class Mark(NamedTuple):
     """and the ends of its interval; nan where there is none"""
 
 
+WIDTH, ROW = 7.2, 0.19
+"""inches: of the figure, two columns of a paper; of a scenario"""
+ACROSS = 2
+"""panels beside each other"""
+
+
 def draw_separation(marks: Sequence[Mark], path: Path) -> Path:
-    """All AUROCs; pooled ones at the top, scenarios below from best to worst separated by sigma_total."""
+    """All AUROCs; pooled ones at the top, scenarios below from best to worst separated by sigma_total. Where
+    too little happened there is none: how many such scenarios there are is said.
+    """
     agents, tasks = list(dict.fromkeys(m.agent for m in marks)), list(dict.fromkeys(m.task for m in marks))
-    most = max(len({m.scenarios for m in marks if m.task == task}) for task in tasks)
-    size = (5.6 * len(tasks), 0.8 + len(agents) * (0.8 + 0.27 * most))
-    with grid(len(agents), len(tasks), size, path, sharex="col") as (figure, panels):
-        for i, agent in enumerate(agents):
-            for k, task in enumerate(tasks):
-                axes = panels[i, k]
-                _panel(axes, [m for m in marks if (m.agent, m.task) == (agent, task)])
-                axes.set_title(f"{agent}: {TITLES.get(task, task)}")
-                if i == len(agents) - 1:
-                    axes.set_xlabel("AUROC (0.5: no better than chance)")
+    shown = [(agent, task) for agent in agents for task in tasks]
+    parts = [[m for m in marks if (m.agent, m.task) == which] for which in shown]
+    lines = -(-len(parts) // ACROSS)
+    most = [max(len(_rows(p)) for p in parts[ACROSS * i : ACROSS * (i + 1)]) for i in range(lines)]
+    size = (WIDTH, 0.5 + sum(0.75 + ROW * count for count in most))
+    with grid(lines, ACROSS, size, path, height_ratios=[0.6 + ROW * count for count in most]) as (
+        figure,
+        panels,
+    ):
+        for k, (axes, (agent, task), part) in enumerate(zip(panels.flat, shown, parts, strict=False)):
+            _panel(axes, part, most[k // ACROSS])
+            axes.set_title(f"{agent}: {TITLES.get(task, task)}", fontsize=8.5)
+        for axes in panels.flat[len(parts) :]:
+            axes.axis("off")
+        for axes in panels[-1]:
+            axes.set_xlabel("AUROC (0.5: no better than chance)")
         legend_below(figure, _handles())
     return path
 
 
-def _panel(axes: Axes, marks: Sequence[Mark]) -> None:
-    totals = {m.scenarios: m.value[0] for m in marks if m.sigma == "total"}
-    pooled = [name for name in totals if " " in name]
-    single = sorted(
-        (name for name in totals if " " not in name),
-        key=lambda name: (totals[name] != totals[name], -totals[name]),
-    )
-    rows = [*pooled, *single]
+def _rows(marks: Sequence[Mark]) -> list[str]:
+    """Scenarios that have an AUROC, in the order that they are drawn in."""
+    totals = {m.scenarios: m.value[0] for m in marks if m.sigma == "total" and m.value[0] == m.value[0]}
+    single = sorted((name for name in totals if " " not in name), key=lambda name: -totals[name])
+    return [*(name for name in totals if " " in name), *single]
+
+
+def _panel(axes: Axes, marks: Sequence[Mark], room: int) -> None:
+    """`room`: for so many rows, as many as its neighbour has."""
+    rows = _rows(marks)
+    pooled = sum(" " in name for name in rows)
     axes.axvline(0.5, color=FAINT, lw=1.0, zorder=1)
-    if pooled and single:
-        axes.axhline(len(pooled) - 0.5, color=FAINT, lw=0.8)
+    if 0 < pooled < len(rows):
+        axes.axhline(pooled - 0.5, color=FAINT, lw=0.8)
     for m in marks:
+        if m.scenarios not in rows:
+            continue
         value, low, high = m.value
         y = rows.index(m.scenarios) + _SHIFT[m.sigma]
-        if value != value:
-            if m.sigma == "route":
-                axes.text(0.51, y, "none happened", va="center", fontsize=7.5, color="#767d88")
-            continue
         if low == low:
             axes.plot([low, high], [y, y], color=_COLOURS[m.sigma], lw=1.1, alpha=0.6)
-        axes.plot([value], [y], "o", color=_COLOURS[m.sigma], markersize=4.0)
-    axes.set_yticks(range(len(rows)), rows)
-    axes.set_ylim(len(rows) - 0.5, -0.5)
-    low, high = axes.get_xlim()
-    axes.set_xlim(max(min(low, 0.4), 0.0), min(max(high, 0.6), 1.005))
+        axes.plot([value], [y], "o", color=_COLOURS[m.sigma], markersize=3.0)
+    others = {m.scenarios for m in marks if " " not in m.scenarios} - set(rows)
+    axes.set_yticks(range(len(rows)), [name.replace("_", " ") for name in rows], fontsize=7.5)
+    axes.set_ylim(room + 0.5, -0.5)
+    axes.set_xlim(0.0, 1.01)
+    if others:
+        text = f"too little happened in {len(others)} scenario{'s' * (len(others) != 1)}"
+        axes.text(0.02, len(rows) - 0.1, text, va="center", fontsize=6.5, color="#767d88")
     axes.grid(axis="y", visible=False)
     axes.tick_params(axis="y", length=0)
 

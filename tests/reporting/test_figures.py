@@ -89,3 +89,14 @@ def test_a_legend_is_as_wide_as_its_figure_at_most(entries, tmp_path):
         assert legend.get_window_extent().width <= figure.bbox.width
         rows = {round(text.get_window_extent().y0) for text in legend.get_texts()}
         assert len(rows) == (1 if entries == 2 else 3)
+
+
+def test_a_figure_is_as_wide_as_a_paper_and_scenarios_where_nothing_happened_take_no_room(tmp_path):
+    names = [f"scenario_{k}" for k in range(20)]
+    none = [Mark("rudc-t", "exposed", name, "total", NOTHING) for name in names]
+    sizes = []
+    for name, marks in (("a.png", MARKS), ("b.png", [*MARKS, *none])):
+        with Image.open(draw_separation(marks, tmp_path / name)) as picture:
+            sizes.append(picture.size)
+    assert sizes[0] == sizes[1]
+    assert sizes[0][0] == round(7.2 * 130)
