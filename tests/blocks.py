@@ -17,7 +17,7 @@ LESS = (
     (r"--workers \d+", "--workers 1"),
     (r"--seeds \d+", "--seeds 1"),
     (r"rudc train (rudc-\S+|sac|dsac) ", rf"rudc train \1 {QUICK} "),
-    (r"rudc train (rudc-\S+|dsac) ", r"rudc train \1 --set training.calibration_episodes=1 "),
+    (r"rudc train (rudc-\S+) ", r"rudc train \1 --set training.calibration_episodes=1 "),
 )
 """what is run with smaller numbers -> which"""
 
