@@ -45,7 +45,7 @@ ADDRESSES = 3 * 2**30
 """bytes of addresses that a child may take besides those it starts with"""
 TOLD = 4000
 """characters kept of the end of what a command said, and of its beginning"""
-WORK_S = 6.0
+WORK_S = 20.0
 """s of wall time after which a command that works is interrupted, as by Ctrl-C"""
 Make = Callable[..., Case]
 
@@ -211,7 +211,7 @@ def verdict(status: int | None, said: str, cpu_s: float, memory_mb: float, works
         return ""
     if status not in (0, 2):
         return f"exit status {status}"
-    if status == 2 and not re.search(r"^error: |^ *Usage: ", said, re.MULTILINE):
+    if status == 2 and not re.search(r"^error: |^ *Usage: |^╭─ Error", said, re.MULTILINE):
         return "exit status 2 without a message"
     if cpu_s > MOST_S:
         return f"{TOOK} {cpu_s:.1f} s"
