@@ -70,7 +70,9 @@ def swept(
     environment = {**os.environ, **PLAIN.environment, **way.environment}
     if way.killed:
         _killed_halfway(command, environment, out, len(SCENARIOS) * len(agents) * episodes // 2)
-    subprocess.run(command, env=environment, check=True, stdout=subprocess.DEVNULL)
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    if done.returncode != 0:
+        raise SystemExit(done.stderr)
     rows, _ = read_sweep(out)
     return {
         tuple(row[name] for name in IDENTITY): [text for name, text in row.items() if name not in TIMING]
@@ -79,7 +81,8 @@ def swept(
 
 
 def _killed_halfway(command: Sequence[str], environment: Mapping[str, str], out: Path, enough: int) -> None:
-    process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL)
+    quiet = subprocess.DEVNULL
+    process = subprocess.Popen(command, env=environment, stdout=quiet, stderr=quiet)
     rows = out / "episodes.csv"
     while process.poll() is None and not (rows.exists() and rows.read_bytes().count(b"\n") > enough):
         time.sleep(0.05)
