@@ -5,10 +5,10 @@
 20,000 episodes of every shipped scenario on every shipped network that it fits, driven by the learnt agents,
 in random order: nearly every one needs another network, and with it a new world, and often another agent.
 Each is cut off after a few seconds. At 1, 10, 20, ..., 100 % the driver and its workers are looked at.
-Flat means, from 10 % on (of fewer than `MANY` episodes from 50 %: until then agents and routes are met for
-the first time): no process grows by more than `GROWTH_MB`; none has more than `FILES` more files open; no worker
-was replaced; and a second of processor time gives as many decisions in the second half as in the first, up
-to `SLOWER`. Exit status 1 where something is not flat, or an episode failed.
+Flat means, from 10 % on (of fewer than `MANY` episodes from 50 %: before, agents and routes are met for the
+first time): no process grows by more than `GROWTH_MB`; none has more than `FILES` more files open; no worker
+was replaced; and a second of processor time gives as many decisions in the second half as in the first, up to
+`SLOWER`. Exit status 1 where something is not flat, or an episode failed.
 """
 
 from __future__ import annotations
