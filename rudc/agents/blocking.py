@@ -2,8 +2,9 @@
 wrong way.
 
     at once      what stands and has no way through the junction: accident vehicles, closed lanes
-    in time      a vehicle that has stood for PATIENCE s, not before its stop line or in the junction, where
-                 one waits for others, and with nobody before it, or somebody who blocks
+    in time      a vehicle that has stood for PATIENCE s with nobody before it, or somebody who blocks; before
+                 its stop line and in the junction, where one waits for others, only after as long again in
+                 which nobody came whom it lets pass
     ahead        who drives against the ego's line without a way of its own, as far as it gets in LANE_S s
 
 An ordinary queue is none of these. Pedestrians never are: they walk on.
@@ -34,6 +35,8 @@ LANE_S, SOON_S = 12.0, 6.0
 """s"""
 AGAINST = -0.5
 """cosine of the angle to the ego's line from which on somebody drives against it"""
+COMING = 60.0
+"""m before the junction from where on somebody is waited for"""
 FAR_BESIDE = 8.0
 """m from the ego's line beyond which nobody is on its road"""
 
@@ -63,6 +66,7 @@ class Blocking:
 
     def __init__(self) -> None:
         self._since: dict[str, float] = {}
+        self._idle: dict[str, float] = {}
 
     def look(self, scene: Scene) -> Blocks:
         """What blocks now; called once a decision."""
@@ -96,7 +100,9 @@ class Blocking:
         )
         front = scene.path_s + 0.5 * scene.size[:, 0]
         waits = (front > paths.stop_s[scene.path] - BEFORE_STOP) & (front < paths.exit_s[scene.path])
-        candidates = np.flatnonzero(still & patient & ~without_way & (scene.path >= 0) & ~waits)
+        patient &= still & ~without_way & (scene.path >= 0)
+        waits[self._idlers(scene, np.flatnonzero(patient & waits))] = False
+        candidates = np.flatnonzero(patient & ~waits)
         before = {int(i): np.flatnonzero(_before(scene, int(i))) for i in candidates}
         for _ in candidates:  # a queue is as long as that at most
             new = [
@@ -106,6 +112,25 @@ class Blocking:
                 break
             stuck[new] = True
         return stuck
+
+    def _idlers(self, scene: Scene, who: Index) -> Index:
+        """Those of the others `who` (n,), who stand where one waits, that have waited for nobody for PATIENCE
+        s."""
+        idle = [i for i in who.tolist() if not _lets_pass(scene, i)]
+        self._idle = {scene.ids[i]: self._idle.get(scene.ids[i], scene.time_s) for i in idle}
+        long = [i for i in idle if scene.time_s - self._idle[scene.ids[i]] > PATIENCE]
+        return np.array(long, dtype=np.int64)
+
+
+def _lets_pass(scene: Scene, i: int) -> bool:
+    """Whether somebody comes, or the ego, whom the vehicle i has to let pass."""
+    paths, row, route = scene.network.paths, scene.path[i], scene.route
+    if paths.yields[row, route.row] and scene.ego_s < route.exit_s:
+        return True
+    driven = np.flatnonzero(scene.path >= 0)
+    rows, s = scene.path[driven], scene.path_s[driven]
+    near = (s > paths.stop_s[rows] - COMING) & (s - 0.5 * scene.size[driven, 0] < paths.exit_s[rows])
+    return bool((near & paths.yields[row, rows]).any())
 
 
 def _swept(scene: Scene, who: Index, way: Array) -> Rectangles:

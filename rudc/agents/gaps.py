@@ -38,8 +38,8 @@ MERGED = 6.0
 SLOWEST = 1.0
 """m/s, below which a vehicle counts as stopping: twice STANDING, since when one that creeps will have passed
 says nothing"""
-SOONER = 5.0
-"""m by which a conflict must begin sooner on a course than on its route to be one of the course's own"""
+LONGER = 5.0
+"""m by which a conflict begins sooner or ends later on a course than on its route, to be the course's own"""
 
 
 class Conflicts(NamedTuple):
@@ -76,8 +76,8 @@ def crossing(scene: Scene) -> Conflicts | None:
 
 
 def entering(scene: Scene, route: Route) -> Conflicts | None:
-    """With those on whose ground the ego's course comes, and its `route` does not, or later; None if nobody
-    is there.
+    """With those on whose ground the ego's course comes, and its `route` does not, or later, or less long;
+    None if nobody is there.
     """
     driven = np.flatnonzero(scene.path >= 0)
     if not len(driven):
@@ -85,7 +85,8 @@ def entering(scene: Scene, route: Route) -> Conflicts | None:
     paths = scene.network.paths
     table = scene.network.conflict(scene.route)[scene.path[driven]]
     before = scene.network.conflict(route)[scene.path[driven]]
-    own = np.isfinite(table[:, 0]) & ~(before[:, 0] < table[:, 0] + SOONER)
+    shared = (before[:, 0] < table[:, 0] + LONGER) & (before[:, 1] > table[:, 1] - LONGER)
+    own = np.isfinite(table[:, 0]) & ~shared  # no conflict of the route (nan) is not shared
     known, table = driven[own], table[own]
     if not len(known):
         return None

@@ -13,7 +13,7 @@ from rudc.network.route import ReferencePath
 
 FARTHEST = 4.0
 """m, depths above count as this"""
-REACH = 9.0
+REACH = 12.0
 """m to each side of the path"""
 ALONG, ACROSS = 1.0, 0.25
 """m between the places where depths are kept"""
@@ -34,6 +34,11 @@ class Depths:
         depth, _ = KDTree(boundary.mean(axis=1)).query(flat, distance_upper_bound=FARTHEST)
         depth = np.minimum(depth, FARTHEST)
         self._depth: Array = np.where(in_any(carriageway, flat), depth, -depth).reshape(points.shape[:2])
+
+    def reach(self) -> tuple[float, float]:
+        """m, the least and the greatest offset from the path with road anywhere."""
+        there = np.flatnonzero((self._depth > 0.0).any(axis=0))
+        return ACROSS * float(there[0]) - REACH, ACROSS * float(there[-1]) - REACH
 
     def at(self, s: Array, offset: Array) -> Array:
         """(...) m at s (...) m and offset (...) m; the nearest place's beyond both ends and REACH."""

@@ -29,8 +29,8 @@ from rudc.vehicle import EgoVehicle
 
 STEP = 2.0
 """m between stations"""
-OFFSETS: Array = np.arange(-65, 66, dtype=np.float64) * 0.1
-"""(L,) m"""
+RASTER = 0.1
+"""m between offsets"""
 SLOPES: Array = np.arange(-7, 8, dtype=np.float64) * 0.1
 """(K,)"""
 CHANGES = range(-4, 5)
@@ -59,10 +59,13 @@ class Lattice:
         self._xy = np.column_stack([x, y])
         self._normal = np.column_stack([-np.sin(self._psi), np.cos(self._psi)])
         self._bend: Array = np.interp(self.s, path.s, path.curvature)
+        right, left = depths.reach()
+        self._offsets: Array = RASTER * np.arange(round(right / RASTER), round(left / RASTER) + 1)
+        """(L,) m, as far as there is road"""
         self._slip: Array = np.arcsin(np.clip(body.cg_to_rear * self._bend, -0.9, 0.9))
         self._depths = depths
         self._depth: dict[int, Array] = {}
-        self._from = _sources()
+        self._from = _sources(len(self._offsets))
 
     def search(
         self,
@@ -79,14 +82,14 @@ class Lattice:
         """
         offset, slope = start
         allowed, gap = self._nodes(first, last, bodies, road_margin)
-        cost = np.full((len(OFFSETS), len(SLOPES)), np.inf)
-        here = OFFSET * OFFSETS[:, None] ** 2 + SLOPE * SLOPES[None] ** 2
-        cost[_nearest(OFFSETS, offset), _nearest(SLOPES, slope)] = 0.0
+        cost = np.full((len(self._offsets), len(SLOPES)), np.inf)
+        here = OFFSET * self._offsets[:, None] ** 2 + SLOPE * SLOPES[None] ** 2
+        cost[_nearest(self._offsets, offset), _nearest(SLOPES, slope)] = 0.0
         bends = np.array([change * 0.1 / STEP for change in CHANGES])
         came: list[Index] = []
         for t in range(1, last - first + 1):
             own = self._bend[first + t]
-            stretch = np.maximum(1.0 - own * OFFSETS, STRAIGHTEST)
+            stretch = np.maximum(1.0 - own * self._offsets, STRAIGHTEST)
             curvature = np.abs(own / stretch + bends[:, None] / stretch**2)
             steep = curvature > max(self._tightest, abs(own))
             reached = np.append(cost, np.inf)[self._from] + (BEND * bends**2)[:, None, None]
@@ -98,7 +101,7 @@ class Lattice:
             cost[~allowed[t]] = np.inf
             if not np.isfinite(cost).any():
                 return None
-        return _traced(cost, came)
+        return self._offsets[_traced(cost, came)]
 
     def _nodes(
         self, first: int, last: int, bodies: Sequence[tuple[Rectangles, float]], road_margin: float
@@ -121,7 +124,7 @@ class Lattice:
             i = first + t
             if self.s[i] < begins:
                 continue
-            place = self._xy[i] + OFFSETS[:, None] * self._normal[i]
+            place = self._xy[i] + self._offsets[:, None] * self._normal[i]
             away = place[:, None] - bodies.position
             which, near = np.nonzero((np.hypot(away[..., 0], away[..., 1]) < reach).T)
             if not len(which):
@@ -138,13 +141,13 @@ class Lattice:
         """(L, K) m of carriageway beside the car at station i, at least; kept."""
         if i not in self._depth:
             turned, own = np.arctan(SLOPES) - self._slip[i], self._bend[i]
-            stretch = np.maximum(1.0 - own * OFFSETS[:, None], STRAIGHTEST)
-            least = np.full((len(OFFSETS), len(SLOPES)), np.inf)
+            stretch = np.maximum(1.0 - own * self._offsets[:, None], STRAIGHTEST)
+            least = np.full((len(self._offsets), len(SLOPES)), np.inf)
             for a, b in _OUTLINE:
                 along, across = a * self._body.length, b * self._body.width
                 ahead = along * np.cos(turned) - across * np.sin(turned)
                 beside = along * np.sin(turned) + across * np.cos(turned) - 0.5 * own * ahead**2
-                depth = self._depths.at(self.s[i] + ahead / stretch, OFFSETS[:, None] + beside)
+                depth = self._depths.at(self.s[i] + ahead / stretch, self._offsets[:, None] + beside)
                 least = np.minimum(least, depth)
             self._depth[i] = least
         return self._depth[i]
@@ -154,16 +157,17 @@ def _nearest(values: Array, value: float) -> int:
     return int(np.abs(values - value).argmin())
 
 
-def _sources() -> Index:
-    """(C, L, K) flat index of the node from which each is reached with each change; the last index for
-    none."""
-    none = len(OFFSETS) * len(SLOPES)
-    row, col = np.meshgrid(np.arange(len(OFFSETS)), np.arange(len(SLOPES)), indexing="ij")
+def _sources(count: int) -> Index:
+    """(C, L, K) flat index of the node from which each is reached with each change, L = `count` offsets; the
+    last index for none.
+    """
+    none = count * len(SLOPES)
+    row, col = np.meshgrid(np.arange(count), np.arange(len(SLOPES)), indexing="ij")
     tables = []
     for change in CHANGES:
         from_row, from_col = row - _shift(col, change), col - change
         inside = (
-            (from_row >= 0) & (from_row < len(OFFSETS)) & (from_col >= 0) & (from_col < len(SLOPES))
+            (from_row >= 0) & (from_row < count) & (from_col >= 0) & (from_col < len(SLOPES))
         )  # fmt: skip
         tables.append(np.where(inside, from_row * len(SLOPES) + from_col, none))
     return np.stack(tables)
@@ -175,12 +179,12 @@ def _shift(col: Index, change: int) -> Index:
     return 2 * (col - len(SLOPES) // 2) - change
 
 
-def _traced(cost: Array, came: Sequence[Index]) -> Array:
-    """(T,) m, the offsets that lead to the cheapest node."""
+def _traced(cost: Array, came: Sequence[Index]) -> Index:
+    """(T,) rows of the offsets that lead to the cheapest node."""
     row, col = (int(v) for v in np.unravel_index(int(cost.argmin()), cost.shape))
     rows = [row]
     for best in reversed(came):
         change = CHANGES[int(best[row, col])]
         row, col = row - int(_shift(np.array(col), change)), col - change
         rows.append(row)
-    return OFFSETS[np.array(rows[::-1])]
+    return np.array(rows[::-1])

@@ -82,6 +82,31 @@ def test_a_queue_blocks_only_behind_somebody_who_goes_nowhere(make_scene, four_w
     assert {tuple(p) for p in blocks.standing.position} == {tuple(p) for p in scene.position[:2]}
 
 
+def test_who_stands_in_the_junction_blocks_once_there_has_been_nobody_to_wait_for(make_scene, four_way):
+    paths = four_way.paths
+    own = make_scene(origin="west", turn="straight").route.row
+    left = next(
+        r for r in range(paths.count) if paths.origin[r] == paths.origin[own] and paths.yields[r].any()
+    )
+    oncoming = next(
+        r for r in range(paths.count) if paths.yields[left, r] and paths.origin[r] != paths.origin[left]
+    )
+    waiting = {"row": left, "s": float(paths.stop_s[left]) + 6.0}
+    coming = {"row": oncoming, "s": float(paths.stop_s[oncoming]) - 30.0, "speed": 8.0}
+    alone = make_scene(waiting, origin="west", turn="straight")
+    seen = [_standing_at(alone, share * PATIENCE) for share in (1.1, 1.9, 2.1)]
+    assert seen == [0, 0, 1]
+    assert _standing_at(make_scene(waiting, coming, origin="west", turn="straight"), 5 * PATIENCE) == 0
+
+
+def _standing_at(scene, time_s):
+    """Bodies that block after the same scene was watched for so long (s)."""
+    watch = Blocking()
+    for k in range(math.ceil(10 * time_s)):
+        blocks = watch.look(replace(scene, time_s=0.1 * k))
+    return blocks.standing.number
+
+
 def test_an_empty_road_blocks_nothing(make_scene):
     assert not Blocking().look(make_scene()).any
 
