@@ -92,7 +92,7 @@ def test_who_stands_in_the_junction_blocks_once_there_has_been_nobody_to_wait_fo
         r for r in range(paths.count) if paths.yields[left, r] and paths.origin[r] != paths.origin[left]
     )
     waiting = {"row": left, "s": float(paths.stop_s[left]) + 6.0}
-    coming = {"row": oncoming, "s": float(paths.stop_s[oncoming]) - 30.0, "speed": 8.0}
+    coming = {"row": oncoming, "s": float(paths.stop_s[oncoming]) - 30.0, "v": 8.0}
     alone = make_scene(waiting, origin="west", turn="straight")
     seen = [_standing_at(alone, share * PATIENCE) for share in (1.1, 1.9, 2.1)]
     assert seen == [0, 0, 1]
