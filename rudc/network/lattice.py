@@ -60,7 +60,8 @@ class Lattice:
         self._normal = np.column_stack([-np.sin(self._psi), np.cos(self._psi)])
         self._bend: Array = np.interp(self.s, path.s, path.curvature)
         right, left = depths.reach()
-        self._offsets: Array = RASTER * np.arange(round(right / RASTER), round(left / RASTER) + 1)
+        rows = np.arange(round(right / RASTER), round(left / RASTER) + 1, dtype=np.float64)
+        self._offsets: Array = RASTER * rows
         """(L,) m, as far as there is road"""
         self._slip: Array = np.arcsin(np.clip(body.cg_to_rear * self._bend, -0.9, 0.9))
         self._depths = depths
