@@ -5,8 +5,7 @@
 20,000 episodes of every shipped scenario on every shipped network that it fits, driven by the learnt agents,
 in random order: nearly every one needs another network, and with it a new world, and often another agent.
 Each is cut off after a few seconds. At 1, 10, 20, ..., 100 % the driver and its workers are looked at.
-Flat means, from 10 % on (of fewer than `MANY` episodes from 50 %: before, agents and routes are met for the
-first time): no process grows by more than `GROWTH_MB`; none has more than `FILES` more files open; no worker
+Flat means, from 10 to 100 %: no process grows by more than `GROWTH_MB`; none has more files open; no worker
 was replaced; and a second of processor time gives as many decisions in the second half as in the first, up to
 `SLOWER`. Exit status 1 where something is not flat, or an episode failed.
 """
@@ -35,11 +34,9 @@ from rudc.evaluation.tasks import Task
 from tests.benchmarks.memory import mixture
 
 EPISODES = 20_000
-MANY = 5_000
 GROWTH_MB = 25.0
-FILES = 2
-"""that may be open for a moment"""
-SLOWER = 0.7
+"""between 10 and 100 %: tables of routes and agents that are met late included"""
+SLOWER = 0.8
 """least ratio of the second half's decisions a second of processor time to the first's"""
 
 
@@ -77,7 +74,7 @@ def _cpu_s(pid: int) -> float:
 
 
 def not_flat(looks: Sequence[Look]) -> Iterator[str]:
-    """What is not, in words; `looks` from where it should be."""
+    """What is not, in words; `looks` from 10 % on."""
     first, middle, last = looks[0], looks[len(looks) // 2], looks[-1]
     if first.memory_mb.keys() != last.memory_mb.keys():
         yield "a worker was replaced"
@@ -86,7 +83,7 @@ def not_flat(looks: Sequence[Look]) -> Iterator[str]:
         grown = last.memory_mb[pid] - first.memory_mb[pid]
         if grown > GROWTH_MB:
             yield f"{name} grew by {grown:.0f} MB"
-        if last.files[pid] > first.files[pid] + FILES:
+        if last.files[pid] > first.files[pid]:
             yield f"{name} has {last.files[pid]} files open, {first.files[pid]} before"
     early, late = _rate(first, middle), _rate(middle, last)
     if late < SLOWER * early:
@@ -136,10 +133,7 @@ def main() -> int:
                     looks.append(look(number, decisions))
                     _say(looks, episodes)
         rows.close()
-    found = [
-        *([f"{failed} episodes failed"] if failed else []),
-        *not_flat(looks[1:] if episodes >= MANY else looks[5:]),
-    ]
+    found = [*([f"{failed} episodes failed"] if failed else []), *not_flat(looks[1:])]
     print("\n".join(f"not flat: {what}" for what in found) or "flat")
     return int(bool(found))
 

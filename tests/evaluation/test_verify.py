@@ -115,6 +115,16 @@ def test_the_networks_are_the_sweeps_own_copies(copied, swept):
         assert not found.changes
 
 
+@pytest.mark.parametrize("sweep", ["banana", {"network": "own.net.xml"}, {"network": 5}])
+def test_a_manifest_whose_sweep_is_no_sweep_is_refused(copied, sweep):
+    path = copied / "manifest.json"
+    content = json.loads(path.read_text())
+    content["configuration"]["scenarios"]["own"]["values"]["sweep"] = sweep
+    path.write_text(json.dumps(content))
+    with pytest.raises(SweepError, match=r"the scenario 'own' of .* cannot be read any more: sweep"):
+        verify_sweep(copied, EpisodeRunner)
+
+
 @pytest.mark.parametrize("share", [0.0, -1.0, 1.5, float("nan")])
 def test_a_share_that_is_none_is_refused(copied, share):
     with pytest.raises(SweepError, match="more than 0 and at most 1"):
