@@ -134,7 +134,9 @@ def validate(
         bool, typer.Option("--watch", help="Do it again whenever a file changes, until Ctrl-C.")
     ] = False,
 ) -> None:
-    """Check scenario files, and that each fits its network and can be set up (first seed, each swept value).
+    """Check scenario files, and that each fits its network and can be set up (first seed).
+
+    Of a sweep of many points every point is checked, and some are set up; the answer says how many.
 
     A line for each file; every problem reads `FILE:LINE:COLUMN: key.path: what is wrong`, all at once. With
     `--seeds`, the first so many episodes are driven by `gap-acceptance`, and how often each event happens is
@@ -156,7 +158,7 @@ def validate(
 
 def _problems(files: list[str], seeds: int) -> list[str]:
     """Say of each file whether it is fine; what is wrong with all of them."""
-    from rudc.evaluation.preflight import validated
+    from rudc.evaluation.preflight import tried_points, validated
     from rudc.scenario.library import existing_files, shipped_scenarios, shown
 
     shipped = {path: name for name, path in shipped_scenarios().items()}
@@ -168,8 +170,9 @@ def _problems(files: list[str], seeds: int) -> list[str]:
         if scenario is None or wrong:
             typer.echo(f"{name}: {len(wrong)} problem{'s' * (len(wrong) != 1)}")
         else:
-            count, points = len(scenario.events), len(scenario.points())
+            count, points, tried = len(scenario.events), len(scenario.points()), len(tried_points(scenario))
             swept = f", {points} swept points" if scenario.sweep else ""
+            swept += f", of which {tried} were set up" if tried < points else ""
             typer.echo(f"{name}: ok ({count} event{'s' * (count != 1)}{swept})")
             _echo_firings(scenario, seeds)
     return list(dict.fromkeys(problems))

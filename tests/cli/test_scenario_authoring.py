@@ -1,5 +1,7 @@
 """What helps while a scenario is written: validated as it changes, and shown moving."""
 
+import re
+
 import pytest
 from PIL import Image
 
@@ -42,6 +44,19 @@ def test_a_file_is_validated_whenever_it_or_its_neighbour_changes(rudc, tmp_path
     assert lines[3] == "mine.yaml: ok (0 events)"
     assert "four_wya" in answer.out
     assert answer.err.count("watching") == 4
+
+
+def test_it_is_said_how_many_points_of_a_large_sweep_were_set_up(rudc, tmp_path):
+    (tmp_path / "large.yaml").write_text(
+        "name: large\nsweep: {ego.speed: [5, 6, 7, 8, 9, 10], traffic.density: [5, 6, 7, 8, 9, 10]}\n"
+    )
+    answer = rudc("scenario", "validate", "large.yaml")
+    assert answer.status == 0, answer.err
+    line = re.fullmatch(
+        r"large\.yaml: ok \(0 events, 36 swept points, of which (\d+) were set up\)\n", answer.out
+    )
+    assert line, answer.out
+    assert 6 <= int(line[1]) <= 16
 
 
 @pytest.mark.parametrize("name", ["mine"])

@@ -1,0 +1,79 @@
+"""Which points of a sweep are set up before anything is run."""
+
+import pytest
+
+from rudc.evaluation.preflight import TRIED, tried_points, validated
+from rudc.scenario import load_scenario
+from rudc.world.world import World
+
+LARGE = """
+name: large
+extends: random_destination
+sweep:
+  traffic.density: [5, 10, 15]
+  ego.speed: [5, 6, 7]
+  episode.timeout: [10, 20, 30]
+  traffic.warm_up: [1, 2, 3]
+  traffic.speed_factor: [0.9, 1.0, 1.1]
+  traffic.impatience: [0.2, 0.3, 0.4]
+"""
+
+
+@pytest.fixture
+def written(tmp_path):
+    def write(text):
+        path = tmp_path / "own.yaml"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def test_a_large_sweep_is_set_up_at_a_few_points_that_show_every_value(written):
+    scenario = load_scenario(written(LARGE))
+    tried = tried_points(scenario)
+    assert tried == tried_points(scenario)
+    assert 3 <= len(tried) <= TRIED < len(scenario.points()) == 729
+    assert all(point in scenario.points() for point in tried)
+    for key, values in scenario.sweep.items():
+        assert {point[key] for point in tried} == set(values)
+
+
+def test_a_small_sweep_is_set_up_at_every_point(written):
+    scenario = load_scenario(written("name: a\nsweep: {traffic.density: [5, 9], ego.speed: [5, 6, 7]}\n"))
+    assert tried_points(scenario) == scenario.points()
+    assert tried_points(load_scenario("random_destination")) == [{}]
+
+
+def test_a_key_with_many_values_is_set_up_at_its_first_and_last(written):
+    values = [5 + 0.5 * k for k in range(40)]
+    scenario = load_scenario(written(f"name: a\nsweep: {{traffic.density: {values}}}\n"))
+    tried = [point["traffic.density"] for point in tried_points(scenario)]
+    assert len(tried) == TRIED
+    assert {values[0], values[-1]} <= set(tried)
+
+
+def test_a_value_that_is_not_set_up_is_checked_all_the_same(written):
+    values = [5 + 0.5 * k for k in range(40)]
+    values[1] = 500.0
+    path = written(f"name: a\nsweep: {{traffic.density: {values}}}\n")
+    scenario, problems = validated(path)
+    assert scenario is None
+    assert len(problems) == 1
+    assert "own.yaml:2:" in problems[0]
+    assert "500" in problems[0]
+
+
+def test_only_those_points_cost_an_episode(written, monkeypatch):
+    set_up = []
+    reset = World.reset
+
+    def counted(world, plan, *rest, **named):
+        set_up.append(plan)
+        return reset(world, plan, *rest, **named)
+
+    monkeypatch.setattr(World, "reset", counted)
+    scenario, problems = validated(written(LARGE))
+    assert scenario is not None
+    assert problems == []
+    assert len(set_up) == len(tried_points(scenario))
