@@ -147,14 +147,16 @@ def test_networks_are_listed_checked_and_built(rudc, tmp_path):
     assert rudc("network", "check", "built.net.xml").status == 0
 
 
-def test_agents_are_listed_and_shown(rudc):
+def test_agents_are_listed_and_shown(rudc, monkeypatch):
+    monkeypatch.setitem(ALGORITHMS, "mine", ALGORITHMS["qpsl"])
     listed = rudc("agent", "list")
     assert max(map(len, listed.out.splitlines())) <= 100
     assert "NAME+ecbf" in listed.err
     described = {entry["name"]: entry for entry in json.loads(rudc("agent", "list", "--json").out)}
     assert {"planner", "rudc-t", "rudc-t-seed1", *ALGORITHMS} <= described.keys()
     assert all(name in listed.out for name in described)
-    assert (described["qpsl"]["paper"], described["qpsl"]["status"]) == ("QPSL", "trainable")
+    assert (described["qpsl"]["paper"], described["qpsl"]["status"]) == ("QPSL", "shipped")
+    assert (described["mine"]["paper"], described["mine"]["status"]) == ("QPSL", "trainable")
     assert Path(described["rudc-e"]["checkpoint"]).name == "rudc-e"
     head, _, settings = rudc("agent", "show", "follower+ttcbf").out.partition("\n")
     assert head.startswith("follower+ttcbf: ")
