@@ -1,12 +1,15 @@
 """For all tests: SIGINT interrupts, and hypothesis draws the same examples every time.
 
 A shell that starts them in the background has them ignore it, and every process that they start would too.
+Tables are as wide as they want to be: xdist tells its workers how wide its own terminal is.
 """
 
+import os
 import signal
 
 from hypothesis import settings
 
+os.environ.pop("COLUMNS", None)
 signal.signal(signal.SIGINT, signal.default_int_handler)
 settings.register_profile("reproducible", derandomize=True)
 settings.load_profile("reproducible")

@@ -40,6 +40,7 @@ def do() -> None:
 def test_each_sort_of_bug_is_found_and_named(tmp_path, monkeypatch):
     monkeypatch.setattr(trying, "main", do)
     monkeypatch.setattr(trying, "MOST_S", 0.2)
+    monkeypatch.setattr(trying, "MOST_MB", trying._peak_mb() + 500.0)  # children begin with what we hold
     fuzzer = Fuzzer("planted", 10, prepare, patience_s=12.0)
     found = {a.number: a.bug for a in trying.attempts(fuzzer, range(10), 0, tmp_path, workers=2)}
     for number, bug in enumerate(FOUND):

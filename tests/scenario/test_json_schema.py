@@ -10,7 +10,14 @@ import yaml
 from rudc.scenario import EVENT_KINDS, json_schema, load_scenario, scenario_template, shipped_scenarios
 
 SCHEMA = json_schema()
-TYPES = {"object": dict, "array": list, "string": str, "number": (int, float), "integer": int}
+TYPES = {
+    "object": dict,
+    "array": list,
+    "string": str,
+    "number": (int, float),
+    "integer": int,
+    "boolean": bool,
+}
 REMARKS = {"$schema", "title", "description", "default", "definitions"}
 
 
@@ -42,7 +49,7 @@ def number(check):
 
 CHECKS = {
     "$ref": lambda v, g, s: valid(v, SCHEMA["definitions"][g.removeprefix("#/definitions/")]),
-    "type": lambda v, g, s: isinstance(v, TYPES[g]) and not isinstance(v, bool),
+    "type": lambda v, g, s: isinstance(v, TYPES[g]) and (g == "boolean") == isinstance(v, bool),
     "const": lambda v, g, s: v == g,
     "enum": lambda v, g, s: v in g,
     "anyOf": lambda v, g, s: any(valid(v, part) for part in g),

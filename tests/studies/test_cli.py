@@ -44,7 +44,10 @@ def test_list(rudc):
         (["sigma", "--budget", "paper", "-o", "x"], "no budget 'paper'"),
         (["comparison", "-a", "sak", "-o", "x"], "has no row 'sak'"),
         (["ablation", "--trainings", "nowhere", "-o", "x"], "no folder nowhere"),
-        (["comparison", "-a", "usl", "--trainings", ".", "-o", "x"], "usl-seed0: no training"),
+        (
+            ["comparison", "-a", "usl", "--seeds", "7", "--trainings", ".", "-o", "x"],
+            "usl-seed7: no training",
+        ),
         (["curves", "-o", "x"], "which trainings?"),
         (["curves", "here", "-a", "sumo", "-o", "x"], "takes no --agent; it takes folders"),
     ],

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import rudc.evaluation.paper
+from rudc.agents.checkpoint import shipped_checkpoints
 from rudc.errors import InputError
 from rudc.evaluation.columns import COLUMNS
 from rudc.evaluation.folder import read_sweep
@@ -234,6 +235,8 @@ def test_from_training_to_tables_at_the_quick_budget(tmp_path, monkeypatch):
     more = Order(
         tmp_path / "a", ("sac", "usl", "rudc-t"), episodes=1, budget="quick", trainings=made, resume=True
     )
+    shipped = {name: at for name, at in shipped_checkpoints().items() if name != "usl"}
+    monkeypatch.setattr("rudc.studies.trained.shipped_checkpoints", lambda: shipped)
     other = comparison.run(more, nothing_is_driven)
     assert other.notes[0] == "usl-seed0: no training"
     assert "usl-seed0: no training" in other.table
