@@ -70,7 +70,8 @@ def draw_tradeoff(points: Sequence[Point], path: Path) -> Path:
             for k, (domain, constrained) in enumerate(columns):
                 inside = [p for p in points if (p.agent, p.domain) == (agent, domain)]
                 labels += _panel(panels[i, k], [p for p in inside if p.constrained in ("", constrained)])
-                panels[i, k].set_title(f"{agent}, {constrained}\n{domain}")
+                name = agent.rsplit("/", 1)[-1]  # of a folder: a path would be wider than the panel
+                panels[i, k].set_title(f"{name}, {constrained}\n{domain}")
                 panels[i, k].set_xlabel("frozen, FR (%)" if i == len(agents) - 1 else "")
                 panels[i, k].set_ylabel("violations, VR (%)" if k == 0 else "")
         legend_below(figure, _handles({p.variant for p in points}))
