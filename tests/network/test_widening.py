@@ -1,8 +1,5 @@
 """Lines over sharp turns between narrow roads: on a network as netconvert makes it, with no help of ours."""
 
-import shutil
-from importlib.util import find_spec
-
 import numpy as np
 import pytest
 
@@ -14,10 +11,6 @@ from rudc.vehicle import EgoVehicle
 
 BODY = EgoVehicle()
 ENDS = {"n": (12, 140), "e": (140, 20), "se": (95, -100), "s": (-20, -140), "w": (-140, 5)}
-
-pytestmark = pytest.mark.skipif(
-    find_spec("sumo") is None and shutil.which("netconvert") is None, reason="netconvert is not installed"
-)
 
 
 @pytest.fixture(scope="module")
