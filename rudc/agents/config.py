@@ -21,8 +21,7 @@ from rudc.agents.outlook import OutlookSettings
 from rudc.env.action import ActionSettings, Adjustment
 from rudc.env.observation import PARTS, ObservationKind
 from rudc.errors import InputError
-from rudc.hints import there_are
-from rudc.learning.algorithms import ALGORITHMS, Algorithm
+from rudc.learning.algorithms import ALGORITHMS, Algorithm, AlgorithmName
 from rudc.learning.config import LearnerConfig, ObservationLayout, Problem
 from rudc.settings import Settings
 
@@ -30,7 +29,7 @@ from rudc.settings import Settings
 class AgentConfig(Settings):
     """What a learnt agent is."""
 
-    algorithm: str = "rudc-wo-cbf"
+    algorithm: AlgorithmName = "rudc-wo-cbf"
     """what it learns by, see rudc/learning/algorithms.py"""
     observation: ObservationKind = "conflict"
     """the paper's observation, or the same with predicted conflicts"""
@@ -45,13 +44,6 @@ class AgentConfig(Settings):
     """what it is shown of the world once it has learnt, see rudc/agents/outlook.py; training does without"""
     learner: SerializeAsAny[LearnerConfig] = Field(default_factory=dict, validate_default=True)  # pyright: ignore[reportAssignmentType] -- read below
     """networks and objective, of the algorithm's own"""
-
-    @field_validator("algorithm")
-    @classmethod
-    def _there_is(cls, name: str) -> str:
-        if name not in ALGORITHMS:
-            raise ValueError(f"there is no algorithm {name!r}{there_are(name, ALGORITHMS)}")
-        return name
 
     @field_validator("learner", mode="before")
     @classmethod

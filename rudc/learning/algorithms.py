@@ -10,11 +10,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from rudc.errors import InputError
+from rudc.hints import there_are
 from rudc.learning.config import (
     ConstrainedConfig,
     CostConfig,
@@ -53,6 +54,16 @@ class Algorithm:
 
 ALGORITHMS: dict[str, Algorithm] = {}
 """name -> what it is"""
+
+
+def _known(name: str) -> str:
+    if name not in ALGORITHMS:
+        raise ValueError(f"there is no algorithm {name!r}{there_are(name, ALGORITHMS)}")
+    return name
+
+
+AlgorithmName = Annotated[str, AfterValidator(_known)]
+"""a name in ALGORITHMS, for settings"""
 
 
 def register_algorithm(name: str, algorithm: Algorithm) -> None:

@@ -8,12 +8,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from rudc.errors import InputError
 from rudc.evaluation.columns import METRICS
 from rudc.hints import there_are
-from rudc.learning.algorithms import ALGORITHMS
+from rudc.learning.algorithms import ALGORITHMS, AlgorithmName
 from rudc.scenario.yaml_text import read_yaml
 from rudc.settings import Settings, problems
 from rudc.studies.base import IN_DISTRIBUTION, Budget
@@ -29,7 +29,7 @@ class Row(Settings):
 
     name: str
     """in files"""
-    algorithm: str
+    algorithm: AlgorithmName
     """that it learnt by"""
     title: str = ""
     """in tables; the paper's name of the algorithm if left out"""
@@ -39,13 +39,6 @@ class Row(Settings):
     """settings of its training otherwise than its algorithm's, by dotted keys"""
     drive: dict[str, Any] = Field(default_factory=dict)
     """settings that the trained agent drives with otherwise, by dotted keys"""
-
-    @field_validator("algorithm")
-    @classmethod
-    def _there_is(cls, name: str) -> str:
-        if name not in ALGORITHMS:
-            raise ValueError(f"there is no algorithm {name!r}{there_are(name, ALGORITHMS)}")
-        return name
 
     @property
     def heading(self) -> str:

@@ -12,8 +12,6 @@ from tests.blocks import blocks_of, run_python, run_script, smaller
 DOCS = Path(__file__).parents[2] / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
 WITH_BLOCKS = [page for page in PAGES if blocks_of(page)]
-NEEDS = {"own_network": "sumo", "training": "torch", "paper": "torch"}
-"""page -> a package that one of its commands needs"""
 
 
 def test_there_are_pages():
@@ -24,8 +22,6 @@ def test_there_are_pages():
 @pytest.mark.slow
 @pytest.mark.parametrize("page", WITH_BLOCKS, ids=lambda page: page.stem)
 def test_what_a_page_says_works(page, tmp_path):
-    if page.stem in NEEDS:
-        pytest.importorskip(NEEDS[page.stem])
     for block in blocks_of(page):
         if block.file:
             (tmp_path / block.file).parent.mkdir(exist_ok=True)

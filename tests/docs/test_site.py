@@ -13,7 +13,6 @@ from rudc.scenario import shipped_scenarios
 from rudc.scenario.events import EVENT_KINDS
 from tests.reporting.accessibility import MISSING, faults
 
-pytest.importorskip("material")
 ROOT = Path(__file__).parents[2]
 
 
@@ -57,7 +56,7 @@ def test_figures_are_drawn(site):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(MISSING, reason="needs Chromium and axe")
+@pytest.mark.skipif(MISSING, reason="no Chromium, which pip cannot install, for axe to run in")
 @pytest.mark.parametrize("name", ["method.html", "tutorials/own_scenario.html", "reference/metrics.html"])
 def test_no_page_has_a_serious_fault_of_accessibility(site, name):
     page = site / name

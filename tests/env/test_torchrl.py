@@ -4,6 +4,7 @@ import pytest
 
 import rudc
 
+# Not among what the tests install: its wheels are built for one release of torch each.
 torchrl = pytest.importorskip("torchrl.envs")
 
 

@@ -16,7 +16,14 @@ from rudc.arrays import Arrays
 from rudc.learning.checkpoint import DESCRIPTION, WEIGHTS
 from rudc.learning.parameters import fingerprint
 from tests.fuzz.fuzzer import Case, Fuzzer
-from tests.fuzz.mutations import another_number, another_word, changed_tree, scratched_bytes, scratched_text
+from tests.fuzz.mutations import (
+    another_number,
+    another_word,
+    changed_tree,
+    instead,
+    scratched_bytes,
+    scratched_text,
+)
 
 FOLDER = "agent"
 COMMANDS = (
@@ -120,14 +127,7 @@ def _files(rng: random.Random, folder: Path, _other: Path) -> None:
     path = folder / rng.choice((DESCRIPTION, WEIGHTS))
     path.unlink()
     deed = rng.choice(("missing", "empty", "folder", "loop", "null"))
-    if deed == "empty":
-        path.touch()
-    elif deed == "folder":
-        path.mkdir()
-    elif deed == "loop":
-        path.symlink_to(path)
-    elif deed == "null":
-        path.symlink_to("/dev/null")
+    instead(path, deed)
 
 
 def _agree(folder: Path, arrays: Arrays) -> None:

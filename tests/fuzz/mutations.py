@@ -7,6 +7,7 @@ import math
 import random
 import re
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\w.])")
@@ -169,3 +170,15 @@ _TEXT: tuple[Callable[[random.Random, str], str], ...] = (
     _cut, _put, _end, another_number, another_number, another_word, another_word,
     _line(_remove), _line(_double), _line(_move), _line(_indent),
 )  # fmt: skip
+
+
+def instead(path: Path, deed: str) -> None:
+    """Put something else where a file was: `empty`, `folder`, `loop`, `null`; nothing for other deeds."""
+    if deed == "empty":
+        path.touch()
+    elif deed == "folder":
+        path.mkdir()
+    elif deed == "loop":
+        path.symlink_to(path)
+    elif deed == "null":
+        path.symlink_to("/dev/null")

@@ -14,6 +14,7 @@ from tests.fuzz.mutations import (
     another_number,
     another_word,
     changed_tree,
+    instead,
     scratched_bytes,
     scratched_text,
 )
@@ -110,15 +111,8 @@ def _files(rng: random.Random, folder: Path) -> None:
     else:
         path.unlink()
     deed = rng.choice(("missing", "empty", "folder", "loop", "null", "conditions"))
-    if deed == "empty":
-        path.touch()
-    elif deed == "folder":
-        path.mkdir()
-    elif deed == "loop":
-        path.symlink_to(path)
-    elif deed == "null":
-        path.symlink_to("/dev/null")
-    elif deed == "conditions":
+    instead(path, deed)
+    if deed == "conditions":
         (folder / "conditions.csv").write_text(
             rng.choice(("", "scenario,agent,seed\n", "a\nb\n", "scenario,x\nown,1\n"))
         )

@@ -71,7 +71,7 @@ def test_the_page_names_what_is_there(gallery):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium, which pip cannot install")
 def test_clips_move_when_asked_to(gallery):
     drive = """
     const image = document.querySelector('img[data-clip$=webp]');
@@ -88,7 +88,7 @@ def test_clips_move_when_asked_to(gallery):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(MISSING, reason="needs Chromium and axe")
+@pytest.mark.skipif(MISSING, reason="no Chromium, which pip cannot install, for axe to run in")
 def test_no_page_has_a_serious_fault_of_accessibility(gallery, tmp_path):
     replay = next(gallery.glob("replays/*.html"))
     swept = made_up_sweep(tmp_path / "swept", 96, scenarios=4, agents=3)

@@ -136,7 +136,7 @@ const waiting = setInterval(() => {
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium, which pip cannot install")
 @pytest.mark.parametrize("width", [1400, 400])
 def test_a_browser_opens_and_drives_the_page(runs, tmp_path, width):
     """Without a complaint."""

@@ -215,7 +215,7 @@ finish(told);
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium, which pip cannot install")
 @pytest.mark.parametrize("width", [1400, 400])
 def test_a_browser_opens_and_drives_the_page(text, data, folder, tmp_path, width):
     told = driven(text, DRIVE, tmp_path, width)

@@ -53,7 +53,7 @@ finish(told);
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium, which pip cannot install")
 def test_tables_are_sorted_and_chosen_from(tmp_path):
     text = report_page(RESULTS / "curves", tmp_path / "report.html")
     told = driven(text, DRIVE, tmp_path, 400)

@@ -57,7 +57,7 @@ finish(told);
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium, which pip cannot install")
 def test_a_browser_opens_the_page(text, tmp_path):
     told = driven(text, DRIVE, tmp_path, 400)
     assert (told["curves"], told["statistics"], told["fits"]) == (4, True, True), told
