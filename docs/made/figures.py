@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,12 +13,14 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse, FancyBboxPatch, Polygon
 
 from rudc.data import data_folder
+from rudc.drawing.preview import preview_picture
 from rudc.learning.distortion import make_distortion, midpoints
 from rudc.reporting.figures import INK, PALETTE, STYLE
 from rudc.safety.clearance import EPSILON, Bodies, clearance_terms
 from rudc.safety.config import FilterConfig
 from rudc.safety.slack import Slack
 from rudc.safety.vehicles import VehicleSettings
+from rudc.scenario import find_scenarios, shipped_scenarios
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -213,3 +215,14 @@ FIGURES: dict[str, Callable[[], str]] = {
     "loop": loop, "tail": tail, "barrier": barrier, "slack": slack, "rules": rules,
 }  # fmt: skip
 """name of each figure -> what draws it"""
+PICTURE_PX, PICTURE_SEED = 460, 1
+
+
+def scenario_pictures() -> Iterator[tuple[str, bytes]]:
+    """Each shipped scenario's name, and its first scene as a PNG."""
+    for scenario in find_scenarios(list(shipped_scenarios())):
+        picture = preview_picture(scenario, PICTURE_SEED)
+        picture.thumbnail((PICTURE_PX, 2 * PICTURE_PX))
+        buffer = io.BytesIO()
+        picture.quantize(128).save(buffer, format="png", optimize=True)
+        yield scenario.name, buffer.getvalue()

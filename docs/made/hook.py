@@ -14,9 +14,11 @@ from typing import Any
 from mkdocs.structure.files import File
 
 sys.path.insert(0, str(Path(__file__).parent))
-from figures import FIGURES
+from figures import FIGURES, scenario_pictures
 from reference import PAGES
 
+FILM = Path("results/blocked_left_turn.webp")
+"""of the front page"""
 GALLERY = Path("out/gallery")
 """what `make gallery` wrote, if it did"""
 
@@ -35,6 +37,9 @@ def on_files(files: Any, config: Any) -> Any:
         files.append(File.generated(config, f"reference/{name}.md", content=content))
     for name, figure in FIGURES.items():
         files.append(File.generated(config, f"figures/{name}.svg", content=figure()))
+    for name, picture in scenario_pictures():
+        files.append(File.generated(config, f"figures/scenarios/{name}.png", content=picture))
+    files.append(File.generated(config, f"figures/{FILM.name}", content=FILM.read_bytes()))
     return files
 
 

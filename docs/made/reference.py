@@ -22,7 +22,7 @@ from rudc.learning.config import LearnerConfig, NetworkConfig
 from rudc.safety.barriers import BARRIERS
 from rudc.safety.config import FilterConfig
 from rudc.safety.rules import RULES
-from rudc.scenario import find_scenarios, shipped_scenarios
+from rudc.scenario import Scenario, find_scenarios, shipped_scenarios
 from rudc.scenario.keys import sections
 from rudc.settings import Settings
 from rudc.studies.catalogue import STUDIES
@@ -122,16 +122,24 @@ def scenario_files() -> str:
 
 
 def scenarios() -> str:
-    """What is shipped, and why it is out of distribution."""
-    rows = [
-        [code(s.name), code(s.network), s.description, s.out_of_distribution or "", _kinds(s)]
-        for s in find_scenarios(list(shipped_scenarios()))
-    ]
-    head = ["name", "network", "what happens", "why it is out of distribution", "events"]
+    """What is shipped, how it looks, and why it is out of distribution."""
     said = (
-        "`make gallery` draws them, and shows what agents do in them. `rudc scenario show NAME` prints one.\n"
+        "The first scene of seed 1: the ego yellow, others blue, what is part of an event orange with the event's "
+        "number. `make gallery` shows what agents do in them; `rudc scenario show NAME` prints one.\n"
     )
-    return "\n".join(["# Shipped scenarios\n", MADE, said, table(head, rows)])
+    cards = [_scenario(scenario) for scenario in find_scenarios(list(shipped_scenarios()))]
+    return "\n".join(["# Shipped scenarios\n", MADE, said, '<div class="scenarios" markdown>\n', *cards, "</div>\n"])
+
+
+def _scenario(scenario: Scenario) -> str:
+    why = scenario.out_of_distribution
+    lines = [
+        f"## {code(scenario.name)} {{#{scenario.name}}}",
+        f"![First scene of {scenario.name}](../figures/scenarios/{scenario.name}.png){{loading=lazy}}",
+        f"{scenario.description} {f'**Out of distribution:** {why}' if why else '*In distribution, or near it.*'}",
+        f"Network {code(scenario.network)}" + (f"; events {_kinds(scenario)}" if scenario.events else ""),
+    ]
+    return '<div class="scenario" markdown>\n\n' + "\n\n".join(lines) + "\n\n</div>\n"
 
 
 def _kinds(scenario: Any) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rudc.cli.complete import complete_agents
-from rudc.cli.console import note, print_table
+from rudc.cli.console import AsJson, Quiet, note, print_json, print_table
 
 if TYPE_CHECKING:
     from rudc.training.calibration import Limits
@@ -21,6 +21,7 @@ app = typer.Typer(no_args_is_help=True, help="Who can drive the ego vehicle.")
 @app.command("list")
 def list_(
     as_json: Annotated[bool, typer.Option("--json", help="As JSON, with folders of checkpoints.")] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Everything that can drive, or be trained to: its name in the paper, whether it is shipped, and what it
     has otherwise than rudc-t.
@@ -32,8 +33,7 @@ def list_(
 
     found = entries()
     if as_json:
-        lines = [{k: str(v) if isinstance(v, Path) else v for k, v in asdict(e).items()} for e in found]
-        typer.echo(json.dumps(lines, indent=1))
+        print_json([asdict(entry) for entry in found])
         return
     rows = [[e.name, e.paper, e.status, e.text] for e in found]
     print_table(["name", "in the paper", "status", "what it is"], rows, widest=100)
@@ -47,6 +47,7 @@ def list_(
 @app.command()
 def show(
     name: Annotated[str, typer.Argument(help="Name of an agent.", autocompletion=complete_agents)],
+    as_json: AsJson = False,
 ) -> None:
     """What an agent does, and all its settings.
 
@@ -54,8 +55,12 @@ def show(
     """
     from rudc.agents.registry import agent_settings, agent_summary
 
-    typer.echo(f"{name}: {agent_summary(name)}")
-    typer.echo(json.dumps(agent_settings(name), indent=2))
+    text, settings = agent_summary(name), agent_settings(name)
+    if as_json:
+        print_json({"name": name, "text": text, "settings": settings})
+        return
+    typer.echo(f"{name}: {text}")
+    typer.echo(json.dumps(settings, indent=2))
 
 
 @app.command()
@@ -69,6 +74,7 @@ def calibrate(
         typer.Option(metavar="SCENARIO", help="Instead of random_destination and dense_left_turn."),
     ] = None,
     write: Annotated[bool, typer.Option("--write", help="Store what is found in DIR.")] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Measure the percentiles of a trained agent's uncertainty, sigma_l and sigma_h, as it drives.
 

@@ -5,10 +5,13 @@ Results go to stdout, everything else to stderr.
 
 from __future__ import annotations
 
+import json
+import math
 import os
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -50,6 +53,8 @@ Quiet = Annotated[
     typer.Option("--quiet", "-q", callback=_be_quiet, help="Say nothing but results, warnings and errors."),
 ]
 """an option of commands that say how they are getting on"""
+AsJson = Annotated[bool, typer.Option("--json", help="As JSON, for programs.")]
+"""an option of commands whose output a program may want to read"""
 
 
 def note(text: str) -> None:
@@ -61,6 +66,23 @@ def note(text: str) -> None:
 def warn(text: str) -> None:
     """A line that `--quiet` does not leave out."""
     print(text, file=sys.stderr, flush=True)
+
+
+def print_json(found: object) -> None:
+    """Write values as JSON; null stands for a number that is not known or not finite."""
+    typer.echo(json.dumps(_plain(found), indent=1, allow_nan=False))
+
+
+def _plain(found: Any) -> Any:
+    if isinstance(found, Mapping):
+        return {str(key): _plain(value) for key, value in found.items()}
+    if isinstance(found, (list, tuple)):
+        return [_plain(value) for value in found]
+    if hasattr(found, "tolist"):  # NumPy's
+        return _plain(found.tolist())
+    if isinstance(found, float) and not math.isfinite(found):
+        return None
+    return str(found) if isinstance(found, Path) else found
 
 
 def print_table(

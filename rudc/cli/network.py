@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rudc.cli.console import note, print_table
+from rudc.cli.console import AsJson, print_json, print_table, warn
+
+if TYPE_CHECKING:
+    from rudc.network.check import NetworkReport
 
 app = typer.Typer(
     no_args_is_help=True, help="Road networks: what is there, what is understood of yours, building one."
@@ -15,14 +19,17 @@ app = typer.Typer(
 
 
 @app.command("list")
-def list_() -> None:
+def list_(as_json: AsJson = False) -> None:
     """The shipped networks."""
     from rudc.network.check import check_network
     from rudc.network.network import shipped_networks
 
+    reports = {name: check_network(name) for name in shipped_networks()}
+    if as_json:
+        print_json([_values(report) for report in reports.values()])
+        return
     rows = []
-    for name in shipped_networks():
-        report = check_network(name)
+    for name, report in reports.items():
         arms = ", ".join(arm.name + (" (major)" if arm.major else "") for arm in report.arms)
         lanes = max(arm.in_lanes for arm in report.arms)
         rows.append([name, report.kind, arms, str(lanes), f"{1000 * report.road_km:.0f}"])
@@ -41,6 +48,7 @@ def check(
     lanes: Annotated[
         bool, typer.Option("--lanes", help="List the names of lanes that scenario files may use.")
     ] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Say what is understood of a network: arms, lanes, movements, right of way; and what may go wrong.
 
@@ -50,6 +58,39 @@ def check(
     from rudc.world.trial import refuse_untried
 
     report = check_network(source, junction)
+    if as_json:
+        print_json(_values(report))
+    else:
+        _show(report, lanes)
+        for warning in report.warnings:
+            warn(f"warning: {warning}")
+    refuse_untried(report.network)
+    if out is not None:
+        from rudc.drawing.network_picture import draw_network
+        from rudc.drawing.picture_file import save_picture
+
+        written = save_picture(draw_network(report.network), out)
+        if not as_json:
+            typer.echo(f"\n{written}")
+
+
+def _values(report: NetworkReport) -> dict[str, Any]:
+    """All that a report says, and the names of lanes."""
+    told = {f.name: getattr(report, f.name) for f in fields(report) if f.name != "network"}
+    named = report.network.named_stretches
+    return {
+        **told,
+        "arms": [vars(arm) for arm in report.arms],
+        "movements": [vars(movement) for movement in report.movements],
+        "lanes": [
+            {"name": name, "id": found.lane.id, "length_m": found.reach, "at_counts_from": found.counts_from}
+            for name, found in named.items()
+        ],
+    }
+
+
+def _show(report: NetworkReport, lanes: bool) -> None:
+    """Tables of arms and movements, and of lanes if wanted."""
     road = f"{report.road_km:.3f} km of two-way road"
     typer.echo(f"{report.name}: junction {report.junction} ({report.kind}), {road}\n")
     arms = [
@@ -86,14 +127,6 @@ def check(
             [name, found.lane.id, f"{found.reach:.0f}", found.counts_from] for name, found in named.items()
         ]
         print_table(["lane", "SUMO's id", "length (m)", "`at` counts from"], rows, right=(2,))
-    for warning in report.warnings:
-        note(f"warning: {warning}")
-    refuse_untried(report.network)
-    if out is not None:
-        from rudc.drawing.network_picture import draw_network
-        from rudc.drawing.picture_file import save_picture
-
-        typer.echo(f"\n{save_picture(draw_network(report.network), out)}")
 
 
 @app.command()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rudc.cli.console import note, print_table
+from rudc.cli.console import Quiet, note, print_table
 from rudc.errors import InputError
 from rudc.hints import install_command
 
@@ -32,6 +32,7 @@ def collect(
     action: Annotated[
         str, typer.Option(metavar="KIND", help="What kind random actions are of.")
     ] = "adjustment",
+    quiet: Quiet = False,
 ) -> None:
     """Drive, and record what the filter predicts and what comes true.
 
@@ -64,6 +65,7 @@ def fit(
     data: Data,
     out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="Where the predictor goes.")],
     seed: Annotated[int, typer.Option(min=0, help="Seed of first weights and batches.")] = 0,
+    quiet: Quiet = False,
 ) -> None:
     """Learn a predictor, and measure it on the episodes that were held out.
 

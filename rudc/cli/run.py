@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from rudc.cli.complete import complete_agents, complete_scenarios
-from rudc.cli.console import Quiet, note
+from rudc.cli.console import AsJson, Quiet, note, print_json
 from rudc.cli.replay import MOST
 from rudc.cli.scenario import Overrides, parse_overrides
 from rudc.errors import InputError
 
 if TYPE_CHECKING:
     from rudc.agents.base import Agent, Decision
-    from rudc.drawing.window import Window
-    from rudc.env.episode import StepResult
+    from rudc.env.episode import Episode, StepResult
     from rudc.evaluation.record import EpisodeRecord
+    from rudc.evaluation.rollout import Watcher
     from rudc.scenario.model import Scenario
     from rudc.world.scene import Scene
 
@@ -54,9 +54,15 @@ def run(
         typer.Option(metavar="F.xml", help="SUMO's floating car data: all vehicles at every step."),
     ] = None,
     gui: Annotated[
-        bool, typer.Option("--gui", help="Show it in a window as it happens (needs pygame).")
+        bool,
+        typer.Option(
+            "--gui",
+            help="Show it as it happens: in sumo-gui, which follows the ego (extra `networks`); where that is "
+            "not installed, in a window of our own (extra `window`).",
+        ),
     ] = False,
     overrides: Overrides = None,
+    as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
     """Run one episode and say how it went.
@@ -84,9 +90,14 @@ def run(
     if replay is not None:
         check_page(replay, WHAT)
     files = _Files(video, steps, fcd, gui, replay is not None)
-    pages = [_drive(scenario, seed, driver, files) for driver in drivers]
+    driven = [_drive(scenario, seed, driver, files) for driver in drivers]
+    if as_json:
+        print_json([{**one.record.values, "events": one.events} for one in driven])
+    else:
+        for one in driven:
+            _show(one)
     if replay is not None:
-        save_replay(replay, pages)
+        save_replay(replay, [one.page for one in driven])
     for written in (video, replay, steps, fcd):
         if written is not None:
             note(f"{written} written")
@@ -116,8 +127,18 @@ def _check_several(agents: int, single: dict[str, Path | bool | None], replay: P
         raise InputError(f"{given[0]} shows one agent, and {agents} were named")
 
 
-def _drive(scenario: Scenario, seed: int, driver: Agent, files: _Files) -> dict[str, Any]:
-    """Drive an episode, say how it went, write films and tables; its recording if there is to be a replay."""
+class _Driven(NamedTuple):
+    """An episode that was run."""
+
+    record: EpisodeRecord
+    events: list[str]
+    """what became of each"""
+    page: dict[str, Any]
+    """its recording; empty if there is to be no replay"""
+
+
+def _drive(scenario: Scenario, seed: int, driver: Agent, files: _Files) -> _Driven:
+    """Drive an episode, and write films and tables of it."""
     from rudc.env.episode import Episode
     from rudc.evaluation.film import Film
     from rudc.evaluation.recording import Recording
@@ -134,11 +155,12 @@ def _drive(scenario: Scenario, seed: int, driver: Agent, files: _Files) -> dict[
     with World(load_network(scenario.network, scenario.junction)) as world:
         episode = Episode(world)
         trace, recording = Trace(), Recording(episode, driver)
-        window = _window(scenario.name, world.config.decision_s) if files.gui else None
-        film = Film(episode, driver.name, window)
+        film = Film(episode, driver.name)
         watchers = [trace.watch]
-        if files.gui or files.video is not None:
+        if files.video is not None:
             watchers.append(film.watch)
+        if files.gui:
+            watchers.append(_gui(episode, scenario.name, driver.name))
         if files.replay:
             watchers.append(recording.watch)
 
@@ -149,27 +171,36 @@ def _drive(scenario: Scenario, seed: int, driver: Agent, files: _Files) -> dict[
         record = run_episode(episode, scenario.plan(seed), driver, options=options, watch=watch)
         events = event_lines(world.plan, world.happenings())
         page = recording.data(record) if files.replay else {}
-    _show(record)
-    for line in events:
-        typer.echo(f"event {line}")
     if files.steps is not None:
         trace.save(files.steps)
     if files.video is not None:
         film.save(files.video)
-    return page
+    return _Driven(record, events, page)
 
 
-def _window(title: str, decision_s: float) -> Window:
+def _gui(episode: Episode, scenario: str, agent: str) -> Watcher:
+    """What shows an episode: sumo-gui where it is installed, else a window of our own."""
+    from rudc.drawing.sumo_gui import SumoGui
+    from rudc.drawing.view import view_of
     from rudc.drawing.window import Window
+    from rudc.evaluation.film import Film
+    from rudc.network.build import find_program
 
-    return Window(title, 1.0 / decision_s)
+    world, program = episode.world, find_program("sumo-gui")
+    rate = 1.0 / world.config.decision_s
+    if program is None:
+        return Film(episode, agent, Window(scenario, rate)).watch
+    shown = SumoGui(program, world.network.path, rate)
+    return lambda _scene, _decision, result: shown.show(view_of(world, result.outcome))
 
 
-def _show(record: EpisodeRecord) -> None:
+def _show(driven: _Driven) -> None:
     from rudc.evaluation.columns import COLUMNS
 
-    rows = list(zip(COLUMNS, record.row(), strict=True))
+    rows = list(zip(COLUMNS, driven.record.row(), strict=True))
     width = max(len(name) for name, _ in rows)
     for name, text in rows:
         if text:
             typer.echo(f"{name.ljust(width)}  {text}")
+    for line in driven.events:
+        typer.echo(f"event {line}")

@@ -5,13 +5,15 @@ from __future__ import annotations
 import contextlib
 import json
 import time
+from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
 from rudc.cli.complete import complete_scenarios
-from rudc.cli.console import note, print_table
+from rudc.cli.console import AsJson, Quiet, note, print_json, print_table
 from rudc.errors import InputError, ScenarioError
 
 if TYPE_CHECKING:
@@ -34,11 +36,18 @@ def list_(
         list[str] | None,
         typer.Argument(metavar="[PATTERN]...", help="Names, files, patterns; all shipped by default."),
     ] = None,
+    as_json: AsJson = False,
 ) -> None:
-    """The scenarios, what happens in them, and why they are out of distribution (those that are)."""
+    """The scenarios, what happens in them, and why they are out of distribution (those that are).
+
+    **Example**: `rudc scenario list --json | jq -r '.[] | select(.out_of_distribution) | .name'`
+    """
     from rudc.scenario import find_scenarios, shipped_scenarios
 
     found = find_scenarios(patterns or list(shipped_scenarios()))
+    if as_json:
+        print_json([_listed(scenario) for scenario in found])
+        return
     rows = []
     for scenario in found:
         swept = "; ".join(f"{key}: {', '.join(map(str, values))}" for key, values in scenario.sweep.items())
@@ -48,11 +57,25 @@ def list_(
     print_table(["name", "network", "what happens"], rows)
 
 
+def _listed(scenario: Scenario) -> dict[str, Any]:
+    return {
+        "name": scenario.name,
+        "network": scenario.network,
+        "description": scenario.description,
+        "out_of_distribution": scenario.out_of_distribution,
+        "events": [event.kind for event in scenario.events],
+        "sweep": scenario.sweep,
+    }
+
+
 @app.command()
 def show(
     source: Annotated[str, typer.Argument(metavar="NAME", help="Shipped name or file.")],
     resolved: Annotated[
         bool, typer.Option("--resolved", help="With all that it extends, and every default.")
+    ] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="As JSON, with all that it extends, and every default.")
     ] = False,
 ) -> None:
     """Print a scenario file as it is, or all that it comes to, as a file of its own.
@@ -62,7 +85,10 @@ def show(
     from rudc.scenario import load_scenario
     from rudc.scenario.library import find_file, text_of
 
-    typer.echo(load_scenario(source).to_yaml() if resolved else text_of(find_file(source)), nl=False)
+    if as_json:
+        print_json(load_scenario(source).data())
+    else:
+        typer.echo(load_scenario(source).to_yaml() if resolved else text_of(find_file(source)), nl=False)
 
 
 @app.command()
@@ -71,6 +97,7 @@ def keys(
         str | None,
         typer.Argument(metavar="[KIND]", help="A kind of event, `when`, or a part such as `traffic.idm`."),
     ] = None,
+    as_json: AsJson = False,
 ) -> None:
     """What may stand in a scenario file: every key, its type, unit and default, and what it means.
 
@@ -83,6 +110,9 @@ def keys(
 
     from rudc.scenario.keys import sections
 
+    if as_json:
+        print_json([asdict(section) for section in sections(topic)])
+        return
     for k, section in enumerate(sections(topic)):
         typer.echo(f"{chr(10) * bool(k)}{section.name}: {section.text}")
         rows = [
@@ -96,6 +126,7 @@ def keys(
 def new(
     name: Annotated[str, typer.Argument(help="Name of the scenario; the file is NAME.yaml.")],
     folder: Annotated[Path, typer.Option("--in", metavar="DIR", help="Folder for the file.")] = Path("."),
+    quiet: Quiet = False,
 ) -> None:
     """Write a scenario to start from, with its JSON Schema beside it so that editors complete and check.
 
@@ -133,6 +164,8 @@ def validate(
     watch: Annotated[
         bool, typer.Option("--watch", help="Do it again whenever a file changes, until Ctrl-C.")
     ] = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
 ) -> None:
     """Check scenario files, and that each fits its network and can be set up (first seed).
 
@@ -150,14 +183,20 @@ def validate(
 
     `rudc scenario validate my_scenario.yaml --watch`, in a terminal beside the editor
     """
+    if watch and as_json:
+        raise InputError("--json is written once, and --watch never ends: give one of them")
     if watch:
         _validate_again_and_again(files, seeds)
-    if problems := _problems(files, seeds):
+    checked: list[dict[str, Any]] = []
+    problems = _problems(files, seeds, checked.append if as_json else _say)
+    if as_json:
+        print_json(checked)
+    if problems:
         raise ScenarioError("\n".join(problems))
 
 
-def _problems(files: list[str], seeds: int) -> list[str]:
-    """Say of each file whether it is fine; what is wrong with all of them."""
+def _problems(files: list[str], seeds: int, tell: Callable[[dict[str, Any]], None]) -> list[str]:
+    """What is wrong with all files; `tell` is told of each file what was found."""
     from rudc.evaluation.preflight import tried_points, validated
     from rudc.scenario.library import existing_files, shipped_scenarios, shown
 
@@ -166,16 +205,32 @@ def _problems(files: list[str], seeds: int) -> list[str]:
     for path in paths:
         scenario, wrong = validated(path)
         problems += wrong
-        name = shipped.get(path, shown(path))
-        if scenario is None or wrong:
-            typer.echo(f"{name}: {len(wrong)} problem{'s' * (len(wrong) != 1)}")
+        found: dict[str, Any] = {"scenario": shipped.get(path, shown(path)), "problems": wrong}
+        if scenario is not None and not wrong:
+            found |= {
+                "events": len(scenario.events),
+                "swept_points": len(scenario.points()) if scenario.sweep else 0,
+                "set_up": len(tried_points(scenario)),
+            }
+            tell(found | {"firings": _firings(scenario, seeds)})
         else:
-            count, points, tried = len(scenario.events), len(scenario.points()), len(tried_points(scenario))
-            swept = f", {points} swept points" if scenario.sweep else ""
-            swept += f", of which {tried} were set up" if tried < points else ""
-            typer.echo(f"{name}: ok ({count} event{'s' * (count != 1)}{swept})")
-            _echo_firings(scenario, seeds)
+            tell(found)
     return list(dict.fromkeys(problems))
+
+
+def _say(found: dict[str, Any]) -> None:
+    """Whether a file is fine, and how often its events happen."""
+    name, wrong = found["scenario"], len(found["problems"])
+    if "events" not in found:
+        typer.echo(f"{name}: {wrong} problem{'s' * (wrong != 1)}")
+        return
+    count, points, tried = found["events"], found["swept_points"], found["set_up"]
+    swept = f", {points} swept points" if points else ""
+    swept += f", of which {tried} were set up" if tried < points else ""
+    typer.echo(f"{name}: ok ({count} event{'s' * (count != 1)}{swept})")
+    for firing in found["firings"]:
+        values = "".join(f"{key}={value}, " for key, value in firing["swept"].items())
+        typer.echo(f"  {values}{firing['text']}")
 
 
 def _validate_again_and_again(files: list[str], seeds: int) -> NoReturn:
@@ -185,7 +240,7 @@ def _validate_again_and_again(files: list[str], seeds: int) -> NoReturn:
         now = _states(files)
         if now != seen:
             seen = now
-            for problem in _problems(files, seeds):
+            for problem in _problems(files, seeds, _say):
                 typer.echo(problem)
             note("watching; Ctrl-C ends it")
         time.sleep(WATCH_S)
@@ -204,16 +259,17 @@ def _states(files: list[str]) -> dict[Path, int]:
     return found
 
 
-def _echo_firings(scenario: Scenario, seeds: int) -> None:
-    """Say how often the events of a scenario happen in its first episodes, for each swept value."""
+def _firings(scenario: Scenario, seeds: int) -> list[dict[str, Any]]:
+    """How often the events of a scenario happen in its first episodes, for each swept value."""
     if not seeds or not scenario.events:
-        return
+        return []
     from rudc.evaluation.firing import count_firings
 
-    for swept, point in scenario.grid():
-        values = "".join(f"{key}={value}, " for key, value in swept.items())
-        for firing in count_firings(point, range(seeds)):
-            typer.echo(f"  {values}{firing}")
+    return [
+        {"swept": swept, **asdict(firing), "text": str(firing)}
+        for swept, point in scenario.grid()
+        for firing in count_firings(point, range(seeds))
+    ]
 
 
 @app.command()

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from rudc.cli.complete import complete_agents
-from rudc.cli.console import SweepBar, SweepLines, note, print_table, sweep_progress
+from rudc.cli.console import Quiet, SweepBar, SweepLines, note, print_table, sweep_progress, warn
 from rudc.cli.options import ResultsFolder, Workers, cores
 from rudc.errors import InputError
 
@@ -55,6 +55,7 @@ def study(
             help="Trainings made before, DIR/NAME-seedN; what is missing is left out, not trained.",
         ),
     ] = None,
+    quiet: Quiet = False,
 ) -> None:
     """Repeat one of the experiments behind what is claimed: a table (CSV and Markdown) and a figure in DIR.
 
@@ -116,8 +117,8 @@ def study(
     names = [str(path.resolve().relative_to(out.resolve())) for path in report.files]
     note(f"in {out}: {', '.join(names)}")
     if report.errors:
-        note(f"some episodes failed, in {len(report.errors)} way(s); the first: {report.errors[0]}")
-        note("--resume tries them again")
+        warn(f"some episodes failed, in {len(report.errors)} way(s); the first: {report.errors[0]}")
+        warn("--resume tries them again")
         raise typer.Exit(1)
 
 

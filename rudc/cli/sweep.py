@@ -96,6 +96,9 @@ def sweep(
         typer.Option(metavar="X", help="Of the episodes, for --verify; 0.05 by default. --seed draws them."),
     ] = None,
     report: LiveReport = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="The table at the end as JSON, as `rudc table --json` writes it.")
+    ] = False,
     quiet: Quiet = False,
 ) -> None:
     """Run scenarios x agents x seeds in parallel, into a folder of CSV files.
@@ -128,6 +131,7 @@ def sweep(
             "--resume": resume,
             "--shipped": shipped,
             "--report": report,
+            "--json": as_json,
         }
         others = [name for name, value in given.items() if value]
         verify_folder(verify, others, share, seed, workers, limit)
@@ -155,7 +159,7 @@ def sweep(
         raise typer.Exit(130) from None
     finally:
         progress.close()
-    _report(result)
+    _report(result, as_json)
 
 
 class _Reported:
@@ -215,12 +219,16 @@ def _plan(
     return SweepPlan(found, tuple(dict.fromkeys(agents)), episodes, seed)
 
 
-def _report(result: SweepResult) -> None:
+def _report(result: SweepResult, as_json: bool) -> None:
     from rudc.cli.metrics_table import print_metrics
     from rudc.evaluation.folder import TRACEBACK
+    from rudc.evaluation.tables import make_table
 
     by = ["scenario", *result.parameters, "agent"]
-    print_metrics(result.rows, by)
+    if as_json:
+        typer.echo(make_table(result.rows, by, "json"), nl=False)
+    else:
+        print_metrics(result.rows, by)
     note(f"in {result.folder}: episodes.csv, metrics.csv, manifest.json")
     if result.errors:
         kinds = dict.fromkeys(row["error"].partition(TRACEBACK)[0] for row in result.errors)

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from rudc.cli.complete import complete_columns, complete_metrics
+from rudc.cli.console import Quiet
 from rudc.errors import InputError
 
 
@@ -42,6 +43,7 @@ def table(
         Literal["comparison", "ablation", "paper"] | None,
         typer.Option(help="Put a table of the paper beside, or both."),
     ] = None,
+    quiet: Quiet = False,
 ) -> None:
     """The metrics of a sweep, with 95 % intervals: Wilson's for rates, bootstrap for means. Bold: better than
     all other agents in the scenario, by intervals that do not overlap.

@@ -25,6 +25,7 @@ ACTIVE: Colour = (255, 80, 240)
 CONSTRAINED: Colour = (255, 80, 240, 170)
 GLASS: Colour = (38, 44, 54)
 BRAKE_LIGHT: Colour = (232, 40, 40)
+BLINKER: Colour = (255, 150, 0)
 SHADOW: Colour = (20, 24, 30, 70)
 
 HIDDEN_AREA: Colour = (22, 26, 34)

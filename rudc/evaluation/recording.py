@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from rudc.env.episode import Episode, StepResult
     from rudc.evaluation.record import EpisodeRecord
     from rudc.network.network import Network
+    from rudc.scenario.plan import EpisodePlan
 
 LENGTH, ANGLE = 0.01, 0.001
 """m and rad, of which coordinates and headings are multiples"""
@@ -38,6 +39,8 @@ BRAKES, HIDDEN, CONSTRAINED, ACTIVE = 1, 2, 4, 8
 """bits of a body's state at a frame: brake lights, not seen by the ego, constrained, acted on"""
 PATH_STRIDE = 3
 """stations of a way of others from one point to the next that is kept"""
+BLINKS_M, LEAVES_M = 30.0, 15.0
+"""m before its stop line that somebody who turns blinks; before its exit that one who leaves a roundabout does"""
 SERIES: dict[str, float] = {
     "time_s": 0.01, "speed_mps": 0.01, "route_s_m": 0.01, "offset_m": 0.01,
     "acceleration_mps2": 0.01, "nominal_acceleration_mps2": 0.01, "safe_acceleration_mps2": 0.01,
@@ -109,6 +112,7 @@ class Recording:
                 "left": _flat(route.left_edge[::2] - center),
                 "right": _flat(route.right_edge[::2] - center),
                 "spacing_m": float(route.path.s[2] - route.path.s[0]),
+                "blinks": _blinks(world.network, route.turn, route.stop_line_s, route.exit_s),
                 "goal_m": _number(destination_s(world.scene())),
             },
             "paths": {str(row): _path(world.network, row, route.row) for row in self._rows()},
@@ -119,6 +123,7 @@ class Recording:
             "decisions": self._decisions,
             "sensors": self._sensors,
             "events": events,
+            "absent": _absent(world.plan),
             "event_lines": event_lines(world.plan, world.happenings()),
             "sigma_low": low,
             "sigma_high": high,
@@ -243,8 +248,31 @@ def _path(network: Network, row: int, own: int) -> dict[str, Any]:
         "xy": _flat(paths.xy[row, :until:PATH_STRIDE] - network.center),
         "spacing_m": PATH_STRIDE * paths.ds,
         "exit_m": round(float(paths.exit_s[row]), 1),
+        "blinks": _blinks(network, _turn(network, row), paths.stop_s[row], paths.exit_s[row]),
         "yields": "ego" if before else "other" if after else "",
     }
+
+
+def _turn(network: Network, row: int) -> str:
+    return next((m.turn for m in network.movements if row in m.rows), "straight")
+
+
+def _blinks(network: Network, turn: str, stop_m: float, exit_m: float) -> list[Any] | None:
+    """Side, and from where to where (m) along a way somebody who drives on it blinks; None if nowhere. Out of
+    a roundabout everybody turns right.
+    """
+    if network.is_roundabout:
+        return ["right", round(float(exit_m) - LEAVES_M, 1), round(float(exit_m), 1)]
+    if turn == "straight":
+        return None
+    side = "right" if turn == "right" else "left"
+    return [side, round(float(stop_m) - BLINKS_M, 1), round(float(exit_m), 1)]
+
+
+def _absent(plan: EpisodePlan) -> list[dict[str, Any]]:
+    """Events of the scenario's file that are no part of the episode."""
+    scripted = enumerate(plan.scripted, start=1)
+    return [{"number": k, "kind": kind} for k, kind in scripted if k not in plan.event_numbers]
 
 
 def _series(truth: Scene, decision: Decision, result: StepResult, agent: Agent) -> dict[str, float]:

@@ -64,7 +64,17 @@ def build_network(folder: str | Path, out: str | Path | None = None) -> Path:
 
 
 def find_netconvert() -> Path:
-    """SUMO's netconvert, from the Python package `eclipse-sumo`, from SUMO_HOME or from the PATH."""
+    """SUMO's netconvert. Raises NetworkError where it is not installed."""
+    found = find_program("netconvert")
+    if found is None:
+        raise NetworkError(
+            f"netconvert, which builds networks, is not installed: {install_command('networks')}"
+        )
+    return found
+
+
+def find_program(name: str) -> Path | None:
+    """One of SUMO's programs, from the Python package `eclipse-sumo`, from SUMO_HOME or from the PATH."""
     homes = []
     spec = importlib.util.find_spec("sumo")
     if spec is not None and spec.submodule_search_locations:
@@ -72,13 +82,11 @@ def find_netconvert() -> Path:
     if "SUMO_HOME" in os.environ:
         homes.append(os.environ["SUMO_HOME"])
     for home in homes:
-        found = shutil.which("netconvert", path=str(Path(home) / "bin"))
+        found = shutil.which(name, path=str(Path(home) / "bin"))
         if found:
             return Path(found)
-    found = shutil.which("netconvert")
-    if found:
-        return Path(found)
-    raise NetworkError(f"netconvert, which builds networks, is not installed: {install_command('networks')}")
+    found = shutil.which(name)
+    return Path(found) if found else None
 
 
 def _arguments(folder: Path) -> tuple[str, list[str]]:

@@ -86,8 +86,12 @@ class Motion(NamedTuple):
     """(n,) m, front bumper along its lane"""
 
 
-def _sumo_angle(psi: float) -> float:
-    return (90.0 - math.degrees(psi)) % 360.0
+def sumo_pose(x: float, y: float, psi: float, length: float) -> tuple[float, float, float]:
+    """Front bumper (m, m) and angle (degrees clockwise from north) of what has its centre at (x, y) m, heads
+    psi rad and is `length` m long.
+    """
+    front_x, front_y = x + 0.5 * length * math.cos(psi), y + 0.5 * length * math.sin(psi)
+    return front_x, front_y, (90.0 - math.degrees(psi)) % 360.0
 
 
 Method = TypeVar("Method", bound=Callable[..., Any])
@@ -269,9 +273,8 @@ class Sumo:
     @_to("place a vehicle")
     def place(self, vehicle: str, x: float, y: float, psi: float, v: float, length: float) -> None:
         """Put a vehicle's centre at (x, y) m, heading psi rad, speed v m/s, whatever its lane."""
-        front_x = x + 0.5 * length * math.cos(psi)
-        front_y = y + 0.5 * length * math.sin(psi)
-        libsumo.vehicle.moveToXY(vehicle, "", -1, front_x, front_y, _sumo_angle(psi), 2, MATCH_M)
+        front_x, front_y, angle = sumo_pose(x, y, psi, length)
+        libsumo.vehicle.moveToXY(vehicle, "", -1, front_x, front_y, angle, 2, MATCH_M)
         libsumo.vehicle.setSpeed(vehicle, v)
 
     @_to("block a lane")

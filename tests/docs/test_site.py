@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 from rudc.evaluation.columns import COLUMNS
 from rudc.scenario import shipped_scenarios
@@ -42,10 +43,20 @@ def test_the_reference_has_what_the_code_has(site):
     assert all(f"Event: {kind}" in said["scenario_files"] for kind in EVENT_KINDS)
     shipped = (site / "reference" / "scenarios.html").read_text()
     assert all(f"<code>{name}</code>" in shipped for name in shipped_scenarios())
+    for name in shipped_scenarios():
+        assert f'src="../figures/scenarios/{name}.png"' in shipped
+        with Image.open(site / "figures" / "scenarios" / f"{name}.png") as picture:
+            assert picture.width >= 400
     commands = (site / "reference" / "commands.html").read_text()
     assert all(
         f'id="rudc-{name}"' in commands for name in ("sweep", "run", "scenario-validate", "network-check")
     )
+
+
+def test_the_front_page_has_a_picture_that_moves(site):
+    assert 'src="figures/blocked_left_turn.webp"' in (site / "index.html").read_text()
+    with Image.open(site / "figures" / "blocked_left_turn.webp") as film:
+        assert film.n_frames > 50
 
 
 def test_figures_are_drawn(site):
@@ -57,7 +68,7 @@ def test_figures_are_drawn(site):
 
 @pytest.mark.slow
 @pytest.mark.skipif(MISSING, reason="no Chromium, which pip cannot install, for axe to run in")
-@pytest.mark.parametrize("name", ["method.html", "tutorials/own_scenario.html", "reference/metrics.html"])
+@pytest.mark.parametrize("name", ["index.html", "method.html", "tutorials/own_scenario.html", "reference/metrics.html", "reference/scenarios.html"])
 def test_no_page_has_a_serious_fault_of_accessibility(site, name):
     page = site / name
     assert faults(page.read_text(encoding="utf-8"), page.parent) == {"light": [], "dark": []}

@@ -151,3 +151,39 @@ def test_the_road_of_every_network_is_small(name):
     shapes = road_shapes(load_network(name))
     assert {layer for layer, *_ in shapes} == {"verge", "asphalt", "mark"}
     assert len(json.dumps(shapes)) < 100_000
+
+
+def test_who_turns_blinks_to_that_side_from_before_the_stop_line_to_the_exit(storm):
+    data, seen, _ = storm
+    network, route = load_network("four_way"), seen[0][0].truth.route
+    sides = {"left": "left", "u_turn": "left", "right": "right"}
+    assert data["route"]["blinks"] == pytest.approx(
+        [sides[route.turn], route.stop_line_s - 30.0, route.exit_s], abs=0.1
+    )
+    for row, path in data["paths"].items():
+        turn = next(m.turn for m in network.movements if int(row) in m.rows)
+        if turn == "straight":
+            assert path["blinks"] is None
+        else:
+            side, begin, end = path["blinks"]
+            assert side == sides[turn]
+            assert (begin, end) == pytest.approx((network.paths.stop_s[int(row)] - 30.0, path["exit_m"]), abs=0.1)
+
+
+def test_out_of_a_roundabout_everybody_turns_right():
+    data, _, _ = recorded("roundabout_crossing", "follower", 0)
+    ways = [data["route"], *data["paths"].values()]
+    assert {way["blinks"][0] for way in ways} == {"right"}
+    assert all(way["blinks"][2] - way["blinks"][1] == pytest.approx(15.0, abs=0.2) for way in ways)
+
+
+def test_events_that_are_no_part_of_the_episode_are_named(tmp_path):
+    file = tmp_path / "maybe.yaml"
+    file.write_text(
+        "name: maybe\nextends: sudden_brake\nevents:\n"
+        "  - {kind: hard_brake, vehicle: leader, deceleration: 6, when: {probability: 0}}\n"
+        "  - {kind: low_friction, friction: 0.5}\n"
+    )
+    data, _, _ = recorded(str(file), "follower", 0)
+    assert data["absent"] == [{"number": 1, "kind": "hard_brake"}]
+    assert [event["number"] for event in data["events"]] == [2]

@@ -2,11 +2,12 @@
 
     index.html                       every scenario: picture, clip, why it is out of distribution, its file,
                                      rates of each agent, and replays
-    pictures/, clips/, replays/      NAME.png, NAME.webp, NAME-OUTCOME.html
+    pictures/, clips/, replays/      NAME.png, NAME.webp, NAME-OUTCOME.html, NAME-both.html
     SWEEP.html                       the report of each sweep
 
 Replays are episodes of the sweeps, found by their rows and driven again: where they occur, a success, a
-standstill and a violation. The folder depends on scenarios, sweeps and code alone.
+standstill and a violation; and two of these beside each other where they are the same episode, driven by two
+agents. The folder depends on scenarios, sweeps and code alone.
 """
 
 from __future__ import annotations
@@ -20,9 +21,10 @@ from rudc.evaluation.columns import RATES, happened, rates_of
 from rudc.evaluation.folder import read_sweep
 from rudc.files import make_folder, write_atomically
 from rudc.reporting.html.page import badge, render
-from rudc.reporting.replay.again import replayed
+from rudc.reporting.replay.again import Replayed, replayed
 from rudc.reporting.replay.page import save_replay
 from rudc.reporting.report.page import save_report
+from rudc.scenario.keys import sections
 from rudc.scenario.library import find_file, text_of
 from rudc.scenario.model import Scenario
 
@@ -40,6 +42,13 @@ class Shown(NamedTuple):
     number: int
     """of its row, from 1"""
     row: Mapping[str, str]
+    swept: tuple[str, ...] = ()
+    """columns of swept values"""
+
+    @property
+    def episode(self) -> tuple[str, ...]:
+        """What episodes of several agents have in common that are the same but for who drives."""
+        return tuple(self.row[name] for name in ("seed", *self.swept))
 
 
 def save_gallery(
@@ -66,9 +75,10 @@ def save_gallery(
 def _numbered(folder: Path) -> dict[str, list[Shown]]:
     """Scenario -> its episodes that ran to an end."""
     found: dict[str, list[Shown]] = {}
-    for number, row in enumerate(read_sweep(folder)[0], 1):
+    rows, swept = read_sweep(folder)
+    for number, row in enumerate(rows, 1):
         if not row["error"]:
-            found.setdefault(row["scenario"], []).append(Shown(folder, number, row))
+            found.setdefault(row["scenario"], []).append(Shown(folder, number, row, tuple(swept)))
     return found
 
 
@@ -76,21 +86,25 @@ def _card(
     out: Path, scenario: Scenario, rows: Mapping[Path, Mapping[str, Sequence[Shown]]]
 ) -> dict[str, Any]:
     """What the page says of a scenario; its picture, clip and replays are written."""
-    name = scenario.name
+    name, kinds = scenario.name, list(dict.fromkeys(event.kind for event in scenario.events))
     draw_preview(scenario, PICTURE_SEED, out / "pictures" / f"{name}.png")
     episodes = next((known[name] for known in rows.values() if name in known), [])
     clip = out / "clips" / f"{name}.webp"
-    replays = [
-        _replay(out, what, shown, clip if what == "success" else None)
-        for what, shown in chosen(episodes).items()
-    ]
+    shown = chosen(episodes)
+    driven = {
+        what: replayed(one.folder, str(one.number), clip if what == "success" else None)
+        for what, one in shown.items()
+    }
+    replays = [_replay(out, what, shown[what], done) for what, done in driven.items()]
     return {
         "scenario": scenario,
-        "events": list(dict.fromkeys(event.kind.replace("_", " ") for event in scenario.events)),
+        "events": [kind.replace("_", " ") for kind in kinds],
+        "keys": [section for kind in kinds for section in sections(kind)],
         "file": text_of(find_file(name)),
         "rates": agent_rates(episodes),
         "replays": replays,
-        "clip": f"clips/{name}.webp" if any(shown["what"] == "success" for shown in replays) else "",
+        "pair": _pair(out, shown, driven),
+        "clip": f"clips/{name}.webp" if "success" in shown else "",
         "sweep": episodes[0].folder if episodes else "",
     }
 
@@ -109,9 +123,9 @@ def chosen(episodes: Sequence[Shown]) -> dict[str, Shown]:
         most = max(counts.values())
         agents = [agent for agent, count in counts.items() if count == most]
         agent = agents[-1] if rate == "SR" else agents[0]
-        seeds = {shown.row["seed"] for shown in found.values()}
+        known = {shown.episode for shown in found.values()}
         own = [one for one in theirs if one.row["agent"] == agent]
-        own.sort(key=lambda o: (o.row["outcome"] != "collision", o.row["seed"] not in seeds))
+        own.sort(key=lambda o: (o.row["outcome"] != "collision", o.episode not in known))
         found[WANTED[rate]] = own[0]
     return {what: found[what] for what in WANTED.values() if what in found}
 
@@ -129,10 +143,29 @@ def _agents(episodes: Sequence[Shown]) -> list[str]:
     return list(dict.fromkeys(one.row["agent"] for one in episodes))
 
 
-def _replay(out: Path, what: str, shown: Shown, clip: Path | None) -> dict[str, Any]:
-    """Drive an episode again and write its page."""
+def pair_of(shown: Mapping[str, Shown]) -> tuple[str, str] | None:
+    """Of the episodes shown, one that fails and the success in the same episode, if there are such."""
+    best = shown.get("success")
+    for what in ("violation", "standstill"):
+        if best is not None and what in shown and shown[what].episode == best.episode:
+            return what, "success"
+    return None
+
+
+def _pair(out: Path, shown: Mapping[str, Shown], driven: Mapping[str, Replayed]) -> dict[str, str]:
+    """A page of two agents in one episode; empty where there are none."""
+    both = pair_of(shown)
+    if both is None:
+        return {}
+    rows = [shown[what].row for what in both]
+    path = Path("replays") / f"{rows[0]['scenario']}-both.html"
+    save_replay(out / path, [driven[what].page for what in both], [driven[what].check for what in both])
+    return {"file": str(path), "agents": " and ".join(row["agent"] for row in rows), "seed": rows[0]["seed"]}
+
+
+def _replay(out: Path, what: str, shown: Shown, done: Replayed) -> dict[str, Any]:
+    """Write the page of an episode that was driven again."""
     row, path = shown.row, Path("replays") / f"{shown.row['scenario']}-{what}.html"
-    done = replayed(shown.folder, str(shown.number), clip)
     save_replay(out / path, [done.page], [done.check])
     return {
         "what": what,

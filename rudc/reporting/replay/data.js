@@ -60,6 +60,16 @@ function ahead(line, [x, y]) {
   return line.slice(away.indexOf(Math.min(...away)));
 }
 
+// The way through the junction that a track is on in its frame i; undefined off all ways.
+function pathOf(run, track, i) {
+  return run.paths[track.path.filter(([from]) => from <= track.from + i).pop()[1]];
+}
+
+// How far along a way a place is, m.
+function along(path, place) {
+  return (path.xy.length - ahead(path.xy, place).length) * path.spacing_m;
+}
+
 function present(run, k) {
   return run.tracks.filter((t) => t.from <= k && k < t.from + t.x.length);
 }

@@ -43,6 +43,48 @@ function go(frame) {
   show();
 }
 
+// The next moment of any run, or the one before (by = -1).
+function goToMoment(by) {
+  const frames = RUNS.flatMap((run) => run.moments.map((moment) => moment.frame)).sort((a, b) => by * (a - b));
+  const frame = frames.find((at) => by * (at - state.at) > 1e-9);
+  if (frame !== undefined) go(frame);
+}
+
+// On the scene a tap plays or stops, a drag to the side goes through time, two fingers zoom.
+function followFingers(canvas) {
+  const down = new Map();
+  let begun = null;
+  const apart = () => {
+    const [a, b] = [...down.values()];
+    return Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY);
+  };
+  canvas.addEventListener('pointerdown', (event) => {
+    canvas.setPointerCapture(event.pointerId);
+    down.set(event.pointerId, event);
+    if (down.size === 1) begun = { x: event.clientX, at: state.at, moved: false };
+    else begun = { ...begun, moved: true, apart: apart() };
+  });
+  canvas.addEventListener('pointermove', (event) => {
+    if (!down.has(event.pointerId)) return;
+    down.set(event.pointerId, event);
+    if (down.size === 2) {
+      zoom(begun.apart / Math.max(apart(), 1));
+      begun.apart = apart();
+    } else if (begun.apart === undefined) {
+      const by = event.clientX - begun.x;
+      begun.moved = begun.moved || Math.abs(by) > 6;
+      if (begun.moved) go(Math.round(begun.at + (by / canvas.clientWidth) * (FRAMES - 1)));
+    }
+  });
+  const lift = (event) => {
+    down.delete(event.pointerId);
+    if (event.type === 'pointerup' && begun && !begun.moved) play();
+    if (!down.size) begun = null;
+  };
+  canvas.addEventListener('pointerup', lift);
+  canvas.addEventListener('pointercancel', lift);
+}
+
 function stop() {
   state.playing = false;
   find('play').textContent = 'Play';
@@ -118,14 +160,15 @@ function counted(names) {
 
 // How each event stands.
 function standing(run, k) {
-  const time = run.series.time_s[k];
-  return run.events.map((event) => {
-    const name = `(${event.number}) ${event.kind.replaceAll('_', ' ')}`;
+  const time = run.series.time_s[k], named = (event) => `(${event.number}) ${event.kind.replaceAll('_', ' ')}`;
+  const absent = run.absent.map((event) => `${named(event)}: not in this episode`);
+  return [...run.events.map((event) => {
+    const name = named(event);
     if (event.begun_s === null || event.begun_s > time + 1e-6) return `${name}: waits`;
     if (event.over !== null && k >= event.over) return `${name}: over`;
     if (event.visible_s === null || event.visible_s > time + 1e-6) return `${name}: not seen yet`;
     return name;
-  });
+  }), ...absent];
 }
 
 function zoom(by) {
@@ -146,6 +189,10 @@ function drawLegend() {
   const samples = [
     ['the ego', (v) => v.drawBody('car', [0, 0, 0], [4.6, 1.8], v.colours.ego, false, false)],
     ['brakes or stands', (v) => v.drawBody('car', [0, 0, 0], [4.6, 1.8], v.colours.traffic, true, false)],
+    ['will turn left', (v) => {
+      v.drawBody('car', [0, 0, 0], [4.6, 1.8], v.colours.traffic, false, false);
+      v.drawBlinkers([0, 0, 0], [4.6, 1.8], 'left');
+    }],
     ['not seen by the ego', (v) => v.drawBody('car', [0, 0, 0], [4.6, 1.8], v.colours.traffic, false, true)],
     ['takes part in an event', (v) => v.drawBody('truck', [0, 0, 0], [6, 2], v.colours.event, false, false)],
     ['pedestrian', (v) => v.drawPedestrian([0, 0, 0], v.colours.traffic, false)],
@@ -156,6 +203,11 @@ function drawLegend() {
   const ways = [['has priority over the ego, next 2.5 s', 0.3, []], ['must yield to the ego', 0.22, [0.4, 0.7]]];
   for (const [text, width, dash] of ways) {
     samples.push([text, (v) => v.stroke(trace(new Path2D(), [[-3, 0], [3, 0]]), v.colours.traffic, width, dash)]);
+  }
+  if (run.events.length) {
+    samples.push(['event that waits', (v) => v.badge(0, 0, run.events[0].number, false, true)],
+      ['event that the ego has not seen', (v) => v.badge(0, 0, run.events[0].number, true, false, 0)],
+      ['event', (v) => v.badge(0, 0, run.events[0].number, true, true, 0)]);
   }
   if (run.courses.length) {
     samples.push(['course round what blocks', (v) => v.stroke(trace(new Path2D(), [[-3, 0], [3, 0]]), v.colours.paper, 0.45, [1.6, 1])]);
@@ -168,7 +220,8 @@ function drawLegend() {
     view.ratio = fitCanvas(canvas); view.colours = themed(); view.ctx = canvas.getContext('2d');
     view.ctx.fillStyle = view.colours.asphalt; view.ctx.fillRect(0, 0, canvas.width, canvas.height);
     view.scale = canvas.width / 7.5;
-    view.ctx.setTransform(view.scale, 0, 0, -view.scale, canvas.width / 2, canvas.height / 2);
+    view.transform = [view.scale, 0, 0, -view.scale, canvas.width / 2, canvas.height / 2];
+    view.ctx.setTransform(...view.transform);
     paint(view);
   }
 }
@@ -176,6 +229,7 @@ function drawLegend() {
 const KEYS = {
   ' ': play, ArrowLeft: (e) => go(Math.ceil(state.at) - (e.shiftKey ? 10 : 1)),
   ArrowRight: (e) => go(Math.floor(state.at) + (e.shiftKey ? 10 : 1)), Home: () => go(0), End: () => go(FRAMES - 1),
+  n: () => goToMoment(1), p: () => goToMoment(-1),
   '+': () => zoom(0.8), '=': () => zoom(0.8), '-': () => zoom(1.25), f: () => setView(state.follows ? 'all' : 'follow'),
 };
 
@@ -194,6 +248,7 @@ find('on').addEventListener('click', () => go(Math.floor(state.at) + 1));
 find('in').addEventListener('click', () => zoom(0.8));
 find('out').addEventListener('click', () => zoom(1.25));
 find('view').addEventListener('change', (event) => setView(event.target.value));
+parts.forEach((part) => followFingers(part.scene.canvas));
 window.addEventListener('resize', show);
 document.addEventListener('theme', () => { drawLegend(); show(); });
 markMoments();

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from rudc.drawing import palette
-from rudc.drawing.bodies import BODY, BRAKE_LIGHTS, DARK_PARTS, HAS_LIGHTS, PEDESTRIAN_M
+from rudc.drawing.bodies import BLINKERS, BODY, BRAKE_LIGHTS, DARK_PARTS, HAS_LIGHTS, PEDESTRIAN_M
 from rudc.drawing.caption import REMARKS
 from rudc.drawing.overlays import AHEAD_M, BEHIND_M, KEPT_M
 from rudc.evaluation.recording import SERIES
@@ -64,6 +64,7 @@ def _look() -> dict[str, Any]:
         "colours": colours(),
         "body": BODY.tolist(),
         "lights": BRAKE_LIGHTS,
+        "blinkers": BLINKERS,
         "lit": [kind.name.lower() for kind in HAS_LIGHTS],
         "dark": {kind.name.lower(): parts for kind, parts in DARK_PARTS.items()},
         "pedestrian_m": PEDESTRIAN_M,

@@ -53,7 +53,9 @@ class SceneView {
     for (const t of this.others) this.drawAhead(t, k, s);
     for (const t of this.others) this.drawOther(t, k - t.from, s);
     this.drawSensed(k, s);
-    this.drawBody('car', between(run.ego, k, s), run.vehicle, this.colours.ego, this.egoBrakes(k), false);
+    const me = between(run.ego, k, s), own = run.route.blinks, at = run.series.route_s_m[k];
+    this.drawBody('car', me, run.vehicle, this.colours.ego, this.egoBrakes(k), false);
+    if (own && at >= own[1] && at < own[2]) this.drawBlinkers(me, run.vehicle, own[0]);
     this.drawConstraints(k, s);
     this.drawEvents(k, s);
     this.drawArms();
@@ -124,10 +126,10 @@ class SceneView {
 
   // Where somebody whose way crosses the ego's will be in a while: a line if the ego must yield, else dots.
   drawAhead(t, k, share) {
-    const row = t.path.filter(([from]) => from <= k).pop()[1], path = this.run.paths[row], i = k - t.from;
+    const i = k - t.from, path = pathOf(this.run, t, i);
     if (!path || !path.yields || t.state[i] & HIDDEN || t.speed[i] < 0.5) return;
     const place = between(t, i, share), line = ahead(path.xy, place);
-    if ((path.xy.length - line.length) * path.spacing_m > path.exit_m) return;
+    if (along(path, place) > path.exit_m) return;
     const count = Math.round((t.speed[i] * AHEAD_S + t.size[0] / 2) / path.spacing_m);
     const way = line.slice(1, count + 2);
     if (way.length < 2) return;
@@ -144,6 +146,26 @@ class SceneView {
     const colour = involved ? this.colours.event : this.colours.traffic;
     if (t.kind === 'pedestrian') this.drawPedestrian(pose, colour, state & HIDDEN);
     else this.drawBody(t.kind, pose, t.size, colour, state & BRAKES, state & HIDDEN);
+    const side = state & HIDDEN || !LOOK.lit.includes(t.kind) ? null : this.blinks(t, i);
+    if (side) this.drawBlinkers(pose, t.size, side);
+  }
+
+  // The side that somebody will turn to; null where the way goes straight on, or is over.
+  blinks(t, i) {
+    const path = pathOf(this.run, t, i);
+    if (!path || !path.blinks) return null;
+    const [side, from, to] = path.blinks, at = along(path, between(t, i, 0));
+    return at >= from && at < to ? side : null;
+  }
+
+  drawBlinkers(pose, size, side) {
+    for (const part of LOOK.blinkers) {
+      const shape = side === 'left' ? part : part.map(([x, y]) => [x, -y]);
+      const lamp = trace(new Path2D(), placed(shape, pose, size), true);
+      this.ctx.fillStyle = this.colours.blinker;
+      this.ctx.fill(lamp);
+      this.stroke(lamp, this.colours.ink, 0.1);
+    }
   }
 
   drawBody(kind, pose, size, colour, braking, hidden) {
@@ -223,9 +245,9 @@ class SceneView {
   }
 
   // A number in a disc: grey while its event waits, a broken ring while the ego has not seen it.
-  badge(x, y, number, there, seen) {
+  badge(x, y, number, there, seen, aside = 14) {
     const c = this.ctx, r = 9 * this.ratio, [a, , , d, e, f] = this.transform;
-    const off = there ? 14 * this.ratio : 0, px = a * x + e + off * 0.8, py = d * y + f - off * 0.8;
+    const off = there ? aside * this.ratio : 0, px = a * x + e + off * 0.8, py = d * y + f - off * 0.8;
     c.save();
     c.setTransform(1, 0, 0, 1, px, py);
     c.beginPath(); c.arc(0, 0, r, 0, 7);

@@ -9,7 +9,7 @@ from PIL import Image
 from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.sweep import run_sweep
 from rudc.evaluation.tasks import SweepPlan
-from rudc.reporting.gallery.gallery import Shown, agent_rates, chosen, save_gallery
+from rudc.reporting.gallery.gallery import Shown, agent_rates, chosen, pair_of, save_gallery
 from rudc.reporting.report.page import report_page
 from rudc.scenario import find_scenarios, load_scenario
 from tests.reporting.accessibility import MISSING, faults
@@ -35,6 +35,19 @@ def test_failures_are_those_of_who_has_most_and_success_is_in_the_same_episode()
     }  # fmt: skip
     assert list(chosen(known)) == ["success", "standstill", "violation"]
     assert agent_rates(known)[0] == {"agent": "a", "episodes": 4, "rates": [25.0, 25.0, 50.0]}
+
+
+def test_two_agents_stand_beside_each_other_in_the_same_episode_only():
+    fails, best = ("a", 1, "collision"), ("b", 1, "success")
+    assert pair_of(chosen(episodes(fails, best))) == ("violation", "success")
+    assert pair_of(chosen(episodes(("a", 1, "frozen"), best))) == ("standstill", "success")
+    assert pair_of(chosen(episodes(fails, ("b", 2, "success")))) is None
+    assert pair_of(chosen(episodes(fails))) is None
+    swept = [
+        Shown(Path("swept"), k, {"agent": agent, "seed": "1", "outcome": outcome, "density": density}, ("density",))
+        for k, (agent, outcome, density) in enumerate([("a", "collision", "10"), ("b", "success", "20")])
+    ]
+    assert pair_of(chosen(swept)) is None
 
 
 def test_what_never_happened_is_not_shown():

@@ -120,6 +120,17 @@ const plot = document.querySelector('canvas.plot'), box = plot.getBoundingClient
 plot.setPointerCapture = () => {};
 plot.dispatchEvent(new PointerEvent('pointerdown', { clientX: box.right - 8, buttons: 1 }));
 note('plot', clock());
+press('Home'); press('n'); const next = clock(); press('p'); note('moments', next !== clock());
+const scene = document.querySelector('canvas.scene'), all = scene.getBoundingClientRect();
+scene.setPointerCapture = () => {};
+const touch = (kind, pointerId, x) => scene.dispatchEvent(new PointerEvent(kind, { pointerId, clientX: x }));
+press('Home'); touch('pointerdown', 1, all.left); touch('pointermove', 1, all.left + all.width / 2);
+touch('pointerup', 1, all.left + all.width / 2); note('dragged', Math.round(parseFloat(clock())));
+const near = state.widest;
+touch('pointerdown', 1, 100); touch('pointerdown', 2, 150); touch('pointermove', 2, 200);
+touch('pointerup', 2, 200); touch('pointerup', 1, 100); note('pinched', near / state.widest);
+touch('pointerdown', 1, 100); touch('pointerup', 1, 100);
+note('tapped', document.getElementById('play').textContent); press(' ');
 note('fits', document.documentElement.scrollWidth <= window.innerWidth);
 press('Home'); press(' ');
 note('plays', document.getElementById('play').textContent);
@@ -144,6 +155,7 @@ def test_a_browser_opens_and_drives_the_page(runs, tmp_path, width):
     assert told == {
         "opened": "12.3 s", "on": "12.4 s", "a second back": "11.4 s", "end": "40.0 s", "home": "0.1 s",
         "view": "all", "moment": told["moment"], "slider": "10.0 s", "plot": "40.0 s", "fits": True,
+        "moments": True, "dragged": 20, "pinched": 2, "tapped": "Stop",
         "plays": "Stop", "moved": True, "stops": "Play",
     }  # fmt: skip
     assert float(told["moment"].split()[0]) > 1.0

@@ -1,0 +1,81 @@
+"""A stranger's path, timed: from `git clone` with nothing installed to the first replay.
+
+    python -m tests.benchmarks.stranger [--repository URL]
+
+The commands are those of README.md, in its order; what pip downloads comes from the network, not from its
+cache. The replay is opened in headless Chromium, where there is one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from tests.blocks import blocks_of
+from tests.reporting.browser import CHROMIUM, driven
+
+ROOT = Path(__file__).parents[2]
+OPENED = "finish({ seconds: document.getElementById('clock').textContent });"
+
+
+class Step(NamedTuple):
+    """One thing that a stranger does."""
+
+    text: str
+    """what is there after it"""
+    script: str
+
+
+def steps() -> list[Step]:
+    """What README.md tells a stranger to do, after the clone."""
+    blocks = [block.text for block in blocks_of(ROOT / "README.md") if block.language == "bash"]
+    sweeping = next(text for text in blocks if "rudc table" in text)
+    authoring = next(text for text in blocks if "rudc scenario new" in text)
+    return [
+        Step("set up: `make setup`", "make setup"),
+        Step("first table", "\n".join(_lines(sweeping, "rudc sweep", "rudc table"))),
+        Step("first replay written", "\n".join(_lines(sweeping, "rudc replay"))),
+        Step("own scenario written and validated", "\n".join(_lines(authoring, "rudc scenario"))),
+        Step("own scenario swept", "\n".join(_lines(authoring, "rudc sweep"))),
+    ]
+
+
+def _lines(script: str, *starts: str) -> Iterator[str]:
+    return (line for line in script.splitlines() if line.startswith(starts))
+
+
+def main() -> None:
+    """Walk the path, and print a table of times."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--repository", default=str(ROOT), help="what is cloned; default: this one")
+    repository = parser.parse_args().repository
+    with tempfile.TemporaryDirectory() as folder:
+        home, total = Path(folder) / "rudc", 0.0
+        env = {**os.environ, "PATH": f"{home / '.venv' / 'bin'}{os.pathsep}{os.environ['PATH']}"}
+        env |= {"PIP_NO_CACHE_DIR": "1", "PYTHON": f"{sys.base_prefix}/bin/python3"}
+        env.pop("PYTHONPATH", None)
+        print("| step | s | s since the beginning |\n|---|---:|---:|")
+        clone = Step("`git clone`", f"git clone --quiet '{repository}' '{home}'")
+        for step in [clone, *steps()]:
+            begin = time.monotonic()
+            where = home if home.exists() else Path(folder)
+            subprocess.run(["bash", "-euc", step.script], cwd=where, env=env, check=True, stdout=sys.stderr)
+            total += (taken := time.monotonic() - begin)
+            print(f"| {step.text} | {taken:.1f} | {total:.1f} |", flush=True)
+        if CHROMIUM is not None:
+            begin = time.monotonic()
+            page = (home / "replay.html").read_text(encoding="utf-8")
+            said = driven(page, OPENED, Path(folder), 1400)
+            total += (taken := time.monotonic() - begin)
+            print(f"| first replay opened in Chromium ({said['seconds']}) | {taken:.1f} | {total:.1f} |")
+
+
+if __name__ == "__main__":
+    main()

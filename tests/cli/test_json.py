@@ -1,0 +1,89 @@
+"""What programs read: `--json` of the commands that answer something, and nothing else on stdout."""
+
+import json
+
+import pytest
+
+from rudc.evaluation.columns import COLUMNS
+from rudc.scenario import load_scenario, shipped_scenarios
+
+
+def read(answer):
+    assert answer.status == 0, answer.err
+    return json.loads(answer.out)
+
+
+def test_scenarios(rudc):
+    listed = {entry["name"]: entry for entry in read(rudc("scenario", "list", "--json"))}
+    assert listed.keys() == shipped_scenarios().keys()
+    assert listed["perfect_storm"]["events"][-1] == load_scenario("perfect_storm").events[-1].kind
+    assert listed["density_sweep"]["sweep"] == {"traffic.density": [10, 20, 30, 40, 50]}
+    whole = read(rudc("scenario", "show", "perfect_storm", "--json"))
+    assert whole == json.loads(json.dumps(load_scenario("perfect_storm").data()))
+    (section,) = read(rudc("scenario", "keys", "hard_brake", "--json"))
+    assert {"name": "deceleration", "unit": "m/s2"}.items() <= section["keys"][-1].items()
+
+
+def test_what_is_wrong_with_files_is_in_it_and_in_the_exit_status(rudc, tmp_path):
+    (tmp_path / "wrong.yaml").write_text("name: wrong\ntrafic: {}\n")
+    answer = rudc("scenario", "validate", "sudden_brake", "wrong.yaml", "--seeds", 1, "--json")
+    assert answer.status == 2
+    fine, wrong = json.loads(answer.out)
+    assert (fine["scenario"], fine["problems"], fine["events"]) == ("sudden_brake", [], 1)
+    assert fine["firings"][0]["episodes"] == 1
+    assert wrong["scenario"] == "wrong.yaml"
+    assert any(text.startswith("wrong.yaml:2:1: trafic") for text in wrong["problems"])
+    assert rudc("scenario", "validate", "sudden_brake", "--watch", "--json").status == 2
+
+
+def test_networks(rudc, tmp_path):
+    known = {entry["name"]: entry for entry in read(rudc("network", "list", "--json"))}
+    checked = read(rudc("network", "check", "roundabout", "--json", "--out", "drawn.png"))
+    assert checked == known["roundabout"]
+    assert (tmp_path / "drawn.png").is_file()
+    assert [arm["name"] for arm in checked["arms"]] == ["east", "north", "west", "south"]
+    assert {"name": "ring_south_0", "id": ":ring_south_east_0"}.items() <= next(
+        lane for lane in checked["lanes"] if lane["name"] == "ring_south_0"
+    ).items()
+    straight = [m["least_radius_m"] for m in known["four_way"]["movements"] if m["turn"] == "straight"]
+    assert None in straight  # no bend at all
+
+
+def test_agents(rudc):
+    shown = read(rudc("agent", "show", "follower+ttcbf", "--json"))
+    assert shown["settings"]["correction"]["rule"] == "ttcbf"
+
+
+def test_an_episode(rudc):
+    (told,) = read(rudc("run", "sudden_brake", "--seed", 1, "--json"))
+    assert told["outcome"] in ("success", "frozen", "collision")
+    assert told["steps"] > 10
+    assert told.keys() - {"events"} <= COLUMNS.keys()
+    assert told["events"][0].startswith("1 hard_brake: ")
+
+
+def test_a_sweep_as_its_table(rudc):
+    order = ("random_destination", "-a", "sumo", "-n", 1, "-w", 1, "-o", "out")
+    answer = rudc("sweep", *order, "--json", "--quiet")
+    (line,) = read(answer)
+    assert (line["agent"], line["episodes"]) == ("sumo", 1)
+    assert answer.err == ""
+    assert read(rudc("table", "out", "--json")) == [line]
+
+
+@pytest.mark.parametrize(
+    "command",
+    [("agent", "list"), ("scenario", "list"), ("network", "list"), ("scenario", "keys"), ("table", "out"),
+     ("network", "check", "skewed_four_way", "--lanes"), ("scenario", "validate", "fog", "--seeds", 1),
+     ("study", "list")],
+)  # fmt: skip
+def test_tables_fit_into_a_hundred_columns(rudc, monkeypatch, command):
+    if command[0] == "table":
+        rudc("sweep", "fog", "density_sweep", "-a", "follower", "-a", "gap-acceptance+ttcbf", "-n", 1, "-w", 1,
+             "-o", "out", "--set", "episode.timeout=2")  # fmt: skip
+    monkeypatch.setenv("COLUMNS", "100")
+    answer = rudc(*command)
+    assert answer.status == 0
+    assert max(map(len, answer.out.splitlines())) <= 100
+    assert "\x1b" not in answer.out
+    assert "…" not in answer.out  # nothing is cut off
