@@ -57,8 +57,8 @@ def run(
         bool,
         typer.Option(
             "--gui",
-            help="Show it as it happens: in sumo-gui, which follows the ego (extra `networks`); where that is "
-            "not installed, in a window of our own (extra `window`).",
+            help="Show it as it happens: in sumo-gui, which follows the ego (extra `networks`); "
+            "where that is not installed, in a window of our own (extra `window`).",
         ),
     ] = False,
     overrides: Overrides = None,

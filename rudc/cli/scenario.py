@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from rudc.cli.complete import complete_scenarios
-from rudc.cli.console import AsJson, Quiet, note, print_json, print_table
+from rudc.cli.console import AsJson, Quiet, console, note, print_json, print_table
 from rudc.errors import InputError, ScenarioError
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ def keys(
         print_json([asdict(section) for section in sections(topic)])
         return
     for k, section in enumerate(sections(topic)):
-        typer.echo(f"{chr(10) * bool(k)}{section.name}: {section.text}")
+        console().print(f"{chr(10) * bool(k)}{section.name}: {section.text}", markup=False)
         rows = [
             [escape(text) for text in (key.name, key.type, key.unit, key.default, key.text)]
             for key in section.keys

@@ -39,10 +39,10 @@ BODY: Array = np.array([*_FRONT, *_BACK])
 """(8, 2) a vehicle's outline in its lengths (front positive) and widths (left positive)"""
 BRAKE_LIGHTS = _both([(-0.5, 0.46), (-0.45, 0.46), (-0.45, 0.2), (-0.5, 0.2)])
 BLINKERS: list[_Points] = [
-    [(0.5, 0.52), (0.41, 0.52), (0.41, 0.26), (0.5, 0.26)],
-    [(-0.41, 0.52), (-0.5, 0.52), (-0.5, 0.26), (-0.41, 0.26)],
+    [(0.51, 0.66), (0.38, 0.66), (0.38, 0.3), (0.51, 0.3)],
+    [(-0.38, 0.66), (-0.51, 0.66), (-0.51, 0.3), (-0.38, 0.3)],
 ]
-"""of the left side, front and back"""
+"""of the left side, front and back, larger than life"""
 DARK_PARTS: dict[Kind, list[_Points]] = {
     Kind.CAR: [
         [(0.24, 0.4), (0.08, 0.34), (0.08, -0.34), (0.24, -0.4)],

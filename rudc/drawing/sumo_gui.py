@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import socket
 import subprocess
 import time
 from pathlib import Path
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 EGO_NAME, VIEW = "ego", "View #0"
 ZOOM = 900.0
 """percent: some 80 m of road in a window of usual size"""
+START_S, TRIES = 30.0, 150
+"""s that sumo-gui may take to start, and how often it is asked meanwhile whether it has"""
 OPTIONS = (
     "--start", "--quit-on-end", "--no-step-log", "--no-warnings", "--collision.action", "none",
     "--time-to-teleport", "-1", "--delay", "0",
@@ -49,19 +52,22 @@ class SumoGui:
         self._window = program.stem.endswith("gui")
         self._period, self._due = 1.0 / frames_per_second, time.monotonic()
         self._there: dict[str, Colour] = {}
-        options = OPTIONS if self._window else OPTIONS[2:-2]
-        command = [str(program), "-n", str(net_file), "--step-length", str(self._period), *options]
-        self._label = f"rudc {id(self)}"
+        self._gone: tuple[type[Exception], ...] = (traci.FatalTraCIError, OSError)
+        port, options = _free_port(), OPTIONS if self._window else OPTIONS[2:-2]
+        given = ("-n", str(net_file), "--step-length", str(self._period), "--remote-port", str(port))
+        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        process = subprocess.Popen([program, *given, *options], **quiet)
         try:
             with contextlib.redirect_stdout(io.StringIO()):  # it counts its tries
-                traci.start(command, label=self._label, stdout=subprocess.DEVNULL)
-        except (traci.TraCIException, traci.FatalTraCIError, OSError) as error:
+                self._traci: Any = traci.connect(
+                    port, TRIES, proc=process, waitBetweenRetries=START_S / TRIES
+                )
+        except (traci.TraCIException, traci.FatalTraCIError) as error:
+            process.kill()
             raise InputError(
-                f"{program.name} did not start ({error}); it needs a display. Without one: --replay FILE.html "
-                "or --video FILE.gif"
+                f"{program.name} did not start ({error}); it needs a display. "
+                "Without one: --replay FILE.html or --video FILE.gif"
             ) from None
-        self._traci: Any = traci.getConnection(self._label)
-        self._gone: tuple[type[Exception], ...] = (traci.FatalTraCIError, OSError)
 
     def show(self, view: View) -> None:
         """Put everybody where they are, then wait until the next view is due. Once its user has closed the
@@ -69,8 +75,9 @@ class SumoGui:
         """
         with contextlib.suppress(*self._gone):
             self._show(view)
-        self._due = max(self._due + self._period, time.monotonic())
-        time.sleep(self._due - time.monotonic())
+        now = time.monotonic()
+        self._due = max(self._due + self._period, now)
+        time.sleep(self._due - now)
 
     def _show(self, view: View) -> None:
         scene, numbers, vehicles = view.truth, view.numbers, self._traci.vehicle
@@ -113,3 +120,9 @@ class SumoGui:
         """Close the window."""
         with contextlib.suppress(*self._gone):
             self._traci.close()
+
+
+def _free_port() -> int:
+    with socket.socket() as found:
+        found.bind(("localhost", 0))
+        return int(found.getsockname()[1])

@@ -40,7 +40,7 @@ BRAKES, HIDDEN, CONSTRAINED, ACTIVE = 1, 2, 4, 8
 PATH_STRIDE = 3
 """stations of a way of others from one point to the next that is kept"""
 BLINKS_M, LEAVES_M = 30.0, 15.0
-"""m before its stop line that somebody who turns blinks; before its exit that one who leaves a roundabout does"""
+"""m that somebody who turns blinks before the stop line; who leaves a roundabout, before the exit"""
 SERIES: dict[str, float] = {
     "time_s": 0.01, "speed_mps": 0.01, "route_s_m": 0.01, "offset_m": 0.01,
     "acceleration_mps2": 0.01, "nominal_acceleration_mps2": 0.01, "safe_acceleration_mps2": 0.01,

@@ -68,7 +68,16 @@ def test_figures_are_drawn(site):
 
 @pytest.mark.slow
 @pytest.mark.skipif(MISSING, reason="no Chromium, which pip cannot install, for axe to run in")
-@pytest.mark.parametrize("name", ["index.html", "method.html", "tutorials/own_scenario.html", "reference/metrics.html", "reference/scenarios.html"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "index.html",
+        "method.html",
+        "tutorials/own_scenario.html",
+        "reference/metrics.html",
+        "reference/scenarios.html",
+    ],
+)
 def test_no_page_has_a_serious_fault_of_accessibility(site, name):
     page = site / name
     assert faults(page.read_text(encoding="utf-8"), page.parent) == {"light": [], "dark": []}

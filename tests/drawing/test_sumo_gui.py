@@ -4,7 +4,6 @@ import os
 
 import numpy as np
 import pytest
-import traci
 
 from rudc.agents.registry import make_agent
 from rudc.drawing.palette import EVENT
@@ -33,7 +32,7 @@ def test_everybody_stands_where_they_are_in_ours(name):
         def watch(_scene, _decision, result):
             view = view_of(world, result.outcome)
             shown.show(view)
-            there = traci.getConnection(shown._label).vehicle
+            there = shown._traci.vehicle
             scene = view.truth
             wanted = {f"sv {n}": (*p, s[0], h) for n, p, s, h in zip(scene.ids, scene.position, scene.size,
                                                                      scene.heading, strict=True)}  # fmt: skip
@@ -57,7 +56,7 @@ def test_without_a_display_it_says_so(monkeypatch):
     assert program is not None
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
-    with pytest.raises(InputError, match="needs a display.*--replay FILE.html"):
+    with pytest.raises(InputError, match=r"needs a display.*--replay FILE.html"):
         SumoGui(program, load_network("four_way").path, 10.0)
 
 
@@ -72,6 +71,6 @@ def test_the_window_follows_the_ego():
         run_episode(
             episode, scenario.plan(0), agent, watch=lambda _s, _d, r: shown.show(view_of(world, r.outcome))
         )
-        assert traci.getConnection(shown._label).gui.getTrackedVehicle("View #0") == EGO_NAME
+        assert shown._traci.gui.getTrackedVehicle("View #0") == EGO_NAME
         shown.close()
         shown.show(view_of(world))  # a window that is gone shows nothing

@@ -167,7 +167,9 @@ def test_who_turns_blinks_to_that_side_from_before_the_stop_line_to_the_exit(sto
         else:
             side, begin, end = path["blinks"]
             assert side == sides[turn]
-            assert (begin, end) == pytest.approx((network.paths.stop_s[int(row)] - 30.0, path["exit_m"]), abs=0.1)
+            assert (begin, end) == pytest.approx(
+                (network.paths.stop_s[int(row)] - 30.0, path["exit_m"]), abs=0.1
+            )
 
 
 def test_out_of_a_roundabout_everybody_turns_right():

@@ -5,8 +5,8 @@
     pictures/, clips/, replays/      NAME.png, NAME.webp, NAME-OUTCOME.html, NAME-both.html
     SWEEP.html                       the report of each sweep
 
-Replays are episodes of the sweeps, found by their rows and driven again: where they occur, a success, a
-standstill and a violation; and two of these beside each other where they are the same episode, driven by two
+Replays are episodes of the sweeps, found by their rows and driven again: one of each outcome that occurs; and
+two of these beside each other where they are the same episode, driven by two
 agents. The folder depends on scenarios, sweeps and code alone.
 """
 
@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rudc.drawing.preview import draw_preview
-from rudc.evaluation.columns import RATES, happened, rates_of
+from rudc.evaluation.columns import RATES, rates_of
 from rudc.evaluation.folder import read_sweep
 from rudc.files import make_folder, write_atomically
 from rudc.reporting.html.page import badge, render
@@ -31,8 +31,8 @@ from rudc.scenario.model import Scenario
 _FOLDER = Path(__file__).parent
 PICTURE_SEED = 1
 """of the episode whose first scene is drawn"""
-WANTED = {"SR": "success", "FR": "standstill", "VR": "violation"}
-"""rate -> what an episode is called that counts in it"""
+FAILURES = ("collision", "off_road", "wrong_way", "frozen")
+"""outcomes, the worst first"""
 
 
 class Shown(NamedTuple):
@@ -110,24 +110,22 @@ def _card(
 
 
 def chosen(episodes: Sequence[Shown]) -> dict[str, Shown]:
-    """`success`, `standstill`, `violation` -> an episode of it, of those there are. Failures are those of the
-    agent that has most of them, collisions before other violations; success is the best agent's, if it can
-    be in an episode that is shown to fail.
+    """Outcome -> an episode that ended so, of those there are. Failures are those of the agent that has most
+    of them; success is the best agent's, if it can be in an episode that is shown to fail.
     """
     found: dict[str, Shown] = {}
-    for rate in ("VR", "FR", "SR"):
-        theirs = [one for one in episodes if happened(rate, one.row["outcome"])]
+    for outcome in (*FAILURES, "success"):
+        theirs = [one for one in episodes if one.row["outcome"] == outcome]
         if not theirs:
             continue
         counts = {agent: sum(o.row["agent"] == agent for o in theirs) for agent in _agents(theirs)}
         most = max(counts.values())
         agents = [agent for agent, count in counts.items() if count == most]
-        agent = agents[-1] if rate == "SR" else agents[0]
-        known = {shown.episode for shown in found.values()}
+        agent = agents[-1] if outcome == "success" else agents[0]
+        known = {shown.episode: k for k, shown in reversed([*enumerate(found.values())])}
         own = [one for one in theirs if one.row["agent"] == agent]
-        own.sort(key=lambda o: (o.row["outcome"] != "collision", o.episode not in known))
-        found[WANTED[rate]] = own[0]
-    return {what: found[what] for what in WANTED.values() if what in found}
+        found[outcome] = min(own, key=lambda one: known.get(one.episode, len(known)))
+    return {outcome: found[outcome] for outcome in ("success", *FAILURES) if outcome in found}
 
 
 def agent_rates(episodes: Sequence[Shown]) -> list[dict[str, Any]]:
@@ -146,7 +144,7 @@ def _agents(episodes: Sequence[Shown]) -> list[str]:
 def pair_of(shown: Mapping[str, Shown]) -> tuple[str, str] | None:
     """Of the episodes shown, one that fails and the success in the same episode, if there are such."""
     best = shown.get("success")
-    for what in ("violation", "standstill"):
+    for what in FAILURES:
         if best is not None and what in shown and shown[what].episode == best.episode:
             return what, "success"
     return None

@@ -207,6 +207,7 @@ class PlotView {
     for (const line of [...plot.lines].reverse()) {
       if (run.series[line.name].every((v) => v === null)) continue;
       const v = run.series[line.name][k], text = `${line.label} ${v === null ? '–' : number(v * scale)}`;
+      if (x + 20 + c.measureText(text).width > this.width) break;  // rather none than half of it
       c.strokeStyle = line.style === 'faint' ? this.colours.page_faint : this.colours.page_ink;
       c.lineWidth = line.style === 'bold' ? 2.2 : 1.2;
       c.setLineDash(line.style === 'dashed' ? [4, 3] : []);

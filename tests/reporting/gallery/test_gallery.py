@@ -31,20 +31,25 @@ def test_failures_are_those_of_who_has_most_and_success_is_in_the_same_episode()
         ("b", 0, "success"), ("b", 1, "success"), ("b", 2, "collision"), ("b", 3, "success"),
     )  # fmt: skip
     assert {what: shown.number for what, shown in chosen(known).items()} == {
-        "success": 6, "standstill": 4, "violation": 2,
+        "success": 6, "collision": 2, "off_road": 1, "frozen": 4,
     }  # fmt: skip
-    assert list(chosen(known)) == ["success", "standstill", "violation"]
+    assert list(chosen(known)) == ["success", "collision", "off_road", "frozen"]
     assert agent_rates(known)[0] == {"agent": "a", "episodes": 4, "rates": [25.0, 25.0, 50.0]}
 
 
 def test_two_agents_stand_beside_each_other_in_the_same_episode_only():
     fails, best = ("a", 1, "collision"), ("b", 1, "success")
-    assert pair_of(chosen(episodes(fails, best))) == ("violation", "success")
-    assert pair_of(chosen(episodes(("a", 1, "frozen"), best))) == ("standstill", "success")
+    assert pair_of(chosen(episodes(fails, best))) == ("collision", "success")
+    assert pair_of(chosen(episodes(("a", 1, "frozen"), best))) == ("frozen", "success")
     assert pair_of(chosen(episodes(fails, ("b", 2, "success")))) is None
     assert pair_of(chosen(episodes(fails))) is None
     swept = [
-        Shown(Path("swept"), k, {"agent": agent, "seed": "1", "outcome": outcome, "density": density}, ("density",))
+        Shown(
+            Path("swept"),
+            k,
+            {"agent": agent, "seed": "1", "outcome": outcome, "density": density},
+            ("density",),
+        )
         for k, (agent, outcome, density) in enumerate([("a", "collision", "10"), ("b", "success", "20")])
     ]
     assert pair_of(chosen(swept)) is None
