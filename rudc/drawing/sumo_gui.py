@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 EGO_NAME, VIEW = "ego", "View #0"
 ZOOM = 900.0
 """percent: some 80 m of road in a window of usual size"""
-START_S, TRIES = 30.0, 150
-"""s that sumo-gui may take to start, and how often it is asked meanwhile whether it has"""
+TRIES_S = 30
+"""s that sumo-gui may take to start; each second it is asked whether it has"""
 OPTIONS = (
     "--start", "--quit-on-end", "--no-step-log", "--no-warnings", "--collision.action", "none",
     "--time-to-teleport", "-1", "--delay", "0",
@@ -55,13 +55,12 @@ class SumoGui:
         self._gone: tuple[type[Exception], ...] = (traci.FatalTraCIError, OSError)
         port, options = _free_port(), OPTIONS if self._window else OPTIONS[2:-2]
         given = ("-n", str(net_file), "--step-length", str(self._period), "--remote-port", str(port))
-        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-        process = subprocess.Popen([program, *given, *options], **quiet)
+        process = subprocess.Popen(
+            [program, *given, *options], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
         try:
             with contextlib.redirect_stdout(io.StringIO()):  # it counts its tries
-                self._traci: Any = traci.connect(
-                    port, TRIES, proc=process, waitBetweenRetries=START_S / TRIES
-                )
+                self._traci: Any = traci.connect(port, TRIES_S, proc=process)
         except (traci.TraCIException, traci.FatalTraCIError) as error:
             process.kill()
             raise InputError(
