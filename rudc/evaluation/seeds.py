@@ -17,7 +17,9 @@ together, since where nothing failed nothing else can be drawn. Where all draws 
 and any IQM, has no interval.
 
 Pairs: two agents in the same episodes, `Paired`. Rates: change with Bonett and Price's interval and McNemar's
-exact p; means: change with its bootstrap interval over pairs. Nothing is corrected for how many are compared.
+exact p; means: change with its bootstrap interval over pairs. Of several trainings the interval is at least
+as wide as the one above of the changes, which draws trainings first; p takes all pairs for independent, so
+that the interval counts where the two disagree. Nothing is corrected for how many are compared.
 """
 
 from __future__ import annotations
@@ -99,6 +101,17 @@ def interquartile_mean(values: Array) -> Array:
     total = inside.sum(axis=1)
     summed = np.where(inside > 0, inside * np.nan_to_num(ordered), 0.0).sum(axis=1)
     return np.divide(summed, total, out=np.full(len(values), math.nan), where=total > 0)
+
+
+def paired(new: Cells, old: Cells, *, rate: bool = False) -> Paired:
+    """By how much `new` has more than `old`, cells of the same episodes; those of a `rate` are 0 or 100."""
+    one, other = (np.concatenate([of[key] for key in new]) for of in (new, old))
+    pooled = paired_rate((one > 0).tolist(), (other > 0).tolist()) if rate else paired_mean(one, other)
+    if len({seed for seed, _ in new}) < 2:
+        return pooled
+    over = over_seeds({key: values - old[key] for key, values in new.items()})
+    low, high = float(np.fmin(pooled.low, over.low)), float(np.fmax(pooled.high, over.high))
+    return pooled._replace(low=low, high=high)
 
 
 def paired_rate(new: Sequence[bool], old: Sequence[bool]) -> Paired:

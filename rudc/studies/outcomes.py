@@ -9,7 +9,7 @@ import numpy as np
 
 from rudc.arrays import Array
 from rudc.evaluation.columns import COLUMNS, Metric, happened
-from rudc.evaluation.seeds import Cells, OverSeeds, Paired, over_seeds, paired_mean, paired_rate
+from rudc.evaluation.seeds import Cells, OverSeeds, Paired, over_seeds, paired
 
 Episode = Mapping[str, str]
 """a row of `episodes.csv`"""
@@ -50,16 +50,9 @@ class Outcomes:
 
     def over_seeds(self, row: str, metric: Metric, scenarios: Sequence[str]) -> OverSeeds:
         """A metric of a row in these scenarios."""
-        return over_seeds(self._cells(row, metric, scenarios), rate=bool(metric.outcomes))
-
-    def _cells(self, row: str, metric: Metric, scenarios: Sequence[str]) -> Cells:
-        found: dict[tuple[int, str], list[float]] = {}
-        for (seed, scenario, _), episode in self._done.get(row, {}).items():
-            if scenario in scenarios:
-                found.setdefault((seed, scenario), []).append(value(metric, episode))
-        order = {name: k for k, name in enumerate(scenarios)}
-        cells = sorted(found.items(), key=lambda item: (item[0][0], order[item[0][1]]))
-        return {key: np.array(values) for key, values in cells}
+        done = self._done.get(row, {})
+        values = {key: value(metric, done[key]) for key in done if key[1] in scenarios}
+        return over_seeds(_cells(values, scenarios), rate=bool(metric.outcomes))
 
     def paired(self, row: str, than: str, metric: Metric, scenarios: Sequence[str]) -> Paired | None:
         """By how much a row has more of a metric than another, in the episodes that trainings of one seed
@@ -69,10 +62,8 @@ class Outcomes:
         keys = [key for key in ours if key in theirs and key[1] in scenarios]
         if not keys:
             return None
-        if metric.outcomes:
-            new, old = ([happened(metric.name, m[key]["outcome"]) for key in keys] for m in (ours, theirs))
-            return paired_rate(new, old)
-        return paired_mean(*(np.array([value(metric, m[key]) for key in keys]) for m in (ours, theirs)))
+        new, old = (_cells({key: value(metric, m[key]) for key in keys}, scenarios) for m in (ours, theirs))
+        return paired(new, old, rate=bool(metric.outcomes))
 
     def lead(self, row: str, than: Sequence[str], metric: Metric, scenarios: Sequence[str]) -> Array:
         """(n,) by how much a row has more of a metric than the others have on average, in each episode that
@@ -100,3 +91,13 @@ def value(metric: Metric, episode: Episode) -> float:
         return 100.0 * happened(metric.name, episode["outcome"])
     text = episode[metric.column]
     return metric.scale * float(text) if text else math.nan
+
+
+def _cells(values: Mapping[Key, float], scenarios: Sequence[str]) -> Cells:
+    """Values of episodes as cells, by training seed and in the scenarios' order."""
+    found: dict[tuple[int, str], list[float]] = {}
+    for (seed, scenario, _), number in values.items():
+        found.setdefault((seed, scenario), []).append(number)
+    order = {name: k for k, name in enumerate(scenarios)}
+    cells = sorted(found.items(), key=lambda item: (item[0][0], order[item[0][1]]))
+    return {key: np.array(numbers) for key, numbers in cells}

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from rudc.evaluation.seeds import interquartile_mean, over_seeds, paired_mean, paired_rate
+from rudc.evaluation.seeds import interquartile_mean, over_seeds, paired, paired_mean, paired_rate
 from rudc.evaluation.statistics import Z
 
 RNG = np.random.default_rng
@@ -118,3 +118,37 @@ def test_pairs_of_a_mean_leave_out_what_is_not_known():
     theirs = stats.ttest_rel(new[1:], old[1:]).confidence_interval()
     np.testing.assert_allclose((found.low, found.high), (theirs.low, theirs.high), atol=0.03)
     assert math.isnan(paired_mean(np.zeros(0), np.zeros(0)).change)
+
+
+def test_pairs_of_one_training_are_as_they_are():
+    new, old = RNG(1).integers(2, size=(2, 60)) * 100.0
+    assert paired({(0, "fog"): new}, {(0, "fog"): old}, rate=True) == paired_rate(new > 0, old > 0)
+    assert paired({(0, "fog"): new}, {(0, "fog"): old}) == paired_mean(new, old)
+
+
+@pytest.mark.parametrize("rate", [False, True])
+def test_of_several_trainings_pairs_are_not_as_many_as_their_episodes(rate):
+    """One training is better by 20 points, the other worse: 400 pairs say less than their number."""
+    none, some = np.zeros(200), np.repeat([100.0, 0.0], [40, 160])
+    new, old = {(0, "fog"): some, (1, "fog"): none}, {(0, "fog"): none, (1, "fog"): some}
+    found = paired(new, old, rate=rate)
+    both = [np.concatenate(list(of.values())) for of in (new, old)]
+    pooled = paired_rate(both[0] > 0, both[1] > 0) if rate else paired_mean(*both)
+    assert (found.change, found.p) == pytest.approx((pooled.change, pooled.p), nan_ok=True)
+    assert pooled.high < 6 < 20 < found.high < 30
+    assert found.low < -20
+    alike = {(s, "fog"): some for s in (0, 1)}
+    same = paired(alike, {(s, "fog"): none for s in (0, 1)}, rate=rate)
+    assert same.low > 10  # trainings that agree
+
+
+def test_pairs_of_trainings_are_statsmodels_and_scipys():
+    """By the exact test of statsmodels, where it is installed, and by closed forms."""
+    tables = pytest.importorskip(
+        "statsmodels.stats.contingency_tables", reason="statsmodels is no dependency of ours"
+    )
+    for more, less, both, neither in ((30, 8, 50, 12), (1, 0, 9, 0), (7, 7, 0, 3)):
+        new = [True] * more + [False] * less + [True] * both + [False] * neither
+        old = [False] * more + [True] * less + [True] * both + [False] * neither
+        theirs = tables.mcnemar([[both, more], [less, neither]], exact=True).pvalue
+        assert paired_rate(new, old).p == pytest.approx(theirs)

@@ -51,6 +51,22 @@ def bandit(rng: np.random.Generator, count: int = 32) -> Batch:
     )
 
 
+def toll(rng: np.random.Generator, count: int = 64) -> Batch:
+    """The bandit behind a first state, whatever is done there: a cost of 1, and on to the second. With the
+    stake x there, costs to come are 1 + 0.9 * 2 x and 2 x, on average 1/2 + 1.9 x: where that may be 1.45,
+    x = 1/2, and the multiplier is the bandit's, 5.
+    """
+    plain, first = bandit(rng, count), rng.random(count) < 0.5
+    here, there = np.float32([1.0, 0.0]), np.float32([0.0, 1.0])
+    return plain._replace(
+        observation=np.where(first[:, None], here, there),
+        reward=np.where(first, np.float32(0), plain.reward),
+        cost=np.where(first, np.float32(1), plain.cost),
+        next_observation=np.tile(there, (count, 1)),
+        terminal=~first,
+    )
+
+
 def updated(
     learner: CostLearner, before: CostLearner, b: Batch
 ) -> tuple[Any, Tensors, Drawn, Tensor, Tensor]:

@@ -11,7 +11,8 @@ from rudc.learning.inference import Decider
 from rudc.learning.multiplier import Multiplier
 from rudc.learning.sac import SacLearner
 from rudc.learning.sac_lagrangian import SacLagrangianLearner
-from tests.learning.constrained import SETTINGS, bandit, bandit_problem
+from tests.learning.constrained import SETTINGS, bandit, bandit_problem, toll
+from tests.learning.helpers import TOY
 from tests.learning.test_sac import CONFIG as SAC_CONFIG
 from tests.learning.test_sac import PROBLEM, batch
 
@@ -93,6 +94,20 @@ def test_the_multiplier_of_a_constrained_bandit_is_found() -> None:
     assert stake == pytest.approx(0.5, abs=0.05)
     assert decider.cost(np.ones(1, np.float32), np.float32([2 * stake - 1])) == pytest.approx(1.0, abs=0.1)
     assert decider.uncertainty(np.ones(1, np.float32), np.zeros(1, np.float32)) is None
+
+
+def test_costs_to_come_count_discounted() -> None:
+    config = LagrangianConfig(**SETTINGS, cost_limit=1.45, multiplier_rate=0.2, target_rate=0.05)
+    problem = replace(TOY, updates=1200)
+    learner, rng = SacLagrangianLearner(config, problem), np.random.default_rng(0)
+    seen = [learner.update(toll(rng)) for _ in range(1200)]
+    assert np.mean([s.multiplier for s in seen[-300:]]) == pytest.approx(5.0, abs=0.5)
+    decider, (first, second) = Decider(config, problem.layout, learner.weights()), np.eye(2, dtype=np.float32)
+    stake = (1 + decider.action(second)[0]) / 2
+    assert stake == pytest.approx(0.5, abs=0.06)
+    for action in (-1.0, 0.0, 1.0):  # at first nothing that is done makes a difference
+        assert decider.cost(first, np.float32([action])) == pytest.approx(1 + 0.9 * 2 * stake, abs=0.15)
+    assert decider.cost(second, np.float32([2 * stake - 1])) == pytest.approx(2 * stake, abs=0.15)
 
 
 def test_the_multiplier_never_falls_below_zero() -> None:

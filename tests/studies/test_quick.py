@@ -1,0 +1,56 @@
+"""Every study runs to its end by one command at the quick budget: tables, and figures as PNG and PDF."""
+
+import pytest
+from PIL import Image
+
+from rudc.cli.main import main
+from rudc.evaluation.store import read_table
+from rudc.studies.catalogue import STUDIES
+
+FEW = ("-n", 1)
+"""episodes, fewer than the quick budget's"""
+COMMANDS = {
+    "filter": FEW,
+    "sigma": FEW,
+    "comparison": (*FEW, "-a", "sac", "-a", "rudc-t"),
+    "ablation": (*FEW, "-a", "rudc-t-wo-course", "-a", "rudc-t"),
+    "curves": ("CHECKPOINT",),
+    "latency": FEW,
+    "ood-case": FEW,
+    "ablation-case": FEW,
+    "residual": (),
+    "sensitivity-beta": FEW,
+    "sensitivity-ensemble": FEW,
+    "cbf-grid": FEW,
+}
+
+
+def test_all_are_here():
+    assert set(COMMANDS) == set(STUDIES)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_study_runs_by_one_command(name, tmp_path, monkeypatch, capsys):
+    from rudc.agents.checkpoint import shipped_checkpoints
+
+    monkeypatch.chdir(tmp_path)
+    given = [shipped_checkpoints()["rudc-t"] if g == "CHECKPOINT" else g for g in COMMANDS[name]]
+    call = ["rudc", "study", name, *given, "--budget", "quick", "--workers", 1, "--out", "out"]
+    monkeypatch.setattr("sys.argv", [str(part) for part in call])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    said = capsys.readouterr()
+    assert not ended.value.code, said.err
+    out = tmp_path / "out"
+    tables, figures = sorted(out.glob("*.csv")), sorted(out.glob("*.png"))
+    assert tables
+    assert figures
+    for table in tables:
+        assert read_table(table), table.name
+    for figure in figures:
+        with Image.open(figure) as picture:
+            assert min(picture.size) > 300
+        assert figure.with_suffix(".pdf").read_bytes().startswith(b"%PDF")
+    (page,) = out.glob("*.md") if name not in ("comparison", "ablation") else [out / f"{name}.md"]
+    assert page.read_text(encoding="utf-8") == said.out
