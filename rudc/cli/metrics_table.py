@@ -16,6 +16,7 @@ from rudc.cli.console import console, note
 from rudc.evaluation.columns import DECISION_MS, METRICS, Metric
 from rudc.evaluation.metrics import Group
 from rudc.evaluation.paper import is_from_paper
+from rudc.evaluation.rows import Row, SweepRows
 from rudc.evaluation.tables import MISSING, best_of, cell, heading, measured
 
 LEAST_IMPORTANT = ("decision", "AER", "RC", "AES", "min_DTC")
@@ -32,7 +33,7 @@ class Layout(NamedTuple):
 
 
 def print_metrics(
-    rows: Sequence[dict[str, str]],
+    rows: Sequence[Row] | SweepRows,
     by: Sequence[str],
     against: str | None = None,
     metrics: Sequence[Metric] | None = None,

@@ -221,20 +221,20 @@ def _plan(
 
 def _report(result: SweepResult, as_json: bool) -> None:
     from rudc.cli.metrics_table import print_metrics
-    from rudc.evaluation.folder import TRACEBACK
+    from rudc.evaluation.folder import TRACEBACK, sweep_rows
     from rudc.evaluation.tables import make_table
 
-    by = ["scenario", *result.parameters, "agent"]
+    rows = sweep_rows(result.folder)
+    by = ["scenario", *rows.parameters, "agent"]
     if as_json:
-        typer.echo(make_table(result.rows, by, "json"), nl=False)
+        typer.echo(make_table(rows, by, "json"), nl=False)
     else:
-        print_metrics(result.rows, by)
+        print_metrics(rows, by)
     note(f"in {result.folder}: episodes.csv, metrics.csv, manifest.json")
     if result.errors:
+        episodes = sum(len(block["seed"]) for block in rows.blocks())
         kinds = dict.fromkeys(row["error"].partition(TRACEBACK)[0] for row in result.errors)
-        warn(
-            f"{len(result.errors)} of {len(result.rows)} episodes failed, in {len(kinds)} way(s); the first:"
-        )
+        warn(f"{len(result.errors)} of {episodes} episodes failed, in {len(kinds)} way(s); the first:")
         warn(f"  {result.errors[0]['error']}")
         warn("--resume tries them again")
         raise typer.Exit(1)

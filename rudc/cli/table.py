@@ -62,13 +62,13 @@ def table(
     """
     from rudc.cli.metrics_table import print_metrics
     from rudc.evaluation.columns import METRICS
-    from rudc.evaluation.folder import read_sweep
+    from rudc.evaluation.folder import sweep_rows
     from rudc.evaluation.tables import make_table, named_metrics
 
     if as_json and style is not None:
         raise InputError("--json is a format of its own: give it, or --format")
-    rows, parameters = read_sweep(folder)
-    columns = _names(by) if by else ["scenario", *parameters, "agent"]
+    rows = sweep_rows(folder)
+    columns = _names(by) if by else ["scenario", *rows.parameters, "agent"]
     chosen = named_metrics(_names(metrics)) if metrics else None
     if as_json:
         typer.echo(make_table(rows, columns, "json", against, chosen or METRICS), nl=False)

@@ -15,8 +15,9 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -34,8 +35,8 @@ from rudc.evaluation.manifest import (
 from rudc.evaluation.metrics import STATISTICS, Group, group_metrics
 from rudc.evaluation.own_networks import keep_networks, with_copies
 from rudc.evaluation.record import EpisodeRecord, as_text
-from rudc.evaluation.rows import refuse_damaged
-from rudc.evaluation.store import RowFile, format_row, read_header, read_table
+from rudc.evaluation.rows import Columns, SweepRows, by_row, undamaged
+from rudc.evaluation.store import RowFile, Rows, format_row, read_header, table_blocks
 from rudc.evaluation.tasks import Key, SweepPlan, Task
 from rudc.files import make_folder, write_atomically
 
@@ -93,8 +94,11 @@ class SweepFolder:
                 self.warnings.append(f"rows in {self.path} come from several versions: {', '.join(changes)}")
         copies = keep_networks(self._plan, self.path)
         digests = agent_digests(content)
+        own = {
+            id(s): with_copies(s, copies) for s in {id(t.scenario): t.scenario for t in self.tasks}.values()
+        }
         self.tasks = [
-            replace(task, scenario=with_copies(task.scenario, copies), agent_digest=digests[task.agent])
+            replace(task, scenario=own[id(task.scenario)], agent_digest=digests[task.agent])
             for task in self.tasks
         ]
         write_atomically(self.path / "manifest.json", as_json(content))
@@ -111,24 +115,29 @@ class SweepFolder:
         self._episodes.append([*key[:n], *record.row()[n:], *key[n:]])
         return record
 
+    @cached_property
+    def _numbers(self) -> dict[int, int]:
+        """id of a task -> its place in the canonical order, from 1 on."""
+        return {id(task): number for number, task in enumerate(self.tasks, 1)}
+
     def _keep_traceback(self, task: Task, record: EpisodeRecord) -> EpisodeRecord:
-        folder, number = self.path / "errors", self.tasks.index(task) + 1
+        folder, number = self.path / "errors", self._numbers[id(task)]
         make_folder(folder)
         file = folder / f"{number:0{len(str(len(self.tasks)))}}.txt"
         write_atomically(file, f"{task}\n{record.error}\n\n{record.traceback}")
         told = f"{record.error}{TRACEBACK}{file.relative_to(self.path)}"
         return EpisodeRecord({**record.values, "error": told}, record.traceback)
 
-    def complete(self) -> list[dict[str, str]]:
-        """Sort the files into the canonical order, write the metrics, and return the episodes' rows."""
+    def complete(self) -> None:
+        """Sort the rows into the canonical order, and write the metrics."""
         order = {task.key(self.parameters): i for i, task in enumerate(self.tasks)}
-        rows = sorted(self._episodes.read(), key=lambda row: order[self._key(row)])
-        self._episodes.rewrite(rows)
-        table = [dict(zip(self._episodes.header, row, strict=True)) for row in rows]
+        lines = [""] * len(order)
+        for row in self._episodes.rows():
+            lines[order[self._key(row)]] = format_row(row)
+        self._episodes.rewrite(lines)
         by = ("scenario", "agent", *self.parameters)
-        groups = group_metrics(table, by, METRICS)
+        groups = group_metrics(sweep_rows(self.path), by, METRICS)
         write_atomically(self.path / "metrics.csv", metrics_csv(groups, by))
-        return table
 
     def _take_lock(self) -> None:
         """Keep other sweeps out of the folder for as long as this process lives, where the system can."""
@@ -162,18 +171,17 @@ class SweepFolder:
         return (*row[: len(IDENTITY)], *row[len(COLUMNS) :])
 
     def _keep_finished(self) -> None:
-        """Keep the rows of finished episodes, once each, and drop what a kill or an error left."""
+        """Keep the rows of finished episodes, and drop what a kill or an error left."""
         wanted = {task.key(self.parameters) for task in self.tasks}
-        episodes = {}
-        rows = self._episodes.read()
-        told = [dict(zip(self._episodes.header, row, strict=True)) for row in rows]
-        refuse_damaged(told, self.parameters, self._episodes.path)
-        for row in rows:
-            key = self._key(row)
-            if key in wanted and not row[_ERROR]:
-                episodes.setdefault(key, row)
-        self.finished = set(episodes)
-        self._episodes.rewrite(episodes.values())
+        header, kept = self._episodes.header, []
+        blocks = (dict(zip(header, zip(*rows, strict=True), strict=True)) for rows in self._episodes.blocks())
+        for block in undamaged(blocks, self.parameters, self._episodes.path):
+            for row in zip(*block.values(), strict=True):
+                key = self._key(row)
+                if key in wanted and not row[_ERROR]:
+                    self.finished.add(key)
+                    kept.append(format_row(row))
+        self._episodes.rewrite(kept)
         with contextlib.suppress(FileNotFoundError):
             (self.path / "metrics.csv").unlink()
         shutil.rmtree(self.path / "errors", ignore_errors=True)
@@ -189,32 +197,49 @@ def metrics_csv(groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Me
 
 
 def read_sweep(path: Path) -> tuple[list[dict[str, str]], tuple[str, ...]]:
-    """All rows of a sweep's folder and the names of its swept parameters. Columns that were not there yet
-    when the folder was written are empty. Raises SweepError when it is not the folder of a sweep.
+    """All rows of a sweep's folder and the names of its swept parameters, as `sweep_rows` has them."""
+    rows = sweep_rows(path)
+    return by_row(rows.blocks()), rows.parameters
+
+
+def sweep_rows(path: Path) -> SweepRows:
+    """The rows of a sweep's folder, read as they are used, without columns where there is none. Columns that
+    were not there yet when the folder was written are empty. Raises SweepError when it is not the folder of a
+    sweep.
     """
-    rows = _with_conditions(path, read_table(path / "episodes.csv"))
-    if not rows:
-        return [], ()
-    missing = [name for name in (*IDENTITY, "outcome", "error") if name not in rows[0]]
+    file = path / "episodes.csv"
+    header, blocks = _read(path)
+    if next(blocks, None) is None:
+        return SweepRows((), (), lambda: iter(()))
+    missing = [name for name in (*IDENTITY, "outcome", "error") if name not in header]
     if missing:
-        raise SweepError(f"{path / 'episodes.csv'} has no column {missing[0]!r}; is it the file of a sweep?")
-    renamed = {old: new for old, new in _RENAMED.items() if new not in rows[0]}
-    there = [renamed.get(name, name) for name in rows[0]]
+        raise SweepError(f"{file} has no column {missing[0]!r}; is it the file of a sweep?")
+    renamed = {old: new for old, new in _RENAMED.items() if new not in header}
+    there = [renamed.get(name, name) for name in header]
     parameters = tuple(name for name in there if name not in COLUMNS and name not in _DROPPED)
-    found = rows
-    if there != [*COLUMNS, *parameters]:
-        known = (dict(zip(there, row.values(), strict=True)) for row in rows)
-        found = [{name: row.get(name, "") for name in (*COLUMNS, *parameters)} for row in known]
-    refuse_damaged(found, parameters, path / "episodes.csv")
-    return found, parameters
+    names = (*COLUMNS, *parameters)
+
+    def columns() -> Iterator[Columns]:
+        for rows in _read(path)[1]:
+            known = dict(zip(there, zip(*rows, strict=True), strict=True))
+            nothing = [""] * len(rows)
+            yield {name: known.get(name, nothing) for name in names}
+
+    return SweepRows(names, parameters, lambda: undamaged(columns(), parameters, file))
 
 
-def _with_conditions(path: Path, rows: list[dict[str, str]]) -> list[dict[str, str]]:
-    """Rows of `episodes.csv` with those of `conditions.csv`, which earlier versions kept apart."""
-    if not rows or not (path / "conditions.csv").is_file():
-        return rows
-    apart = read_table(path / "conditions.csv")
-    names = [name for name in (apart[0] if apart else {}) if name in rows[0]]
-    known = {tuple(row[name] for name in names): row for row in apart}
-    nothing = dict.fromkeys(apart[0] if apart else (), "")
-    return [{**row, **known.get(tuple(row[n] for n in names), nothing), **row} for row in rows]
+def _read(path: Path) -> tuple[list[str], Iterator[Rows]]:
+    """Names of the columns of `episodes.csv` and its rows, a block at a time, with those of `conditions.csv`,
+    which earlier versions kept apart.
+    """
+    header, blocks = table_blocks(path / "episodes.csv")
+    blocks = filter(None, blocks)
+    if not (path / "conditions.csv").is_file():
+        return header, blocks
+    others, apart = table_blocks(path / "conditions.csv")
+    keys, more = [name for name in others if name in header], [name for name in others if name not in header]
+    by, added = ([others.index(name) for name in names] for names in (keys, more))
+    known = {tuple(row[k] for k in by): [row[k] for k in added] for block in apart for row in block}
+    at, nothing = [header.index(name) for name in keys], [""] * len(more)
+    joined = ([[*row, *known.get(tuple(row[k] for k in at), nothing)] for row in block] for block in blocks)
+    return [*header, *more], joined

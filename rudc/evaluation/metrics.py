@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from rudc.arrays import Array
+from rudc.arrays import Array, Flags, Index
 from rudc.evaluation.columns import DECISION_MS, METRICS, Metric
-from rudc.evaluation.statistics import Summary, summarise_all, summarise_rate
-
-Row = Mapping[str, str]
-"""A row of `episodes.csv`: column name -> text"""
+from rudc.evaluation.rows import Columns, Row, SweepRows, as_numbers, by_column
+from rudc.evaluation.statistics import Sample, Summary, summarise_all, summarise_rate
 
 STATISTICS = Summary._fields
 """of each metric, in `metrics.csv`"""
@@ -33,59 +32,123 @@ class Group:
     """name -> value"""
 
 
+class Tally:
+    """Takes in rows by column, a block at a time; of each it keeps only what the metrics of its group are made
+    of, some 70 bytes for the paper's seven.
+    """
+
+    def __init__(self, by: Sequence[str], metrics: Sequence[Metric]) -> None:
+        self._by, self._metrics = tuple(by), tuple(metrics)
+        columns = [metric.column for metric in metrics if not metric.outcomes]
+        weighted = any(metric.average != "episodes" for metric in metrics)
+        self._numbers = tuple(dict.fromkeys([*columns, *(["steps"] if weighted else [])]))
+        self._keys: dict[tuple[str, ...], int] = {}
+        self._outcomes: dict[str, int] = {}
+        self._parts: list[_Part] = []
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The columns that it looks at."""
+        return tuple(dict.fromkeys(("error", "outcome", *self._by, *self._numbers)))
+
+    def add(self, columns: Columns) -> None:
+        """Take in some rows."""
+        errors, keys, outcomes = columns["error"], self._keys, self._outcomes
+        own = zip(*(columns[name] for name in self._by), strict=True) if self._by else [()] * len(errors)
+        group = np.fromiter((keys.setdefault(key, len(keys)) for key in own), np.int64, len(errors))
+        ends = (outcomes.setdefault(outcome, len(outcomes)) for outcome in columns["outcome"])
+        self._parts.append(
+            _Part(
+                group,
+                np.fromiter(map(bool, errors), np.bool_, len(errors)),
+                np.fromiter(ends, np.int64, len(errors)),
+                {name: as_numbers(columns[name]) for name in self._numbers},
+            )
+        )
+
+    def groups(self) -> list[Group]:
+        """The metrics of what was taken in, groups in order of first appearance."""
+        if not self._parts:
+            return []
+        whole = _Part(
+            *(np.concatenate([part[k] for part in self._parts]) for k in range(3)),
+            {name: np.concatenate([part.numbers[name] for part in self._parts]) for name in self._numbers},
+        )
+        self._parts = [whole]
+        order = np.argsort(whole.group, kind="stable")
+        members = np.split(order, np.cumsum(np.bincount(whole.group, minlength=len(self._keys)))[:-1])
+        done = [rows[~whole.failed[rows]] for rows in members]
+        values = iter(self._measured(whole, done))
+        return [
+            Group(
+                key, len(ran), len(rows) - len(ran), {metric.name: next(values) for metric in self._metrics}
+            )
+            for key, rows, ran in zip(self._keys, members, done, strict=True)
+        ]
+
+    def _measured(self, whole: _Part, groups: Sequence[Index]) -> list[Summary]:
+        """Each metric of each group of episodes that ran; means all at once, since their intervals share
+        draws.
+        """
+        wanted = [(metric, rows) for rows in groups for metric in self._metrics]
+        means = (self._sample(metric, whole, rows) for metric, rows in wanted if not metric.outcomes)
+        summaries = iter(summarise_all(list(means)))
+        ends = {
+            metric.name: np.array([outcome in metric.outcomes for outcome in self._outcomes], dtype=bool)
+            for metric in self._metrics
+        }
+        return [
+            summarise_rate(ends[metric.name][whole.outcome[rows]]) if metric.outcomes else next(summaries)
+            for metric, rows in wanted
+        ]
+
+    def _sample(self, metric: Metric, whole: _Part, rows: Index) -> Sample:
+        totals, parts = _weighted(metric, lambda name: whole.numbers[name][rows])
+        return totals, None if metric.average == "episodes" else parts
+
+
+class _Part(NamedTuple):
+    """Some rows, (n,) each."""
+
+    group: Index
+    failed: Flags
+    outcome: Index
+    numbers: Mapping[str, Array]
+    """of the columns that metrics are means of"""
+
+
 def group_metrics(
-    rows: Iterable[Row], by: Sequence[str], metrics: Sequence[Metric] = (*METRICS, DECISION_MS)
+    rows: Sequence[Row] | SweepRows, by: Sequence[str], metrics: Sequence[Metric] = (*METRICS, DECISION_MS)
 ) -> list[Group]:
     """The metrics of the rows grouped by columns, groups in order of first appearance."""
-    groups: dict[tuple[str, ...], list[Row]] = {}
-    for row in rows:
-        groups.setdefault(tuple(row[column] for column in by), []).append(row)
-    done = [[row for row in members if not row["error"]] for members in groups.values()]
-    values = iter(_measured([(metric, rows) for rows in done for metric in metrics]))
-    return [
-        Group(key, len(rows), len(members) - len(rows), {metric.name: next(values) for metric in metrics})
-        for (key, members), rows in zip(groups.items(), done, strict=True)
-    ]
+    tally = Tally(by, metrics)
+    for block in rows.blocks() if isinstance(rows, SweepRows) else [by_column(rows, tally.needs)]:
+        tally.add(block)
+    return tally.groups()
 
 
 def measure(metric: Metric, rows: Sequence[Row]) -> Summary:
     """A metric of episodes that ran to an end."""
-    return _measured([(metric, rows)])[0]
-
-
-def _measured(wanted: Sequence[tuple[Metric, Sequence[Row]]]) -> list[Summary]:
-    """Each metric of its rows; means all at once, since their intervals share draws."""
-    means = [
-        (totals, None if metric.average == "episodes" else parts)
-        for metric, rows in wanted
-        if not metric.outcomes
-        for totals, parts in [_parts(metric, rows)]
-    ]
-    summaries = iter(summarise_all(means))
-    return [
-        summarise_rate(np.array([row["outcome"] in metric.outcomes for row in rows], dtype=bool))
-        if metric.outcomes
-        else next(summaries)
-        for metric, rows in wanted
-    ]
+    (group,) = group_metrics(rows, (), [metric])
+    return group.metrics[metric.name]
 
 
 def average(metric: Metric, rows: Sequence[Row]) -> float:
     """The mean alone of a metric that is no rate; nan where no episode has a number."""
-    totals, parts = _parts(metric, rows)
+    totals, parts = _weighted(metric, lambda name: numbers(rows, name))
     known = ~(np.isnan(totals) | np.isnan(parts))
     return float(totals[known].sum() / parts[known].sum()) if known.any() else math.nan
 
 
-def _parts(metric: Metric, rows: Sequence[Row]) -> tuple[Array, Array]:
+def _weighted(metric: Metric, numbers_of: Callable[[str], Array]) -> tuple[Array, Array]:
     """Two (n,): each episode's sum, and over how many things it goes (itself, or its decisions)."""
-    values = metric.scale * numbers(rows, metric.column)
+    values = metric.scale * numbers_of(metric.column)
     if metric.average == "episodes":
         return values, np.ones(len(values))
-    steps = numbers(rows, "steps")
+    steps = numbers_of("steps")
     return (values if metric.average == "share" else values * steps), steps
 
 
 def numbers(rows: Sequence[Row], column: str) -> Array:
     """(n,) the column's numbers, nan where it is empty."""
-    return np.array([float(row[column]) if row[column] else math.nan for row in rows], dtype=float)
+    return as_numbers([row[column] for row in rows])

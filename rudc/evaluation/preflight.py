@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from rudc.errors import RudcError, ScenarioError
 from rudc.network.network import load_network
 from rudc.scenario.library import shown
 from rudc.scenario.loader import load_scenario
+from rudc.scenario.spread import spread
 from rudc.world.fitting import misfits
 
 if TYPE_CHECKING:
@@ -48,16 +46,9 @@ def try_out(scenario: Scenario, seed: int = 0) -> list[str]:
 
 
 def tried_points(scenario: Scenario) -> list[dict[str, Scalar]]:
-    """The points of a sweep that `try_out` sets up: all, or `TRIED` at most of a larger sweep, the same ones
-    each time. They are a Latin hypercube: each key's values come up about equally often, its first and its
-    last among them, and all of them where the key has no more than `TRIED`.
-    """
-    if math.prod(map(len, scenario.sweep.values())) <= TRIED:
-        return scenario.points()
-    rng = np.random.default_rng(0)
-    columns = [
-        [values[k] for k in rng.permutation(np.linspace(0, len(values) - 1, TRIED).round().astype(int))]
-        for values in scenario.sweep.values()
+    """The points of a sweep that `try_out` sets up: all, or `TRIED` at most of a larger sweep (`spread`)."""
+    keys, values = list(scenario.sweep), list(scenario.sweep.values())
+    return [
+        {key: values[k][i] for k, (key, i) in enumerate(zip(keys, point, strict=True))}
+        for point in spread([len(known) for known in values], TRIED)
     ]
-    rows = dict.fromkeys(zip(*columns, strict=True))
-    return [dict(zip(scenario.sweep, row, strict=True)) for row in rows]

@@ -2,40 +2,61 @@
 
 The rows are those of the local engine; only who computes them differs. An actor gets its first episode when
 it says that it is there: a cluster with fewer cores than workers leaves the others waiting, for good or until
-it grows. An actor that dies or takes too long is replaced and its episode tried once more.
+it grows.
+
+Episodes travel in batches, since a call to an actor costs what a short episode takes: the first ones alone,
+then as many as took `BATCH_S` so far. An actor that dies or takes too long is replaced, and the episodes that it
+had are tried once more, each alone: so one that kills its actor takes no other with it.
 """
 
 from __future__ import annotations
 
 import importlib
+import math
 import os
 import socket
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from rudc.errors import InputError, SimulationError
 from rudc.evaluation.engine import START_FAILURES, TRIES, Result, Runner, RunnerFactory
+from rudc.evaluation.memory import return_large_blocks
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.tasks import Task
 from rudc.hints import install_command
 
 ANSWER_S = 8.0
 """s in which a cluster's address must answer"""
+BATCH_S = 2.0
+"""s that a batch should take"""
+RECENT = 0.2
+"""weight of the last batch in the mean length of an episode: scenarios and agents come one after another"""
 
 
 class _Remote:
     """What lives in an actor."""
 
     def __init__(self, make_runner: RunnerFactory) -> None:
+        return_large_blocks()
         self._run: Runner = make_runner()
 
     def ready(self) -> None:
         """Answered once the actor is there."""
 
-    def run(self, task: Task) -> EpisodeRecord:
-        return self._run(task)
+    def run(self, tasks: Sequence[Task]) -> list[EpisodeRecord]:
+        """A batch, in its order."""
+        return [self._run(task) for task in tasks]
+
+
+class _Batch(NamedTuple):
+    """What an actor is doing."""
+
+    actor: Any
+    tasks: Sequence[Task]
+    since: float
+    """s, when it was given"""
 
 
 def find_ray() -> Any:
@@ -93,34 +114,58 @@ class _Actors:
         self._ray = ray
         self._make = lambda: ray.remote(num_cpus=1)(_Remote).remote(make_runner)
         self._limit_s = limit_s
-        self._pending = deque((task, 1) for task in tasks)
+        self._pending = deque(tasks)
+        self._failures: Counter[int] = Counter()
+        """id of a task -> how often an actor failed that had it"""
         self._starting: dict[Any, Any] = {}
         """reference to an actor's word that it is there -> the actor"""
-        self._running: dict[Any, tuple[Any, Task, int, float]] = {}
-        """reference to a record -> actor, task, which try it is, s when it was given"""
+        self._running: dict[Any, _Batch] = {}
+        """reference to records -> what is running"""
         self._failed_starts = 0
+        self._episode_s = math.inf
+        """s that an episode takes, the last batches counting most"""
 
     def run(self, workers: int) -> Iterator[Result]:
         for _ in range(workers):
             self._start()
         while self._pending or self._running:
-            ended, _ = self._ray.wait([*self._running, *self._starting], timeout=1.0)
+            ended, others = self._ray.wait([*self._running, *self._starting], num_returns=1, timeout=1.0)
+            if others:  # all that have ended meanwhile: asking costs as much for one as for a thousand
+                ended += self._ray.wait(others, num_returns=len(others), timeout=0.0)[0]
             now = time.monotonic()
-            late = [ref for ref, job in self._running.items() if now - job[3] > self._limit_s]
-            for reference in {*ended, *late}:
+            late = [ref for ref, batch in self._running.items() if now > self._deadline(batch)]
+            for reference in dict.fromkeys([*ended, *late]):
                 if reference in self._starting:
                     self._welcome(reference)
-                elif result := self._attend(reference):
-                    yield result
+                else:
+                    yield from self._attend(reference)
+
+    def _deadline(self, batch: _Batch) -> float:
+        """When a batch is late: one of its episodes may take all the time that an episode has."""
+        return batch.since + self._limit_s + (2.0 * BATCH_S if len(batch.tasks) > 1 else 0.0)
 
     def _start(self) -> None:
         actor = self._make()
         self._starting[actor.ready.remote()] = actor
 
     def _assign(self, actor: Any) -> None:
-        if self._pending:
-            task, attempt = self._pending.popleft()
-            self._running[actor.run.remote(task)] = actor, task, attempt, time.monotonic()
+        """Give an actor a batch; where there is none left, its core may be what another waits for."""
+        if tasks := self._next():
+            self._running[actor.run.remote(tasks)] = _Batch(actor, tasks, time.monotonic())
+        else:
+            self._ray.kill(actor)
+
+    def _next(self) -> list[Task]:
+        """The next batch: no more than an actor's half of a fair share, so that all end at about one time."""
+        share = len(self._pending) // (2 * (len(self._running) + len(self._starting) + 1))
+        size = max(1, min(share, int(BATCH_S / self._episode_s)))
+        tasks = [self._pending.popleft() for _ in range(min(size, len(self._pending)))]
+        alone = next((k for k, task in enumerate(tasks) if self._failures[id(task)]), None)
+        if alone is not None:
+            keep = max(alone, 1)
+            self._pending.extendleft(reversed(tasks[keep:]))
+            return tasks[:keep]
+        return tasks
 
     def _welcome(self, reference: Any) -> None:
         """Give an actor that has started its first task; start another if it could not."""
@@ -136,22 +181,31 @@ class _Actors:
             self._failed_starts = 0
             self._assign(actor)
 
-    def _attend(self, reference: Any) -> Result | None:
-        """Take a record, or replace an actor that died or is late; its episode is tried once more."""
-        actor, task, attempt, since = self._running.pop(reference)
+    def _attend(self, reference: Any) -> list[Result]:
+        """Take records, or replace an actor that died or is late; its episodes are tried once more."""
+        batch = self._running.pop(reference)
+        spent = time.monotonic() - batch.since
         try:
-            record = self._ray.get(reference, timeout=0.0)
+            records = self._ray.get(reference, timeout=0.0)
         except Exception as error:  # ray's own: the actor died, or is late
-            self._ray.kill(actor)
-            late = time.monotonic() - since > self._limit_s
-            reason = f"no result within {self._limit_s:g} s" if late else f"{type(error).__name__}: {error}"
-            again = attempt < TRIES
-            if again:
-                self._pending.appendleft((task, attempt + 1))
-            if self._pending:
-                self._start()
-            reason = f"the worker failed {TRIES} times: {reason}"
-            name, agent, seed = task.scenario.name, task.agent, task.seed
-            return None if again else (task, EpisodeRecord.failed(name, agent, seed, reason))
-        self._assign(actor)
-        return task, record
+            self._ray.kill(batch.actor)
+            late = time.monotonic() > self._deadline(batch)
+            return self._again(
+                batch.tasks,
+                f"no result within {self._limit_s:g} s" if late else f"{type(error).__name__}: {error}",
+            )
+        each = max(spent / len(records), 1e-6)
+        known = each if math.isinf(self._episode_s) else self._episode_s
+        self._episode_s = (1.0 - RECENT) * known + RECENT * each
+        self._assign(batch.actor)
+        return list(zip(batch.tasks, records, strict=True))
+
+    def _again(self, tasks: Sequence[Task], reason: str) -> list[Result]:
+        """Have tasks tried once more, by a new actor; the records of those that were tried often enough."""
+        self._failures.update(map(id, tasks))
+        given_up = [task for task in tasks if self._failures[id(task)] >= TRIES]
+        self._pending.extendleft(task for task in reversed(tasks) if self._failures[id(task)] < TRIES)
+        if self._pending:
+            self._start()
+        reason = f"the worker failed {TRIES} times: {reason}"
+        return [(t, EpisodeRecord.failed(t.scenario.name, t.agent, t.seed, reason)) for t in given_up]

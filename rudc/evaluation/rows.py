@@ -1,38 +1,118 @@
-"""Whether the rows of a sweep say what episodes can: outcomes, numbers, each episode once."""
+"""Rows of a sweep by column, a block at a time, and whether they say what episodes can: outcomes, numbers,
+each episode once. Of a million rows only a block is in memory.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
+from rudc.arrays import Array, Index
 from rudc.env.episode import Outcome
 from rudc.errors import SweepError
 from rudc.evaluation.columns import COLUMNS, IDENTITY
 from rudc.evaluation.store import MENDED
 
+Row = Mapping[str, str]
+"""a row of `episodes.csv`: column name -> text"""
+Columns = Mapping[str, Sequence[str]]
+"""some rows of it: column name -> text in each, (n,)"""
+
 _NUMBERS = tuple(name for name, column in COLUMNS.items() if column.average is not None)
 _OUTCOMES = frozenset(map(str, Outcome))
+_SEED_DIGITS = 20
+"""a seed has fewer"""
 
 
-def refuse_damaged(rows: Sequence[Mapping[str, str]], parameters: Sequence[str], path: Path) -> None:
-    """Raise SweepError, with the line's number, for the first row that no episode has written. Rows are those
-    of the whole file, without its header.
+@dataclass(frozen=True)
+class SweepRows:
+    """The rows of a sweep's folder, read as they are used."""
+
+    names: tuple[str, ...]
+    """of the columns"""
+    parameters: tuple[str, ...]
+    """dotted keys that were swept, columns too"""
+    blocks: Callable[[], Iterator[Columns]]
+    """reads them from the first on. Raises SweepError, with the line's number, where one is damaged"""
+
+
+def by_column(rows: Sequence[Row], names: Iterable[str]) -> Columns:
+    """Some columns of rows."""
+    return {name: [row[name] for row in rows] for name in names}
+
+
+def by_row(blocks: Iterable[Columns]) -> list[dict[str, str]]:
+    """Rows one by one."""
+    return [
+        dict(zip(block, cells, strict=True))
+        for block in blocks
+        for cells in zip(*block.values(), strict=True)
+    ]
+
+
+def as_numbers(texts: Sequence[str]) -> Array:
+    """(n,) what cells say, nan where they are empty. Raises ValueError."""
+    return np.array([float(text) if text else math.nan for text in texts], dtype=float)
+
+
+def undamaged(blocks: Iterable[Columns], parameters: Sequence[str], path: Path) -> Iterator[Columns]:
+    """The same blocks, each looked at before. Raises SweepError, with the line's number, for the first row that
+    no episode has written; after the last block, where an episode stands twice. Episodes are told apart by
+    64 bits of what tells them apart. The blocks are those of the whole file at `path`, without its header.
     """
-    first: dict[tuple[str, ...], int] = {}
-    for line, row in enumerate(rows, 2):
-        if wrong := _wrong(row):
-            raise SweepError(f"{path}:{line}: {wrong}; {MENDED}")
-        key = tuple(row[name] for name in (*IDENTITY, *parameters))
-        other = first.setdefault(key, line)
-        if other != line and not row["error"] and not rows[other - 2]["error"]:
-            raise SweepError(f"{path}:{line}: the same episode as line {other}; delete one of them")
+    lines, keys, begun = [], [], 2
+    for block in blocks:
+        count = len(block["seed"])
+        if not _sound(block):
+            for number, row in enumerate(by_row([block]), begun):
+                if wrong := _wrong(row):
+                    raise SweepError(f"{path}:{number}: {wrong}; {MENDED}")
+        ran = np.array([not error for error in block["error"]], dtype=bool)
+        identity = zip(*(block[name] for name in (*IDENTITY, *parameters)), strict=True)
+        keys.append(np.fromiter(map(hash, identity), np.int64, count)[ran])
+        lines.append(begun + np.flatnonzero(ran))
+        begun += count
+        yield block
+    if keys:
+        _refuse_twice(np.concatenate(keys), np.concatenate(lines), path)
 
 
-def _wrong(row: Mapping[str, str]) -> str:
+def _refuse_twice(keys: Index, lines: Index, path: Path) -> None:
+    """Raise SweepError for the first line whose key another has before it."""
+    order = np.argsort(keys, kind="stable")
+    again = np.flatnonzero(keys[order][1:] == keys[order][:-1])
+    if len(again):
+        k = again[np.argmin(order[again + 1])]
+        line, other = lines[order[k + 1]], lines[order[k]]
+        raise SweepError(f"{path}:{line}: the same episode as line {other}; delete one of them")
+
+
+def _sound(block: Columns) -> bool:
+    """Whether no row of a block is wrong; as `_wrong`, for all at once."""
+    seeds = block["seed"]
+    digits = "".join(seeds)
+    if not (digits.isascii() and digits.isdigit() and all(seeds) and max(map(len, seeds)) < _SEED_DIGITS):
+        return False
+    ends = set(zip(map(bool, block["error"]), block["outcome"], strict=True))
+    if any(bool(outcome) if failed else outcome not in _OUTCOMES for failed, outcome in ends):
+        return False
+    try:
+        return all(
+            int(np.isfinite(as_numbers(block[name])).sum()) == len(seeds) - block[name].count("")
+            for name in _NUMBERS
+        )
+    except ValueError:
+        return False
+
+
+def _wrong(row: Row) -> str:
     """What is wrong with a row, in words; empty for nothing."""
     seed, outcome = row["seed"], row["outcome"]
-    if not (seed.isascii() and seed.isdigit() and len(seed) < 20):
+    if not (seed.isascii() and seed.isdigit() and len(seed) < _SEED_DIGITS):
         return f"seed: {seed[:40]!r} is no number of an episode"
     if row["error"] and outcome:
         return f"outcome: {outcome[:40]!r} of an episode that has an error"

@@ -1,25 +1,35 @@
 """A sweep's rows on disk: appended as episodes end, readable at any moment, sorted when all are there.
 
-Only the sweep's own process writes. A row goes out in a single write and is flushed to the disk; what a kill
-or a full disk leaves of a row is cut off. A row never spans lines, so a file is whole up to its last line
+Only the sweep's own process writes. A row goes out in a single write, so that a kill costs none that was
+written; what a full disk leaves of a row is cut off. The file is flushed to the disk with the first row, and
+then with the first that comes `FLUSH_S` later: a power cut may cost the rows since, and `--resume` drives
+their episodes again. A row never spans lines, so a file is whole up to its last line
 break. Rewriting (dropping rows, sorting) goes to a file beside it that then replaces it.
 """
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import errno
 import io
+import itertools
+import math
 import os
-from collections.abc import Iterable, Sequence
+import time
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from rudc.errors import SweepError
-from rudc.files import explain, write_atomically
+from rudc.files import explain, replacing
 
 Rows = list[list[str]]
 MENDED = "mend or delete the line"
 """what to do about one that is no row"""
+FLUSH_S = 0.2
+"""s: flushing takes a hundred times as long as writing a row"""
+_BLOCK = 1_000_000
+"""bytes, about, that are read at once"""
 
 
 def format_row(cells: Sequence[str]) -> str:
@@ -36,25 +46,31 @@ class RowFile:
         self.path = path
         self.header = list(header)
         self._descriptor: int | None = None
+        self._flushed_s = -math.inf
 
-    def read(self) -> Rows:
+    def rows(self) -> Iterator[Sequence[str]]:
         """The whole rows of the file, in its order; none if there is no file. A torn last line is left out.
 
         Raises SweepError when it is the file of another sweep, or damaged.
         """
+        return itertools.chain.from_iterable(self.blocks())
+
+    def blocks(self) -> Iterator[Rows]:
+        """The same, some thousands of rows at a time; none of them is empty."""
         if not self.path.exists():
-            return []
-        lines = whole_lines(self.path)
-        if lines and lines[0] != self.header:
+            return
+        header, blocks = table_blocks(self.path)
+        if header and header != self.header:
             raise SweepError(
                 f"{self.path} has other columns than this sweep writes; use another folder, or delete it"
             )
-        return lines[1:]
+        yield from filter(None, blocks)
 
-    def rewrite(self, rows: Iterable[Sequence[str]]) -> None:
-        """Replace the content by the header and these rows."""
+    def rewrite(self, lines: Iterable[str]) -> None:
+        """Replace the content by the header and these rows, each as `format_row` has it."""
         self.close()
-        write_atomically(self.path, format_row(self.header) + "".join(map(format_row, rows)))
+        with replacing(self.path) as file:
+            file.writelines(line.encode() for line in itertools.chain([format_row(self.header)], lines))
 
     def append(self, row: Sequence[str]) -> None:
         """Add a row; raises StorageError, the file as it was before, when it cannot be written."""
@@ -75,11 +91,16 @@ class RowFile:
         written = os.write(self._descriptor, data)
         if written < len(data):  # a full disk takes a part and says so at the next write
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        os.fsync(self._descriptor)
+        now = time.monotonic()
+        if now - self._flushed_s > FLUSH_S:
+            os.fsync(self._descriptor)
+            self._flushed_s = now
 
     def close(self) -> None:
-        """Close the file; `append` opens it again."""
+        """Flush the file to the disk and close it; `append` opens it again."""
         if self._descriptor is not None:
+            with contextlib.suppress(OSError):
+                os.fsync(self._descriptor)
             os.close(self._descriptor)
             self._descriptor = None
 
@@ -95,29 +116,63 @@ def read_header(path: Path) -> list[str]:
 
 def read_table(path: Path) -> list[dict[str, str]]:
     """The whole rows of a CSV file as dictionaries. Raises SweepError if none, or damaged."""
+    header, blocks = table_blocks(path)
+    return [dict(zip(header, row, strict=True)) for block in blocks for row in block]
+
+
+def table_blocks(path: Path) -> tuple[list[str], Iterator[Rows]]:
+    """The names of a CSV file's columns, and its whole rows, some thousands at a time. Raises SweepError if
+    there is no file, or as `row_blocks` does.
+    """
     if not path.is_file():
         raise SweepError(f"no {path.name} in {path.parent}; is it the folder of a sweep?")
-    lines = whole_lines(path)
-    return [dict(zip(lines[0], line, strict=True)) for line in lines[1:]]
+    blocks = row_blocks(path)
+    first = next(blocks, [[]])
+    return first[0], itertools.chain([first[1:]], blocks)
 
 
-def whole_lines(path: Path) -> Rows:
-    """The cells of each whole line of a CSV file, as many in each as in the first: line k is row k + 1 of
-    them. What follows the last line break is left out. Raises SweepError, with the line's number, where a
+def row_blocks(path: Path) -> Iterator[Rows]:
+    """The cells of each whole line of a CSV file, as many in each as in the first, some thousands of lines at
+    a time. What follows the last line break is left out. Raises SweepError, with the line's number, where a
     line is no row.
     """
-    data = path.read_bytes()
+    width, begun = 0, 0
+    with path.open("rb") as file:
+        while lines := file.readlines(_BLOCK):
+            if torn := not lines[-1].endswith(b"\n"):
+                lines.pop()
+            found = _rows_of(lines) or _rows_one_by_one(lines, begun, path)
+            if found and not begun:
+                width = len(found[0])
+                if len(set(found[0])) != width:
+                    raise SweepError(f"{path}:1: names a column twice; {MENDED}")
+            if set(map(len, found)) - {width}:
+                number, row = next((k, row) for k, row in enumerate(found, begun + 1) if len(row) != width)
+                raise SweepError(f"{path}:{number}: has {len(row)} cells, not {width}; {MENDED}")
+            begun += len(found)
+            if found:
+                yield found
+            if torn:  # a sweep may be about to finish the line
+                return
+
+
+def _rows_of(lines: Sequence[bytes]) -> Rows:
+    """The cells of lines, read at once; none where a line is no row by itself."""
+    try:
+        found = list(csv.reader(b"".join(lines).decode("utf-8").split("\n")[: len(lines)], strict=True))
+    except (UnicodeDecodeError, csv.Error):
+        return []
+    return found if len(found) == len(lines) else []  # fewer: a quote that is not closed in its line
+
+
+def _rows_one_by_one(lines: Sequence[bytes], begun: int, path: Path) -> Rows:
+    """The cells of lines of which some may be no row; it is named by its number, after `begun` others."""
     found: Rows = []
-    for number, line in enumerate(data[: data.rfind(b"\n") + 1].split(b"\n")[:-1], 1):
+    for number, line in enumerate(lines, begun + 1):
         try:
-            cells = next(csv.reader([line.decode("utf-8")], strict=True), [])
+            found.append(next(csv.reader([line[:-1].decode("utf-8")], strict=True), []))
         except UnicodeDecodeError:
             raise SweepError(f"{path}:{number}: not valid UTF-8 text; {MENDED}") from None
         except csv.Error as error:
             raise SweepError(f"{path}:{number}: not a row of a CSV file ({error}); {MENDED}") from None
-        if found and len(cells) != len(found[0]):
-            raise SweepError(f"{path}:{number}: has {len(cells)} cells, not {len(found[0])}; {MENDED}")
-        if not found and len(set(cells)) != len(cells):
-            raise SweepError(f"{path}:1: names a column twice; {MENDED}")
-        found.append(cells)
     return found

@@ -6,6 +6,7 @@ import pickle
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -13,10 +14,11 @@ from rudc.agents.drivers import MakeAgent, register_agent, registered_agents
 from rudc.errors import InputError, StorageError, SweepError
 from rudc.evaluation.compiled import compile_kernels
 from rudc.evaluation.engine import Result, Runner, RunnerFactory, run_local
-from rudc.evaluation.folder import SweepFolder
+from rudc.evaluation.folder import SweepFolder, read_sweep, sweep_rows
 from rudc.evaluation.manifest import code_digest
 from rudc.evaluation.ray_engine import connect, run_ray
 from rudc.evaluation.record import EpisodeRecord
+from rudc.evaluation.rows import by_row
 from rudc.evaluation.tasks import SweepPlan, Task
 from rudc.hints import there_are
 from rudc.imports import PREFIX, import_first, imported_first
@@ -66,15 +68,17 @@ class SweepResult:
     """What a finished sweep left."""
 
     folder: Path
-    rows: list[dict[str, str]]
-    """of `episodes.csv`, in canonical order"""
-    parameters: tuple[str, ...]
-    """dotted keys that were swept"""
 
-    @property
+    @cached_property
+    def rows(self) -> list[dict[str, str]]:
+        """Of `episodes.csv`, in canonical order."""
+        return read_sweep(self.folder)[0]
+
+    @cached_property
     def errors(self) -> list[dict[str, str]]:
         """Rows of the episodes that could not be run."""
-        return [row for row in self.rows if row["error"]]
+        failed = (block for block in sweep_rows(self.folder).blocks() if any(block["error"]))
+        return [row for row in by_row(failed) if row["error"]]
 
 
 def run_sweep(
@@ -128,7 +132,8 @@ def _finish(
         with closing(engine.run(todo, workers, limit_s, prepared(make_runner))) as results:  # pyright: ignore
             for task, record in results:
                 progress.advance(task, folder.add(task, record))
-    return SweepResult(folder.path, folder.complete(), folder.parameters)
+    folder.complete()
+    return SweepResult(folder.path)
 
 
 def prepared(make_runner: RunnerFactory) -> RunnerFactory:

@@ -15,6 +15,7 @@ from rudc.evaluation.columns import COLUMNS, DECISION_MS, METRICS, Metric, metri
 from rudc.evaluation.folder import metrics_csv
 from rudc.evaluation.metrics import Group, group_metrics
 from rudc.evaluation.paper import beside, is_from_paper, paper_groups
+from rudc.evaluation.rows import Row, SweepRows
 from rudc.evaluation.statistics import Summary
 from rudc.hints import did_you_mean, there_are
 
@@ -26,7 +27,7 @@ _LATEX_ARROWS = {"higher": "\\,$\\uparrow$", "lower": "\\,$\\downarrow$", None: 
 
 
 def make_table(
-    rows: Sequence[dict[str, str]],
+    rows: Sequence[Row] | SweepRows,
     by: Sequence[str],
     style: Format = "markdown",
     against: str | None = None,
@@ -55,20 +56,19 @@ def named_metrics(names: Sequence[str]) -> tuple[Metric, ...]:
 
 
 def measured(
-    rows: Sequence[dict[str, str]],
+    rows: Sequence[Row] | SweepRows,
     by: Sequence[str],
     against: str | None = None,
     metrics: Sequence[Metric] = (*METRICS, DECISION_MS),
 ) -> list[Group]:
     """The groups of a table; those of the paper beside ours of the same name and scenario, or after them."""
-    if not rows:
+    names = rows.names if isinstance(rows, SweepRows) else tuple(rows[0]) if rows else ()
+    if not names:
         raise InputError("there is no finished episode to make a table of")
-    unknown = [name for name in by if name not in rows[0]]
+    unknown = [name for name in by if name not in names]
     if unknown or not by:
-        hint = did_you_mean(unknown[0], list(rows[0])) if unknown else ""
-        raise InputError(
-            f"no column {', '.join(unknown)!r} to group by{hint}; there are: {', '.join(rows[0])}"
-        )
+        hint = did_you_mean(unknown[0], names) if unknown else ""
+        raise InputError(f"no column {', '.join(unknown)!r} to group by{hint}; there are: {', '.join(names)}")
     groups = group_metrics(rows, by, metrics)
     if against is None:
         return groups

@@ -18,7 +18,7 @@ MOST = 10_000_000
 """episodes of a sweep: their tasks are kept in memory, 0.5 kB each"""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Task:
     """One episode to be run."""
 

@@ -14,14 +14,15 @@ class DottedKeyError(Exception):
 
 
 def with_value(data: dict[str, Any], key: str, value: Any) -> tuple[dict[str, Any], Path]:
-    """The same data with another value at a dotted key, and the path to it.
+    """The same data with another value at a dotted key, and the path to it. What the key does not lead
+    through is shared with the data, not copied.
 
     Sections that are missing are made. Raises DottedKeyError.
     """
     parts = key.split(".")
     if not all(parts):
         raise DottedKeyError("expected a dotted key, such as traffic.density")
-    changed = deepcopy(data)
+    changed = data.copy()
     here: Any = changed
     path: Path = ()
     for i, part in enumerate(parts):
@@ -29,9 +30,9 @@ def with_value(data: dict[str, Any], key: str, value: Any) -> tuple[dict[str, An
         path = (*path, step)
         if i == len(parts) - 1:
             here[step] = deepcopy(value)
-        elif isinstance(step, str):
-            here = here.setdefault(step, {})
         else:
+            inner = here.get(step, {}) if isinstance(step, str) else here[step]
+            here[step] = inner.copy() if isinstance(inner, dict | list) else inner
             here = here[step]
     return changed, path
 

@@ -1,13 +1,13 @@
 """Whether a file fits what it names beyond itself: its network's arms, lanes and turns.
 
 What is asked, a `Fit`, comes from a floor that knows networks (`rudc.world.fitting.misfits`). It is asked of
-every combination of swept values that it could depend on, and each answer is put in its place, once. Every
-part of the file that can be read by itself is asked about, so that a file's problems come all at once.
+every combination of swept values that it could depend on, `ASKED` at most, and each answer is put in its
+place, once. Every part of the file that can be read by itself is asked about, so that a file's problems come
+all at once.
 """
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -21,12 +21,15 @@ from rudc.scenario.model import GRID_LIMIT
 from rudc.scenario.networks import existing_network
 from rudc.scenario.problems import Problem
 from rudc.scenario.sections import Ego
+from rudc.scenario.spread import spread
 from rudc.scenario.yaml_text import Report, Sheet
 
 _EVENT: TypeAdapter[Event] = TypeAdapter(AnyEvent)
 _NETWORK = "four_way"
 ASKED_ABOUT = ("network", "junction", "ego", "events")
 """top-level keys that a fit can depend on"""
+ASKED = 64
+"""combinations of their swept values that are asked about; the others may fail when a sweep comes to them"""
 
 
 @dataclass(frozen=True)
@@ -50,10 +53,8 @@ def fit_reports(sheet: Sheet, data: dict[str, Any], fit: Fit) -> list[Report]:
     """What does not fit, each once: at its own place, or at the swept values that cause it."""
     base = {key: value for key, value in data.items() if key != "sweep"}
     axes = _axes(base, data.get("sweep"))
-    choices = [
-        dict(zip(axes, point, strict=True))
-        for point in itertools.product(*(range(len(v)) for v in axes.values()))
-    ]
+    points = spread([len(values) for values in axes.values()], ASKED)
+    choices = [dict(zip(axes, point, strict=True)) for point in points]
     found: dict[Problem, list[dict[str, int]]] = {}
     paths: dict[str, Path] = {}
     for choice in choices:

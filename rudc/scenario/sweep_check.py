@@ -29,9 +29,22 @@ def sweep_reports(sheet: Sheet, data: dict[str, Any], known: set[tuple[Path, str
         reports.append(sheet.report(("sweep",), f"has {size} combinations; {GRID_LIMIT} at most are allowed"))
     if reports:
         return reports
-    for choice in itertools.product(*(range(len(values)) for values in sweep.values())):
-        reports += _point_reports(sheet, base, sweep, dict(zip(sweep, choice, strict=True)), known)
+    for keys in _by_part(sweep):
+        part = {name: base[name] for name in ("name", keys[0].split(".")[0]) if name in base}
+        for choice in itertools.product(*(range(len(sweep[key])) for key in keys)):
+            reports += _point_reports(sheet, part, sweep, dict(zip(keys, choice, strict=True)), known)
     return list(dict.fromkeys(reports))
+
+
+def _by_part(sweep: dict[str, list[Any]]) -> list[list[str]]:
+    """Swept keys of the same part of a file together: no rule is about two parts, so that the values in one
+    need not be tried with all of those in another.
+    """
+    parts: dict[tuple[str, ...], list[str]] = {}
+    for key in sweep:
+        top, *rest = key.split(".")
+        parts.setdefault((top, *rest[:1]) if top == "events" else (top,), []).append(key)
+    return list(parts.values())
 
 
 def _axis_reports(sheet: Sheet, base: dict[str, Any], key: str, values: list[Any]) -> list[Report]:

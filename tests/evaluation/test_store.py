@@ -23,7 +23,7 @@ def file(tmp_path):
 
 def test_rows_are_there_as_soon_as_they_are_appended(file):
     file.append(["a", 'with "quotes", commas'])
-    assert RowFile(file.path, HEADER).read() == [["a", 'with "quotes", commas']]
+    assert list(RowFile(file.path, HEADER).rows()) == [["a", 'with "quotes", commas']]
     file.append(["b", ""])
     assert [row["name"] for row in read_table(file.path)] == ["a", "b"]
 
@@ -41,19 +41,19 @@ def test_a_torn_file_is_whole_up_to_its_last_line_break(tmp_path_factory, cut):
     whole = b"name,text\na,1\nb,2\nc,three\n"
     path.write_bytes(whole[: max(len(whole) - cut, 10)])
     rows = RowFile(path, HEADER)
-    found = rows.read()
+    found = list(rows.rows())
     assert found == [["a", "1"], ["b", "2"], ["c", "three"]][: len(found)]
-    rows.rewrite(found)
+    rows.rewrite(map(format_row, found))
     rows.append(["d", "4"])
     rows.close()
-    assert rows.read() == [*found, ["d", "4"]]
+    assert list(rows.rows()) == [*found, ["d", "4"]]
 
 
 def test_other_columns_are_refused(tmp_path):
     path = tmp_path / "rows.csv"
     path.write_text("something,else\n1,2\n")
     with pytest.raises(SweepError, match="other columns"):
-        RowFile(path, HEADER).read()
+        list(RowFile(path, HEADER).rows())
 
 
 @pytest.mark.parametrize("taken", [0, 3])

@@ -17,7 +17,7 @@ from rudc.errors import InputError, SimulationError, StorageError, SweepError
 from rudc.evaluation import folder as folder_module
 from rudc.evaluation.columns import COLUMNS, TIMING
 from rudc.evaluation.folder import read_sweep
-from rudc.evaluation.store import RowFile, read_table
+from rudc.evaluation.store import RowFile, format_row, read_table
 from rudc.evaluation.sweep import run_sweep
 from rudc.evaluation.tasks import SweepPlan
 
@@ -162,7 +162,7 @@ def as_written_before(folder: Path) -> None:
         ("episodes.csv", episodes),
         ("conditions.csv", ["scenario", "agent", "seed", "traffic.density", *apart]),
     ):
-        RowFile(folder / name, header).rewrite([[row[column] for column in header] for row in rows])
+        RowFile(folder / name, header).rewrite(format_row([row[column] for column in header]) for row in rows)
     manifest = json.loads((folder / "manifest.json").read_text())
     (folder / "manifest.json").write_text(json.dumps({**manifest, "format": 1}))
 
@@ -189,7 +189,9 @@ def test_a_folder_of_an_earlier_version_reads_and_is_not_gone_on_with(fakes, mak
 def test_rows_that_lack_a_column_are_never_mixed_with_others(fakes, make_plan, tmp_path):
     rows = run_sweep(make_plan(), tmp_path, fakes.Runner).rows
     header = [name for name in COLUMNS if name != "density"]
-    RowFile(tmp_path / "episodes.csv", header).rewrite([[row[name] for name in header] for row in rows])
+    RowFile(tmp_path / "episodes.csv", header).rewrite(
+        format_row([row[name] for name in header]) for row in rows
+    )
     assert read_sweep(tmp_path)[0][0]["density"] == ""
     with pytest.raises(SweepError, match="another version of RUDC, without density: its rows and new ones"):
         run_sweep(make_plan(), tmp_path, fakes.Runner, resume=True)

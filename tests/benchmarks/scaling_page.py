@@ -1,0 +1,156 @@
+"""What `scaling` measured, as CSV and a page, and the model of many cores that follows from it.
+
+The model. An episode takes `e` seconds of a core (one over the rate of one worker) and `d` of the driver, which
+gives it out, takes its record in and writes its row. N cores give
+
+    rate(N) = min(N q / e, 1 / d)        rows a second
+
+with `q` what two workers give of twice one. Up to e / (d q) cores more cores help; from there on the driver is
+what stops them.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from rudc.files import make_folder, write_atomically
+
+Found = Mapping[str, Mapping[str, float]]
+"""what was measured of what"""
+CORES = (1, 2, 16, 64, 256, 1000, 4000)
+"""for which the model is asked"""
+
+
+class Point(NamedTuple):
+    """What so many cores give, by the model."""
+
+    cores: int
+    rows_per_s: float
+    driver_percent: float
+    """of a core, that the driver needs"""
+    network_mb_per_s: float
+    """tasks to the workers, records back"""
+    disk_mb_per_s: float
+    million_min: float
+    """minutes that a million episodes take"""
+
+
+def model(found: Found) -> tuple[list[Point], float]:
+    """The points, and the cores up to which more help."""
+    engine = "ray" if "ray 1" in found else "local"
+    one, two, stubs = found[f"{engine} 1"], found[f"{engine} 2"], found[f"stubs {engine}"]
+    episode_s, driver_s = 1.0 / one["rate"], 1e-3 * stubs["driver_ms"]
+    share = min(two["rate"] / (2.0 * one["rate"]), 1.0)
+    points = []
+    for cores in CORES:
+        rate = min(cores * (share if cores > 1 else 1.0) / episode_s, 1.0 / driver_s)
+        sent = stubs["task_bytes"] + stubs["record_bytes"]
+        points.append(
+            Point(
+                cores,
+                rate,
+                100.0 * rate * driver_s,
+                1e-6 * rate * sent,
+                1e-6 * rate * one["bytes"],
+                1e6 / rate / 60.0,
+            )
+        )
+    return points, episode_s / (driver_s * share)
+
+
+def write_page(folder: Path, found: Found, rows: int, machine: str) -> None:
+    """Write `scaling.csv`, `model.csv` and `README.md`."""
+    points, limit = model(found)
+    make_folder(folder)
+    told = [(of, name, f"{value:.6g}") for of, values in found.items() for name, value in values.items()]
+    write_atomically(folder / "scaling.csv", _csv([("of", "quantity", "value"), *told]))
+    write_atomically(folder / "model.csv", _csv([Point._fields, *([f"{v:.6g}" for v in p] for p in points)]))
+    write_atomically(folder / "README.md", _page(found, rows, machine, points, limit))
+
+
+def _csv(lines: Sequence[Sequence[str]]) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(lines)
+    return text.getvalue()
+
+
+def _markdown(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
+    rule = ["---", *["---:"] * (len(head) - 1)]
+    return "".join(f"| {' | '.join(line)} |\n" for line in (head, rule, *lines))
+
+
+def _page(found: Found, rows: int, machine: str, points: Sequence[Point], limit: float) -> str:
+    driven = [name for name in found if name.split()[0] in ("local", "ray")]
+    stubs = [name for name in found if name.startswith("stubs")]
+    engine = stubs[-1].split()[1]
+    ends, table, one = found["finished"], found["table"], found["local 1"]
+    rates = _markdown(
+        ("engine and workers", "rows/s", "of its one worker", "first row after (s)"),
+        [
+            (
+                name, f"{found[name]['rate']:.2f}",
+                f"{found[name]['rate'] / found[name.split()[0] + ' 1']['rate']:.2f}", f"{found[name]['first_s']:.1f}",
+            )
+            for name in driven
+        ],
+    )  # fmt: skip
+    ceilings = _markdown(
+        ("engine", "rows/s, driver and two workers on two cores", "driver (ms of processor time a row)",
+         "rows/s of a driver with a core of its own"),
+        [
+            (
+                name.split()[1], f"{found[name]['rate']:.0f}", f"{found[name]['driver_ms']:.3f}",
+                f"{1e3 / found[name]['driver_ms']:.0f}",
+            )
+            for name in stubs
+        ],
+    )  # fmt: skip
+    modelled = _markdown(
+        ("cores", "rows/s", "driver (% of a core)", "network (MB/s)", "disk (MB/s)", "a million episodes (min)"),
+        [
+            (f"{p.cores}", f"{p.rows_per_s:.4g}", f"{p.driver_percent:.3g}", f"{p.network_mb_per_s:.2g}",
+             f"{p.disk_mb_per_s:.2g}", f"{p.million_min:.4g}")
+            for p in points
+        ],
+    )  # fmt: skip
+    return f"""# Scaling
+
+Made by `python -m tests.benchmarks.scaling --out results/scaling`; the figures in full are in `scaling.csv` and `model.csv`. The machine: {machine}.
+It was shared with other work while this ran, so rates are lower bounds and ratios of rates rough; processor time and memory are not touched by that.
+
+## Measured
+
+Real episodes (`dense_left_turn` and `random_destination`, `rudc-t` and `gap-acceptance+ttcbf`), from the first row to the last:
+
+{rates}
+A row of `episodes.csv` takes {one["bytes"]:.0f} bytes. What goes out for an episode: {found[stubs[-1]]["alone_bytes"]:.0f} bytes alone, {found[stubs[-1]]["task_bytes"]:.0f} in a batch, in which the scenario travels once; {found[stubs[-1]]["record_bytes"]:.0f} come back.
+
+The driver, with episodes that take no time:
+
+{ceilings}
+{rows:,} rows in one folder ({1e-6 * rows * one["bytes"]:.0f} MB):
+
+| | s | MB |
+|---|---:|---:|
+| `rudc table` | {table["s"]:.1f} ({table["cpu_s"]:.1f} of processor time) | {table["mb"]:.0f} |
+| the driver, from the folder of a finished sweep to its end (`--resume`: tasks, checks, sorting, metrics) | {ends["s"]:.1f} | {ends["mb"]:.0f} |
+
+## A thousand cores, by the model
+
+N cores give min(N q / e, 1 / d) rows a second: e = {1.0 / found[f"{engine} 1"]["rate"]:.2f} s of a core an episode, d = {found[f"stubs {engine}"]["driver_ms"]:.3f} ms of the driver a row (engine `{engine}`), q what two workers give of twice one.
+
+{modelled}
+**First bottleneck: the driver**, one process on one core, from {limit:,.0f} cores on; network and disk are far from anything. Workers share nothing, so nothing else grows with their
+number but the driver's memory: {(ends["mb"] - ends["before_mb"]) / rows * 1e6 / 1e3:.1f} GB for a million episodes.
+
+**What was ours is gone.** Rows were flushed to the disk one by one; they are now at most five times a second. Ray got one episode a call and the driver asked for one answer at a time; now
+episodes travel in batches of about 2 s and all answers that are there are taken at once. `rudc table` and the end of a sweep held every cell of every row as a text; now a block of rows at a time.
+
+**What is left.** Beyond that many cores: several sweeps, split by `--seed` and `--episodes`, each with a folder and a driver of its own; their rows are those of one sweep
+([Scaling out](../../docs/tutorials/scaling_out.md)). The model knows nothing of how long a thousand workers take to start (each imports RUDC and loads its agents and networks once,
+from its own disk), nor of episodes of very different lengths at the end of a sweep.
+"""
