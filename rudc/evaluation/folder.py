@@ -36,7 +36,7 @@ from rudc.evaluation.metrics import STATISTICS, Group, group_metrics
 from rudc.evaluation.own_networks import keep_networks, with_copies
 from rudc.evaluation.record import EpisodeRecord, as_text
 from rudc.evaluation.rows import Columns, SweepRows, by_row, undamaged
-from rudc.evaluation.store import RowFile, Rows, format_row, read_header, table_blocks
+from rudc.evaluation.store import Cells, RowFile, format_row, read_header, table_blocks
 from rudc.evaluation.tasks import Key, SweepPlan, Task
 from rudc.files import make_folder, write_atomically
 
@@ -174,7 +174,7 @@ class SweepFolder:
         """Keep the rows of finished episodes, and drop what a kill or an error left."""
         wanted = {task.key(self.parameters) for task in self.tasks}
         header, kept = self._episodes.header, []
-        blocks = (dict(zip(header, zip(*rows, strict=True), strict=True)) for rows in self._episodes.blocks())
+        blocks = (dict(zip(header, cells, strict=True)) for cells in self._episodes.blocks())
         for block in undamaged(blocks, self.parameters, self._episodes.path):
             for row in zip(*block.values(), strict=True):
                 key = self._key(row)
@@ -220,26 +220,32 @@ def sweep_rows(path: Path) -> SweepRows:
     names = (*COLUMNS, *parameters)
 
     def columns() -> Iterator[Columns]:
-        for rows in _read(path)[1]:
-            known = dict(zip(there, zip(*rows, strict=True), strict=True))
-            nothing = [""] * len(rows)
+        for cells in _read(path)[1]:
+            known = dict(zip(there, cells, strict=True))
+            nothing = [""] * len(cells[0])
             yield {name: known.get(name, nothing) for name in names}
 
     return SweepRows(names, parameters, lambda: undamaged(columns(), parameters, file))
 
 
-def _read(path: Path) -> tuple[list[str], Iterator[Rows]]:
-    """Names of the columns of `episodes.csv` and its rows, a block at a time, with those of `conditions.csv`,
-    which earlier versions kept apart.
+def _read(path: Path) -> tuple[list[str], Iterator[Cells]]:
+    """Names of the columns of `episodes.csv` and its cells, a block at a time, with those of
+    `conditions.csv`, which earlier versions kept apart.
     """
     header, blocks = table_blocks(path / "episodes.csv")
-    blocks = filter(None, blocks)
     if not (path / "conditions.csv").is_file():
         return header, blocks
     others, apart = table_blocks(path / "conditions.csv")
-    keys, more = [name for name in others if name in header], [name for name in others if name not in header]
-    by, added = ([others.index(name) for name in names] for names in (keys, more))
-    known = {tuple(row[k] for k in by): [row[k] for k in added] for block in apart for row in block}
-    at, nothing = [header.index(name) for name in keys], [""] * len(more)
-    joined = ([[*row, *known.get(tuple(row[k] for k in at), nothing)] for row in block] for block in blocks)
-    return [*header, *more], joined
+    more = [name for name in others if name not in header]
+    by, added = ([k for k, name in enumerate(others) if (name in more) == new] for new in (False, True))
+    rows = (row for block in apart for row in zip(*block, strict=True))
+    known = {tuple(row[k] for k in by): [row[k] for k in added] for row in rows}
+    at, nothing = [header.index(others[k]) for k in by], [""] * len(more)
+
+    def joined() -> Iterator[Cells]:
+        for cells in blocks:
+            keys = zip(*(cells[k] for k in at), strict=True) if at else [()] * len(cells[0])
+            found = [known.get(key, nothing) for key in keys]
+            yield [*cells, *([row[k] for row in found] for k in range(len(more)))]
+
+    return [*header, *more], joined()

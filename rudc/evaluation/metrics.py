@@ -33,8 +33,8 @@ class Group:
 
 
 class Tally:
-    """Takes in rows by column, a block at a time; of each it keeps only what the metrics of its group are made
-    of, some 70 bytes for the paper's seven.
+    """Takes in rows by column, a block at a time; of each it keeps only what the metrics of its group are
+    made of, some 50 bytes for the paper's seven.
     """
 
     def __init__(self, by: Sequence[str], metrics: Sequence[Metric]) -> None:

@@ -5,8 +5,8 @@ it says that it is there: a cluster with fewer cores than workers leaves the oth
 it grows.
 
 Episodes travel in batches, since a call to an actor costs what a short episode takes: the first ones alone,
-then as many as took `BATCH_S` so far. An actor that dies or takes too long is replaced, and the episodes that it
-had are tried once more, each alone: so one that kills its actor takes no other with it.
+then as many as took `BATCH_S` so far. An actor that dies or takes too long is replaced, and the episodes
+that it had are tried once more, each alone: so one that kills its actor takes no other with it.
 """
 
 from __future__ import annotations

@@ -56,13 +56,15 @@ def by_row(blocks: Iterable[Columns]) -> list[dict[str, str]]:
 
 def as_numbers(texts: Sequence[str]) -> Array:
     """(n,) what cells say, nan where they are empty. Raises ValueError."""
-    return np.array([float(text) if text else math.nan for text in texts], dtype=float)
+    if "" in texts:
+        texts = [text or "nan" for text in texts]
+    return np.fromiter(map(float, texts), float, len(texts))
 
 
 def undamaged(blocks: Iterable[Columns], parameters: Sequence[str], path: Path) -> Iterator[Columns]:
-    """The same blocks, each looked at before. Raises SweepError, with the line's number, for the first row that
-    no episode has written; after the last block, where an episode stands twice. Episodes are told apart by
-    64 bits of what tells them apart. The blocks are those of the whole file at `path`, without its header.
+    """The same blocks, each looked at before. Raises SweepError, with the line's number, for the first row
+    that no episode has written; after the last block, where an episode stands twice, by 64 bits of what tells
+    it from others. The blocks are those of the whole file at `path`, without its header.
     """
     lines, keys, begun = [], [], 2
     for block in blocks:
@@ -100,11 +102,8 @@ def _sound(block: Columns) -> bool:
     ends = set(zip(map(bool, block["error"]), block["outcome"], strict=True))
     if any(bool(outcome) if failed else outcome not in _OUTCOMES for failed, outcome in ends):
         return False
-    try:
-        return all(
-            int(np.isfinite(as_numbers(block[name])).sum()) == len(seeds) - block[name].count("")
-            for name in _NUMBERS
-        )
+    try:  # of finite numbers so is the sum, but for some that no episode has
+        return all(math.isfinite(sum(map(float, {*block[name]} - {""}))) for name in _NUMBERS)
     except ValueError:
         return False
 

@@ -23,7 +23,8 @@ from pathlib import Path
 from rudc.errors import SweepError
 from rudc.files import explain, replacing
 
-Rows = list[list[str]]
+Cells = list[list[str]]
+"""of some rows, a list for each column"""
 MENDED = "mend or delete the line"
 """what to do about one that is no row"""
 FLUSH_S = 0.2
@@ -48,15 +49,15 @@ class RowFile:
         self._descriptor: int | None = None
         self._flushed_s = -math.inf
 
-    def rows(self) -> Iterator[Sequence[str]]:
+    def rows(self) -> Iterator[tuple[str, ...]]:
         """The whole rows of the file, in its order; none if there is no file. A torn last line is left out.
 
         Raises SweepError when it is the file of another sweep, or damaged.
         """
-        return itertools.chain.from_iterable(self.blocks())
+        return itertools.chain.from_iterable(zip(*block, strict=True) for block in self.blocks())
 
-    def blocks(self) -> Iterator[Rows]:
-        """The same, some thousands of rows at a time; none of them is empty."""
+    def blocks(self) -> Iterator[Cells]:
+        """The same by column, some thousands of rows at a time."""
         if not self.path.exists():
             return
         header, blocks = table_blocks(self.path)
@@ -64,7 +65,7 @@ class RowFile:
             raise SweepError(
                 f"{self.path} has other columns than this sweep writes; use another folder, or delete it"
             )
-        yield from filter(None, blocks)
+        yield from blocks
 
     def rewrite(self, lines: Iterable[str]) -> None:
         """Replace the content by the header and these rows, each as `format_row` has it."""
@@ -117,57 +118,69 @@ def read_header(path: Path) -> list[str]:
 def read_table(path: Path) -> list[dict[str, str]]:
     """The whole rows of a CSV file as dictionaries. Raises SweepError if none, or damaged."""
     header, blocks = table_blocks(path)
-    return [dict(zip(header, row, strict=True)) for block in blocks for row in block]
+    return [dict(zip(header, row, strict=True)) for block in blocks for row in zip(*block, strict=True)]
 
 
-def table_blocks(path: Path) -> tuple[list[str], Iterator[Rows]]:
-    """The names of a CSV file's columns, and its whole rows, some thousands at a time. Raises SweepError if
-    there is no file, or as `row_blocks` does.
+def table_blocks(path: Path) -> tuple[list[str], Iterator[Cells]]:
+    """The names of a CSV file's columns, and the cells of its whole lines, a list for each column, some
+    thousands of lines at a time and never none. What follows the last line break is left out. Raises
+    SweepError if there is no file, and, with its number, where a line is no row.
     """
     if not path.is_file():
         raise SweepError(f"no {path.name} in {path.parent}; is it the folder of a sweep?")
-    blocks = row_blocks(path)
-    first = next(blocks, [[]])
-    return first[0], itertools.chain([first[1:]], blocks)
-
-
-def row_blocks(path: Path) -> Iterator[Rows]:
-    """The cells of each whole line of a CSV file, as many in each as in the first, some thousands of lines at
-    a time. What follows the last line break is left out. Raises SweepError, with the line's number, where a
-    line is no row.
-    """
-    width, begun = 0, 0
+    header: list[str] = []
     with path.open("rb") as file:
-        while lines := file.readlines(_BLOCK):
-            if torn := not lines[-1].endswith(b"\n"):
+        first = file.readline()
+    if first.endswith(b"\n"):
+        (header,) = _rows_one_by_one([first], 0, path)
+        if len(set(header)) != len(header):
+            raise SweepError(f"{path}:1: names a column twice; {MENDED}")
+    return header, _blocks(path, len(first), len(header))
+
+
+def _blocks(path: Path, start: int, width: int) -> Iterator[Cells]:
+    """The cells of the whole lines that begin at a byte, `width` in each, as `table_blocks` says."""
+    begun, torn = 1, False
+    with path.open("rb") as file:
+        file.seek(start)
+        while not torn and (lines := file.readlines(_BLOCK)):
+            if torn := not lines[-1].endswith(b"\n"):  # a sweep may be about to finish the line
                 lines.pop()
-            found = _rows_of(lines) or _rows_one_by_one(lines, begun, path)
-            if found and not begun:
-                width = len(found[0])
-                if len(set(found[0])) != width:
-                    raise SweepError(f"{path}:1: names a column twice; {MENDED}")
-            if set(map(len, found)) - {width}:
-                number, row = next((k, row) for k, row in enumerate(found, begun + 1) if len(row) != width)
-                raise SweepError(f"{path}:{number}: has {len(row)} cells, not {width}; {MENDED}")
-            begun += len(found)
-            if found:
-                yield found
-            if torn:  # a sweep may be about to finish the line
-                return
+            if lines:
+                yield _plain_cells(lines, width) or _cells(lines, width, begun, path)
+            begun += len(lines)
 
 
-def _rows_of(lines: Sequence[bytes]) -> Rows:
-    """The cells of lines, read at once; none where a line is no row by itself."""
-    try:
-        found = list(csv.reader(b"".join(lines).decode("utf-8").split("\n")[: len(lines)], strict=True))
-    except (UnicodeDecodeError, csv.Error):
+def _plain_cells(lines: Sequence[bytes], width: int) -> Cells:
+    """The cells of lines without quotes, which the comma alone divides; nothing for any others."""
+    data = b"".join(lines)
+    if b'"' in data or b"\r" in data or width < 2 or {line.count(b",") for line in lines} != {width - 1}:
         return []
-    return found if len(found) == len(lines) else []  # fewer: a quote that is not closed in its line
+    try:
+        flat = data.decode("utf-8").replace("\n", ",").split(",")
+    except UnicodeDecodeError:
+        return []
+    return [flat[k:-1:width] for k in range(width)]
 
 
-def _rows_one_by_one(lines: Sequence[bytes], begun: int, path: Path) -> Rows:
+def _cells(lines: Sequence[bytes], width: int, begun: int, path: Path) -> Cells:
+    """The cells of any lines; raises SweepError for the first that is no row, or has others than `width`."""
+    try:
+        texts = b"".join(lines).decode("utf-8").split("\n")[:-1]
+        rows = list(csv.reader(texts, strict=True))
+    except (UnicodeDecodeError, csv.Error):
+        rows = []
+    if len(rows) != len(lines):  # a quote that is not closed in its line takes in the next
+        rows = _rows_one_by_one(lines, begun, path)
+    for number, row in enumerate(rows, begun + 1):
+        if len(row) != width:
+            raise SweepError(f"{path}:{number}: has {len(row)} cells, not {width}; {MENDED}")
+    return list(map(list, zip(*rows, strict=True)))
+
+
+def _rows_one_by_one(lines: Sequence[bytes], begun: int, path: Path) -> list[list[str]]:
     """The cells of lines of which some may be no row; it is named by its number, after `begun` others."""
-    found: Rows = []
+    found = []
     for number, line in enumerate(lines, begun + 1):
         try:
             found.append(next(csv.reader([line[:-1].decode("utf-8")], strict=True), []))

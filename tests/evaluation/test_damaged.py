@@ -1,10 +1,13 @@
 """Damaged sweep folders: what is wrong, and in which line, never a traceback nor a table of nonsense."""
 
+import tracemalloc
+
 import pytest
 
 from rudc.errors import SweepError
-from rudc.evaluation.folder import read_sweep
+from rudc.evaluation.folder import read_sweep, sweep_rows
 from rudc.evaluation.sweep import run_sweep
+from rudc.evaluation.tables import measured
 
 
 @pytest.fixture
@@ -73,3 +76,36 @@ def test_numbers_of_episodes_that_failed_are_checked_too(folder):
         SweepError, match=r"episodes\.csv:4: first_event_s: 'first_event_s' is no finite number"
     ):
         read_sweep(folder)
+
+
+def test_an_episode_that_failed_and_then_ran_twice_is_refused(folder):
+    path = folder / "episodes.csv"
+    lines = path.read_text(encoding="utf-8").split("\n")
+    failed = lines[1].split(",")
+    for column, value in (("outcome", ""), ("error", "it failed")):
+        failed[lines[0].split(",").index(column)] = value
+    path.write_text(
+        "\n".join([lines[0], ",".join(failed), *lines[1:3], lines[1], *lines[3:]]), encoding="utf-8"
+    )
+    with pytest.raises(SweepError, match=r"episodes\.csv:5: the same episode as line 3"):
+        read_sweep(folder)
+
+
+def test_rows_of_a_folder_are_in_memory_a_block_at_a_time(folder):
+    """So a million take `rudc table` less than 500 MB: `python -m tests.benchmarks.scaling`."""
+    path, count = folder / "episodes.csv", 60_000
+    head, first, *_ = path.read_text(encoding="utf-8").split("\n")
+    cells = first.split(",")
+    with path.open("w", encoding="utf-8") as file:
+        file.write(head + "\n")
+        for seed in range(count):
+            file.write(",".join([*cells[:2], str(seed), *cells[3:]]) + "\n")
+    size = path.stat().st_size
+    tracemalloc.start()
+    try:
+        (group,) = measured(sweep_rows(folder), ("scenario", "agent"))
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert group.episodes == count
+    assert peak < 3 * size

@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rudc.evaluation.columns import COLUMNS, METRICS, TIMING, metric_of
-from rudc.evaluation.metrics import average, group_metrics, measure
+from rudc.evaluation.metrics import Tally, average, group_metrics, measure
 from rudc.evaluation.record import EpisodeRecord
+from rudc.evaluation.rows import by_column
 
 
 def row(outcome="success", agent="sumo", **numbers):
@@ -96,3 +97,18 @@ def test_any_column_with_a_mean_is_a_metric():
     assert math.isnan(average(size, [row()]))
     assert metric_of("agent") is None
     assert metric_of("nothing") is None
+
+
+def test_blocks_of_rows_say_what_all_of_them_say():
+    rows = [
+        row(
+            ["success", "collision", "frozen"][k % 3], agent=f"a{k % 4}", episode_reward=k * 0.37, steps=k + 1
+        )
+        for k in range(97)
+    ] + [failed()]
+    metrics = (*METRICS, metric_of("interventions"))
+    tally = Tally(("agent",), metrics)
+    for begin in range(0, 98, 10):
+        tally.add(by_column(rows[begin : begin + 10], COLUMNS))
+    assert repr(tally.groups()) == repr(group_metrics(rows, ("agent",), metrics))
+    assert [g.key for g in tally.groups()] == [("a0",), ("a1",), ("a2",), ("a3",), ("sumo",)]

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rudc.errors import StorageError, SweepError
-from rudc.evaluation.store import RowFile, format_row, read_table
+from rudc.evaluation.store import RowFile, format_row, read_table, table_blocks
 
 HEADER = ["name", "text"]
 
@@ -23,7 +23,7 @@ def file(tmp_path):
 
 def test_rows_are_there_as_soon_as_they_are_appended(file):
     file.append(["a", 'with "quotes", commas'])
-    assert list(RowFile(file.path, HEADER).rows()) == [["a", 'with "quotes", commas']]
+    assert list(RowFile(file.path, HEADER).rows()) == [("a", 'with "quotes", commas')]
     file.append(["b", ""])
     assert [row["name"] for row in read_table(file.path)] == ["a", "b"]
 
@@ -42,11 +42,11 @@ def test_a_torn_file_is_whole_up_to_its_last_line_break(tmp_path_factory, cut):
     path.write_bytes(whole[: max(len(whole) - cut, 10)])
     rows = RowFile(path, HEADER)
     found = list(rows.rows())
-    assert found == [["a", "1"], ["b", "2"], ["c", "three"]][: len(found)]
+    assert found == [("a", "1"), ("b", "2"), ("c", "three")][: len(found)]
     rows.rewrite(map(format_row, found))
     rows.append(["d", "4"])
     rows.close()
-    assert list(rows.rows()) == [*found, ["d", "4"]]
+    assert list(rows.rows()) == [*found, ("d", "4")]
 
 
 def test_other_columns_are_refused(tmp_path):
@@ -77,3 +77,55 @@ def test_a_full_disk_leaves_the_file_as_it_was(file, monkeypatch, taken):
 def test_a_folder_that_is_no_sweep(tmp_path):
     with pytest.raises(SweepError, match="is it the folder of a sweep"):
         read_table(tmp_path / "episodes.csv")
+
+
+def test_lines_with_quotes_and_lines_without_say_the_same(tmp_path):
+    """A block of lines is read at once, by the comma alone where no line of it has a quote."""
+    rows = [[f"agent {k}", str(k)] for k in range(50_000)]
+    (tmp_path / "plain.csv").write_text("".join(map(format_row, [HEADER, *rows])))
+    rows[40_000][0] = 'a, "b"'
+    (tmp_path / "quoted.csv").write_text("".join(map(format_row, [HEADER, *rows])))
+    plain, quoted = (read_table(tmp_path / name) for name in ("plain.csv", "quoted.csv"))
+    assert [list(row.values()) for row in quoted] == rows
+    assert [k for k in range(50_000) if plain[k] != quoted[k]] == [40_000]
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        (b'a "b, c\n', ":40001: not a row|:40001: has"),
+        (b'"a,b\n', ":40001: not a row"),
+        (b"a\n", ":40001: has 1 cells, not 2"),
+        (b"\xff,b\n", ":40001: not valid UTF-8"),
+        (b"a,b\rc\n", ":40001: not a row"),
+    ],
+)
+@pytest.mark.parametrize("others", [b"a,b\n", b'"a",b\n'])
+def test_a_line_that_is_no_row_is_named_wherever_it_stands(tmp_path, line, told, others):
+    path = tmp_path / "rows.csv"
+    path.write_bytes(b"name,text\n" + 39_999 * others + line + 40_000 * others)
+    with pytest.raises(SweepError, match=told):
+        read_table(path)
+
+
+def test_a_line_that_is_being_written_is_left_out(tmp_path):
+    """What follows it was written since: it is not taken for a line of its own."""
+    path = tmp_path / "rows.csv"
+    path.write_bytes(b"name,text\na,1\nb,")
+    header, blocks = table_blocks(path)
+    found = [next(blocks)]
+    with path.open("ab") as file:
+        file.write(b"2\nc,3\n")
+    assert (header, [*found, *blocks]) == (HEADER, [[["a"], ["1"]]])
+
+
+def test_rows_are_flushed_now_and_then_and_at_the_end(file, monkeypatch):
+    flushed, now = [], [100.0]
+    monkeypatch.setattr("rudc.evaluation.store.os.fsync", flushed.append)
+    monkeypatch.setattr("rudc.evaluation.store.time.monotonic", lambda: now[0])
+    for _ in range(50):
+        file.append(["a", "1"])
+        now[0] += 0.01
+    assert 2 <= len(flushed) <= 4
+    file.close()
+    assert 3 <= len(flushed) <= 5
