@@ -40,8 +40,9 @@ class Tally:
     def __init__(self, by: Sequence[str], metrics: Sequence[Metric]) -> None:
         self._by, self._metrics = tuple(by), tuple(metrics)
         columns = [metric.column for metric in metrics if not metric.outcomes]
-        weighted = any(metric.average != "episodes" for metric in metrics)
-        self._numbers = tuple(dict.fromkeys([*columns, *(["steps"] if weighted else [])]))
+        if any(metric.average != "episodes" for metric in metrics):
+            columns.append("steps")
+        self._numbers = tuple(dict.fromkeys(columns))
         self._keys: dict[tuple[str, ...], int] = {}
         self._outcomes: dict[str, int] = {}
         self._parts: list[_Part] = []
@@ -70,9 +71,12 @@ class Tally:
         """The metrics of what was taken in, groups in order of first appearance."""
         if not self._parts:
             return []
+        parts = self._parts
         whole = _Part(
-            *(np.concatenate([part[k] for part in self._parts]) for k in range(3)),
-            {name: np.concatenate([part.numbers[name] for part in self._parts]) for name in self._numbers},
+            np.concatenate([part.group for part in parts]),
+            np.concatenate([part.failed for part in parts]),
+            np.concatenate([part.outcome for part in parts]),
+            {name: np.concatenate([part.numbers[name] for part in parts]) for name in self._numbers},
         )
         self._parts = [whole]
         order = np.argsort(whole.group, kind="stable")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Hashable
 from typing import Any
 
 from pydantic import ValidationError
@@ -54,7 +55,11 @@ def _axis_reports(sheet: Sheet, base: dict[str, Any], key: str, values: list[Any
         return [sheet.report(path, "cannot be swept", on_key=True)]
     if not values:
         return [sheet.report(path, "there is no value to sweep over")]
-    twice = [i for i, value in enumerate(values) if value in values[:i]]
+    first: dict[Any, int] = {}
+    twice = [
+        i for i, value in enumerate(values)
+        if first.setdefault(value if isinstance(value, Hashable) else repr(value), i) != i
+    ]  # fmt: skip
     if twice:
         return [sheet.report((*path, i), f"{values[i]!r} is given twice") for i in twice]
     try:
