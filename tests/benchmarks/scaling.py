@@ -117,10 +117,10 @@ def finished(rows: int, folder: Path, row: str) -> dict[str, float]:
             yield format_row(cells)
 
     RowFile(folder / "episodes.csv", list(COLUMNS)).rewrite(lines())
-    before = _peak_mb()
-    begun = time.perf_counter()
+    before, mine, begun = _peak_mb(), _cpu_s(), time.perf_counter()
     run_sweep(plan, folder, EpisodeRunner, resume=True)
-    return {"s": time.perf_counter() - begun, "mb": _peak_mb(), "before_mb": before}
+    spent = time.perf_counter() - begun
+    return {"s": spent, "cpu_s": _cpu_s() - mine, "mb": _peak_mb(), "before_mb": before}
 
 
 def tabulated(folder: Path) -> dict[str, float]:

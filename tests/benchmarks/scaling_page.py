@@ -1,12 +1,12 @@
 """What `scaling` measured, as CSV and a page, and the model of many cores that follows from it.
 
-The model. An episode takes `e` seconds of a core (one over the rate of one worker) and `d` of the driver, which
-gives it out, takes its record in and writes its row. N cores give
+The model. An episode takes `e` seconds of a core (one over the rate of one worker) and `d` of the driver,
+which gives it out, takes its record in and writes its row. N cores give
 
     rate(N) = min(N q / e, 1 / d)        rows a second
 
-with `q` what two workers give of twice one. Up to e / (d q) cores more cores help; from there on the driver is
-what stops them.
+with `q` what two workers give of twice one. Up to e / (d q) cores more cores help; from there on the driver
+is what stops them.
 """
 
 from __future__ import annotations
@@ -92,8 +92,10 @@ def _page(found: Found, rows: int, machine: str, points: Sequence[Point], limit:
         ("engine and workers", "rows/s", "of its one worker", "first row after (s)"),
         [
             (
-                name, f"{found[name]['rate']:.2f}",
-                f"{found[name]['rate'] / found[name.split()[0] + ' 1']['rate']:.2f}", f"{found[name]['first_s']:.1f}",
+                name,
+                f"{found[name]['rate']:.2f}",
+                f"{found[name]['rate'] / found[name.split()[0] + ' 1']['rate']:.2f}",
+                f"{found[name]['first_s']:.1f}",
             )
             for name in driven
         ],
@@ -110,47 +112,68 @@ def _page(found: Found, rows: int, machine: str, points: Sequence[Point], limit:
         ],
     )  # fmt: skip
     modelled = _markdown(
-        ("cores", "rows/s", "driver (% of a core)", "network (MB/s)", "disk (MB/s)", "a million episodes (min)"),
+        ("cores", "rows/s", "driver (% of a core)", "network (MB/s)", "disk (MB/s)",
+         "a million episodes (min)"),
         [
             (f"{p.cores}", f"{p.rows_per_s:.4g}", f"{p.driver_percent:.3g}", f"{p.network_mb_per_s:.2g}",
              f"{p.disk_mb_per_s:.2g}", f"{p.million_min:.4g}")
             for p in points
         ],
     )  # fmt: skip
+    last = found[stubs[-1]]
     return f"""# Scaling
 
-Made by `python -m tests.benchmarks.scaling --out results/scaling`; the figures in full are in `scaling.csv` and `model.csv`. The machine: {machine}.
-It was shared with other work while this ran, so rates are lower bounds and ratios of rates rough; processor time and memory are not touched by that.
+Made by `python -m tests.benchmarks.scaling --out results/scaling`; `scaling.csv` and `model.csv` have the
+figures in full. The machine: {machine}. It was shared with much other work while this ran: rates are lower
+bounds, ratios of rates are rough, and processor times are longer than on a machine of its own.
 
 ## Measured
 
-Real episodes (`dense_left_turn` and `random_destination`, `rudc-t` and `gap-acceptance+ttcbf`), from the first row to the last:
+Real episodes (`dense_left_turn` and `random_destination`; `rudc-t` and `gap-acceptance+ttcbf`), from the
+first
+row to the last:
 
 {rates}
-A row of `episodes.csv` takes {one["bytes"]:.0f} bytes. What goes out for an episode: {found[stubs[-1]]["alone_bytes"]:.0f} bytes alone, {found[stubs[-1]]["task_bytes"]:.0f} in a batch, in which the scenario travels once; {found[stubs[-1]]["record_bytes"]:.0f} come back.
+A row of `episodes.csv` takes {one["bytes"]:.0f} bytes. An episode goes out as {last["alone_bytes"]:.0f}
+bytes,
+in a batch, in which its scenario travels once, as {last["task_bytes"]:.0f}; {last["record_bytes"]:.0f}
+come back.
 
 The driver, with episodes that take no time:
 
 {ceilings}
-{rows:,} rows in one folder ({1e-6 * rows * one["bytes"]:.0f} MB):
+{rows:,} rows in one folder:
 
-| | s | MB |
-|---|---:|---:|
-| `rudc table` | {table["s"]:.1f} ({table["cpu_s"]:.1f} of processor time) | {table["mb"]:.0f} |
-| the driver, from the folder of a finished sweep to its end (`--resume`: tasks, checks, sorting, metrics) | {ends["s"]:.1f} | {ends["mb"]:.0f} |
+| | s | of processor time | MB |
+|---|---:|---:|---:|
+| `rudc table` | {table["s"]:.1f} | {table["cpu_s"]:.1f} | {table["mb"]:.0f} |
+| the sweep's driver, nothing left to drive | {ends["s"]:.1f} | {ends["cpu_s"]:.1f} | {ends["mb"]:.0f} |
 
 ## A thousand cores, by the model
 
-N cores give min(N q / e, 1 / d) rows a second: e = {1.0 / found[f"{engine} 1"]["rate"]:.2f} s of a core an episode, d = {found[f"stubs {engine}"]["driver_ms"]:.3f} ms of the driver a row (engine `{engine}`), q what two workers give of twice one.
+N cores give min(N q / e, 1 / d) rows a second. e = {1.0 / found[f"{engine} 1"]["rate"]:.2f} s: an episode
+on one
+worker; d = {last["driver_ms"]:.3f} ms: what a row takes of the driver; q: what two workers give of twice
+one;
+all of the engine `{engine}`.
 
 {modelled}
-**First bottleneck: the driver**, one process on one core, from {limit:,.0f} cores on; network and disk are far from anything. Workers share nothing, so nothing else grows with their
-number but the driver's memory: {(ends["mb"] - ends["before_mb"]) / rows * 1e6 / 1e3:.1f} GB for a million episodes.
+**First bottleneck: the driver**, one process on one core, from {limit:,.0f} cores on. Network and disk are
+far
+from their ends. Workers share nothing, so nothing else grows with their number; with the number of episodes
+grows the driver's memory, {(ends["mb"] - ends["before_mb"]) / rows * 1e3:.2f} GB for a million.
 
-**What was ours is gone.** Rows were flushed to the disk one by one; they are now at most five times a second. Ray got one episode a call and the driver asked for one answer at a time; now
-episodes travel in batches of about 2 s and all answers that are there are taken at once. `rudc table` and the end of a sweep held every cell of every row as a text; now a block of rows at a time.
+**What was ours is mended.** Rows were flushed to the disk one by one, and are now five times a second at
+most.
+Ray got one episode a call, and the driver asked for one answer at a time; now episodes travel in batches of
+about 2 s, and all answers that are there are taken at once. `rudc table` and the end of a sweep held every
+cell
+of every row; now they hold a block of rows at a time.
 
-**What is left.** Beyond that many cores: several sweeps, split by `--seed` and `--episodes`, each with a folder and a driver of its own; their rows are those of one sweep
-([Scaling out](../../docs/tutorials/scaling_out.md)). The model knows nothing of how long a thousand workers take to start (each imports RUDC and loads its agents and networks once,
-from its own disk), nor of episodes of very different lengths at the end of a sweep.
+**What would remove what is left**: several sweeps, split by `--seed` and `--episodes`, each with a folder
+and a
+driver of its own; their rows are those of one sweep ([Scaling out](../../docs/tutorials/scaling_out.md)).
+The
+model knows nothing of how long a thousand workers take to start (each imports RUDC and loads agents and
+networks once, from its own disk), nor of the last long episode, for which all others wait.
 """
