@@ -4,7 +4,7 @@ import errno
 import os
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rudc.errors import StorageError, SweepError
@@ -35,6 +35,7 @@ def test_a_row_is_one_line_whatever_is_in_it(cells):
     assert len(line.splitlines()) == 1
 
 
+@settings(deadline=None)  # it writes to the disk, which may be busy
 @given(cut=st.integers(0, 60))
 def test_a_torn_file_is_whole_up_to_its_last_line_break(tmp_path_factory, cut):
     path = tmp_path_factory.mktemp("torn") / "rows.csv"
