@@ -46,7 +46,7 @@ SERIES: dict[str, float] = {
     "acceleration_mps2": 0.01, "nominal_acceleration_mps2": 0.01, "safe_acceleration_mps2": 0.01,
     "steering_rad": 0.0001, "nominal_steering_rad": 0.0001, "safe_steering_rad": 0.0001,
     "sigma": 0.001, "sigma_epi": 0.001, "sigma_ale": 0.001,
-    "least_h_m2": 0.01, "gap_m": 0.01, "reward": 0.001, "cost": 0.001,
+    "least_h_m2": 0.01, "slack": 0.0001, "gap_m": 0.01, "reward": 0.001, "cost": 0.001,
     "friction": 0.001, "delay_s": 0.001, "true_friction": 0.001, "true_delay_s": 0.001,
 }  # fmt: skip
 """what is told of every frame -> the step that its values are multiples of"""
@@ -288,6 +288,7 @@ def _series(truth: Scene, decision: Decision, result: StepResult, agent: Agent) 
         "sigma_epi": math.nan if unsure is None else float(unsure.epistemic),
         "sigma_ale": math.nan if unsure is None else float(unsure.aleatoric),
         "least_h_m2": float(np.min(done.h)) if done is not None and len(done.h) else math.nan,
+        "slack": math.nan if done is None else float(done.slack),
         "gap_m": result.advance.min_dtc_m, "reward": result.reward, "cost": result.cost,
         "friction": _or_nan(getattr(known, "friction", None)),
         "delay_s": _or_nan(getattr(known, "delay_s", None)),

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import resource
 import subprocess
 import sys
 import tempfile
@@ -57,24 +58,43 @@ def main() -> None:
     parser.add_argument("--repository", default=str(ROOT), help="what is cloned; default: this one")
     repository = parser.parse_args().repository
     with tempfile.TemporaryDirectory() as folder:
-        home, total = Path(folder) / "rudc", 0.0
+        home, clock = Path(folder) / "rudc", Clock()
         env = {**os.environ, "PATH": f"{home / '.venv' / 'bin'}{os.pathsep}{os.environ['PATH']}"}
         env |= {"PIP_NO_CACHE_DIR": "1", "PYTHON": f"{sys.base_prefix}/bin/python3"}
         env.pop("PYTHONPATH", None)
-        print("| step | s | s since the beginning |\n|---|---:|---:|")
+        print("| step | s | s since the beginning | s of processor time |\n|---|---:|---:|---:|")
         clone = Step("`git clone`", f"git clone --quiet '{repository}' '{home}'")
         for step in [clone, *steps()]:
-            begin = time.monotonic()
             where = home if home.exists() else Path(folder)
             subprocess.run(["bash", "-euc", step.script], cwd=where, env=env, check=True, stdout=sys.stderr)
-            total += (taken := time.monotonic() - begin)
-            print(f"| {step.text} | {taken:.1f} | {total:.1f} |", flush=True)
+            clock.tell(step.text)
         if CHROMIUM is not None:
-            begin = time.monotonic()
             page = (home / "replay.html").read_text(encoding="utf-8")
             said = driven(page, OPENED, Path(folder), 1400)
-            total += (taken := time.monotonic() - begin)
-            print(f"| first replay opened in Chromium ({said['seconds']}) | {taken:.1f} | {total:.1f} |")
+            clock.tell(f"first replay opened in Chromium ({said['seconds']})")
+
+
+class Clock:
+    """Tells of each step how long it took; processor time says what it would on a machine with nothing else
+    to do.
+    """
+
+    def __init__(self) -> None:
+        self._begin = self._last = time.monotonic()
+        self._spent = _processor_s()
+
+    def tell(self, step: str) -> None:
+        """A line of the table."""
+        now, spent = time.monotonic(), _processor_s()
+        taken, worked = now - self._last, spent - self._spent
+        print(f"| {step} | {taken:.1f} | {now - self._begin:.1f} | {worked:.1f} |", flush=True)
+        self._last, self._spent = now, spent
+
+
+def _processor_s() -> float:
+    """s that ended children have spent."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 if __name__ == "__main__":

@@ -83,6 +83,7 @@ def test_series_are_the_numbers_of_the_decisions(storm):
         "safe_steering_rad": [decision.u[1] for _, decision, _ in seen],
         "sigma": [decision.sigma for _, decision, _ in seen],
         "least_h_m2": [min(decision.corrected.h) for _, decision, _ in seen],
+        "slack": [decision.corrected.slack for _, decision, _ in seen],
         "gap_m": [result.advance.min_dtc_m for _, _, result in seen],
         "reward": [result.reward for _, _, result in seen],
     }

@@ -16,6 +16,8 @@ const PLOTS = [
     { name: 'sigma_ale', label: 'ale', style: 'faint' }, { name: 'sigma_epi', label: 'epi', style: 'dashed' },
     { name: 'sigma', label: 'sigma', style: 'bold' }] },
   { title: 'Least h', unit: 'm²', zero: true, cut: 60, lines: [{ name: 'least_h_m2', label: 'h', style: 'bold' }] },
+  { title: 'Slack', unit: 'delta(sigma)', zero: true, varies: true, lines: [
+    { name: 'slack', label: 'delta', style: 'bold' }] },
   { title: 'Smallest gap', unit: 'm', floor: 0, cut: 20, lines: [{ name: 'gap_m', label: 'gap', style: 'bold' }] },
   { title: 'Friction', unit: 'mu', floor: 0, lines: [
     { name: 'true_friction', label: 'true', style: 'dashed' }, { name: 'friction', label: 'identified', style: 'bold' }] },
@@ -28,7 +30,7 @@ const LEFT = 44, RIGHT = 8, TOP = 19, BOTTOM = 5;
 function plotsOf(runs) {
   const known = (plot, run) => plot.lines.some((line) => {
     const values = run.series[line.name].filter((v) => v !== null);
-    return plot.varies ? values.some((v) => v > 0) : values.length > 0;
+    return plot.varies ? values.some((v) => v !== 0) : values.length > 0;
   });
   return PLOTS.filter((plot) => runs.some((run) => known(plot, run)));
 }
