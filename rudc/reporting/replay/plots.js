@@ -49,7 +49,8 @@ function rangeOf(plot, runs) {
   if (cut) { high = plot.cut; low = Math.max(low, -plot.cut); }
   if (high - low < 1e-6) high = low + 1;
   const more = 0.06 * (high - low);
-  return { low: plot.floor !== undefined ? low : low - more, high: high + more, cut };
+  const room = plot.limits ? 5 * more : more;  // a limit's name stands above its line
+  return { low: plot.floor !== undefined ? low : low - more, high: high + room, cut };
 }
 
 class PlotView {
