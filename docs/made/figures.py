@@ -11,16 +11,22 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse, FancyBboxPatch, Polygon
+from PIL import Image
 
+from rudc.agents.registry import make_agent
 from rudc.data import data_folder
-from rudc.drawing.preview import preview_picture
+from rudc.drawing.frames import Renderer
+from rudc.drawing.view import Driving, view_of
+from rudc.env.episode import Episode
 from rudc.learning.distortion import make_distortion, midpoints
+from rudc.network.network import load_network
 from rudc.reporting.figures import INK, PALETTE, STYLE
 from rudc.safety.clearance import EPSILON, Bodies, clearance_terms
 from rudc.safety.config import FilterConfig
 from rudc.safety.slack import Slack
 from rudc.safety.vehicles import VehicleSettings
 from rudc.scenario import find_scenarios, shipped_scenarios
+from rudc.world.world import World
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -215,14 +221,28 @@ FIGURES: dict[str, Callable[[], str]] = {
     "loop": loop, "tail": tail, "barrier": barrier, "slack": slack, "rules": rules,
 }  # fmt: skip
 """name of each figure -> what draws it"""
-PICTURE_PX, PICTURE_SEED = 460, 1
+PICTURE_PX, PICTURE_SEED, PICTURE_S = 460, 1, 2.0
+"""of a scenario's picture: its width, whose episode it shows, s after the start at least"""
 
 
 def scenario_pictures() -> Iterator[tuple[str, bytes]]:
-    """Each shipped scenario's name, and its first scene as a PNG."""
+    """Each shipped scenario's name, and a picture (WebP) of it: a second after the first event began."""
     for scenario in find_scenarios(list(shipped_scenarios())):
-        picture = preview_picture(scenario, PICTURE_SEED)
-        picture.thumbnail((PICTURE_PX, 2 * PICTURE_PX))
+        network, agent = load_network(scenario.network, scenario.junction), make_agent("planner")
+        with World(network) as world:
+            episode = Episode(world)
+            scene = episode.reset(scenario.plan(PICTURE_SEED))
+            agent.reset(scene, PICTURE_SEED)
+            while episode.outcome is None and not _tells(world):
+                scene = episode.step(agent.act(scene).u).scene
+            frame = Renderer(network, size=PICTURE_PX).frame(view_of(world), Driving("planner"))
         buffer = io.BytesIO()
-        picture.quantize(128).save(buffer, format="png", optimize=True)
+        Image.fromarray(frame).save(buffer, format="webp", quality=80)
         yield scenario.name, buffer.getvalue()
+
+
+def _tells(world: World) -> bool:
+    """Whether there is something to see."""
+    happenings, time_s = world.happenings(), world.scene().time_s
+    begun = [happening.begun_s for happening in happenings if happening.begun_s is not None]
+    return time_s >= PICTURE_S and (not happenings or bool(begun and time_s >= min(begun) + 1.0))

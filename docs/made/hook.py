@@ -38,7 +38,7 @@ def on_files(files: Any, config: Any) -> Any:
     for name, figure in FIGURES.items():
         files.append(File.generated(config, f"figures/{name}.svg", content=figure()))
     for name, picture in scenario_pictures():
-        files.append(File.generated(config, f"figures/scenarios/{name}.png", content=picture))
+        files.append(File.generated(config, f"figures/scenarios/{name}.webp", content=picture))
     files.append(File.generated(config, f"figures/{FILM.name}", content=FILM.read_bytes()))
     return files
 

@@ -124,8 +124,9 @@ def scenario_files() -> str:
 def scenarios() -> str:
     """What is shipped, how it looks, and why it is out of distribution."""
     said = (
-        "The first scene of seed 1: the ego yellow, others blue, what is part of an event orange with the "
-        "event's number. `make gallery` shows what agents do in them; `rudc scenario show NAME` prints one.\n"
+        "A moment of seed 1, driven by `planner`: the ego yellow, others blue, what is part of an event "
+        "orange with the event's number. `make gallery` shows what agents do in them; "
+        "`rudc scenario show NAME` prints one.\n"
     )
     cards = [_scenario(scenario) for scenario in find_scenarios(list(shipped_scenarios()))]
     return "\n".join(
@@ -138,7 +139,7 @@ def _scenario(scenario: Scenario) -> str:
     known = f"**Out of distribution:** {why}" if why else "*In distribution, or near it.*"
     lines = [
         f"## {code(scenario.name)} {{#{scenario.name}}}",
-        f"![First scene of {scenario.name}](../figures/scenarios/{scenario.name}.png){{loading=lazy}}",
+        f"![A moment of {scenario.name}](../figures/scenarios/{scenario.name}.webp){{loading=lazy}}",
         f"{scenario.description} {known}",
         f"Network {code(scenario.network)}" + (f"; events {_kinds(scenario)}" if scenario.events else ""),
     ]

@@ -44,8 +44,8 @@ def test_the_reference_has_what_the_code_has(site):
     shipped = (site / "reference" / "scenarios.html").read_text()
     assert all(f"<code>{name}</code>" in shipped for name in shipped_scenarios())
     for name in shipped_scenarios():
-        assert f'src="../figures/scenarios/{name}.png"' in shipped
-        with Image.open(site / "figures" / "scenarios" / f"{name}.png") as picture:
+        assert f'src="../figures/scenarios/{name}.webp"' in shipped
+        with Image.open(site / "figures" / "scenarios" / f"{name}.webp") as picture:
             assert picture.width >= 400
     commands = (site / "reference" / "commands.html").read_text()
     assert all(
