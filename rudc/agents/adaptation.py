@@ -9,7 +9,7 @@ identified.
                  what the ego does not see, what stops in time for who may come from there (hidden.py);
                  steering within what braking leaves of mu g, up to BRAKING of it: wheels that ask for more
                  turn the car no further, and take all that brakes could have
-    probe        one short full braking at the start, since friction shows only once a command exceeds it
+    probe        short full brakings, which ask how well the road grips (probe.py)
 
 The plant is estimated (rudc/safety/plant.py), or known (`Scene.actuation`: for ablations).
 """
@@ -23,6 +23,7 @@ from typing import Literal
 import numpy as np
 
 from rudc.agents.hidden import speed_by_sight
+from rudc.agents.probe import FALLEN, LONGEST_S, Probe
 from rudc.arrays import Array
 from rudc.env.tracking import RESPONSE_S
 from rudc.network.paths import SPACING
@@ -48,14 +49,6 @@ CAREFUL = 6.0
 """m/s, always allowed on straights"""
 STOPPING = 10.0
 """m"""
-PROBE_SPEED = 4.0
-"""m/s, below which a probe says little"""
-PROBE_S = 0.5
-"""s after which a probe ends, whatever it has shown"""
-SHOWN = 0.85
-"""share of full braking at which the road has shown that it is dry"""
-SETTLED = 0.5
-"""m/s2, change of the acceleration from one decision to the next below which a probe's response is there"""
 
 
 class Adaptation:
@@ -71,10 +64,10 @@ class Adaptation:
         """Begin a new episode with an ordinary car."""
         self._monitor = PlantMonitor(scene.vehicle)
         self._seen: float | None = None
-        self._probe_ends = math.inf if self._probes else -math.inf
-        self._braking = math.inf
-        """m/s2, acceleration at the last decision of a probe"""
-        self._profile: tuple[ReferencePath, float, Array] | None = None
+        self._probe = Probe() if self._probes else None
+        self._profiles: dict[float, Array] = {}
+        """m/s2 of grip -> m/s at each station of `_path`"""
+        self._path: ReferencePath | None = None
 
     def see(self, scene: Scene) -> Scene:
         """The scene in which a command given now will act, with the limits that the road gives."""
@@ -83,6 +76,8 @@ class Adaptation:
             self.estimate = self._monitor.update(scene.ego, scene.last_u)
             if self._known and scene.actuation is not None:
                 self.estimate = PlantEstimate(scene.actuation, unusual=scene.actuation != Actuation())
+            if self._probe is not None:
+                self._probe.look(scene, self.estimate.grip)
         if not self.estimate.unusual:
             return scene
         grip, body = USABLE * self.estimate.grip, scene.vehicle
@@ -97,7 +92,7 @@ class Adaptation:
             careful = max(CAREFUL, math.sqrt(2 * BRAKING * grip * STOPPING))
             allowed = min(allowed, careful, speed_by_sight(scene, BRAKING * grip))
         a = min(a, (allowed - scene.ego.v) / RESPONSE_S)
-        if self._probing(scene) or a <= FULL * max(scene.vehicle.a_min, -USABLE * grip):
+        if self._asks(scene, grip) or a <= FULL * max(scene.vehicle.a_min, -USABLE * grip):
             a = scene.network.vehicle.a_min
         left = math.sqrt(grip**2 - min(max(-a, 0.0), BRAKING * grip) ** 2)
         widest = widest_steering(scene.vehicle, scene.ego.v, left)
@@ -118,35 +113,39 @@ class Adaptation:
         s, offset = scene.route.path.project(ego.x, ego.y, scene.ego_s + 0.5 * later * (scene.ego.v + ego.v))
         return replace(_others_later(scene, self._predictor, later), ego=ego, ego_s=s, ego_offset=offset)
 
-    def _allowed(self, scene: Scene, grip: float) -> float:
+    def _allowed(self, scene: Scene, grip: float, reaction_s: float = 0.0) -> float:
         """m/s, speed from which all bends ahead can be taken with that grip (m/s2); the least from here to
         where the ego will be when its speed has followed."""
         path = scene.route.path
-        if self._profile is None or self._profile[0] is not path or self._profile[1] != grip:
-            share = LATERAL if grip < POOR else USABLE
-            squared = (share * grip / np.maximum(np.abs(path.curvature), 1e-4)).tolist()
-            for i in range(len(squared) - 2, -1, -1):
-                squared[i] = min(squared[i], squared[i + 1] + 2 * BRAKING * grip * SPACING)
-            self._profile = path, grip, np.sqrt(squared)
-        profile = self._profile[2]
-        way = scene.ego.v * (RESPONSE_S + self.estimate.actuation.lag_s)
+        if self._path is not path:
+            self._path = path
+            self._profiles.clear()
+        profile = self._profiles.get(grip)
+        if profile is None:
+            profile = self._profiles[grip] = _profile(path, grip)
+        way = scene.ego.v * (RESPONSE_S + self.estimate.actuation.lag_s + reaction_s)
         first = min(max(int(scene.ego_s / SPACING), 0), len(profile) - 1)
         return float(profile[first : first + int(way / SPACING) + 1].min())
 
-    def _probing(self, scene: Scene) -> bool:
+    def _asks(self, scene: Scene, grip: float) -> bool:
         """Whether to brake in order to learn how well the road grips."""
-        if scene.time_s >= self._probe_ends:
+        if self._probe is None:
             return False
-        if math.isinf(self._probe_ends):
-            if scene.ego.v < PROBE_SPEED:
-                return False
-            self._probe_ends = scene.time_s + PROBE_S
-        change, self._braking = abs(scene.ego.acceleration - self._braking), scene.ego.acceleration
-        dry = scene.ego.acceleration < SHOWN * scene.network.vehicle.a_min
-        if dry or (math.isfinite(self.estimate.grip) and change < SETTLED):
-            self._probe_ends = -math.inf
-            return False
-        return True
+        allowed = self._allowed(scene, FALLEN * grip, LONGEST_S)
+        if grip < POOR:
+            front = scene.ego_s + 0.5 * scene.vehicle.length
+            room = max(scene.route.stop_line_s - front - LONGEST_S * scene.ego.v, 0.0)
+            allowed = min(allowed, math.sqrt(2 * USABLE * FALLEN * grip * room))
+        return self._probe.asks(scene, grip, limited=math.isfinite(self.estimate.grip), allowed=allowed)
+
+
+def _profile(path: ReferencePath, grip: float) -> Array:
+    """(M,) m/s at each station of the path, from which all bends ahead can be taken with that grip (m/s2)."""
+    share = LATERAL if grip < POOR else USABLE
+    squared = (share * grip / np.maximum(np.abs(path.curvature), 1e-4)).tolist()
+    for i in range(len(squared) - 2, -1, -1):
+        squared[i] = min(squared[i], squared[i + 1] + 2 * BRAKING * grip * SPACING)
+    return np.sqrt(squared)
 
 
 def _others_later(scene: Scene, predictor: Predictor, later: float) -> Scene:

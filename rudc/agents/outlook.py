@@ -31,7 +31,7 @@ class OutlookSettings(Settings):
     """what is known of the car: nothing (`off`), what the history of commands tells (`estimated`), or the
     truth (`known`, for ablations)"""
     probe: bool = True
-    """whether a short full braking at the start asks how well the road grips; with `plant` estimated only"""
+    """whether short full brakings ask how well the road grips; with `plant` estimated only"""
 
     def without_effect(self) -> Mapping[str, str]:
         """Who knows nothing of the car, or all, need not ask."""

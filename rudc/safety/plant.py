@@ -9,8 +9,8 @@ angle delta_m that its car would have now. What the car really does is compared 
 and the estimate is the model with the least J. An ordinary car (no dead time, no lag, no limit of friction)
 stays the estimate until another is better by SURE: no false alarm. Models that the drive so far does not
 tell apart have the same J; of those the one nearest to an ordinary car is taken, so that nothing is claimed
-that was not seen. Friction shows only where a command asks for more than the road gives: `Probe` asks,
-once, by a short brake.
+that was not seen. Friction shows only where a command asks for more than the road gives: short brakings ask
+(rudc/agents/probe.py).
 
 This is the plant that the paper leaves to future work (Sec. "Conclusion": input-constrained barrier
 functions).

@@ -1,0 +1,103 @@
+"""Short full brakings that ask the road how well it grips: when, and what is won by them."""
+
+# ruff: noqa: F811 -- fixtures come by import
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rudc.agents.base import Decision
+from rudc.agents.outlook import OutlookAgent, OutlookSettings
+from rudc.agents.probe import FRESH, LONGEST_S, SLOWEST, Probe
+from rudc.env.episode import Episode
+from rudc.env.tracking import steering
+from tests.plans import PlanSource, event
+from tests.world.conftest import four_way, make_scene, world_on  # noqa: F401 -- fixtures
+
+DRY = 0.9 * 9.81
+
+
+class Hurried:
+    """Follows its path at 10 m/s, whatever comes."""
+
+    name, ego_driver = "hurried", "agent"
+
+    def reset(self, scene, seed):
+        pass
+
+    def act(self, scene):
+        u = np.array([2.0 * (10.0 - scene.ego.v), steering(scene)])
+        return Decision(u, u)
+
+
+def looked(probe, scene, way=0.0, grip=DRY, **ego):
+    """The scene `way` m on, taken in by the probe."""
+    here = replace(scene, time_s=scene.time_s + way / scene.ego.v, ego=replace(scene.ego, **ego))
+    probe.look(here, grip)
+    return here
+
+
+def asks(probe, scene, allowed, *, limited=False):
+    return probe.asks(scene, DRY, limited=limited, allowed=allowed)
+
+
+def test_it_asks_at_once_until_the_road_has_answered_and_again_where_it_is_too_fast(make_scene):
+    scene, probe = make_scene(front=-60.0, v=10.0), Probe()
+    looked(probe, scene)
+    assert asks(probe, scene, 20.0)
+    scene = looked(probe, scene, 1.0, acceleration=-6.0)
+    assert not asks(probe, scene, 5.0)  # shown
+    scene = looked(probe, scene, FRESH - 1.0, acceleration=0.0)
+    assert not asks(probe, scene, 5.0)  # not long ago
+    scene = looked(probe, scene, 2.0)
+    assert not asks(probe, scene, 11.0)  # slow enough for half of it
+    assert asks(probe, scene, 9.0)
+
+
+def test_who_creeps_does_not_ask(make_scene):
+    scene, probe = make_scene(front=-60.0, v=0.9 * SLOWEST), Probe()
+    looked(probe, scene)
+    assert not asks(probe, scene, 1.0)
+
+
+def test_a_bend_that_is_taken_shows_the_same(make_scene):
+    scene, probe = make_scene(front=-60.0, v=10.0), Probe()
+    tight = math.atan(scene.vehicle.wheelbase * 7.0 / 10.0**2)
+    scene = looked(probe, scene, steering=tight)
+    scene = looked(probe, scene, 1.0, steering=0.0)
+    assert not asks(probe, scene, 5.0)
+
+
+@pytest.mark.parametrize(("front", "angle"), [(3.0, 0.0), (-30.0, 0.12)])
+def test_neither_in_the_junction_nor_in_a_bend(make_scene, front, angle):
+    far, probe = make_scene(front=-60.0, v=10.0), Probe()
+    looked(probe, far, acceleration=-6.0)
+    scene = make_scene(front=front, v=10.0)
+    scene = replace(scene, time_s=far.time_s + 6.0, ego=replace(scene.ego, steering=angle))
+    probe.look(scene, DRY)
+    assert not asks(probe, scene, 5.0)
+
+
+def test_a_road_that_does_not_answer_is_not_asked_for_longer_than_stated(make_scene):
+    scene, probe = make_scene(front=-60.0, v=10.0), Probe()
+    asked = 0
+    for _ in range(20):
+        looked(probe, scene, acceleration=-2.0)
+        if not asks(probe, scene, 20.0):
+            break
+        asked, scene = asked + 1, replace(scene, time_s=scene.time_s + 0.1)
+    assert asked == round(LONGEST_S / 0.1)
+
+
+@pytest.mark.parametrize(("probe", "outcome"), [(True, "success"), (False, "off_road")])
+def test_a_road_that_turns_wet_before_a_bend_is_found_out_in_time(world_on, probe, outcome):
+    wet = event("low_friction", friction=0.4, when={"ego_distance_to_junction": {"below": 20.0}})
+    plan = PlanSource(network="roundabout", origin="south", turn="left", density=1.0, events=(wet,)).plan(0)
+    agent = OutlookAgent(Hurried(), "hurried", OutlookSettings(plant="estimated", probe=probe).make())
+    episode = Episode(world_on("roundabout"))
+    scene = episode.reset(plan)
+    agent.reset(scene, 0)
+    while episode.outcome is None:
+        scene = episode.step(agent.act(scene).u).scene
+    assert episode.outcome == outcome
