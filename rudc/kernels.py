@@ -43,6 +43,7 @@ Cube = Annotated[Array, _read(types.float64, 3)]
 Places = Annotated[Complex, _read(types.complex128, 1)]
 PlaceTable = Annotated[Complex, _read(types.complex128, 2)]
 Rows = Annotated[Index, _read(types.int64, 1)]
+Marks = Annotated[Flags, _read(types.boolean, 1)]
 NewVector = Annotated[Array, _made(types.float64, 1)]
 """(n,), made by a kernel or written to; the others likewise"""
 NewTable = Annotated[Array, _made(types.float64, 2)]
@@ -52,6 +53,7 @@ NewColumns = Annotated[Array, types.Array(types.float64, 2, "F")]
 NewPlaces = Annotated[Complex, _made(types.complex128, 1)]
 NewPlaceTable = Annotated[Complex, _made(types.complex128, 2)]
 NewRows = Annotated[Index, _made(types.int64, 1)]
+NewRowTable = Annotated[Index, _made(types.int64, 2)]
 NewFlags = Annotated[Flags, _made(types.boolean, 1)]
 
 _PLAIN = {float: types.float64, int: types.int64, bool: types.boolean, complex: types.complex128}

@@ -30,7 +30,9 @@ def test_rectangles_are_as_far_apart_as_numpy_says():
 
 
 @pytest.mark.parametrize(
-    "command", [["--help"], ["scenario", "validate", "dense_left_turn"]], ids=["help", "validate"]
+    "command",
+    [["--help"], ["scenario", "show", "dense_left_turn"], ["scenario", "validate", "no_such_file.yaml"]],
+    ids=["help", "show", "refused"],
 )
 def test_who_does_not_drive_loads_no_compiler(command):
     code = (

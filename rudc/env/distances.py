@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from rudc.env.kernels import nearest_gap
+from rudc.world.kernels import around
 from rudc.world.scene import Scene
 
 
@@ -26,8 +26,8 @@ def measure(scene: Scene, vehicle_m: float | None = None) -> Distances:
     ego, body = scene.ego, scene.vehicle
     nearest = vehicle_m
     if nearest is None:
-        nearest = nearest_gap(
-            ego.x, ego.y, ego.psi, body.length, body.width, scene.position, scene.heading, scene.size
+        nearest, _, _ = around(
+            ego.x, ego.y, ego.psi, body.length, body.width, scene.position, scene.heading, scene.size, 0.0
         )
     road = scene.network.surface.depth(ego.x, ego.y)
     return Distances(nearest, road, max(destination_s(scene) - scene.ego_s, 0.0))

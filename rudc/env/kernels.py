@@ -277,23 +277,6 @@ def occupied(which: Rows, rows: Table, path: Rows, size: Table, s: NewCube, bins
 
 
 @kernel
-def nearest_gap(
-    x: float, y: float, psi: float, length: float, width: float, position: Table, heading: Vector, size: Table
-) -> float:
-    """m, gap from a rectangle at (x, y) m turned by psi rad to the nearest of N others; inf for none."""
-    least, facing = math.inf, cmath.exp(1j * psi)
-    reach = math.hypot(length, width)
-    for i in range(len(heading)):
-        r = complex(position[i, 0] - x, position[i, 1] - y)
-        if abs(r) - 0.5 * (reach + math.hypot(size[i, 0], size[i, 1])) >= least:
-            continue
-        other = cmath.exp(1j * heading[i])
-        gap = rectangle_gap(r, facing, other, 0.5 * length, 0.5 * width, 0.5 * size[i, 0], 0.5 * size[i, 1])
-        least = min(least, gap)
-    return least
-
-
-@kernel
 def others_features(
     x: float, y: float, psi: float, velocity_x: float, velocity_y: float, most: int,
     position: Table, heading: Vector, velocity: Table, per_m: float, per_speed: float, cut: float,

@@ -9,6 +9,8 @@ from importlib import import_module
 
 KERNELS = (
     "rudc.learning.kernels",
+    "rudc.world.kernels",
+    "rudc.world.yielding_kernels",
     "rudc.env.kernels",
     "rudc.safety.kernels",
     "rudc.safety.barrier_kernels",

@@ -80,12 +80,14 @@ class PathTable:
         """(P,) m, where the junction ends"""
         self.yields = yields
         """(P, P), [i, j]: traffic on i must yield to traffic on j"""
-        self._pose = np.concatenate([self.xy, self.heading[..., None]], axis=2).reshape(-1, 3)
-        self._stations = stations
+        self.poses: Array = np.concatenate([self.xy, self.heading[..., None]], axis=2).reshape(-1, 3)
+        """(P * M, 3) x m, y m and heading rad of all stations, row after row"""
+        self.stations = stations
+        """M"""
         self._where = _index(sources, spans, arms, edges)
         for array in (self.length, self.xy, self.heading, self.origin, self.destination, self.speed_limit):
             array.flags.writeable = False
-        for array in (self.stop_s, self.exit_s, self.yields, self._pose):
+        for array in (self.stop_s, self.exit_s, self.yields, self.poses):
             array.flags.writeable = False
 
     @property
@@ -97,11 +99,11 @@ class PathTable:
         """x m, y m and heading rad, each (...), at arc length s (...) m on rows (...); straight on beyond the
         ends."""
         at = np.asarray(s) * (1.0 / SPACING)
-        i = np.minimum(np.maximum(at, 0.0), self._stations - 2.0).astype(np.int64)
+        i = np.minimum(np.maximum(at, 0.0), self.stations - 2.0).astype(np.int64)
         t = (at - i)[..., None]
-        i = i + np.asarray(rows) * self._stations
-        low = self._pose[i]
-        pose = low + t * (self._pose[i + 1] - low)
+        i = i + np.asarray(rows) * self.stations
+        low = self.poses[i]
+        pose = low + t * (self.poses[i + 1] - low)
         return pose[..., 0], pose[..., 1], pose[..., 2]
 
     def locate(self, origin: str, destination: str, lane_id: str, lane_pos: float) -> tuple[int, float]:

@@ -31,11 +31,12 @@ class ReferencePath:
         """(M,) 1/m, positive to the left"""
         self.length = float(self.s[-1])
         """m"""
-        for array in (self.s, self.xy, self.heading, self.curvature):
+        self.poses: Array = np.column_stack([self.xy, self.heading])
+        """(M, 3) x m, y m and heading rad of the stations"""
+        for array in (self.s, self.xy, self.heading, self.curvature, self.poses):
             array.flags.writeable = False
         self._x: list[float] = self.xy[:, 0].tolist()
         self._y: list[float] = self.xy[:, 1].tolist()
-        self._pose = np.column_stack([self.xy, self.heading])
         self._heading: list[float] = self.heading.tolist()
         self._curvature: list[float] = self.curvature.tolist()
 
@@ -44,8 +45,8 @@ class ReferencePath:
         at = np.asarray(s, dtype=float) * (1.0 / SPACING)
         i = np.minimum(np.maximum(at, 0.0), len(self._x) - 2.0).astype(np.int64)
         t = at - i
-        low = self._pose[i]
-        step = self._pose[i + 1] - low
+        low = self.poses[i]
+        step = self.poses[i + 1] - low
         xy = low[..., :2] + t[..., None] * step[..., :2]
         return xy[..., 0], xy[..., 1], low[..., 2] + np.minimum(np.maximum(t, 0.0), 1.0) * step[..., 2]
 

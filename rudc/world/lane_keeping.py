@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
+from rudc.world.kernels import near_on_paths
 
 if TYPE_CHECKING:
     from rudc.world.scene import Scene
@@ -30,16 +30,12 @@ class LaneKeeping:
 
     def step(self, scene: Scene) -> None:
         """Hold who is near now; all others change lanes as they did."""
-        away = scene.position - scene.ego_position
-        near = (scene.path >= 0) & (np.hypot(away[:, 0], away[:, 1]) < NEAR)
-        if abs(scene.ego_offset) < BETWEEN and near.any():
-            paths, half = scene.network.paths, 0.5 * scene.size[:, 0]
-            past, before = (
-                scene.path_s + half > paths.stop_s[scene.path],
-                scene.path_s - half < paths.exit_s[scene.path],
-            )
-            near &= past & before
-        held = {scene.ids[i] for i in np.flatnonzero(near).tolist()}
+        ego, paths = scene.ego, scene.network.paths
+        near = near_on_paths(
+            ego.x, ego.y, NEAR, abs(scene.ego_offset) < BETWEEN,
+            scene.position, scene.size, scene.path, scene.path_s, paths.stop_s, paths.exit_s,
+        )  # fmt: skip
+        held = {scene.ids[i] for i in near.tolist()}
         for name in self._modes.keys() - held:
             mode = self._modes.pop(name)
             if name in scene.ids:

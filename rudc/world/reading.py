@@ -12,7 +12,7 @@ import numpy as np
 
 from rudc.arrays import Array
 from rudc.vehicle import Actuation, EgoVehicle
-from rudc.world.contact import overlapping
+from rudc.world.kernels import nearest_first, overlapping
 from rudc.world.scene import EgoState, Scene
 from rudc.world.sumo import Motion, Sumo
 from rudc.world.traffic import EGO, Traffic
@@ -96,38 +96,37 @@ class Reader:
 
     def scene(self, ego: EgoView, props: Sequence[Prop]) -> Scene:
         """The world as last read: SVs and props, nearest to the ego first."""
-        motion = self.motion
-        ids, position, heading = self.names, motion.position, motion.heading
-        velocity = motion.speed[:, None] * motion.course
-        acceleration, size, kind, path = motion.acceleration, self._sizes, self._kinds, self._path
-        path_s = self._start + self._scale * motion.lane_pos - 0.5 * self.lengths
+        ids, (position, heading, course, speed, acceleration, _, lane_pos) = self.names, self.motion
+        size, kind, path = self._sizes, self._kinds, self._path
+        path_s = self._start + self._scale * lane_pos - 0.5 * self.lengths
         if props:
             ids = ids + [prop.name for prop in props]
             poses = np.array([prop.pose() for prop in props])
-            course = np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
             none = np.zeros(len(props))
             position = np.concatenate([position, poses[:, :2]])
             heading = np.concatenate([heading, poses[:, 2]])
-            velocity = np.concatenate([velocity, np.array([[prop.speed] for prop in props]) * course])
+            course = np.concatenate([course, np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], axis=1)])
+            speed = np.concatenate([speed, [prop.speed for prop in props]])
             acceleration = np.concatenate([acceleration, none])
             size = np.concatenate([size, [(prop.length, prop.width) for prop in props]])
             kind = np.concatenate([kind, [int(prop.kind) for prop in props]])
             path = np.concatenate([path, np.full(len(props), -1)])
             path_s = np.concatenate([path_s, none])
-        away = position - (ego.state.x, ego.state.y)
-        order = np.hypot(away[:, 0], away[:, 1]).argsort()
+        order, position, heading, velocity, acceleration, size, kind, path, path_s = nearest_first(
+            ego.state.x, ego.state.y, position, heading, speed, course, acceleration, size, kind, path, path_s
+        )
         return Scene(
             *ego[:-3],
             self._network,
             tuple([ids[i] for i in order.tolist()]),
-            position.take(order, 0),
-            heading.take(order),
-            velocity.take(order, 0),
-            acceleration.take(order),
-            size.take(order, 0),
-            kind.take(order),
-            path.take(order),
-            path_s.take(order),
+            position,
+            heading,
+            velocity,
+            acceleration,
+            size,
+            kind,
+            path,
+            path_s,
             ego.destination_s,
             ego.actuation,
             ego.may_cross_centre,
@@ -143,8 +142,9 @@ class Reader:
     def new_overlaps(self, scene: Scene) -> int:
         """Pairs that overlap in the scene and have not before: two SVs, or an SV and something on the
         road."""
+        found = overlapping(scene.position, scene.heading, scene.size).tolist()
         driven = scene.path >= 0
-        pairs = [(scene.ids[i], scene.ids[j]) for i, j in overlapping(scene) if driven[i] or driven[j]]
+        pairs = [(scene.ids[i], scene.ids[j]) for i, j in found if driven[i] or driven[j]]
         new = {tuple(sorted(pair)) for pair in pairs} - self._met
         self._met |= new
         return len(new)

@@ -12,6 +12,7 @@ sub-step, events act and, at every second decision, the yielding layer brakes SV
 
 from __future__ import annotations
 
+import cmath
 import math
 from types import TracebackType
 from typing import TYPE_CHECKING, Literal, NamedTuple
@@ -283,7 +284,7 @@ class World:
         for step in range(last + 1):
             self._move(a, delta)
             if step < last and self._close:
-                ego = self._ego()
+                ego = ego_body(self._plant.state, self.vehicle)
                 for body in self._bodies_now(self._close):
                     reached = nearer(reached, ego, body)
                 if reached.touched is not None:
@@ -318,9 +319,6 @@ class World:
         turned = (psi - self._plant.state.psi + math.pi) % (2 * math.pi) - math.pi
         self._plant.state = EgoState(x, y, psi, v, 0.0, turned / self.config.substep_s, a, 0.0)
 
-    def _ego(self) -> Body:
-        return ego_body(self._plant.state, self.vehicle)
-
     def _bodies_now(self, then: list[Body]) -> list[Body]:
         """The same bodies where they are now, without those that have left the road."""
         props = {prop.name: prop for prop in self.stage.props}
@@ -333,7 +331,7 @@ class World:
                 x, y, psi = self._sumo.pose(body.name, 2 * body.half_length)
             else:
                 continue
-            now.append(body._replace(x=x, y=y, cos=math.cos(psi), sin=math.sin(psi)))
+            now.append(body._replace(place=complex(x, y), facing=cmath.rect(1.0, psi)))
         return now
 
     def _collision(self, hit: str, scene: Scene, before: Scene) -> Collision:
@@ -370,7 +368,7 @@ class World:
         if self._ego_inside:
             fastest = state.v + 1.5 * float(np.abs(scene.velocity).max(initial=0.0)) + 1.0
             reach = CLOSE_M + fastest * self.config.decision_s
-            self._nearest, self._close = survey(scene, self._ego(), reach)
+            self._nearest, self._close = survey(scene, reach)
         return scene
 
     def _brake(self, scene: Scene, duration_s: float) -> None:

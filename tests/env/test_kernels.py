@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from rudc.env import kernels
-from rudc.geometry import rectangle_gaps
 
 
 def test_seen_from_the_nearest_station():
@@ -21,16 +20,6 @@ def test_seen_from_the_nearest_station():
     turn = heading - course[at]
     wanted = np.stack([0.5 * at + away.real, away.imag, np.cos(turn), np.sin(turn)], axis=1)
     assert kernels.seen_from_line(line, course, 0.5, xy, heading) == pytest.approx(wanted, abs=1e-12)
-
-
-@pytest.mark.parametrize("n", [0, 1, 30])
-def test_the_nearest_gap_is_the_least_of_all(n):
-    rng = np.random.default_rng(n)
-    for _ in range(20):
-        rest = rng.uniform(-30, 30, (n, 2)), rng.uniform(-4, 4, n), rng.uniform(0.5, 9, (n, 2))
-        pose = float(rng.uniform(-30, 30)), float(rng.uniform(-30, 30)), 0.4, 5.0, 1.8
-        least = rectangle_gaps(*pose, *rest).min(initial=np.inf)
-        assert kernels.nearest_gap(*pose, *rest) == pytest.approx(least, abs=1e-9)
 
 
 def test_interpolation_is_numpys():

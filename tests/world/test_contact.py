@@ -1,6 +1,6 @@
 """Gaps between single rectangles against the vectorised ones, and who counts as near."""
 
-import math
+import cmath
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from rudc.geometry import rectangle_gaps
-from rudc.world.contact import NOTHING, Body, ego_body, gap_between, nearer, survey
+from rudc.world.contact import NOTHING, Body, gap_between, nearer, survey
 
 coordinate = st.floats(-8, 8)
 angle = st.floats(-7, 7)
@@ -17,7 +17,7 @@ rectangle = st.tuples(coordinate, coordinate, angle, length, length)
 
 
 def body(x, y, psi, length, width, name="it"):
-    return Body(name, x, y, math.cos(psi), math.sin(psi), length / 2, width / 2)
+    return Body(name, complex(x, y), cmath.rect(1.0, psi), length / 2, width / 2)
 
 
 @settings(max_examples=300, deadline=None)
@@ -41,7 +41,7 @@ def test_survey_finds_the_nearest_and_all_that_are_close(make_scene, four_way, o
     order = np.argsort(np.hypot(*(scene.position - (ego.x, ego.y)).T))
     scene = make_scene(*({"at": others[i][:3], "size": others[i][3:]} for i in order))
     gaps = rectangle_gaps(ego.x, ego.y, ego.psi, 5.0, 1.8, scene.position, scene.heading, scene.size)
-    found, close = survey(scene, ego_body(ego, scene.vehicle), reach)
+    found, close = survey(scene, reach)
     assert found.gap == pytest.approx(gaps.min(initial=np.inf), abs=1e-9)
     assert (found.touched is not None) == bool((gaps == 0).any())
     assert {scene.ids[i] for i in np.flatnonzero(gaps < reach)} <= {near.name for near in close}

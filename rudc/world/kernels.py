@@ -1,0 +1,118 @@
+"""The world's arithmetic as kernels: who is near the ego, who touches whom, scenes put in order."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rudc.kernels import (
+    NewRows,
+    NewRowTable,
+    NewTable,
+    NewVector,
+    Rows,
+    Table,
+    Vector,
+    kernel,
+    rectangle_gap,
+    separation,
+)
+
+
+@kernel
+def around(
+    x: float, y: float, psi: float, length: float, width: float, position: Table, heading: Vector,
+    size: Table, reach: float,
+) -> tuple[float, int, int]:  # fmt: skip
+    """m, gap from a rectangle at (x, y) m turned by psi rad to the nearest of N others, and that one's row;
+    inf and -1 for none.
+
+    And how many of the first rows, nearest centre first, hold everybody within `reach` m.
+    """
+    least, nearest, close = math.inf, -1, 0
+    facing, radius = complex(math.cos(psi), math.sin(psi)), 0.5 * math.hypot(length, width)
+    for i in range(len(heading)):
+        r = complex(position[i, 0] - x, position[i, 1] - y)
+        far = abs(r) - radius - 0.5 * math.hypot(size[i, 0], size[i, 1])
+        if far <= reach:
+            close = i + 1
+        if far >= least:
+            continue
+        other = complex(math.cos(heading[i]), math.sin(heading[i]))
+        gap = rectangle_gap(r, facing, other, 0.5 * length, 0.5 * width, 0.5 * size[i, 0], 0.5 * size[i, 1])
+        if gap < least:
+            least, nearest = gap, i
+    return least, nearest, close
+
+
+@kernel
+def overlapping(position: Table, heading: Vector, size: Table) -> NewRowTable:
+    """(K, 2) pairs of N rectangles that overlap or touch, lower row first."""
+    count = 0
+    found = np.empty((len(heading) * (len(heading) - 1) // 2, 2), np.int64)
+    for i in range(len(heading)):
+        facing = complex(math.cos(heading[i]), math.sin(heading[i]))
+        for j in range(i + 1, len(heading)):
+            r = complex(position[j, 0] - position[i, 0], position[j, 1] - position[i, 1])
+            if 2.0 * abs(r) > math.hypot(size[i, 0], size[i, 1]) + math.hypot(size[j, 0], size[j, 1]):
+                continue
+            other = complex(math.cos(heading[j]), math.sin(heading[j]))
+            half, its_half = (0.5 * size[i, 0], 0.5 * size[i, 1]), (0.5 * size[j, 0], 0.5 * size[j, 1])
+            if separation(r, facing, other, half[0], half[1], its_half[0], its_half[1]) <= 0.0:
+                found[count, 0], found[count, 1] = i, j
+                count += 1
+    return found[:count].copy()
+
+
+@kernel
+def near_on_paths(
+    x: float, y: float, reach: float, inside_only: bool, position: Table, size: Table, path: Rows,
+    path_s: Vector, stop_s: Vector, exit_s: Vector,
+) -> NewRows:  # fmt: skip
+    """(K,) rows of those on paths whose centres are within `reach` m of (x, y) m.
+
+    `inside_only`: without those who are not, or no more, in the junction: from stop_s to exit_s (P,) m.
+    """
+    found = np.empty(len(path), np.int64)
+    count = 0
+    for i in range(len(path)):
+        half = 0.5 * size[i, 0]
+        if path[i] < 0 or math.hypot(position[i, 0] - x, position[i, 1] - y) >= reach:
+            continue
+        inside = path_s[i] + half > stop_s[path[i]] and path_s[i] - half < exit_s[path[i]]
+        if inside or not inside_only:
+            found[count] = i
+            count += 1
+    return found[:count].copy()
+
+
+@kernel
+def nearest_first(
+    x: float, y: float, position: Table, heading: Vector, speed: Vector, course: Table,
+    acceleration: Vector, size: Table, kind: Rows, path: Rows, path_s: Vector,
+) -> tuple[
+    NewRows, NewTable, NewVector, NewTable, NewVector, NewTable, NewRows, NewRows, NewVector
+]:  # fmt: skip
+    """Order (N,) of others by the distance of their centres from (x, y) m, and what a scene says of them in
+    it; velocities are speed (N,) m/s along course (N, 2).
+    """
+    n = len(heading)
+    order, away = np.empty(n, np.int64), np.empty(n)
+    for i in range(n):
+        new, k = math.hypot(position[i, 0] - x, position[i, 1] - y), i
+        while k > 0 and away[k - 1] > new:
+            away[k], order[k] = away[k - 1], order[k - 1]
+            k -= 1
+        away[k], order[k] = new, i
+    places, velocity, sizes = np.empty((n, 2)), np.empty((n, 2)), np.empty((n, 2))
+    headings, accelerations, along = np.empty(n), np.empty(n), np.empty(n)
+    kinds, paths = np.empty(n, np.int64), np.empty(n, np.int64)
+    for k in range(n):
+        i = order[k]
+        for axis in range(2):
+            places[k, axis], sizes[k, axis] = position[i, axis], size[i, axis]
+            velocity[k, axis] = speed[i] * course[i, axis]
+        headings[k], accelerations[k], along[k] = heading[i], acceleration[i], path_s[i]
+        kinds[k], paths[k] = kind[i], path[i]
+    return order, places, headings, velocity, accelerations, sizes, kinds, paths, along
