@@ -12,10 +12,11 @@ another's. There is no fast-math and no parallel loop: the same numbers on any n
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
@@ -74,9 +75,22 @@ def kernel(function: Callable[..., Result]) -> Callable[..., Result]:
     signature = result(*[_type_of(hint) for hint in hints.values()])
     before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, _folder()  # type: ignore[attr-defined]
     try:
-        return numba.njit(signature, cache=True, error_model="numpy")(function)
+        with _alone():
+            return numba.njit(signature, cache=True, error_model="numpy")(function)
     finally:
         numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
+
+
+@contextlib.contextmanager
+def _alone() -> Iterator[None]:
+    """No other process compiles meanwhile: what two want at once one compiles, and the other loads."""
+    with contextlib.ExitStack() as held:
+        with contextlib.suppress(ImportError, OSError):  # no such locks on Windows
+            import fcntl
+
+            file = held.enter_context(open(Path(_folder()) / "lock", "a", encoding="utf-8"))
+            fcntl.flock(file, fcntl.LOCK_EX)
+        yield
 
 
 @cache

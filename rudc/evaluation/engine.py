@@ -1,8 +1,7 @@
 """The local engine: worker processes with a world each, fed one episode at a time.
 
-Workers are spawned, not forked: each starts from a clean interpreter, without the parent's threads and
-handlers and without a libsumo that is already in use, and it does so on every platform. That costs about a
-second a worker, once.
+Workers are no forks of this process: each starts clean (starting.py), without the parent's threads and
+handlers and without a libsumo that is already in use.
 
     parent                                    worker
     starts it                            ->   makes its runner, says "ready"
@@ -18,10 +17,8 @@ from __future__ import annotations
 
 import contextlib
 import multiprocessing
-import os
 import signal
 import sys
-import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -32,6 +29,7 @@ from multiprocessing.process import BaseProcess
 from rudc.errors import SimulationError
 from rudc.evaluation.memory import return_large_blocks
 from rudc.evaluation.record import EpisodeRecord
+from rudc.evaluation.starting import start
 from rudc.evaluation.tasks import Task
 
 Runner = Callable[[Task], EpisodeRecord]
@@ -46,8 +44,6 @@ START_FAILURES = 3
 """workers in a row that may fail to start"""
 TRIES = 2
 """how often an episode is given to a worker that then dies"""
-SINGLE_THREADED = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""set to 1 for workers: their arrays are small, and they share the cores already"""
 
 
 @dataclass(eq=False)
@@ -109,11 +105,8 @@ class _Pool:
         self._workers = []
 
     def _start(self) -> _Worker:
-        context = multiprocessing.get_context("spawn")
-        ours, theirs = context.Pipe()
-        process = context.Process(target=serve, args=(theirs, self._make_runner), daemon=True)
-        with quiet_start():
-            process.start()
+        ours, theirs = multiprocessing.Pipe()
+        process = start(serve, theirs, self._make_runner)
         theirs.close()
         return _Worker(process, ours)
 
@@ -206,25 +199,6 @@ def serve(pipe: Connection, make_runner: RunnerFactory) -> None:
             getattr(run, "prepare", lambda _: None)(task)
             pipe.send(BEGINS)
             pipe.send(run(task))
-
-
-@contextlib.contextmanager
-def quiet_start() -> Iterator[None]:
-    """What a child inherits: Ctrl-C ignored from its first instruction, one thread in its linear algebra."""
-    before = {name: os.environ.get(name) for name in SINGLE_THREADED}
-    os.environ.update(dict.fromkeys(SINGLE_THREADED, "1"))
-    in_main = threading.current_thread() is threading.main_thread()
-    handler = signal.signal(signal.SIGINT, signal.SIG_IGN) if in_main else None
-    try:
-        yield
-    finally:
-        if in_main:
-            signal.signal(signal.SIGINT, handler)
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
 
 
 def _cause(exit_code: int | None) -> str:

@@ -18,8 +18,8 @@ from pydantic import BaseModel, Field, ValidationError
 
 import rudc
 from rudc.agents.registry import agent_settings
-from rudc.data import data_folder
 from rudc.errors import SweepError
+from rudc.evaluation.code import code_digest
 from rudc.evaluation.tasks import SweepPlan
 from rudc.settings import problems
 
@@ -92,16 +92,6 @@ def code_version() -> str:
     status = [git, "-C", str(root), "status", "--porcelain", "--", "rudc", "sumo_networks"]
     changed = subprocess.run(status, capture_output=True, text=True, check=False).stdout.strip()
     return f"{found}-{code_digest()}" if found and changed else found or rudc.__version__
-
-
-def code_digest() -> str:
-    """12 hexadecimal digits that change with any Python file of RUDC, and any shipped network."""
-    found = hashlib.sha256()
-    code = Path(rudc.__file__).resolve().parent
-    for folder, pattern in ((code, "**/*.py"), (data_folder("sumo_networks"), "*/*.net.xml")):
-        for path in sorted(folder.glob(pattern)):
-            found.update(f"{path.relative_to(folder)}".encode() + b"\0" + path.read_bytes() + b"\0")
-    return found.hexdigest()[:12]
 
 
 def agent_digest(name: str) -> str:

@@ -12,10 +12,10 @@ from typing import Any, Protocol
 
 from rudc.agents.drivers import MakeAgent, register_agent, registered_agents
 from rudc.errors import InputError, StorageError, SweepError
+from rudc.evaluation.code import code_digest
 from rudc.evaluation.compiled import compile_kernels
 from rudc.evaluation.engine import Result, Runner, RunnerFactory, run_local
 from rudc.evaluation.folder import SweepFolder, read_sweep, sweep_rows
-from rudc.evaluation.manifest import code_digest
 from rudc.evaluation.ray_engine import connect, run_ray
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.rows import by_row

@@ -1,7 +1,8 @@
 """Worker processes, one `Collector` each, that work while the learner learns.
 
-They are spawned, since torch's threads do not survive a fork, need no torch themselves, and leave Ctrl-C to
-the main process, which ends them. A worker that dies takes the training down with a message.
+They start clean (rudc/evaluation/starting.py), since torch's threads do not survive a fork, need no torch
+themselves, and leave Ctrl-C to the main process, which ends them. A worker that dies takes the training down
+with a message.
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ from typing import Any
 from rudc.agents.route_sigma import Heard
 from rudc.errors import RudcError, TrainingError
 from rudc.evaluation.compiled import compile_kernels
-from rudc.evaluation.engine import quiet_start
 from rudc.evaluation.record import EpisodeRecord
+from rudc.evaluation.starting import start
 from rudc.training.collect import By, Collected, Collector
 from rudc.training.config import TrainConfig
 
@@ -30,15 +31,10 @@ class WorkerPool:
     def __init__(self, config: TrainConfig) -> None:
         self._share = config.training.round_decisions
         compile_kernels()
-        context = multiprocessing.get_context("spawn")
         self._workers: list[tuple[Any, Connection]] = []
         for index in range(config.training.envs):
-            ours, theirs = context.Pipe()
-            process = context.Process(
-                target=_work, args=(theirs, config, index), name=f"rudc-worker-{index}", daemon=True
-            )
-            with quiet_start():
-                process.start()
+            ours, theirs = multiprocessing.Pipe()
+            process = start(_work, theirs, config, index, name=f"rudc-worker-{index}")
             theirs.close()
             self._workers.append((process, ours))
         self._critics = bool(config.correction.asks)

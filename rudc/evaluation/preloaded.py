@@ -1,0 +1,11 @@
+"""What the server of worker processes imports before they start (see starting.py)."""
+
+from __future__ import annotations
+
+import contextlib
+from importlib import import_module
+
+with contextlib.suppress(Exception):  # a worker that needs what cannot be imported says so itself
+    for _module in ("rudc.evaluation.runner", "rudc.evaluation.sweep", "rudc.evaluation.compiled"):
+        import_module(_module)
+    import_module("rudc.evaluation.compiled").compile_kernels()
