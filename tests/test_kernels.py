@@ -8,6 +8,7 @@ import sys
 import numpy as np
 import pytest
 
+from rudc.data import data_folder
 from rudc.geometry import gaps_between
 from rudc.geometry import separation as numpys
 from rudc.kernels import rectangle_gap, separation
@@ -31,8 +32,13 @@ def test_rectangles_are_as_far_apart_as_numpy_says():
 
 @pytest.mark.parametrize(
     "command",
-    [["--help"], ["scenario", "show", "dense_left_turn"], ["scenario", "validate", "no_such_file.yaml"]],
-    ids=["help", "show", "refused"],
+    [
+        ["--help"],
+        ["scenario", "show", "dense_left_turn"],
+        ["scenario", "validate", "no_such_file.yaml"],
+        ["table", str(data_folder("results/checkpoints").parent / "ood")],
+    ],
+    ids=["help", "show", "refused", "table"],
 )
 def test_who_does_not_drive_loads_no_compiler(command):
     code = (

@@ -1,12 +1,6 @@
 """`Episode`: one drive through the junction, decision by decision: reward, cost, outcome, metrics.
 
-Every episode ends in exactly one outcome; where several hold at once, the first of:
-
-    collision   the ego's rectangle touches anything
-    off_road    it leaves the drivable area
-    wrong_way   it drives against a lane's direction
-    success     its centre has reached the destination along the path, not farther than 6 m beside it
-    frozen      the time limit has passed (a truncation, not an end, for whoever learns from it)
+How it may end is said in rudc/env/outcome.py.
 
 Used by the Gymnasium environment and by evaluation alike, so that both mean the same by every word.
 """
@@ -15,11 +9,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from rudc.arrays import Array
 from rudc.env.distances import Distances, destination_s, measure
+from rudc.env.outcome import Outcome
 from rudc.env.reward import reward_terms, step_cost
 from rudc.errors import SimulationError
 from rudc.world.scene import Scene
@@ -31,21 +25,6 @@ if TYPE_CHECKING:
 
 BESIDE_M = 6.0
 """m from the path up to which the destination counts as reached: in the lane beside it, not on another arm"""
-
-
-class Outcome(StrEnum):
-    """How an episode ended."""
-
-    SUCCESS = "success"
-    FROZEN = "frozen"
-    COLLISION = "collision"
-    OFF_ROAD = "off_road"
-    WRONG_WAY = "wrong_way"
-
-    @property
-    def is_violation(self) -> bool:
-        """Whether it counts in the violation rate."""
-        return self in (Outcome.COLLISION, Outcome.OFF_ROAD, Outcome.WRONG_WAY)
 
 
 class StepResult(NamedTuple):

@@ -19,8 +19,9 @@ from rudc.drawing.view import Driving, view_of
 from rudc.drawing.window import Window
 from rudc.env.action import ActionKind, read_action
 from rudc.env.distances import Distances
-from rudc.env.episode import Episode, Outcome
+from rudc.env.episode import Episode
 from rudc.env.observation import ObservationKind, observation_space, observe_flat, unflatten
+from rudc.env.outcome import Outcome
 from rudc.errors import InputError
 from rudc.network.network import load_network
 from rudc.scenario import EpisodePlan, Scenario, load_scenario

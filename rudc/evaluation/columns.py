@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
-from rudc.env.episode import Outcome
+from rudc.env.outcome import Outcome
 
 if TYPE_CHECKING:
     from rudc.agents.base import Decision

@@ -17,7 +17,6 @@ from typing import Annotated, Any
 from pydantic import BaseModel, Field, ValidationError
 
 import rudc
-from rudc.agents.registry import agent_settings
 from rudc.errors import SweepError
 from rudc.evaluation.code import code_digest
 from rudc.evaluation.tasks import SweepPlan
@@ -98,6 +97,8 @@ def agent_digest(name: str) -> str:
     """16 hexadecimal digits that change with anything that decides what an agent does, its weights included.
     Raises AgentError.
     """
+    from rudc.agents.registry import agent_settings  # loads all that drives, which reading rows does not need
+
     return _digest(agent_settings(name))
 
 
@@ -136,6 +137,8 @@ def processor() -> str:
 
 def configuration(plan: SweepPlan) -> dict[str, Any]:
     """Everything that decides the rows of a sweep."""
+    from rudc.agents.registry import agent_settings
+
     return {
         "scenarios": {s.name: {"digest": s.digest, "values": s.data()} for s in plan.scenarios},
         "agents": {name: agent_settings(name) for name in plan.agents},

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from rudc.arrays import Array, Index
-from rudc.env.episode import Outcome
+from rudc.env.outcome import Outcome
 from rudc.errors import SweepError
 from rudc.evaluation.columns import COLUMNS, IDENTITY
 from rudc.evaluation.store import MENDED

@@ -17,8 +17,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
-from scipy.optimize import least_squares
 
 from rudc.arrays import Array
 from rudc.geometry import rectangle_corners
@@ -52,6 +50,9 @@ def widened(
 
     `carriageway`: polygons (K, 2) m of the movement.
     """
+    from scipy.interpolate import make_interp_spline  # which few networks need, and which load long
+    from scipy.optimize import least_squares
+
     fine = resample(line, np.arange(0.0, arc_length(line)[-1], FINE))
     base = ReferencePath(smooth(fine, FINE, BASE))
     own = Depths(base, carriageway, union_boundary(carriageway))

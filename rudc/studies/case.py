@@ -26,7 +26,8 @@ import numpy as np
 from rudc.agents.base import Agent, Decision
 from rudc.agents.registry import make_agent
 from rudc.arrays import Array
-from rudc.env.episode import Episode, Outcome, StepResult
+from rudc.env.episode import Episode, StepResult
+from rudc.env.outcome import Outcome
 from rudc.evaluation.rollout import run_episode
 from rudc.network.network import load_network
 from rudc.reporting.case import Case, Track

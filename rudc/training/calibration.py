@@ -25,7 +25,8 @@ from rudc.agents.learned import LearnedAgent
 from rudc.agents.outlook import OutlookAgent
 from rudc.agents.route_sigma import ROUTE, Heard, Place, RouteSigma, explained, fit, place_of
 from rudc.arrays import Array, Arrays
-from rudc.env.episode import Episode, Outcome
+from rudc.env.episode import Episode
+from rudc.env.outcome import Outcome
 from rudc.errors import AgentError
 from rudc.evaluation.rollout import run_episode
 from rudc.learning.uncertainty import PERCENTILES

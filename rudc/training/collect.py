@@ -20,8 +20,9 @@ from rudc.agents.gap_acceptance import GapAcceptance
 from rudc.agents.learned import Chosen, untrained
 from rudc.agents.route_sigma import Heard
 from rudc.arrays import Floats
-from rudc.env.episode import Episode, Outcome, StepResult
+from rudc.env.episode import Episode, StepResult
 from rudc.env.observation import ObservationKind, observe_flat
+from rudc.env.outcome import Outcome
 from rudc.env.reward import scene_cost
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.rollout import run_episode

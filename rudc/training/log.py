@@ -15,7 +15,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Protocol
 
-from rudc.env.episode import Outcome
+from rudc.env.outcome import Outcome
 from rudc.evaluation.record import EpisodeRecord
 from rudc.files import explain, write_atomically
 from rudc.training.collect import Finished

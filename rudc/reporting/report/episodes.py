@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from rudc.arrays import Array, Flags, Index
-from rudc.env.episode import Outcome
+from rudc.env.outcome import Outcome
 from rudc.evaluation.folder import TRACEBACK
 from rudc.evaluation.metrics import numbers
 

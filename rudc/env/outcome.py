@@ -1,0 +1,29 @@
+"""How episodes end.
+
+Every episode ends in exactly one outcome; where several hold at once, the first of:
+
+    collision   the ego's rectangle touches anything
+    off_road    it leaves the drivable area
+    wrong_way   it drives against a lane's direction
+    success     its centre has reached the destination along the path, not farther than 6 m beside it
+    frozen      the time limit has passed (a truncation, not an end, for whoever learns from it)
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+
+class Outcome(StrEnum):
+    """How an episode ended."""
+
+    SUCCESS = "success"
+    FROZEN = "frozen"
+    COLLISION = "collision"
+    OFF_ROAD = "off_road"
+    WRONG_WAY = "wrong_way"
+
+    @property
+    def is_violation(self) -> bool:
+        """Whether it counts in the violation rate."""
+        return self in (Outcome.COLLISION, Outcome.OFF_ROAD, Outcome.WRONG_WAY)
