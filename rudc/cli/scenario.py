@@ -169,7 +169,7 @@ def validate(
 ) -> None:
     """Check scenario files, and that each fits its network and can be set up (first seed).
 
-    Of a sweep of many points every point is checked, and some are set up; the answer says how many.
+    Of a sweep of many points every value is checked, and some points are set up; the answer says how many.
 
     A line for each file; every problem reads `FILE:LINE:COLUMN: key.path: what is wrong`, all at once. With
     `--seeds`, the first so many episodes are driven by `gap-acceptance`, and how often each event happens is

@@ -76,17 +76,20 @@ def strip(xy: Array, width: float) -> Array:
 def inside(polygon: Array, xy: Array) -> Flags:
     """(N,) whether points xy (N, 2) lie in the polygon (K, 2), by the even-odd rule."""
     result = np.zeros(len(xy), dtype=bool)
-    low, high = polygon.min(axis=0), polygon.max(axis=0)
-    near = np.flatnonzero(np.all((xy >= low) & (xy <= high), axis=1))
+    (left, low), (right, high) = polygon.min(axis=0), polygon.max(axis=0)
+    x, y = xy[:, 0], xy[:, 1]
+    near = np.flatnonzero((x >= left) & (x <= right) & (y >= low) & (y <= high))
     if not len(near):
         return result
-    x, y = xy[near].T
+    near = near[y[near].argsort()]  # so that those beside an edge are neighbours
+    x, y = x[near], y[near]
+    ends = np.roll(polygon, -1, axis=0)
+    first = y.searchsorted(np.minimum(polygon[:, 1], ends[:, 1])).tolist()
+    last = y.searchsorted(np.maximum(polygon[:, 1], ends[:, 1])).tolist()
     odd = np.zeros(len(near), dtype=bool)
-    for (x0, y0), (x1, y1) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
-        if y0 == y1:
-            continue
-        crosses = (y0 > y) != (y1 > y)
-        odd ^= crosses & (x < x0 + (y - y0) * (x1 - x0) / (y1 - y0))
+    for (x0, y0), (x1, y1), i, j in zip(polygon.tolist(), ends.tolist(), first, last, strict=True):
+        if i < j:
+            odd[i:j] ^= x[i:j] < x0 + (y[i:j] - y0) * (x1 - x0) / (y1 - y0)
     result[near] = odd
     return result
 

@@ -79,3 +79,19 @@ def test_straightening_joins_what_goes_straight_on_and_nothing_else():
     np.testing.assert_allclose(straights[:, 1], np.roll(SQUARE, -1, axis=0))
     gap = np.delete(pieces, 5, axis=0)
     assert len(polyline.straightened(gap)) == 5
+
+
+@given(st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), min_size=3, max_size=9))
+def test_inside_is_the_even_odd_rule_for_all_points_at_once(corners):
+    """As edge by edge and point by point, on corners and edges, too."""
+    polygon = np.array(corners, dtype=float)
+    points = np.stack(np.meshgrid(np.arange(-1.0, 8.0, 0.5), np.arange(-1.0, 8.0, 0.5)), axis=-1).reshape(
+        -1, 2
+    )
+    found = polyline.inside(polygon, points)
+    for (x, y), hit in zip(points.tolist(), found, strict=True):
+        odd = False
+        for (x0, y0), (x1, y1) in zip(corners, [*corners[1:], corners[0]], strict=True):
+            if (y0 > y) != (y1 > y):
+                odd ^= x < x0 + (y - y0) * (x1 - x0) / (y1 - y0)
+        assert hit == odd

@@ -5,7 +5,9 @@ import textwrap
 import pytest
 
 from rudc.errors import ScenarioError
-from rudc.scenario import find_scenarios, load_scenario
+from rudc.scenario import Scenario, find_scenarios, load_scenario, sweep_check
+from rudc.scenario.base import FileModel
+from rudc.scenario.fit import ASKED
 from rudc.scenario.yaml_text import read_value
 
 
@@ -204,3 +206,49 @@ def test_a_single_value_reads_as_in_a_file(text, value):
 def test_a_single_value_that_cannot_be_is_refused_in_words(text):
     with pytest.raises(ValueError, match=r"is not a value|given twice|not understood"):
         read_value(text)
+
+
+LARGE = """
+name: large
+events: [{kind: hard_brake}, {kind: speeding, factor: 1.1}]
+sweep:
+  traffic.density: [5, 10, 500, 20, 25, 30, 35, 40, 45, 50]
+  traffic.impatience: [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 7]
+  ego.distance: [30, 31, 32, 33, 34, 35, 36, 37, 38, -1]
+  events.0.deceleration: [4, 5, 6, 7]
+  events.1.factor: [1.2, 1.4]
+"""
+
+
+def test_points_of_a_large_sweep_are_checked_part_by_part(tmp_path, monkeypatch):
+    """8,000 points, each value of which is checked; 10 x 10 + 10 + 4 + 2 combinations are looked at."""
+    real, looked = sweep_check._point_reports, []
+    monkeypatch.setattr(sweep_check, "_point_reports", lambda *given: looked.append(1) or real(*given))
+    found = problems(tmp_path, LARGE)
+    assert len(looked) == 116
+    assert [line.partition(" sweep.")[2].partition(":")[0] for line in found] == [
+        "traffic.density.2", "traffic.impatience.9", "ego.distance.9",
+    ]  # fmt: skip
+
+
+def test_no_rule_is_about_two_parts_of_a_file():
+    """Or its points could not be checked part by part."""
+    assert Scenario.misfits.__func__ is FileModel.misfits.__func__
+    assert set(Scenario.__pydantic_decorators__.model_validators) == {"_every_problem"}
+
+
+def test_of_many_combinations_a_network_is_asked_about_some(tmp_path):
+    asked = []
+    (tmp_path / "s.yaml").write_text(
+        f"name: many\nsweep: {{ego.distance: {list(range(20, 100))}, ego.speed: [5, 6, 7]}}\n"
+    )
+    load_scenario(tmp_path / "s.yaml", fit=lambda parts: asked.append(parts) or [])
+    assert len(asked) == ASKED
+    assert {float(parts.ego.speed) for parts in asked} == {5, 6, 7}
+    assert {20, 99} <= {float(parts.ego.distance) for parts in asked}
+
+
+def test_a_value_given_twice_is_named_among_many(tmp_path):
+    values = [20 + k / 100 for k in range(3000)]
+    (line,) = problems(tmp_path, f"name: a\nsweep: {{ego.distance: {[*values, 20]}}}\n")
+    assert "sweep.ego.distance.3000: 20 is given twice" in line
