@@ -76,7 +76,8 @@ def connect() -> Any:
     ray = find_ray()
     _refuse_silent(os.environ.get("RAY_ADDRESS", ""))
     try:
-        ray.init(ignore_reinit_error=True, log_to_driver=False)
+        if not ray.is_initialized():
+            ray.init(log_to_driver=False)
     except (ConnectionError, RuntimeError, ValueError) as error:
         raise InputError(f"--engine ray: no cluster ({error})") from error
     return ray

@@ -10,7 +10,7 @@ import pytest
 
 from rudc.errors import InputError, SimulationError
 from rudc.evaluation.engine import run_local
-from rudc.evaluation.ray_engine import run_ray
+from rudc.evaluation.ray_engine import _Remote, run_ray
 from rudc.evaluation.sweep import run_sweep
 
 
@@ -116,13 +116,13 @@ def _ray_in_process(cores=100):
     def get(reference, timeout):
         return reference.answer()
 
-    def wait(references, timeout):
-        there = [reference for reference in references if reference.has_core]
-        return there[:1], [reference for reference in references if reference not in there[:1]]
+    def wait(references, num_returns, timeout):
+        there = [reference for reference in references if reference.has_core][:num_returns]
+        return there, [reference for reference in references if reference not in there]
 
     return types.SimpleNamespace(
-        init=lambda **_: None, shutdown=lambda: None, remote=decorate, get=get, kill=killed.append,
-        wait=wait, killed=killed,
+        init=lambda **_: None, is_initialized=lambda: False, shutdown=lambda: None, remote=decorate, get=get,
+        kill=killed.append, wait=wait, killed=killed, made=made,
     )  # fmt: skip
 
 
@@ -144,8 +144,40 @@ def test_the_ray_engine_gives_the_same_records_and_retries(make_plan, fakes, mon
 
     records, count = collect(tasks, fragile, engine=run_ray)
     assert count == len(tasks)
+    assert [key for key, record in records.items() if record.error] == [("sumo", 1), ("follower", 1)]
     assert "RuntimeError: actor died" in records["sumo", 1].error
-    assert len(ray.killed) == 4
+
+
+def test_ray_episodes_travel_in_batches_and_no_actor_waits_idly(make_plan, fakes, monkeypatch):
+    """Single ones at first, then as many as take a while; at the end all actors are gone, and their cores
+    free for one that replaces another."""
+    ray = _ray_in_process()
+    monkeypatch.setitem(sys.modules, "ray", ray)
+    given, real = [], _Remote.run
+    monkeypatch.setattr(_Remote, "run", lambda self, tasks: given.append(tasks) or real(self, tasks))
+    tasks = make_plan(episodes=200).tasks()
+    _, count = collect(tasks, fakes.Runner, engine=run_ray)
+    assert count == len(tasks) == sum(map(len, given)) == 400
+    assert (len(given[0]), len(given[-1])) == (1, 1)
+    assert max(map(len, given)) > 10
+    assert len(ray.killed) == len(ray.made) == 2
+
+
+def test_a_batch_that_kills_its_ray_actor_takes_no_innocent_with_it(make_plan, fakes, monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", _ray_in_process())
+
+    def fragile():
+        def run(task):
+            if task.seed in (120, 121):
+                raise RuntimeError("actor died")
+            return fakes.made_up(task)
+
+        return run
+
+    tasks = make_plan(agents=("sumo",), episodes=200).tasks()
+    records, count = collect(tasks, fragile, engine=run_ray)
+    assert count == 200
+    assert sorted(seed for (_, seed), record in records.items() if record.error) == [120, 121]
 
 
 def test_ray_with_fewer_cores_than_workers_gives_no_task_to_those_that_wait(make_plan, fakes, monkeypatch):
