@@ -1,4 +1,8 @@
-"""Every study runs to its end by one command at the quick budget: tables, and figures as PNG and PDF."""
+"""Every study runs to its end by one command at the quick budget: tables, and figures as PNG and PDF.
+
+What trains, trains little here: `comparison` one row, `ablation` none, since it takes what is shipped. Several
+rows, from training to tables: test_comparison.py.
+"""
 
 import pytest
 from PIL import Image
@@ -12,8 +16,8 @@ FEW = ("-n", 1)
 COMMANDS = {
     "filter": FEW,
     "sigma": FEW,
-    "comparison": (*FEW, "-a", "sac", "-a", "rudc-t"),
-    "ablation": (*FEW, "-a", "rudc-t-wo-course", "-a", "rudc-t"),
+    "comparison": (*FEW, "-a", "sac"),
+    "ablation": (*FEW, "-a", "rudc-t-wo-course", "-a", "rudc-t", "--trainings", "."),
     "curves": ("CHECKPOINT",),
     "latency": FEW,
     "ood-case": FEW,
