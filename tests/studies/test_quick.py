@@ -1,7 +1,7 @@
 """Every study runs to its end by one command at the quick budget: tables, and figures as PNG and PDF.
 
-What trains, trains little here: `comparison` one row, `ablation` none, since it takes what is shipped. Several
-rows, from training to tables: test_comparison.py.
+What trains, trains little here: `comparison` one row, `ablation` none, since it takes what is shipped. From
+training to tables with several rows: test_comparison.py.
 """
 
 import pytest
