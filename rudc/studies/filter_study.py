@@ -69,10 +69,10 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
             plan, folder, EpisodeRunner, workers=order.workers, resume=order.resume, progress=progress(domain)
         ).rows
     lines, compared = aggregate(rows, variants), pairs(rows, variants)
-    table = f"{as_markdown(lines)}\n{pairs_markdown(compared)}"
+    table = as_markdown(lines) + (f"\n{pairs_markdown(compared)}" if compared else "")
     files = (
         write(order.out / "filter.csv", csv_text(lines)),
-        write(order.out / "filter_pairs.csv", csv_text(compared)),
+        *([write(order.out / "filter_pairs.csv", csv_text(compared))] if compared else []),
         write(order.out / "filter.md", table),
         draw_tradeoff(points(lines), order.out / "filter.png"),
     )

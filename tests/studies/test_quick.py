@@ -14,7 +14,7 @@ from rudc.studies.catalogue import STUDIES
 FEW = ("-n", 1)
 """episodes, fewer than the quick budget's"""
 COMMANDS = {
-    "filter": FEW,
+    "filter": (*FEW, "-a", "gap-acceptance+ttcbf:correction.d_safe=0.5"),
     "sigma": FEW,
     "comparison": (*FEW, "-a", "sac"),
     "ablation": (*FEW, "-a", "rudc-t-wo-course", "-a", "rudc-t", "--trainings", "."),
