@@ -3,8 +3,8 @@ wrong way.
 
     at once      what stands and has no way through the junction: accident vehicles, closed lanes
     in time      a vehicle that has stood for PATIENCE s with nobody before it, or somebody who blocks; before
-                 its stop line and in the junction, where one waits for others, only after as long again in
-                 which nobody came whom it lets pass
+                 its stop line and in the junction, where one waits for others, only once it has let IDLE s
+                 in all go by since, in which nobody came whom it lets pass, or has stood for LONG s
     ahead        who drives against the ego's line without a way of its own, as far as it gets in LANE_S s
 
 An ordinary queue is none of these. Pedestrians never are: they walk on.
@@ -17,12 +17,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rudc.agents.standing import STILL, Standing
 from rudc.arrays import Array, Flags, Index
 from rudc.geometry import Rectangles
 from rudc.world.scene import Kind, Scene
 
-STILL = 0.2
-"""m/s, below which somebody stands"""
 PATIENCE = 6.0
 """s"""
 QUEUE = 10.0
@@ -31,12 +30,16 @@ BESIDE = 2.0
 """m to each side within which another is before it"""
 BEFORE_STOP = 15.0
 """m before a stop line from where vehicles wait for others"""
+STEP_S = 0.2
+"""s, most that counts between two looks"""
 LANE_S, SOON_S = 12.0, 6.0
 """s"""
 AGAINST = -0.5
 """cosine of the angle to the ego's line from which on somebody drives against it"""
-COMING = 60.0
-"""m before the junction from where on somebody is waited for"""
+IDLE, LONG = 4.0, 12.0
+"""s, s"""
+COMING_S, COMING = 5.0, 10.0
+"""s and m before the junction from where on somebody is waited for, whichever is farther"""
 FAR_BESIDE = 8.0
 """m from the ego's line beyond which nobody is on its road"""
 
@@ -50,6 +53,8 @@ class Blocks(NamedTuple):
     """where those who drive the wrong way will be within LANE_S: that lane is theirs"""
     soon: Rectangles
     """where they will be within SOON_S: what they cross on their way is not to be entered"""
+    resting: Rectangles
+    """vehicles that stand on their way, for whatever reason"""
 
     @property
     def any(self) -> bool:
@@ -58,18 +63,21 @@ class Blocks(NamedTuple):
 
 
 _NOBODY = Rectangles(np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)))
-NOTHING = Blocks(_NOBODY, _NOBODY, _NOBODY)
+NOTHING = Blocks(_NOBODY, _NOBODY, _NOBODY, _NOBODY)
 
 
 class Blocking:
     """Watches one episode."""
 
     def __init__(self) -> None:
+        self._standing = Standing()
         self._since: dict[str, float] = {}
         self._idle: dict[str, float] = {}
+        self._seen_s = -math.inf
 
     def look(self, scene: Scene) -> Blocks:
         """What blocks now; called once a decision."""
+        scene = self._standing.look(scene)
         speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
         still = speed < STILL
         self._since = {
@@ -85,9 +93,10 @@ class Blocking:
             [i for i in np.flatnonzero(without_way & ~still).tolist() if _against(scene, i)], dtype=np.int64
         )
         return Blocks(
-            Rectangles(scene.position[stuck], scene.heading[stuck], scene.size[stuck]),
+            _bodies(scene, stuck),
             _swept(scene, stray, speed[stray] * LANE_S),
             _swept(scene, stray, speed[stray] * SOON_S),
+            _bodies(scene, still & (scene.path >= 0)),
         )
 
     def _stuck(self, scene: Scene, still: Flags, without_way: Flags) -> Flags:
@@ -114,23 +123,33 @@ class Blocking:
         return stuck
 
     def _idlers(self, scene: Scene, who: Index) -> Index:
-        """Those of the others `who` (n,), who stand where one waits, that have waited for nobody for PATIENCE
-        s."""
-        idle = [i for i in who.tolist() if not _lets_pass(scene, i)]
-        self._idle = {scene.ids[i]: self._idle.get(scene.ids[i], scene.time_s) for i in idle}
-        long = [i for i in idle if scene.time_s - self._idle[scene.ids[i]] > PATIENCE]
-        return np.array(long, dtype=np.int64)
+        """Those of the others `who` (n,), who stand where one waits, that have waited for nobody for IDLE s,
+        or too long.
+        """
+        passed, self._seen_s = min(scene.time_s - self._seen_s, STEP_S), scene.time_s
+        idle = {i: 0.0 if _lets_pass(scene, i) else passed for i in who.tolist()}
+        self._idle = {scene.ids[i]: self._idle.get(scene.ids[i], 0.0) + more for i, more in idle.items()}
+        vain = [
+            i for i in idle
+            if self._idle[scene.ids[i]] > IDLE or scene.time_s - self._since[scene.ids[i]] > LONG
+        ]  # fmt: skip
+        return np.array(vain, dtype=np.int64)
 
 
 def _lets_pass(scene: Scene, i: int) -> bool:
     """Whether somebody comes, or the ego, whom the vehicle i has to let pass."""
     paths, row, route = scene.network.paths, scene.path[i], scene.route
-    if paths.yields[row, route.row] and scene.ego_s < route.exit_s:
+    if paths.yields[row, route.row] and scene.ego_s < route.exit_s and scene.waited_s < PATIENCE:
         return True
     driven = np.flatnonzero(scene.path >= 0)
     rows, s = scene.path[driven], scene.path_s[driven]
-    near = (s > paths.stop_s[rows] - COMING) & (s - 0.5 * scene.size[driven, 0] < paths.exit_s[rows])
+    speed = np.hypot(scene.velocity[driven, 0], scene.velocity[driven, 1])
+    near = (s > paths.stop_s[rows] - np.maximum(COMING_S * speed, COMING)) & (s - 0.5 * scene.size[driven, 0] < paths.exit_s[rows])
     return bool((near & paths.yields[row, rows]).any())
+
+
+def _bodies(scene: Scene, who: Flags) -> Rectangles:
+    return Rectangles(scene.position[who], scene.heading[who], scene.size[who])
 
 
 def _swept(scene: Scene, who: Index, way: Array) -> Rectangles:

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 
@@ -23,19 +24,28 @@ from rudc.agents.standoff import Standoff
 from rudc.arrays import Array
 from rudc.env.remembered import Remembered
 from rudc.env.tracking import COMFORT, RESPONSE_S, speeds_in_bends, steering
+from rudc.geometry import rectangle_gaps
 from rudc.network.course import CoursePlanner, gaps_along
 from rudc.network.paths import SPACING
 from rudc.network.route import Route
-from rudc.world.scene import Scene
+from rudc.world.scene import STANDING, Scene
 
 LOOK = 60.0
 """m of the course that are looked at"""
 CLEAR = 0.25
-"""m, gap from which on a course is clear"""
+"""m, gap from which on a course is clear, unless the ego stands nearer to a body already"""
+ROOMY = 0.4
+"""m, gap that is looked for first when the ego stands"""
+CLOSER, LEAST = 0.03, 0.1
+"""m by which it may come closer then, m of gap that there must be in any case"""
+HERE = 1.0
+"""m of its way over which the ego is where it is, whatever course it takes"""
 SHORT = 7.0
 """m"""
-AGAIN_S = 1.0
-"""s"""
+PULL_OUT, LEADER = 3.0, 20.0
+"""m kept behind who stands for now, m ahead within which it is looked for"""
+AGAIN_S, OUTS_S = 1.0, 1.5
+"""s, s, the latter more if the ego stands and may have to pull out"""
 SLOW, PER_METRE = 2.5, 4.0
 """m/s, and m/s for each m of gap"""
 BACK = 4.0
@@ -73,6 +83,7 @@ class Courses:
         self.course: Route | None = None
         """the course driven at present; None for the route itself"""
         self._again_s = -math.inf
+        self._outs: Iterator[tuple[Route | None, float]] = iter(())
         self._blocks: Blocks | None = None
         self._stop: float = math.inf
 
@@ -84,18 +95,17 @@ class Courses:
         self._stop = math.inf
         if not blocks.any:
             return shown
-        wait = _wait(shown, blocks)
-        hit = _first_hit(shown, blocks)
+        wait, clear = _wait(shown, blocks), _clear(scene, blocks)
+        hit = _first_hit(shown, blocks, clear)
         if hit == math.inf and not _astray(shown, blocks):
             self._stop = wait
             return shown
-        if scene.time_s >= self._again_s:
-            self._again_s = scene.time_s + AGAIN_S
-            for course in self._candidates(scene, blocks):
-                tried = scene if course is None else along(scene, course)
-                if _first_hit(tried, blocks) == math.inf:
-                    self.course, self._stop = course, _wait(tried, blocks)
-                    return tried
+        for course, least in self._candidates(scene, blocks, clear):
+            tried = scene if course is None else along(scene, course)
+            if _first_hit(tried, blocks, least) == math.inf:
+                self.course, self._stop = course, _wait(tried, blocks)
+                self._outs = iter(())
+                return tried
         self._stop = min(hit - SHORT, wait)
         return shown
 
@@ -107,7 +117,10 @@ class Courses:
         """
         u = self._standoff.end(scene, u)
         blocks = self._blocks
-        if blocks is None or not (blocks.any or self.course):
+        if blocks is None:
+            return u
+        u = _kept_short(scene, blocks, u)
+        if not (blocks.any or self.course):
             return u
         stop, delta = self._stop, float(u[1])
         speed = math.inf
@@ -123,19 +136,46 @@ class Courses:
         wanted = max((speed - scene.ego.v) / RESPONSE_S, scene.vehicle.a_min)
         return np.array([min(float(u[0]), wanted), delta])
 
-    def _candidates(self, scene: Scene, blocks: Blocks) -> Iterator[Route | None]:
-        """The route itself where the ego is on it still, and courses round the bodies: on its own
-        carriageway, and on the lanes of oncoming traffic where these may be used.
+    def _candidates(
+        self, scene: Scene, blocks: Blocks, clear: float
+    ) -> Iterator[tuple[Route | None, float]]:
+        """Once in AGAIN_S s the route itself where the ego is on it still, and courses round the bodies: on
+        its own carriageway, and on the lanes of oncoming traffic where these may be used. In between, if it
+        stands, those on which it pulls out, one a decision. Each with the gap (m) that it must have.
         """
+        stands = scene.ego.v < STANDING
+        if scene.time_s < self._again_s:
+            if stands:
+                yield from islice(self._outs, 1)
+            return
+        self._again_s = scene.time_s + AGAIN_S
         if self.course is not None and abs(scene.ego_offset) < CLEAR:
-            yield None
-        facing = float(scene.route.path.pose(scene.ego_s)[2])
-        turned = math.remainder(scene.ego.psi - facing, 2 * math.pi)
-        slope = math.tan(min(max(turned, -STEEPEST), STEEPEST))
+            yield None, clear
+        ego, planned = scene.ego, list[Route]()
         for planner in _planners_of(scene):
+            turned = planner.angle(scene.ego_s, ego.psi)
+            slope = math.tan(min(max(turned, -STEEPEST), STEEPEST))
             course = planner.plan(scene.ego_s, scene.ego_offset, slope, blocks.standing, blocks.coming)
             if course is not None:
-                yield course
+                planned.append(course)
+                yield course, ROOMY if stands else clear
+        if stands:
+            self._again_s += OUTS_S
+            self._outs = _outs(scene, blocks, clear, planned)
+
+
+def _outs(
+    scene: Scene, blocks: Blocks, clear: float, planned: list[Route]
+) -> Iterator[tuple[Route | None, float]]:
+    """Courses for an ego that stands, and the gap (m) that each must have: on which it pulls out, and then
+    those `planned` once more, since no way has more room.
+    """
+    ego = scene.ego
+    for planner in _planners_of(scene):
+        for course in planner.pull_outs(ego.x, ego.y, ego.psi, blocks.standing, clear):
+            yield course, clear
+    for course in planned:
+        yield course, clear
 
 
 def _planners_of(scene: Scene) -> Iterator[CoursePlanner]:
@@ -154,15 +194,39 @@ def along(scene: Scene, course: Route) -> Scene:
     return replace(scene, route=course, ego_s=s, ego_offset=offset, destination_s=end)
 
 
-def _first_hit(scene: Scene, blocks: Blocks) -> float:
-    """m from the ego to the first place on its path that is not clear; inf if there is none."""
-    path, body, here = scene.route.path, scene.vehicle, scene.ego_s
+def _kept_short(scene: Scene, blocks: Blocks, u: Array) -> Array:
+    """(2,) the command, m/s2 and rad, with which the ego stops far enough behind who stands in its lane to
+    pull out, should it be for good.
+    """
+    if not blocks.resting.number:
+        return u
+    s, gap = gaps_along(scene.route.path, scene.ego_s, scene.ego_s + LEADER, scene.vehicle, blocks.resting)
+    hit = np.flatnonzero(gap <= 0.0)
+    if not len(hit):
+        return u
+    room = max(float(s[hit[0]]) - scene.ego_s - PULL_OUT, 0.0)
+    wanted = (math.sqrt(2 * HARDEST * room) - scene.ego.v) / RESPONSE_S
+    return u if u[0] <= wanted else np.array([max(wanted, scene.vehicle.a_min), u[1]])
+
+
+def _clear(scene: Scene, blocks: Blocks) -> float:
+    """m, gap from which on a course is clear: CLEAR, or what there is now."""
+    ego, body, (place, heading, size) = scene.ego, scene.vehicle, blocks.standing
+    now = rectangle_gaps(ego.x, ego.y, ego.psi, body.length, body.width, place, heading, size)
+    return min(CLEAR, max(float(now.min(initial=math.inf)) - CLOSER, LEAST))
+
+
+def _first_hit(scene: Scene, blocks: Blocks, clear: float) -> float:
+    """m from the ego to the first place on its path, but for where it is now, with a gap of less than
+    `clear` m; inf if there is none.
+    """
+    path, body, here = scene.route.path, scene.vehicle, scene.ego_s + HERE
     hits = math.inf
     for rectangles, begins in ((blocks.standing, here), (blocks.coming, max(here, scene.route.exit_s))):
         s, gap = gaps_along(path, begins, here + LOOK, body, rectangles)
-        hit = np.flatnonzero(gap < CLEAR)
+        hit = np.flatnonzero(gap < clear)
         if len(hit):
-            hits = min(hits, float(s[hit[0]]) - here)
+            hits = min(hits, float(s[hit[0]]) - scene.ego_s)
     return hits
 
 

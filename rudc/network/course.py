@@ -3,11 +3,17 @@
 A course is a `Route` with another line, and all that goes with a line: stations, road edges, conflict
 table. It is planned on a lattice about the route's reference path (rudc/network/lattice.py), whose profile
 is smoothed and then judged by exact rectangles.
+
+A car that stands too near to a body for that pulls out first: an arc with its wheels turned as far as they
+go, and a profile from there.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
@@ -15,7 +21,7 @@ from rudc.arrays import Array
 from rudc.geometry import Rectangles, gaps_between, rectangle_corners
 from rudc.network.conflicts import waiting_bumper
 from rudc.network.depths import Depths
-from rudc.network.lattice import STEP, Lattice
+from rudc.network.lattice import SLOPES, STEP, Lattice
 from rudc.network.network import Network
 from rudc.network.paths import SPACING
 from rudc.network.polyline import arc_length, resample, smooth, union_boundary
@@ -39,6 +45,16 @@ ROAD_MARGINS = 0.15, 0.25, 0.35, 0.45
 than the profile, leaves the road"""
 NEAR = 3.0
 """m, gaps above are not told apart"""
+PULL_OUT = 1.0, 2.0, 3.0, 4.0
+"""m of the arcs by which a car pulls out"""
+FULL = 0.97
+"""share of the largest front-wheel angle that such an arc takes"""
+ROOMY = 0.5
+"""m, gap to bodies with which it pulls out if that can be"""
+ROOMIER = 0.6, 0.9
+"""m, gaps asked for at the lattice's nodes, one after the other, where the finished line is not clear"""
+BEHIND = 1.0
+"""m of the arc that are drawn behind the car, so that it is on it from the first"""
 
 
 def gaps_along(
@@ -85,23 +101,91 @@ class CoursePlanner:
     ) -> Route | None:
         """A course round bodies for a car at arc length s (m) of the route's path, `offset` m to its left.
 
-        `slope`: tangent of the angle between path and car. `coming`: bodies that count beyond the junction
+        `slope`: tangent of the angle between path and car (`angle`). `coming`: bodies that count beyond the junction
         only. None if the lattice has no way on which the car stays on the road; whether the course that
         comes out is clear is the caller's to ask (`gaps_along`).
         """
-        first = round(s / STEP)
-        last = min(first + round(REACH / STEP), len(self._lattice.s) - 1)
+        first, last = self._span(s)
         if (last - first) * STEP < SHORTEST:
             return None
+        behind = (first - np.arange(first)) * STEP
+        before = offset * np.clip(1.0 - (behind - RETURN[0]) / RETURN[1], 0.0, 1.0)
         bodies = [(standing, 0.0), (coming, self._route.exit_s)]
         for margin in ROAD_MARGINS:
             profile = self._lattice.search(first, last, (offset, slope), bodies, margin)
             if profile is None:
                 return None
-            path = ReferencePath(self._line(first, profile, offset))
+            path = ReferencePath(self._line(before, profile))
             if self._stays_on_road(path, s, s + REACH):
                 return self._along(path)
         return None
+
+    def pull_outs(
+        self, x: float, y: float, psi: float, standing: Rectangles, clear: float
+    ) -> Iterator[Route | None]:
+        """Courses for a car that stands at (x, y) m and heads for psi rad, nearer to a body than `plan` has
+        a way for: out to either side or straight on, with a gap of ROOMY m, or else of `clear` m, the
+        shortest ways first; None for each that leads nowhere.
+        """
+        size = np.array([self._body.length, self._body.width])
+        for least, way, side in product((ROOMY, clear), PULL_OUT, (1.0, -1.0, 0.0)):
+            xy, turned = _full_lock(x, y, psi, side, way, self._body)
+            driven = np.arange(round(BEHIND / FINE), len(xy), round(SPACING / FINE))
+            here, who = np.repeat(driven, standing.number), np.tile(np.arange(standing.number), len(driven))
+            gaps = gaps_between(
+                xy[here], turned[here], size,
+                standing.position[who], standing.heading[who], standing.size[who],
+            )  # fmt: skip
+            if (gaps >= least).all():
+                yield self._after(xy, float(turned[-1]), standing, least)
+
+    def _after(self, arc: Array, psi: float, standing: Rectangles, clear: float) -> Route | None:
+        """The arc (K, 2) m, and a profile from its end, where the car heads for psi rad."""
+        path = self._route.path
+        s, offset = path.project(*arc[-1].tolist())
+        slope = math.tan(self.angle(s, psi))
+        first, last = self._span(s)
+        if abs(slope) > SLOPES[-1] or (last - first) * STEP < SHORTEST:
+            return None
+        stations = self._lattice.s
+        start = offset + slope * (self._lattice.s[first] - s), slope
+        for least in (clear, *ROOMIER):
+            profile = self._lattice.search(first, last, start, [(standing, 0.0)], ROAD_MARGINS[0], least)
+            if profile is None:
+                return None
+            line = self._joined(arc, profile, first, slope)
+            here = line.project(*arc[0].tolist())[0] + BEHIND
+            _, gaps = gaps_along(line, here + SPACING, here + REACH, self._body, standing)
+            if gaps.min(initial=np.inf) >= clear and self._stays_on_road(line, s, s + REACH):
+                return self._along(line)
+        return None
+
+    def _joined(self, arc: Array, profile: Array, first: int, slope: float) -> ReferencePath:
+        """The path to the arc (K, 2) m, the arc, and the profile from station `first`, which it reaches with
+        a slope.
+        """
+        path, stations = self._route.path, self._lattice.s
+        straight = profile[0] + slope * (stations[:first] - stations[first])
+        rest = self._line(np.clip(straight, -NEAR, NEAR), profile)
+        ahead = ReferencePath(rest).project(*arc[-1].tolist())[0] + SMOOTHING / 2
+        begin = int(np.searchsorted(arc_length(rest), ahead))
+        x, y, _ = path.pose(np.arange(0.0, path.project(*arc[0].tolist())[0] - STEP, FINE))
+        joined = np.vstack([np.column_stack([x, y]), arc, rest[begin:]])
+        fine = resample(joined, np.arange(0.0, arc_length(joined)[-1], FINE))
+        return ReferencePath(smooth(fine, FINE, BEHIND))
+
+    def angle(self, s: float, psi: float) -> float:
+        """rad, between the route's path at s m and the way of a car there that heads for psi rad, its wheels
+        turned as the path bends.
+        """
+        path = self._route.path
+        slip = math.asin(min(max(self._body.cg_to_rear * path.curvature_at(s), -0.9), 0.9))
+        return math.remainder(psi + slip - path.heading_at(s), 2 * math.pi)
+
+    def _span(self, s: float) -> tuple[int, int]:
+        """The stations at s m and at the end of what is planned from there."""
+        first = round(s / STEP)
+        return first, min(first + round(REACH / STEP), len(self._lattice.s) - 1)
 
     def _stays_on_road(self, path: ReferencePath, first: float, last: float) -> bool:
         """Whether a car on the line stays on the road with all corners, between the places at first and
@@ -113,13 +197,11 @@ class CoursePlanner:
         corners = rectangle_corners(xy, psi, np.broadcast_to(size, (len(s), 2)))
         return bool((self._network.surface.signed_distance(corners) >= 0.0).all())
 
-    def _line(self, first: int, profile: Array, offset: float) -> Array:
-        """(K, 2) m: back to the path behind the car, the profile, and on from its end at the offset there."""
-        stations = self._lattice.s
+    def _line(self, before: Array, profile: Array) -> Array:
+        """(K, 2) m: the offsets `before` (first,) m, the profile, and on from its end at the offset there."""
+        stations, first = self._lattice.s, len(before)
         offsets = np.full(len(stations), profile[-1])
-        offsets[first : first + len(profile)] = profile
-        behind = (first - np.arange(first)) * STEP
-        offsets[:first] = offset * np.clip(1.0 - (behind - RETURN[0]) / RETURN[1], 0.0, 1.0)
+        offsets[:first], offsets[first : first + len(profile)] = before, profile
         fine = np.arange(0.0, stations[-1], FINE)
         x, y, psi = self._route.path.pose(fine)
         window = 2 * round(SMOOTHING / FINE / 2) + 1
@@ -156,3 +238,18 @@ class CoursePlanner:
         """m, arc length on another line of the place at s m on the route's."""
         x, y, _ = self._route.path.pose(s)
         return path.project(float(x), float(y))[0]
+
+
+def _full_lock(
+    x: float, y: float, psi: float, side: float, way: float, body: EgoVehicle
+) -> tuple[Array, Array]:
+    """(K, 2) m and (K,) rad, places and headings of a car that drives so many m from (x, y) m with its wheels
+    turned to the left (`side` 1), right (-1) or not (0), from BEHIND m before on.
+    """
+    slip = side * math.atan(body.cg_to_rear / body.wheelbase * math.tan(FULL * body.delta_max))
+    bend = math.sin(slip) / body.cg_to_rear
+    driven = np.arange(-BEHIND, way, FINE)
+    chord = driven * np.sinc(0.5 * bend * driven / math.pi)
+    middle = psi + slip + 0.5 * bend * driven
+    places = np.column_stack([x + chord * np.cos(middle), y + chord * np.sin(middle)])
+    return places, psi + bend * driven

@@ -36,7 +36,7 @@ SLOPES: Array = np.arange(-7, 8, dtype=np.float64) * 0.1
 CHANGES = range(-4, 5)
 """steps by which the slope may change from one station to the next"""
 MARGIN = 0.45
-"""m, least gap to a body"""
+"""m, least gap to a body unless it is said otherwise"""
 COMFORTABLE = 1.2
 """m, gap that costs nothing"""
 OFFSET, SLOPE, BEND, CLOSE = 0.04, 1.0, 40.0, 6.0
@@ -66,6 +66,7 @@ class Lattice:
         self._slip: Array = np.arcsin(np.clip(body.cg_to_rear * self._bend, -0.9, 0.9))
         self._depths = depths
         self._depth: dict[int, Array] = {}
+        self._measured: tuple[bytes, dict[int, Array]] = b"", {}
         self._from = _sources(len(self._offsets))
 
     def search(
@@ -75,14 +76,17 @@ class Lattice:
         start: tuple[float, float],
         bodies: Sequence[tuple[Rectangles, float]],
         road_margin: float,
+        least_gap: float = MARGIN,
     ) -> Array | None:
         """(T,) m, offsets at stations first to last of the cheapest profile that starts at (offset m, slope).
 
         `bodies`: rectangles to keep off, and the arc length (m) from which on each lot counts.
-        `road_margin`: m of carriageway to keep beside the car. None if there is no such profile.
+        `road_margin`: m of carriageway to keep beside the car; `least_gap`: m to any body. None if there is
+        no such profile.
         """
         offset, slope = start
         allowed, gap = self._nodes(first, last, bodies, road_margin)
+        allowed &= gap >= least_gap
         cost = np.full((len(self._offsets), len(SLOPES)), np.inf)
         here = OFFSET * self._offsets[:, None] ** 2 + SLOPE * SLOPES[None] ** 2
         cost[_nearest(self._offsets, offset), _nearest(SLOPES, slope)] = 0.0
@@ -107,36 +111,41 @@ class Lattice:
     def _nodes(
         self, first: int, last: int, bodies: Sequence[tuple[Rectangles, float]], road_margin: float
     ) -> tuple[Flags, Array]:
-        """(T, L, K) whether the car may be at each node, and (T, L, K) m its gap to the nearest body
-        there."""
+        """(T, L, K) whether the road is wide enough at each node, and (T, L, K) m the car's gap to the
+        nearest body there."""
         allowed = np.stack([self._depths_at(i) for i in range(first, last + 1)]) >= road_margin
-        gap = np.full(allowed.shape, COMFORTABLE)
-        for rectangles, begins in bodies:
-            if rectangles.number:
-                self._measure(gap, first, begins, rectangles)
-        return allowed & (gap >= MARGIN), gap
+        key = b"".join(array.tobytes() for rectangles, _ in bodies for array in rectangles)
+        if key != self._measured[0]:
+            self._measured = key, {}
+        return allowed, np.stack([self._gaps_at(i, bodies) for i in range(first, last + 1)])
 
-    def _measure(self, gap: Array, first: int, begins: float, bodies: Rectangles) -> None:
-        """Lower `gap` (T, L, K) m where bodies are nearer, at stations from arc length `begins` m on."""
+    def _gaps_at(self, i: int, bodies: Sequence[tuple[Rectangles, float]]) -> Array:
+        """(L, K) m of the car's gap to the nearest body at station i; kept until there are others."""
+        kept = self._measured[1]
+        if i not in kept:
+            kept[i] = np.full((len(self._offsets), len(SLOPES)), COMFORTABLE)
+            for rectangles, begins in bodies:
+                if rectangles.number and self.s[i] >= begins:
+                    self._measure(kept[i], i, rectangles)
+        return kept[i]
+
+    def _measure(self, gap: Array, i: int, bodies: Rectangles) -> None:
+        """Lower `gap` (L, K) m at station i where bodies are nearer."""
         size = np.array([self._body.length, self._body.width])
-        turned = np.arctan(SLOPES) - self._slip[:, None]
+        turned = np.arctan(SLOPES) - self._slip[i]
         reach = 0.5 * np.hypot(*size) + COMFORTABLE + 0.5 * np.hypot(*bodies.size.T)
-        for t in range(len(gap)):
-            i = first + t
-            if self.s[i] < begins:
-                continue
-            place = self._xy[i] + self._offsets[:, None] * self._normal[i]
-            away = place[:, None] - bodies.position
-            which, near = np.nonzero((np.hypot(away[..., 0], away[..., 1]) < reach).T)
-            if not len(which):
-                continue
-            rows, who = np.repeat(near, len(SLOPES)), np.repeat(which, len(SLOPES))
-            cols = np.tile(np.arange(len(SLOPES)), len(near))
-            found = gaps_between(
-                place[rows], self._psi[i] + turned[i, cols], size,
-                bodies.position[who], bodies.heading[who], bodies.size[who],
-            )  # fmt: skip
-            np.minimum.at(gap[t], (rows, cols), found)
+        place = self._xy[i] + self._offsets[:, None] * self._normal[i]
+        away = place[:, None] - bodies.position
+        which, near = np.nonzero((np.hypot(away[..., 0], away[..., 1]) < reach).T)
+        if not len(which):
+            return
+        rows, who = np.repeat(near, len(SLOPES)), np.repeat(which, len(SLOPES))
+        cols = np.tile(np.arange(len(SLOPES)), len(near))
+        found = gaps_between(
+            place[rows], self._psi[i] + turned[cols], size,
+            bodies.position[who], bodies.heading[who], bodies.size[who],
+        )  # fmt: skip
+        np.minimum.at(gap, (rows, cols), found)
 
     def _depths_at(self, i: int) -> Array:
         """(L, K) m of carriageway beside the car at station i, at least; kept."""

@@ -184,7 +184,8 @@ def let_through(
     """Who meets the ego, does not drive behind it (`drives_behind`), and is not passed by it while standing.
 
     An ego at `ego` m facing `ego_heading` at `speed` m/s; `still` m/s and less stands, and is passed if
-    rectangles stay `passing` m apart on a `way` of the ego, whose half sizes are `length` and `width` m.
+    rectangles stay `passing` m apart on a `way` of the ego, whose half sizes are `length` and `width` m, or, where
+    they are nearer already, come no nearer.
     """
     there, turned = follow(line, line_facing, line_spacing, 0, ego_s, ego, ego_heading, speed * times)
     met = meeting(
@@ -201,10 +202,11 @@ def let_through(
         if drives_behind(line, line_facing, line_spacing, ego_s, tail, lane, along, here, direction):
             continue
         half = 0.5 * size[i, 0], 0.5 * size[i, 1]
-        if math.hypot(velocity[i, 0], velocity[i, 1]) < still and passing <= least_separation(
-            there, turned, length, width, here, direction, half[0], half[1]
-        ):
-            continue
+        if math.hypot(velocity[i, 0], velocity[i, 1]) < still:
+            now = least_separation(there[:1], turned[:1], length, width, here, direction, half[0], half[1])
+            least = least_separation(there, turned, length, width, here, direction, half[0], half[1])
+            if least >= min(passing, now) and now > 0.0:
+                continue
         found[count] = i
         count += 1
     return found[:count].copy()

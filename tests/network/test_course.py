@@ -146,3 +146,20 @@ def test_a_course_travels_whole_and_a_route_by_its_key(left):
     assert np.array_equal(again.path.xy, course.path.xy)
     assert again.waiting_s == course.waiting_s
     assert pickle.loads(pickle.dumps(route)) is route
+
+
+@pytest.mark.parametrize("gap", [2.2, 3.0, 4.0])
+@pytest.mark.parametrize("at", [-20.0, -6.0, 30.0])
+def test_a_car_close_behind_a_body_pulls_out(left, gap, at):
+    network, route, planner = left
+    s = route.stop_line_s + at
+    x, y, psi = (float(v) for v in route.path.pose(s))
+    standing = bodies(beside(route, s + BODY.length + gap, 0.0))
+    clear = []
+    for course in filter(None, planner.pull_outs(x, y, psi, standing, 0.25)):
+        here = course.path.project(x, y)[0]
+        _, gaps = gaps_along(course.path, here, here + 40.0, BODY, standing)
+        if gaps.min() >= 0.25 and on_the_road(network, course, here, here + 40.0):
+            clear.append(course)
+            break
+    assert clear
