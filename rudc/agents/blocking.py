@@ -4,7 +4,8 @@ wrong way.
     at once      what stands and has no way through the junction: accident vehicles, closed lanes
     in time      a vehicle that has stood for PATIENCE s with nobody before it, or somebody who blocks; before
                  its stop line and in the junction, where one waits for others, only once it has let IDLE s
-                 in all go by since, in which nobody came whom it lets pass, or has stood for LONG s
+                 in all go by since, in which nobody came whom it lets pass, or has stood for LONG s;
+                 in the junction, after IMPASSE s, one before whom the ego stands: each waits for the other
     ahead        who drives against the ego's line without a way of its own, as far as it gets in LANE_S s
 
 An ordinary queue is none of these. Pedestrians never are: they walk on.
@@ -19,7 +20,7 @@ import numpy as np
 
 from rudc.agents.standing import STILL, Standing
 from rudc.arrays import Array, Flags, Index
-from rudc.geometry import Rectangles
+from rudc.geometry import Rectangles, rectangle_gaps
 from rudc.world.scene import Kind, Scene
 
 PATIENCE = 6.0
@@ -38,6 +39,10 @@ AGAINST = -0.5
 """cosine of the angle to the ego's line from which on somebody drives against it"""
 IDLE, LONG = 4.0, 12.0
 """s, s"""
+IMPASSE = 3.0
+"""s, for which both have stood"""
+FACING, MEETS = 6.0, 0.3
+"""m of its way on which the ego may stand, m of gap below which it does"""
 COMING_S, COMING = 5.0, 10.0
 """s and m before the junction from where on somebody is waited for, whichever is farther"""
 FAR_BESIDE = 8.0
@@ -88,7 +93,7 @@ class Blocking:
         without_way = (scene.path < 0) & (scene.kind != Kind.PEDESTRIAN)
         if not (self._since or without_way.any()):
             return NOTHING
-        stuck = still & (without_way | self._stuck(scene, still, without_way))
+        stuck = still & (without_way | self._stuck(scene, still, without_way) | self._facing(scene))
         stray = np.array(
             [i for i in np.flatnonzero(without_way & ~still).tolist() if _against(scene, i)], dtype=np.int64
         )
@@ -122,6 +127,19 @@ class Blocking:
             stuck[new] = True
         return stuck
 
+    def _facing(self, scene: Scene) -> Flags:
+        """(N,) who in the junction has stood for IMPASSE s, as the ego has, which stands on its way."""
+        paths, found = scene.network.paths, np.zeros(scene.count, dtype=np.bool_)
+        if scene.waited_s < IMPASSE:
+            return found
+        front = scene.path_s + 0.5 * scene.size[:, 0]
+        inside = (front > paths.stop_s[scene.path] + 1.0) & (front < paths.exit_s[scene.path])
+        inside &= (scene.path >= 0) & (paths.origin[scene.path] != paths.origin[scene.route.row])
+        for i in np.flatnonzero(inside).tolist():
+            if scene.time_s - self._since.get(scene.ids[i], math.inf) > IMPASSE:
+                found[i] = _stands_before(scene, i)
+        return found
+
     def _idlers(self, scene: Scene, who: Index) -> Index:
         """Those of the others `who` (n,), who stand where one waits, that have waited for nobody for IDLE s,
         or too long.
@@ -136,6 +154,16 @@ class Blocking:
         return np.array(vain, dtype=np.int64)
 
 
+def _stands_before(scene: Scene, i: int) -> bool:
+    """Whether the ego stands on the way of the vehicle i."""
+    ego, body, paths = scene.ego, scene.vehicle, scene.network.paths
+    s = scene.path_s[i] + np.arange(0.0, FACING, 0.5)
+    x, y, psi = paths.pose(np.full(len(s), scene.path[i]), s)
+    size = np.broadcast_to(scene.size[i], (len(s), 2))
+    gaps = rectangle_gaps(ego.x, ego.y, ego.psi, body.length, body.width, np.stack([x, y], axis=1), psi, size)
+    return bool((gaps < MEETS).any())
+
+
 def _lets_pass(scene: Scene, i: int) -> bool:
     """Whether somebody comes, or the ego, whom the vehicle i has to let pass."""
     paths, row, route = scene.network.paths, scene.path[i], scene.route
@@ -144,7 +172,9 @@ def _lets_pass(scene: Scene, i: int) -> bool:
     driven = np.flatnonzero(scene.path >= 0)
     rows, s = scene.path[driven], scene.path_s[driven]
     speed = np.hypot(scene.velocity[driven, 0], scene.velocity[driven, 1])
-    near = (s > paths.stop_s[rows] - np.maximum(COMING_S * speed, COMING)) & (s - 0.5 * scene.size[driven, 0] < paths.exit_s[rows])
+    near = (s > paths.stop_s[rows] - np.maximum(COMING_S * speed, COMING)) & (
+        s - 0.5 * scene.size[driven, 0] < paths.exit_s[rows]
+    )
     return bool((near & paths.yields[row, rows]).any())
 
 

@@ -136,9 +136,7 @@ class Courses:
         wanted = max((speed - scene.ego.v) / RESPONSE_S, scene.vehicle.a_min)
         return np.array([min(float(u[0]), wanted), delta])
 
-    def _candidates(
-        self, scene: Scene, blocks: Blocks, clear: float
-    ) -> Iterator[tuple[Route | None, float]]:
+    def _candidates(self, scene: Scene, blocks: Blocks, clear: float) -> Iterator[tuple[Route | None, float]]:
         """Once in AGAIN_S s the route itself where the ego is on it still, and courses round the bodies: on
         its own carriageway, and on the lanes of oncoming traffic where these may be used. In between, if it
         stands, those on which it pulls out, one a decision. Each with the gap (m) that it must have.

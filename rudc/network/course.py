@@ -101,9 +101,9 @@ class CoursePlanner:
     ) -> Route | None:
         """A course round bodies for a car at arc length s (m) of the route's path, `offset` m to its left.
 
-        `slope`: tangent of the angle between path and car (`angle`). `coming`: bodies that count beyond the junction
-        only. None if the lattice has no way on which the car stays on the road; whether the course that
-        comes out is clear is the caller's to ask (`gaps_along`).
+        `slope`: tangent of the angle between path and car (`angle`). `coming`: bodies that count beyond the
+        junction only. None if the lattice has no way on which the car stays on the road; whether the course
+        that comes out is clear is the caller's to ask (`gaps_along`).
         """
         first, last = self._span(s)
         if (last - first) * STEP < SHORTEST:
@@ -147,7 +147,6 @@ class CoursePlanner:
         first, last = self._span(s)
         if abs(slope) > SLOPES[-1] or (last - first) * STEP < SHORTEST:
             return None
-        stations = self._lattice.s
         start = offset + slope * (self._lattice.s[first] - s), slope
         for least in (clear, *ROOMIER):
             profile = self._lattice.search(first, last, start, [(standing, 0.0)], ROAD_MARGINS[0], least)

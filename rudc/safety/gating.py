@@ -40,7 +40,7 @@ CONFLICT_TIMES: Array = np.linspace(0.0, 3.0, 16)
 STILL = 0.2
 """m/s, below which somebody stands"""
 PASSING = 0.2
-"""m beside the ego's rectangle on its way, with which somebody who stands is passed; less than courses keep"""
+"""m beside the ego's rectangle on its way, with which somebody who stands is passed; courses keep more"""
 SLOWEST = 3.0
 """m/s, at least, of an ego that is taken to pass"""
 _SHARES: Array = np.linspace(0.0, 1.0, 40)

@@ -184,8 +184,8 @@ def let_through(
     """Who meets the ego, does not drive behind it (`drives_behind`), and is not passed by it while standing.
 
     An ego at `ego` m facing `ego_heading` at `speed` m/s; `still` m/s and less stands, and is passed if
-    rectangles stay `passing` m apart on a `way` of the ego, whose half sizes are `length` and `width` m, or, where
-    they are nearer already, come no nearer.
+    rectangles stay `passing` m apart on a `way` of the ego, whose half sizes are `length` and `width` m, or,
+    where they are nearer already, come no nearer.
     """
     there, turned = follow(line, line_facing, line_spacing, 0, ego_s, ego, ego_heading, speed * times)
     met = meeting(
