@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from rudc.agents.adaptation import Adaptation
-from rudc.agents.blocking import PATIENCE, Blocking
-from rudc.agents.courses import Courses, along
+from rudc.agents.blocking import IDLE, IMPASSE, LONG, PATIENCE, Blocking
+from rudc.agents.courses import PULL_OUT, Courses, along
 from rudc.agents.outlook import Outlook, OutlookAgent, OutlookSettings
 from rudc.agents.registry import agent_settings, make_agent
 from rudc.env.episode import Episode
@@ -82,7 +82,37 @@ def test_a_queue_blocks_only_behind_somebody_who_goes_nowhere(make_scene, four_w
     assert {tuple(p) for p in blocks.standing.position} == {tuple(p) for p in scene.position[:2]}
 
 
-def test_who_stands_in_the_junction_blocks_once_there_has_been_nobody_to_wait_for(make_scene, four_way):
+def test_who_stands_in_the_junction_blocks_once_it_has_waited_for_nobody_or_too_long(make_scene, four_way):
+    alone, busy = _waits_to_turn_left(make_scene, four_way)
+    seen = [_standing_at(alone, PATIENCE + share * IDLE) for share in (0.1, 0.9, 1.2)]
+    assert seen == [0, 0, 1]
+    assert [_standing_at(busy, share * LONG) for share in (0.9, 1.1)] == [0, 1]
+
+
+def test_each_gap_that_it_lets_go_by_counts(make_scene, four_way):
+    scene, coming = _waits_to_turn_left(make_scene, four_way)
+    watch, seen = Blocking(), []
+    for k in range(math.ceil(10 * LONG)):
+        busy = k % 30 < 5
+        seen.append(watch.look(replace(coming if busy else scene, time_s=0.1 * k)).standing.number)
+    assert seen[math.ceil(10 * (PATIENCE + IDLE))] == 0
+    assert seen[-1] == 1
+
+
+def test_who_waits_for_an_ego_that_waits_for_it_blocks_soon(make_scene, four_way):
+    paths, own = four_way.paths, make_scene(turn="left").route
+    row = four_way.route("north", "straight").row
+    table = four_way.conflict(own)[row]
+    other = {"row": row, "s": float(table[2]) - 3.0}
+    scene = make_scene(other, turn="left", front=float(table[0]) - own.stop_line_s + 2.0, v=0.0)
+    waiting = replace(scene, waited_s=2 * IMPASSE)
+    assert paths.origin[row] != paths.origin[own.row]
+    assert [_standing_at(s, 1.2 * IMPASSE) for s in (scene, waiting)] == [0, 1]
+    assert _standing_at(replace(make_scene(other, turn="left", front=1.0), waited_s=9.0), 1.2 * IMPASSE) == 0
+
+
+def _waits_to_turn_left(make_scene, four_way):
+    """One who waits in the junction, with nobody coming, and with somebody whom it lets pass."""
     paths = four_way.paths
     own = make_scene(origin="west", turn="straight").route.row
     left = next(
@@ -93,10 +123,8 @@ def test_who_stands_in_the_junction_blocks_once_there_has_been_nobody_to_wait_fo
     )
     waiting = {"row": left, "s": float(paths.stop_s[left]) + 6.0}
     coming = {"row": oncoming, "s": float(paths.stop_s[oncoming]) - 30.0, "v": 8.0}
-    alone = make_scene(waiting, origin="west", turn="straight")
-    seen = [_standing_at(alone, share * PATIENCE) for share in (1.1, 1.9, 2.1)]
-    assert seen == [0, 0, 1]
-    assert _standing_at(make_scene(waiting, coming, origin="west", turn="straight"), 5 * PATIENCE) == 0
+    west = {"origin": "west", "turn": "straight"}
+    return make_scene(waiting, **west), make_scene(waiting, coming, **west)
 
 
 def _standing_at(scene, time_s):
@@ -224,3 +252,18 @@ def test_courses_forget_the_last_episode(make_scene):
     courses.course = make_scene().route
     courses.reset(make_scene())
     assert courses.course is None
+
+
+@pytest.mark.parametrize("gap", [2.2, 3.0, 5.0])
+def test_it_stops_far_enough_behind_who_stands_to_pull_out_and_creeps_no_nearer(make_scene, four_way, gap):
+    def asked(v):
+        scene = make_scene({"row": row, "s": s, "v": v}, turn="straight", front=-30.0, v=1.0)
+        courses = Courses()
+        courses.reset(scene)
+        return courses.govern(courses.see(scene), np.array([1.0, 0.0]))[0]
+
+    row = four_way.route("south", "straight").row
+    s = float(four_way.paths.stop_s[row]) - 30.0 + 2.5 + gap
+    creeps = asked(v=0.0)
+    assert creeps < 0.0 if gap <= PULL_OUT else creeps == 1.0
+    assert asked(v=3.0) == 1.0

@@ -154,6 +154,7 @@ def test_who_is_let_through_meets_does_not_follow_and_is_not_passed():
     bodies[0][:9] = np.stack([np.full(9, 0.5), np.linspace(-24.5, -22.5, 9)], axis=1)  # some are behind
     bodies[0][12:40:4], size[12:40:4] = [3.5, -10.0], 2.0  # and some stand beside
     bodies[1][:40] = 1.5
+    bodies[0][40], size[40], bodies[1][40] = [-1.5, -21.0], [2.0, 1.8], 1.5  # and one nearer already
     line = tracks[0][:1], tracks[1][:1], tracks[2]
     s, here, heading, half = 80.0, 0.5 - 20j, np.exp(1.5j), np.full((2, 300), 2.0)
     ego = here, heading, 7.0
@@ -188,7 +189,10 @@ def test_who_is_let_through_meets_does_not_follow_and_is_not_passed():
     apart = separation(
         centre[:, None] - place, facing, turned[:, None], np.array([2.5, 0.9]), size[:, None] / 2
     )
-    passed = (np.hypot(*bodies[2].T) < 0.2) & (apart.min(axis=1) >= 0.3)
+    least, now = apart.min(axis=1), apart[:, 0]
+    nearer = (least < 0.3) & (least >= now)
+    passed = (np.hypot(*bodies[2].T) < 0.2) & ((least >= 0.3) | nearer) & (now > 0.0)
+    assert (met & passed & nearer).any()
     assert (met & behind).any()
     assert (met & passed).any()
     assert got.tolist() == np.flatnonzero(met & ~np.array(behind) & ~passed).tolist()
