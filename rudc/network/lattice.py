@@ -66,7 +66,7 @@ class Lattice:
         self._slip: Array = np.arcsin(np.clip(body.cg_to_rear * self._bend, -0.9, 0.9))
         self._depths = depths
         self._depth: dict[int, Array] = {}
-        self._measured: tuple[bytes, dict[int, Array]] = b"", {}
+        self._measured: tuple[list[tuple[float | bytes, ...]], dict[int, Array]] = [], {}
         self._from = _sources(len(self._offsets))
 
     def search(
@@ -114,7 +114,7 @@ class Lattice:
         """(T, L, K) whether the road is wide enough at each node, and (T, L, K) m the car's gap to the
         nearest body there."""
         allowed = np.stack([self._depths_at(i) for i in range(first, last + 1)]) >= road_margin
-        key = b"".join(array.tobytes() for rectangles, _ in bodies for array in rectangles)
+        key = [(begins, *(array.tobytes() for array in rectangles)) for rectangles, begins in bodies]
         if key != self._measured[0]:
             self._measured = key, {}
         return allowed, np.stack([self._gaps_at(i, bodies) for i in range(first, last + 1)])
