@@ -16,12 +16,13 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rudc.arrays import Array
 from rudc.geometry import Rectangles, gaps_between, rectangle_corners
 from rudc.network.conflicts import waiting_bumper
 from rudc.network.depths import Depths
-from rudc.network.lattice import SLOPES, STEP, Lattice
+from rudc.network.lattice import STEP, Lattice
 from rudc.network.network import Network
 from rudc.network.paths import SPACING
 from rudc.network.polyline import arc_length, resample, smooth, union_boundary
@@ -45,14 +46,17 @@ ROAD_MARGINS = 0.15, 0.25, 0.35, 0.45
 than the profile, leaves the road"""
 NEAR = 3.0
 """m, gaps above are not told apart"""
-PULL_OUT = 1.0, 2.0, 3.0, 4.0
+PULL_OUT = 1.0, 1.5, 2.0, 2.5, 3.0
 """m of the arcs by which a car pulls out"""
 FULL = 0.97
 """share of the largest front-wheel angle that such an arc takes"""
 ROOMY = 0.5
 """m, gap to bodies with which it pulls out if that can be"""
-ROOMIER = 0.6, 0.9
-"""m, gaps asked for at the lattice's nodes, one after the other, where the finished line is not clear"""
+ROOMIER = (0.0, 0.15), (0.0, 0.45), (0.4, 0.15)
+"""m more of gap, and m of carriageway beside the car, asked for at the lattice's nodes, one after the other,
+where the finished line is not clear or leaves the road"""
+STEEPEST = 0.85
+"""largest slope with which such an arc ends; the lattice starts from its own largest then"""
 BEHIND = 1.0
 """m of the arc that are drawn behind the car, so that it is on it from the first"""
 
@@ -145,13 +149,13 @@ class CoursePlanner:
         s, offset = path.project(*arc[-1].tolist())
         slope = math.tan(self.angle(s, psi))
         first, last = self._span(s)
-        if abs(slope) > SLOPES[-1] or (last - first) * STEP < SHORTEST:
+        if abs(slope) > STEEPEST or (last - first) * STEP < SHORTEST:
             return None
         start = offset + slope * (self._lattice.s[first] - s), slope
-        for least in (clear, *ROOMIER):
-            profile = self._lattice.search(first, last, start, [(standing, 0.0)], ROAD_MARGINS[0], least)
+        for more, margin in ROOMIER:
+            profile = self._lattice.search(first, last, start, [(standing, 0.0)], margin, clear + more)
             if profile is None:
-                return None
+                continue
             line = self._joined(arc, profile, first, slope)
             here = line.project(*arc[0].tolist())[0] + BEHIND
             _, gaps = gaps_along(line, here + SPACING, here + REACH, self._body, standing)
@@ -196,7 +200,7 @@ class CoursePlanner:
         corners = rectangle_corners(xy, psi, np.broadcast_to(size, (len(s), 2)))
         return bool((self._network.surface.signed_distance(corners) >= 0.0).all())
 
-    def _line(self, before: Array, profile: Array) -> Array:
+    def _line(self, before: NDArray[np.floating], profile: Array) -> Array:
         """(K, 2) m: the offsets `before` (first,) m, the profile, and on from its end at the offset there."""
         stations, first = self._lattice.s, len(before)
         offsets = np.full(len(stations), profile[-1])
