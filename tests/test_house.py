@@ -132,7 +132,7 @@ def test_what_is_imported_is_declared():
 
 
 @pytest.mark.parametrize(
-    "command", ["main", "run", "sweep", "table", "replay", "scenario", "network", "agent"]
+    "command", ["main", "run", "sweep", "search", "table", "replay", "scenario", "network", "agent"]
 )
 def test_commands_without_training_need_core_dependencies_only(command):
     """As the command line starts, and as one of its commands begins its work."""

@@ -17,7 +17,20 @@ from typing import Annotated
 import typer
 
 import rudc
-from rudc.cli import agent, network, replay, report, residual, run, scenario, study, sweep, table, train
+from rudc.cli import (
+    agent,
+    network,
+    replay,
+    report,
+    residual,
+    run,
+    scenario,
+    search,
+    study,
+    sweep,
+    table,
+    train,
+)
 from rudc.errors import RudcError
 
 app = typer.Typer(
@@ -29,6 +42,7 @@ app = typer.Typer(
     help="A SUMO-backed testbed for safe decision-making at unsignalized intersections.",
 )
 app.command("sweep")(sweep.sweep)
+app.command("search")(search.search)
 app.command("run")(run.run)
 app.command("replay")(replay.replay)
 app.command("report")(report.report)

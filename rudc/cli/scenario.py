@@ -348,17 +348,19 @@ def schema(
         write_atomically(out, text)
 
 
-def parse_overrides(given: list[str] | None) -> dict[str, object]:
-    """`KEY=VALUE` texts as a dictionary; values are read as in a scenario file. Raises InputError."""
+def parse_overrides(given: list[str] | None, option: str = "--set") -> dict[str, object]:
+    """`KEY=VALUE` texts of an option as a dictionary; values are read as in a scenario file. Raises
+    InputError.
+    """
     from rudc.scenario.yaml_text import read_value
 
     found: dict[str, object] = {}
     for text in given or []:
         key, equals, value = text.partition("=")
         if not equals or not key.strip():
-            raise InputError(f"--set {text!r}: expected KEY=VALUE")
+            raise InputError(f"{option} {text!r}: expected KEY=VALUE")
         try:
             found[key.strip()] = read_value(value)
         except ValueError as error:
-            raise InputError(f"--set {text!r}: {error}") from None
+            raise InputError(f"{option} {text!r}: {error}") from None
     return found

@@ -67,24 +67,38 @@ def run_local(
 
     Closing the iterator ends the workers. Raises SimulationError when no worker can be started.
     """
-    pool = _Pool(tasks, limit_s, make_runner)
+    with local_workers(min(workers, len(tasks)), limit_s, make_runner) as run:
+        yield from run(tasks)
+
+
+@contextlib.contextmanager
+def local_workers(
+    workers: int, limit_s: float, make_runner: RunnerFactory
+) -> Iterator[Callable[[Sequence[Task]], Iterator[Result]]]:
+    """Worker processes that stay for several batches of tasks, until the block ends: what is given is called
+    with each batch, and yields as `run_local` does, all of one before the next.
+    """
+    pool = _Pool(workers, limit_s, make_runner)
     try:
-        yield from pool.run(min(workers, len(tasks)))
+        yield pool.run
     finally:
         pool.end()
 
 
 class _Pool:
-    def __init__(self, tasks: Sequence[Task], limit_s: float, make_runner: RunnerFactory) -> None:
-        self._pending = deque(tasks)
+    def __init__(self, workers: int, limit_s: float, make_runner: RunnerFactory) -> None:
+        self._size = workers
+        self._pending: deque[Task] = deque()
         self._deaths: dict[int, int] = {}
         self._limit_s = limit_s
         self._make_runner = make_runner
         self._workers: list[_Worker] = []
         self._failed_starts = 0
 
-    def run(self, workers: int) -> Iterator[Result]:
-        self._workers = [self._start() for _ in range(workers)]
+    def run(self, tasks: Sequence[Task]) -> Iterator[Result]:
+        self._pending.extend(tasks)
+        self._deaths.clear()
+        self._workers = self._workers or [self._start() for _ in range(self._size)]
         self._assign()
         while self._pending or any(worker.task for worker in self._workers):
             results = [result for worker in self._await() if (result := self._attend(worker))]

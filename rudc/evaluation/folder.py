@@ -77,7 +77,7 @@ class SweepFolder:
         """Take possession of the folder. Raises InputError when it cannot be had, SweepError when something
         else is in it."""
         make_folder(self.path)
-        self._take_lock()
+        self._lock = take_lock(self.path, self.warnings)
         present = sorted(entry.name for entry in self.path.iterdir() if not entry.name.startswith("."))
         content: dict[str, Any] = manifest(self._plan)
         if present and not resume:
@@ -139,20 +139,6 @@ class SweepFolder:
         groups = group_metrics(sweep_rows(self.path), by, METRICS)
         write_atomically(self.path / "metrics.csv", metrics_csv(groups, by))
 
-    def _take_lock(self) -> None:
-        """Keep other sweeps out of the folder for as long as this process lives, where the system can."""
-        try:
-            import fcntl
-        except ImportError:  # no such locks on Windows
-            return
-        self._lock = os.open(self.path, os.O_RDONLY)
-        try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise SweepError(f"another sweep is writing to {self.path} at this moment") from None
-        except OSError:
-            self.warnings.append(f"{self.path} cannot be locked; run no second sweep into it meanwhile")
-
     def _refuse_other_columns(self, old: Mapping[str, Any]) -> None:
         """Raises SweepError when the folder's rows have not the meaning that new ones would have."""
         header = read_header(self.path / "episodes.csv")
@@ -185,6 +171,25 @@ class SweepFolder:
         with contextlib.suppress(FileNotFoundError):
             (self.path / "metrics.csv").unlink()
         shutil.rmtree(self.path / "errors", ignore_errors=True)
+
+
+def take_lock(path: Path, warnings: list[str]) -> int | None:
+    """Keep others out of a folder for as long as this process lives, or the descriptor that comes back is
+    open, where the system can; where it cannot, `warnings` says so. Raises SweepError when another is in it.
+    """
+    try:
+        import fcntl
+    except ImportError:  # no such locks on Windows
+        return None
+    lock = os.open(path, os.O_RDONLY)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(lock)
+        raise SweepError(f"another sweep or search is writing to {path} at this moment") from None
+    except OSError:
+        warnings.append(f"{path} cannot be locked; run no second sweep into it meanwhile")
+    return lock
 
 
 def metrics_csv(groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Metric] = METRICS) -> str:

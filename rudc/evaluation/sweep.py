@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -107,13 +107,20 @@ def run_sweep(
         chosen.check()
     with SweepFolder(out, plan) as folder:
         folder.open(resume)
-        try:
+        with kept_rows():
             return _finish(folder, workers, chosen, limit_s, make_runner, progress or Silent())
-        except StorageError as error:
-            raise StorageError(
-                f"{error}. All rows written before are kept; "
-                "once that is mended, run the same command with --resume"
-            ) from error
+
+
+@contextmanager
+def kept_rows() -> Iterator[None]:
+    """A StorageError in the block says that the rows written before are kept."""
+    try:
+        yield
+    except StorageError as error:
+        raise StorageError(
+            f"{error}. All rows written before are kept; "
+            "once that is mended, run the same command with --resume"
+        ) from error
 
 
 def _finish(

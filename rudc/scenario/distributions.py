@@ -115,6 +115,11 @@ class Uniform(Distribution, frozen=True):
         """Draw one value."""
         return float(rng.uniform(*self.uniform))
 
+    def quantile(self, share: float) -> float:
+        """The value below which a share of the draws lies, 0 to 1."""
+        low, high = self.uniform
+        return min(low + share * (high - low), high)
+
     @property
     def mean(self) -> float:
         """The middle."""
@@ -179,8 +184,17 @@ class Normal(Distribution, frozen=True):
     def sample(self, rng: np.random.Generator) -> float:
         """Draw one value by inverting the distribution function, so that one draw always suffices."""
         curve, low, high = self._curve
-        share = rng.uniform(curve.cdf(low), curve.cdf(high))
-        # The tails' ends have no finite inverse.
+        return self._inverse(rng.uniform(curve.cdf(low), curve.cdf(high)))
+
+    def quantile(self, share: float) -> float:
+        """The value below which a share of the draws lies, 0 to 1."""
+        curve, low, high = self._curve
+        below = curve.cdf(low)
+        return self._inverse(below + share * (curve.cdf(high) - below))
+
+    def _inverse(self, share: float) -> float:
+        """Of the distribution function before truncation. The tails' ends have no finite inverse."""
+        curve, low, high = self._curve
         value = curve.inv_cdf(min(max(share, 1e-12), 1.0 - 1e-12))
         return min(max(value, low), high)
 

@@ -12,14 +12,22 @@ import pytest
 RUDC = [sys.executable, "-m", "rudc"]
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_sweep_that_is_ended_keeps_what_is_finished(tmp_path, number):
+@pytest.mark.parametrize(
+    ("command", "number"),
+    [
+        ("sweep", signal.SIGINT),
+        ("sweep", signal.SIGTERM),
+        ("sweep", signal.SIGHUP),
+        ("search", signal.SIGINT),
+    ],
+)
+def test_a_command_that_is_ended_keeps_what_is_finished(tmp_path, command, number):
     out = tmp_path / "out"
-    sweep = [*RUDC, "sweep", "random_destination", "-a", "follower", "-n", "2000", "-w", "1", "-o", str(out)]
+    begun = [*RUDC, command, "random_destination", "-a", "follower", "-n", "2000", "-w", "1", "-o", str(out)]
     heard = partial(signal.signal, number, signal.SIG_DFL)  # also where the tests run under nohup
-    process = subprocess.Popen(sweep, stderr=subprocess.PIPE, text=True, preexec_fn=heard)
+    process = subprocess.Popen(begun, stderr=subprocess.PIPE, text=True, preexec_fn=heard)
     deadline = time.monotonic() + 120
-    rows = out / "episodes.csv"
+    rows = out / ("episodes.csv" if command == "sweep" else "evaluations.csv")
     while not rows.exists() or rows.read_bytes().count(b"\n") < 2:
         assert process.poll() is None
         assert time.monotonic() < deadline

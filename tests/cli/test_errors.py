@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 SWEEP = ("sweep", "random_destination", "--agent", "follower", "--episodes", "1", "--out", "out")
+SEARCH = ("search", "random_destination", "--agent", "follower", "--out", "out")
 
 
 @pytest.mark.parametrize(
@@ -21,6 +22,19 @@ SWEEP = ("sweep", "random_destination", "--agent", "follower", "--episodes", "1"
         (("sweep", "-a", "sumo", "-o", "x"), "which scenarios?"),
         ((*SWEEP, "--engine", "locl"), "no engine 'locl' (did you mean 'local'?)"),
         (("sweep", "random_destination", "-a", "sumo"), "--out DIR"),
+        ((*SEARCH, "--over", "traffic.densty=[5, 30]"), "did you mean 'density'?"),
+        ((*SEARCH, "--over", "traffic.density=5"), "--over traffic.density=5: expected KEY=[LOW, HIGH]"),
+        ((*SEARCH, "--over", "traffic.density=[30, 5]"), "low 30 is above high 5"),
+        ((*SEARCH, "--over", "traffic.density=[5, 5]"), "--over traffic.density: not a number with a low"),
+        ((*SEARCH, "--over", "traffic.density=[5, 9999]"), "traffic.density"),
+        ((*SEARCH, "--over", "ego.route=[1, 2]"), "ego.route"),
+        (
+            ("search", "plain.yaml", "-a", "follower", "-o", "x"),
+            "draws no number that could be searched over",
+        ),
+        (("search", "density_sweep", "-a", "follower", "-o", "x"), "--over 'traffic.density=[low, high]'"),
+        (("search", "random_destination", "-a", "follower"), "--out DIR"),
+        (("search", "random_destination", "-a", "folower", "-o", "x"), "did you mean 'follower'?"),
         (("run", "random_destination", "--agent", "sumo+ecbf"), "SUMO itself drives"),
         (("run", "random_destination", "--set", "traffic.densty=30"), "did you mean 'density'?"),
         (("run", "random_destination", "--set", "traffic.density"), "expected KEY=VALUE"),
@@ -34,7 +48,8 @@ SWEEP = ("sweep", "random_destination", "--agent", "follower", "--episodes", "1"
         (("table", "nowhere"), "is it the folder of a sweep?"),
     ],
 )
-def test_wrong_input_is_answered_with_what_is_wrong(rudc, arguments, expected):
+def test_wrong_input_is_answered_with_what_is_wrong(rudc, tmp_path, arguments, expected):
+    (tmp_path / "plain.yaml").write_text("name: plain\nnetwork: four_way\nego: {speed: 8, distance: 40}\n")
     answer = rudc(*arguments)
     assert answer.status == 2
     assert expected in answer.err

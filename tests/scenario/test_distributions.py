@@ -64,6 +64,35 @@ def test_mean_is_that_of_the_samples(value, mean):
     assert np.mean(samples) == pytest.approx(mean, abs=0.08)
 
 
+@pytest.mark.parametrize(
+    ("value", "drawn"),
+    [
+        ({"uniform": [6, 10]}, [6.342596668574497, 6.947242026384399, 9.205097860825587]),
+        ({"normal": [7, 1]}, [5.631956097241979, 6.283400111313249, 7.846182272862275]),
+        (
+            {"normal": {"mean": 4.5, "std": 1.0, "low": 2.5, "high": 7}},
+            [3.2514721970040563, 3.8339909386115276, 5.344553290322738],
+        ),
+        ({"choice": [1, 2, 6]}, [1.0, 1.0, 6.0]),
+    ],
+)
+def test_a_seed_draws_the_same_values_in_every_version(value, drawn):
+    rng = np.random.default_rng(3)
+    assert [distribution(value).sample(rng) for _ in drawn] == drawn
+
+
+@pytest.mark.parametrize(
+    "value", [{"uniform": [6, 10]}, {"normal": {"mean": 4.5, "std": 1.0, "low": 2.5, "high": 7}}]
+)
+def test_a_quantile_is_the_value_below_which_a_share_of_the_samples_lies(value):
+    drawn = distribution(value)
+    rng = np.random.default_rng(5)
+    samples = [drawn.sample(rng) for _ in range(20_000)]
+    for share in (0.0, 0.1, 0.5, 0.9, 1.0):
+        assert np.mean(samples <= np.float64(drawn.quantile(share))) == pytest.approx(share, abs=0.01)
+    assert (drawn.quantile(0.0), drawn.quantile(1.0)) == pytest.approx(drawn.support)
+
+
 def test_weights_are_shares():
     drawn = distribution({"choice": {"values": [1, 2], "weights": [9, 1]}})
     rng = np.random.default_rng(0)

@@ -1,0 +1,172 @@
+"""A search's folder: manifest, rows, and what is there already when a search goes on."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rudc.errors import SweepError
+from rudc.evaluation.columns import COLUMNS
+from rudc.evaluation.folder import TRACEBACK, take_lock
+from rudc.evaluation.manifest import (
+    FORMAT,
+    agent_digests,
+    as_json,
+    manifest,
+    read_manifest,
+    resumed,
+    version_changes,
+)
+from rudc.evaluation.own_networks import keep_networks, with_copies
+from rudc.evaluation.record import EpisodeRecord, as_text
+from rudc.evaluation.rows import refuse_damaged
+from rudc.evaluation.search.space import Space
+from rudc.evaluation.store import RowFile, format_row
+from rudc.evaluation.tasks import SweepPlan
+from rudc.files import make_folder, write_atomically
+from rudc.scenario.model import Scenario
+from rudc.scenario.networks import is_network_path
+
+WEIGHT = "weight"
+"""column: density of the episode's values as declared over that with which they were drawn"""
+
+
+@dataclass(frozen=True)
+class SearchPlan:
+    """Everything that decides a search's rows."""
+
+    scenario: Scenario
+    agent: str
+    episodes: int
+    seed: int
+    space: Space
+
+    def __post_init__(self) -> None:
+        self.sweep()  # refuses what a sweep refuses
+
+    def sweep(self) -> SweepPlan:
+        """The sweep of as many episodes as declared."""
+        return SweepPlan((self.scenario,), (self.agent,), self.episodes, self.seed)
+
+
+class SearchFolder:
+    """Where one search keeps its results. A context: while it is open no other may write there."""
+
+    def __init__(self, path: Path, plan: SearchPlan) -> None:
+        self.path = path
+        self.scenario = plan.scenario
+        """on the folder's copy of its network, once it is open"""
+        self.agent_digest = ""
+        self.warnings: list[str] = []
+        self.rows: dict[int, dict[str, str]] = {}
+        """seed -> row, of the episodes that are there"""
+        self._plan = plan
+        self._keys = tuple(plan.space.axes)
+        self._file = RowFile(path / "evaluations.csv", [*COLUMNS, *self._keys, WEIGHT])
+        self._lock: int | None = None
+
+    def __enter__(self) -> SearchFolder:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._file.close()
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
+
+    def open(self, resume: bool) -> None:
+        """Take possession of the folder. Raises InputError when it cannot be had, SweepError when something
+        else is in it.
+        """
+        make_folder(self.path)
+        self._lock = take_lock(self.path, self.warnings)
+        present = sorted(entry.name for entry in self.path.iterdir() if not entry.name.startswith("."))
+        content = self._content()
+        if present and not resume:
+            raise SweepError(
+                f"{self.path} is not empty ({', '.join(present[:4])}); "
+                "add --resume to go on with the search in it, or give another --out"
+            )
+        if present:
+            old = read_manifest(self.path)
+            if old["format"] != FORMAT or "search" not in old["configuration"]:
+                raise SweepError(f"{self.path} holds no search of this version of RUDC; give another --out")
+            content = resumed(old, content, self.path)
+            if changes := version_changes(content):
+                self.warnings.append(f"rows in {self.path} come from several versions: {', '.join(changes)}")
+        self.scenario = with_copies(self.scenario, keep_networks(self._plan.sweep(), self.path))
+        self.agent_digest = agent_digests(content)[self._plan.agent]
+        write_atomically(self.path / "manifest.json", as_json(content))
+        self._read()
+
+    def _content(self) -> dict[str, Any]:
+        content = manifest(self._plan.sweep())
+        content["configuration"]["search"] = {
+            key: axis.model_dump(mode="json") for key, axis in self._plan.space.axes.items()
+        }
+        content["versions"]["cma"] = importlib.metadata.version("cma")
+        return content
+
+    def _read(self) -> None:
+        lines = self._file.read()
+        rows = [dict(zip(self._file.header, line, strict=True)) for line in lines]
+        refuse_damaged(rows, (), self._file.path)
+        last = self._plan.seed + self._plan.episodes
+        self.rows = {int(row["seed"]): row for row in rows}
+        if stray := [seed for seed in self.rows if not self._plan.seed <= seed < last]:
+            raise SweepError(
+                f"{self._file.path} has a row of seed {stray[0]}, which is not of this search; delete it"
+            )
+        self._file.rewrite(lines)  # without what a kill left of a row
+
+    def known(self, seed: int, values: Mapping[str, float]) -> bool:
+        """Whether an episode has a row. Raises SweepError where that row is of other values."""
+        if seed not in self.rows:
+            return False
+        if [self.rows[seed][key] for key in self._keys] != self._told(values):
+            raise SweepError(
+                f"{self._file.path}: the row of seed {seed} is not what this search asks for there: rows "
+                "were edited, or made with other versions; give another --out"
+            )
+        return True
+
+    def add(self, record: EpisodeRecord, values: Mapping[str, float], weight: float) -> None:
+        """Append an episode; a traceback goes to a file that the row names. Raises StorageError."""
+        if record.traceback:
+            file = self.path / "errors" / f"{record.seed}.txt"
+            make_folder(file.parent)
+            write_atomically(file, f"{record.error}\n\n{record.traceback}")
+            told = f"{record.error}{TRACEBACK}{file.relative_to(self.path)}"
+            record = EpisodeRecord({**record.values, "error": told}, record.traceback)
+        row = [*record.row(), *self._told(values), as_text(weight)]
+        self._file.append(row)
+        self.rows[record.seed] = dict(zip(self._file.header, row, strict=True))
+
+    def _told(self, values: Mapping[str, float]) -> list[str]:
+        return [as_text(values[key]) for key in self._keys]
+
+    def complete(self, violations: Sequence[int]) -> None:
+        """Sort the rows, and write what violates: seeds, in order."""
+        self._file.rewrite([list(self.rows[seed].values()) for seed in sorted(self.rows)])
+        folder = self.path / "failures"
+        make_folder(folder)
+        lines = [["file", *self._file.header]]
+        for seed in violations:
+            row = self.rows[seed]
+            name = f"{self.scenario.name}-{seed}"
+            write_atomically(folder / f"{name}.yaml", self._scenario_of(row, name, folder).to_yaml())
+            lines.append([f"failures/{name}.yaml", *row.values()])
+        write_atomically(self.path / "failures.csv", "".join(map(format_row, lines)))
+
+    def _scenario_of(self, row: Mapping[str, str], name: str, folder: Path) -> Scenario:
+        """The episode's scenario, its network named as seen from the folder that it will lie in."""
+        fixed = self.scenario.varied({key: float(row[key]) for key in self._keys})
+        told = f"{row['outcome']} of {row['agent']} at seed {row['seed']}"
+        network = fixed.network
+        if is_network_path(network):
+            network = os.path.relpath(network, folder)
+        return fixed.model_copy(update={"name": name, "description": told, "network": network})

@@ -1,0 +1,80 @@
+"""What a search varies: the numbers that a scenario draws once an episode, and those it is told to vary."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any
+
+from scipy.special import ndtr
+
+from rudc.arrays import Array
+from rudc.errors import InputError
+from rudc.scenario.base import FileModel
+from rudc.scenario.distributions import Distribution, Normal, Uniform
+from rudc.scenario.model import Scenario
+
+Searched = Uniform | Normal
+
+
+@dataclass(frozen=True)
+class Space:
+    """Searched keys and their distributions."""
+
+    axes: Mapping[str, Searched]
+    """dotted key -> distribution"""
+
+    def values(self, z: Array) -> dict[str, float]:
+        """Dotted key -> value of one point z (d,), standard normal as declared."""
+        return {
+            key: axis.quantile(float(ndtr(at))) for (key, axis), at in zip(self.axes.items(), z, strict=True)
+        }
+
+
+def space_of(scenario: Scenario, over: Mapping[str, object]) -> Space:
+    """All keys of a scenario that have a uniform or normal distribution and are drawn once an episode; what
+    is drawn for each vehicle anew is left to that, unless it stands in `over` (dotted keys that are to be
+    searched whatever they are). Choices are drawn by the seed. Raises InputError where nothing is left, or
+    not all of `over`.
+    """
+    if scenario.sweep:
+        raise InputError(
+            f"{scenario.name} sweeps {', '.join(scenario.sweep)}, and a search takes one scenario: "
+            f"--over '{next(iter(scenario.sweep))}=[low, high]' searches over it"
+        )
+    kept = {id(value) for value in _distributions_left(scenario.plan(0))}
+    axes = {
+        key: value for key, value in _declared(scenario, "")
+        if isinstance(value, Searched) and value.support[0] < value.support[1]
+        and (key in over or id(value) not in kept)
+    }  # fmt: skip
+    if idle := [key for key in over if key not in axes]:
+        raise InputError(f"--over {idle[0]}: not a number with a low and a greater high to search between")
+    if not axes:
+        raise InputError(
+            f"{scenario.name} draws no number that could be searched over; "
+            "--over 'KEY=[low, high]' says which (`rudc scenario keys`)"
+        )
+    return Space(axes)
+
+
+def _declared(value: Any, key: str) -> Iterator[tuple[str, Distribution]]:
+    """Dotted key and distribution of all of a scenario's numbers that may be drawn."""
+    if isinstance(value, Distribution):
+        yield key, value
+    elif isinstance(value, FileModel):
+        for name, field in type(value).model_fields.items():
+            yield from _declared(getattr(value, name), f"{key}.{field.alias or name}".lstrip("."))
+    elif isinstance(value, tuple):
+        for i, item in enumerate(value):
+            yield from _declared(item, f"{key}.{i}")
+
+
+def _distributions_left(value: Any) -> Iterator[Distribution]:
+    """Those of an episode's plan that are still to be drawn."""
+    if isinstance(value, Distribution):
+        yield value
+    elif is_dataclass(value):
+        for field in fields(value):
+            if field.name != "source":
+                yield from _distributions_left(getattr(value, field.name))
