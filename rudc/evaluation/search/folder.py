@@ -23,7 +23,7 @@ from rudc.evaluation.manifest import (
 )
 from rudc.evaluation.own_networks import keep_networks, with_copies
 from rudc.evaluation.record import EpisodeRecord, as_text
-from rudc.evaluation.rows import refuse_damaged
+from rudc.evaluation.rows import by_row, undamaged
 from rudc.evaluation.search.space import Space
 from rudc.evaluation.store import RowFile, format_row
 from rudc.evaluation.tasks import SweepPlan
@@ -112,16 +112,15 @@ class SearchFolder:
         return content
 
     def _read(self) -> None:
-        lines = self._file.read()
-        rows = [dict(zip(self._file.header, line, strict=True)) for line in lines]
-        refuse_damaged(rows, (), self._file.path)
+        blocks = (dict(zip(self._file.header, cells, strict=True)) for cells in self._file.blocks())
+        rows = by_row(undamaged(blocks, (), self._file.path))
         last = self._plan.seed + self._plan.episodes
         self.rows = {int(row["seed"]): row for row in rows}
         if stray := [seed for seed in self.rows if not self._plan.seed <= seed < last]:
             raise SweepError(
                 f"{self._file.path} has a row of seed {stray[0]}, which is not of this search; delete it"
             )
-        self._file.rewrite(lines)  # without what a kill left of a row
+        self._file.rewrite(format_row(list(row.values())) for row in rows)  # a kill leaves part of one
 
     def known(self, seed: int, values: Mapping[str, float]) -> bool:
         """Whether an episode has a row. Raises SweepError where that row is of other values."""
@@ -151,7 +150,7 @@ class SearchFolder:
 
     def complete(self, violations: Sequence[int]) -> None:
         """Sort the rows, and write what violates: seeds, in order."""
-        self._file.rewrite([list(self.rows[seed].values()) for seed in sorted(self.rows)])
+        self._file.rewrite(format_row(list(self.rows[seed].values())) for seed in sorted(self.rows))
         folder = self.path / "failures"
         make_folder(folder)
         lines = [["file", *self._file.header]]
