@@ -1,12 +1,12 @@
 """What `scaling` measured, as CSV and a page, and the model of many cores that follows from it.
 
-The model. An episode takes `e` seconds of a core (one over the rate of one worker) and `d` of the driver,
-which gives it out, takes its record in and writes its row. N cores give
+The model. An episode takes `e` seconds of a core, its worker's start included, and `d` of the driver, which
+gives it out, takes its record in and writes its row; both are processor times, which other work on the machine
+touches least. Workers share nothing, so N cores give
 
-    rate(N) = min(N q / e, 1 / d)        rows a second
+    rate(N) = min(N / e, 1 / d)        rows a second
 
-with `q` what two workers give of twice one. Up to e / (d q) cores more cores help; from there on the driver
-is what stops them.
+Up to e / d cores more cores help; from there on the driver is what stops them.
 """
 
 from __future__ import annotations
@@ -41,13 +41,12 @@ class Point(NamedTuple):
 
 def model(found: Found) -> tuple[list[Point], float]:
     """The points, and the cores up to which more help."""
-    engine = "ray" if "ray 1" in found else "local"
-    one, two, stubs = found[f"{engine} 1"], found[f"{engine} 2"], found[f"stubs {engine}"]
-    episode_s, driver_s = 1.0 / one["rate"], 1e-3 * stubs["driver_ms"]
-    share = min(two["rate"] / (2.0 * one["rate"]), 1.0)
+    one, stubs = found["local 1"], found["stubs local"]
+    episode_s = one["cpu_s"]
+    driver_s = 1e-3 * max(found[name]["driver_ms"] for name in found if name.startswith("stubs"))
     points = []
     for cores in CORES:
-        rate = min(cores * (share if cores > 1 else 1.0) / episode_s, 1.0 / driver_s)
+        rate = min(cores / episode_s, 1.0 / driver_s)
         sent = stubs["task_bytes"] + stubs["record_bytes"]
         points.append(
             Point(
@@ -59,7 +58,7 @@ def model(found: Found) -> tuple[list[Point], float]:
                 1e6 / rate / 60.0,
             )
         )
-    return points, episode_s / (driver_s * share)
+    return points, episode_s / driver_s
 
 
 def write_page(folder: Path, found: Found, rows: int, machine: str) -> None:
@@ -86,7 +85,7 @@ def _markdown(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
 def _page(found: Found, rows: int, machine: str, points: Sequence[Point], limit: float) -> str:
     driven = [name for name in found if name.split()[0] in ("local", "ray")]
     stubs = [name for name in found if name.startswith("stubs")]
-    engine = stubs[-1].split()[1]
+    slowest = max(found[name]["driver_ms"] for name in stubs)
     ends, table, one = found["finished"], found["table"], found["local 1"]
     rates = _markdown(
         ("engine and workers", "rows/s", "of its one worker", "first row after (s)"),
@@ -151,11 +150,8 @@ The driver, with episodes that take no time:
 
 ## A thousand cores, by the model
 
-N cores give min(N q / e, 1 / d) rows a second. e = {1.0 / found[f"{engine} 1"]["rate"]:.2f} s: an episode
-on one
-worker; d = {last["driver_ms"]:.3f} ms: what a row takes of the driver; q: what two workers give of twice
-one;
-all of the engine `{engine}`.
+N cores give min(N / e, 1 / d) rows a second. e = {one["cpu_s"]:.2f} s of a core: an episode, its worker's
+start included; d = {slowest:.3f} ms: what a row takes of the driver, with the engine that takes more.
 
 {modelled}
 **First bottleneck: the driver**, one process on one core, from {limit:,.0f} cores on. Network and disk are
