@@ -120,7 +120,7 @@ def finished(rows: int, folder: Path, row: str) -> dict[str, float]:
     before, mine, begun = _peak_mb(), _cpu_s(), time.perf_counter()
     run_sweep(plan, folder, EpisodeRunner, resume=True)
     spent = time.perf_counter() - begun
-    return {"s": spent, "cpu_s": _cpu_s() - mine, "mb": _peak_mb(), "before_mb": before}
+    return {"rows": rows, "s": spent, "cpu_s": _cpu_s() - mine, "mb": _peak_mb(), "before_mb": before}
 
 
 def tabulated(folder: Path) -> dict[str, float]:
@@ -181,7 +181,7 @@ def measured(asked: argparse.Namespace, folder: Path) -> dict[str, dict[str, flo
     for engine in engines:
         found[f"stubs {engine}"] = alone(stubbed, engine, 2, asked.stubs, folder / f"stubs-{engine}", row)
     found["finished"] = alone(finished, asked.rows, folder / "finished", row)
-    found["table"] = alone(tabulated, folder / "finished")
+    found["table"] = {"rows": asked.rows, **alone(tabulated, folder / "finished")}
     return found
 
 
@@ -197,7 +197,7 @@ def main() -> None:
     compile_kernels()
     with tempfile.TemporaryDirectory() as folder:
         found = measured(asked, Path(folder))
-    write_page(asked.out, found, asked.rows, f"{processor()}, {os.cpu_count()} cores")
+    write_page(asked.out, found, f"{processor()}, {os.cpu_count()} cores")
 
 
 if __name__ == "__main__":

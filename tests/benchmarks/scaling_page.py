@@ -1,8 +1,8 @@
 """What `scaling` measured, as CSV and a page, and the model of many cores that follows from it.
 
-The model. An episode takes `e` seconds of a core, its worker's start included, and `d` of the driver, which
-gives it out, takes its record in and writes its row; both are processor times, which other work on the machine
-touches least. Workers share nothing, so N cores give
+The model. An episode takes `e` seconds of a core, its worker's start included, and `d` of the driver (it is
+given out, its record taken in, its row written); both are processor times, which other work touches least.
+Workers share nothing, so N cores give
 
     rate(N) = min(N / e, 1 / d)        rows a second
 
@@ -61,14 +61,14 @@ def model(found: Found) -> tuple[list[Point], float]:
     return points, episode_s / driver_s
 
 
-def write_page(folder: Path, found: Found, rows: int, machine: str) -> None:
+def write_page(folder: Path, found: Found, machine: str) -> None:
     """Write `scaling.csv`, `model.csv` and `README.md`."""
     points, limit = model(found)
     make_folder(folder)
     told = [(of, name, f"{value:.6g}") for of, values in found.items() for name, value in values.items()]
     write_atomically(folder / "scaling.csv", _csv([("of", "quantity", "value"), *told]))
     write_atomically(folder / "model.csv", _csv([Point._fields, *([f"{v:.6g}" for v in p] for p in points)]))
-    write_atomically(folder / "README.md", _page(found, rows, machine, points, limit))
+    write_atomically(folder / "README.md", _page(found, machine, points, limit))
 
 
 def _csv(lines: Sequence[Sequence[str]]) -> str:
@@ -82,11 +82,15 @@ def _markdown(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
     return "".join(f"| {' | '.join(line)} |\n" for line in (head, rule, *lines))
 
 
-def _page(found: Found, rows: int, machine: str, points: Sequence[Point], limit: float) -> str:
+def _page(found: Found, machine: str, points: Sequence[Point], limit: float) -> str:
     driven = [name for name in found if name.split()[0] in ("local", "ray")]
     stubs = [name for name in found if name.startswith("stubs")]
     slowest = max(found[name]["driver_ms"] for name in stubs)
     ends, table, one = found["finished"], found["table"], found["local 1"]
+    many = [
+        f"| {what} | {of['rows']:,.0f} | {of['s']:.1f} | {of['cpu_s']:.1f} | {of['mb']:.0f} |\n"
+        for what, of in (("`rudc table`", table), ("the sweep's driver, nothing left to drive", ends))
+    ]
     rates = _markdown(
         ("engine and workers", "rows/s", "of its one worker", "first row after (s)"),
         [
@@ -141,13 +145,11 @@ come back.
 The driver, with episodes that take no time:
 
 {ceilings}
-{rows:,} rows in one folder:
+Many rows in one folder:
 
-| | s | of processor time | MB |
-|---|---:|---:|---:|
-| `rudc table` | {table["s"]:.1f} | {table["cpu_s"]:.1f} | {table["mb"]:.0f} |
-| the sweep's driver, nothing left to drive | {ends["s"]:.1f} | {ends["cpu_s"]:.1f} | {ends["mb"]:.0f} |
-
+| | rows | s | of processor time | MB |
+|---|---:|---:|---:|---:|
+{many[0]}{many[1]}
 ## A thousand cores, by the model
 
 N cores give min(N / e, 1 / d) rows a second. e = {one["cpu_s"]:.2f} s of a core: an episode, its worker's
@@ -157,7 +159,7 @@ start included; d = {slowest:.3f} ms: what a row takes of the driver, with the e
 **First bottleneck: the driver**, one process on one core, from {limit:,.0f} cores on. Network and disk are
 far
 from their ends. Workers share nothing, so nothing else grows with their number; with the number of episodes
-grows the driver's memory, {(ends["mb"] - ends["before_mb"]) / rows * 1e3:.2f} GB for a million.
+grows the driver's memory, {(ends["mb"] - ends["before_mb"]) / ends["rows"] * 1e3:.2f} GB for a million.
 
 **What was ours is mended.** Rows were flushed to the disk one by one, and are now five times a second at
 most.
