@@ -133,14 +133,12 @@ bounds, ratios of rates are rough, and processor times are longer than on a mach
 ## Measured
 
 Real episodes (`dense_left_turn` and `random_destination`; `rudc-t` and `gap-acceptance+ttcbf`), from the
-first
-row to the last:
+first row to the last:
 
 {rates}
 A row of `episodes.csv` takes {one["bytes"]:.0f} bytes. An episode goes out as {last["alone_bytes"]:.0f}
-bytes,
-in a batch, in which its scenario travels once, as {last["task_bytes"]:.0f}; {last["record_bytes"]:.0f}
-come back.
+bytes, in a batch, in which its scenario travels once, as {last["task_bytes"]:.0f};
+{last["record_bytes"]:.0f} come back.
 
 The driver, with episodes that take no time:
 
@@ -157,21 +155,18 @@ start included; d = {slowest:.3f} ms: what a row takes of the driver, with the e
 
 {modelled}
 **First bottleneck: the driver**, one process on one core, from {limit:,.0f} cores on. Network and disk are
-far
-from their ends. Workers share nothing, so nothing else grows with their number; with the number of episodes
-grows the driver's memory, {(ends["mb"] - ends["before_mb"]) / ends["rows"] * 1e3:.2f} GB for a million.
+far from their ends. Workers share nothing, so nothing else grows with their number; with the number of
+episodes grows the driver's memory, {(ends["mb"] - ends["before_mb"]) / ends["rows"] * 1e3:.2f} GB for a
+million.
 
 **What was ours is mended.** Rows were flushed to the disk one by one, and are now five times a second at
-most.
-Ray got one episode a call, and the driver asked for one answer at a time; now episodes travel in batches of
-about 2 s, and all answers that are there are taken at once. `rudc table` and the end of a sweep held every
-cell
-of every row; now they hold a block of rows at a time.
+most. Ray got one episode a call, and the driver asked for one answer at a time; now episodes travel in
+batches of about 2 s, and all answers that are there are taken at once. `rudc table` and the end of a sweep
+held every cell of every row; now they hold a block of rows at a time.
 
 **What would remove what is left**: several sweeps, split by `--seed` and `--episodes`, each with a folder
-and a
-driver of its own; their rows are those of one sweep ([Scaling out](../../docs/tutorials/scaling_out.md)).
-The
-model knows nothing of how long a thousand workers take to start (each imports RUDC and loads agents and
-networks once, from its own disk), nor of the last long episode, for which all others wait.
+and a driver of its own; their rows are those of one sweep ([Scaling
+out](../../docs/tutorials/scaling_out.md)). The model knows nothing of how long a thousand workers take to
+start (each imports RUDC and loads agents and networks once, from its own disk), nor of the last long
+episode, for which all others wait.
 """
