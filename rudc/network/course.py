@@ -46,13 +46,13 @@ ROAD_MARGINS = 0.15, 0.25, 0.35, 0.45
 than the profile, leaves the road"""
 NEAR = 3.0
 """m, gaps above are not told apart"""
-PULL_OUT = 1.0, 1.5, 2.0, 2.5, 3.0
+PULL_OUT = 1.0, 1.5, 2.0, 2.5, 3.0, 4.0
 """m of the arcs by which a car pulls out"""
 FULL = 0.97
 """share of the largest front-wheel angle that such an arc takes"""
 ROOMY = 0.5
 """m, gap to bodies with which it pulls out if that can be"""
-ROOMIER = (0.0, 0.15), (0.0, 0.45), (0.4, 0.15)
+ROOMIER = (0.0, 0.15), (0.0, 0.45), (0.4, 0.15), (0.7, 0.15)
 """m more of gap, and m of carriageway beside the car, asked for at the lattice's nodes, one after the other,
 where the finished line is not clear or leaves the road"""
 STEEPEST = 0.85

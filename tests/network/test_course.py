@@ -163,3 +163,21 @@ def test_a_car_close_behind_a_body_pulls_out(left, gap, at):
             clear.append(course)
             break
     assert clear
+
+
+def test_a_car_in_a_bend_that_stands_beside_a_body_drives_on_before_it_turns():
+    network = load_network("skewed_four_way")
+    route = network.route("south", "left")
+    s = route.exit_s - 11.8
+    x, y, path = (float(v) for v in route.path.pose(s))
+    psi = path - 0.18
+    ahead, left = 1.7, 3.3
+    place = x + ahead * math.cos(psi) - left * math.sin(psi), y + ahead * math.sin(psi) + left * math.cos(psi)
+    standing = bodies((*place, psi - math.radians(144)))
+    now = float(rectangle_gaps(x, y, psi, BODY.length, BODY.width, *standing).min())
+    assert 0.15 < now < 0.3
+    clear = now - 0.03
+    courses = CoursePlanner(network, route, BODY).pull_outs(x, y, psi, standing, clear)
+    course = next(course for course in courses if course is not None)
+    here = course.path.project(x, y)[0] + 1.0
+    assert gaps_along(course.path, here, here + 40.0, BODY, standing)[1].min() >= clear
