@@ -12,7 +12,7 @@ QUICK = " ".join(
     f"--set training.{key}" for key in ("seed_steps=400", "learning_starts=300", "evaluation_episodes=1")
 )
 LESS = (
-    (r"--steps \d+", "--steps 400"),
+    (r"--steps \d+", "--steps 200"),
     (r"--episodes \d+", "--episodes 1"),
     (r"--workers \d+", "--workers 1"),
     (r"--seeds \d+", "--seeds 1"),

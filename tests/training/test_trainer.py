@@ -215,9 +215,9 @@ def test_the_filter_in_the_loop_resumes_too_and_the_agent_takes_its_residual_pre
 @pytest.mark.parametrize("algorithm", ["sac", "dsac", "sac-lagrangian", "fac", "usl", "recovery-rl", "qpsl"])
 def test_algorithms_without_filter_train_resume_and_drive(tmp_path: Path, algorithm: str):
     """The same numbers twice, stopped in between; progress.csv has the learner's own columns."""
-    config = _config(algorithm, steps=200, evaluate_every=200)
+    config = _config(algorithm, envs=1, steps=100, evaluate_every=100, checkpoint_every=50, log_every=50)
     assert train(config, tmp_path / "whole", Watcher())
-    assert not train(config, tmp_path / "stopped", Watcher(stop_at=150))
+    assert not train(config, tmp_path / "stopped", Watcher(stop_at=175))  # 75 after the seeding
     assert train(config, tmp_path / "stopped", Watcher(), resume=True)
     curves = _curves(tmp_path / "whole")
     assert curves == _curves(tmp_path / "stopped")
