@@ -18,6 +18,7 @@ import contextlib
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from multiprocessing.process import BaseProcess
@@ -44,8 +45,8 @@ def prepare() -> None:
     if _served is None:
         _served = code_digest()
         forkserver.set_forkserver_preload([PRELOADED])
-    with quiet_start():
-        forkserver.ensure_running()
+    with quiet_start(PYTHONSAFEPATH="1", PYTHONPATH=os.pathsep.join(filter(None, sys.path))):
+        forkserver.ensure_running()  # imports from where this process does, whatever the folder holds
 
 
 def start(target: Callable[..., None], *args: Any, name: str | None = None) -> BaseProcess:
@@ -67,10 +68,12 @@ def _begin(environment: dict[str, str], target: Callable[..., None], args: tuple
 
 
 @contextlib.contextmanager
-def quiet_start() -> Iterator[None]:
-    """What a child inherits: Ctrl-C ignored from its first instruction, one thread in its linear algebra."""
-    before = {name: os.environ.get(name) for name in SINGLE_THREADED}
-    os.environ.update(dict.fromkeys(SINGLE_THREADED, "1"))
+def quiet_start(**more: str) -> Iterator[None]:
+    """What a child inherits: Ctrl-C ignored from its first instruction, one thread in its linear algebra, and
+    `more` of the environment."""
+    more = {**dict.fromkeys(SINGLE_THREADED, "1"), **more}
+    before = {name: os.environ.get(name) for name in more}
+    os.environ.update(more)
     in_main = threading.current_thread() is threading.main_thread()
     handler = signal.signal(signal.SIGINT, signal.SIG_IGN) if in_main else None
     try:

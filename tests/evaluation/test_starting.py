@@ -1,0 +1,36 @@
+"""Workers have the code of the process that starts them, wherever it was started."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import rudc
+
+CODE = """
+import sys
+sys.path.insert(0, {root!r})
+from rudc.evaluation.starting import start
+from multiprocessing import Pipe
+import tests.evaluation.test_starting as here
+
+ours, theirs = Pipe()
+start(here.say_whence, theirs).join()
+print(ours.recv())
+"""
+
+
+def say_whence(pipe):
+    """Where a worker has its code from, and whether that was imported before it started."""
+    import os
+
+    pipe.send((rudc.__file__, "rudc.evaluation.runner" in sys.modules, os.environ["OMP_NUM_THREADS"]))
+
+
+def test_a_worker_has_the_code_of_who_starts_it_whatever_the_folder_holds(tmp_path):
+    (tmp_path / "rudc").mkdir()
+    (tmp_path / "rudc" / "__init__.py").write_text("")
+    root = str(Path(rudc.__file__).parents[1])
+    done = subprocess.run(
+        [sys.executable, "-c", CODE.format(root=root)], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert done.stdout.strip() == repr((rudc.__file__, True, "1")), done.stderr
