@@ -31,8 +31,8 @@ SINGLE_THREADED = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 PRELOADED = "rudc.evaluation.preloaded"
 """what the server imports"""
 
-_served: str | None = None
-"""digest of the code that the server has loaded; None before it was started"""
+_served: tuple[int, str] | None = None
+"""whose server it is, and the digest of the code that it has loaded; None before it was started"""
 
 
 def prepare() -> None:
@@ -40,10 +40,12 @@ def prepare() -> None:
     global _served
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return
+    if _served is not None and _served[0] != os.getpid():  # a fork of whose server it is
+        return
     from multiprocessing import forkserver
 
     if _served is None:
-        _served = code_digest()
+        _served = os.getpid(), code_digest()
         forkserver.set_forkserver_preload([PRELOADED])
     with quiet_start(PYTHONSAFEPATH="1", PYTHONPATH=os.pathsep.join(filter(None, sys.path))):
         forkserver.ensure_running()  # imports from where this process does, whatever the folder holds
@@ -52,7 +54,7 @@ def prepare() -> None:
 def start(target: Callable[..., None], *args: Any, name: str | None = None) -> BaseProcess:
     """A new worker that runs target(*args), which it must be able to import; it ends with this process."""
     prepare()
-    method = "forkserver" if _served == code_digest() else "spawn"
+    method = "forkserver" if _served == (os.getpid(), code_digest()) else "spawn"
     with quiet_start():
         process = multiprocessing.get_context(method).Process(  # pyright: ignore[reportAttributeAccessIssue] - both have it
             target=_begin, args=(dict(os.environ), target, args), name=name, daemon=True

@@ -1,10 +1,14 @@
 """Workers have the code of the process that starts them, wherever it was started."""
 
+import multiprocessing
 import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import rudc
+from rudc.evaluation.starting import start
 
 CODE = """
 import sys
@@ -34,3 +38,18 @@ def test_a_worker_has_the_code_of_who_starts_it_whatever_the_folder_holds(tmp_pa
         [sys.executable, "-c", CODE.format(root=root)], cwd=tmp_path, capture_output=True, text=True
     )
     assert done.stdout.strip() == repr((rudc.__file__, True, "1")), done.stderr
+
+
+def _one_more(pipe):
+    start(say_whence, pipe).join()
+
+
+@pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")  # said of any fork beside threads
+def test_a_fork_of_who_has_workers_can_have_its_own():
+    ours, theirs = multiprocessing.Pipe()
+    start(say_whence, theirs).join()
+    child = multiprocessing.get_context("fork").Process(target=_one_more, args=(theirs,))
+    child.start()
+    child.join()
+    assert child.exitcode == 0
+    assert [ours.recv()[0], ours.recv()[0]] == [rudc.__file__] * 2
