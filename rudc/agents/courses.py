@@ -2,9 +2,7 @@
 
 A course (rudc/network/course.py) is kept while it is clear, and planned anew once it is not, at most once
 in AGAIN_S s. While nothing is clear, the ego stops SHORT m before what blocks: nearer, nobody can pull out.
-Beside bodies it drives at most SLOW + PER_METRE x gap, in the bends of a course as of rudc/env/tracking.py,
-and so, wherever it drives, in bends that take more than TIGHT of what its front wheels can turn: there is
-little left to stay on the road with.
+Beside bodies it drives at most SLOW + PER_METRE x gap, in the bends of a course as of rudc/env/tracking.py.
 
 Where a course enters ground that its route does not touch (the lane beside, the lane of oncoming traffic),
 the ego gives way to all who drive there: until the gap between them suffices (rudc/agents/gaps.py) it stops
@@ -25,12 +23,11 @@ from rudc.agents.gaps import entering, suffices
 from rudc.agents.standoff import Standoff
 from rudc.arrays import Array
 from rudc.env.remembered import Remembered
-from rudc.env.tracking import COMFORT, RESPONSE_S, speed_allowed, speeds_in_bends, steering
+from rudc.env.tracking import COMFORT, RESPONSE_S, speeds_in_bends, steering
 from rudc.geometry import rectangle_gaps
 from rudc.network.course import CoursePlanner, gaps_along
 from rudc.network.paths import SPACING
-from rudc.network.route import ReferencePath, Route
-from rudc.vehicle import EgoVehicle
+from rudc.network.route import Route
 from rudc.world.scene import STANDING, Scene
 
 LOOK = 60.0
@@ -59,8 +56,6 @@ LEEWAY = 0.03
 """rad, by which the front wheels may then differ from those of a driver who follows the course"""
 CREEPS, LOST = 2.0, 0.3
 """m/s, m: slower, and farther off its line, the ego is led anew"""
-TIGHT = 0.55
-"""share of the largest front-wheel angle, from which on a bend is tight"""
 HARDEST = 4.0
 """m/s2, with which it stops for others"""
 JUST_PAST = 3.0
@@ -75,7 +70,6 @@ STEEPEST = 0.6
 _planners: Remembered[Route, CoursePlanner] = Remembered()
 _planners_across: Remembered[Route, CoursePlanner] = Remembered()
 """for egos that may cross the centre line"""
-_tight_bends: Remembered[ReferencePath, Array] = Remembered()
 
 
 class Courses:
@@ -125,7 +119,7 @@ class Courses:
         blocks = self._blocks
         if blocks is None:
             return u
-        u = _slowed(scene, _kept_short(scene, blocks, u))
+        u = _kept_short(scene, blocks, u)
         if not (blocks.any or self.course):
             return u
         stop, delta = self._stop, float(u[1])
@@ -211,27 +205,6 @@ def _kept_short(scene: Scene, blocks: Blocks, u: Array) -> Array:
     room = max(float(s[hit[0]]) - scene.ego_s - PULL_OUT, 0.0)
     wanted = (math.sqrt(2 * HARDEST * room) - scene.ego.v) / RESPONSE_S
     return u if u[0] <= wanted else np.array([max(wanted, scene.vehicle.a_min), u[1]])
-
-
-def _slowed(scene: Scene, u: Array) -> Array:
-    """(2,) the command, m/s2 and rad, with which the ego takes tight bends slowly."""
-    path = scene.route.path
-    profile = _tight_bends.get(path, lambda: _speeds_in_tight_bends(path, scene.vehicle))
-    speed = speed_allowed(scene, profile, math.inf)
-    wanted = max((speed - scene.ego.v) / RESPONSE_S, scene.vehicle.a_min)
-    return u if u[0] <= wanted else np.array([wanted, u[1]])
-
-
-def _speeds_in_tight_bends(path: ReferencePath, body: EgoVehicle) -> Array:
-    """(M,) m/s, highest speed at each station from which the tight bends ahead can be taken."""
-    slip = math.atan(body.cg_to_rear / body.wheelbase * math.tan(TIGHT * body.delta_max))
-    bend = np.abs(path.curvature)
-    here = np.where(bend > math.sin(slip) / body.cg_to_rear, speeds_in_bends(path), math.inf)
-    if np.isinf(here).all():
-        return here
-    way = np.maximum(path.s[None] - path.s[:, None], 0.0)
-    behind = np.tril(np.full((len(bend), len(bend)), math.inf), -1)
-    return np.sqrt((here**2 + 2 * COMFORT * way + behind).min(axis=1))
 
 
 def _clear(scene: Scene, blocks: Blocks) -> float:

@@ -268,18 +268,3 @@ def test_it_stops_far_enough_behind_who_stands_to_pull_out_and_creeps_no_nearer(
     creeps = asked(v=0.0)
     assert creeps < 0.0 if gap <= PULL_OUT else creeps == 1.0
     assert asked(v=3.0) == 1.0
-
-
-@pytest.mark.parametrize(("network", "slower"), [("four_way", False), ("skewed_four_way", True)])
-def test_a_bend_that_takes_most_of_the_steering_is_taken_slowly(scene_on, network, slower):
-    def asked(s, v):
-        scene = scene_on("west", "right", s, v, network_name=network)
-        courses = Courses()
-        courses.reset(scene)
-        return courses.govern(courses.see(scene), np.array([1.0, 0.0]))[0]
-
-    route = load_network(network).route("west", "right")
-    tightest = float(route.path.s[np.abs(route.path.curvature).argmax()])
-    assert (asked(tightest, 6.0) < -1.0) == slower
-    assert (asked(tightest - 10.0, 8.5) < 0.0) == slower
-    assert asked(tightest - 40.0, 9.0) == asked(tightest, 3.0) == 1.0
