@@ -14,7 +14,6 @@ from rudc.agents.outlook import Outlook, OutlookAgent, OutlookSettings
 from rudc.agents.registry import agent_settings, make_agent
 from rudc.env.episode import Episode
 from rudc.errors import AgentError
-from rudc.network.network import load_network
 from rudc.safety.plant import SUBSTEP_S
 from rudc.safety.residual import trust
 from rudc.scenario import load_scenario
