@@ -17,9 +17,10 @@ LESS = (
     (r"--workers \d+", "--workers 1"),
     (r"--seeds \d+", "--seeds 1"),
     (r"rudc train (rudc-\S+|sac|dsac) ", rf"rudc train \1 {QUICK} "),
+    (r"rudc study filter (.*)--agent rudc-t", r"rudc study filter \1--agent gap-acceptance+ttcbf"),
     (r"rudc train (rudc-\S+) ", r"rudc train \1 --set training.calibration_episodes=1 "),
 )
-"""what is run with smaller numbers -> which"""
+"""what is run with smaller numbers, or fewer variants -> which"""
 
 
 class Block(NamedTuple):
