@@ -49,7 +49,7 @@ sweep: .venv/.core
 	$(PY) -m rudc sweep --shipped --episodes $(EPISODES) --seed 0 --workers $(WORKERS) --out $(OUT) --resume
 
 test: .venv/.dev
-	$(PY) -m pytest -n $(WORKERS)
+	$(PY) -m pytest -n $(WORKERS) --dist worksteal
 
 lint: .venv/.dev
 	$(PY) -m ruff format --check .

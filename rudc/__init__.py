@@ -10,7 +10,7 @@ from typing import Any
 
 from rudc.registration import ENV_ID, register_environment
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"
 
 __all__ = ["ENV_ID"]
 
