@@ -74,7 +74,7 @@ def draw_tradeoff(points: Sequence[Point], path: Path) -> Path:
                 panels[i, k].set_title(f"{name}, {constrained}\n{domain}")
                 panels[i, k].set_xlabel("frozen, FR (%)" if i == len(agents) - 1 else "")
                 panels[i, k].set_ylabel("violations, VR (%)" if k == 0 else "")
-        legend_below(figure, _handles({p.variant for p in points}))
+        legend_below(figure, _handles(points))
         place_labels(figure, labels)
     return path
 
@@ -104,7 +104,10 @@ def _panel(axes: Axes, points: Sequence[Point]) -> list[Label]:
 
 
 def _ends(line: Sequence[Point]) -> dict[tuple[float, float], str]:
-    """Where a line begins and ends, and the d_safe there; both in one text where that is the same place."""
+    """Where a line begins and ends, and the d_safe there; both in one text where that is the same place.
+    Nothing of a line with one d_safe: the note says it."""
+    if line[0].d_safe == line[-1].d_safe:
+        return {}
     found: dict[tuple[float, float], list[str]] = {}
     for p in dict.fromkeys((line[0], line[-1])):
         found.setdefault((p.fr[0], p.vr[0]), []).append(f"{p.d_safe:g}")
@@ -117,8 +120,12 @@ def _arms(estimate: Estimate) -> list[list[float]]:
     return [[max(value - low, 0.0)], [max(high - value, 0.0)]]
 
 
-def _handles(variants: set[str]) -> list:
+def _handles(points: Sequence[Point]) -> list:
     from matplotlib.lines import Line2D
+
+    variants = {p.variant for p in points}
+    d_safe = sorted({p.d_safe for p in points if p.variant != OFF})
+    numbers = f"d_safe {d_safe[0]:g} m" if len(d_safe) == 1 else "numbers: d_safe (m)"
 
     off = Line2D([], [], color=INK, marker="*", markersize=11, ls="none", label="filter off")
     names = {
@@ -135,5 +142,5 @@ def _handles(variants: set[str]) -> list:
         for v, label in names.items()
         if v in variants
     ]
-    note = Line2D([], [], ls="none", label="numbers: d_safe (m); thin lines: 95 % intervals")
+    note = Line2D([], [], ls="none", label=f"{numbers}; thin lines: 95 % intervals")
     return [off, *rest, note]

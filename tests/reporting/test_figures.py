@@ -67,6 +67,21 @@ def test_a_variant_that_never_ended_is_said(tmp_path):
     assert draw_tradeoff([none], tmp_path / "a.png").is_file()
 
 
+@pytest.mark.parametrize(
+    ("d_safe", "said"), [((0.5,), "d_safe 0.5 m; "), ((0.1, 0.8), "numbers: d_safe (m); ")]
+)
+def test_what_d_safe_was_stands_once_where_there_was_only_one(tmp_path, monkeypatch, d_safe, said):
+    placed = []
+    monkeypatch.setattr("rudc.reporting.tradeoff.place_labels", lambda figure, labels: placed.extend(labels))
+    drawn = []
+    monkeypatch.setattr("rudc.reporting.tradeoff.legend_below", lambda figure, handles: drawn.extend(handles))
+    some = [p for p in points() if p.variant == "off"]
+    some += [Point("rudc-t", p.domain, "all", "fixed", d, p.fr, p.vr) for p in some for d in d_safe]
+    draw_tradeoff(some, tmp_path / "a.png")
+    assert len(placed) == (0 if len(d_safe) == 1 else 2)
+    assert drawn[-1].get_label() == f"{said}thin lines: 95 % intervals"
+
+
 def test_no_label_lies_over_another(tmp_path):
     with grid(1, 1, (4.0, 3.0), tmp_path / "a.png") as (figure, panels):
         panels[0, 0].plot([0.0, 1.0], [0.0, 1.0])
