@@ -64,6 +64,12 @@ def test_an_episode_of_a_sweep_comes_out_the_same(rudc, swept, tmp_path):
     assert "came out the same as row 2 of swept/episodes.csv" in text
 
 
+def test_the_sweep_is_named_from_within_its_folder_too(rudc, swept, monkeypatch):
+    monkeypatch.chdir(swept)
+    answer = rudc("replay", ".", "--episode", WHICH, "--out", "../one.html")
+    assert "came out the same as row 1 of swept/episodes.csv" in answer.err
+
+
 def test_an_episode_that_comes_out_otherwise_says_so(rudc, swept, tmp_path):
     with (swept / "episodes.csv").open(newline="") as file:
         header, first, *rest = list(csv.reader(file))

@@ -71,7 +71,7 @@ def recorded(
 
 
 def _check(folder: Path, number: int, other: Sequence[str], changes: Sequence[str]) -> str:
-    row = f"row {number} of {folder.name}/episodes.csv"
+    row = f"row {number} of {folder.resolve().name}/episodes.csv"
     if not other:
         return f"came out the same as {row}"
     since = f" (since then: {', '.join(changes)})" if changes else ""
