@@ -5,12 +5,13 @@ Results go to stdout, everything else to stderr.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -66,6 +67,21 @@ def note(text: str) -> None:
 def warn(text: str) -> None:
     """A line that `--quiet` does not leave out."""
     print(text, file=sys.stderr, flush=True)
+
+
+@contextlib.contextmanager
+def resumable(out: Path, close: Callable[[], None]) -> Iterator[None]:
+    """Work that keeps what is finished in the folder `out`. `close` ends what shows its progress; Ctrl-C
+    says how to go on, and leaves with 130.
+    """
+    try:
+        yield
+    except KeyboardInterrupt:
+        close()
+        note(f"interrupted; what is finished is kept in {out}: add --resume to go on")
+        raise typer.Exit(130) from None
+    finally:
+        close()
 
 
 def print_json(found: object) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rudc.cli.complete import complete_agents, complete_scenarios
-from rudc.cli.console import Quiet, note, sweep_progress, warn
+from rudc.cli.console import Quiet, note, resumable, sweep_progress, warn
 from rudc.cli.options import ResultsFolder, Workers, cores
 from rudc.errors import InputError
 
@@ -82,7 +82,7 @@ def search(
     plan = SearchPlan(scenario, agent, episodes, seed, space_of(scenario, given))
     note(f"over {', '.join(plan.space.axes)}")
     progress = sweep_progress()
-    try:
+    with resumable(out, progress.close):
         found = run_search(
             plan,
             out,
@@ -91,12 +91,6 @@ def search(
             resume=resume,
             progress=progress,
         )
-    except KeyboardInterrupt:
-        progress.close()
-        note(f"interrupted; what is finished is kept in {out}: add --resume to go on")
-        raise typer.Exit(130) from None
-    finally:
-        progress.close()
     _tell(found, out, scenario.name, agent)
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from rudc.cli.complete import complete_agents
-from rudc.cli.console import Quiet, SweepBar, SweepLines, note, print_table, sweep_progress, warn
+from rudc.cli.console import Quiet, SweepBar, SweepLines, note, print_table, resumable, sweep_progress, warn
 from rudc.cli.options import ResultsFolder, Workers, cores
 from rudc.errors import InputError
 
@@ -103,14 +103,8 @@ def study(
         bars.append(sweep_progress())
         return bars[-1]
 
-    try:
+    with resumable(out, lambda: _close(bars)):
         report = chosen.run(order, begin)
-    except KeyboardInterrupt:
-        _close(bars)
-        note(f"interrupted; what is finished is kept in {out}: add --resume to go on")
-        raise typer.Exit(130) from None
-    finally:
-        _close(bars)
     typer.echo(report.table, nl=False)
     for text in report.notes:
         note(text)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rudc.cli.complete import complete_agents, complete_scenarios
-from rudc.cli.console import Quiet, SweepBar, SweepLines, note, sweep_progress, warn
+from rudc.cli.console import Quiet, SweepBar, SweepLines, note, resumable, sweep_progress, warn
 from rudc.cli.options import LiveReport, ResultsFolder, Workers, cores
 from rudc.cli.scenario import parse_overrides
 from rudc.cli.verify import verify_folder
@@ -146,7 +146,7 @@ def sweep(
     if out is None:
         raise InputError("where to? give a folder for the results: --out DIR")
     progress = _Reported(sweep_progress(), out) if report else sweep_progress()
-    try:
+    with resumable(out, progress.close):
         result = run_sweep(
             plan,
             out,
@@ -157,12 +157,6 @@ def sweep(
             limit_s=limit,
             progress=progress,
         )
-    except KeyboardInterrupt:
-        progress.close()
-        note(f"interrupted; what is finished is kept in {out}: add --resume to go on")
-        raise typer.Exit(130) from None
-    finally:
-        progress.close()
     _report(result, as_json)
 
 

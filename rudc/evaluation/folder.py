@@ -15,7 +15,7 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -78,20 +78,14 @@ class SweepFolder:
         else is in it."""
         make_folder(self.path)
         self._lock = take_lock(self.path, self.warnings)
-        present = sorted(entry.name for entry in self.path.iterdir() if not entry.name.startswith("."))
-        content: dict[str, Any] = manifest(self._plan)
-        if present and not resume:
-            raise SweepError(
-                f"{self.path} is not empty ({', '.join(present[:4])}); "
-                "add --resume to finish the sweep in it, or give another --out"
-            )
-        if present:
-            old = read_manifest(self.path)
-            self._refuse_other_columns(old)
-            content = resumed(old, content, self.path)
-            changes = version_changes(content)
-            if changes:
-                self.warnings.append(f"rows in {self.path} come from several versions: {', '.join(changes)}")
+        content = settled(
+            self.path,
+            manifest(self._plan),
+            resume,
+            "finish the sweep",
+            self._refuse_other_columns,
+            self.warnings,
+        )
         copies = keep_networks(self._plan, self.path)
         digests = agent_digests(content)
         own = {
@@ -121,12 +115,8 @@ class SweepFolder:
         return {id(task): number for number, task in enumerate(self.tasks, 1)}
 
     def _keep_traceback(self, task: Task, record: EpisodeRecord) -> EpisodeRecord:
-        folder, number = self.path / "errors", self._numbers[id(task)]
-        make_folder(folder)
-        file = folder / f"{number:0{len(str(len(self.tasks)))}}.txt"
-        write_atomically(file, f"{task}\n{record.error}\n\n{record.traceback}")
-        told = f"{record.error}{TRACEBACK}{file.relative_to(self.path)}"
-        return EpisodeRecord({**record.values, "error": told}, record.traceback)
+        name = f"{self._numbers[id(task)]:0{len(str(len(self.tasks)))}}"
+        return keep_traceback(self.path, name, record, about=f"{task}\n")
 
     def complete(self) -> None:
         """Sort the rows into the canonical order, and write the metrics."""
@@ -171,6 +161,46 @@ class SweepFolder:
         with contextlib.suppress(FileNotFoundError):
             (self.path / "metrics.csv").unlink()
         shutil.rmtree(self.path / "errors", ignore_errors=True)
+
+
+def settled(
+    path: Path,
+    content: dict[str, Any],
+    resume: bool,
+    to_go_on: str,
+    refuse: Callable[[Mapping[str, Any]], None],
+    warnings: list[str],
+) -> dict[str, Any]:
+    """What the manifest of a folder will hold: `content`, or where one goes on what follows from both.
+
+    Raises SweepError when the folder is not empty and not to be resumed, and whatever `refuse` raises for the
+    manifest that is there. `to_go_on` says what --resume would do.
+    """
+    present = sorted(entry.name for entry in path.iterdir() if not entry.name.startswith("."))
+    if present and not resume:
+        raise SweepError(
+            f"{path} is not empty ({', '.join(present[:4])}); "
+            f"add --resume to {to_go_on} in it, or give another --out"
+        )
+    if not present:
+        return content
+    old = read_manifest(path)
+    refuse(old)
+    content = resumed(old, content, path)
+    if changes := version_changes(content):
+        warnings.append(f"rows in {path} come from several versions: {', '.join(changes)}")
+    return content
+
+
+def keep_traceback(path: Path, name: str, record: EpisodeRecord, about: str = "") -> EpisodeRecord:
+    """Write an episode's traceback into errors/NAME.txt of a folder; the record with the file in its error.
+    Raises StorageError.
+    """
+    file = path / "errors" / f"{name}.txt"
+    make_folder(file.parent)
+    write_atomically(file, f"{about}{record.error}\n\n{record.traceback}")
+    told = f"{record.error}{TRACEBACK}{file.relative_to(path)}"
+    return EpisodeRecord({**record.values, "error": told}, record.traceback)
 
 
 def take_lock(path: Path, warnings: list[str]) -> int | None:

@@ -11,15 +11,12 @@ from typing import Any
 
 from rudc.errors import SweepError
 from rudc.evaluation.columns import COLUMNS
-from rudc.evaluation.folder import TRACEBACK, take_lock
+from rudc.evaluation.folder import keep_traceback, settled, take_lock
 from rudc.evaluation.manifest import (
     FORMAT,
     agent_digests,
     as_json,
     manifest,
-    read_manifest,
-    resumed,
-    version_changes,
 )
 from rudc.evaluation.own_networks import keep_networks, with_copies
 from rudc.evaluation.record import EpisodeRecord, as_text
@@ -84,24 +81,18 @@ class SearchFolder:
         """
         make_folder(self.path)
         self._lock = take_lock(self.path, self.warnings)
-        present = sorted(entry.name for entry in self.path.iterdir() if not entry.name.startswith("."))
-        content = self._content()
-        if present and not resume:
-            raise SweepError(
-                f"{self.path} is not empty ({', '.join(present[:4])}); "
-                "add --resume to go on with the search in it, or give another --out"
-            )
-        if present:
-            old = read_manifest(self.path)
-            if old["format"] != FORMAT or "search" not in old["configuration"]:
-                raise SweepError(f"{self.path} holds no search of this version of RUDC; give another --out")
-            content = resumed(old, content, self.path)
-            if changes := version_changes(content):
-                self.warnings.append(f"rows in {self.path} come from several versions: {', '.join(changes)}")
+        content = settled(
+            self.path, self._content(), resume, "go on with the search", self._refuse_others, self.warnings
+        )
         self.scenario = with_copies(self.scenario, keep_networks(self._plan.sweep(), self.path))
         self.agent_digest = agent_digests(content)[self._plan.agent]
         write_atomically(self.path / "manifest.json", as_json(content))
         self._read()
+
+    def _refuse_others(self, old: Mapping[str, Any]) -> None:
+        """Raises SweepError when the folder holds something else than a search."""
+        if old["format"] != FORMAT or "search" not in old["configuration"]:
+            raise SweepError(f"{self.path} holds no search of this version of RUDC; give another --out")
 
     def _content(self) -> dict[str, Any]:
         content = manifest(self._plan.sweep())
@@ -136,11 +127,7 @@ class SearchFolder:
     def add(self, record: EpisodeRecord, values: Mapping[str, float], weight: float) -> None:
         """Append an episode; a traceback goes to a file that the row names. Raises StorageError."""
         if record.traceback:
-            file = self.path / "errors" / f"{record.seed}.txt"
-            make_folder(file.parent)
-            write_atomically(file, f"{record.error}\n\n{record.traceback}")
-            told = f"{record.error}{TRACEBACK}{file.relative_to(self.path)}"
-            record = EpisodeRecord({**record.values, "error": told}, record.traceback)
+            record = keep_traceback(self.path, str(record.seed), record)
         row = [*record.row(), *self._told(values), as_text(weight)]
         self._file.append(row)
         self.rows[record.seed] = dict(zip(self._file.header, row, strict=True))
