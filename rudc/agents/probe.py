@@ -1,10 +1,10 @@
 """Asking the road how well it grips: short full brakings, since friction shows once a command exceeds it.
 
-Grip is known of the road where the ego has used it, and may be another a few metres on. So what the road has
-shown counts for FRESH m. Whoever would then drive faster than a road of FALLEN times that grip allows, before
-a bend, or where grip is poor before its stop line, asks again: at the last place from which it could still
-slow down if the grip had gone. The first time is asked at once; in the junction never again. Braking
-and bends that the driver takes anyway show the same; then nothing is asked.
+The ego knows the grip of the road where it has used it. A few metres on it may be another. So what it was
+shown counts for FRESH m; after that only FALLEN times that grip is trusted. An ego that is too fast for so
+little asks again: before a bend, or, where grip is poor, before its stop line. It asks at the last place from
+which it could still slow down. At the start of an episode it asks at once; in the junction it never asks.
+Braking and bends that the driver takes anyway show the grip, too; then nothing is asked.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import math
 from rudc.world.scene import Scene
 
 FRESH = 8.0
-"""m"""
+"""m driven, for which what the road has shown counts"""
 FALLEN = 0.5
 """share of the grip known that the road ahead is trusted to have unasked"""
 SLOWEST = 4.0
