@@ -13,6 +13,7 @@ import traceback
 from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from rudc.errors import InputError
 from rudc.hints import did_you_mean
@@ -37,6 +38,12 @@ def import_first(source: str) -> None:
 def imported_first() -> tuple[str, ...]:
     """What `import_first` was asked for, in order."""
     return tuple(_asked)
+
+
+def found_at(place: str) -> Any:
+    """What a module of ours, or of a package, has under a name: `package.module:Class`."""
+    module, _, name = place.partition(":")
+    return getattr(importlib.import_module(module), name)
 
 
 def in_words(error: BaseException) -> str:

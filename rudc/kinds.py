@@ -1,4 +1,8 @@
-"""Settings of which several kinds are registered by name, such as actions and corrections."""
+"""Settings of which several kinds are registered by name, such as actions and corrections.
+
+A kind is registered by its class, or by where that is found (`module:Class`): then its file is imported when
+it is first asked for.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +13,21 @@ from pydantic import BaseModel, ValidationError
 
 from rudc.errors import InputError
 from rudc.hints import there_are
+from rudc.imports import found_at
 from rudc.settings import problems
 
 M = TypeVar("M", bound=BaseModel)
+Kinds = Mapping[str, type[M] | str]
+"""name of a kind -> its class, or `module:Class`"""
 
 
-def of_kind(value: Any, registered: Mapping[str, type[M]], base: type[M]) -> M:
+def class_of(kind: type[M] | str) -> type[M]:
+    """The class of what is registered."""
+    found: Any = found_at(kind) if isinstance(kind, str) else kind
+    return found
+
+
+def of_kind(value: Any, registered: Kinds[M], base: type[M]) -> M:
     """The settings that `value` stands for: themselves, the name of a kind (with its defaults), or a mapping
     of `kind` and settings. For a pydantic validator: raises ValueError, or pydantic's own.
     """
@@ -28,10 +41,10 @@ def of_kind(value: Any, registered: Mapping[str, type[M]], base: type[M]) -> M:
         raise ValueError(f"`kind` is a name, one of {', '.join(registered)}")
     if kind not in registered:
         raise ValueError(f"there is no {kind!r}{there_are(kind, registered)}")
-    return registered[kind].model_validate(dict(given))
+    return class_of(registered[kind]).model_validate(dict(given))
 
 
-def read_kind(value: Any, registered: Mapping[str, type[M]], base: type[M], what: str) -> M:
+def read_kind(value: Any, registered: Kinds[M], base: type[M], what: str) -> M:
     """The same, of what a user gave; `what` it is goes into messages. Raises InputError."""
     try:
         return of_kind(value, registered, base)

@@ -11,12 +11,13 @@ import typer
 from pydantic import BaseModel
 
 from rudc.agents.config import AgentConfig
-from rudc.agents.correction import CORRECTIONS, SlackSettings
+from rudc.agents.correction import SlackSettings, known_corrections
 from rudc.agents.listing import entries
 from rudc.agents.outlook import OutlookSettings
 from rudc.cli.main import app
 from rudc.env.action import ACTIONS
 from rudc.evaluation.columns import COLUMNS, DECISION_MS, METRICS, TIMING
+from rudc.kinds import class_of
 from rudc.learning.algorithms import ALGORITHMS
 from rudc.learning.config import LearnerConfig, NetworkConfig
 from rudc.safety.barriers import BARRIERS
@@ -213,7 +214,8 @@ def settings() -> str:
     parts += _section("Agent", AgentConfig, "", leave=("correction", "outlook", "learner", "action"))
     for name, action in ACTIONS.items():
         parts += _section(f"action.kind: {name}", action, "action.")
-    for name, correction in CORRECTIONS.items():
+    for name, kind in known_corrections().items():
+        correction = class_of(kind)
         parts += _section(f"correction.kind: {name}", correction, "correction.", leave=("slack",))
         if issubclass(correction, FilterConfig):
             parts += _filter_parts()

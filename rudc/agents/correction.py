@@ -1,6 +1,7 @@
-"""Corrections by name: what they are given and give back stands in seat.py, the baselines' in of_actions.py.
+"""Corrections by name: what they are given and give back stands in seat.py.
 
-An entry in `CORRECTIONS` is a class of settings; its `make` gives the correction.
+An entry in `CORRECTIONS` is a class of settings; its `make` gives the correction. Algorithms bring others
+along (`Algorithm.corrections`); those of the baselines stand in of_actions.py.
 """
 
 from __future__ import annotations
@@ -12,11 +13,11 @@ from typing import Annotated, Any, Literal
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, ConfigDict, Field, SerializeAsAny
 
-from rudc.agents.of_actions import QpslSettings, RecoverySettings, UslSettings
 from rudc.agents.seat import ADJUSTMENT, Correction, CorrectionKind, Critics, Percentiles, Proposal
 from rudc.arrays import Arrays
 from rudc.env.action import ActionKind
-from rudc.kinds import of_kind, read_kind
+from rudc.kinds import Kinds, of_kind, read_kind
+from rudc.learning.algorithms import ALGORITHMS
 from rudc.safety.config import FilterConfig
 from rudc.safety.corrected import Corrected
 from rudc.safety.filter import SafetyFilter
@@ -126,21 +127,24 @@ class CbfCorrection:
 CORRECTIONS: dict[str, type[CorrectionKind]] = {
     "none": NoCorrection,
     "cbf": CbfSettings,
-    "usl": UslSettings,
-    "recovery": RecoverySettings,
-    "qpsl": QpslSettings,
 }
-"""name of a kind -> its settings"""
+"""name of a kind that stands behind whatever drives -> its settings"""
+
+
+def known_corrections() -> Kinds[CorrectionKind]:
+    """Those, and what algorithms bring, which is imported only if it is asked for."""
+    brought = {kind: place for a in ALGORITHMS.values() for kind, place in a.corrections.items()}
+    return {**CORRECTIONS, **brought, **CORRECTIONS}
 
 
 def read_correction(value: str | Mapping[str, Any] | CorrectionKind) -> CorrectionKind:
     """The settings that a name, or a mapping of `kind` and settings, stands for. Raises InputError."""
-    return read_kind(value, CORRECTIONS, CorrectionKind, "correction")
+    return read_kind(value, known_corrections(), CorrectionKind, "correction")
 
 
 CorrectionSettings = Annotated[
     SerializeAsAny[CorrectionKind],
-    BeforeValidator(lambda value: of_kind(value, CORRECTIONS, CorrectionKind)),
+    BeforeValidator(lambda value: of_kind(value, known_corrections(), CorrectionKind)),
 ]
 """a field that takes any correction's settings, as it takes a name or a mapping"""
 

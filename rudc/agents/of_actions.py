@@ -5,8 +5,8 @@ meaning: the paper's baselines USL, QPSL and Recovery RL (appendix "Safe Reinfor
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
-from typing import Literal, Protocol, runtime_checkable
+from collections.abc import Mapping
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,15 +45,6 @@ class UslSettings(CorrectionKind):
         return UslCorrection(self, action)
 
 
-@runtime_checkable
-class ExcessCritics(Protocol):
-    """What unrolled corrections ask."""
-
-    def excess_at(self, observation: Floats) -> Callable[[Floats], tuple[float, Floats]]:
-        """Gives Q_c - d_th of an action (2,) at that observation, and its gradient (2,)."""
-        ...
-
-
 class RecoverySettings(CorrectionKind):
     """Recovery RL (paper, appendix "Safety Recovery"; Thananjeyan et al., 2021): where the risk of the task
     policy's action exceeds a limit, the recovery policy acts instead.
@@ -73,19 +64,6 @@ class RecoverySettings(CorrectionKind):
     ) -> Correction:
         """The switch; of `arrays` it needs none."""
         return RecoveryCorrection(self, action)
-
-
-@runtime_checkable
-class RecoveryCritics(Protocol):
-    """What Recovery RL asks."""
-
-    def cost(self, observation: Floats, action: Floats) -> float:
-        """Q_risk of an action (2,)."""
-        ...
-
-    def recovery(self, observation: Floats) -> Floats:
-        """(2,) what the recovery policy does."""
-        ...
 
 
 class QpslSettings(CorrectionKind):
@@ -111,16 +89,7 @@ class QpslSettings(CorrectionKind):
         return QpslCorrection(self, action)
 
 
-@runtime_checkable
-class ChangeCritics(Protocol):
-    """What the safety layer asks."""
-
-    def change(self, observation: Floats) -> Floats:
-        """(2,) g: by how much the step-wise cost grows with each number of an action."""
-        ...
-
-
-class _OfActions:
+class OfActions:
     """Corrections of what a policy proposed in [-1, 1], before that is given its meaning."""
 
     def __init__(self, action: ActionKind) -> None:
@@ -134,7 +103,7 @@ class _OfActions:
 
     @abstractmethod
     def instead(
-        self, scene: Scene, observation: Floats, action: Floats, critics: Critics | None
+        self, scene: Scene, observation: Floats, action: Floats, critics: Critics
     ) -> tuple[Floats, str, bool] | None:
         """Another action, how it came about, and whether it is infeasible all the same; None if the proposed
         one may be taken.
@@ -142,8 +111,11 @@ class _OfActions:
 
     def correct(self, scene: Scene, proposal: Proposal, critics: Critics | None) -> Corrected:
         """See `Correction`."""
-        if proposal.action is None or proposal.observation is None:
-            raise _not_offered(self)
+        if proposal.action is None or proposal.observation is None or critics is None:
+            raise AgentError(
+                f"{type(self).__name__} asks what only an agent says that has learnt with it; "
+                "it cannot stand behind another driver"
+            )
         found = self.instead(scene, proposal.observation, proposal.action, critics)
         if found is None:
             return Corrected(proposal.u, np.zeros(2), "nominal")
@@ -152,7 +124,7 @@ class _OfActions:
         return Corrected(u, u - proposal.u, status, infeasible=infeasible)
 
 
-class UslCorrection(_OfActions):
+class UslCorrection(OfActions):
     """a <- psi(a), K times at most."""
 
     def __init__(self, settings: UslSettings, action: ActionKind = ADJUSTMENT) -> None:
@@ -160,11 +132,9 @@ class UslCorrection(_OfActions):
         self._settings = settings
 
     def instead(
-        self, scene: Scene, observation: Floats, action: Floats, critics: Critics | None
+        self, scene: Scene, observation: Floats, action: Floats, critics: Critics
     ) -> tuple[Floats, str, bool] | None:
-        """See `_OfActions`; infeasible if Q_c still exceeds the limit after K corrections."""
-        if not isinstance(critics, ExcessCritics):
-            raise _not_offered(self)
+        """See `OfActions`; infeasible if Q_c still exceeds the limit after K corrections."""
         excess_at, first = critics.excess_at(observation), action
         excess, slope = excess_at(action)
         for _ in range(self._settings.steps):
@@ -176,7 +146,7 @@ class UslCorrection(_OfActions):
         return None if action is first else (action, "unrolled", excess > 0)
 
 
-class RecoveryCorrection(_OfActions):
+class RecoveryCorrection(OfActions):
     """a_task where Q_risk(s, a_task) <= d_th, else a_recovery."""
 
     def __init__(self, settings: RecoverySettings, action: ActionKind = ADJUSTMENT) -> None:
@@ -184,18 +154,16 @@ class RecoveryCorrection(_OfActions):
         self._limit = settings.cost_limit
 
     def instead(
-        self, scene: Scene, observation: Floats, action: Floats, critics: Critics | None
+        self, scene: Scene, observation: Floats, action: Floats, critics: Critics
     ) -> tuple[Floats, str, bool] | None:
-        """See `_OfActions`; infeasible where the recovery policy's action exceeds the limit, too."""
-        if not isinstance(critics, RecoveryCritics):
-            raise _not_offered(self)
+        """See `OfActions`; infeasible where the recovery policy's action exceeds the limit, too."""
         if critics.cost(observation, action) <= self._limit:
             return None
-        other = critics.recovery(observation)
+        other = np.tanh(critics.seen("recovery", observation)[: action.size])
         return other, "recovery", critics.cost(observation, other) > self._limit
 
 
-class QpslCorrection(_OfActions):
+class QpslCorrection(OfActions):
     """argmin |a' - a|^2 / 2 with c + g . a' <= d_th, a' in [-1, 1]^2."""
 
     def __init__(self, settings: QpslSettings, action: ActionKind = ADJUSTMENT) -> None:
@@ -203,12 +171,10 @@ class QpslCorrection(_OfActions):
         self._limit, self._solver = settings.cost_limit, make_solver(settings.solver)
 
     def instead(
-        self, scene: Scene, observation: Floats, action: Floats, critics: Critics | None
+        self, scene: Scene, observation: Floats, action: Floats, critics: Critics
     ) -> tuple[Floats, str, bool] | None:
-        """See `_OfActions`; infeasible where no action is allowed: then it is the one of the least cost."""
-        if not isinstance(critics, ChangeCritics):
-            raise _not_offered(self)
-        g = critics.change(observation).astype(np.float64)
+        """See `OfActions`; infeasible where no action is allowed: then it is the one of the least cost."""
+        g = critics.seen("change", observation).astype(np.float64)
         room = self._limit - scene_cost(scene)
         if g @ action <= room:
             return None
@@ -220,10 +186,3 @@ class QpslCorrection(_OfActions):
         row, bound = -g[None] / length, np.array([-room / length])
         found = self._solver.solve(Problem(np.eye(2), -action.astype(float), row, bound, -one, one))
         return (found.x if found.found else least).astype(np.float32), "projected", not found.found
-
-
-def _not_offered(correction: object) -> AgentError:
-    return AgentError(
-        f"{type(correction).__name__} asks what only an agent says that has learnt with it; "
-        "it cannot stand behind another driver"
-    )

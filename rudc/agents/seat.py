@@ -3,15 +3,14 @@
     correct(scene, proposal, critics) -> Corrected
 
 The proposal says what would be done, in physical units and, where a policy proposed it, in [-1, 1], how
-unsure the driver is, and what it saw. `critics` is what a learnt agent offers to be asked about other
-actions; None behind drivers that offer nothing. A correction states what it asks of them as a protocol of its
-own that goes beyond `Critics`, and refuses, by AgentError, an agent that does not offer it. So the seat stays
-as it is for
+unsure the driver is, and what it saw. `critics` is what a learnt agent answers about other actions; None
+behind drivers that offer nothing. A correction states in `asks` what it needs of them, and only agents whose
+learner offers that (`LearnerConfig.offers`) may have it. So the seat stays as it is for
 
     cbf         the safety filter: asks for sigma only, which the proposal carries
-    usl         unrolled corrections: asks for `excess_at`, Q_c - d_th of an action and its gradient
-    qpsl        the safety layer: asks for `change`, g of c(s') = c(s) + g . a; its QP is rudc/safety/qp.py's
-    recovery    Recovery RL: asks for `cost`, the risk of an action, and `recovery`, what to do instead
+    usl         unrolled corrections: Q_c - d_th of an action and its gradient
+    qpsl        the safety layer: g of c(s') = c(s) + g . a; its QP is rudc/safety/qp.py's
+    recovery    Recovery RL: the risk of an action, and what the recovery policy does
 
 A kind is a class of settings, whose `make` gives the correction; correction.py has them by name.
 """
@@ -20,7 +19,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple, Protocol
 
 from numpy.typing import NDArray
@@ -50,10 +49,22 @@ class Proposal(NamedTuple):
 
 
 class Critics(Protocol):
-    """What any learnt agent with critics answers."""
+    """What a learnt agent answers of an action (2,) at an observation (size,): rudc/learning/inference.py."""
 
     def quantiles(self, observation: Floats, action: Floats) -> Floats:
-        """(members, quantiles) of the return, reward units, of an action (2,) at an observation (size,)."""
+        """(members, quantiles) of the return, reward units."""
+        ...
+
+    def cost(self, observation: Floats, action: Floats) -> float:
+        """What the cost critics expect, the larger of them; of learners that offer `cost`."""
+        ...
+
+    def excess_at(self, observation: Floats) -> Callable[[Floats], tuple[float, Floats]]:
+        """Gives Q_c - d_th of an action, and its gradient (2,); of learners that offer `excess`."""
+        ...
+
+    def seen(self, network: str, observation: Floats) -> Floats:
+        """Outputs of a network of the observation alone, by its name in `LearnerConfig.observers`."""
         ...
 
 
@@ -74,12 +85,12 @@ class Correction(Protocol):
 
 
 class CorrectionKind(Settings):
-    """Base of the settings of all corrections; subclasses have `kind`, their name in `CORRECTIONS`."""
+    """Base of the settings of all corrections; subclasses have `kind`, their name (correction.py)."""
 
     @property
     def asks(self) -> tuple[str, ...]:
-        """What it needs of whoever drives, beyond the proposed action: `sigma`, or by the names of their
-        methods what it asks critics for. Learners say what they offer (`LearnerConfig.offers`).
+        """What it needs of whoever drives, beyond the proposed action, by the names of
+        `LearnerConfig.offers`: `sigma`, `cost`, `excess`, or a network's name.
         """
         return ()
 

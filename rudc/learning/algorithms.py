@@ -1,21 +1,22 @@
 """Learning algorithms by name: the settings of each, its learner, and what it is used with.
 
-A further algorithm is one file with its learner, and its settings and one entry here, or anywhere else by
-`register_algorithm`. Nobody else knows an algorithm by its name. Imports no torch, which only learning needs:
-a learner is named by where it is found.
+A further algorithm is one file, with its learner and what settings and correction it brings, and one entry
+here, or anywhere else by `register_algorithm`. Nobody else knows an algorithm by its name. Imports no torch,
+which only learning needs: a learner is named by where it is found. The settings of those that ship stand
+here, and their corrections in rudc/agents/of_actions.py, so that driving needs no torch either.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from importlib import import_module
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import AfterValidator, Field
 
 from rudc.errors import InputError
 from rudc.hints import there_are
+from rudc.imports import found_at
 from rudc.learning.config import (
     ConstrainedConfig,
     CostConfig,
@@ -37,19 +38,25 @@ class Algorithm:
     """in a sentence"""
     learner: str
     """where its class is found, `module:Class`; it takes (config, problem, device)"""
-    config: type[LearnerConfig]
-    """settings of the learner"""
+    settings: type[LearnerConfig] | str
+    """of the learner: their class, or where it is found if its file imports torch"""
     defaults: Mapping[str, Any] = field(default_factory=dict)
     """what its agents and their training have otherwise than the preset: a tree as in config.json"""
     paper: str = ""
     """what the paper's tables call it; empty for what is not in them"""
     differs: str = ""
     """what it has otherwise than rudc-t, in a few words; empty for rudc-t itself, and where nobody said"""
+    corrections: Mapping[str, str] = field(default_factory=dict)
+    """those that it brings: `correction.kind` -> where the class of its settings is found"""
+
+    @property
+    def config(self) -> type[LearnerConfig]:
+        """Class of the learner's settings."""
+        return found_at(self.settings) if isinstance(self.settings, str) else self.settings
 
     def make(self, config: LearnerConfig, problem: Problem, device: str = "cpu") -> Learner:
         """A new learner. Imports torch."""
-        module, _, name = self.learner.partition(":")
-        return getattr(import_module(module), name)(config, problem, device)
+        return found_at(self.learner)(config, problem, device)
 
 
 ALGORITHMS: dict[str, Algorithm] = {}
@@ -207,6 +214,7 @@ for _name, _algorithm in {
         {"correction": {"kind": "usl"}, **_ALWAYS},
         paper="USL",
         differs="sac's learner with cost critics and a penalty; corrections down the cost's gradient",
+        corrections={"usl": "rudc.agents.of_actions:UslSettings"},
     ),
     "qpsl": Algorithm(
         "SAC behind a safety layer: a QP that keeps the next step's cost, linear and learnt, in a limit.",
@@ -215,6 +223,7 @@ for _name, _algorithm in {
         {"correction": {"kind": "qpsl"}, **_ALWAYS},
         paper="QPSL",
         differs="sac's learner; the QP's one row is a learnt linear cost",
+        corrections={"qpsl": "rudc.agents.of_actions:QpslSettings"},
     ),
     "recovery-rl": Algorithm(
         "Recovery RL: SAC, and a recovery policy that takes over where the expected cost exceeds a limit.",
@@ -223,6 +232,7 @@ for _name, _algorithm in {
         {"correction": {"kind": "recovery"}, "learner": {"learns_from": "proposed"}, **_ALWAYS},
         paper="Recovery RL",
         differs="sac's learner with cost critics; a recovery policy takes over",
+        corrections={"recovery": "rudc.agents.of_actions:RecoverySettings"},
     ),
     "fac": Algorithm(
         "Feasible actor-critic: a limit of the expected cost in every state, by a network of multipliers.",

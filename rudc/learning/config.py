@@ -116,7 +116,7 @@ class LearnerConfig(Settings):
     """What all soft actor-critics have; plain SAC has nothing else."""
 
     offers: ClassVar[tuple[str, ...]] = ()
-    """what a correction may ask of its agents, see rudc/agents/correction.py"""
+    """what a correction may ask for (rudc/agents/seat.py): `sigma`, `cost`, `excess`, an observer's name"""
 
     policy: NetworkConfig = NetworkConfig()
     """the policy's network"""
@@ -154,7 +154,9 @@ class LearnerConfig(Settings):
     """where it starts"""
 
     def observers(self, actions: int) -> Mapping[str, tuple[NetworkConfig, int]]:
-        """Networks of the observation alone that driving needs: name -> what it is, and its outputs."""
+        """Networks of the observation alone that driving needs: name -> what it is, and its outputs. Their
+        weights are in `Learner.weights` by the same names.
+        """
         return {"policy": (self.policy, 2 * actions)}
 
     def without_effect(self) -> Mapping[str, str]:

@@ -147,7 +147,7 @@ class Decider:
 
     def action(self, observation: Floats, rng: np.random.Generator | None = None) -> Floats:
         """The policy's most likely action (actions,) in [-1, 1], or one drawn from it with `rng`."""
-        outputs = self._seen("policy", observation)
+        outputs = self.seen("policy", observation)
         mean = outputs[: self._actions]
         if rng is not None:
             spread = np.exp(outputs[self._actions :].clip(*self.config.log_std))
@@ -188,28 +188,18 @@ class Decider:
 
         return excess
 
-    def recovery(self, observation: Floats) -> Floats:
-        """The recovery policy's action (actions,), where there is one."""
-        return np.tanh(self._seen("recovery", observation)[: self._actions])
-
-    def change(self, observation: Floats) -> Floats:
-        """g (actions,): by how much the step-wise cost grows with each number of an action, where that is
-        learnt.
-        """
-        return self._seen("change", observation)
+    def seen(self, network: str, observation: Floats) -> Floats:
+        """Outputs of a network of the observation alone, by its name in `LearnerConfig.observers`."""
+        if network not in self._observers:
+            raise ValueError(f"this decider was built without a {network} network")
+        found = self._observers[network]
+        return found.decode(found.encode(observation))[0]
 
     @property
     def _cost_scale(self) -> float:
         if not isinstance(self.config, CostConfig):
             raise ValueError("this algorithm has no cost critics")
         return self.config.cost_scale
-
-    def _seen(self, name: str, observation: Floats) -> Floats:
-        """Outputs of a network of the observation alone."""
-        if name not in self._observers:
-            raise ValueError(f"this decider was built without a {name} network")
-        network = self._observers[name]
-        return network.decode(network.encode(observation))[0]
 
     def _outputs(self, critic: str, observation: Floats, action: Floats) -> Floats:
         network = self._network(critic)

@@ -38,7 +38,7 @@ def test_the_model_is_recovered_and_sac_is_as_without() -> None:
     decider = Decider(CONFIG, PROBLEM.layout, learner.weights())
     states = np.random.default_rng(9).normal(size=(100, 5)).astype(np.float32)
     for sign, g in ((1, [0.5, -0.2]), (-1, [0.1, 0.3])):
-        found = [decider.change(seen) for seen in states if sign * seen[0] > 0.3]
+        found = [decider.seen("change", seen) for seen in states if sign * seen[0] > 0.3]
         assert np.mean(found, axis=0) == pytest.approx(g, abs=0.06)
 
 
