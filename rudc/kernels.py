@@ -1,9 +1,9 @@
 """Kernels: functions of plain numbers and arrays that are compiled to machine code once; and rectangles.
 
 What decides ten times a second calls numpy on arrays of ten numbers, and pays for the call. A kernel is
-written out as loops, in one call. Each floor has its kernels in one module `kernels.py`, which is imported
-only where somebody drives: importing it compiles what was never compiled on this machine (half a minute for
-all), or loads it.
+written out as loops, in one call. Each floor has its kernels in one module `kernels.py`. The first call of
+any of them compiles what was never compiled on this machine (half a minute for all), or loads it (most of a
+second), numba with it; so what never drives pays for neither. `as_written` does without for a few calls.
 
 Compiled code lies beside the module, or where that cannot be written to in the user's cache folder or a
 temporary one; NUMBA_CACHE_DIR says otherwise. It is kept by the content of all kernels, since one may call
@@ -15,61 +15,135 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
+import sys
 import tempfile
 from collections.abc import Callable, Iterator
-from functools import cache
+from functools import cache, update_wrapper
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
-
-import numba
-from numba import types
+from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 from rudc.arrays import Array, Complex, Flags, Index
 
 Result = TypeVar("Result")
 
 
-def _read(dtype: Any, dimensions: int) -> types.Array:
-    return types.Array(dtype, dimensions, "A", readonly=True)
+class Layout(NamedTuple):
+    """Of an array, in numba's words; of a number, with no dimensions."""
+
+    dtype: str
+    dimensions: int = 0
+    order: str = "C"
+    readonly: bool = False
 
 
-def _made(dtype: Any, dimensions: int) -> types.Array:
-    return types.Array(dtype, dimensions, "C")
+def _read(dtype: str, dimensions: int) -> Layout:
+    return Layout(dtype, dimensions, "A", readonly=True)
 
 
-Vector = Annotated[Array, _read(types.float64, 1)]
+Vector = Annotated[Array, _read("float64", 1)]
 """(n,), read whatever its strides; the others likewise"""
-Table = Annotated[Array, _read(types.float64, 2)]
-Cube = Annotated[Array, _read(types.float64, 3)]
-Places = Annotated[Complex, _read(types.complex128, 1)]
-PlaceTable = Annotated[Complex, _read(types.complex128, 2)]
-Rows = Annotated[Index, _read(types.int64, 1)]
-Marks = Annotated[Flags, _read(types.boolean, 1)]
-NewVector = Annotated[Array, _made(types.float64, 1)]
+Table = Annotated[Array, _read("float64", 2)]
+Cube = Annotated[Array, _read("float64", 3)]
+Places = Annotated[Complex, _read("complex128", 1)]
+PlaceTable = Annotated[Complex, _read("complex128", 2)]
+Rows = Annotated[Index, _read("int64", 1)]
+Marks = Annotated[Flags, _read("boolean", 1)]
+NewVector = Annotated[Array, Layout("float64", 1)]
 """(n,), made by a kernel or written to; the others likewise"""
-NewTable = Annotated[Array, _made(types.float64, 2)]
-NewCube = Annotated[Array, _made(types.float64, 3)]
-NewColumns = Annotated[Array, types.Array(types.float64, 2, "F")]
+NewTable = Annotated[Array, Layout("float64", 2)]
+NewCube = Annotated[Array, Layout("float64", 3)]
+NewColumns = Annotated[Array, Layout("float64", 2, "F")]
 """a table, one column after the other"""
-NewPlaces = Annotated[Complex, _made(types.complex128, 1)]
-NewPlaceTable = Annotated[Complex, _made(types.complex128, 2)]
-NewRows = Annotated[Index, _made(types.int64, 1)]
-NewRowTable = Annotated[Index, _made(types.int64, 2)]
-NewFlags = Annotated[Flags, _made(types.boolean, 1)]
+NewPlaces = Annotated[Complex, Layout("complex128", 1)]
+NewPlaceTable = Annotated[Complex, Layout("complex128", 2)]
+NewRows = Annotated[Index, Layout("int64", 1)]
+NewRowTable = Annotated[Index, Layout("int64", 2)]
+NewFlags = Annotated[Flags, Layout("boolean", 1)]
 
-_PLAIN = {float: types.float64, int: types.int64, bool: types.boolean, complex: types.complex128}
+_PLAIN = {float: "float64", int: "int64", bool: "boolean", complex: "complex128"}
 
 
 def _type_of(hint: Any) -> Any:
+    from numba import types
+
     if get_origin(hint) is tuple:
         return types.Tuple([_type_of(part) for part in get_args(hint)])
-    return _PLAIN[hint] if hint in _PLAIN else get_args(hint)[1]
+    layout: Layout = Layout(_PLAIN[hint]) if hint in _PLAIN else get_args(hint)[1]
+    number = getattr(types, layout.dtype)
+    if layout.dimensions == 0:
+        return number
+    return types.Array(number, layout.dimensions, layout.order, readonly=layout.readonly)
+
+
+class _StandIn:
+    """Has a kernel's name until one is called; whoever kept it calls the kernel through it."""
+
+    def __init__(self, written: Callable[..., Any]) -> None:
+        update_wrapper(self, written)
+        self.written = written
+        self.compiled: Callable[..., Any] | None = None
+
+    def __call__(self, *arguments: Any) -> Any:
+        if self.compiled is None:
+            if _uncompiled:
+                return self.written(*arguments)
+            load_kernels()
+        assert self.compiled is not None
+        return self.compiled(*arguments)
+
+
+_waiting: list[_StandIn] = []
+"""kernels that were defined and not compiled, callees first"""
+_loaded = False
+"""whether numba is there already: kernels are then compiled where they are defined"""
+_uncompiled = False
 
 
 def kernel(function: Callable[..., Result]) -> Callable[..., Result]:
-    """Compile a function when it is defined, for the types that it states, or load it. Divisions by 0 are as
-    numpy's.
+    """Make a function a kernel for the types that it states. Divisions by 0 are as numpy's."""
+    if _loaded:
+        return _compiled(function)
+    _waiting.append(_StandIn(function))
+    return _waiting[-1]
+
+
+def load_kernels() -> None:
+    """Compile all kernels that were defined, or load them, and have them take their stand-ins' places."""
+    global _loaded
+    _loaded = True
+    ours = [vars(module) for name, module in [*sys.modules.items()] if name.partition(".")[0] == "rudc"]
+    spaces = {id(space): space for space in (*ours, *(found.written.__globals__ for found in _waiting))}
+    names = [
+        (space, name, value)
+        for space in spaces.values()
+        for name, value in space.items()
+        if isinstance(value, _StandIn)
+    ]
+    while _waiting:
+        stand_in = _waiting.pop(0)
+        stand_in.compiled = _compiled(stand_in.written)
+        for space, name, value in names:
+            if value is stand_in:
+                space[name] = stand_in.compiled
+
+
+@contextlib.contextmanager
+def as_written() -> Iterator[None]:
+    """In the block kernels that are not loaded run as the Python they are: for a few calls that is sooner.
+
+    The last bits may differ, so nothing whose numbers are kept is run in it.
     """
+    global _uncompiled
+    before, _uncompiled = _uncompiled, True
+    try:
+        yield
+    finally:
+        _uncompiled = before
+
+
+def _compiled(function: Callable[..., Result]) -> Callable[..., Result]:
+    import numba
+
     hints = get_type_hints(function, include_extras=True)
     result = _type_of(hints.pop("return"))
     signature = result(*[_type_of(hint) for hint in hints.values()])

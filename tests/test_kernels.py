@@ -1,4 +1,4 @@
-"""Rectangles of rudc/kernels.py against rudc/geometry.py, and where compiled code is kept."""
+"""Rectangles of rudc/kernels.py against rudc/geometry.py; when kernels are loaded, and from where."""
 
 from __future__ import annotations
 
@@ -36,17 +36,56 @@ def test_rectangles_are_as_far_apart_as_numpy_says():
         ["--help"],
         ["scenario", "show", "dense_left_turn"],
         ["scenario", "validate", "no_such_file.yaml"],
+        ["scenario", "validate", "blocked_left_turn", "icy_junction"],
         ["table", str(data_folder("results/checkpoints").parent / "ood")],
     ],
-    ids=["help", "show", "refused", "table"],
+    ids=["help", "show", "refused", "validated", "table"],
 )
 def test_who_does_not_drive_loads_no_compiler(command):
+    assert not _loads_numba(command)
+
+
+def test_only_workers_of_a_sweep_load_the_compiler(tmp_path):
+    out = tmp_path / "out"
+    command = ["sweep", "dense_left_turn", "--agent", "rudc-t", "--episodes", "1", "--out", str(out)]
+    assert not _loads_numba(command)
+    assert len((out / "episodes.csv").read_text().splitlines()) == 2
+
+
+def _loads_numba(command: list[str]) -> bool:
     code = (
         "import sys\nfrom rudc.cli.main import main\nsys.argv = ['rudc', *sys.argv[1:]]\n"
         "try:\n    main()\nexcept SystemExit:\n    pass\nprint('numba' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code, *command], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "False"
+    return done.stdout.splitlines()[-1] == "True"
+
+
+def test_the_first_call_puts_kernels_in_their_places_and_as_written_does_without(tmp_path):
+    code = """
+import sys
+from rudc.world import contact
+from rudc.kernels import as_written, kernel, rectangle_gap, separation
+from rudc.kernels import Vector
+
+@kernel
+def least(x: Vector, y: Vector) -> float:
+    return rectangle_gap(complex(x[0], x[1]), 1.0 + 0.0j, 1.0j, y[0], y[1], 0.5, 0.25)
+
+import numpy as np
+kept, where = [rectangle_gap, least], (np.array([3.0, 4.0]), np.array([1.0, 2.0]))
+with as_written():
+    written = least(*where)
+print("numba" in sys.modules, hasattr(least, "signatures"))
+compiled = least(*where)
+print("numba" in sys.modules, hasattr(least, "signatures"), hasattr(contact.rectangle_gap, "signatures"))
+print(kept[1](*where) == compiled, abs(written - compiled) < 1e-12, separation.__name__)
+with as_written():
+    print(least(*where) == compiled)
+"""
+    (tmp_path / "own.py").write_text(code)
+    done = subprocess.run([sys.executable, tmp_path / "own.py"], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == [*["False"] * 2, *["True"] * 5, "separation", "True"]
 
 
 def test_a_folder_for_compiled_code_is_found_where_nothing_can_be_written(tmp_path):

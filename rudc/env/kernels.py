@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rudc.kernels import (
+    Layout,
     NewCube,
     NewRows,
     NewTable,
@@ -19,7 +20,6 @@ from rudc.kernels import (
     Vector,
     kernel,
     rectangle_gap,
-    types,
 )
 
 FARTHEST = 10.0
@@ -27,8 +27,8 @@ FARTHEST = 10.0
 UNIT = 0.04
 """m, step in which gaps are kept in tables"""
 
-Gaps = Annotated[NDArray[np.uint8], types.Array(types.uint8, 1, "A", readonly=True)]
-Entries = Annotated[NDArray[np.int64], types.Array(types.int64, 2, "A", readonly=True)]
+Gaps = Annotated[NDArray[np.uint8], Layout("uint8", 1, "A", readonly=True)]
+Entries = Annotated[NDArray[np.int64], Layout("int64", 2, "A", readonly=True)]
 
 # ---- who is where
 

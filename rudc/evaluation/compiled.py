@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from importlib import import_module
 
+from rudc.kernels import load_kernels
+
 KERNELS = (
     "rudc.learning.kernels",
     "rudc.world.kernels",
@@ -21,9 +23,10 @@ KERNELS = (
 
 
 def compile_kernels() -> None:
-    """Import all kernels: half a minute the first time, half a second later."""
+    """Load all kernels: half a minute the first time, most of a second later."""
     for module in KERNELS:
         import_module(module)
+    load_kernels()
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rudc.errors import RudcError, ScenarioError
+from rudc.kernels import as_written
 from rudc.network.network import load_network
 from rudc.scenario.library import shown
 from rudc.scenario.loader import load_scenario
@@ -37,7 +38,7 @@ def try_out(scenario: Scenario, seed: int = 0) -> list[str]:
     for swept in tried_points(scenario):
         try:
             point = scenario.varied(swept) if swept else scenario
-            with World(load_network(point.network, point.junction)) as world:
+            with as_written(), World(load_network(point.network, point.junction)) as world:
                 world.reset(point.plan(seed))
         except RudcError as error:
             values = ", ".join(f"{key}={value}" for key, value in swept.items())

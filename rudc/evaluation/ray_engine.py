@@ -21,6 +21,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 from rudc.errors import InputError, SimulationError
+from rudc.evaluation.compiled import compile_kernels
 from rudc.evaluation.engine import START_FAILURES, TRIES, Result, Runner, RunnerFactory
 from rudc.evaluation.memory import return_large_blocks
 from rudc.evaluation.record import EpisodeRecord
@@ -104,6 +105,7 @@ def run_ray(
     without ray or cluster, SimulationError when no actor can be started.
     """
     ray = connect()
+    compile_kernels()  # here, and not in each actor
     try:
         yield from _Actors(ray, tasks, limit_s, make_runner).run(min(workers, len(tasks)))
     finally:

@@ -16,6 +16,7 @@ from rudc.agents.base import Agent
 from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode
 from rudc.errors import AgentError, AgentFailedError, RudcError
+from rudc.evaluation.compiled import compile_kernels
 from rudc.evaluation.manifest import agent_digest
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.rollout import Watcher, run_episode
@@ -43,6 +44,7 @@ class EpisodeRunner:
         wherever it stands. `folder`: what relative paths in agents' names are relative to, should this
         process have been started elsewhere. `watch`: an episode and its agent -> who is shown its decisions.
         """
+        compile_kernels()
         if folder is not None and folder.is_dir():
             os.chdir(folder)
         self._make = make

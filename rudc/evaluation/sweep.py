@@ -13,7 +13,6 @@ from typing import Any, Protocol
 from rudc.agents.drivers import MakeAgent, register_agent, registered_agents
 from rudc.errors import InputError, StorageError, SweepError
 from rudc.evaluation.code import code_digest
-from rudc.evaluation.compiled import compile_kernels
 from rudc.evaluation.engine import Result, Runner, RunnerFactory, run_local
 from rudc.evaluation.folder import SweepFolder, read_sweep, sweep_rows
 from rudc.evaluation.ray_engine import connect, run_ray
@@ -135,7 +134,6 @@ def _finish(
     todo = [task for task in folder.tasks if task.key(folder.parameters) not in folder.finished]
     progress.begin(len(folder.tasks), len(folder.finished), folder.warnings)
     if todo:
-        compile_kernels()
         with closing(engine.run(todo, workers, limit_s, prepared(make_runner))) as results:  # pyright: ignore
             for task, record in results:
                 progress.advance(task, folder.add(task, record))

@@ -18,7 +18,6 @@ import numpy as np
 
 from rudc.errors import SweepError
 from rudc.evaluation.columns import COLUMNS
-from rudc.evaluation.compiled import compile_kernels
 from rudc.evaluation.engine import RunnerFactory
 from rudc.evaluation.rerun import Difference, Rerun, Swept, differences
 from rudc.evaluation.sweep import ENGINES, EPISODE_LIMIT_S, Progress, Silent, prepared
@@ -85,7 +84,6 @@ def verify_sweep(
     reruns = {r.task.key(sweep.parameters): r for r in (sweep.episode(number) for number in drawn.numbers)}
     progress = progress or Silent()
     progress.begin(len(reruns), 0, ())
-    compile_kernels()
     tasks = [rerun.task for rerun in reruns.values()]
     other = []
     with closing(ENGINES["local"].run(tasks, workers, limit_s, prepared(make_runner))) as results:  # pyright: ignore

@@ -8,16 +8,16 @@ from typing import Annotated
 import numpy as np
 
 from rudc.arrays import Floats
-from rudc.kernels import Cube, NewTable, Vector, kernel, types
+from rudc.kernels import Cube, Layout, NewTable, Vector, kernel
 
-Number = Annotated[np.float32, types.float32]
+Number = Annotated[np.float32, Layout("float32")]
 """of single precision"""
-Single = Annotated[Floats, types.Array(types.float32, 1, "C", readonly=True)]
+Single = Annotated[Floats, Layout("float32", 1, readonly=True)]
 """(n,) of single precision, read; the others likewise"""
-Singles = Annotated[Floats, types.Array(types.float32, 2, "C", readonly=True)]
-SingleCube = Annotated[Floats, types.Array(types.float32, 3, "C", readonly=True)]
-NewSingle = Annotated[Floats, types.Array(types.float32, 1, "C")]
-NewSingles = Annotated[Floats, types.Array(types.float32, 2, "C")]
+Singles = Annotated[Floats, Layout("float32", 2, readonly=True)]
+SingleCube = Annotated[Floats, Layout("float32", 3, readonly=True)]
+NewSingle = Annotated[Floats, Layout("float32", 1)]
+NewSingles = Annotated[Floats, Layout("float32", 2)]
 
 _P, *_A = (
     np.float32(v) for v in (0.3275911, 1.061405429, -1.453152027, 1.421413741, -0.284496736, 0.254829592)

@@ -16,7 +16,6 @@ from typing import Any
 
 from rudc.agents.route_sigma import Heard
 from rudc.errors import RudcError, TrainingError
-from rudc.evaluation.compiled import compile_kernels
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.starting import start
 from rudc.training.collect import By, Collected, Collector
@@ -30,7 +29,6 @@ class WorkerPool:
 
     def __init__(self, config: TrainConfig) -> None:
         self._share = config.training.round_decisions
-        compile_kernels()
         self._workers: list[tuple[Any, Connection]] = []
         for index in range(config.training.envs):
             ours, theirs = multiprocessing.Pipe()

@@ -27,7 +27,6 @@ import numpy as np
 
 from rudc.env.episode import Outcome
 from rudc.errors import SweepError
-from rudc.evaluation.compiled import compile_kernels
 from rudc.evaluation.engine import Result, RunnerFactory, local_workers
 from rudc.evaluation.search.folder import SearchFolder, SearchPlan
 from rudc.evaluation.search.rate import Rate, violation_rate
@@ -97,8 +96,6 @@ def _finish(
     """Ask for all points, and run those episodes that have no row."""
     asked: list[Batch] = []
     progress.begin(plan.episodes, len(folder.rows), folder.warnings)
-    if len(folder.rows) < plan.episodes:
-        compile_kernels()
     with local_workers(min(workers, BATCH, plan.episodes), limit_s, make_runner) as run:
         for first in range(plan.seed, plan.seed + plan.episodes, BATCH):
             count = min(BATCH, plan.seed + plan.episodes - first)
