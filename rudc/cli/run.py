@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -152,7 +153,7 @@ def _drive(scenario: Scenario, seed: int, driver: Agent, files: _Files) -> _Driv
     if files.fcd is not None:
         make_folder_of(files.fcd)
     options = ("--fcd-output", str(files.fcd.absolute())) if files.fcd is not None else ()
-    with World(load_network(scenario.network, scenario.junction)) as world:
+    with ExitStack() as ends, World(load_network(scenario.network, scenario.junction)) as world:
         episode = Episode(world)
         trace, recording = Trace(), Recording(episode, driver)
         film = Film(episode, driver.name)
@@ -160,7 +161,7 @@ def _drive(scenario: Scenario, seed: int, driver: Agent, files: _Files) -> _Driv
         if files.video is not None:
             watchers.append(film.watch)
         if files.gui:
-            watchers.append(_gui(episode, scenario.name, driver.name))
+            watchers.append(_gui(episode, scenario.name, driver.name, ends))
         if files.replay:
             watchers.append(recording.watch)
 
@@ -178,8 +179,8 @@ def _drive(scenario: Scenario, seed: int, driver: Agent, files: _Files) -> _Driv
     return _Driven(record, events, page)
 
 
-def _gui(episode: Episode, scenario: str, agent: str) -> Watcher:
-    """What shows an episode: sumo-gui where it is installed, else a window of our own."""
+def _gui(episode: Episode, scenario: str, agent: str, ends: ExitStack) -> Watcher:
+    """What shows an episode: sumo-gui where it is installed, else a window of our own. `ends`: closes it."""
     from rudc.drawing.sumo_gui import SumoGui
     from rudc.drawing.view import view_of
     from rudc.drawing.window import Window
@@ -189,8 +190,11 @@ def _gui(episode: Episode, scenario: str, agent: str) -> Watcher:
     world, program = episode.world, find_program("sumo-gui")
     rate = 1.0 / world.config.decision_s
     if program is None:
-        return Film(episode, agent, Window(scenario, rate)).watch
+        window = Window(scenario, rate)
+        ends.callback(window.close)
+        return Film(episode, agent, window).watch
     shown = SumoGui(program, world.network.path, rate)
+    ends.callback(shown.close)
     return lambda _scene, _decision, result: shown.show(view_of(world, result.outcome))
 
 

@@ -11,9 +11,10 @@ import contextlib
 import io
 import socket
 import subprocess
+import tempfile
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,14 +27,14 @@ if TYPE_CHECKING:
     from rudc.drawing.view import View
 
 EGO_NAME, VIEW = "ego", "View #0"
-ZOOM = 900.0
+ZOOM = 600.0
 """percent: some 80 m of road in a window of usual size"""
 TRIES_S = 30
 """s that sumo-gui may take to start; each second it is asked whether it has"""
-OPTIONS = (
-    "--start", "--quit-on-end", "--no-step-log", "--no-warnings", "--collision.action", "none",
-    "--time-to-teleport", "-1", "--delay", "0",
-)  # fmt: skip
+OPTIONS = ("--no-step-log", "--no-warnings", "--collision.action", "none", "--time-to-teleport", "-1")
+WINDOW = ("--start", "--quit-on-end", "--delay", "0", "--window-size", "1200,900")
+SCHEME = "real world"
+"""how it draws: cars as cars, with their lights; its usual scheme has triangles"""
 SHAPES = {
     Kind.CAR: "passenger", Kind.TRUCK: "truck", Kind.BUS: "bus", Kind.MOTORCYCLE: "motorcycle",
     Kind.BICYCLE: "bicycle", Kind.PEDESTRIAN: "pedestrian", Kind.OBSTACLE: "unknown",
@@ -53,20 +54,19 @@ class SumoGui:
         self._period, self._due = 1.0 / frames_per_second, time.monotonic()
         self._there: dict[str, Colour] = {}
         self._gone: tuple[type[Exception], ...] = (traci.FatalTraCIError, OSError)
-        port, options = _free_port(), OPTIONS if self._window else OPTIONS[2:-2]
+        port, options = _free_port(), OPTIONS + (WINDOW if self._window else ())
         given = ("-n", str(net_file), "--step-length", str(self._period), "--remote-port", str(port))
-        process = subprocess.Popen(
-            [program, *given, *options], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-        )
-        try:
-            with contextlib.redirect_stdout(io.StringIO()):  # it counts its tries
-                self._traci: Any = traci.connect(port, TRIES_S, proc=process)
-        except (traci.TraCIException, traci.FatalTraCIError) as error:
-            process.kill()
-            raise InputError(
-                f"{program.name} did not start ({error}); it needs a display. "
-                "Without one: --replay FILE.html or --video FILE.gif"
-            ) from None
+        with tempfile.TemporaryFile() as told:
+            process = subprocess.Popen([program, *given, *options], stdout=subprocess.DEVNULL, stderr=told)
+            try:
+                with contextlib.redirect_stdout(io.StringIO()):  # it counts its tries
+                    self._traci: Any = traci.connect(port, TRIES_S, proc=process)
+            except (traci.TraCIException, traci.FatalTraCIError) as error:
+                process.kill()
+                raise InputError(
+                    f"{program.name} did not start ({_last_line(told) or error}); it needs a display. "
+                    "Without one: --replay FILE.html or --video FILE.gif"
+                ) from None
 
     def show(self, view: View) -> None:
         """Put everybody where they are, then wait until the next view is due. Once its user has closed the
@@ -102,6 +102,7 @@ class SumoGui:
             vehicles.setSpeed(name, speed)
         self._traci.simulationStep()
         if self._window and self._traci.gui.getTrackedVehicle(VIEW) != EGO_NAME:
+            self._traci.gui.setSchema(VIEW, SCHEME)
             self._traci.gui.setZoom(VIEW, ZOOM)
             self._traci.gui.trackVehicle(VIEW, EGO_NAME)
 
@@ -119,6 +120,11 @@ class SumoGui:
         """Close the window."""
         with contextlib.suppress(*self._gone):
             self._traci.close()
+
+
+def _last_line(file: IO[bytes]) -> str:
+    file.seek(0)
+    return (file.read().decode(errors="replace").strip().splitlines() or [""])[-1]
 
 
 def _free_port() -> int:

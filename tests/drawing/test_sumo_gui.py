@@ -1,13 +1,18 @@
 """What sumo-gui is shown: everybody where they are in our SUMO, the ego among them, and nobody else."""
 
 import os
+import shutil
+import subprocess
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from rudc.agents.registry import make_agent
+from rudc.cli.main import app
+from rudc.drawing import sumo_gui
 from rudc.drawing.palette import EVENT
-from rudc.drawing.sumo_gui import EGO_NAME, SumoGui
+from rudc.drawing.sumo_gui import EGO_NAME, SCHEME, VIEW, SumoGui
 from rudc.drawing.view import view_of
 from rudc.env.episode import Episode
 from rudc.errors import InputError
@@ -56,12 +61,27 @@ def test_without_a_display_it_says_so(monkeypatch):
     assert program is not None
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
-    with pytest.raises(InputError, match=r"needs a display.*--replay FILE.html"):
+    with pytest.raises(InputError, match=r"unable to open display.*needs a display.*--replay FILE.html"):
         SumoGui(program, load_network("four_way").path, 10.0)
 
 
-@pytest.mark.skipif("DISPLAY" not in os.environ, reason="no display for sumo-gui to open its window on")
-def test_the_window_follows_the_ego():
+@pytest.fixture
+def display(monkeypatch):
+    """A display: the one there is, or one of Xvfb's."""
+    if "DISPLAY" in os.environ:
+        yield
+        return
+    xvfb = shutil.which("Xvfb")
+    if xvfb is None:
+        pytest.skip("neither a display for sumo-gui to open its window on, nor Xvfb")
+    command = [xvfb, "-displayfd", "1", "-screen", "0", "1280x960x24"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as server:
+        monkeypatch.setenv("DISPLAY", f":{server.stdout.readline().strip()}")
+        yield
+        server.terminate()
+
+
+def test_the_window_follows_the_ego(display):
     scenario, agent = load_scenario("dense_left_turn", {"episode.timeout": 1}), make_agent("gap-acceptance")
     program = find_program("sumo-gui")
     assert program is not None
@@ -71,6 +91,25 @@ def test_the_window_follows_the_ego():
         run_episode(
             episode, scenario.plan(0), agent, watch=lambda _s, _d, r: shown.show(view_of(world, r.outcome))
         )
-        assert shown._traci.gui.getTrackedVehicle("View #0") == EGO_NAME
+        gui, ego = shown._traci.gui, world.scene().ego
+        assert gui.getTrackedVehicle(VIEW) == EGO_NAME
+        assert gui.getSchema(VIEW) == SCHEME
+        (left, low), (right, high) = gui.getBoundary(VIEW)
+        assert (0.5 * (left + right), 0.5 * (low + high)) == pytest.approx((ego.x, ego.y), abs=3.0)
+        assert 40.0 < right - left < 120.0
         shown.close()
         shown.show(view_of(world))  # a window that is gone shows nothing
+
+
+def test_the_window_goes_when_the_episode_ends(display, monkeypatch):
+    started, popen = [], subprocess.Popen
+
+    def start(*args, **kwargs):
+        started.append(popen(*args, **kwargs))
+        return started[-1]
+
+    monkeypatch.setattr(sumo_gui.subprocess, "Popen", start)
+    command = ["run", "dense_left_turn", "--agent", "follower", "--set", "episode.timeout=1", "--gui"]
+    result = CliRunner().invoke(app, command)
+    assert result.exit_code == 0, result.output
+    assert [process.poll() for process in started] == [0]
