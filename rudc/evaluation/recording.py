@@ -25,6 +25,7 @@ from rudc.evaluation.moments import Step, moments
 from rudc.network.polyline import straightened
 from rudc.world.events import event_lines
 from rudc.world.scene import Kind, Scene
+from rudc.world.who_yields import who_yields
 
 if TYPE_CHECKING:
     from rudc.agents.base import Agent, Decision
@@ -146,7 +147,7 @@ class Recording:
         done = decision.corrected
         active = set(done.active) if done else set()
         constrained = set(done.names) if done else set()
-        speed = np.hypot(*scene.velocity.T)
+        speed, yielding = np.hypot(*scene.velocity.T), who_yields(scene)
         still: dict[str, dict[str, Any]] = {}
         for i, name in enumerate(scene.ids):
             track = self._open.get(name) or self._begin(scene, i, k)
@@ -158,6 +159,8 @@ class Recording:
             track["poses"].append((x, y, scene.heading[i]))
             if not track["path"] or track["path"][-1][1] != int(scene.path[i]):
                 track["path"].append((k, int(scene.path[i])))
+            if yielding.get(name) != (track["yields"][-1][1] if track["yields"] else None):
+                track["yields"].append((k, yielding.get(name)))
             track["speed"].append(round(float(speed[i]), 1))
             track["state"].append(flags)
             if name in numbers and track["event"] is None:
@@ -168,7 +171,7 @@ class Recording:
         track: dict[str, Any] = {
             "name": scene.ids[i], "kind": Kind(int(scene.kind[i])).name.lower(), "from": k,
             "size": [round(float(v), 2) for v in scene.size[i]], "event": None, "event_from": None,
-            "path": [], "poses": [], "speed": [], "state": [],
+            "path": [], "yields": [], "poses": [], "speed": [], "state": [],
         }  # fmt: skip
         self._tracks.append(track)
         return track

@@ -6,6 +6,8 @@ Arc lengths in the table are those of vehicles' centres; half lengths are the re
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from scipy.spatial import KDTree
 
@@ -37,6 +39,16 @@ def conflict_table(path: ReferencePath, paths: PathTable) -> Array:
         ours = np.flatnonzero(np.isfinite(gap))
         table[row] = path.s[ours[0]], path.s[ours[-1]], s[theirs[0]], s[theirs[-1]]
     return table
+
+
+@lru_cache(maxsize=4096)
+def meeting(paths: PathTable, row: int, other: int) -> tuple[float, float, float, float] | None:
+    """m, m, m, m: where a row meets another, from and to along it, then along the other; None if nowhere."""
+    lines = [paths.xy[k, : int(paths.length[k] / SPACING) + 1] for k in (row, other)]
+    gap, _ = KDTree(lines[1]).query(lines[0], distance_upper_bound=CONFLICT_WIDTH)
+    its_gap, _ = KDTree(lines[0]).query(lines[1], distance_upper_bound=CONFLICT_WIDTH)
+    ours, theirs = (np.flatnonzero(np.isfinite(found)) * SPACING for found in (gap, its_gap))
+    return (ours[0], ours[-1], theirs[0], theirs[-1]) if len(ours) else None
 
 
 def waiting_bumper(

@@ -23,6 +23,7 @@ from rudc.evaluation.recording import (
 from rudc.evaluation.rollout import run_episode
 from rudc.network.network import load_network, shipped_networks
 from rudc.scenario import load_scenario
+from rudc.world.who_yields import who_yields
 from rudc.world.world import World
 
 
@@ -145,6 +146,20 @@ def test_ways_of_others_say_who_yields(storm):
             assert scene.path[scene.ids.index(track["name"])] == row
             assert row < 0 or str(row) in data["paths"]
     assert {"ego", ""} <= {path["yields"] for path in data["paths"].values()}
+
+
+def test_tracks_say_whom_somebody_yields_to_since_when():
+    data, seen, _ = recorded("mixed_traffic", "planner", 4)
+    told = [{} for _ in seen]
+    for track in data["tracks"]:
+        frames = range(track["from"], track["from"] + len(track["state"]))
+        assert [k for k, _ in track["yields"]] == sorted({k for k, _ in track["yields"]} & set(frames))
+        for k in frames:
+            whom = [name for since, name in track["yields"] if since <= k]
+            if whom and whom[-1] is not None:
+                told[k][track["name"]] = whom[-1]
+    assert told == [who_yields(view.truth) for view, _, _ in seen]
+    assert {"ego"} < {whom for one in told for whom in one.values()}
 
 
 @pytest.mark.parametrize("name", list(shipped_networks()))

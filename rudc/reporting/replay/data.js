@@ -65,6 +65,12 @@ function pathOf(run, track, i) {
   return run.paths[track.path.filter(([from]) => from <= track.from + i).pop()[1]];
 }
 
+// The name of whom a track yields to in frame k, or null.
+function yieldsTo(track, k) {
+  const [, name] = track.yields.filter(([from]) => from <= k).pop() || [0, null];
+  return name;
+}
+
 // How far along a way a place is, m.
 function along(path, place) {
   return (path.xy.length - ahead(path.xy, place).length) * path.spacing_m;

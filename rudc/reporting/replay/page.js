@@ -1,7 +1,7 @@
 // The page: time, keys, buttons, lists.
 
 const MARKS = { event: '⚑', correction: '↧', infeasible: '✕', gap: '↔', h: 'h', sigma: 'σ', end: '■' };
-const state = { at: 0, playing: false, last: 0, follows: true, span: 62, widest: 150 };
+const state = { at: 0, playing: false, last: 0, follows: true, yields: true, span: 62, widest: 150 };
 
 const parts = RUNS.map((run, i) => {
   const section = document.querySelector(`[data-run="${i}"]`), holder = section.querySelector('.plots');
@@ -110,7 +110,7 @@ function tick(now) {
 
 function show() {
   const frame = Math.floor(state.at + 1e-9), share = state.at - frame;
-  const camera = { follows: state.follows, span: state.follows ? state.span : state.widest };
+  const camera = { follows: state.follows, span: state.follows ? state.span : state.widest, yields: state.yields };
   for (const part of parts) {
     part.scene.draw(frame, share, camera);
     for (const plot of part.plots) plot.draw(frame, share);
@@ -135,7 +135,7 @@ function tell({ run, now, acts }, frame) {
   if (value('sigma') !== null) parts.push(`sigma ${number(value('sigma'))}`);
   if (k === run.frames - 1) parts.push(`ended: ${run.outcome.replace('_', ' ')}`);
   now.textContent = parts.join('  ·  ');
-  acts.textContent = [correction(run, k), ...standing(run, k)].join('  ·  ');
+  acts.textContent = [correction(run, k), ...(state.yields ? yielding(run, k) : []), ...standing(run, k)].join('  ·  ');
 }
 
 function correction(run, k) {
@@ -147,8 +147,15 @@ function correction(run, k) {
   if (!status) return done ? `changed by ${done}` : 'no correction';
   const kinds = present(run, k).filter((t) => t.state[k - t.from] & ACTIVE).map((t) => t.kind + (t.event ? ` (${t.event})` : ''));
   const because = [...counted(kinds), ...(told.edges || []).map((side) => `${side} road edge`), ...(told.others || [])];
-  const remark = told.infeasible && status === 'solved' ? 'infeasible' : LOOK.remarks[status] ?? status;
-  return `correction: ${[done + (because.length ? ` because of ${because.join(', ')}` : ''), remark].filter((t) => t.trim()).join('; ')}`;
+  const said = told.infeasible && status === 'solved' ? 'infeasible' : remark(status);
+  return `correction: ${[done + (because.length ? ` because of ${because.join(', ')}` : ''), said].filter((t) => t.trim()).join('; ')}`;
+}
+
+// How many yield at frame k, and how many of them to the ego; nothing if nobody does.
+function yielding(run, k) {
+  const whom = present(run, k).map((t) => yieldsTo(t, k)).filter((name) => name);
+  const ego = whom.filter((name) => name === 'ego').length;
+  return whom.length ? [`${whom.length} yield${whom.length > 1 ? '' : 's'}, ${ego || 'none'} to the ego`] : [];
 }
 
 // 'car', 'car', 'bus' -> '2 × car', 'bus'
@@ -183,6 +190,12 @@ function setView(value) {
   show();
 }
 
+function showYields(shown) {
+  state.yields = shown;
+  find('yields').checked = shown;
+  show();
+}
+
 // Pictures of what the scene shows, drawn by the scene's own code.
 function drawLegend() {
   const list = find('legend'), run = RUNS[0];
@@ -204,6 +217,7 @@ function drawLegend() {
   for (const [text, width, dash] of ways) {
     samples.push([text, (v) => v.stroke(trace(new Path2D(), [[-3, 0], [3, 0]]), v.colours.traffic, width, dash)]);
   }
+  samples.push(['yields, and to whom', (v) => v.drawYield([-2.4, 0, 0], [2.2, 0, 0])]);
   if (run.events.length) {
     samples.push(['event that waits', (v) => v.badge(0, 0, run.events[0].number, false, true)],
       ['event that the ego has not seen', (v) => v.badge(0, 0, run.events[0].number, true, false, 0)],
@@ -231,6 +245,7 @@ const KEYS = {
   ArrowRight: (e) => go(Math.floor(state.at) + (e.shiftKey ? 10 : 1)), Home: () => go(0), End: () => go(FRAMES - 1),
   n: () => goToMoment(1), p: () => goToMoment(-1),
   '+': () => zoom(0.8), '=': () => zoom(0.8), '-': () => zoom(1.25), f: () => setView(state.follows ? 'all' : 'follow'),
+  y: () => showYields(!state.yields),
 };
 
 document.addEventListener('keydown', (event) => {
@@ -247,6 +262,7 @@ find('back').addEventListener('click', () => go(Math.ceil(state.at) - 1));
 find('on').addEventListener('click', () => go(Math.floor(state.at) + 1));
 find('in').addEventListener('click', () => zoom(0.8));
 find('out').addEventListener('click', () => zoom(1.25));
+find('yields').addEventListener('change', (event) => showYields(event.target.checked));
 find('view').addEventListener('change', (event) => setView(event.target.value));
 parts.forEach((part) => followFingers(part.scene.canvas));
 window.addEventListener('resize', show);

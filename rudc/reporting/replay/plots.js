@@ -25,7 +25,7 @@ const PLOTS = [
     { name: 'true_delay_s', label: 'true', style: 'dashed' }, { name: 'delay_s', label: 'identified', style: 'bold' }] },
 ];
 const LEVELS = { '': 0, nominal: 0.15, solved: 0.55 };
-const LEFT = 44, RIGHT = 8, TOP = 19, BOTTOM = 5;
+const LEFT = 44, RIGHT = 8, TOP = 19, BOTTOM = 5, TIGHT = 420;
 
 function plotsOf(runs) {
   const known = (plot, run) => plot.lines.some((line) => {
@@ -196,33 +196,39 @@ class PlotView {
     c.textBaseline = 'top'; c.textAlign = 'left';
     c.font = '600 12px system-ui, "DejaVu Sans", sans-serif';
     c.fillStyle = this.colours.page_ink;
-    c.fillText(plot.title, LEFT, 3);
-    let x = LEFT + c.measureText(plot.title).width + 6;
-    c.font = '12px system-ui, "DejaVu Sans", sans-serif';
+    const tight = this.width < TIGHT, start = tight ? 4 : LEFT, sample = tight ? 10 : 16;
+    c.fillText(plot.title, start, 3);
+    let x = start + c.measureText(plot.title).width + 6;
+    c.font = `${tight ? 11 : 12}px system-ui, "DejaVu Sans", sans-serif`;
     if (plot.status) {
-      c.fillText(run.status[k] || 'none', x, 3);
+      c.fillText(remark(run.status[k]) || 'corrected', x, 3);
       return;
     }
     const unit = this.range.cut ? `${plot.unit}, cut at ${plot.cut}` : plot.unit;
     c.fillStyle = this.colours.page_faint;
     c.fillText(unit, x, 3);
-    x += c.measureText(unit).width + 12;
+    x += c.measureText(unit).width + (tight ? 8 : 12);
     for (const line of [...plot.lines].reverse()) {
       if (run.series[line.name].every((v) => v === null)) continue;
       const v = run.series[line.name][k], text = `${line.label} ${v === null ? '–' : number(v * scale)}`;
-      if (x + 20 + c.measureText(text).width > this.width) break;  // rather none than half of it
+      if (x + sample + 4 + c.measureText(text).width > this.width) break;  // rather none than half of it
       c.strokeStyle = line.style === 'faint' ? this.colours.page_faint : this.colours.page_ink;
       c.lineWidth = line.style === 'bold' ? 2.2 : 1.2;
       c.setLineDash(line.style === 'dashed' ? [4, 3] : []);
-      c.beginPath(); c.moveTo(x, 9); c.lineTo(x + 16, 9); c.stroke(); c.setLineDash([]);
+      c.beginPath(); c.moveTo(x, 9); c.lineTo(x + sample, 9); c.stroke(); c.setLineDash([]);
       c.fillStyle = this.colours.page_ink;
-      c.fillText(text, x + 20, 3);
-      x += Math.max(c.measureText(text).width, 62) + 30;
+      c.fillText(text, x + sample + 4, 3);
+      x += sample + 4 + (tight ? c.measureText(text).width + 6 : Math.max(c.measureText(text).width, 62) + 10);
     }
     const k0 = run.series[plot.lines[plot.lines.length - 1].name][k];
     if (k0 === null) return;
     c.beginPath(); c.arc(cursor, this.y(k0 * scale), 3, 0, 7); c.fill();
   }
+}
+
+// What a correction's status means, in words; nothing where it simply corrected.
+function remark(status) {
+  return status ? LOOK.remarks[status] ?? status : 'none';
 }
 
 function number(v) {

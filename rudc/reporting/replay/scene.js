@@ -56,6 +56,7 @@ class SceneView {
     const me = between(run.ego, k, s), own = run.route.blinks, at = run.series.route_s_m[k];
     this.drawBody('car', me, run.vehicle, this.colours.ego, this.egoBrakes(k), false);
     if (own && at >= own[1] && at < own[2]) this.drawBlinkers(me, run.vehicle, own[0]);
+    if (camera.yields) for (const t of this.others) this.drawYields(t, k, s, me);
     this.drawConstraints(k, s);
     this.drawEvents(k, s);
     this.drawArms();
@@ -148,6 +149,31 @@ class SceneView {
     else this.drawBody(t.kind, pose, t.size, colour, state & BRAKES, state & HIDDEN);
     const side = state & HIDDEN || !LOOK.lit.includes(t.kind) ? null : this.blinks(t, i);
     if (side) this.drawBlinkers(pose, t.size, side);
+  }
+
+  // From the sign of who yields an arrow, bent to its right, to whom.
+  drawYields(t, k, share, me) {
+    const name = yieldsTo(t, k), other = this.others.find((o) => o.name === name);
+    if (!name || !(other || name === 'ego')) return;
+    const from = between(t, k - t.from, share), to = other ? between(other, k - other.from, share) : me;
+    this.drawYield(from, to);
+  }
+
+  drawYield([x, y], [u, v]) {
+    const c = this.ctx, away = Math.hypot(u - x, v - y) || 1, bend = 0.15 * away;
+    const middle = [(x + u) / 2 + (bend * (v - y)) / away, (y + v) / 2 - (bend * (u - x)) / away];
+    const line = new Path2D(), psi = Math.atan2(v - middle[1], u - middle[0]);
+    line.moveTo(x, y); line.quadraticCurveTo(...middle, u, v);
+    const head = trace(new Path2D(), placed([[0.6, 0], [-0.9, 0.6], [-0.9, -0.6]], [u, v, psi], [1.2, 1.2]), true);
+    this.stroke(line, this.colours.ink, 0.42); this.stroke(line, this.colours.paper, 0.18);
+    c.fillStyle = this.colours.paper; c.fill(head); this.stroke(head, this.colours.ink, 0.14);
+    const [a, , , d, e, f] = this.transform, r = 7 * this.ratio;
+    c.save();
+    c.setTransform(1, 0, 0, 1, a * x + e, d * y + f);
+    const sign = trace(new Path2D(), [[-r, -0.7 * r], [r, -0.7 * r], [0, r]], true);
+    c.fillStyle = this.colours.paper; c.strokeStyle = this.colours.brake_light; c.lineWidth = 2.2 * this.ratio;
+    c.fill(sign); c.stroke(sign);
+    c.restore();
   }
 
   // The side that somebody will turn to; null where the way goes straight on, or is over.
@@ -272,9 +298,13 @@ class SceneView {
 
   label(x, y, text) {
     const c = this.ctx, [a, , , d, e, f] = this.transform;
+    const { width, height } = this.canvas, px = a * x + e, py = d * y + f, high = 8 * this.ratio;
+    if (px < 0 || px > width || py < 0 || py > height) return;
     c.save();
-    c.setTransform(1, 0, 0, 1, a * x + e, d * y + f);
     c.font = `${12 * this.ratio}px system-ui, "DejaVu Sans", sans-serif`;
+    const half = c.measureText(text).width / 2 + 3 * this.ratio;  // whole, also at the picture's edge
+    const within = (v, side, end) => Math.min(Math.max(v, side), end - side);
+    c.setTransform(1, 0, 0, 1, within(px, half, width), within(py, high, height));
     c.textAlign = 'center'; c.textBaseline = 'middle';
     c.lineWidth = 3 * this.ratio; c.strokeStyle = this.colours.ground; c.strokeText(text, 0, 0);
     c.fillStyle = isDark() ? this.colours.paper : this.colours.ink; c.fillText(text, 0, 0);

@@ -102,7 +102,7 @@ def test_the_page_decodes_what_the_recording_says(runs, tmp_path):
             assert state == [int(flags, 16) for flags in track["state"]]
 
 
-DRIVE = """
+DRIVE = r"""
 const told = [], clock = () => document.getElementById('clock').textContent.split(' of')[0];
 const press = (key, shiftKey) => document.dispatchEvent(new KeyboardEvent('keydown', { key, shiftKey }));
 const note = (name, value) => told.push([name, value]);
@@ -131,6 +131,12 @@ touch('pointerdown', 1, 100); touch('pointerdown', 2, 150); touch('pointermove',
 touch('pointerup', 2, 200); touch('pointerup', 1, 100); note('pinched', near / state.widest);
 touch('pointerdown', 1, 100); touch('pointerup', 1, 100);
 note('tapped', document.getElementById('play').textContent); press(' ');
+const picture = () => document.querySelector('canvas.scene').toDataURL();
+const shows = document.getElementById('yields'), said = () => document.querySelector('.acts').textContent;
+go(YIELDS); const shown = [picture(), said()];
+press('y');
+note('hides', [shown[0] !== picture(), shown[1].includes(' 1 yields, '), said().includes('yield')]);
+shows.click(); note('shows', shown[0] === picture() && shown[1] === said());
 note('fits', document.documentElement.scrollWidth <= window.innerWidth);
 press('Home'); press(' ');
 note('plays', document.getElementById('play').textContent);
@@ -151,12 +157,13 @@ const waiting = setInterval(() => {
 @pytest.mark.parametrize("width", [1400, 400])
 def test_a_browser_opens_and_drives_the_page(runs, tmp_path, width):
     """Without a complaint."""
-    told = driven(replay_page(runs), DRIVE, tmp_path, width, "#12.3")
+    frame = next(k for track in runs[0]["tracks"] for k, whom in track["yields"] if whom)
+    told = driven(replay_page(runs), DRIVE.replace("YIELDS", str(frame)), tmp_path, width, "#12.3")
     assert told == {
         "opened": "12.3 s", "on": "12.4 s", "a second back": "11.4 s", "end": "40.0 s", "home": "0.1 s",
         "view": "all", "moment": told["moment"], "slider": "10.0 s", "plot": "40.0 s", "fits": True,
         "moments": True, "dragged": 20, "pinched": 2, "tapped": "Stop",
-        "plays": "Stop", "moved": True, "stops": "Play",
+        "hides": [True, True, False], "shows": True, "plays": "Stop", "moved": True, "stops": "Play",
     }  # fmt: skip
     assert float(told["moment"].split()[0]) > 1.0
 
