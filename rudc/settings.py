@@ -104,7 +104,7 @@ def settled(model: type[M], values: Tree, given: Iterable[str], what: str, known
             idle = [".".join(map(str, e["loc"])) for e in error.errors() if e["type"] == NO_EFFECT]
             inherited = [key for key in idle if not any(f"{key}.".startswith(f"{k}.") for k in given)]
             if not inherited:
-                raise InputError(problems(error, what, known, given)) from None
+                raise InputError(problems(error, what, known, given, values)) from None
             for key in inherited:
                 section, _, name = key.rpartition(".")
                 (_section(values, section) or {}).pop(name, None)
@@ -137,17 +137,29 @@ def known_keys(settings: BaseModel, before: str = "") -> Iterator[str]:
 
 
 def meant(key: str, known: Iterable[str]) -> str:
-    """` (did you mean 'x'?)`: a key with the same last part, or else the one most like it."""
+    """` (did you mean 'x'?)`: a key with the same last part, or else one whose last part is like it, of the
+    same section where that is known.
+    """
     keys = list(known)
-    last = key.rpartition(".")[2]
+    section, _, last = key.rpartition(".")
     ends = (f".{last}", f".{last.replace('_', '.')}")
-    near = next((k for k in keys if f".{k}".endswith(ends)), None) or nearest(key, keys)
+    near = next((k for k in keys if f".{k}".endswith(ends)), None)
+    if near is None:
+        beside = [k for k in keys if section and k.rpartition(".")[0] == section]
+        parts = {k.rpartition(".")[2]: k for k in beside or keys}
+        near = parts.get(nearest(last, parts) or "")
     return f" (did you mean {near!r}?)" if near and near != key else ""
 
 
-def problems(error: ValidationError, what: str, known: Iterable[str] = (), given: Iterable[str] = ()) -> str:
+def problems(
+    error: ValidationError,
+    what: str,
+    known: Iterable[str] = (),
+    given: Iterable[str] = (),
+    values: Tree | None = None,
+) -> str:
     """All that pydantic found wrong with `what`, one `key: message` each, with hints at known keys; what
-    leads nowhere is named as it was given.
+    leads nowhere is named as it was given. `values`: the tree that was read, for its kinds.
     """
     keys = list(known)
     parts = []
@@ -155,10 +167,17 @@ def problems(error: ValidationError, what: str, known: Iterable[str] = (), given
         key = ".".join(map(str, e["loc"]))
         if e["type"] == "extra_forbidden":
             key = next((k for k in given if k.startswith(f"{key}.")), key)
-            parts.append(f"there is no setting {key!r}{meant(key, keys)}")
+            parts.append(f"there is no setting {key!r}{meant(key, keys) or _with_kind(key, values)}")
         else:
             parts.append((f"{key}: " if key else "") + e["msg"].removeprefix("Value error, "))
     return f"{what}: " + "; ".join(parts)
+
+
+def _with_kind(key: str, values: Tree | None) -> str:
+    """` with correction.kind=none`, where a key's section is of a kind."""
+    section = key.rpartition(".")[0]
+    kind = (_section(values, section) or {}).get("kind") if section else None
+    return f" with {section}.kind={kind}" if kind else ""
 
 
 def _put(values: Tree, key: str, value: Any) -> None:

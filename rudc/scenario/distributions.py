@@ -331,7 +331,9 @@ class Bounds:
     def check(self, value: Distribution) -> Distribution:
         """The same distribution, a normal one truncated to the bounds; refuses what reaches beyond them."""
         for where, number in _numbers(value):
-            if number > self.high or number < self.low or (self.above and number == self.low):
+            cut_there = where == ("normal", "low")  # as it is by default; no draw comes out at the cut itself
+            excluded = self.above and number == self.low and not cut_there
+            if number > self.high or number < self.low or excluded:
                 refuse(f"{number:g}{self._unit} is not {self._range}", *where)
             if self.whole and not number.is_integer():
                 refuse(f"expected a whole number, got {number:g}", *where)

@@ -2,6 +2,7 @@
 
 import json
 import math
+from typing import Annotated
 
 import numpy as np
 import pytest
@@ -97,6 +98,14 @@ def test_weights_are_shares():
     drawn = distribution({"choice": {"values": [1, 2], "weights": [9, 1]}})
     rng = np.random.default_rng(0)
     assert np.mean([drawn.sample(rng) == 1 for _ in range(5_000)]) == pytest.approx(0.9, abs=0.02)
+
+
+def test_a_normal_above_a_bound_is_written_out_cut_there_and_read_back():
+    adapter = TypeAdapter(Annotated[AnyDistribution, Bounds(0, 12, above=True)])
+    value = adapter.validate_python({"normal": [7, 1]})
+    assert adapter.validate_python(value.model_dump()) == value
+    with pytest.raises(ValidationError, match="0 is not above 0"):
+        adapter.validate_python({"uniform": [0, 5]})
 
 
 def test_a_fixed_number_draws_nothing():
