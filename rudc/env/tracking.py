@@ -17,6 +17,7 @@ Speed. v(s)^2 <= LATERAL / |c_path(s)| everywhere, reached by braking at COMFORT
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -42,16 +43,48 @@ _bends: Remembered[ReferencePath, Array] = Remembered()
 
 def steering(scene: Scene) -> float:
     """rad, front-wheel angle that follows `scene.route.path`."""
-    ego, body, path = scene.ego, scene.vehicle, scene.route.path
-    bend = path.curvature_at(scene.ego_s + PREVIEW_S * ego.v)
-    slip = math.asin(min(max(body.cg_to_rear * bend, -0.9), 0.9))
-    astray = math.remainder(ego.psi + slip - path.heading_at(scene.ego_s), 2 * math.pi)
+    body = scene.vehicle
+    bend, _, astray = _deviation(scene)
     astray = min(max(astray, -1.0), 1.0)
     offset = min(max(scene.ego_offset, -2.0), 2.0)
     wanted = bend - 2.0 * astray / RETURN_M - offset / RETURN_M**2
-    slip = math.asin(min(max(body.cg_to_rear * wanted, -0.9), 0.9))
-    delta = math.atan(body.wheelbase / body.cg_to_rear * math.tan(slip))
+    delta = math.atan(body.wheelbase / body.cg_to_rear * math.tan(_slip(scene, wanted)))
     return min(max(delta, -body.delta_max), body.delta_max)
+
+
+def close_to_path(scene: Scene, within: float) -> Scene:
+    """The scene with an ego that `steering` takes no farther than `within` m from the path: itself, or one
+    with a share of its offset and of its angle to the path.
+
+    Followed without delay, e(s) = (e + b s) exp(-s / L) with b = theta + e / L, largest at s = L - e / b.
+    """
+    path, offset = scene.route.path, scene.ego_offset
+    _, slip, astray = _deviation(scene)
+    farthest, b = abs(offset), astray + offset / RETURN_M
+    if b != 0.0 and (there := 1.0 - offset / (b * RETURN_M)) > 0.0:
+        farthest = max(farthest, abs(b) * RETURN_M * math.exp(-there))
+    if farthest <= within:
+        return scene
+    share = within / farthest
+    offset, (x, y, heading) = share * offset, map(float, path.pose(scene.ego_s))
+    x, y = x - offset * math.sin(heading), y + offset * math.cos(heading)
+    ego = replace(scene.ego, x=x, y=y, psi=heading + share * astray - slip)
+    return replace(scene, ego=ego, ego_offset=offset)
+
+
+def _deviation(scene: Scene) -> tuple[float, float, float]:
+    """The path's curvature (1/m), the slip (rad) that it takes, the angle (rad) from the path to the
+    direction of travel.
+    """
+    ego, path = scene.ego, scene.route.path
+    bend = path.curvature_at(scene.ego_s + PREVIEW_S * ego.v)
+    slip = _slip(scene, bend)
+    return bend, slip, math.remainder(ego.psi + slip - path.heading_at(scene.ego_s), 2 * math.pi)
+
+
+def _slip(scene: Scene, bend: float) -> float:
+    """rad, slip that takes the ego round a bend (1/m)."""
+    return math.asin(min(max(scene.vehicle.cg_to_rear * bend, -0.9), 0.9))
 
 
 def speeds_in_bends(path: ReferencePath) -> Array:

@@ -106,6 +106,12 @@ class Barrier(ABC):
         """(k,) whose rows come first where no action satisfies all."""
         return np.full(len(found.names), not self.as_road)
 
+    def on_path(self, scene: Scene) -> Scene | None:
+        """The scene with an ego that keeps h >= 0 by following its path, whatever rows say: they ask no more
+        of the ego than of that one. None: they ask what they ask.
+        """
+        return None
+
     def features(  # noqa: B027 -- not abstract, since a barrier without inputs has nothing to write
         self, scene: Scene, found: Found, part: Any, xi: Array
     ) -> None:

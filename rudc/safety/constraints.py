@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from rudc.arrays import Array, Flags
+from rudc.env.tracking import steering
 from rudc.safety.barrier import Barrier, Found, Terms
 from rudc.safety.barriers import BARRIERS
 from rudc.safety.clearance import Bodies, Clearance, clearance_terms, ego_pose
 from rudc.safety.config import FilterConfig
 from rudc.safety.prediction import Predictor
+from rudc.safety.rows import RowWeights, affine_rows
 from rudc.world.scene import Scene
 
 
@@ -50,6 +53,20 @@ class Constraints:
             if not isinstance(barrier, Clearance):
                 terms = _joined(terms, barrier.terms(scene, found))
         return terms
+
+    def lacking(self, scene: Scene, weights: RowWeights, relief: Array, a: tuple[float, float]) -> Array:
+        """(K,) m2 per step that rows with these weights and that relief (K,) lack of holding for an ego that
+        follows its path (see `Barrier.on_path`) at any acceleration between those `a` (2,) m/s2.
+        """
+        lacks = np.zeros(self.count)
+        for barrier, found, rows in self.parts:
+            followed = barrier.on_path(scene)
+            if followed is not None:
+                z = math.tan(steering(followed))
+                terms = barrier.terms(followed, found)
+                A, b = affine_rows(terms, weights.of(rows), a[0], z, relief[rows])  # exact in a at this z
+                lacks[rows] = (b - A[:, 1] * z - np.outer(a, A[:, 0])).max(axis=0, initial=0.0)
+        return lacks
 
     def in_conflict(self, scene: Scene) -> Flags:
         """(K,) whose rows come first where no action satisfies all."""

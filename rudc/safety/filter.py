@@ -11,6 +11,11 @@ and delta_f = atan(z). a_low = max(a_min, -v / dt): the model would drive backwa
 stands, and a row that holds only by driving backwards does not hold. A nominal action that brakes
 harder than that counts as a_low and is passed on unchanged.
 
+Where a barrier knows an ego that keeps h >= 0 by following its path (`Barrier.on_path`: who is close to the
+path stays off the road's edges), a row that this ego's action would violate is wrong about what comes: it
+takes a bent edge for straight. It is relaxed by as much as that action, between full braking and the proposed
+acceleration, would violate it.
+
 What comes out, by `Corrected.status`:
 
     nominal   the action satisfies all rows (or there are none): it is the solution, nothing is solved
@@ -91,6 +96,12 @@ class _Conditions(NamedTuple):
     weights: RowWeights
     relief: Array | float
     """w + delta, m2 per step"""
+
+    def sparing(self, scene: Scene, constraints: Constraints, bounds: _Bounds) -> _Conditions:
+        """The same, asking no more of the ego than of one that follows its path."""
+        relief = np.broadcast_to(self.relief, (constraints.count,))
+        a = float(bounds.lower[0]), float(bounds.nominal[0])
+        return self._replace(relief=relief + constraints.lacking(scene, self.weights, relief, a))
 
     def rows(self, u: Array) -> tuple[Array, Array]:
         """A (K, 2) and b (K,), linearised about u (2,) and exact there."""
@@ -177,6 +188,10 @@ class SafetyFilter:
         excess = rows @ bounds.nominal - b
         if not math.isfinite(excess.dot(excess)):
             _refuse_unknown_rows(rows, b, constraints.names)
+        if excess.min() < 0.0:
+            conditions = conditions.sparing(scene, constraints, bounds)
+            rows, b = conditions.rows(bounds.nominal)
+            excess = rows @ bounds.nominal - b
         h = conditions.terms.h
         q = -self._prices * bounds.nominal
         problem = self.last_problem = Problem(self._cost, q, rows, b, bounds.lower, bounds.upper)

@@ -9,7 +9,9 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 
 from rudc.arrays import Array
+from rudc.env.tracking import close_to_path
 from rudc.network.paths import SPACING
+from rudc.network.road_edges import BESIDE
 from rudc.safety.barrier import STEP, BarrierSettings, Found
 from rudc.safety.clearance import Bodies, Clearance
 from rudc.safety.prediction import Predictor
@@ -67,6 +69,16 @@ class RoadBarrier(Clearance):
         to.direction[:] = 1.0
         to.offset[:] = points.offset
         to.margin[:] = 0.5 * scene.vehicle.width + self.settings.d_safe
+
+    def on_path(self, scene: Scene) -> Scene | None:
+        """See `Barrier`: whoever follows the path stays off its edges (rudc/network/road_edges.py), also
+        where they bend and close in on it before a corner, which rows take for straight. The paper's rows
+        know no such thing.
+        """
+        settings = self.settings
+        if settings.points == "fixed":
+            return None
+        return close_to_path(scene, max(BESIDE - settings.d_safe, 0.0))
 
     def features(self, scene: Scene, found: Found, part: Bodies, xi: Array) -> None:
         """See `Barrier`."""

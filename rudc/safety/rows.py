@@ -47,6 +47,11 @@ class RowWeights:
     required: float
     """c0, m2 per step"""
 
+    def of(self, rows: slice) -> RowWeights:
+        """Those of some of the K rows."""
+        h, first = (part[rows] if isinstance(part, np.ndarray) else part for part in (self.h, self.first))
+        return RowWeights(h, first, self.second, self.required)
+
 
 def ttcbf_weights(rate: float, gamma: float, dt: float) -> RowWeights:
     """Truncated Taylor CBF: class-K factor `rate` (lambda) in (0, 1], `gamma` m2/s3, `dt` s."""
