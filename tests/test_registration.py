@@ -26,7 +26,7 @@ def test_the_id_is_there_in_either_order(first):
 
 
 def test_the_command_line_starts_without_what_only_its_commands_need():
-    code = """import sys, rudc.cli.main
+    code = """import sys, rudc.cli.commands
 print([name for name in ("gymnasium", "numpy", "torch", "libsumo") if name in sys.modules])"""
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout == "[]\n"

@@ -14,7 +14,7 @@ from rudc.agents.config import AgentConfig
 from rudc.agents.correction import SlackSettings, known_corrections
 from rudc.agents.listing import entries
 from rudc.agents.outlook import OutlookSettings
-from rudc.cli.main import app
+from rudc.cli.commands import app
 from rudc.env.action import ACTIONS
 from rudc.evaluation.columns import COLUMNS, DECISION_MS, METRICS, TIMING
 from rudc.kinds import class_of

@@ -1,7 +1,7 @@
-"""The command `rudc`: its commands put together, and errors turned into one message and an exit status.
+"""The command `rudc`: errors turned into one message and an exit status.
 
-0 done, 1 the work failed, 2 the input was wrong, 130 interrupted. Commands import what they need when they
-run.
+0 done, 1 the work failed, 2 the input was wrong, 130 interrupted. Worker processes import the file that was
+run, and this with it, so what the commands need is imported in `main`.
 """
 
 from __future__ import annotations
@@ -12,74 +12,8 @@ import os
 import signal
 import sys
 from types import FrameType
-from typing import Annotated
 
-import typer
-
-import rudc
-from rudc.cli import (
-    agent,
-    network,
-    replay,
-    report,
-    residual,
-    run,
-    scenario,
-    search,
-    study,
-    sweep,
-    table,
-    train,
-)
 from rudc.errors import RudcError
-
-app = typer.Typer(
-    name="rudc",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode="markdown",
-    context_settings={"help_option_names": ["-h", "--help"]},
-    help="A SUMO-backed testbed for safe decision-making at unsignalized intersections.",
-)
-app.command("sweep")(sweep.sweep)
-app.command("search")(search.search)
-app.command("run")(run.run)
-app.command("replay")(replay.replay)
-app.command("report")(report.report)
-app.command("table")(table.table)
-app.command("train")(train.train)
-app.command("study")(study.study)
-app.add_typer(scenario.app, name="scenario")
-app.add_typer(network.app, name="network")
-app.add_typer(agent.app, name="agent")
-app.add_typer(residual.app, name="residual")
-
-
-def _show_version(wanted: bool) -> None:
-    if wanted:
-        typer.echo(rudc.__version__)
-        raise typer.Exit
-
-
-@app.callback()
-def options(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version.")
-    ] = False,
-    imports: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--import",
-            metavar="FILE.py|MODULE",
-            help="Python to import first: it may register agents, events and more. Repeat for several.",
-        ),
-    ] = None,
-) -> None:
-    """A SUMO-backed testbed for safe decision-making at unsignalized intersections."""
-    from rudc.imports import import_first
-
-    for source in imports or []:
-        import_first(source)
 
 
 def main() -> None:
@@ -87,6 +21,9 @@ def main() -> None:
     _interrupt_alike()
     try:
         try:
+            _workers_first()
+            from rudc.cli.commands import app
+
             app(prog_name="rudc")
         finally:
             sys.stdout.flush()
@@ -103,6 +40,15 @@ def main() -> None:
             print(f"error: {error}", file=sys.stderr)
         _drop_output()
         sys.exit(1)
+
+
+def _workers_first() -> None:
+    """Where a sweep is asked for, have what its workers need imported while it is looked over here."""
+    given = sys.argv[1:]
+    if given[:1] == ["sweep"] and "ray" not in given and any(a.startswith(("-o", "--out")) for a in given):
+        from rudc.evaluation.starting import prepare
+
+        prepare()
 
 
 def _interrupt_alike() -> None:

@@ -119,10 +119,6 @@ def sweep(
 
     `rudc sweep --verify out/all --share 0.1`: do its rows come out the same here? Exit status 1 where not
     """
-    if engine == "local" and out is not None and (scenarios or shipped):
-        from rudc.evaluation.starting import prepare
-
-        prepare()  # while the sweep is looked over here, what workers need is imported there
     from rudc.evaluation.runner import EpisodeRunner
     from rudc.evaluation.sweep import run_sweep
 

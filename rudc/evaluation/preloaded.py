@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 from importlib import import_module
 
+gc.disable()  # nothing of what imports make is garbage, and a tenth of their time would go to seeing so
 with contextlib.suppress(Exception):  # a worker that needs what cannot be imported says so itself
     for _module in ("rudc.evaluation.runner", "rudc.evaluation.sweep", "rudc.evaluation.compiled"):
         import_module(_module)
     import_module("rudc.evaluation.compiled").compile_kernels()
+gc.freeze()  # workers need not look through it, nor copy its pages
+gc.enable()

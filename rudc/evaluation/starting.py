@@ -25,7 +25,6 @@ from multiprocessing.process import BaseProcess
 from typing import Any
 
 from rudc.evaluation.code import code_digest
-from rudc.evaluation.compiled import compile_kernels
 
 SINGLE_THREADED = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """set to 1 for workers: their arrays are small, and they share the cores already"""
@@ -57,6 +56,8 @@ def start(target: Callable[..., None], *args: Any, name: str | None = None) -> B
     prepare()
     method = "forkserver" if _served == (os.getpid(), code_digest()) else "spawn"
     if method == "spawn":
+        from rudc.evaluation.compiled import compile_kernels
+
         compile_kernels()  # here, and not in each worker
     with quiet_start():
         process = multiprocessing.get_context(method).Process(  # pyright: ignore[reportAttributeAccessIssue] - both have it

@@ -3,7 +3,7 @@
 import pytest
 from typer.testing import CliRunner
 
-from rudc.cli.main import app
+from rudc.cli.commands import app
 from rudc.evaluation.firing import Firing, count_firings
 from rudc.scenario import load_scenario, shipped_scenarios
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import typer
 
-from rudc.cli.main import app
+from rudc.cli.commands import app
 from tests.fuzz.fuzzer import Case, Fuzzer
 from tests.fuzz.mutations import NUMBERS, scratched_text
 from tests.fuzz.swept import finished_sweep

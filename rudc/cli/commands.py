@@ -1,0 +1,71 @@
+"""The commands put together, and what stands before any of them. They import what they need when they run."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+import rudc
+from rudc.cli import (
+    agent,
+    network,
+    replay,
+    report,
+    residual,
+    run,
+    scenario,
+    search,
+    study,
+    sweep,
+    table,
+    train,
+)
+
+app = typer.Typer(
+    name="rudc",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="A SUMO-backed testbed for safe decision-making at unsignalized intersections.",
+)
+app.command("sweep")(sweep.sweep)
+app.command("search")(search.search)
+app.command("run")(run.run)
+app.command("replay")(replay.replay)
+app.command("report")(report.report)
+app.command("table")(table.table)
+app.command("train")(train.train)
+app.command("study")(study.study)
+app.add_typer(scenario.app, name="scenario")
+app.add_typer(network.app, name="network")
+app.add_typer(agent.app, name="agent")
+app.add_typer(residual.app, name="residual")
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(rudc.__version__)
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version.")
+    ] = False,
+    imports: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--import",
+            metavar="FILE.py|MODULE",
+            help="Python to import first: it may register agents, events and more. Repeat for several.",
+        ),
+    ] = None,
+) -> None:
+    """A SUMO-backed testbed for safe decision-making at unsignalized intersections."""
+    from rudc.imports import import_first
+
+    for source in imports or []:
+        import_first(source)
