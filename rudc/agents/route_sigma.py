@@ -19,6 +19,7 @@ of sample: each fifth of the episodes with f fitted to the others.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -27,6 +28,7 @@ from numpy.typing import NDArray
 
 from rudc.arrays import Array, Arrays, Index
 from rudc.env.distances import destination_s
+from rudc.env.kernels import interpolated
 from rudc.errors import AgentError
 from rudc.learning.parameters import group
 from rudc.learning.uncertainty import PERCENTILES, Uncertainty
@@ -97,21 +99,21 @@ class RouteSigma:
         own = group(arrays, ROUTE)
         return cls(own) if own else None
 
-    def excess(self, places: Array) -> Array:
-        """(n, 3) f - mean f of places (n, 4), of log sigma_epi, sigma_ale and sigma_total."""
-        places = np.atleast_2d(places)
-        stop, go = _hats(places[:, 0], STOP), _hats(places[:, 1], GO)
-        values = self._stop[:, places[:, 2].astype(int), places[:, 3].astype(int)]
-        return np.einsum("knj,nj->nk", values, stop) + go @ self._go.T
+    def excess(self, place: Place) -> tuple[float, ...]:
+        """(3,) f - mean f of a place, of log sigma_epi, sigma_ale and sigma_total."""
+        stop, go, task, major = place
+        values = zip(self._stop[:, task, major], self._go, strict=True)
+        return tuple(interpolated(stop, STOP, near) + interpolated(go, GO, far) for near, far in values)
 
     def of(self, scene: Scene, unsure: Uncertainty) -> Uncertainty:
         """What is stated in a scene, by route; reward units."""
-        shares = np.exp(-self.excess(np.array([place_of(scene)], dtype=float))[0])
-        return Uncertainty(*(value * share for value, share in zip(unsure, shares, strict=True)))
+        excess = self.excess(place_of(scene))
+        return Uncertainty(*(value * math.exp(-e) for value, e in zip(unsure, excess, strict=True)))
 
     def of_heard(self, heard: Heard) -> Array:
         """(n, 3) the same of an episode's decisions."""
-        return heard.sigmas * np.exp(-self.excess(heard.places))
+        places = (Place(stop, go, int(task), int(major)) for stop, go, task, major in heard.places.tolist())
+        return heard.sigmas * np.exp(-np.array([self.excess(place) for place in places]).reshape(-1, 3))
 
 
 def fit(episodes: Sequence[Heard]) -> Arrays:

@@ -10,11 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from rudc.arrays import Array, Index
 from rudc.env.kernels import FARTHEST, UNIT, looked_up, seen_from_line, stray_gaps, table_gaps
-from rudc.geometry import gaps_between
+from rudc.network.kernels import gaps_at
 from rudc.network.network import Network, Route
 from rudc.network.paths import SPACING
 from rudc.vehicle import EgoVehicle
@@ -97,15 +96,15 @@ class RouteTables:
         paths, path = self.network.paths, self.route.path
         count = int(paths.length[row] / self.ds) + 1
         xy, heading = paths.xy[row, :count], paths.heading[row, :count]
-        own_size = np.array([body.length, body.width])
-        reach = FARTHEST + 0.5 * (np.hypot(*own_size) + np.hypot(*size))
-        pairs = KDTree(path.xy).sparse_distance_matrix(KDTree(xy), reach, output_type="ndarray")
-        ours, theirs = pairs["i"], pairs["j"]
+        gaps = gaps_at(
+            path.xy, path.heading, body.length, body.width,
+            xy, heading, np.broadcast_to(size, (count, 2)), FARTHEST,
+        )  # fmt: skip
+        ours, theirs = (np.flatnonzero(np.isfinite(gaps).any(axis=axis)) for axis in (1, 0))
         if not len(ours):
             return 0, 0, np.full((1, 1), round(FARTHEST / UNIT), dtype=np.uint8)
-        gaps = gaps_between(path.xy[ours], path.heading[ours], own_size, xy[theirs], heading[theirs], size)
-        first, their_first = int(ours.min()) - 1, int(theirs.min()) - 1
-        shape = (int(ours.max()) - first + 2, int(theirs.max()) - their_first + 2)
-        table = np.full(shape, round(FARTHEST / UNIT), dtype=np.uint8)
-        table[ours - first, theirs - their_first] = np.rint(np.minimum(gaps, FARTHEST) / UNIT)
+        first, their_first = int(ours[0]) - 1, int(theirs[0]) - 1
+        near = gaps[ours[0] : ours[-1] + 1, theirs[0] : theirs[-1] + 1]
+        table = np.full((near.shape[0] + 2, near.shape[1] + 2), round(FARTHEST / UNIT), dtype=np.uint8)
+        table[1:-1, 1:-1] = np.rint(np.minimum(near, FARTHEST) / UNIT)
         return first, their_first, table

@@ -11,6 +11,7 @@ from rudc.kernels import load_kernels
 
 KERNELS = (
     "rudc.learning.kernels",
+    "rudc.network.kernels",
     "rudc.world.kernels",
     "rudc.world.yielding_kernels",
     "rudc.env.kernels",

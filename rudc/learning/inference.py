@@ -133,6 +133,7 @@ class Decider:
     def refresh(self, arrays: Mapping[str, Floats]) -> None:
         """Take over weights named as in `Learner.weights`: `policy/...`, and what critics there are."""
         config, layout = self.config, self._layout
+        self._prior_share = np.float32(getattr(config, "prior_share", 0.0))
         self._actions = group(arrays, "policy")["out.bias"].shape[-1] // 2
         self._observers: dict[str, NeuralNetwork] = {}
         for name, (network, _) in config.observers(self._actions).items():
@@ -166,7 +167,7 @@ class Decider:
         config, outputs = self.config, self._outputs("critic", observation, action)
         z = np.float32(config.value_scale) * outputs
         if isinstance(config, EnsembleConfig) and len(outputs) > config.members:
-            z = z[: config.members] + np.float32(config.prior_share) * outputs[config.members :]
+            z = z[: config.members] + self._prior_share * outputs[config.members :]
         return z
 
     def cost(self, observation: Floats, action: Floats) -> float:

@@ -19,9 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rudc.arrays import Array
-from rudc.geometry import Rectangles, gaps_between, rectangle_corners
+from rudc.geometry import Rectangles, rectangle_corners
 from rudc.network.conflicts import waiting_bumper
 from rudc.network.depths import Depths
+from rudc.network.kernels import gaps_at
 from rudc.network.lattice import STEP, Lattice
 from rudc.network.network import Network
 from rudc.network.paths import SPACING
@@ -75,14 +76,8 @@ def gaps_along(
     if not len(s) or not others.number:
         return s, gap
     xy, psi = path.body_pose(s, body)
-    size = np.array([body.length, body.width])
-    reach = NEAR + 0.5 * (np.hypot(*size) + np.hypot(*others.size.T))
-    away = xy[:, None] - others.position
-    here, who = np.nonzero(np.hypot(away[..., 0], away[..., 1]) < reach)
-    found = gaps_between(
-        xy[here], psi[here], size, others.position[who], others.heading[who], others.size[who]
-    )
-    np.minimum.at(gap, here, np.where(found < NEAR, found, np.inf))
+    gap = gaps_at(xy, psi, body.length, body.width, *others, NEAR).min(axis=1)
+    gap[gap >= NEAR] = np.inf
     return s, gap
 
 
@@ -131,15 +126,10 @@ class CoursePlanner:
         a way for: out to either side or straight on, with a gap of ROOMY m, or else of `clear` m, the
         shortest ways first; None for each that leads nowhere.
         """
-        size = np.array([self._body.length, self._body.width])
         for least, way, side in product((ROOMY, clear), PULL_OUT, (1.0, -1.0, 0.0)):
             xy, turned = _full_lock(x, y, psi, side, way, self._body)
-            driven = np.arange(round(BEHIND / FINE), len(xy), round(SPACING / FINE))
-            here, who = np.repeat(driven, standing.number), np.tile(np.arange(standing.number), len(driven))
-            gaps = gaps_between(
-                xy[here], turned[here], size,
-                standing.position[who], standing.heading[who], standing.size[who],
-            )  # fmt: skip
+            driven = slice(round(BEHIND / FINE), None, round(SPACING / FINE))
+            gaps = gaps_at(xy[driven], turned[driven], self._body.length, self._body.width, *standing, least)
             if (gaps >= least).all():
                 yield self._after(xy, float(turned[-1]), standing, least)
 

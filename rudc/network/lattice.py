@@ -21,9 +21,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rudc.arrays import Array, Flags, Index
-from rudc.geometry import Rectangles, gaps_between
+from rudc.arrays import Array
+from rudc.geometry import Rectangles
 from rudc.network.depths import Depths
+from rudc.network.kernels import cheapest_way, gaps_at
 from rudc.network.route import ReferencePath
 from rudc.vehicle import EgoVehicle
 
@@ -33,8 +34,8 @@ RASTER = 0.1
 """m between offsets"""
 SLOPES: Array = np.arange(-7, 8, dtype=np.float64) * 0.1
 """(K,)"""
-CHANGES = range(-4, 5)
-"""steps by which the slope may change from one station to the next"""
+CHANGES: Array = np.arange(-4.0, 5.0)
+"""(C,) steps by which the slope may change from one station to the next"""
 MARGIN = 0.45
 """m, least gap to a body unless it is said otherwise"""
 COMFORTABLE = 1.2
@@ -67,7 +68,6 @@ class Lattice:
         self._depths = depths
         self._depth: dict[int, Array] = {}
         self._measured: tuple[list[tuple[float | bytes, ...]], dict[int, Array]] = [], {}
-        self._from = _sources(len(self._offsets))
 
     def search(
         self,
@@ -84,117 +84,57 @@ class Lattice:
         `road_margin`: m of carriageway to keep beside the car; `least_gap`: m to any body. None if there is
         no such profile.
         """
-        offset, slope = start
-        allowed, gap = self._nodes(first, last, bodies, road_margin)
-        allowed &= gap >= least_gap
-        cost = np.full((len(self._offsets), len(SLOPES)), np.inf)
-        here = OFFSET * self._offsets[:, None] ** 2 + SLOPE * SLOPES[None] ** 2
-        cost[_nearest(self._offsets, offset), _nearest(SLOPES, slope)] = 0.0
-        bends = np.array([change * 0.1 / STEP for change in CHANGES])
-        came: list[Index] = []
-        for t in range(1, last - first + 1):
-            own = self._bend[first + t]
-            stretch = np.maximum(1.0 - own * self._offsets, STRAIGHTEST)
-            curvature = np.abs(own / stretch + bends[:, None] / stretch**2)
-            steep = curvature > max(self._tightest, abs(own))
-            reached = np.append(cost, np.inf)[self._from] + (BEND * bends**2)[:, None, None]
-            reached[steep] = np.inf
-            best = reached.argmin(axis=0)
-            came.append(best)
-            least = np.take_along_axis(reached, best[None], axis=0)[0]
-            cost = least + here + CLOSE * np.maximum(COMFORTABLE - gap[t], 0.0) ** 2
-            cost[~allowed[t]] = np.inf
-            if not np.isfinite(cost).any():
-                return None
-        return self._offsets[_traced(cost, came)]
+        (offset, slope), bends = start, CHANGES * 0.1 / STEP
+        gap = self._nodes(first, last, bodies, road_margin)
+        price = CLOSE * np.maximum(COMFORTABLE - gap, 0.0) ** 2
+        price[gap < least_gap] = np.inf
+        rows = cheapest_way(
+            price, OFFSET * self._offsets[:, None] ** 2 + SLOPE * SLOPES[None] ** 2,
+            self._bend[first : last + 1], self._offsets,
+            _nearest(self._offsets, offset), _nearest(SLOPES, slope),
+            self._tightest, bends, BEND * bends**2, STRAIGHTEST,
+        )  # fmt: skip
+        return self._offsets[rows] if len(rows) else None
 
     def _nodes(
         self, first: int, last: int, bodies: Sequence[tuple[Rectangles, float]], road_margin: float
-    ) -> tuple[Flags, Array]:
-        """(T, L, K) whether the road is wide enough at each node, and (T, L, K) m the car's gap to the
-        nearest body there."""
-        allowed = np.stack([self._depths_at(i) for i in range(first, last + 1)]) >= road_margin
+    ) -> Array:
+        """(T, L, K) m, the car's gap to the nearest body at each node, -inf where the road is too narrow."""
         key = [(begins, *(array.tobytes() for array in rectangles)) for rectangles, begins in bodies]
         if key != self._measured[0]:
             self._measured = key, {}
-        return allowed, np.stack([self._gaps_at(i, bodies) for i in range(first, last + 1)])
+        gap = np.stack([self._gaps_at(i, bodies) for i in range(first, last + 1)])
+        depth = np.stack([self._depths_at(i) for i in range(first, last + 1)])
+        gap[depth < road_margin] = -np.inf
+        return gap
 
     def _gaps_at(self, i: int, bodies: Sequence[tuple[Rectangles, float]]) -> Array:
         """(L, K) m of the car's gap to the nearest body at station i; kept until there are others."""
         kept = self._measured[1]
         if i not in kept:
-            kept[i] = np.full((len(self._offsets), len(SLOPES)), COMFORTABLE)
+            shape = len(self._offsets), len(SLOPES)
+            kept[i] = np.full(shape, COMFORTABLE)
+            place = np.repeat(self._xy[i] + self._offsets[:, None] * self._normal[i], len(SLOPES), axis=0)
+            heading = np.tile(self._psi[i] + (np.arctan(SLOPES) - self._slip[i]), len(self._offsets))
+            body = self._body
             for rectangles, begins in bodies:
                 if rectangles.number and self.s[i] >= begins:
-                    self._measure(kept[i], i, rectangles)
+                    found = gaps_at(place, heading, body.length, body.width, *rectangles, COMFORTABLE)
+                    np.minimum(kept[i], found.min(axis=1).reshape(shape), out=kept[i])
         return kept[i]
-
-    def _measure(self, gap: Array, i: int, bodies: Rectangles) -> None:
-        """Lower `gap` (L, K) m at station i where bodies are nearer."""
-        size = np.array([self._body.length, self._body.width])
-        turned = np.arctan(SLOPES) - self._slip[i]
-        reach = 0.5 * np.hypot(*size) + COMFORTABLE + 0.5 * np.hypot(*bodies.size.T)
-        place = self._xy[i] + self._offsets[:, None] * self._normal[i]
-        away = place[:, None] - bodies.position
-        which, near = np.nonzero((np.hypot(away[..., 0], away[..., 1]) < reach).T)
-        if not len(which):
-            return
-        rows, who = np.repeat(near, len(SLOPES)), np.repeat(which, len(SLOPES))
-        cols = np.tile(np.arange(len(SLOPES)), len(near))
-        found = gaps_between(
-            place[rows], self._psi[i] + turned[cols], size,
-            bodies.position[who], bodies.heading[who], bodies.size[who],
-        )  # fmt: skip
-        np.minimum.at(gap, (rows, cols), found)
 
     def _depths_at(self, i: int) -> Array:
         """(L, K) m of carriageway beside the car at station i, at least; kept."""
         if i not in self._depth:
             turned, own = np.arctan(SLOPES) - self._slip[i], self._bend[i]
+            along, across = (np.array(_OUTLINE) * [self._body.length, self._body.width]).T[..., None, None]
+            ahead = along * np.cos(turned) - across * np.sin(turned)
+            beside = along * np.sin(turned) + across * np.cos(turned) - 0.5 * own * ahead**2
             stretch = np.maximum(1.0 - own * self._offsets[:, None], STRAIGHTEST)
-            least = np.full((len(self._offsets), len(SLOPES)), np.inf)
-            for a, b in _OUTLINE:
-                along, across = a * self._body.length, b * self._body.width
-                ahead = along * np.cos(turned) - across * np.sin(turned)
-                beside = along * np.sin(turned) + across * np.cos(turned) - 0.5 * own * ahead**2
-                depth = self._depths.at(self.s[i] + ahead / stretch, self._offsets[:, None] + beside)
-                least = np.minimum(least, depth)
-            self._depth[i] = least
+            depth = self._depths.at(self.s[i] + ahead / stretch, self._offsets[:, None] + beside)
+            self._depth[i] = depth.min(axis=0)
         return self._depth[i]
 
 
 def _nearest(values: Array, value: float) -> int:
     return int(np.abs(values - value).argmin())
-
-
-def _sources(count: int) -> Index:
-    """(C, L, K) flat index of the node from which each is reached with each change, L = `count` offsets; the
-    last index for none.
-    """
-    none = count * len(SLOPES)
-    row, col = np.meshgrid(np.arange(count), np.arange(len(SLOPES)), indexing="ij")
-    tables = []
-    for change in CHANGES:
-        from_row, from_col = row - _shift(col, change), col - change
-        inside = (
-            (from_row >= 0) & (from_row < count) & (from_col >= 0) & (from_col < len(SLOPES))
-        )  # fmt: skip
-        tables.append(np.where(inside, from_row * len(SLOPES) + from_col, none))
-    return np.stack(tables)
-
-
-def _shift(col: Index, change: int) -> Index:
-    """Rows by which the offset grows on the way to a slope (column) after a change: (2 k - change) / 2 *
-    0.1 * STEP."""
-    return 2 * (col - len(SLOPES) // 2) - change
-
-
-def _traced(cost: Array, came: Sequence[Index]) -> Index:
-    """(T,) rows of the offsets that lead to the cheapest node."""
-    row, col = (int(v) for v in np.unravel_index(int(cost.argmin()), cost.shape))
-    rows = [row]
-    for best in reversed(came):
-        change = CHANGES[int(best[row, col])]
-        row, col = row - int(_shift(np.array(col), change)), col - change
-        rows.append(row)
-    return np.array(rows[::-1])

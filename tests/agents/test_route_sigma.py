@@ -13,6 +13,7 @@ from rudc.agents.route_sigma import (
     ROUTE,
     STOP,
     Heard,
+    Place,
     RouteSigma,
     explained,
     fit,
@@ -87,11 +88,11 @@ def test_what_was_never_driven_is_judged_by_what_all_share():
     """A right turn where only left turns from the minor road were seen; and beyond the outer knots."""
     only = [heard._replace(places=heard.places * [1, 1, 0, 0]) for heard in drives(40)]
     fitted = RouteSigma(fit(only))
-    there = fitted.excess(np.array([[0.0, 35.0, 2, 1], [15.0, 50.0, 2, 1]]))[:, 2]
-    seen = fitted.excess(np.array([[0.0, 35.0, 0, 0], [15.0, 50.0, 0, 0]]))[:, 2]
+    there = np.array([fitted.excess(Place(*way, 2, 1))[2] for way in ((0.0, 35.0), (15.0, 50.0))])
+    seen = np.array([fitted.excess(Place(*way, 0, 0))[2] for way in ((0.0, 35.0), (15.0, 50.0))])
     assert np.all(np.isfinite(there))
     assert np.sign(there[1] - there[0]) == np.sign(seen[1] - seen[0])
-    far = fitted.excess(np.array([[STOP[-1], 200.0, 0, 1], [500.0, 900.0, 0, 1]]))
+    far = [fitted.excess(Place(*way, 0, 1)) for way in ((STOP[-1], 200.0), (500.0, 900.0))]
     np.testing.assert_array_equal(far[0], far[1])
 
 
@@ -118,7 +119,7 @@ def test_an_agent_states_the_one_that_is_set(scene_on):
     assert fitted is not None
     assert route.by_route is not None
     assert route.uncertainty is not None
-    shares = np.exp(-fitted.excess(np.array([place], dtype=float))[0])
+    shares = np.exp(-np.array(fitted.excess(place)))
     assert route.by_route == pytest.approx(Uncertainty(*(np.array(route.uncertainty) * shares)))
     assert route.uncertainty == paper.uncertainty
     assert route.sigma == route.by_route.total != paper.sigma

@@ -1,0 +1,88 @@
+"""Courses round what stands as kernels: gaps to it, and the cheapest way through a lattice; formulas stand at
+the heads of the modules that call them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rudc.kernels import Cube, NewRows, NewTable, Table, Vector, kernel, rectangle_gap
+
+
+@kernel
+def gaps_at(
+    place: Table, heading: Vector, length: float, width: float,
+    others: Table, their_heading: Vector, their_size: Table, near: float,
+) -> NewTable:  # fmt: skip
+    """(K, M) m, gaps of a rectangle at places (K, 2) m, (K,) rad to M others with centres (M, 2) m, headings
+    (M,) rad and sizes (M, 2) m; inf where the circles round both are `near` m apart or farther.
+    """
+    half, its_half = (0.5 * length, 0.5 * width), 0.5 * their_size
+    found = np.full((len(heading), len(their_heading)), math.inf)
+    for j in range(len(their_heading)):
+        other = complex(math.cos(their_heading[j]), math.sin(their_heading[j]))
+        reach = near + math.hypot(*half) + math.hypot(its_half[j, 0], its_half[j, 1])
+        for i in range(len(heading)):
+            r = complex(others[j, 0] - place[i, 0], others[j, 1] - place[i, 1])
+            if r.real * r.real + r.imag * r.imag < reach * reach:
+                facing = complex(math.cos(heading[i]), math.sin(heading[i]))
+                found[i, j] = rectangle_gap(
+                    r,
+                    facing,
+                    other,
+                    0.5 * length,
+                    0.5 * width,
+                    0.5 * their_size[j, 0],
+                    0.5 * their_size[j, 1],
+                )
+    return found
+
+
+@kernel
+def cheapest_way(
+    price: Cube, resting: Table, bend: Vector, offset: Vector, start: int, turned: int, tightest: float,
+    change_bend: Vector, change_price: Vector, straightest: float,
+) -> NewRows:  # fmt: skip
+    """(T,) rows of the offsets of the cheapest profile; empty if there is none.
+
+    `price` (T, L, K) of a node by what is near it, inf where the car may not be, and `resting` (L, K) by
+    where it is; from the node at row `start`, column `turned`. Slopes change by -C // 2 to C // 2 columns,
+    with second derivatives `change_bend` (C,) 1/m that cost `change_price` (C,).
+    """
+    stations, rows, slopes = price.shape
+    none, half = len(change_bend) // 2, slopes // 2
+    cost = np.full((rows, slopes), math.inf)
+    cost[start, turned] = 0.0
+    came = np.zeros((stations, rows, slopes), np.int64)
+    for t in range(1, stations):
+        following = np.full((rows, slopes), math.inf)
+        reached = False
+        for i in range(rows):
+            stretch = max(1.0 - bend[t] * offset[i], straightest)
+            for c in range(len(change_bend)):
+                curvature = abs(bend[t] / stretch + change_bend[c] / (stretch * stretch))
+                if curvature > max(tightest, abs(bend[t])):
+                    continue
+                for k in range(slopes):
+                    old = k - (c - none)
+                    row = i - (2 * (k - half) - (c - none))
+                    if 0 <= old < slopes and 0 <= row < rows:
+                        value = cost[row, old] + change_price[c]
+                        if value < following[i, k]:
+                            following[i, k], came[t, i, k] = value, c
+            for k in range(slopes):
+                following[i, k] = following[i, k] + resting[i, k] + price[t, i, k]
+                reached = reached or following[i, k] < math.inf
+        if not reached:
+            return np.zeros(0, np.int64)
+        cost = following
+    best = int(np.argmin(cost))
+    row, col = best // slopes, best % slopes
+    found = np.zeros(stations, np.int64)
+    for t in range(stations - 1, 0, -1):
+        found[t] = row
+        change = came[t, row, col] - none
+        row, col = row - (2 * (col - half) - change), col - change
+    found[0] = row
+    return found
