@@ -57,8 +57,9 @@ class Standing:
         """The scene with those who stand at rest where they stand; called once a decision."""
         passed, self._seen_s = scene.time_s - self._seen_s, scene.time_s
         speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
-        for i in range(scene.count):
-            self._sight(scene, i, float(speed[i]), passed)
+        for i, (name, now) in enumerate(zip(scene.ids, speed.tolist(), strict=True)):
+            if now < STILL or name in self._known:
+                self._sight(scene, i, now, passed)
         for name, one in list(self._known.items()):
             if scene.time_s - one.scene.time_s > MEMORY_S:
                 del self._known[name]
