@@ -10,6 +10,7 @@ identified.
                  steering within what braking leaves of mu g, up to BRAKING of it: wheels that ask for more
                  turn the car no further, and take all that brakes could have
     probe        short full brakings, which ask how well the road grips (probe.py)
+    slide        where grip is poor and the ego too fast for its bend: a way to stay on the road (slide.py)
 
 The plant is estimated (rudc/safety/plant.py), or known (`Scene.actuation`: for ablations).
 """
@@ -24,6 +25,7 @@ import numpy as np
 
 from rudc.agents.hidden import speed_by_sight
 from rudc.agents.probe import FALLEN, LONGEST_S, Probe
+from rudc.agents.slide import Slide
 from rudc.arrays import Array
 from rudc.env.tracking import RESPONSE_S
 from rudc.network.paths import SPACING
@@ -65,6 +67,7 @@ class Adaptation:
         self._monitor = PlantMonitor(scene.vehicle)
         self._seen: float | None = None
         self._probe = Probe() if self._probes else None
+        self._slide = Slide()
         self._profiles: dict[float, Array] = {}
         """m/s2 of grip -> m/s at each station of `_path`"""
         self._path: ReferencePath | None = None
@@ -97,7 +100,10 @@ class Adaptation:
         left = math.sqrt(grip**2 - min(max(-a, 0.0), BRAKING * grip) ** 2)
         widest = widest_steering(scene.vehicle, scene.ego.v, left)
         delta = min(max(delta, -widest), widest)
-        return u if (a, delta) == (u[0], u[1]) else np.array([a, delta])
+        u = u if (a, delta) == (u[0], u[1]) else np.array([a, delta])
+        if grip < POOR:
+            u = self._slide.hold(scene, u, grip, self.estimate.actuation.lag_s, self._speeds(scene, grip))
+        return u
 
     def _ahead(self, scene: Scene) -> Scene:
         """The scene after the dead time, if there is one."""
@@ -116,6 +122,13 @@ class Adaptation:
     def _allowed(self, scene: Scene, grip: float, reaction_s: float = 0.0) -> float:
         """m/s, speed from which all bends ahead can be taken with that grip (m/s2); the least from here to
         where the ego will be when its speed has followed."""
+        profile = self._speeds(scene, grip)
+        way = scene.ego.v * (RESPONSE_S + self.estimate.actuation.lag_s + reaction_s)
+        first = min(max(int(scene.ego_s / SPACING), 0), len(profile) - 1)
+        return float(profile[first : first + int(way / SPACING) + 1].min())
+
+    def _speeds(self, scene: Scene, grip: float) -> Array:
+        """(M,) m/s along the ego's path, as of `_profile`; kept."""
         path = scene.route.path
         if self._path is not path:
             self._path = path
@@ -123,9 +136,7 @@ class Adaptation:
         profile = self._profiles.get(grip)
         if profile is None:
             profile = self._profiles[grip] = _profile(path, grip)
-        way = scene.ego.v * (RESPONSE_S + self.estimate.actuation.lag_s + reaction_s)
-        first = min(max(int(scene.ego_s / SPACING), 0), len(profile) - 1)
-        return float(profile[first : first + int(way / SPACING) + 1].min())
+        return profile
 
     def _asks(self, scene: Scene, grip: float) -> bool:
         """Whether to brake in order to learn how well the road grips."""

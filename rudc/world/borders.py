@@ -15,8 +15,11 @@ OFF_ROAD_M = 0.3
 class Borders:
     """Of one episode."""
 
-    def __init__(self, surface: Surface, vehicle: EgoVehicle, may_cross_centre: bool) -> None:
-        """`may_cross_centre`: no direction is the wrong one."""
+    def __init__(
+        self, surface: Surface, vehicle: EgoVehicle, may_cross_centre: bool, over_m: float = OFF_ROAD_M
+    ) -> None:
+        """`may_cross_centre`: no direction is the wrong one; `over_m`: m, by which a corner may stick out."""
+        self._over_m = over_m
         self._surface, self._vehicle, self._one_way = surface, vehicle, not may_cross_centre
         self._on_road = (0.0, 0.0, 0.0, -math.inf)
         """m, m, rad, m: the pose last looked up, and how far no corner may move without leaving the road"""
@@ -42,5 +45,5 @@ class Borders:
             )
             for i, j in ((1, 1), (1, -1), (-1, 1), (-1, -1))
         )
-        self._on_road = state.x, state.y, state.psi, depth + OFF_ROAD_M
-        return depth < -OFF_ROAD_M
+        self._on_road = state.x, state.y, state.psi, depth + self._over_m
+        return depth < -self._over_m

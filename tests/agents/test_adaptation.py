@@ -43,7 +43,7 @@ def test_a_dry_bend_is_entered_no_faster_than_its_grip_allows(make_scene):
 
 @pytest.mark.parametrize("friction", [None, 0.3])
 def test_steering_leaves_the_brakes_their_share(make_scene, friction):
-    scene = make_scene(turn="left", front=8.0, v=11.0)
+    scene = make_scene(turn="left", front=-40.0, v=11.0)
     grip = (friction or DRY) * GRAVITY
     a, delta = adapted(scene, friction).govern(scene, np.array([-6.0, scene.vehicle.delta_max]))
     left = math.sqrt(1.0 - BRAKING**2) * grip
