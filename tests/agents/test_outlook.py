@@ -246,6 +246,20 @@ def test_nothing_clear_means_stopping_well_before(world_on):
     assert 4.0 < gap < 11.0
 
 
+@pytest.mark.parametrize(("beyond", "asked"), [(-4.0, False), (4.0, True)])
+def test_what_stands_beyond_the_destination_blocks_nothing(make_scene, four_way, beyond, asked):
+    """A wall across the road, whose middle is so many m from where the ego's front arrives."""
+    scene = make_scene(turn="straight", front=-30.0, v=8.0)
+    destination = scene.ego_s + 8.0
+    x, y, psi = scene.route.path.pose(destination + 0.5 * scene.vehicle.length + beyond)
+    wall = {"at": (x, y, psi), "size": (2.0, 30.0)}
+    scene = make_scene(wall, turn="straight", front=-30.0, v=8.0, destination_s=destination)
+    courses = Courses()
+    courses.reset(scene)
+    u = courses.govern(courses.see(scene), np.array([1.0, 0.0]))
+    assert (u[0] == 1.0) == asked
+
+
 def test_courses_forget_the_last_episode(make_scene):
     courses = Courses()
     courses.reset(make_scene())
