@@ -18,10 +18,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rudc.agents.standing import STILL, Standing
+from rudc.agents.standing import Standing
 from rudc.arrays import Array, Flags, Index
 from rudc.geometry import Rectangles, rectangle_gaps
-from rudc.world.scene import Kind, Scene
+from rudc.world.scene import STILL, Kind, Scene
 
 PATIENCE = 6.0
 """s"""

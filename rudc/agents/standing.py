@@ -15,10 +15,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rudc.world.scene import Scene
+from rudc.world.scene import STILL, Scene
 
-STILL = 0.2
-"""m/s, below which somebody stands"""
 MOVES, SETTLE_S = 0.5, 1.0
 """m/s, s"""
 AWAY = 1.5

@@ -45,8 +45,7 @@ class CostLearner(SacLearner):
     def __init__(self, config: CostConfig, problem: Problem, device: str = "cpu") -> None:
         super().__init__(config, problem, device)
         self.costs = TwinCritics(config, problem, self.device, tag=COST, scale=config.cost_scale, pick="max")
-        self.cost_descent = self.descent(self.costs.trained, config.critic_rate)
-        self.parts |= {"cost": self.costs, "cost_descent": self.cost_descent}
+        self.cost_descent = self.learns("cost", self.costs, config.critic_rate)
 
     def learn_costs(self, seen: Tensors, action: Tensor, after: Drawn) -> dict[str, float]:
         """One step of the cost critics at (s, a) towards y_c with a' = `after`; what to say of them."""

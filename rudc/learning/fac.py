@@ -66,8 +66,7 @@ class FacLearner(CostLearner):
         self.limit, self.delay = config.cost_limit, config.multiplier_delay
         self.multiplier = StateMultiplier(config, problem, self.device)
         rates = (config.multiplier_rate, config.multiplier_rate)
-        self.multiplier_descent = self.descent(self.multiplier.trained, rates)
-        self.parts |= {"multiplier": self.multiplier, "multiplier_descent": self.multiplier_descent}
+        self.multiplier_descent = self.learns("multiplier", self.multiplier, rates)
 
     def update(self, batch: Batch) -> FacStatistics:
         """One gradient step of critics, policy and temperature, one step of the targets; of the multiplier in

@@ -21,6 +21,7 @@ from rudc.learning.config import LearnerConfig, Problem
 from rudc.learning.descent import Descent
 from rudc.learning.saving import Noise, Part, State, load_into, state_of
 from rudc.learning.temperature import Temperature
+from rudc.learning.tracked import Tracked
 
 
 @dataclass(frozen=True)
@@ -120,9 +121,11 @@ class SoftActorCritic:
         self.parts: dict[str, Part] = {"noise": self.noise, "temperature": self.temperature}
         self._config, self._problem = config, problem
 
-    def descent(self, weights: Mapping[str, Tensor], rates: tuple[float, float]) -> Descent:
-        """An optimiser of these weights."""
-        return Descent(weights, rates, self._config.max_gradient, self._problem.updates)
+    def learns(self, name: str, part: Tracked, rates: tuple[float, float]) -> Descent:
+        """An optimiser of a part's weights, its learning rates first and last; both are among `parts`."""
+        descent = Descent(part.trained, rates, self._config.max_gradient, self._problem.updates)
+        self.parts |= {name: part, f"{name}_descent": descent}
+        return descent
 
     def tensor(self, values: NDArray) -> Tensor:
         """An array on the learner's device."""

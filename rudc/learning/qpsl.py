@@ -60,8 +60,7 @@ class QpslLearner(SacLearner):
     def __init__(self, config: QpslConfig, problem: Problem, device: str = "cpu") -> None:
         super().__init__(config, problem, device)
         self.change = CostChange(config, problem, self.device)
-        self.change_descent = self.descent(self.change.trained, config.critic_rate)
-        self.parts |= {"change": self.change, "change_descent": self.change_descent}
+        self.change_descent = self.learns("change", self.change, config.critic_rate)
 
     def update(self, batch: Batch) -> QpslStatistics:
         """SAC's update, and one gradient step of the model."""

@@ -47,8 +47,7 @@ class RecoveryLearner(CostLearner):
         super().__init__(config, problem, device)
         self._cost_scale = config.cost_scale
         self.recovery = Policy(config, problem, self.device, tag=RECOVERY)
-        self.recovery_descent = self.descent(self.recovery.trained, config.actor_rate)
-        self.parts |= {"recovery": self.recovery, "recovery_descent": self.recovery_descent}
+        self.recovery_descent = self.learns("recovery", self.recovery, config.actor_rate)
 
     def update(self, batch: Batch) -> RecoveryStatistics:
         """One gradient step of critics, both policies and temperature, one step of the targets."""

@@ -43,14 +43,8 @@ class RudcLearner(SoftActorCritic):
         self.masks = (config.members, config.mask_probability)
         self.critics = CriticEnsemble(config, problem, self.device)
         self.policy = Policy(config, problem, self.device, target=True)
-        self.critic_descent = self.descent(self.critics.trained, config.critic_rate)
-        self.policy_descent = self.descent(self.policy.trained, config.actor_rate)
-        self.parts |= {
-            "critic": self.critics,
-            "policy": self.policy,
-            "critic_descent": self.critic_descent,
-            "policy_descent": self.policy_descent,
-        }
+        self.critic_descent = self.learns("critic", self.critics, config.critic_rate)
+        self.policy_descent = self.learns("policy", self.policy, config.actor_rate)
         weights = config.risk().weights(config.quantiles)
         self._weights = torch.tensor(weights, dtype=torch.float32, device=self.device)
 

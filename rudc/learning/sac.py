@@ -31,14 +31,8 @@ class SacLearner(SoftActorCritic):
         self.config = config
         self.critics = self.make_critics()
         self.policy = Policy(config, problem, self.device)
-        self.critic_descent = self.descent(self.critics.trained, config.critic_rate)
-        self.policy_descent = self.descent(self.policy.trained, config.actor_rate)
-        self.parts |= {
-            "critic": self.critics,
-            "policy": self.policy,
-            "critic_descent": self.critic_descent,
-            "policy_descent": self.policy_descent,
-        }
+        self.critic_descent = self.learns("critic", self.critics, config.critic_rate)
+        self.policy_descent = self.learns("policy", self.policy, config.actor_rate)
 
     def make_critics(self) -> TwinCritics:
         """Critics of the return that have learnt nothing."""

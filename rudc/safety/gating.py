@@ -32,13 +32,11 @@ from rudc.arrays import Array, Flags, Index
 from rudc.safety.barrier import as_complex
 from rudc.safety.kernels import let_through, meeting
 from rudc.safety.prediction import ALONG, GO_ACCELERATION, GO_SPEED, LANE, TAIL, Predictor, bodies
-from rudc.world.scene import Scene
+from rudc.world.scene import STILL, Scene
 
 CONFLICT_TIMES: Array = np.linspace(0.0, 3.0, 16)
 """(T,) s, when conflicts are looked for"""
 
-STILL = 0.2
-"""m/s, below which somebody stands"""
 PASSING = 0.2
 """m beside the ego's rectangle on its way, with which somebody who stands is passed; courses keep more"""
 SLOWEST = 3.0

@@ -43,7 +43,7 @@ from rudc.env.tracking import steering
 from rudc.safety.config import FilterConfig
 from rudc.safety.kernels import in_reach, on_arc, room_left
 from rudc.safety.prediction import GO_ACCELERATION, GO_SPEED, Predictor, bodies
-from rudc.world.scene import Scene
+from rudc.world.scene import STILL, Scene
 
 HORIZON = 2.5
 """s, how far manoeuvres are looked at, at every step: at 15 m/s full braking takes as long"""
@@ -53,8 +53,6 @@ STILL_MARGIN = 0.15
 """m, margin at most towards who stands still: nobody can pass in 0.3 m less than there is"""
 AS_GOOD = 0.01
 """m/s2, from full braking, which is as good"""
-STILL = 0.2
-"""m/s, below which somebody stands still: less than STANDING, since who creeps may yet clear the way"""
 BRAKING = -0.5
 """m/s2, who decelerates by more is taken to go on doing so, too"""
 

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 STANDING = 0.5
 """m/s, below which a road user stands; a threshold that differs says why"""
+STILL = 0.2
+"""m/s, below which it stands still: less than STANDING, since who creeps may yet clear the way"""
 
 
 class Kind(IntEnum):
