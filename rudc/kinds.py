@@ -9,14 +9,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from rudc.errors import InputError
 from rudc.hints import there_are
 from rudc.imports import found_at
-from rudc.settings import problems
+from rudc.settings import Settings, known_keys, problems
 
-M = TypeVar("M", bound=BaseModel)
+M = TypeVar("M", bound=Settings)
 Kinds = Mapping[str, type[M] | str]
 """name of a kind -> its class, or `module:Class`"""
 
@@ -49,6 +49,7 @@ def read_kind(value: Any, registered: Kinds[M], base: type[M], what: str) -> M:
     try:
         return of_kind(value, registered, base)
     except ValidationError as error:
-        raise InputError(problems(error, what)) from None
+        kind = value if isinstance(value, str) else value["kind"]
+        raise InputError(problems(error, what, known_keys(class_of(registered[kind])()))) from None
     except ValueError as error:
         raise InputError(f"{what}: {error}") from None

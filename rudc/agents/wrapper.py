@@ -40,7 +40,8 @@ class SafetyFilterWrapper(gymnasium.Wrapper):
         if not isinstance(self.unwrapped, IntersectionEnv):
             raise InputError("SafetyFilterWrapper stands around rudc/Intersection-v0 only")
         if settings.asks:
-            raise InputError("a correction that asks critics (correction.slack.gain) needs a learnt agent")
+            asked = " and ".join(settings.asks)
+            raise InputError(f"a correction that asks the critics for {asked} needs a learnt agent")
         made = settings.make({}, action=self.unwrapped.action)
         if made is None:
             raise InputError("SafetyFilterWrapper: correction `none` corrects nothing")

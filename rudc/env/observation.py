@@ -41,6 +41,7 @@ from rudc.env.distances import Distances, measure
 from rudc.env.kernels import others_features, waypoints
 from rudc.env.remembered import Remembered
 from rudc.errors import InputError
+from rudc.hints import there_are
 from rudc.network.network import ReferencePath
 from rudc.network.paths import SPACING as STATION
 from rudc.world.scene import Scene
@@ -80,9 +81,7 @@ _lines: Remembered[ReferencePath, Array] = Remembered()
 def parts(kind: ObservationKind) -> tuple[str, ...]:
     """Names of the parts of a kind of observation, in order. Raises InputError for an unknown kind."""
     if kind not in get_args(ObservationKind):
-        raise InputError(
-            f"observation {kind!r} is not known; there are {', '.join(get_args(ObservationKind))}"
-        )
+        raise InputError(f"there is no observation {kind!r}{there_are(kind, get_args(ObservationKind))}")
     return tuple(PARTS) if kind == "conflict" else tuple(name for name in PARTS if name != "conflict")
 
 

@@ -37,6 +37,8 @@ def test_a_name_or_a_mapping_says_which_is_meant():
         ("cfb", "correction: there is no 'cfb' .did you mean 'cbf'"),
         ({"kind": "none", "d_safe": 0.2}, "correction: there is no setting 'd_safe'"),
         ({"kind": "cbf", "ecbf_rate1": 2.0}, "ecbf_rate1: has no effect with rule=ttcbf"),
+        ({"kind": "cbf", "d_saf": 0.3}, r"no setting 'd_saf' \(did you mean 'd_safe'\?\)"),
+        ({"kind": "cbf", "slack": {"gan": 1}}, r"no setting 'slack\.gan' \(did you mean 'slack\.gain'\?\)"),
         ({"kind": "cbf", "slack": {"gain": -1}}, r"correction: slack\.gain: Input should be greater"),
     ):
         with pytest.raises(InputError, match=said):

@@ -49,7 +49,7 @@ def test_trains_with_stable_baselines():
     [
         ("none", "corrects nothing"),
         ("cfb", "did you mean 'cbf'"),
-        ({"kind": "cbf", "slack": {"gain": 1}}, "asks critics"),
+        ({"kind": "cbf", "slack": {"gain": 1}}, "asks the critics for sigma"),
     ],
 )
 def test_what_cannot_be_is_refused(correction, said):
