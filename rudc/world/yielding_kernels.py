@@ -41,7 +41,7 @@ CREEPS = 3.0
 """m/s, up to which an SV in the junction looks out for faster ones"""
 SWEPT_M = 2.5
 """m between the places ahead of those, INSTANTS in number, that they will sweep over"""
-SLACK_M = 2.0
+SPARE_M = 2.0
 """m along either path beyond bumpers within which paths are taken to meet; covers wide vehicles"""
 NEAR_M = 10.0
 """m between centres beyond what both cover in the horizon, within which bodies may come to overlap"""
@@ -131,13 +131,13 @@ def meets_ego(
     meets (P, 4) m: where, as `Network.conflict` says; the ego, `length` m long, is at s m.
     """
     found = np.zeros(len(path), np.bool_)
-    rear, front = s - 0.5 * length - SLACK_M, s + 0.5 * length + SLACK_M
+    rear, front = s - 0.5 * length - SPARE_M, s + 0.5 * length + SPARE_M
     way = HORIZON_S * v if v >= LINGERS else 0.0
     for i in range(len(path)):
         if path[i] < 0 or not heeds[path[i]]:
             continue
         ours_in, ours_out, theirs_in, theirs_out = meets[path[i]]
-        half = 0.5 * size[i, 0] + SLACK_M
+        half = 0.5 * size[i, 0] + SPARE_M
         reach = path_s[i] + half + HORIZON_S * max(math.hypot(velocity[i, 0], velocity[i, 1]), CREEP)
         ours = ours_in < front + way and ours_out > rear
         found[i] = ours and theirs_in < reach and theirs_out > path_s[i] - half
