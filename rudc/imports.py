@@ -8,8 +8,10 @@ from __future__ import annotations
 import hashlib
 import importlib
 import importlib.util
+import pickle
 import sys
 import traceback
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
@@ -44,6 +46,26 @@ def found_at(place: str) -> Any:
     """What a module of ours, or of a package, has under a name: `package.module:Class`."""
     module, _, name = place.partition(":")
     return getattr(importlib.import_module(module), name)
+
+
+class Carried:
+    """A value on its way to another process, which first imports what this one was asked to import first.
+
+    What arrives there is the value.
+    """
+
+    def __init__(self, value: Any) -> None:
+        self.value = value
+
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+        """Pickled twice, so that imports come before the value is looked at."""
+        return _arrived, (imported_first(), pickle.dumps(self.value))
+
+
+def _arrived(sources: tuple[str, ...], pickled: bytes) -> Any:
+    for source in sources:
+        import_first(source)
+    return pickle.loads(pickled)
 
 
 def in_words(error: BaseException) -> str:

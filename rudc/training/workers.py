@@ -18,6 +18,7 @@ from rudc.agents.route_sigma import Heard
 from rudc.errors import RudcError, TrainingError
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.starting import start
+from rudc.imports import Carried
 from rudc.training.collect import By, Collected, Collector
 from rudc.training.config import TrainConfig
 
@@ -32,7 +33,7 @@ class WorkerPool:
         self._workers: list[tuple[Any, Connection]] = []
         for index in range(config.training.envs):
             ours, theirs = multiprocessing.Pipe()
-            process = start(_work, theirs, config, index, name=f"rudc-worker-{index}")
+            process = start(_work, theirs, Carried(config), index, name=f"rudc-worker-{index}")
             theirs.close()
             self._workers.append((process, ours))
         self._critics = bool(config.correction.asks)

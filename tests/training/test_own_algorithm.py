@@ -1,0 +1,73 @@
+"""An algorithm of somebody else's, settings, learner and correction in one file: trained, saved, driven."""
+
+import csv
+import os
+import subprocess
+import sys
+
+OWN = """
+from typing import Literal
+import numpy as np
+from rudc import register_algorithm
+from rudc.agents.of_actions import OfActions
+from rudc.agents.seat import ADJUSTMENT, CorrectionKind
+from rudc.learning.algorithms import Algorithm
+from rudc.learning.config import LearnerConfig
+from rudc.learning.sac import SacLearner
+
+
+class CalmConfig(LearnerConfig):
+    bonus: float = 0.5
+
+
+class CalmLearner(SacLearner):
+    pass
+
+
+class Calm(CorrectionKind):
+    kind: Literal["calm"] = "calm"
+    most: float = 0.5
+
+    def make(self, arrays, percentiles=None, action=ADJUSTMENT):
+        return Calmed(self.most, action)
+
+
+class Calmed(OfActions):
+    def __init__(self, most, action):
+        super().__init__(action)
+        self.most = most
+
+    def instead(self, scene, observation, action, critics):
+        calm = np.array([self.most, action[1]], np.float32)
+        return None if action[0] <= self.most else (calm, "calmed", False)
+
+
+here = f"{__name__}:"
+register_algorithm("calm-sac", Algorithm(
+    "Mine.", here + "CalmLearner", CalmConfig, {"correction": {"kind": "calm"}},
+    corrections={"calm": here + "Calm"},
+))
+"""
+SMALL = (
+    "training.steps=50", "training.seed_steps=50", "training.learning_starts=16", "training.envs=1",
+    "training.round_decisions=25", "training.evaluation_episodes=0", "learner.batch_size=16",
+    "learner.policy.hidden=8", "learner.critic.hidden=8",
+)  # fmt: skip
+
+
+def rudc(folder, *arguments):
+    command = [sys.executable, "-m", "rudc", "--import", "own.py", *map(str, arguments)]
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    ended = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, env=env)
+    assert ended.returncode == 0, ended.stderr
+
+
+def test_a_file_brings_an_algorithm_that_trains_and_drives(tmp_path):
+    (tmp_path / "own.py").write_text(OWN)
+    changes = (*SMALL, "learner.bonus=1", "correction.most=-0.9")
+    rudc(tmp_path, "train", "calm-sac", *(part for c in changes for part in ("--set", c)), "--out", "calm")
+    agents = ("-a", "calm", "-a", "calm:correction.kind=none")
+    rudc(tmp_path, "sweep", "random_destination", *agents, "-n", 1, "-w", 1, "-o", "out")
+    with (tmp_path / "out/episodes.csv").open(newline="") as file:
+        calm, bare = csv.DictReader(file)
+    assert int(calm["interventions"]) > int(bare["interventions"])
