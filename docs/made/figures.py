@@ -93,12 +93,12 @@ def _arrow(axes: Axes, boxes: Any, size: Any, one: str, other: str, label: str) 
     axes.annotate("", end, start, arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 1.0})
     middle = (start[0] + end[0]) / 2, (start[1] + end[1]) / 2
     below = other == "filter" and one == "critics"
-    up = -0.32 if below else 0.2
+    aside, up = down or below or label == "u_rl", -0.32 if below else 0.2
     axes.text(
-        middle[0] + 0.15,
+        middle[0] + 0.15 * aside,
         middle[1] + (0 if down else up),
         label,
-        ha="left" if down or below or label == "u_rl" else "center",
+        ha="left" if aside else "center",
         fontsize=7,
     )
 

@@ -33,13 +33,14 @@ MADE = "*This page is made from the code whenever the documentation is built.*\n
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A Markdown table; bars in cells are escaped, lines become spaces."""
+    """A Markdown table; bars in cells are escaped outside code, lines become spaces."""
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(_cell(text) for text in line) + " |" for line in lines) + "\n"
 
 
 def _cell(text: str) -> str:
-    return " ".join(str(text).split()).replace("|", "\\|").replace("<", "&lt;")
+    plain = " ".join(str(text).split()).replace("<", "&lt;")
+    return "`".join(part if k % 2 else part.replace("|", "\\|") for k, part in enumerate(plain.split("`")))
 
 
 def code(text: str) -> str:

@@ -208,8 +208,9 @@ class PlotView {
     c.fillStyle = this.colours.page_faint;
     c.fillText(unit, x, 3);
     x += c.measureText(unit).width + (tight ? 8 : 12);
-    for (const line of [...plot.lines].reverse()) {
-      if (run.series[line.name].every((v) => v === null)) continue;
+    const lines = plot.lines.filter((line) => run.series[line.name].some((v) => v !== null)).reverse();
+    if (!lines.length) c.fillText('none', x, 3);
+    for (const line of lines) {
       const v = run.series[line.name][k], text = `${line.label} ${v === null ? '–' : number(v * scale)}`;
       if (x + sample + 4 + c.measureText(text).width > this.width) break;  // rather none than half of it
       c.strokeStyle = line.style === 'faint' ? this.colours.page_faint : this.colours.page_ink;

@@ -60,9 +60,14 @@ function ticks(low, high, count) {
   return found;
 }
 
-// chart: { label, x: [low, high], y: [low, high], xName, yName, lines: [{ name, points: [[x, y]], style }], numbered }
+// How many units wide a chart is drawn that may be as wide as `most`: on a narrow screen fewer, so that its text stays legible.
+function fitting(most) {
+  return Math.min(most, Math.max(document.documentElement.clientWidth - 40, 280));
+}
+
+// chart: { label, x: [low, high], y: [low, high], xName, yName, lines: [{ name, points: [[x, y]], style }], numbered, wide }
 function lineChart(chart) {
-  const wide = 640, tall = 250, left = 54, right = 12, top = 10, bottom = 36;
+  const wide = fitting(chart.wide ?? 640), tall = 250, left = 54, right = 12, top = 10, bottom = 36;
   const [x0, x1] = chart.x, [y0, y1] = chart.y;
   const px = (v) => left + ((v - x0) / (x1 - x0 || 1)) * (wide - left - right);
   const py = (v) => tall - bottom - ((v - y0) / (y1 - y0 || 1)) * (tall - top - bottom);
@@ -71,7 +76,7 @@ function lineChart(chart) {
     picture.append(shape('line', { x1: left, x2: wide - right, y1: py(v), y2: py(v), class: 'grid' }));
     if (chart.numbered !== false) picture.append(shape('text', { x: left - 6, y: py(v) + 4, 'text-anchor': 'end' }, short(v)));
   }
-  for (const v of ticks(x0, x1, 6)) {
+  for (const v of ticks(x0, x1, wide < 500 ? 4 : 6)) {
     picture.append(shape('line', { x1: px(v), x2: px(v), y1: tall - bottom, y2: tall - bottom + 4, class: 'axis' }));
     picture.append(shape('text', { x: px(v), y: tall - bottom + 17, 'text-anchor': 'middle' }, short(v)));
   }

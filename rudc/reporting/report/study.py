@@ -11,6 +11,7 @@ from typing import Any
 from rudc.errors import SweepError
 from rudc.evaluation.manifest import read_manifest
 
+_FENCE = re.compile(r"^```.*$", re.MULTILINE)
 _CELL = re.compile(r"(?<!\\)\|")
 
 
@@ -46,16 +47,29 @@ def study_content(folder: Path) -> dict[str, Any]:
 
 
 def parts(text: str) -> Iterator[dict[str, Any]]:
-    """A Markdown text as tables (`head`, `rows`, `right`: which columns are numbers) and paragraphs."""
-    for block in re.split(r"\n\s*\n", text.strip()):
-        lines = [line.strip() for line in block.splitlines()]
-        table = [_cells(line) for line in lines if line.startswith("|")]
-        before = " ".join(line for line in lines if not line.startswith("|"))
-        if before:
-            yield {"text": before.lstrip("# ")}
-        if len(table) > 1:
-            head, marks, *rows = table
-            yield {"head": head, "rows": rows, "right": [mark.endswith(":") for mark in marks]}
+    """A Markdown text as headings (`title`), fenced `code`, tables (`head`, `rows`, and `right`: which
+    columns are numbers) and paragraphs (`text`: plain words and words set as code, by turns).
+    """
+    for k, stretch in enumerate(_FENCE.split(text)):
+        if k % 2:
+            yield {"code": stretch.strip("\n")}
+            continue
+        for block in re.split(r"\n\s*\n", stretch.strip()):
+            yield from _block([line.strip() for line in block.splitlines()])
+
+
+def _block(lines: Sequence[str]) -> Iterator[dict[str, Any]]:
+    """What stands between two empty lines."""
+    while lines and lines[0].startswith("#"):
+        yield {"title": lines[0].lstrip("# ")}
+        lines = lines[1:]
+    table = [_cells(line) for line in lines if line.startswith("|")]
+    before = " ".join(line for line in lines if not line.startswith("|"))
+    if before:
+        yield {"text": before.split("`")}
+    if len(table) > 1:
+        head, marks, *rows = table
+        yield {"head": head, "rows": rows, "right": [mark.endswith(":") for mark in marks]}
 
 
 def _cells(line: str) -> Sequence[str]:

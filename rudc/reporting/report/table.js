@@ -21,12 +21,12 @@ function drawHeat() {
   const head = element('tr', {}, element('th', { scope: 'col' }, 'scenario'),
     ...DATA.agents.map((agent) => element('th', { scope: 'col' }, ...wrapped(agent))));
   const lines = order.map((k) => element('tr', {},
-    element('th', { scope: 'row' }, element('button', { type: 'button', class: 'link', title: 'Show this scenario in the table of metrics', onclick: () => filterBy(DATA.scenarios[k]) }, DATA.scenarios[k])),
+    element('th', { scope: 'row' }, element('button', { type: 'button', class: 'link', title: 'Show this scenario in the table of metrics', onclick: () => filterBy(DATA.scenarios[k]) }, ...wrapped(DATA.scenarios[k]))),
     ...values[k].map((value) => heatCell(value, metric, (v) => (v - low) / (high - low || 1)))));
   const total = DATA.tables.find((table) => table.by.join() === 'agent');
   const at = DATA.metrics.indexOf(metric), whole = DATA.agents.map((agent) => total.lines.find(([key]) => key[0] === agent)?.[3][at] ?? '–');
   lines.push(element('tr', { class: 'total' }, element('th', { scope: 'row' }, 'all'), ...whole.map((text) => element('td', { title: text }, text.split(' ')[0]))));
-  find('heat').replaceChildren(element('caption', {}, `${metric.heading}: ${metric.text}; ${metric.better} is better. Darker: more. Point at a cell for its interval.`),
+  find('heat').replaceChildren(element('caption', {}, `${metric.heading}: ${metric.text}; ${metric.better} is better. The fuller the colour, the higher. Point at a cell for its interval.`),
     element('thead', {}, head), element('tbody', {}, ...lines));
 }
 

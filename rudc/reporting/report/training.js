@@ -26,7 +26,7 @@ function panel(title, lines, y, keyed) {
   const steps = lines.flatMap((line) => line.points.map((p) => p[0]));
   if (!lines.some((line) => line.points.some((p) => p[1] !== null))) return element('p', {}, `${title}: nothing yet`);
   return element('figure', {}, element('figcaption', {}, title),
-    lineChart({ label: `${title} over the decisions taken`, x: [0, Math.max(...steps, 1e-3)], y, xName: 'decisions (thousands)', yName: '', lines }), keyed ? legend(lines) : null);
+    lineChart({ label: `${title} over the decisions taken`, x: [0, Math.max(...steps, 1e-3)], y, xName: 'decisions (thousands)', yName: '', lines, wide: 430 }), keyed ? legend(lines) : null);
 }
 
 fillSelect('arms', 'arms', [...new Set(DATA.curves.filter((c) => c.source === 'evaluation').map((c) => c.priority)), 'all'].filter((v, k, all) => all.indexOf(v) === k).map((name) => [name, name]));

@@ -242,3 +242,17 @@ def test_a_browser_opens_and_drives_the_page(text, data, folder, tmp_path, width
     assert told["ends"] == 12
     assert told["events"] == len(data["events"])
     assert not math.isnan(rates[0])
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium, which pip cannot install")
+def test_the_line_of_all_scenarios_is_in_sight_however_many_there_are(tmp_path):
+    many = made_up_sweep(tmp_path / "many", 480, scenarios=60, agents=2)
+    script = """
+    const box = document.querySelector('#rates .scroll').getBoundingClientRect();
+    const all = document.querySelector('#heat .total th').getBoundingClientRect();
+    const cut = document.querySelector("#rates .scroll").scrollHeight > box.height;
+    finish({ cut, seen: all.bottom <= box.bottom + 1 });
+    """
+    told = driven(report_page(many, many / "report.html"), script, tmp_path, 1400)
+    assert told == {"cut": True, "seen": True}

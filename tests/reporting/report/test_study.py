@@ -7,6 +7,7 @@ import pytest
 
 from rudc.reporting.report.page import report_page
 from rudc.reporting.report.study import is_study, parts
+from tests.reporting.accessibility import MISSING, faults
 from tests.reporting.browser import CHROMIUM, driven, parsed
 
 RESULTS = Path(__file__).parents[3] / "results"
@@ -14,9 +15,16 @@ STUDIES = ["sigma", "curves", "filter"]
 
 
 def test_a_text_is_tables_and_paragraphs():
-    found = list(parts("# Claims\n\n| a | b (%) |\n| - | --: |\n| x\\|y | **1.5 [1, 2]** |\n\nIt\nholds.\n"))
+    text = "# Claims\n\n| a | b (%) |\n| - | --: |\n| x\\|y | **1.5 [1, 2]** |\n\nIt `is`\nheld.\n"
+    code = "\n```\n# more, less   than each\n\n| `first`\n```\n"
     table = {"head": ["a", "b (%)"], "rows": [["x|y", "1.5 [1, 2]"]], "right": [False, True]}
-    assert found == [{"text": "Claims"}, table, {"text": "It holds."}]
+    said = [{"title": "Claims"}, table, {"text": ["It ", "is", " held."]}]
+    assert list(parts(text)) == said
+    assert list(parts(text + code + text)) == [
+        *said,
+        {"code": "# more, less   than each\n\n| `first`"},
+        *said,
+    ]
 
 
 def test_what_is_no_study():
@@ -61,3 +69,10 @@ def test_tables_are_sorted_and_chosen_from(tmp_path):
     assert told["chosen"] == sum("paper" in cell for cell in cells)
     assert (told["most"], told["fits"]) == (100.0, True)
     assert float(told["least"].split()[0]) < 40.0
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(MISSING, reason="no Chromium, which pip cannot install, for axe to run in")
+def test_it_has_no_serious_fault_of_accessibility(tmp_path):
+    text = report_page(RESULTS / "comparison", tmp_path / "report.html")
+    assert faults(text, tmp_path, 400) == {"light": [], "dark": []}

@@ -8,6 +8,7 @@ from rudc.data import data_folder
 from rudc.errors import SweepError
 from rudc.evaluation.store import read_table
 from rudc.reporting.report.page import report_page
+from tests.reporting.accessibility import MISSING, faults
 from tests.reporting.browser import CHROMIUM, driven, parsed
 
 FOLDER = data_folder("results/checkpoints") / "rudc-t"
@@ -51,6 +52,8 @@ const told = { curves: document.querySelectorAll('#curves .chart').length };
 find('arms').value = 'minor'; find('arms').dispatchEvent(new Event('change'));
 told.minor = document.querySelectorAll('#curves .curve').length;
 told.statistics = document.querySelectorAll('#statistics .chart').length === DATA.statistics.length;
+const chart = document.querySelector('#curves .chart');
+told.legible = chart.getBoundingClientRect().width > 0.8 * chart.viewBox.baseVal.width;
 told.fits = document.documentElement.scrollWidth <= window.innerWidth;
 finish(told);
 """
@@ -62,3 +65,10 @@ def test_a_browser_opens_the_page(text, tmp_path):
     told = driven(text, DRIVE, tmp_path, 400)
     assert (told["curves"], told["statistics"], told["fits"]) == (4, True, True), told
     assert told["minor"] > 8
+    assert told["legible"]  # text is drawn at its own size, or nearly
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(MISSING, reason="no Chromium, which pip cannot install, for axe to run in")
+def test_it_has_no_serious_fault_of_accessibility(text, tmp_path):
+    assert faults(text, tmp_path, 400) == {"light": [], "dark": []}
