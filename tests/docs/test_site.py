@@ -59,6 +59,12 @@ def test_the_front_page_has_a_picture_that_moves(site):
         assert film.n_frames > 50
 
 
+def test_no_escaped_bar_is_shown(site):
+    text = "".join(path.read_text(encoding="utf-8") for path in (site / "reference").glob("*.html"))
+    assert "KEY=VALUE|LIST" in text
+    assert "\\|" not in text
+
+
 def test_figures_are_drawn(site):
     method = (site / "method.html").read_text()
     names = re.findall(r'src="(figures/\w+\.svg)"', method)
