@@ -39,8 +39,8 @@ def edge_widths(boundary: Array, path: ReferencePath, body: EgoVehicle) -> tuple
     """
     least_left, least_right = _taken(path, body)
     normal = np.column_stack([-np.sin(path.heading), np.cos(path.heading)])
-    left = _lines(_cast(path.xy, normal, boundary), path.curvature)
-    right = _lines(_cast(path.xy, -normal, boundary), -path.curvature)
+    to_left, to_right = _cast(path.xy, normal, boundary)
+    left, right = _lines(to_left, path.curvature), _lines(to_right, -path.curvature)
     return np.maximum(left, least_left + BESIDE), np.maximum(right, least_right + BESIDE)
 
 
@@ -60,23 +60,23 @@ def _taken(path: ReferencePath, body: EgoVehicle) -> tuple[Array, Array]:
 def _lines(width: Array, bend: Array) -> Array:
     """Widths (M,) m as cast, made continuous; `bend` (M,) 1/m is positive where the path bends to this
     side."""
-    width = np.minimum(width, BEND / np.maximum(bend, BEND / REACH))
-    for k in range(1, len(width)):
-        width[k] = min(width[k], width[k - 1] + SLOPE * SPACING)
-    for k in range(len(width) - 2, -1, -1):
-        width[k] = min(width[k], width[k + 1] + SLOPE * SPACING)
+    wide = np.minimum(width, BEND / np.maximum(bend, BEND / REACH)).tolist()
+    for k in range(1, len(wide)):
+        wide[k] = min(wide[k], wide[k - 1] + SLOPE * SPACING)
+    for k in range(len(wide) - 2, -1, -1):
+        wide[k] = min(wide[k], wide[k + 1] + SLOPE * SPACING)
     window = 2 * round(SMOOTHING / SPACING / 2) + 1
-    return uniform_filter1d(minimum_filter1d(width, window, mode="nearest"), window, mode="nearest")
+    return uniform_filter1d(minimum_filter1d(np.array(wide), window, mode="nearest"), window, mode="nearest")
 
 
-def _cast(start: Array, direction: Array, pieces: Array) -> Array:
-    """(M,) m along unit rays (M, 2) from start (M, 2) to the first boundary piece (B, 2, 2) m; REACH if none
-    is nearer.
+def _cast(start: Array, direction: Array, pieces: Array) -> tuple[Array, Array]:
+    """(M,), (M,) m from start (M, 2) along unit rays (M, 2), and the other way, to the first boundary piece
+    (B, 2, 2) m; REACH if none is nearer.
 
     With w the piece's start seen from the ray's start and d the piece: hit at distance (w x d) / (u x d), at
     the share (w x u) / (u x d) of the piece.
     """
-    result = np.full(len(start), REACH)
+    ahead, back = np.full(len(start), REACH), np.full(len(start), REACH)
     d = pieces[:, 1] - pieces[:, 0]
     middle = pieces.mean(axis=1)
     reach = REACH + 0.5 * float(np.hypot(*d.T).max())
@@ -91,6 +91,8 @@ def _cast(start: Array, direction: Array, pieces: Array) -> Array:
         across = np.where(np.abs(across) < 1e-12, np.nan, across)
         along = (w[..., 0] * d[near, 1] - w[..., 1] * d[near, 0]) / across
         share = (w[..., 0] * u[:, None, 1] - w[..., 1] * u[:, None, 0]) / across
-        hit = (along >= 0.0) & (share >= -1e-6) & (share <= 1.0 + 1e-6)
-        result[first : first + 32] = np.minimum(np.where(hit, along, np.inf).min(axis=1), REACH)
-    return result
+        along[~((share >= -1e-6) & (share <= 1.0 + 1e-6))] = np.nan
+        for result, way in ((ahead, along), (back, -along)):
+            nearest = np.where(way >= 0.0, way, np.inf).min(axis=1)
+            result[first : first + 32] = np.minimum(nearest, REACH)
+    return ahead, back
