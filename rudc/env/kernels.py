@@ -40,13 +40,11 @@ def seen_from_line(line: Table, course: Vector, spacing: float, position: Table,
     """
     seen = np.empty((len(heading), 4))
     for i in range(len(heading)):
-        nearest, least, k = 0, 1e300, 0
-        while k < len(course):
+        nearest, least = 0, 1e300
+        for k in range(len(course)):
             squared = (position[i, 0] - line[k, 0]) ** 2 + (position[i, 1] - line[k, 1]) ** 2
             if squared < least:
                 nearest, least = k, squared
-            # a station is at most `spacing` nearer than the one before it
-            k += max(1, int((math.sqrt(squared) - math.sqrt(least)) / spacing))
         cos, sin, turn = math.cos(course[nearest]), math.sin(course[nearest]), heading[i] - course[nearest]
         x, y = position[i, 0] - line[nearest, 0], position[i, 1] - line[nearest, 1]
         seen[i, 0], seen[i, 1] = nearest * spacing + x * cos + y * sin, y * cos - x * sin

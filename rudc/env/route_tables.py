@@ -33,9 +33,11 @@ class RouteTables:
         """(P, 5) for each way through the junction: arc lengths (m) on the ego's path and on it where their
         conflict ends, where it enters and leaves the ego's conflict zone (nan: never); speed limit, m/s"""
         self._per_row = paths.heading.shape[1]
-        self._lines = self._seen(paths.xy.reshape(-1, 2), paths.heading.ravel())
+        self._lines: Array = np.zeros((paths.heading.size, 4))
         """(P * M, 4) for each station of each way: arc length on the ego's path (m), offset to its left (m),
-        cosine and sine of the angle to it"""
+        cosine and sine of the angle to it; of ways that somebody was seen on"""
+        self._lined: set[int] = {-1}
+        """those ways, and none"""
         self._entries: dict[EgoVehicle, dict[int, tuple[int, ...]]] = {}
         self._gaps = np.zeros(0, dtype=np.uint8)
 
@@ -43,6 +45,10 @@ class RouteTables:
         """(N, 4) of the others: arc length on the ego's path (m), offset to its left (m), cosine and sine of
         the angle to it.
         """
+        for row in set(scene.path.tolist()) - self._lined:
+            paths, first = self.network.paths, row * self._per_row
+            self._lines[first : first + self._per_row] = self._seen(paths.xy[row], paths.heading[row])
+            self._lined.add(row)
         seen = looked_up(self._lines, self._per_row, self.ds, scene.path, scene.path_s)
         stray = scene.path < 0
         if stray.any():
