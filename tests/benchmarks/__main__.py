@@ -3,6 +3,7 @@
 The studies beside them run by name; each file's head says how.
 """
 
+import argparse
 import subprocess
 import sys
 
@@ -14,6 +15,10 @@ SPEED = (
 
 def main() -> int:
     """Run them one after another; the exit status says whether all ran."""
+    argparse.ArgumentParser(
+        prog="python -m tests.benchmarks",
+        description=f"Runs all of {', '.join(SPEED)}; each alone by python -m tests.benchmarks.NAME.",
+    ).parse_args()
     failed = 0
     for name in SPEED:
         print(f"\n==== {name}", flush=True)
