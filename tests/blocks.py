@@ -1,23 +1,31 @@
 """Code blocks of Markdown files, and how they are run: as their reader would, in an empty folder."""
 
+import contextlib
+import io
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 from typing import NamedTuple
 
+from rudc.cli.main import main
+
 FENCE = re.compile(r'^```(\w+)(?: title="([^"]+)")?\n(.*?)^```', re.M | re.S)
+PLAIN = re.compile(r"rudc (?!.*--import)[^|&;$<\\\\]*$")
+"""a line that is one command, with no more of bash than quotes, a comment, or `> FILE`"""
 QUICK = " ".join(
-    f"--set training.{key}" for key in ("seed_steps=400", "learning_starts=300", "evaluation_episodes=1")
+    f"--set training.{key}"
+    for key in ("seed_steps=150", "learning_starts=128", "round_decisions=25", "evaluation_episodes=1")
 )
 LESS = (
-    (r"--steps \d+", "--steps 200"),
+    (r"--steps \d+", "--steps 50"),
     (r"--episodes \d+", "--episodes 1"),
     (r"--workers \d+", "--workers 1"),
     (r"--seeds \d+", "--seeds 1"),
     (r"rudc train (rudc-\S+|sac|dsac) ", rf"rudc train \1 {QUICK} "),
-    (r"rudc study filter (.*)--agent rudc-t", r"rudc study filter \1--agent gap-acceptance+ttcbf"),
+    (r"(rudc study filter .*--agent) rudc-t", r"\1 gap-acceptance+ttcbf:correction.d_safe=0.5"),
     (r"rudc train (rudc-\S+) ", r"rudc train \1 --set training.calibration_episodes=1 "),
 )
 """what is run with smaller numbers, or fewer variants -> which"""
@@ -50,6 +58,37 @@ def run_script(script: str, folder: Path) -> None:
     _run(
         ["bash", "-euo", "pipefail", "-c", script], folder, PATH=f"{scripts}{os.pathsep}{os.environ['PATH']}"
     )
+
+
+def run_commands(script: str, folder: Path) -> None:
+    """As `run_script`, but in this process, which has imported what each `rudc` would import anew.
+
+    Blocks with more than plain commands go to bash; so do those with `--import`, whose entries would stay.
+    """
+    lines = [line for line in script.splitlines() if line.strip()]
+    if not all(PLAIN.match(line) for line in lines):
+        run_script(script, folder)
+        return
+    for line in lines:
+        words = shlex.split(line, comments=True)
+        words, file = (words[:-2], words[-1]) if ">" in words else (words, os.devnull)
+        said = run_here(words, folder)
+        (folder / file).write_text(said, encoding="utf-8")
+
+
+def run_here(words: list[str], folder: Path) -> str:
+    """What a command, its name the first word, writes to stdout, run in this process; it must succeed."""
+    out, err, before = io.StringIO(), io.StringIO(), sys.argv
+    sys.argv, status = words, None
+    try:
+        with contextlib.chdir(folder), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+            main()
+    except SystemExit as ended:
+        status = ended.code
+    finally:
+        sys.argv = before
+    assert not status, f"{shlex.join(words)}\n{out.getvalue()}\n{err.getvalue()}"
+    return out.getvalue()
 
 
 def run_python(code: str, folder: Path) -> None:

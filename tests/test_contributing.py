@@ -6,9 +6,13 @@ import re
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+from numba.core.caching import UserProvidedCacheLocator
 
+from rudc.evaluation.compiled import KERNELS, compile_kernels
+from rudc.kernels import _folder
 from tests.additions import ADDED, END, NEW, ROOT, Change
 
 TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
@@ -24,6 +28,8 @@ TABLE = dict(re.findall(r"^\| (.*?) \|.*\| (.*?) \|$", TEXT.split("## What it to
 """what is added -> how many files it takes"""
 RECIPES = {"an event": BLOCKS[1:2], "a metric": BLOCKS[2:3], "an action kind": BLOCKS[3:4]}
 """row of the table -> what its recipe touches"""
+COMPILED = "compiled"
+"""folder of the copy for its compiled kernels"""
 SCENARIO = """
 name: spill
 description: Oil is spilt.
@@ -57,11 +63,22 @@ def house(tmp_path_factory):
     for change in (*BLOCKS, *(change for changes in ADDED.values() for change in changes)):
         carry_out(folder / change.file, change.how, change.code)
     (folder / "spill.yaml").write_text(SCENARIO, encoding="utf-8")
+    bring_compiled(folder)
     return folder
 
 
+def bring_compiled(house):
+    """The kernels, of which no recipe changes any: compiled code lies in a folder named by its source's."""
+    compile_kernels()
+    named, ours = UserProvidedCacheLocator.get_suitable_cache_subpath, Path(_folder())
+    for module in ("rudc.kernels", *KERNELS):
+        file = Path(*module.split(".")).with_suffix(".py")
+        theirs = house / COMPILED / ours.name / named(str(house / file))
+        shutil.copytree(ours / named(str(ROOT / file)), theirs, dirs_exist_ok=True)
+
+
 def run(house, *arguments):
-    env = {**os.environ, "PYTHONPATH": str(house)}
+    env = {**os.environ, "PYTHONPATH": str(house), "NUMBA_CACHE_DIR": str(house / COMPILED)}
     command = [sys.executable, *map(str, arguments)]
     ended = subprocess.run(command, cwd=house, capture_output=True, text=True, check=False, env=env)
     assert ended.returncode == 0, ended.stderr

@@ -1,4 +1,7 @@
-"""A stranger's first hour, as README and examples/ tell it: each command must work as it stands."""
+"""A stranger's first hour, as README and examples/ tell it: each command must work as it stands.
+
+The first as they type it, the others in this process, which has imported what each would import anew.
+"""
 
 import csv
 import json
@@ -9,6 +12,8 @@ import sys
 from pathlib import Path
 
 import pytest
+
+from tests.blocks import run_here
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -23,7 +28,7 @@ def desk(tmp_path_factory):
 
 def rudc(desk, *arguments):
     """What a command says."""
-    return run(desk, "-m", "rudc", *arguments)
+    return run_here(["rudc", *map(str, arguments)], desk)
 
 
 def run(desk, *arguments):
@@ -41,7 +46,8 @@ def outcomes(desk, out):
 
 
 def test_first_sweep_and_its_table(desk):
-    rudc(desk, "sweep", "dense_left_turn", "-a", "gap-acceptance+ttcbf", "-n", 2, "-o", "out/first")
+    first = ("sweep", "dense_left_turn", "-a", "gap-acceptance+ttcbf", "-n", 2, "-o", "out/first")
+    run(desk, "-m", "rudc", *first)
     assert "gap-acceptance+ttcbf" in rudc(desk, "table", "out/first", "--format", "markdown")
 
 
@@ -76,7 +82,7 @@ def test_an_agent_trained_elsewhere(desk):
     pytest.importorskip("stable_baselines3")
     model = run(desk, "examples/sb3_agent.py", "--steps", 200, "--every", 100, "--episodes", 1).strip()
     agent = f"examples/sb3_agent.py:Sb3Agent(path={model!r})"
-    rudc(desk, "sweep", "mine.yaml", "-a", agent, "-a", "rudc-t", "-n", 1, "-o", "out/sb3")
+    rudc(desk, "sweep", "mine.yaml", "-a", agent, "-a", "rudc-t", "-n", 1, "-w", 1, "-o", "out/sb3")
     assert all(outcome for _, outcome in outcomes(desk, "out/sb3"))
     manifest = json.loads((desk / "out/sb3/manifest.json").read_text())
     assert manifest["configuration"]["agents"][agent]["files"].keys() == {"path"}

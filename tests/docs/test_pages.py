@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from rudc.scenario import load_scenario
-from tests.blocks import blocks_of, run_python, run_script, smaller
+from tests.blocks import blocks_of, run_commands, run_python, smaller
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
@@ -27,7 +27,7 @@ def test_what_a_page_says_works(page, tmp_path):
             (tmp_path / block.file).parent.mkdir(exist_ok=True)
             (tmp_path / block.file).write_text(block.text, encoding="utf-8")
         elif block.language == "bash":
-            run_script(smaller(block.text), tmp_path)
+            run_commands(smaller(block.text), tmp_path)
         elif block.language == "python":
             run_python(block.text, tmp_path)
         elif block.language == "yaml":

@@ -19,10 +19,25 @@ __all__ = ["rudc"]  # the fixture that runs a command in an empty folder
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
-def run(*arguments, cwd):
-    """A command, which must succeed."""
-    command = [sys.executable, "-m", "rudc", *map(str, arguments)]
-    ended = subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+SEVERAL = """
+import json, sys
+from rudc.cli.main import main
+
+for sys.argv in json.loads(sys.stdin.read()):
+    try:
+        main()
+    except SystemExit as ended:
+        if ended.code:
+            raise
+"""
+
+
+def run(*commands, cwd):
+    """Commands, each of which must succeed, in one process of their own: what they register stays there."""
+    told = json.dumps([["rudc", *map(str, words)] for words in commands])
+    ended = subprocess.run(
+        [sys.executable, "-c", SEVERAL], input=told, cwd=cwd, capture_output=True, text=True, check=False
+    )
     assert ended.returncode == 0, ended.stderr
 
 
@@ -38,20 +53,20 @@ def test_own_agent_beside_ours(rudc):
 
 
 def test_own_event(tmp_path):
-    """In a process of its own: what is registered stays so."""
-    event, scenario = EXAMPLES / "own_event.py", EXAMPLES / "gusts.yaml"
-    for command in (["validate", scenario], ["preview", scenario]):
-        run("--import", event, "scenario", *command, cwd=tmp_path)
-    run("--import", event, "sweep", scenario, "-a", "follower", "-n", 2, "-o", "out", cwd=tmp_path)
+    scenario = EXAMPLES / "gusts.yaml"
+    commands = (
+        ("scenario", "validate", scenario),
+        ("scenario", "preview", scenario),
+        ("sweep", scenario, "-a", "follower", "-n", 2, "-o", "out"),
+    )
+    run(*(("--import", EXAMPLES / "own_event.py", *command) for command in commands), cwd=tmp_path)
 
 
 def test_own_barrier(tmp_path):
     limit = "follower+ttcbf:correction.speed_limit=true,correction.speed_limit_most=5"
     agents = ["-a", "follower+ttcbf", "-a", limit]
-    run(
-        "--import", EXAMPLES / "own_barrier.py", "sweep", "random_destination", "--set", "traffic.density=0",
-        *agents, "-n", 1, "-o", "out", cwd=tmp_path,
-    )  # fmt: skip
+    sweep = ("sweep", "random_destination", "--set", "traffic.density=0", *agents, "-n", 1, "-o", "out")
+    run(("--import", EXAMPLES / "own_barrier.py", *sweep), cwd=tmp_path)
     with (tmp_path / "out/episodes.csv").open(newline="") as file:
         fast, slow = (float(row["mean_speed_mps"]) for row in csv.DictReader(file))
     assert slow < 5.0 < fast
