@@ -267,7 +267,7 @@ def test_ctrl_c_keeps_what_is_finished_and_leaves_with_130(tmp_path):
     os.killpg(process.pid, signal.SIGINT)
     _, said = process.communicate(timeout=30)
     assert process.returncode == 130
-    assert "interrupted; what is finished is kept" in said
+    assert f"interrupted; what is finished is kept in {out}: add --resume to go on" in said
     assert "Traceback" not in said
     assert len(read_table(rows)) >= 2
 

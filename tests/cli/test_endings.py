@@ -1,4 +1,7 @@
-"""How commands end: by signals, for want of a cluster, for a path that is too long."""
+"""How commands end: by signals, for want of a cluster, for a path that is too long.
+
+A sweep by Ctrl-C: test_commands.py.
+"""
 
 import os
 import signal
@@ -15,7 +18,6 @@ RUDC = [sys.executable, "-m", "rudc"]
 @pytest.mark.parametrize(
     ("command", "number"),
     [
-        ("sweep", signal.SIGINT),
         ("sweep", signal.SIGTERM),
         ("sweep", signal.SIGHUP),
         ("search", signal.SIGINT),
@@ -39,7 +41,7 @@ def test_a_command_that_is_ended_keeps_what_is_finished(tmp_path, command, numbe
     assert "Traceback" not in told
 
 
-def test_a_path_that_is_too_long_is_wrong_input(tmp_path):
+def test_a_path_that_is_too_long_is_wrong_input(rudc, tmp_path):
     for command in (
         ["table", "x" * 5000],
         ["scenario", "validate", "x" * 5000 + ".yaml"],
@@ -47,15 +49,15 @@ def test_a_path_that_is_too_long_is_wrong_input(tmp_path):
         ["network", "check", "x" * 5000 + ".net.xml"],
         ["sweep", "random_destination", "-a", "follower", "-n", "1", "-o", str(tmp_path / ("x" * 500))],
     ):
-        done = subprocess.run([*RUDC, *command], capture_output=True, text=True)
-        assert done.returncode == 2, done.stderr
-        assert done.stderr.startswith("error: "), done.stderr[:300]
+        answer = rudc(*command)
+        assert answer.status == 2, answer.err
+        assert answer.err.startswith("error: "), answer.err[:300]
 
 
-def test_fcd_makes_its_folder(tmp_path):
+def test_fcd_makes_its_folder(rudc, tmp_path):
     file = tmp_path / "new" / "fcd.xml"
-    command = [*RUDC, "run", "random_destination", "-a", "follower", "--set", "episode.timeout=1"]
-    subprocess.run([*command, "--fcd", str(file)], check=True, capture_output=True)
+    command = ("run", "random_destination", "-a", "follower", "--set", "episode.timeout=1")
+    assert rudc(*command, "--fcd", file).status == 0
     assert file.stat().st_size > 100
 
 

@@ -126,7 +126,7 @@ def test_a_script_needs_no_main_guard(tmp_path, kind):
 @pytest.mark.parametrize(
     "text",
     [
-        "import rudc, gymnasium; gymnasium.make('rudc/Intersection-v0')",
+        "import rudc, gymnasium; assert gymnasium.spec('rudc/Intersection-v0')",
         "import gymnasium, rudc; gymnasium.make('rudc/Intersection-v0')",
         "import gymnasium; gymnasium.make('rudc.env:rudc/Intersection-v0')",
         "import rudc, sys; assert 'libsumo' not in sys.modules and 'rudc.env' not in sys.modules",

@@ -2,7 +2,7 @@
 
 import importlib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
 
@@ -14,14 +14,15 @@ from rudc.scenario import find_scenarios
 HERE = Path(__file__).parent
 
 
-@pytest.fixture
-def fakes(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+@pytest.fixture(scope="module")
+def fakes() -> Iterator[ModuleType]:
     """The module `sweep_fakes`, under a name that worker processes can import too."""
-    monkeypatch.syspath_prepend(str(HERE))
-    monkeypatch.setenv(
-        "PYTHONPATH", os.pathsep.join([str(HERE), *filter(None, [os.environ.get("PYTHONPATH")])])
-    )
-    return importlib.import_module("sweep_fakes")
+    with pytest.MonkeyPatch.context() as patched:
+        patched.syspath_prepend(str(HERE))
+        patched.setenv(
+            "PYTHONPATH", os.pathsep.join([str(HERE), *filter(None, [os.environ.get("PYTHONPATH")])])
+        )
+        yield importlib.import_module("sweep_fakes")
 
 
 @pytest.fixture(scope="session")

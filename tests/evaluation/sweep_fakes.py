@@ -10,7 +10,8 @@ from pathlib import Path
 
 from rudc.errors import SimulationError
 from rudc.evaluation.record import EpisodeRecord
-from rudc.evaluation.tasks import Task
+from rudc.evaluation.tasks import SweepPlan, Task
+from rudc.scenario import find_scenarios
 
 
 def made_up(task: Task) -> EpisodeRecord:
@@ -92,16 +93,19 @@ def dead_on_arrival() -> Runner:
     os._exit(3)
 
 
+def slow_plan() -> SweepPlan:
+    """What `main` sweeps."""
+    return SweepPlan(tuple(find_scenarios(["density_sweep"])), ("sumo", "follower"), 4, 10)
+
+
 def main() -> None:
     """Run a slow sweep, as something to kill. Arguments: folder, delay (s), workers."""
+    from rudc.evaluation import starting
     from rudc.evaluation.sweep import run_sweep
-    from rudc.evaluation.tasks import SweepPlan
-    from rudc.scenario import find_scenarios
 
-    plan = SweepPlan(tuple(find_scenarios(["density_sweep"])), ("sumo", "follower"), 4, 10)
-    run_sweep(
-        plan, Path(sys.argv[1]), partial(Runner, float(sys.argv[2])), workers=int(sys.argv[3]), resume=True
-    )
+    starting.PRELOADED = "rudc.evaluation.engine"  # these runners need no kernels, which take long to load
+    make_runner = partial(Runner, float(sys.argv[2]))
+    run_sweep(slow_plan(), Path(sys.argv[1]), make_runner, workers=int(sys.argv[3]), resume=True)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """Damaged sweep folders: what is wrong, and in which line, never a traceback nor a table of nonsense."""
 
+import shutil
 import tracemalloc
 
 import pytest
@@ -10,11 +11,18 @@ from rudc.evaluation.sweep import run_sweep
 from rudc.evaluation.tables import measured
 
 
+@pytest.fixture(scope="module")
+def finished(fakes, make_plan, tmp_path_factory):
+    """A sweep of six episodes."""
+    out = tmp_path_factory.mktemp("finished") / "out"
+    run_sweep(make_plan(), out, fakes.Runner)
+    return out
+
+
 @pytest.fixture
-def folder(fakes, make_plan, tmp_path):
-    """A finished sweep of six episodes."""
-    run_sweep(make_plan(), tmp_path / "out", fakes.Runner)
-    return tmp_path / "out"
+def folder(finished, tmp_path):
+    """A copy of it, to be damaged."""
+    return shutil.copytree(finished, tmp_path / "out")
 
 
 @pytest.mark.parametrize(

@@ -62,6 +62,7 @@ def test_files_do_not_depend_on_the_number_of_workers(fakes, make_plan, tmp_path
 
 
 def test_a_sweep_killed_at_any_moment_and_resumed_gives_the_same_files(fakes, tmp_path):
+    plan = fakes.slow_plan()
     script = [sys.executable, fakes.__file__, str(tmp_path / "killed")]
     rows = tmp_path / "killed" / "episodes.csv"
     for enough in (2, 11, 17):
@@ -77,8 +78,8 @@ def test_a_sweep_killed_at_any_moment_and_resumed_gives_the_same_files(fakes, tm
             file.write(b"density_sweep,sumo,1")
     assert len(read_sweep(tmp_path / "killed")[0]) >= 17
     assert not (tmp_path / "killed" / "metrics.csv").exists()
-    subprocess.run([*script, "0", "2"], check=True)
-    subprocess.run([sys.executable, fakes.__file__, str(tmp_path / "whole"), "0", "1"], check=True)
+    run_sweep(plan, tmp_path / "killed", fakes.Runner, workers=2, resume=True)
+    run_sweep(plan, tmp_path / "whole", fakes.Runner)
     whole, killed = (
         json.loads((tmp_path / name / "manifest.json").read_text()) for name in ("whole", "killed")
     )

@@ -24,9 +24,15 @@ from rudc.studies.outcomes import Outcomes
 from rudc.studies.seed_tables import lines_of, metrics_markdown, pair_lines, paper_lines
 from rudc.studies.trained import fitting
 from rudc.training.config import TrainConfig
+from tests.studies.test_trained import TINY
 
 PAPER = Path(rudc.evaluation.paper.__file__).with_name("paper.csv")
 FOG = {"fog": ("fog",)}
+SMALL = {
+    **TINY, "training.steps": 100, "training.evaluate_every": 50, "training.evaluation_episodes": 1,
+    "training.calibration_episodes": 1,
+}  # fmt: skip
+"""what is trained is not what is looked at; the quick budget's: test_quick.py"""
 
 
 def drove(outcomes: Outcomes, row: str, ends: str, *, seed: int = 0, scenario: str = "fog", speed: float = 6):
@@ -212,16 +218,17 @@ def test_a_row_without_episodes_stands_in_the_tables_as_missing():
 
 
 @pytest.mark.slow
-def test_from_training_to_tables_at_the_quick_budget(tmp_path, monkeypatch):
+def test_from_training_to_tables(tmp_path, monkeypatch):
     """And the same again with --resume; trainings made before are taken, what is missing is said, and sweeps
     of a row that two studies share are taken from one to the other.
     """
     monkeypatch.setattr("rudc.evaluation.manifest.code_version", lambda: "v0")
+    monkeypatch.setattr(Effort, "settings", SMALL)
     order = Order(tmp_path / "a", agents=("sac", "rudc-t"), episodes=1, budget="quick")
     report = comparison.run(order, lambda _: Silent())
     assert not report.errors
     steps = {(m["row"], m["steps"]) for m in read_table(tmp_path / "a" / "trainings.csv")}
-    assert steps == {("sac", "1000"), ("rudc-t", "1000")}
+    assert steps == {("sac", "100"), ("rudc-t", "100")}
     metrics = read_table(tmp_path / "a" / "metrics.csv")
     assert {m["place"] for m in metrics} > {"random_destination", "dense_left_turn", OUTSIDE}
     for name in ("curves.png", "curves.pdf", "claims.md", "against_paper.csv", "pairs.csv"):

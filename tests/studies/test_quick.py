@@ -9,7 +9,9 @@ from PIL import Image
 
 from rudc.cli.main import main
 from rudc.evaluation.store import read_table
+from rudc.studies import sensitivity
 from rudc.studies.catalogue import STUDIES
+from tests.studies.test_trained import TINIER
 
 FEW = ("-n", 1)
 """episodes, fewer than the quick budget's"""
@@ -39,6 +41,7 @@ def test_a_study_runs_by_one_command(name, tmp_path, monkeypatch, capsys):
     from rudc.agents.checkpoint import shipped_checkpoints
 
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sensitivity.TRAINING, "quick", TINIER)
     given = [shipped_checkpoints()["rudc-t"] if g == "CHECKPOINT" else g for g in COMMANDS[name]]
     call = ["rudc", "study", name, *given, "--budget", "quick", "--workers", 1, "--out", "out"]
     monkeypatch.setattr("sys.argv", [str(part) for part in call])

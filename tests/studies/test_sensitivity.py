@@ -14,7 +14,8 @@ from rudc.studies import base, sensitivity
 from rudc.studies.base import Order
 from rudc.studies.sensitivity import BETA, ENSEMBLE, critics_ms, study_of, weights
 from rudc.studies.trained import Trained, Wanted
-from tests.studies.test_trained import TINY
+from rudc.training.config import TrainConfig
+from tests.studies.test_trained import TINIER
 
 
 @pytest.fixture
@@ -22,7 +23,7 @@ def small(monkeypatch):
     """One task, two values, trainings of seconds."""
     monkeypatch.setattr("rudc.evaluation.manifest.code_version", lambda: "v0")
     monkeypatch.setattr(base, "IN_DISTRIBUTION", ("dense_left_turn",))
-    monkeypatch.setattr(sensitivity, "TRAINING", {"quick": TINY, "full": TINY})
+    monkeypatch.setattr(sensitivity, "TRAINING", {"quick": TINIER, "full": TINIER})
     monkeypatch.setattr(sensitivity, "ASKED", 5)
 
 
@@ -30,6 +31,13 @@ def test_a_training_at_the_usual_value_is_the_algorithm_itself():
     assert BETA.wanted(0.25) == Wanted("rudc-t", "rudc-t")
     assert BETA.wanted(1.0) == Wanted("rudc-t-beta1", "rudc-t", {"learner.beta": 1.0})
     assert ENSEMBLE.wanted(3).name == "rudc-t-members3"
+
+
+@pytest.mark.parametrize("budget", sensitivity.TRAINING)
+@pytest.mark.parametrize("swept", [BETA, ENSEMBLE], ids=lambda swept: swept.short)
+def test_every_training_has_settings_that_work(swept, budget):
+    for value in swept.values[budget]:
+        TrainConfig.of("rudc-t", {**sensitivity.TRAINING[budget], **swept.wanted(value).changes})
 
 
 def test_weights_are_those_of_policy_critics_and_priors():

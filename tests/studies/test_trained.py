@@ -22,6 +22,7 @@ TINY = {
     "training.calibration_episodes": 0,
     "learner.batch_size": 16,
 }
+TINIER = {**TINY, "training.steps": 50, "training.seed_steps": 50}
 
 
 def said(_: str) -> None:
