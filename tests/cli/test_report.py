@@ -74,3 +74,10 @@ def test_a_table_as_json_has_the_numbers_of_csv(rudc):
             theirs = [float(line[f"{name}_{k}"]) for k in group[name]]
             assert list(group[name].values()) == theirs
     assert rudc("table", "swept", "--json", "--format", "csv").status == 2
+
+
+def test_a_folder_that_is_not_there_is_named_and_not_made(rudc, tmp_path):
+    answer = rudc("report", "nowhere")
+    assert (answer.status, answer.out) == (2, "")
+    assert "nowhere is no folder; give that of a sweep, a training or a study" in answer.err
+    assert not (tmp_path / "nowhere").exists()

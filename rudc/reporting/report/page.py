@@ -22,8 +22,9 @@ def save_report(folder: Path, path: Path, *, live: bool = False) -> None:
     for a folder of none of these, InputError, StorageError.
     """
     check_page(path, "a report")
+    text = report_page(folder, path, live=live)
     make_folder_of(path)
-    write_atomically(path, report_page(folder, path, live=live))
+    write_atomically(path, text)
 
 
 def report_page(folder: Path, path: Path, *, live: bool = False) -> str:
