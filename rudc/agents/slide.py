@@ -2,7 +2,8 @@
 
 Where grip fails before or in a bend, steering and braking share what is left of it: following the line with
 both leads off the road though the junction is wide. So what following comes to is looked at ahead, with the
-car as known. If it ends beside the road or on the wrong side, other manoeuvres are tried:
+car as known. If it ends beside the road or on the wrong side, other manoeuvres are tried, judged with less
+grip and nearer to the road's edge, so that following has the benefit of the doubt:
 
     swerve    straight on with all grip for the brakes, for one of FIRST_S s; then back onto the line, with
               one of SHARES of the grip for the brakes until the ego is slow enough for a tight bend
@@ -11,9 +12,9 @@ car as known. If it ends beside the road or on the wrong side, other manoeuvres 
     stop      on an arc, with one of LATERALS of the grip for steering and the rest for the brakes
 
 The one that gets back onto the line soonest is taken, hitting nobody and staying on the road; else the one
-that ends nearest to the line; if everything fails, whatever fails at the least speed. That is decided anew at
-each decision until the ego is back on its line. An ego that stands where no way leads back stays there, and
-looks again each AGAIN_S s.
+that ends nearest to the line; if everything fails, the line is followed, or, slow, the ego stops. That is
+decided anew at each decision until the ego is back on its line. An ego that stands where no way leads back
+stays there, and looks again each AGAIN_S s.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from rudc.geometry import separation
 from rudc.network.paths import SPACING
 from rudc.safety.prediction import Predictor
 from rudc.vehicle import Actuation
-from rudc.world.borders import Borders
+from rudc.world.borders import OFF_ROAD_M, Borders
 from rudc.world.ego import GRAVITY, EgoPlant, widest_steering
 from rudc.world.scene import EgoState, Scene
 
@@ -67,8 +68,8 @@ class _Way(NamedTuple):
 
     first: tuple[float, float]
     """m/s2, rad: its first command"""
-    fails_at: float
-    """m/s, speed at which it leaves the road or hits somebody; 0 if it does not"""
+    fails: bool
+    """whether it leaves the road or hits somebody"""
     back: bool
     """whether it ends on the line"""
     rank: float
@@ -96,10 +97,13 @@ class Slide:
             return u
         if scene.ego.v == 0.0 and scene.time_s < self._again_s:
             return np.array([scene.vehicle.a_min, u[1]])
-        ways = _Ways(scene, USED * grip, lag_s, profile, self._predictor)
-        if not ways.swerve(0.0, SHARES[0]).fails_at:
+        known = lag_s, profile
+        follow = _Ways(scene, grip, *known, step_s=0.5 * STEP_S, edge=OFF_ROAD_M).swerve(0.0, SHARES[0])
+        if not follow.fails:
             return u
-        best = ways.best()
+        best = _Ways(scene, USED * grip, *known, others=_others(scene, self._predictor)).best()
+        if best is None:
+            return u if scene.ego.v > SLOW else np.array([scene.vehicle.a_min, u[1]])
         if scene.ego.v == 0.0 and not best.back:
             self._again_s = scene.time_s + AGAIN_S
         a, delta = best.first
@@ -109,23 +113,34 @@ class Slide:
 class _Ways:
     """Manoeuvres from one scene, looked at ahead."""
 
-    def __init__(self, scene: Scene, grip: float, lag_s: float, profile: Array, predictor: Predictor) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        grip: float,
+        lag_s: float,
+        profile: Array,
+        *,
+        others: tuple[Complex, Complex, Array] | None = None,
+        step_s: float = STEP_S,
+        edge: float = EDGE,
+    ) -> None:
+        """`others`: as of `_others`, None if they do not count; `edge`: as EDGE."""
         self._scene, self._grip, self._profile = scene, grip, profile
+        self._others, self._step_s, self._edge = others, step_s, edge
         self._actuation = Actuation(lag_s=lag_s, friction=grip / GRAVITY)
         self._slow = max(math.sqrt(grip / SLOW_BEND), SLOW)
-        self._others = _others(scene, predictor)
 
-    def best(self) -> _Way:
-        """The one to take."""
+    def best(self) -> _Way | None:
+        """The one to take, if there is one that does not fail."""
         if self._scene.ego.v > self._slow:
             ways = [self.swerve(t, share) for t in FIRST_S for share in SHARES]
         else:
             ways = [self.swerve(t, 0.0, side) for t in FIRST_S for side in (0.0, 1.0, -1.0)]
-        kept = [way for way in ways if way.back and not way.fails_at]
+        kept = [way for way in ways if way.back and not way.fails]
         if not kept:
             ways += [self.stop(share) for share in LATERALS]
-            kept = [way for way in ways if not way.fails_at]
-        return min(kept or ways, key=lambda way: (way.fails_at, way.rank))
+            kept = [way for way in ways if not way.fails]
+        return min(kept, key=lambda way: way.rank, default=None)
 
     def swerve(self, first_s: float, share: float, side: float = 0.0) -> _Way:
         """Straight on for so long, or, slow, with the wheels to one side (1 left, -1 right); then onto the
@@ -161,42 +176,40 @@ class _Ways:
         scene = self._scene
         plant = EgoPlant(scene.vehicle)
         plant.resume(scene.ego, self._actuation)
-        borders = Borders(scene.network.surface, scene.vehicle, scene.may_cross_centre, EDGE)
+        borders = Borders(scene.network.surface, scene.vehicle, scene.may_cross_centre, self._edge)
         if any(borders.left(scene.ego)):
             borders = Borders(scene.network.surface, scene.vehicle, scene.may_cross_centre)
         s, offset, first, states = scene.ego_s, scene.ego_offset, None, list[EgoState]()
-        back, end, fails_at = False, HORIZON_S, 0.0
-        for k in range(round(HORIZON_S / STEP_S)):
-            a, delta = command(k * STEP_S, plant.state, s, offset)
+        back, end, fails = False, HORIZON_S, False
+        for k in range(round(HORIZON_S / self._step_s)):
+            a, delta = command(k * self._step_s, plant.state, s, offset)
             first = first or (a, delta)
-            ego = plant.step(a, delta, STEP_S)
+            ego = plant.step(a, delta, self._step_s)
             states.append(ego)
             if any(borders.left(ego)):
-                fails_at = max(ego.v, 0.1)
+                fails = True
                 break
             s, offset = scene.route.path.project(ego.x, ego.y, s)
             if _is_back(scene, ego, s, offset, self._profile):
-                back, end = True, k * STEP_S
+                back, end = True, k * self._step_s
                 break
             if ego.v == 0.0:
                 break
-        fails_at = self._hits(states) or fails_at
         assert first is not None
-        return _Way(first, fails_at, back, end if back else abs(offset))
+        return _Way(first, fails or self._hits(states), back, end if back else abs(offset))
 
-    def _hits(self, states: list[EgoState]) -> float:
-        """m/s at which an ego in these states comes too close to somebody; 0 if it does not."""
+    def _hits(self, states: list[EgoState]) -> bool:
+        """Whether an ego in these states comes too close to somebody."""
+        if self._others is None or not len(self._others[0]):
+            return False
         place, facing, half = self._others
-        if not len(place):
-            return 0.0
         here = np.array([complex(ego.x, ego.y) for ego in states])
         ahead = np.exp(1j * np.array([ego.psi for ego in states]))
         body = self._scene.vehicle
         size = 0.5 * np.array([body.length, body.width])
         n = len(states)
         gap = separation(place[:, :n] - here, ahead[None], facing[:, :n], size, half[:, None])
-        hit = np.flatnonzero((gap < APART).any(axis=0))
-        return max(states[hit[0]].v, 0.1) if len(hit) else 0.0
+        return bool((gap < APART).any())
 
 
 def _is_back(scene: Scene, ego: EgoState, s: float, offset: float, profile: Array) -> bool:
