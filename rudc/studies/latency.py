@@ -57,7 +57,7 @@ PLACES = {
     "rudc.safety.qp:PiqpSolver.solve": "QP",
     "rudc.safety.qp:NamedSolver.solve": "QP",
     "rudc.safety.last_resort:LastResort.instead_of": "last resort",
-    "rudc.agents.of_actions:_OfActions.correct": "correction",
+    "rudc.agents.of_actions:OfActions.correct": "correction",
     "rudc.agents.adaptation:Adaptation.see": "plant",
     "rudc.agents.adaptation:Adaptation.govern": "plant",
     "rudc.agents.courses:Courses.see": "course",

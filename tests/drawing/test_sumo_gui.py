@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from rudc.agents.registry import make_agent
-from rudc.cli.main import app
+from rudc.cli.commands import app
 from rudc.drawing import sumo_gui
 from rudc.drawing.palette import EVENT
 from rudc.drawing.sumo_gui import EGO_NAME, SCHEME, VIEW, SumoGui
