@@ -1,6 +1,17 @@
-"""Python files and modules of other people, imported by what a user names them.
+"""Python files and modules of other people: what a user names, and what installed packages offer.
 
 A file's folder may be imported from, as when Python runs the file, and so may the working folder for modules.
+
+An installed package offers agents, events, algorithms and barriers by entry points of the groups
+`rudc.agents`, `rudc.events`, `rudc.algorithms` and `rudc.barriers`. Those of agents are classes or functions,
+each imported when its name is given. The others are modules that register what they have, imported when
+somebody asks what there is of their kind:
+
+    [project.entry-points."rudc.agents"]
+    careful = "my_package.agents:Careful"
+
+    [project.entry-points."rudc.barriers"]
+    mine = "my_package.barriers"
 """
 
 from __future__ import annotations
@@ -11,11 +22,12 @@ import importlib.util
 import pickle
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, MutableMapping
 from functools import lru_cache
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from rudc.errors import InputError
 from rudc.hints import did_you_mean
@@ -23,7 +35,10 @@ from rudc.hints import did_you_mean
 PREFIX = "rudc_own_"
 """what the names of modules made of files begin with"""
 
+T = TypeVar("T")
+
 _asked: dict[str, None] = {}
+_groups: set[str] = set()
 
 
 def import_source(source: str) -> ModuleType:
@@ -46,6 +61,60 @@ def found_at(place: str) -> Any:
     """What a module of ours, or of a package, has under a name: `package.module:Class`."""
     module, _, name = place.partition(":")
     return getattr(importlib.import_module(module), name)
+
+
+def load_entry(entry: EntryPoint, error: type[InputError] = InputError) -> Any:
+    """What an installed package offers there. Raises `error`."""
+    try:
+        return entry.load()
+    except (Exception, SystemExit) as failed:
+        package = entry.dist.name if entry.dist else "?"
+        raise error(
+            f"the installed package {package}: its entry point `{entry.name} = {entry.value}` of "
+            f"{entry.group} cannot be imported: {in_words(failed)}"
+        ) from failed
+
+
+def import_offered(group: str) -> None:
+    """Import, once, all that installed packages offer in a group of entry points. Raises InputError."""
+    if group in _groups:
+        return
+    _groups.add(group)  # before, as what is imported may ask for the same
+    try:
+        for entry in entry_points(group=group):
+            load_entry(entry)
+    except BaseException:
+        _groups.remove(group)
+        raise
+
+
+class Registry(MutableMapping[str, T], Generic[T]):
+    """What is registered, by name; before it is first read, what installed packages offer is imported."""
+
+    def __init__(self, group: str) -> None:
+        """`group`: of the entry points of modules that register theirs here."""
+        self.so_far: dict[str, T] = {}
+        """what is registered by now, to be read without importing anything"""
+        self._group = group
+
+    def _all(self) -> dict[str, T]:
+        import_offered(self._group)
+        return self.so_far
+
+    def __getitem__(self, name: str) -> T:
+        return self._all()[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._all())
+
+    def __len__(self) -> int:
+        return len(self._all())
+
+    def __setitem__(self, name: str, value: T) -> None:
+        self.so_far[name] = value
+
+    def __delitem__(self, name: str) -> None:
+        del self.so_far[name]
 
 
 class Carried:

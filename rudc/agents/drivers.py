@@ -1,20 +1,16 @@
 """Drivers that need no checkpoint, by name: RUDC's own, those of installed packages, those registered.
 
-A package brings agents by entry points of the group `rudc.agents`, a class or function for each name:
-
-    [project.entry-points."rudc.agents"]
-    careful = "my_package.agents:Careful"
-
-A script or notebook registers them: `rudc.register_agent("careful", Careful)`. And without either, an agent
-is named by the place of its class, `my_agents.py:Careful(speed=6)`, see rudc/agents/own.py.
+A package brings agents by entry points of the group `rudc.agents` (rudc/imports.py), a class or function for
+each name. A script or notebook registers them: `rudc.register_agent("careful", Careful)`. And without either,
+an agent is named by the place of its class, `my_agents.py:Careful(speed=6)`, see rudc/agents/own.py.
 """
 
 from __future__ import annotations
 
-import importlib.metadata
 import re
 from collections.abc import Callable, Mapping
 from functools import cache
+from importlib.metadata import EntryPoint, entry_points
 from types import MappingProxyType
 from typing import Any
 
@@ -25,6 +21,7 @@ from rudc.agents.guarded import GuardedAgent
 from rudc.agents.own import OwnAgent, construct, parse_own, source_digest
 from rudc.agents.sumo import SumoDriver
 from rudc.errors import AgentError, InputError
+from rudc.imports import load_entry
 
 MakeAgent = Callable[[], Agent]
 
@@ -110,17 +107,10 @@ def _find(name: str) -> MakeAgent:
         return SHIPPED[name]
     if name in _registered:
         return _registered[name]
-    entry = _installed()[name]
-    try:
-        return entry.load()
-    except Exception as error:
-        package = entry.dist.name if entry.dist else "a package"
-        raise AgentError(
-            f"agent {name!r} of {package} cannot be imported ({entry.value}): {error}"
-        ) from error
+    return load_entry(_installed()[name], AgentError)
 
 
 @cache
-def _installed() -> dict[str, importlib.metadata.EntryPoint]:
+def _installed() -> dict[str, EntryPoint]:
     """Those that installed packages bring, by name."""
-    return {entry.name: entry for entry in importlib.metadata.entry_points(group=GROUP)}
+    return {entry.name: entry for entry in entry_points(group=GROUP)}

@@ -16,7 +16,7 @@ from pydantic import AfterValidator, Field
 
 from rudc.errors import InputError
 from rudc.hints import there_are
-from rudc.imports import found_at
+from rudc.imports import Registry, found_at
 from rudc.learning.config import (
     ConstrainedConfig,
     CostConfig,
@@ -59,7 +59,7 @@ class Algorithm:
         return found_at(self.learner)(config, problem, device)
 
 
-ALGORITHMS: dict[str, Algorithm] = {}
+ALGORITHMS = Registry[Algorithm]("rudc.algorithms")
 """name -> what it is"""
 
 
@@ -75,7 +75,7 @@ AlgorithmName = Annotated[str, AfterValidator(_known)]
 
 def register_algorithm(name: str, algorithm: Algorithm) -> None:
     """Let `rudc train NAME` and checkpoints know an algorithm. InputError if the name is taken by another."""
-    if ALGORITHMS.get(name, algorithm) != algorithm:
+    if ALGORITHMS.so_far.get(name, algorithm) != algorithm:
         raise InputError(f"there is an algorithm {name!r} already; choose another name")
     ALGORITHMS[name] = algorithm
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from rudc.errors import InputError
+from rudc.imports import Registry
 from rudc.safety.barrier import Barrier
 from rudc.safety.road_edges import RoadBarrier
 from rudc.safety.vehicles import VehicleBarrier
 
-BARRIERS: dict[str, type[Barrier]] = {"vehicle": VehicleBarrier, "road": RoadBarrier}
+BARRIERS = Registry[type[Barrier]]("rudc.barriers")
 """name -> class, in the order of their rows"""
+BARRIERS.update({"vehicle": VehicleBarrier, "road": RoadBarrier})
 
 
 def register_barrier(barrier: type[Barrier]) -> None:

@@ -116,7 +116,8 @@ class FilterConfig(Settings):
     @model_serializer(mode="wrap")
     def _leave_out_what_has_no_effect(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         written = {key: value for key, value in handler(self).items() if key not in self._extra}
-        written |= {name: name in self.barriers for name in BARRIERS}
+        at_work = {name: name in self.barriers for name in BARRIERS}
+        written |= {name: on for name, on in at_work.items() if on or BARRIERS[name].at_work}
         owners = {self.rule: self.rule_settings, **self.barriers}
         values = {owner: settings.model_dump() for owner, settings in owners.items()}
         written |= {key: values[owner][name] for key, owner, name in _keys() if owner in values}

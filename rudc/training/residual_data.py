@@ -144,16 +144,14 @@ def _drive(episode: Episode, plan, driver, rng, keepers: Mapping[str, _Keeper], 
     scene = episode.reset(plan)
     if hasattr(driver, "reset"):
         driver.reset(scene, plan.seed)
-    before_builder, after_builder = ConstraintBuilder(_ALL), ConstraintBuilder(_ALL)
+    every = FilterConfig.preset("ttcbf", constrained="all", d_safe=0.0, max_vehicles=None, road_d_safe=0.2)
+    before_builder, after_builder = ConstraintBuilder(every), ConstraintBuilder(every)
     while episode.outcome is None:
         decision = driver.act(scene)
         constraints = _buffered(before_builder.build(scene), rng)
         result = episode.step(decision.u)
         _keep(scene, result.scene, decision, constraints, after_builder, rng, keepers, number)
         scene = result.scene
-
-
-_ALL = FilterConfig.preset("ttcbf", constrained="all", d_safe=0.0, max_vehicles=None, road_d_safe=0.2)
 
 
 def _buffered(constraints: Constraints, rng: np.random.Generator) -> Constraints:

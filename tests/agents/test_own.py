@@ -12,6 +12,7 @@ from rudc.agents.filtered import FilteredAgent
 from rudc.agents.own import parse_own
 from rudc.agents.registry import agent_names, agent_settings, agent_summary, make_agent
 from rudc.errors import AgentError, AgentFailedError, InputError
+from tests.offering import offer
 
 SOURCE = '''
 """Agents for tests."""
@@ -204,19 +205,15 @@ def test_registered(monkeypatch, scene_on):
 
 
 def test_brought_by_a_package(folder, monkeypatch, scene_on):
-    """As pip leaves it: the package, and beside it what it says of itself."""
-    info = folder / "brought-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: brought\nVersion: 1.0\n", encoding="utf-8")
-    (info / "entry_points.txt").write_text(
-        "[rudc.agents]\nsteady = mine:Steady\ngone = mine:Gone\n", encoding="utf-8"
-    )
+    offer(folder, "[rudc.agents]\nsteady = mine:Steady\ngone = mine:Gone\n")
     sys.path.append(str(folder))
     drivers._installed.cache_clear()
     try:
         assert "steady+ttcbf" in agent_names()
         assert make_agent("steady").act(scene_on("south", "straight", 60.0, 7.0)).u[0] == 0.5
-        with pytest.raises(AgentError, match=r"agent 'gone' of brought cannot be imported \(mine:Gone\)"):
+        with pytest.raises(
+            AgentError, match=r"package brought: its entry point `gone = mine:Gone` of rudc.agents"
+        ):
             make_agent("gone")
     finally:
         drivers._installed.cache_clear()

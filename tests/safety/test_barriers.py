@@ -117,8 +117,9 @@ def test_barriers_stand_beside_each_other_and_beside_the_predictor():
 def test_their_settings_are_the_trees():
     config = FilterConfig.preset("halving", halving_share=0.25, speed=True, speed_limit=5.0)
     written = config.model_dump()
-    assert (written["speed_limit"], written["halving_share"], written["pedestrian"]) == (5.0, 0.25, False)
-    assert not any(key.startswith(("ttcbf_", "ecbf_", "pedestrian_")) for key in written)
+    assert (written["speed_limit"], written["halving_share"], written["speed"]) == (5.0, 0.25, True)
+    assert not any(key.startswith(("ttcbf_", "ecbf_", "pedestrian")) for key in written)
+    assert FilterConfig(road=False).model_dump()["road"] is False
     assert FilterConfig.model_validate(written) == config
     for changes, said in (
         ({"speed_limit": 5.0}, "speed_limit: has no effect with speed=false"),

@@ -5,6 +5,10 @@ import os
 import subprocess
 import sys
 
+import pytest
+
+from tests.offering import offer
+
 OWN = """
 from typing import Literal
 import numpy as np
@@ -55,19 +59,23 @@ SMALL = (
 )  # fmt: skip
 
 
-def rudc(folder, *arguments):
-    command = [sys.executable, "-m", "rudc", "--import", "own.py", *map(str, arguments)]
-    env = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    ended = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, env=env)
-    assert ended.returncode == 0, ended.stderr
+@pytest.mark.parametrize("brought", ["by a file", "by a package"])
+def test_an_algorithm_of_somebody_else_trains_and_drives(tmp_path, brought):
+    (tmp_path / "own.py").write_text(OWN, encoding="utf-8")
+    if brought == "by a package":
+        offer(tmp_path, "[rudc.algorithms]\nmine = own\n")
 
+    def rudc(*arguments):
+        first = ("--import", "own.py") if brought == "by a file" else ()
+        command = [sys.executable, "-m", "rudc", *first, *map(str, arguments)]
+        env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
+        ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, env=env)
+        assert ended.returncode == 0, ended.stderr
 
-def test_a_file_brings_an_algorithm_that_trains_and_drives(tmp_path):
-    (tmp_path / "own.py").write_text(OWN)
     changes = (*SMALL, "learner.bonus=1", "correction.most=-0.9")
-    rudc(tmp_path, "train", "calm-sac", *(part for c in changes for part in ("--set", c)), "--out", "calm")
+    rudc("train", "calm-sac", *(part for c in changes for part in ("--set", c)), "--out", "calm")
     agents = ("-a", "calm", "-a", "calm:correction.kind=none")
-    rudc(tmp_path, "sweep", "random_destination", *agents, "-n", 1, "-w", 1, "-o", "out")
+    rudc("sweep", "random_destination", *agents, "-n", 1, "-w", 1, "-o", "out")
     with (tmp_path / "out/episodes.csv").open(newline="") as file:
         calm, bare = csv.DictReader(file)
     assert int(calm["interventions"]) > int(bare["interventions"])

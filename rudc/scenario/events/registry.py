@@ -6,13 +6,13 @@ import importlib
 import pkgutil
 from collections.abc import Iterator, Mapping
 from functools import cache
-from importlib.metadata import entry_points
 from typing import Annotated, Any, NamedTuple, get_args
 
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationError
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from rudc.errors import InputError
+from rudc.imports import import_offered
 from rudc.scenario.base import again
 from rudc.scenario.events.event import Effect, Event
 
@@ -79,14 +79,7 @@ def _discover() -> None:
     for module in pkgutil.iter_modules(package.__path__):
         if module.name not in _NOT_KINDS:
             importlib.import_module(f"{package.__name__}.{module.name}")
-    for plugin in entry_points(group=PLUGINS):
-        try:
-            plugin.load()
-        except Exception as error:
-            raise InputError(
-                f"the events of the installed package {plugin.dist.name if plugin.dist else '?'} "
-                f"({plugin.value}) cannot be loaded: {type(error).__name__}: {error}"
-            ) from error
+    import_offered(PLUGINS)
 
 
 class _ByKind:

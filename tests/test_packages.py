@@ -1,0 +1,94 @@
+"""Events, algorithms and barriers that installed packages offer by entry points."""
+
+import csv
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.offering import offer
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+ALGORITHM = """
+from rudc import register_algorithm
+from rudc.learning.algorithms import ALGORITHMS
+
+register_algorithm("brought-sac", ALGORITHMS["sac"])
+"""
+OFFERS = "".join(f"[rudc.{kind}s]\nmine = own_{kind}\n" for kind in ("event", "algorithm", "barrier"))
+EVERY_MODULE = """
+import importlib, pkgutil, sys, rudc
+for module in pkgutil.walk_packages(rudc.__path__, "rudc."):
+    if not module.name.endswith(("__main__", "ray_engine")):
+        importlib.import_module(module.name)
+from rudc.learning.algorithms import ALGORITHMS
+from rudc.safety.barriers import BARRIERS
+assert "rudc.training.residual_data" in sys.modules
+assert not any(name.startswith("own_") for name in sys.modules)
+assert list(ALGORITHMS)[-1] == "brought-sac"
+assert list(BARRIERS) == ["vehicle", "road", "speed_limit"]
+"""
+
+
+@pytest.fixture
+def installed(tmp_path):
+    """A folder with three modules, offered by one package; answers how a command ended that knows it."""
+    site = tmp_path / "site"
+    site.mkdir()
+    offer(site, OFFERS)
+    for kind in ("event", "barrier"):
+        text = (EXAMPLES / f"own_{kind}.py").read_text(encoding="utf-8")
+        (site / f"own_{kind}.py").write_text(text, encoding="utf-8")
+    (site / "own_algorithm.py").write_text(ALGORITHM, encoding="utf-8")
+
+    def run(*command):
+        env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(site), *sys.path])}
+        whole = [sys.executable, *map(str, command)]
+        return subprocess.run(whole, cwd=tmp_path, capture_output=True, text=True, check=False, env=env)
+
+    run.site = site
+    return run
+
+
+def test_nothing_is_imported_before_somebody_asks_what_there_is(installed):
+    ended = installed("-c", EVERY_MODULE)
+    assert ended.returncode == 0, ended.stderr
+
+
+def test_events_algorithms_and_barriers_of_a_package_are_as_ours(installed, tmp_path):
+    listed = installed("-m", "rudc", "agent", "list", "--json")
+    assert "brought-sac" in [entry["name"] for entry in json.loads(listed.stdout)]
+    event = next(
+        line for line in (EXAMPLES / "own_event.py").read_text().splitlines() if "kind: Literal" in line
+    )
+    kinds = installed("-m", "rudc", "scenario", "keys").stdout
+    assert event.split('"')[1] in kinds
+    slow = "follower+ttcbf:correction.speed_limit=true,correction.speed_limit_most=3"
+    agents = ("-a", "follower+ttcbf", "-a", slow)
+    order = ("sweep", "random_destination", *agents, "-n", 1, "-w", 2, "-o", "out")
+    ended = installed("-m", "rudc", *order)
+    assert ended.returncode == 0, ended.stderr
+    with (tmp_path / "out/episodes.csv").open(newline="") as file:
+        speeds = {row["agent"]: float(row["mean_speed_mps"]) for row in csv.DictReader(file)}
+    assert speeds[slow] < speeds["follower+ttcbf"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "order"),
+    [
+        ("event", ("scenario", "keys")),
+        ("algorithm", ("train", "sac", "--out", "out")),
+        ("barrier", ("agent", "show", "follower+ttcbf")),
+    ],
+)
+def test_a_package_that_cannot_be_imported_is_named(installed, kind, order):
+    (installed.site / f"own_{kind}.py").write_text("import nothing_of_that_name\n", encoding="utf-8")
+    assert installed("-m", "rudc", "--help").returncode == 0
+    ended = installed("-m", "rudc", *order)
+    assert (ended.returncode, "Traceback" in ended.stderr) == (2, False)
+    said = " ".join(ended.stderr.split())
+    assert f"package brought: its entry point `mine = own_{kind}` of rudc.{kind}s cannot be" in said
+    assert "No module named 'nothing_of_that_name'" in said
