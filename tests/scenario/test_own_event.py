@@ -33,6 +33,7 @@ class OilSpillEffect(Felt[OilSpill]):
 
 @pytest.fixture(autouse=True)
 def _registered(monkeypatch):
+    assert EVENT_KINDS, "found once a process: before their table is copied"
     monkeypatch.setattr(registry, "_REGISTERED", dict(registry._REGISTERED))
     register_event(OilSpill, OilSpillEffect)
 
