@@ -39,6 +39,13 @@ class Decision(NamedTuple):
     """which of the two the driver calls its sigma"""
 
     @property
+    def bounded(self) -> Array:
+        """(2,) m/s2 and rad, by which bounds on speed and grip (rudc/agents/outlook.py) changed what was
+        corrected; 0 without a correction.
+        """
+        return np.zeros(2) if self.corrected is None else self.u - self.corrected.u
+
+    @property
     def sigma(self) -> float:
         """sigma_total, or that by route; nan for drivers that state no uncertainty."""
         stated = self.by_route if self.states == "route" else self.uncertainty

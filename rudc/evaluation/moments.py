@@ -21,6 +21,8 @@ class Step(NamedTuple):
     """whether no action kept all constraints, as far as the correction could tell"""
     outcome: str
     """how the episode ended with it; empty while it goes on"""
+    bounded: tuple[float, float] = (0.0, 0.0)
+    """m/s2 and rad of the change that are no correction's: see `Decision.bounded`"""
 
 
 def moments(
@@ -75,21 +77,25 @@ def _frame_at(steps: Sequence[Step], time_s: float | None) -> int | None:
     return next((k for k, s in enumerate(steps) if s.series["time_s"] >= time_s - 1e-6), len(steps) - 1)
 
 
-def _change(step: Step, name: str) -> float:
-    return step.series[f"safe_{name}"] - step.series[f"nominal_{name}"]
+def _change(step: Step) -> tuple[float, float]:
+    """m/s2 and rad, by which an action was corrected."""
+    names = "acceleration_mps2", "steering_rad"
+    a, delta = (step.series[f"safe_{name}"] - step.series[f"nominal_{name}"] for name in names)
+    return a - step.bounded[0], delta - step.bounded[1]
 
 
 def _in_words(step: Step) -> str:
-    """By how much the action was changed; what would read as 0.0 is left out."""
-    a, delta = _change(step, "acceleration_mps2"), math.degrees(_change(step, "steering_rad"))
+    """By how much the action was corrected; what would read as 0.0 is left out."""
+    a, delta = _change(step)
+    delta = math.degrees(delta)
     parts = [f"{v:+.1f} {unit}" for v, unit in ((a, "m/s2"), (delta, "deg")) if abs(v) >= 0.05]
     return ", ".join(parts) or "less than 0.05 m/s2 and 0.05 deg"
 
 
 def _correction(step: Step, body: EgoVehicle) -> float:
     """Size of a correction, both parts scaled to [-1, 1]."""
-    a = _change(step, "acceleration_mps2") / (0.5 * (body.a_max - body.a_min))
-    return math.hypot(a, _change(step, "steering_rad") / body.delta_max)
+    a, delta = _change(step)
+    return math.hypot(a / (0.5 * (body.a_max - body.a_min)), delta / body.delta_max)
 
 
 def _extreme(

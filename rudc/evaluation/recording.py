@@ -80,6 +80,7 @@ class Recording:
             "" if done is None else done.status,
             done is not None and done.infeasible,
             result.outcome or "",
+            (float(decision.bounded[0]), float(decision.bounded[1])),
         )
         self._steps.append(step)
         self._ego.append((truth.ego.x - center[0], truth.ego.y - center[1], truth.ego.psi))
@@ -310,6 +311,8 @@ def _told(decision: Decision, course: int | None) -> dict[str, Any]:
         told |= {key: value for key, value in (("edges", edges), ("others", others)) if value}
         if done.infeasible:
             told["infeasible"] = True
+        if decision.bounded.any():
+            told["bounded"] = [round(float(value), 4) for value in decision.bounded]
     return told
 
 

@@ -118,11 +118,23 @@ def test_moments_lie_where_their_numbers_are(storm):
     infeasible = [k for k, (_, decision, _) in enumerate(seen) if decision.corrected.infeasible]
     assert found["infeasible"]["frame"] == infeasible[0]
     assert f"of {len(infeasible)}" in found["infeasible"]["text"]
-    changes = [np.abs(decision.u - decision.u_rl).max() for _, decision, _ in seen]
+    changes = [np.abs(decision.corrected.correction).max() for _, decision, _ in seen]
     assert changes[found["correction"]["frame"]] > 0.1
     assert found["end"]["frame"] == len(seen) - 1
     frames = [moment["frame"] for moment in data["moments"]]
     assert frames == sorted(frames)
+
+
+def test_what_asking_for_grip_changes_is_no_correction(storm):
+    data, seen, _ = storm
+    asking = [k for k, (_, d, _) in enumerate(seen) if d.u[0] - d.corrected.u[0] < -3.0]
+    assert asking[0] == 0  # as an episode begins
+    for (_, decision, _), told in zip(seen, data["decisions"], strict=True):
+        bounded = decision.u - decision.corrected.u
+        assert told.get("bounded", [0.0, 0.0]) == pytest.approx(bounded, abs=1e-4)
+    largest = next(moment for moment in data["moments"] if moment["kind"] == "correction")
+    a = seen[largest["frame"]][1].corrected.correction[0]
+    assert largest["text"].startswith(f"largest correction: {a:+.1f} m/s2")
 
 
 def test_a_driver_without_filter_and_sigma_has_none_of_their_numbers():

@@ -140,15 +140,22 @@ function tell({ run, now, acts }, frame) {
 
 function correction(run, k) {
   const status = run.status[k], s = run.series, told = run.decisions[k];
-  const a = s.safe_acceleration_mps2[k] - s.nominal_acceleration_mps2[k];
-  const turn = (s.safe_steering_rad[k] - s.nominal_steering_rad[k]) * DEGREES;
-  const sizes = [[a, 'm/s²'], [turn, 'deg']].filter(([v]) => Math.abs(v) >= 0.05);
-  const done = sizes.map(([v, unit]) => `${v > 0 ? '+' : ''}${v.toFixed(1)} ${unit}`).join(', ');
+  const bounded = told.bounded || [0, 0];
+  const a = s.safe_acceleration_mps2[k] - s.nominal_acceleration_mps2[k] - bounded[0];
+  const turn = s.safe_steering_rad[k] - s.nominal_steering_rad[k] - bounded[1];
+  const done = change(a, turn), bounds = change(...bounded);
   if (!status) return done ? `changed by ${done}` : 'no correction';
   const kinds = present(run, k).filter((t) => t.state[k - t.from] & ACTIVE).map((t) => t.kind + (t.event ? ` (${t.event})` : ''));
   const because = [...counted(kinds), ...(told.edges || []).map((side) => `${side} road edge`), ...(told.others || [])];
   const said = told.infeasible && status === 'solved' ? 'infeasible' : remark(status);
-  return `correction: ${[done + (because.length ? ` because of ${because.join(', ')}` : ''), said].filter((t) => t.trim()).join('; ')}`;
+  const rest = bounds ? `  ·  for course and grip: ${bounds}` : '';
+  return `correction: ${[done + (because.length ? ` because of ${because.join(', ')}` : ''), said].filter((t) => t.trim()).join('; ')}${rest}`;
+}
+
+// m/s² and rad -> '-1.2 m/s², +0.5 deg'; empty where both would read as 0.0
+function change(a, turn) {
+  const sizes = [[a, 'm/s²'], [turn * DEGREES, 'deg']].filter(([v]) => Math.abs(v) >= 0.05);
+  return sizes.map(([v, unit]) => `${v > 0 ? '+' : ''}${v.toFixed(1)} ${unit}`).join(', ');
 }
 
 // How many yield at frame k, and how many of them to the ego; nothing if nobody does.
