@@ -53,8 +53,9 @@ def steering(scene: Scene) -> float:
 
 
 def close_to_path(scene: Scene, within: float) -> Scene:
-    """The scene with an ego that `steering` takes no farther than `within` m from the path: itself, or one
-    with a share of its offset and of its angle to the path.
+    """The scene with an ego that, following the path by `steering`, gets no farther than `within` m from it.
+
+    That is the ego itself where it does; else its offset and its angle to the path are scaled down alike.
 
     Followed without delay, e(s) = (e + b s) exp(-s / L) with b = theta + e / L, largest at s = L - e / b.
     """

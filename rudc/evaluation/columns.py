@@ -101,7 +101,9 @@ class Metric:
 
 
 def is_intervention(decision: Decision) -> bool:
-    """Whether a correction changed the action by more than `INTERVENTION_MPS2` or `INTERVENTION_RAD`."""
+    """Whether what was proposed was changed by more than `INTERVENTION_MPS2` or `INTERVENTION_RAD`: by a
+    correction, or for course and grip.
+    """
     acceleration, steering = np.abs(decision.u - decision.u_rl)
     return bool(acceleration > INTERVENTION_MPS2 or steering > INTERVENTION_RAD)
 
@@ -170,8 +172,8 @@ _TABLE = (
     ),
     Column(
         "interventions",
-        f"decisions whose acceleration a correction changed by more than {INTERVENTION_MPS2:g} m/s2, "
-        f"or whose steering by more than {INTERVENTION_RAD:g} rad",
+        f"decisions whose acceleration was changed by more than {INTERVENTION_MPS2:g} m/s2, or steering by "
+        f"more than {INTERVENTION_RAD:g} rad: by a correction, or for course and grip (outlook)",
         lambda e: sum(map(is_intervention, e.decisions)),
         average="share",
     ),
@@ -184,7 +186,8 @@ _TABLE = (
     ),
     Column(
         "mean_correction",
-        "mean over the decisions of |u - u_rl|, both scaled to [-1, 1]; 0 without a filter",
+        "mean over the decisions of |u - u_rl|, both scaled to [-1, 1], changes for course and grip "
+        "among it; 0 without a filter",
         _mean_correction,
         average="decisions",
     ),

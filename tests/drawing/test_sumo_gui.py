@@ -73,7 +73,9 @@ def display(monkeypatch):
         return
     xvfb = shutil.which("Xvfb")
     if xvfb is None:
-        pytest.skip("neither a display for sumo-gui to open its window on, nor Xvfb")
+        # sumo-gui refuses to start without a display, and Xvfb is a program of the system, which neither
+        # pip nor `make test` can install. What the window is shown is tested above without one.
+        pytest.skip("no display, and no Xvfb, which pip cannot install")
     command = [xvfb, "-displayfd", "1", "-screen", "0", "1280x960x24"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as server:
         monkeypatch.setenv("DISPLAY", f":{server.stdout.readline().strip()}")

@@ -148,7 +148,7 @@ function correction(run, k) {
   const kinds = present(run, k).filter((t) => t.state[k - t.from] & ACTIVE).map((t) => t.kind + (t.event ? ` (${t.event})` : ''));
   const because = [...counted(kinds), ...(told.edges || []).map((side) => `${side} road edge`), ...(told.others || [])];
   const said = told.infeasible && status === 'solved' ? 'infeasible' : remark(status);
-  const rest = bounds ? `  ·  for course and grip: ${bounds}` : '';
+  const rest = bounds ? `  ·  changed for course and grip: ${bounds}` : '';
   return `correction: ${[done + (because.length ? ` because of ${because.join(', ')}` : ''), said].filter((t) => t.trim()).join('; ')}${rest}`;
 }
 
