@@ -87,15 +87,15 @@ class Adaptation:
         limited = replace(body, a_min=max(body.a_min, -grip), a_max=min(body.a_max, grip))
         return replace(self._ahead(scene), vehicle=limited)
 
-    def govern(self, scene: Scene, u: Array) -> Array:
-        """(2,) the command, bounded; `scene` as shown by `see`."""
+    def govern(self, scene: Scene, u: Array, *, onwards: bool = False) -> Array:
+        """(2,) the command, bounded; `scene` as shown by `see`. `onwards`: in bends only."""
         a, delta, grip = float(u[0]), float(u[1]), min(self.estimate.grip, DRY * GRAVITY)
         allowed = self._allowed(scene, grip)
-        if grip < POOR:
+        if grip < POOR and not onwards:
             careful = max(CAREFUL, math.sqrt(2 * BRAKING * grip * STOPPING))
             allowed = min(allowed, careful, speed_by_sight(scene, BRAKING * grip))
         a = min(a, (allowed - scene.ego.v) / RESPONSE_S)
-        if self._asks(scene, grip) or a <= FULL * max(scene.vehicle.a_min, -USABLE * grip):
+        if (not onwards and self._asks(scene, grip)) or a <= FULL * max(scene.vehicle.a_min, -USABLE * grip):
             a = scene.network.vehicle.a_min
         left = math.sqrt(grip**2 - min(max(-a, 0.0), BRAKING * grip) ** 2)
         widest = widest_steering(scene.vehicle, scene.ego.v, left)

@@ -109,24 +109,25 @@ class Courses:
         self._stop = min(hit - SHORT, wait)
         return shown
 
-    def govern(self, scene: Scene, u: Array) -> Array:
+    def govern(self, scene: Scene, u: Array, *, onwards: bool = False) -> Array:
         """(2,) the command, no faster than course and bodies allow; close beside bodies the course is
         followed.
 
-        `scene` as shown by `see`.
+        `scene` as shown by `see`; `onwards`: it stops for nobody.
         """
         u = self._standoff.end(scene, u)
         blocks = self._blocks
         if blocks is None:
             return u
-        u = _kept_short(scene, blocks, u)
+        if not onwards:
+            u = _kept_short(scene, blocks, u)
         if not (blocks.any or self.course):
             return u
-        stop, delta = self._stop, float(u[1])
+        stop, delta = math.inf if onwards else self._stop, float(u[1])
         speed = math.inf
         if self.course is not None:
             profile = _profile(scene, blocks)
-            stop = min(stop, _entry(scene, self._route, profile))
+            stop = stop if onwards else min(stop, _entry(scene, self._route, profile))
             speed = _speed_now(scene, profile)
             if _narrow(scene, blocks):
                 track = steering(scene)

@@ -1,8 +1,8 @@
 """What a driver is shown of the world, and the bounds on what it asks for: the ways round, and the car that
 is there.
 
-    see      what the sensors show -> as the plant makes of it (adaptation.py) -> along the course
-             (courses.py)
+    see      what the sensors show -> without their noise (smoothing.py) -> as the plant makes of it
+             (adaptation.py) -> along the course (courses.py)
     govern   what the driver asks for -> as fast as course and grip allow
 
 So that whoever drives, by rules or by a policy, and whatever corrects it, goes round what blocks and copes
@@ -17,6 +17,7 @@ from collections.abc import Mapping
 from rudc.agents.adaptation import Adaptation, Knowledge
 from rudc.agents.base import Agent, Decision, EgoDriver
 from rudc.agents.courses import Courses
+from rudc.agents.smoothing import Smoothing
 from rudc.arrays import Array
 from rudc.settings import Settings
 from rudc.world.scene import Scene
@@ -57,6 +58,7 @@ class Outlook:
 
     def reset(self, scene: Scene) -> None:
         """Begin a new episode."""
+        self.smoothing = Smoothing()
         if self.adaptation is not None:
             self.adaptation.reset(scene)
         if self.courses is not None:
@@ -64,15 +66,19 @@ class Outlook:
 
     def see(self, scene: Scene) -> Scene:
         """The scene to decide in; called once a decision."""
+        scene = self.smoothing.see(scene)
         if self.adaptation is not None:
             scene = self.adaptation.see(scene)
         return scene if self.courses is None else self.courses.see(scene)
 
-    def govern(self, scene: Scene, u: Array) -> Array:
-        """(2,) what of the command u (2,), m/s2 and rad, may be asked for; `scene` as `see` showed it."""
+    def govern(self, scene: Scene, u: Array, *, onwards: bool = False) -> Array:
+        """(2,) what of the command u (2,), m/s2 and rad, may be asked for; `scene` as `see` showed it.
+
+        `onwards`: only the road bounds it, since stopping would be worse (`Corrected.onwards`).
+        """
         if self.courses is not None:
-            u = self.courses.govern(scene, u)
-        return u if self.adaptation is None else self.adaptation.govern(scene, u)
+            u = self.courses.govern(scene, u, onwards=onwards)
+        return u if self.adaptation is None else self.adaptation.govern(scene, u, onwards=onwards)
 
 
 class OutlookAgent:
@@ -96,6 +102,7 @@ class OutlookAgent:
         clock.append(time.perf_counter())
         decision = self.inner.act(shown)
         clock.append(time.perf_counter())
-        u = self.outlook.govern(shown, decision.u)
+        onwards = decision.corrected is not None and decision.corrected.onwards
+        u = self.outlook.govern(shown, decision.u, onwards=onwards)
         spent = clock[1] - clock[0] + time.perf_counter() - clock[2]
         return decision._replace(u=u, timing_ms={**decision.timing_ms, "outlook": 1000.0 * spent})

@@ -40,6 +40,7 @@ REMARKS = {
     "relaxed": "no action keeps all constraints",
     "braking": "full braking, nothing else was found",
     "last_resort": "full braking, or there would be no way out",
+    "onwards": "on at once, since who stops here is hit",
     "unrolled": "until the expected cost is within its limit",
     "recovery": "the recovery policy drives",
     "projected": "the nearest action whose expected cost is within its limit",

@@ -34,3 +34,10 @@ class Corrected(NamedTuple):
     """whether no action within bounds satisfied all rows, as far as the solver could tell"""
     slack: float = 0.0
     """delta by which rows were relaxed, or tightened where negative: m2 per step, or 1 as a rate"""
+
+    @property
+    def onwards(self) -> bool:
+        """Whether it goes on because stopping would be worse (rudc/safety/last_resort.py): what would hold
+        the EV back for other reasons must not.
+        """
+        return self.status == "onwards"

@@ -47,7 +47,7 @@ from rudc.safety.config import FilterConfig
 from rudc.safety.constraints import ConstraintBuilder, Constraints
 from rudc.safety.corrected import Corrected
 from rudc.safety.kernels import all_finite
-from rudc.safety.last_resort import LastResort
+from rudc.safety.last_resort import Instead, LastResort
 from rudc.safety.prediction import Predictor
 from rudc.safety.qp import TOLERANCE, Problem, Solution, make_solver
 from rudc.safety.rows import RowWeights, affine_rows, per_row
@@ -57,7 +57,7 @@ from rudc.world.scene import Scene
 
 __all__ = ["Corrected", "FilterConfig", "SafetyFilter", "Status"]
 
-Status = Literal["nominal", "solved", "relaxed", "braking", "last_resort"]
+Status = Literal["nominal", "solved", "relaxed", "braking", "last_resort", "onwards"]
 
 MOST_PASSES = 4
 """how often rows are linearised at most; two do nearly always"""
@@ -167,14 +167,15 @@ class SafetyFilter:
         if self._last_resort is not None:
             instead = self._last_resort.instead_of(scene, filtered.u)
             if instead is not None:
-                filtered = self._stopped(scene, proposed, filtered, *instead)
+                filtered = self._replaced(scene, proposed, filtered, instead)
         self.counts[filtered.status] += 1
         return filtered
 
-    def _stopped(self, scene: Scene, proposed: Array, filtered: Corrected, u: Array, hit: Index) -> Corrected:
-        """Full braking `u`, for the sake of the others `hit`."""
-        names = tuple(["veh:" + scene.ids[i] for i in hit.tolist()])
-        return filtered._replace(u=u, correction=u - proposed, status="last_resort", active=names)
+    def _replaced(self, scene: Scene, proposed: Array, filtered: Corrected, instead: Instead) -> Corrected:
+        """What the last resort does instead."""
+        names = tuple(["veh:" + scene.ids[i] for i in instead.hit.tolist()])
+        u, status = instead.u, "onwards" if instead.onwards else "last_resort"
+        return filtered._replace(u=u, correction=u - proposed, status=status, active=names)
 
     def _corrected(self, scene: Scene, proposed: Array, slack: _Slack, residual: Array | None) -> Corrected:
         """What the rows make of the action."""

@@ -230,12 +230,13 @@ def in_reach(
     position: Table, heading: Vector, velocity: Table, path: Rows, path_s: Vector,
     acceleration: Vector, size: Table,
     place: PlaceTable, facing: PlaceTable, spacing: float, ego: complex, reach: float,
-    times: Vector, braking: float,
+    times: Vector, changing: float, speeds_up: float,
 ) -> tuple[NewRows, NewPlaceTable, NewPlaceTable]:  # fmt: skip
     """Others (m,) whom the ego might meet within `reach` m of it, and their places (m, T) m and directions
     (m, T).
 
-    Then once more those who decelerate by more than `braking` (negative, m/s2), braking on.
+    Then once more those whose speed changes by more than `changing` m/s2: braking on, or speeding up for
+    another `speeds_up` s.
     """
     n, horizon = len(heading), times[-1]
     who = np.empty(2 * n, np.int64)
@@ -243,12 +244,14 @@ def in_reach(
     for i in range(n):
         speed = math.hypot(velocity[i, 0], velocity[i, 1])
         away = math.hypot(position[i, 0] - ego.real, position[i, 1] - ego.imag)
+        if acceleration[i] > changing:
+            speed += acceleration[i] * speeds_up
         if away < speed * horizon + reach + 0.5 * (size[i, 0] + size[i, 1]):
             who[m] = i
             m += 1
     near = m
     for k in range(near):
-        if acceleration[who[k]] < braking:
+        if abs(acceleration[who[k]]) > changing:
             who[m] = who[k]
             m += 1
     there, turned = np.empty((m, len(times)), np.complex128), np.empty((m, len(times)), np.complex128)
@@ -259,8 +262,10 @@ def in_reach(
         for t in range(len(times)):
             way[t] = speed * times[t]
             if k >= near:
-                held = min(times[t], speed / -acceleration[i])
-                way[t] = speed * held + 0.5 * acceleration[i] * held * held
+                a = acceleration[i]
+                held = min(times[t], speed / -a if a < 0.0 else speeds_up)
+                rest = times[t] - held if a > 0.0 else 0.0
+                way[t] = speed * held + 0.5 * a * held * held + (speed + a * held) * rest
         there[k], turned[k] = other_ahead(
             position, heading, velocity, path, path_s, place, facing, spacing, i, way
         )

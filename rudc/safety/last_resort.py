@@ -16,10 +16,14 @@ with last_resort_margin, towards who stands at most STILL_MARGIN
 
 separation being the largest along the four side directions of the ego's rectangle and the other's, which
 their distance is not below. Others are predicted along their paths (see `prediction`), at their present speed
-and, where they brake, also with their present deceleration. So a manoeuvre whose room is not negative comes
-neither closer than the margin to anybody nor, where it is that close already, any closer.
+and, where that changes, also braking on as they do, or speeding up for another SPEEDS_UP_S. So a manoeuvre
+whose room is not negative comes neither closer than the margin to anybody nor, where it is that close
+already, any closer.
 
     u is taken         if a manoeuvre's room is not negative (towards who stands still, that of stopping)
+    going on           if both are, somebody would hit the ego that brakes fully (room below -margin in all
+                       that is predicted of it), and going on at once, with all that the car has, leaves room
+                       towards everybody
     full braking       if both are, and stopping at once leaves more, or at least more towards those who stand
                        still, whatever comes from elsewhere; steering as in the stop that leaves more
     u is taken         otherwise
@@ -40,6 +44,7 @@ import numpy as np
 
 from rudc.arrays import Array, Complex, Flags, Index
 from rudc.env.tracking import steering
+from rudc.network.paths import SPACING
 from rudc.safety.config import FilterConfig
 from rudc.safety.kernels import in_reach, on_arc, room_left
 from rudc.safety.prediction import GO_ACCELERATION, GO_SPEED, Predictor, bodies
@@ -53,8 +58,12 @@ STILL_MARGIN = 0.15
 """m, margin at most towards who stands still: nobody can pass in 0.3 m less than there is"""
 AS_GOOD = 0.01
 """m/s2, from full braking, which is as good"""
-BRAKING = -0.5
-"""m/s2, who decelerates by more is taken to go on doing so, too"""
+BENDS = 0.8
+"""share of what brakes may use that bends may where the road is poor (rudc/agents/adaptation.py)"""
+SPEEDS_UP_S = 1.0
+"""s"""
+CHANGING = 0.5
+"""m/s2, who brakes or speeds up by more is taken to go on doing so, too"""
 
 
 class _Others(NamedTuple):
@@ -72,6 +81,17 @@ class _Others(NamedTuple):
     """(m,) whether they stand still"""
 
 
+class Instead(NamedTuple):
+    """What is done instead of an action."""
+
+    u: Array
+    """(2,) m/s2 and rad"""
+    onwards: bool
+    """whether it goes on; else it is full braking"""
+    hit: Index
+    """indices of the scene's others for whose sake"""
+
+
 class LastResort:
     """Judges actions."""
 
@@ -80,30 +100,56 @@ class LastResort:
         self._times: Array = np.linspace(0.0, HORIZON, round(HORIZON / config.dt) + 1)
         self._predictor = predictor
 
-    def instead_of(self, scene: Scene, u: Array) -> tuple[Array, Index] | None:
-        """Full braking instead of `u` (2,), m/s2 and rad, where `u` would end in hitting somebody and that is
-        better; and for whose sake: indices of the scene's others. None if `u` may be taken.
+    def instead_of(self, scene: Scene, u: Array) -> Instead | None:
+        """What to do instead of `u` (2,), m/s2 and rad, where `u` would end in hitting somebody and that is
+        better. None if `u` may be taken.
         """
         first, v = self._first(scene.ego.v, float(u[0]))
         stop = self._stop(scene, u)
         others = self._others(scene, first + v * v / (-2.0 * scene.vehicle.a_min))
         if self._room(scene, others, *stop).min(initial=np.inf) >= -CREEPING:
             return None
-        way = self._go(first, v)
+        way = self._go(scene, first, v)
         others = self._others(scene, float(way[-1]))
         stops = self._stops(scene, others, u)
         going = self._room(scene, others, *self._predictor.ego(scene, way))
         room = np.concatenate([stops, np.where(others.still, stops, going)])
         kept = ~np.isin(others.who, self._behind(scene, others.who[(room < -CREEPING).any(axis=0)]))
         best = room[:, kept].min(axis=1, initial=np.inf).max()
-        if best >= -CREEPING or u[0] < scene.vehicle.a_min + AS_GOOD:
+        if best >= -CREEPING:
             return None
         braking, at_once = self._brake(scene, others, kept, float(u[1]))
+        struck = self._struck(others, kept, at_once)
+        onwards = np.array([scene.vehicle.a_max, steering(scene)])
+        if len(struck) and self._may_take(scene, onwards):
+            return Instead(onwards, True, struck)
+        if u[0] < scene.vehicle.a_min + AS_GOOD:
+            return None
         still = others.still & kept
         unmoved = stops[:, still].min(axis=1, initial=np.inf).max()
         if at_once[kept].min() <= best and (unmoved >= -CREEPING or at_once[still].min() <= unmoved):
             return None
-        return braking, np.unique(others.who[kept & (np.minimum(stops.max(axis=0), going) < -CREEPING)])
+        hit = np.unique(others.who[kept & (np.minimum(stops.max(axis=0), going) < -CREEPING)])
+        return Instead(braking, False, hit)
+
+    def _struck(self, others: _Others, kept: Flags, room: Array) -> Index:
+        """Who moves and hits an ego that brakes with such a room (m,) m, whatever is predicted of it."""
+        hits = kept & ~others.still & (room < -self._margin)
+        return np.setdiff1d(others.who[hits], others.who[~hits])
+
+    def _may_take(self, scene: Scene, onwards: Array) -> bool:
+        """Whether going on at once like that (2,), m/s2 and rad, leaves room towards everybody but who drives
+        behind, and the ego can still stop before those who stand still.
+        """
+        first, v = self._first(scene.ego.v, float(onwards[0]))
+        way = self._go(scene, first, v, float(onwards[0]))
+        others = self._others(scene, float(way[-1]))
+        room = self._room(scene, others, *self._predictor.ego(scene, way))
+        if others.still.any():
+            stops = self._stops(scene, others, onwards).max(axis=0)
+            room = np.where(others.still, np.minimum(room, stops), room)
+        near = others.who[room < -CREEPING]
+        return bool(np.isin(near, self._behind(scene, near)).all())
 
     def _stops(self, scene: Scene, others: _Others, u: Array) -> Array:
         """(1 or 2, m) m, room of stopping after `u` with the steering held, and, where somebody stands, of
@@ -137,7 +183,7 @@ class LastResort:
         reach = way + 0.5 * (body.length + body.width) + self._margin
         who, place, facing = in_reach(
             *bodies(scene), scene.acceleration, scene.size, *self._predictor.paths(scene),
-            complex(ego.x, ego.y), reach, self._times, BRAKING,
+            complex(ego.x, ego.y), reach, self._times, CHANGING, SPEEDS_UP_S,
         )  # fmt: skip
         velocity = scene.velocity[who]
         still: Flags = np.hypot(velocity[:, 0], velocity[:, 1]) < STILL
@@ -189,12 +235,28 @@ class LastResort:
             place[t], facing[t] = here, cmath.exp(1j * heading)
         return place, facing
 
-    def _go(self, first: float, v: float) -> Array:
-        """(T,) m along the route: `first` m in a step, then from `v` m/s on at GO_ACCELERATION."""
+    def _go(self, scene: Scene, first: float, v: float, a: float = GO_ACCELERATION) -> Array:
+        """(T,) m along the route: `first` m in a step, then from `v` m/s on at `a` m/s2, on a poor road no
+        faster than its bends allow.
+        """
+        if scene.vehicle.a_min > scene.network.vehicle.a_min:
+            return self._go_slowly(scene, first, v, a)
         rest = np.maximum(self._times - self._dt, 0.0)
-        rising = np.minimum(rest, max(GO_SPEED - v, 0.0) / GO_ACCELERATION)
-        way = first + v * rest + GO_ACCELERATION * rising * (rest - 0.5 * rising)
+        rising = np.minimum(rest, max(GO_SPEED - v, 0.0) / a)
+        way = first + v * rest + a * rising * (rest - 0.5 * rising)
         return np.where(self._times > 0.0, way, 0.0)
+
+    def _go_slowly(self, scene: Scene, first: float, v: float, a: float) -> Array:
+        """The same where the road gives less than the brakes could use."""
+        path, a_min = scene.route.path, scene.vehicle.a_min
+        bends, way = np.abs(path.curvature), [0.0, first]
+        for _ in self._times[2:]:
+            station = min(int((scene.ego_s + way[-1]) / SPACING), len(bends) - 1)
+            most = min(max(GO_SPEED, v), math.sqrt(BENDS * -a_min / max(float(bends[station]), 1e-4)))
+            after = max(min(v + a * self._dt, most), v + a_min * self._dt, 0.0)
+            way.append(way[-1] + 0.5 * (v + after) * self._dt)
+            v = after
+        return np.array(way)
 
     def _first(self, v: float, a: float) -> tuple[float, float]:
         """m travelled in the first step, and m/s after it."""

@@ -1,0 +1,241 @@
+"""What noisy sensors show of the others, smoothed.
+
+How noisy they are is told from what motion does not explain: between two decisions, dt s apart,
+
+    place    |p' - p - dt (v + v') / 2|      each coordinate
+    speed    |v' - v - dt a'|
+    heading  |psi' - psi - (course' - course)|
+
+The median of such differences among the LISTENED nearest, of the last KEPT, over sqrt(2) NORMAL, is the
+standard deviation of Gaussian errors that would bring it about; who jumps or swerves does not change it.
+Sensors without noise stay below LEAST, and what they show is not touched.
+
+Beyond, each other has a Kalman filter of its place and speed along its course, one of its place across, and
+one of its heading. Between two decisions its place moves with its speed, its speed with the acceleration
+that is seen, its heading with its course; UNKNOWN, ASIDE and TURNING are what that may be off by. Who is seen
+farther than JUMP standard deviations from where it was expected begins anew.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections import deque
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rudc.world.scene import Scene
+
+LISTENED, KEPT, FEWEST = 6, 48, 12
+"""others whose differences are looked at, the differences that are kept, and those without which nothing is
+said"""
+NORMAL = 0.6745
+"""median of |x| for a standard normal x"""
+LEAST = 0.06
+"""m, m/s and rad, standard deviation below which sensors count as without noise"""
+UNKNOWN, ASIDE, TURNING = 1.0, 0.5, 0.1
+"""m/s2, m/s and rad/s, standard deviations of what moves the others apart from what is seen"""
+JUMP = 5.0
+LOST_S = 1.0
+"""s, after which one who was not seen is forgotten"""
+EXACT = 1e-4
+"""m, m/s and rad, the least standard deviation that a filter reckons with"""
+
+
+@dataclass(slots=True)
+class _Other:
+    """What was last seen of another; where sensors are noisy, what is known of it."""
+
+    time_s: float
+    place: complex
+    """m"""
+    speed: float
+    """m/s, negative backwards"""
+    course: complex
+    """direction"""
+    heading: float
+    """rad"""
+
+
+@dataclass(slots=True)
+class _Spread:
+    """Variances of what is known of another."""
+
+    along: float
+    """m2"""
+    both: float
+    """m2/s, covariance of place and speed"""
+    speed: float
+    """m2/s2"""
+    across: float
+    """m2"""
+    heading: float
+    """rad2"""
+
+
+class _Level:
+    """Standard deviation of one kind of error."""
+
+    def __init__(self) -> None:
+        self._kept = deque[float](maxlen=KEPT)
+        self.std = 0.0
+
+    def hear(self, differences: list[float]) -> None:
+        """Take in more of them."""
+        if not differences:
+            return
+        self._kept.extend(differences)
+        if len(self._kept) >= FEWEST:
+            std = sorted(self._kept)[len(self._kept) // 2] / (NORMAL * math.sqrt(2.0))
+            self.std = std if std > LEAST else 0.0
+
+
+class Smoothing:
+    """Of one episode."""
+
+    def __init__(self) -> None:
+        self._seen: dict[str, _Other] = {}
+        self._known: dict[str, tuple[_Other, _Spread]] = {}
+        self._time_s = -math.inf
+        self._place, self._speed, self._heading = _Level(), _Level(), _Level()
+
+    @property
+    def noise(self) -> tuple[float, float, float]:
+        """m, m/s, rad: standard deviations of the errors of places, speeds and headings, 0 for none."""
+        return self._place.std, self._speed.std, self._heading.std
+
+    def see(self, scene: Scene) -> Scene:
+        """The scene with the others as they are known, the same where sensors have no noise; called once a
+        decision.
+        """
+        dt, self._time_s = scene.time_s - self._time_s, scene.time_s
+        if dt <= 0.0:
+            return scene
+        self._listen(scene, dt)
+        if not any(self.noise):
+            self._known.clear()
+            return scene
+        return self._smoothed(scene)
+
+    def _listen(self, scene: Scene, dt: float) -> None:
+        """Take note of what motion does not explain since the last decision."""
+        now = {scene.ids[i]: _sighting(scene, i) for i in range(min(scene.count, LISTENED))}
+        places, speeds, headings = list[float](), list[float](), list[float]()
+        for i, (name, one) in enumerate(now.items()):
+            last = self._seen.get(name)
+            if last is None:
+                continue
+            moved = one.place - last.place - 0.5 * dt * (last.speed * last.course + one.speed * one.course)
+            places += abs(moved.real), abs(moved.imag)
+            speeds.append(abs(one.speed - last.speed - dt * float(scene.acceleration[i])))
+            headings.append(abs(_turn(one.heading - last.heading - _bend(last.course, one.course))))
+        self._seen = now
+        for level, heard in ((self._place, places), (self._speed, speeds), (self._heading, headings)):
+            level.hear(heard)
+
+    def _smoothed(self, scene: Scene) -> Scene:
+        place, speed, heading = (max(std, EXACT) ** 2 for std in self.noise)
+        self._known = {n: k for n, k in self._known.items() if scene.time_s - k[0].time_s <= LOST_S}
+        shown = [self._follow(scene, i, place, speed, heading) for i in range(scene.count)]
+        position = np.array([(one.place.real, one.place.imag) for one in shown]).reshape(-1, 2)
+        velocity = np.array([(v.real, v.imag) for v in (one.speed * one.course for one in shown)])
+        headings = np.array([one.heading for one in shown])
+        shift = position - scene.position
+        along = shift[:, 0] * np.cos(headings) + shift[:, 1] * np.sin(headings)
+        return replace(
+            scene,
+            position=position,
+            velocity=velocity.reshape(-1, 2),
+            heading=headings,
+            path_s=scene.path_s + along,
+        )
+
+    def _follow(self, scene: Scene, i: int, place: float, speed: float, heading: float) -> _Other:
+        """What is known of the other in row i, given the variances of what is seen of it."""
+        name, seen = scene.ids[i], _sighting(scene, i)
+        known = self._known.get(name)
+        if (
+            known is None
+            or not _move(*known, seen, float(scene.acceleration[i]))
+            or not _correct(*known, seen, place, speed, heading)
+        ):
+            known = replace(seen), _Spread(place, 0.0, speed, place, heading)
+        self._known[name] = known
+        return known[0]
+
+
+def _sighting(scene: Scene, i: int) -> _Other:
+    """What is seen of the other in row i."""
+    vx, vy = scene.velocity[i].tolist()
+    heading = float(scene.heading[i])
+    facing, velocity = cmath.rect(1.0, heading), complex(vx, vy)
+    speed = abs(velocity)
+    course = velocity / speed if speed > EXACT else facing
+    if (course * facing.conjugate()).real < 0.0:
+        course, speed = -course, -speed
+    x, y = scene.position[i].tolist()
+    return _Other(scene.time_s, complex(x, y), speed, course, heading)
+
+
+def _move(one: _Other, spread: _Spread, seen: _Other, acceleration: float) -> bool:
+    """Predict `one` for when it is `seen` next; False if it has turned round."""
+    dt = seen.time_s - one.time_s
+    middle = one.course + seen.course
+    if abs(middle) < 1.0:
+        return False
+    way = one.speed * dt + 0.5 * acceleration * dt * dt
+    one.place += way * middle / abs(middle)
+    one.speed += acceleration * dt
+    one.heading += _bend(one.course, seen.course)
+    one.course, one.time_s = seen.course, seen.time_s
+    kick = UNKNOWN * dt
+    spread.along += dt * (2.0 * spread.both + dt * spread.speed) + (0.5 * kick * dt) ** 2
+    spread.both += dt * spread.speed + 0.5 * kick * kick * dt
+    spread.speed += kick * kick
+    spread.across += (ASIDE * dt) ** 2
+    spread.heading += (TURNING * dt) ** 2
+    return True
+
+
+def _correct(one: _Other, spread: _Spread, seen: _Other, place: float, speed: float, heading: float) -> bool:
+    """Take in what is `seen` with these variances (m2, m2/s2, rad2); False if it cannot be the same."""
+    off = (seen.place - one.place) * one.course.conjugate()
+    total = spread.across + place
+    if max(off.real**2 / (spread.along + place), off.imag**2 / total) > JUMP * JUMP:
+        return False
+    share = spread.across / total
+    one.place += 1j * share * off.imag * one.course
+    spread.across *= 1.0 - share
+    turned = _turn(seen.heading - one.heading)
+    total = spread.heading + heading
+    if turned * turned > JUMP * JUMP * total:
+        return False
+    share = spread.heading / total
+    one.heading += share * turned
+    spread.heading *= 1.0 - share
+    ahead, total = off.real, spread.along + place
+    near, fast = spread.along / total, spread.both / total
+    one.place += near * ahead * one.course
+    one.speed += fast * ahead
+    spread.speed -= fast * spread.both
+    spread.along, spread.both = (1.0 - near) * spread.along, (1.0 - near) * spread.both
+    faster, total = seen.speed - one.speed, spread.speed + speed
+    if faster * faster > JUMP * JUMP * total:
+        return False
+    near, fast = spread.both / total, spread.speed / total
+    one.place += near * faster * one.course
+    one.speed += fast * faster
+    spread.along -= near * spread.both
+    spread.both, spread.speed = (1.0 - fast) * spread.both, (1.0 - fast) * spread.speed
+    return True
+
+
+def _bend(before: complex, after: complex) -> float:
+    """rad from one direction to another."""
+    return cmath.phase(after * before.conjugate())
+
+
+def _turn(angle: float) -> float:
+    """rad, the same angle within [-pi, pi]."""
+    return math.remainder(angle, 2.0 * math.pi)
