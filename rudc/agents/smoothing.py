@@ -27,13 +27,13 @@ import numpy as np
 
 from rudc.world.scene import Scene
 
-LISTENED, KEPT, FEWEST = 6, 48, 12
+LISTENED, KEPT, FEWEST = 6, 120, 12
 """others whose differences are looked at, the differences that are kept, and those without which nothing is
 said"""
 NORMAL = 0.6745
 """median of |x| for a standard normal x"""
-LEAST = 0.06
-"""m, m/s and rad, standard deviation below which sensors count as without noise"""
+LEAST = 0.06, 0.06, 0.02
+"""m, m/s and rad, standard deviations below which sensors count as without noise"""
 UNKNOWN, ASIDE, TURNING = 1.0, 0.5, 0.1
 """m/s2, m/s and rad/s, standard deviations of what moves the others apart from what is seen"""
 JUMP = 5.0
@@ -77,8 +77,9 @@ class _Spread:
 class _Level:
     """Standard deviation of one kind of error."""
 
-    def __init__(self) -> None:
-        self._kept = deque[float](maxlen=KEPT)
+    def __init__(self, least: float) -> None:
+        """`least`: below it there is none."""
+        self._kept, self._least = deque[float](maxlen=KEPT), least
         self.std = 0.0
 
     def hear(self, differences: list[float]) -> None:
@@ -88,7 +89,7 @@ class _Level:
         self._kept.extend(differences)
         if len(self._kept) >= FEWEST:
             std = sorted(self._kept)[len(self._kept) // 2] / (NORMAL * math.sqrt(2.0))
-            self.std = std if std > LEAST else 0.0
+            self.std = std if std > self._least else 0.0
 
 
 class Smoothing:
@@ -98,7 +99,7 @@ class Smoothing:
         self._seen: dict[str, _Other] = {}
         self._known: dict[str, tuple[_Other, _Spread]] = {}
         self._time_s = -math.inf
-        self._place, self._speed, self._heading = _Level(), _Level(), _Level()
+        self._place, self._speed, self._heading = map(_Level, LEAST)
 
     @property
     def noise(self) -> tuple[float, float, float]:

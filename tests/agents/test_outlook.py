@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from rudc.agents.adaptation import Adaptation
+from rudc.agents.base import Decision
 from rudc.agents.blocking import IDLE, IMPASSE, LONG, PATIENCE, Blocking
 from rudc.agents.courses import PULL_OUT, Courses, along
 from rudc.agents.outlook import Outlook, OutlookAgent, OutlookSettings
 from rudc.agents.registry import agent_settings, make_agent
 from rudc.env.episode import Episode
 from rudc.errors import AgentError
+from rudc.safety.corrected import Corrected
 from rudc.safety.plant import SUBSTEP_S
 from rudc.safety.residual import trust
 from rudc.scenario import load_scenario
@@ -258,6 +260,36 @@ def test_what_stands_beyond_the_destination_blocks_nothing(make_scene, four_way,
     courses.reset(scene)
     u = courses.govern(courses.see(scene), np.array([1.0, 0.0]))
     assert (u[0] == 1.0) == asked
+    onwards = courses.govern(courses.see(scene), np.array([1.0, 0.0]), onwards=True)
+    assert onwards[0] == 1.0, "who is hit where it stops is not stopped for later"
+
+
+class GoesOn:
+    """Says of its action that it goes on because stopping would be worse."""
+
+    name, ego_driver = "goes-on", "agent"
+
+    def __init__(self, status):
+        self.status = status
+
+    def reset(self, scene, seed):
+        pass
+
+    def act(self, scene):
+        u = np.array([3.0, 0.0])
+        return Decision(u, u, corrected=Corrected(u, np.zeros(2), self.status))
+
+
+def test_who_goes_on_since_it_would_be_hit_is_held_back_by_bends_only(make_scene):
+    scene = make_scene(turn="left", front=-12.0, v=8.0)
+    held = {}
+    for status in ("nominal", "onwards"):
+        outlook = Outlook(OutlookSettings(course=True, plant="known"))
+        agent = OutlookAgent(GoesOn(status), "", outlook)
+        wet = replace(scene, actuation=Actuation(friction=0.5))
+        agent.reset(wet, 0)
+        held[status] = agent.act(wet).u[0]
+    assert held["nominal"] < 0.0 < held["onwards"]
 
 
 def test_courses_forget_the_last_episode(make_scene):

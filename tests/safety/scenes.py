@@ -45,6 +45,7 @@ class Network:
     """What the filter reads of `scene.network`."""
 
     paths: Paths
+    vehicle: EgoVehicle = EgoVehicle()  # noqa: RUF009 - immutable
 
 
 @dataclass(frozen=True, eq=False)

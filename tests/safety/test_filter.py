@@ -140,7 +140,7 @@ def test_brakes_for_what_is_in_the_way() -> None:
     )
     assert answer.solve_ms > 0
     assert answer.violation == 0
-    assert filter.counts == {"nominal": 0, "solved": 1, "relaxed": 0, "braking": 0, "last_resort": 0}
+    assert sum(filter.counts.values()) == filter.counts["solved"] == 1
 
 
 def test_leaves_alone_who_keeps_clear() -> None:

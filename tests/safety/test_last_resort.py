@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,10 +12,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rudc.geometry import gaps_between
+from rudc.network.route import ReferencePath
 from rudc.safety.filter import FilterConfig, SafetyFilter
+from rudc.safety.last_resort import LastResort
+from rudc.safety.prediction import Predictor
+from rudc.vehicle import EgoVehicle
 from rudc.world.ego import EgoPlant
 from rudc.world.scene import Scene
-from tests.safety.scenes import Other, make_scene
+from tests.safety.scenes import Other, Road, make_scene
 
 ALONE = FilterConfig(max_vehicles=0, road=False)
 """no rows, so that only the last resort is left"""
@@ -130,3 +135,69 @@ def test_beside_somebody_it_may_drive_off_but_not_come_closer() -> None:
     assert status(beside, np.array([1.0, -0.3])) == "nominal"
     towards = make_scene([Other(1.0, 2.0)], v=1.0)
     assert status(towards, np.array([1.0, 0.4])) == "last_resort"
+
+
+CROSSING = Other(0.0, -13.5, math.pi / 2, 10.0, row=0, s=86.5)
+"""comes from the right, 1.3 s from where the ego's path crosses its own"""
+BRAKE = np.array([-6.0, 0.0])
+
+
+def held_up(*more: Other, **changes: Any) -> Scene:
+    """An ego that would come to rest where CROSSING hits it, and is through before it if it goes on."""
+    return make_scene([CROSSING, *more], **{"x": -2.9, "v": 6.0, **changes})
+
+
+def test_who_would_be_hit_where_it_stops_goes_on() -> None:
+    scene = held_up()
+    for proposed in (BRAKE, np.array([-3.0, 0.0])):
+        answer = SafetyFilter(ALONE).filter(scene, proposed)
+        assert (answer.status, answer.active, answer.onwards) == ("onwards", ("veh:sv0",), True)
+        assert answer.u == pytest.approx([scene.vehicle.a_max, 0.0])
+        assert answer.correction == pytest.approx(answer.u - proposed)
+    least, last = drive(scene, BRAKE, 2.0)
+    assert least > 0.05, "and no longer than it must"
+    assert last.ego.x > 4.0
+    without = FilterConfig(max_vehicles=0, road=False, last_resort=False)
+    assert SafetyFilter(without).filter(scene, BRAKE).u == pytest.approx(BRAKE)
+
+
+@pytest.mark.parametrize(
+    ("why", "scene"),
+    [
+        ("somebody stands on its way", held_up(Other(9.0, 0.0))),
+        ("somebody else comes", held_up(Other(30.0, 0.0, math.pi, 12.0))),
+        ("it would be too late", held_up(x=-5.5, v=2.0)),
+        ("its car pulls away too slowly", held_up(x=-3.6, v=5.0, vehicle=EgoVehicle(a_max=0.3))),
+        ("the other is about to stop", replace(held_up(), acceleration=np.array([-8.0]))),
+        ("the other speeds up", replace(held_up(), acceleration=np.array([6.0]))),
+        ("nobody comes", make_scene([], x=-2.9, v=6.0)),
+    ],
+)
+def test_it_does_not_go_on_where(why: str, scene: Scene) -> None:
+    answer = SafetyFilter(ALONE).filter(scene, BRAKE)
+    assert not answer.onwards, why
+    assert answer.u[0] <= BRAKE[0]
+
+
+def test_who_goes_on_on_a_poor_road_reckons_with_its_bends() -> None:
+    s = np.linspace(0.0, 2.0, 400)
+    bend = np.column_stack([8.0 * np.sin(s), 8.0 - 8.0 * np.cos(s)])
+    line = np.concatenate([np.array([[-100.0, 0.0]]), bend[:310]])
+    path = ReferencePath(line)
+    road = Road(path, path.xy, path.xy)
+    wet = EgoVehicle(a_min=-2.0, a_max=2.0)
+    scene = make_scene([], x=-4.0, v=5.0, route=road, vehicle=wet)
+    judge = LastResort(ALONE, Predictor())
+    way = judge._go(scene, 0.5, 5.0)
+    dry = judge._go(replace(scene, vehicle=EgoVehicle()), 0.5, 5.0)
+    assert dry[-1] > way[-1] + 3.0
+    speeds = np.diff(way)[1:] / 0.1
+    inside = (scene.ego_s + way[1:-1] > 101.0) & (scene.ego_s + way[1:-1] < 110.0)
+    assert speeds[inside][-1] == pytest.approx(math.sqrt(0.8 * 2.0 * 8.0), rel=0.05)
+
+
+def test_who_speeds_up_is_expected_sooner() -> None:
+    late = replace(CROSSING, y=-16.2, s=83.8, speed=8.0)
+    scene = make_scene([late], x=-9.1, v=8.0)
+    assert status(scene, np.zeros(2)) == "nominal", "it is through before the other comes"
+    assert status(replace(scene, acceleration=np.array([2.5])), np.zeros(2)) == "last_resort"
