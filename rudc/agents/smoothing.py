@@ -27,7 +27,7 @@ import numpy as np
 
 from rudc.world.scene import Scene
 
-LISTENED, KEPT, FEWEST = 6, 120, 12
+LISTENED, KEPT, FEWEST = 4, 120, 12
 """others whose differences are looked at, the differences that are kept, and those without which nothing is
 said"""
 NORMAL = 0.6745
@@ -121,7 +121,7 @@ class Smoothing:
 
     def _listen(self, scene: Scene, dt: float) -> None:
         """Take note of what motion does not explain since the last decision."""
-        now = {scene.ids[i]: _sighting(scene, i) for i in range(min(scene.count, LISTENED))}
+        now = dict(zip(scene.ids, _sightings(scene, LISTENED), strict=False))
         places, speeds, headings = list[float](), list[float](), list[float]()
         for i, (name, one) in enumerate(now.items()):
             last = self._seen.get(name)
@@ -138,7 +138,12 @@ class Smoothing:
     def _smoothed(self, scene: Scene) -> Scene:
         place, speed, heading = (max(std, EXACT) ** 2 for std in self.noise)
         self._known = {n: k for n, k in self._known.items() if scene.time_s - k[0].time_s <= LOST_S}
-        shown = [self._follow(scene, i, place, speed, heading) for i in range(scene.count)]
+        shown = [
+            self._follow(name, seen, a, place, speed, heading)
+            for name, seen, a in zip(
+                scene.ids, _sightings(scene, scene.count), scene.acceleration.tolist(), strict=True
+            )
+        ]
         position = np.array([(one.place.real, one.place.imag) for one in shown]).reshape(-1, 2)
         velocity = np.array([(v.real, v.imag) for v in (one.speed * one.course for one in shown)])
         headings = np.array([one.heading for one in shown])
@@ -152,13 +157,14 @@ class Smoothing:
             path_s=scene.path_s + along,
         )
 
-    def _follow(self, scene: Scene, i: int, place: float, speed: float, heading: float) -> _Other:
-        """What is known of the other in row i, given the variances of what is seen of it."""
-        name, seen = scene.ids[i], _sighting(scene, i)
+    def _follow(
+        self, name: str, seen: _Other, acceleration: float, place: float, speed: float, heading: float
+    ) -> _Other:
+        """What is known of another, given how it is `seen`, and the variances of that."""
         known = self._known.get(name)
         if (
             known is None
-            or not _move(*known, seen, float(scene.acceleration[i]))
+            or not _move(*known, seen, acceleration)
             or not _correct(*known, seen, place, speed, heading)
         ):
             known = replace(seen), _Spread(place, 0.0, speed, place, heading)
@@ -166,17 +172,18 @@ class Smoothing:
         return known[0]
 
 
-def _sighting(scene: Scene, i: int) -> _Other:
-    """What is seen of the other in row i."""
-    vx, vy = scene.velocity[i].tolist()
-    heading = float(scene.heading[i])
-    facing, velocity = cmath.rect(1.0, heading), complex(vx, vy)
-    speed = abs(velocity)
-    course = velocity / speed if speed > EXACT else facing
-    if (course * facing.conjugate()).real < 0.0:
-        course, speed = -course, -speed
-    x, y = scene.position[i].tolist()
-    return _Other(scene.time_s, complex(x, y), speed, course, heading)
+def _sightings(scene: Scene, most: int) -> list[_Other]:
+    """What is seen of the first others, `most` at most."""
+    rows = scene.position[:most].tolist(), scene.velocity[:most].tolist(), scene.heading[:most].tolist()
+    found = []
+    for (x, y), (vx, vy), heading in zip(*rows, strict=True):
+        facing, velocity = cmath.rect(1.0, heading), complex(vx, vy)
+        speed = abs(velocity)
+        course = velocity / speed if speed > EXACT else facing
+        if (course * facing.conjugate()).real < 0.0:
+            course, speed = -course, -speed
+        found.append(_Other(scene.time_s, complex(x, y), speed, course, heading))
+    return found
 
 
 def _move(one: _Other, spread: _Spread, seen: _Other, acceleration: float) -> bool:
