@@ -30,7 +30,7 @@ from rudc.arrays import Array, Complex
 from rudc.env.tracking import RESPONSE_S, steering
 from rudc.geometry import separation
 from rudc.network.paths import SPACING
-from rudc.safety.prediction import Predictor
+from rudc.safety.prediction import those_ahead
 from rudc.vehicle import Actuation
 from rudc.world.borders import OFF_ROAD_M, Borders
 from rudc.world.ego import GRAVITY, EgoPlant, widest_steering
@@ -81,7 +81,6 @@ class Slide:
 
     def __init__(self) -> None:
         self._under_way, self._again_s = False, -math.inf
-        self._predictor = Predictor()
 
     def hold(self, scene: Scene, u: Array, grip: float, lag_s: float, profile: Array) -> Array:
         """(2,) the command, m/s2 and rad, or that of a manoeuvre that keeps the ego on the road.
@@ -101,7 +100,7 @@ class Slide:
         follow = _Ways(scene, grip, *known, step_s=0.5 * STEP_S, edge=OFF_ROAD_M).swerve(0.0, SHARES[0])
         if not follow.fails:
             return u
-        best = _Ways(scene, USED * grip, *known, others=_others(scene, self._predictor)).best()
+        best = _Ways(scene, USED * grip, *known, others=_others(scene)).best()
         if best is None:
             return u if scene.ego.v > SLOW else np.array([scene.vehicle.a_min, u[1]])
         if scene.ego.v == 0.0 and not best.back:
@@ -220,10 +219,10 @@ def _is_back(scene: Scene, ego: EgoState, s: float, offset: float, profile: Arra
     return abs(offset) < BACK_M and abs(astray) < BACK_RAD and ego.v <= profile[station]
 
 
-def _others(scene: Scene, predictor: Predictor) -> tuple[Complex, Complex, Array]:
+def _others(scene: Scene) -> tuple[Complex, Complex, Array]:
     """(n, T) m, (n, T) and (n, 2) m: places, directions and half sizes of those near, at their speeds."""
     who = np.flatnonzero(np.hypot(*(scene.position - scene.ego_position).T) < NEAR)
     times = STEP_S * np.arange(1, round(HORIZON_S / STEP_S) + 1)
     speed = np.hypot(scene.velocity[who, 0], scene.velocity[who, 1])
-    place, facing = predictor.others(scene, who, speed[:, None] * times)
+    place, facing = those_ahead(scene, who, speed[:, None] * times)
     return place, facing, 0.5 * scene.size[who]

@@ -16,7 +16,6 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from rudc.arrays import Array, Complex, Flags, Index
-from rudc.safety.prediction import Predictor
 from rudc.world.scene import Scene
 
 STEP = 0.1
@@ -90,8 +89,8 @@ class Barrier(ABC):
     """what the residual predictor looks at beside `COMMON`; empty: nothing is predicted, w = 0"""
     Settings: ClassVar[type[BarrierSettings]] = BarrierSettings
 
-    def __init__(self, settings: Any, predictor: Predictor) -> None:
-        """`settings`: of its class `Settings`; `predictor`: where everybody will be."""
+    def __init__(self, settings: Any) -> None:
+        """`settings`: of its class `Settings`."""
         self.settings = settings
 
     @abstractmethod

@@ -14,7 +14,6 @@ from rudc.safety.barrier import Barrier, Found, Terms
 from rudc.safety.barriers import BARRIERS
 from rudc.safety.clearance import Bodies, Clearance, clearance_terms, ego_pose
 from rudc.safety.config import FilterConfig
-from rudc.safety.prediction import Predictor
 from rudc.safety.rows import RowWeights, affine_rows
 from rudc.world.scene import Scene
 
@@ -76,10 +75,8 @@ class Constraints:
 class ConstraintBuilder:
     """Builds the constraints of one instant."""
 
-    def __init__(self, config: FilterConfig, predictor: Predictor | None = None) -> None:
-        """`predictor`: one that somebody else uses, too."""
-        predictor = predictor or Predictor()
-        barriers = [BARRIERS[name](settings, predictor) for name, settings in config.barriers.items()]
+    def __init__(self, config: FilterConfig) -> None:
+        barriers = [BARRIERS[name](settings) for name, settings in config.barriers.items()]
         self._barriers = sorted(barriers, key=lambda barrier: not isinstance(barrier, Clearance))
 
     def build(self, scene: Scene) -> Constraints:

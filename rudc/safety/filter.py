@@ -48,7 +48,6 @@ from rudc.safety.constraints import ConstraintBuilder, Constraints
 from rudc.safety.corrected import Corrected
 from rudc.safety.kernels import all_finite
 from rudc.safety.last_resort import Instead, LastResort
-from rudc.safety.prediction import Predictor
 from rudc.safety.qp import TOLERANCE, Problem, Solution, make_solver
 from rudc.safety.rows import RowWeights, affine_rows, per_row
 from rudc.safety.slack import rate_factor
@@ -120,9 +119,8 @@ class SafetyFilter:
         """the last QP of the last decision, solved or not; None if it had no constraints"""
         self._weights = config.row_weights(road=False), config.row_weights(road=True)
         self._most = config.rule_settings.most(road=False), config.rule_settings.most(road=True)
-        predictor = Predictor()
-        self._builder = ConstraintBuilder(config, predictor)
-        self._last_resort = LastResort(config, predictor) if config.last_resort else None
+        self._builder = ConstraintBuilder(config)
+        self._last_resort = LastResort(config) if config.last_resort else None
         self._solver = make_solver(config.solver)
         self._prices: Array = np.array([config.acceleration_weight, config.steering_weight])
         self._cost: Array = np.diag(self._prices)

@@ -31,7 +31,17 @@ import numpy as np
 from rudc.arrays import Array, Flags, Index
 from rudc.safety.barrier import as_complex
 from rudc.safety.kernels import let_through, meeting
-from rudc.safety.prediction import ALONG, GO_ACCELERATION, GO_SPEED, LANE, TAIL, Predictor, bodies
+from rudc.safety.prediction import (
+    ALONG,
+    GO_ACCELERATION,
+    GO_SPEED,
+    LANE,
+    TAIL,
+    bodies,
+    ego_ahead,
+    following,
+    lines,
+)
 from rudc.world.scene import STILL, Scene
 
 CONFLICT_TIMES: Array = np.linspace(0.0, 3.0, 16)
@@ -48,12 +58,11 @@ _SHARES: Array = np.linspace(0.0, 1.0, 40)
 class Gate:
     """Picks the others that the ego may meet."""
 
-    def __init__(self, horizon: float, step: float, distance: float, predictor: Predictor) -> None:
+    def __init__(self, horizon: float, step: float, distance: float) -> None:
         """`horizon` s, looked at every `step` s at most; `distance` m between the ellipses."""
         self._times: Array = np.linspace(0.0, horizon, math.ceil(horizon / step - 1e-9) + 1)
         self._horizon = horizon
         self._gap = distance
-        self._predictor = predictor
 
     def meeting(self, scene: Scene, short: Array, stretch: Array) -> Index:
         """Indices, nearest first, of those whose ellipse comes closer to the ego's than the gate distance.
@@ -61,10 +70,10 @@ class Gate:
         `short` and `stretch` (2, N) m2: squares of the half axes across, and along minus across, of ego and
         others.
         """
-        ego, body, predictor = scene.ego, scene.vehicle, self._predictor
+        ego, body = scene.ego, scene.vehicle
         way = self._horizon * max(ego.v, SLOWEST) * _SHARES
         return let_through(
-            *bodies(scene), scene.size, *predictor.paths(scene), *predictor.route(scene), scene.ego_s,
+            *bodies(scene), scene.size, *lines(scene), scene.route.path.poses, scene.ego_s,
             complex(ego.x, ego.y), cmath.exp(1j * ego.psi), ego.v, self._times, self._gap, short, stretch,
             TAIL, LANE, ALONG, STILL, PASSING, way, 0.5 * body.length, 0.5 * body.width,
         )  # fmt: skip
@@ -78,7 +87,7 @@ class Gate:
         going = v * times + GO_ACCELERATION * rising * (times - 0.5 * rising)
         met = self._meet(scene, (v * times, going), times, 0.0, short, stretch)[who]
         here = as_complex(scene.position)[who]
-        return met & ~self._predictor.following(scene, here, np.exp(1j * scene.heading[who]))
+        return met & ~following(scene, here, np.exp(1j * scene.heading[who]))
 
     def _meet(
         self, scene: Scene, ways: tuple[Array, ...], times: Array, gap: float, short: Array, stretch: Array
@@ -86,9 +95,7 @@ class Gate:
         """(N,) whose ellipses come closer than `gap` m to the ego's at any of the `times` (T,) s if the ego
         is one of `ways` (T,) m along its route then.
         """
-        poses = [self._predictor.ego(scene, way) for way in ways]
+        poses = [ego_ahead(scene, way) for way in ways]
         place, facing = np.stack([pose[0] for pose in poses]), np.stack([pose[1] for pose in poses])
         reach = max(float(way[-1]) for way in ways)
-        return meeting(
-            *bodies(scene), *self._predictor.paths(scene), place, facing, times, reach, gap, short, stretch
-        )
+        return meeting(*bodies(scene), *lines(scene), place, facing, times, reach, gap, short, stretch)

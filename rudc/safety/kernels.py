@@ -21,47 +21,34 @@ from rudc.kernels import (
     kernel,
     separation,
 )
+from rudc.network.line_kernels import along_line, on_line
+from rudc.network.paths import SPACING
 from rudc.safety.barrier_kernels import CLOSEST
 
 # ---- prediction
 
 
 @kernel
-def on_track(place: PlaceTable, facing: PlaceTable, row: int, station: float) -> tuple[complex, complex]:
-    """Place m and direction on a line, `station` stations from its beginning; straight on beyond the ends."""
-    i = int(min(max(station, 0.0), place.shape[1] - 2.0))
-    low = place[row, i]
-    return low + (station - i) * (place[row, i + 1] - low), facing[row, i]
-
-
-@kernel
 def follow(
-    place: PlaceTable, facing: PlaceTable, spacing: float, row: int, s: float,
-    here: complex, heading: complex, way: Vector,
-) -> tuple[NewPlaces, NewPlaces]:  # fmt: skip
+    poses: Table, stations: int, row: int, s: float, here: complex, heading: complex, way: Vector
+) -> tuple[NewPlaces, NewPlaces]:
     """(T,) m and (T,): who is at `here` m facing `heading`, after `way` (T,) m along a line on which that is
-    s m.
-
-    Offset from the line and angle to it are kept: here + ... = path + offset x direction of the path.
+    s m, keeping its offset from the line and its angle to it.
     """
-    start, along = on_track(place, facing, row, s / spacing)
-    offset, turned = (here - start) * along.conjugate(), heading * along.conjugate()
-    there, direction = np.empty(len(way), np.complex128), np.empty(len(way), np.complex128)
-    for t in range(len(way)):
-        path, along = on_track(place, facing, row, (s + way[t]) / spacing)
-        there[t], direction[t] = path + offset * along, turned * along
-    return there, direction
+    start, psi = on_line(poses, stations, row, s)
+    back = cmath.exp(-1j * psi)
+    return along_line(poses, stations, row, s, (here - start) * back, heading * back, way)
 
 
 @kernel
 def other_ahead(
     position: Table, heading: Vector, velocity: Table, path: Rows, path_s: Vector,
-    place: PlaceTable, facing: PlaceTable, spacing: float, i: int, way: Vector,
+    poses: Table, stations: int, i: int, way: Vector,
 ) -> tuple[NewPlaces, NewPlaces]:  # fmt: skip
     """(T,) m and (T,): somebody else after `way` (T,) m along its path, straight on if it has none."""
     here, direction = complex(position[i, 0], position[i, 1]), cmath.exp(1j * heading[i])
     if path[i] >= 0:
-        return follow(place, facing, spacing, path[i], path_s[i], here, direction, way)
+        return follow(poses, stations, path[i], path_s[i], here, direction, way)
     drift = complex(velocity[i, 0], velocity[i, 1])
     drift /= max(abs(drift), 1e-9)
     there, turned = np.empty(len(way), np.complex128), np.empty(len(way), np.complex128)
@@ -73,37 +60,35 @@ def other_ahead(
 @kernel
 def others_ahead(
     position: Table, heading: Vector, velocity: Table, path: Rows, path_s: Vector,
-    place: PlaceTable, facing: PlaceTable, spacing: float, who: Rows, way: Table,
+    poses: Table, stations: int, who: Rows, way: Table,
 ) -> tuple[NewPlaceTable, NewPlaceTable]:  # fmt: skip
     """(n, T) m and (n, T): others `who` (n,) after `way` (n, T) m."""
     there, turned = np.empty(way.shape, np.complex128), np.empty(way.shape, np.complex128)
     for k in range(len(who)):
         there[k], turned[k] = other_ahead(
-            position, heading, velocity, path, path_s, place, facing, spacing, who[k], way[k]
+            position, heading, velocity, path, path_s, poses, stations, who[k], way[k]
         )
     return there, turned
 
 
 @kernel
 def drives_behind(
-    place: PlaceTable, facing: PlaceTable, spacing: float, s: float, tail: float, lane: float,
-    along_it: float, here: complex, heading: complex,
+    poses: Table, s: float, tail: float, lane: float, along_it: float, here: complex, heading: complex
 ) -> bool:  # fmt: skip
     """Whether somebody `here` m facing `heading` drives behind an ego at s m on the line, up to `tail` m.
 
     Within `lane` m of it, turned from it by a cosine of more than `along_it`. Every other station is
     looked at.
     """
-    at = int(s / spacing)
+    at = int(s / SPACING)
     best, nearest = 1e300, 0
-    for i in range(max(at - int(tail / spacing), 0), max(at - int(2.0 / spacing), 1), 2):
-        away = here - place[0, i]
-        squared = away.real**2 + away.imag**2
+    for i in range(max(at - int(tail / SPACING), 0), max(at - int(2.0 / SPACING), 1), 2):
+        squared = (here.real - poses[i, 0]) ** 2 + (here.imag - poses[i, 1]) ** 2
         if squared < best:
             best, nearest = squared, i
-    along = facing[0, nearest].conjugate()
-    seen = (here - place[0, nearest]) * along
-    return abs(seen.imag) < lane and abs(seen.real) < 1.0 and (heading * along).real > along_it
+    back = cmath.exp(-1j * poses[nearest, 2])
+    seen = (here - complex(poses[nearest, 0], poses[nearest, 1])) * back
+    return abs(seen.imag) < lane and abs(seen.real) < 1.0 and (heading * back).real > along_it
 
 
 # ---- the gate
@@ -125,9 +110,8 @@ def ellipses_meet(
 @kernel
 def meeting(
     position: Table, heading: Vector, velocity: Table, path: Rows, path_s: Vector,
-    place: PlaceTable, facing: PlaceTable, spacing: float,
-    ego: PlaceTable, ego_facing: PlaceTable, times: Vector, reach: float, gap: float,
-    short: Table, stretch: Table,
+    poses: Table, stations: int, ego: PlaceTable, ego_facing: PlaceTable, times: Vector, reach: float,
+    gap: float, short: Table, stretch: Table,
 ) -> NewFlags:  # fmt: skip
     """(N,) whose ellipse comes closer than `gap` m to that of an ego at any of W x T poses (W, T).
 
@@ -143,7 +127,7 @@ def meeting(
         if abs(away) >= speed * times[-1] + reach + longest:
             continue
         there, turned = other_ahead(
-            position, heading, velocity, path, path_s, place, facing, spacing, i, speed * times
+            position, heading, velocity, path, path_s, poses, stations, i, speed * times
         )
         for w in range(len(ego)):
             for t in range(len(times)):
@@ -175,8 +159,7 @@ def least_separation(
 @kernel
 def let_through(
     position: Table, heading: Vector, velocity: Table, path: Rows, path_s: Vector, size: Table,
-    place: PlaceTable, facing: PlaceTable, spacing: float,
-    line: PlaceTable, line_facing: PlaceTable, line_spacing: float, ego_s: float,
+    poses: Table, stations: int, line: Table, ego_s: float,
     ego: complex, ego_heading: complex, speed: float, times: Vector, gap: float, short: Table, stretch: Table,
     tail: float, lane: float, along: float, still: float, passing: float, way: Vector,
     length: float, width: float,
@@ -187,19 +170,19 @@ def let_through(
     rectangles stay `passing` m apart on a `way` of the ego, whose half sizes are `length` and `width` m, or,
     where they are nearer already, come no nearer.
     """
-    there, turned = follow(line, line_facing, line_spacing, 0, ego_s, ego, ego_heading, speed * times)
+    there, turned = follow(line, len(line), 0, ego_s, ego, ego_heading, speed * times)
     met = meeting(
-        position, heading, velocity, path, path_s, place, facing, spacing, there.reshape(1, -1),
+        position, heading, velocity, path, path_s, poses, stations, there.reshape(1, -1),
         turned.reshape(1, -1), times, speed * times[-1], gap, short, stretch,
     )  # fmt: skip
-    there, turned = follow(line, line_facing, line_spacing, 0, ego_s, ego, ego_heading, way)
+    there, turned = follow(line, len(line), 0, ego_s, ego, ego_heading, way)
     found = np.empty(len(met), np.int64)
     count = 0
     for i in range(len(met)):
         if not met[i]:
             continue
         here, direction = complex(position[i, 0], position[i, 1]), cmath.exp(1j * heading[i])
-        if drives_behind(line, line_facing, line_spacing, ego_s, tail, lane, along, here, direction):
+        if drives_behind(line, ego_s, tail, lane, along, here, direction):
             continue
         half = 0.5 * size[i, 0], 0.5 * size[i, 1]
         if math.hypot(velocity[i, 0], velocity[i, 1]) < still:
@@ -229,7 +212,7 @@ def all_finite(position: Table, heading: Vector, velocity: Table, path_s: Vector
 def in_reach(
     position: Table, heading: Vector, velocity: Table, path: Rows, path_s: Vector,
     acceleration: Vector, size: Table,
-    place: PlaceTable, facing: PlaceTable, spacing: float, ego: complex, reach: float,
+    poses: Table, stations: int, ego: complex, reach: float,
     times: Vector, changing: float, speeds_up: float,
 ) -> tuple[NewRows, NewPlaceTable, NewPlaceTable]:  # fmt: skip
     """Others (m,) whom the ego might meet within `reach` m of it, and their places (m, T) m and directions
@@ -266,9 +249,7 @@ def in_reach(
                 held = min(times[t], speed / -a if a < 0.0 else speeds_up)
                 rest = times[t] - held if a > 0.0 else 0.0
                 way[t] = speed * held + 0.5 * a * held * held + (speed + a * held) * rest
-        there[k], turned[k] = other_ahead(
-            position, heading, velocity, path, path_s, place, facing, spacing, i, way
-        )
+        there[k], turned[k] = other_ahead(position, heading, velocity, path, path_s, poses, stations, i, way)
     return who[:m].copy(), there, turned
 
 

@@ -47,7 +47,7 @@ from rudc.env.tracking import steering
 from rudc.network.paths import SPACING
 from rudc.safety.config import FilterConfig
 from rudc.safety.kernels import in_reach, on_arc, room_left
-from rudc.safety.prediction import GO_ACCELERATION, GO_SPEED, Predictor, bodies
+from rudc.safety.prediction import GO_ACCELERATION, GO_SPEED, bodies, ego_ahead, following, lines
 from rudc.world.scene import STILL, Scene
 
 HORIZON = 2.5
@@ -95,10 +95,9 @@ class Instead(NamedTuple):
 class LastResort:
     """Judges actions."""
 
-    def __init__(self, config: FilterConfig, predictor: Predictor) -> None:
+    def __init__(self, config: FilterConfig) -> None:
         self._dt, self._margin = config.dt, config.last_resort_margin
         self._times: Array = np.linspace(0.0, HORIZON, round(HORIZON / config.dt) + 1)
-        self._predictor = predictor
 
     def instead_of(self, scene: Scene, u: Array) -> Instead | None:
         """What to do instead of `u` (2,), m/s2 and rad, where `u` would end in hitting somebody and that is
@@ -112,7 +111,7 @@ class LastResort:
         way = self._go(scene, first, v)
         others = self._others(scene, float(way[-1]))
         stops = self._stops(scene, others, u)
-        going = self._room(scene, others, *self._predictor.ego(scene, way))
+        going = self._room(scene, others, *ego_ahead(scene, way))
         room = np.concatenate([stops, np.where(others.still, stops, going)])
         kept = ~np.isin(others.who, self._behind(scene, others.who[(room < -CREEPING).any(axis=0)]))
         best = room[:, kept].min(axis=1, initial=np.inf).max()
@@ -144,7 +143,7 @@ class LastResort:
         first, v = self._first(scene.ego.v, float(onwards[0]))
         way = self._go(scene, first, v, float(onwards[0]))
         others = self._others(scene, float(way[-1]))
-        room = self._room(scene, others, *self._predictor.ego(scene, way))
+        room = self._room(scene, others, *ego_ahead(scene, way))
         if others.still.any():
             stops = self._stops(scene, others, onwards).max(axis=0)
             room = np.where(others.still, np.minimum(room, stops), room)
@@ -175,14 +174,14 @@ class LastResort:
     def _behind(self, scene: Scene, who: Index) -> Index:
         """Those of `who` that drive behind the ego."""
         here: Complex = scene.position[who, 0] + 1j * scene.position[who, 1]
-        return who[self._predictor.following(scene, here, np.exp(1j * scene.heading[who]))]
+        return who[following(scene, here, np.exp(1j * scene.heading[who]))]
 
     def _others(self, scene: Scene, way: float) -> _Others:
         """Those whom the ego might meet on a way of so many m."""
         body, ego = scene.vehicle, scene.ego
         reach = way + 0.5 * (body.length + body.width) + self._margin
         who, place, facing = in_reach(
-            *bodies(scene), scene.acceleration, scene.size, *self._predictor.paths(scene),
+            *bodies(scene), scene.acceleration, scene.size, *lines(scene),
             complex(ego.x, ego.y), reach, self._times, CHANGING, SPEEDS_UP_S,
         )  # fmt: skip
         velocity = scene.velocity[who]

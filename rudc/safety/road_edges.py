@@ -14,7 +14,6 @@ from rudc.network.paths import SPACING
 from rudc.network.road_edges import BESIDE
 from rudc.safety.barrier import STEP, BarrierSettings, Found
 from rudc.safety.clearance import Bodies, Clearance
-from rudc.safety.prediction import Predictor
 from rudc.safety.road_points import NAMES, RoadPoints, sliding
 from rudc.safety.rules import NotNegative
 from rudc.settings import within
@@ -48,7 +47,7 @@ class RoadBarrier(Clearance):
     """the last one tells where the edge leads, which the row takes for straight"""
     Settings: ClassVar[type[BarrierSettings]] = RoadSettings
 
-    def __init__(self, settings: RoadSettings, predictor: Predictor) -> None:
+    def __init__(self, settings: RoadSettings) -> None:
         self.settings = settings
         self._points: RoadPoints | None = None
 

@@ -15,7 +15,6 @@ from rudc.network.paths import SPACING
 from rudc.safety.barrier import BarrierSettings, Found, as_complex
 from rudc.safety.clearance import EPSILON, Bodies, Clearance
 from rudc.safety.gating import Gate
-from rudc.safety.prediction import Predictor
 from rudc.safety.residual_kernels import vehicle_features
 from rudc.safety.rules import NotNegative, Positive
 from rudc.settings import within
@@ -75,9 +74,9 @@ class VehicleBarrier(Clearance):
     )
     Settings: ClassVar[type[BarrierSettings]] = VehicleSettings
 
-    def __init__(self, settings: VehicleSettings, predictor: Predictor) -> None:
+    def __init__(self, settings: VehicleSettings) -> None:
         self.settings = settings
-        self._gate = Gate(settings.gate_horizon, settings.gate_step, settings.gate_distance, predictor)
+        self._gate = Gate(settings.gate_horizon, settings.gate_step, settings.gate_distance)
 
     def find(self, scene: Scene) -> Found:
         """See `Barrier`; nearest first."""

@@ -22,21 +22,34 @@ then; it is released as soon as no overlap is predicted.
 
 from __future__ import annotations
 
+import cmath
 import math
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from rudc.arrays import Array, Flags
+from rudc.arrays import Array, Complex, Flags
+from rudc.network.line_kernels import along_line
 from rudc.network.paths import SPACING
 from rudc.world.scene import Scene
-from rudc.world.yielding_kernels import LINGERS, along_line, meets_ego, near_ego, straight_on, yielding
+from rudc.world.yielding_kernels import (
+    INSTANTS,
+    LINGERS,
+    STEP_S,
+    meets_ego,
+    near_ego,
+    straight_on,
+    yielding,
+)
 
 BRAKE_MOST = 9.0
 """m/s2, on a dry road"""
 PAST_M = 3.0
 """m of the ego's rear beyond the junction, from where it is one vehicle in a lane like any other"""
+
+TIMES: Array = STEP_S * np.arange(INSTANTS, dtype=np.float64)
+"""(INSTANTS,) s, looked at"""
 
 _COS_OFF = math.cos(math.pi / 6)
 
@@ -60,7 +73,7 @@ def must_yield(scene: Scene, *, ego_present: bool = True, brake_most: float = BR
     rows, deceleration = yielding(
         scene.position, scene.heading, scene.velocity, scene.size, scene.path, scene.path_s,
         paths.poses, paths.stations, paths.stop_s, paths.exit_s, paths.origin,
-        heeding, _predicted(scene, stray), body.length, body.width, ego.v >= LINGERS, brake_most,
+        heeding, *_predicted(scene, stray), body.length, body.width, ego.v >= LINGERS, brake_most,
     )  # fmt: skip
     return Yielding(rows.tolist(), deceleration.tolist())
 
@@ -106,13 +119,16 @@ def _heeding(scene: Scene, stray: bool) -> Flags | None:
     )
 
 
-def _predicted(scene: Scene, stray: bool) -> Array:
-    """(9, 3) x m, y m, heading rad of the ego over the horizon: standing, along its path, or straight on."""
+def _predicted(scene: Scene, stray: bool) -> tuple[Complex, Complex]:
+    """(INSTANTS,) m and (INSTANTS,): place and direction of the ego over the horizon: standing, along its
+    path, or straight on.
+    """
     ego = scene.ego
     if ego.v >= LINGERS and not stray:
-        return along_line(scene.route.path.poses, scene.ego_s, ego.v)
+        line = scene.route.path.poses
+        return along_line(line, len(line), 0, scene.ego_s, 0j, 1 + 0j, ego.v * TIMES)
     course, v = ego.psi + ego.slip, ego.v if ego.v >= LINGERS else 0.0
-    return straight_on(ego.x, ego.y, ego.psi, v * math.cos(course), v * math.sin(course))
+    return straight_on(ego.x, ego.y, ego.psi, cmath.rect(v, course))
 
 
 def off_path(scene: Scene) -> bool:

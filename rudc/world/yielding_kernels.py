@@ -10,16 +10,17 @@ import numpy as np
 from rudc.kernels import (
     Marks,
     NewFlags,
+    NewPlaces,
     NewRows,
-    NewTable,
     NewVector,
+    Places,
     Rows,
     Table,
     Vector,
     kernel,
     separation,
 )
-from rudc.network.paths import SPACING
+from rudc.network.line_kernels import along_line, on_line
 from rudc.world.scene import STANDING
 
 STEP_S = 0.25
@@ -48,62 +49,29 @@ NEAR_M = 10.0
 
 
 @kernel
-def on_row(poses: Table, first: int, stations: int, s: float) -> tuple[float, float, float]:
-    """x m, y m and heading rad s m along the line with `stations` stations from `first` on in poses (..., 3);
-    straight on beyond its ends.
-    """
-    at = s * (1.0 / SPACING)
-    i = int(min(max(at, 0.0), stations - 2.0))
-    t, k = at - i, first + i
-    x, y = (
-        poses[k, 0] + t * (poses[k + 1, 0] - poses[k, 0]),
-        poses[k, 1] + t * (poses[k + 1, 1] - poses[k, 1]),
-    )
-    return x, y, poses[k, 2] + t * (poses[k + 1, 2] - poses[k, 2])
-
-
-@kernel
-def along_path(
+def in_lane(
     poses: Table, stations: int, row: int, s: float, x: float, y: float, step: float
-) -> NewTable:  # fmt: skip
-    """(INSTANTS, 3) x m, y m and heading rad of who is at (x, y) m now, 0, 1, 2, ... steps of `step` m on.
-
-    Along its row from s m on, as far beside it as now (`safety.prediction` says why it has one of its own).
+) -> tuple[NewPlaces, NewPlaces]:
+    """(INSTANTS,) m and (INSTANTS,): place and direction of who is at (x, y) m now, 0, 1, 2, ... steps of
+    `step` m on along its row from s m on, as far beside it as now.
 
     Somebody that passes an obstacle on a lane without a way to its destination drives beside its row.
     """
-    track = np.empty((INSTANTS, 3))
-    beside = 0.0
+    start, psi = on_line(poses, stations, row, s)
+    beside = ((complex(x, y) - start) * cmath.exp(-1j * psi)).imag
+    way = np.empty(INSTANTS)
     for t in range(INSTANTS):
-        path_x, path_y, psi = on_row(poses, row * stations, stations, s + t * step)
-        if t == 0:
-            beside = (y - path_y) * math.cos(psi) - (x - path_x) * math.sin(psi)
-        track[t, 0], track[t, 1] = path_x - beside * math.sin(psi), path_y + beside * math.cos(psi)
-        track[t, 2] = psi
-    return track
+        way[t] = t * step
+    return along_line(poses, stations, row, s, 1j * beside, complex(1.0), way)
 
 
 @kernel
-def straight_on(x: float, y: float, psi: float, velocity_x: float, velocity_y: float) -> NewTable:
-    """(INSTANTS, 3) x m, y m and heading rad of a body with a velocity (m/s, m/s)."""
-    track = np.empty((INSTANTS, 3))
+def straight_on(x: float, y: float, psi: float, velocity: complex) -> tuple[NewPlaces, NewPlaces]:
+    """(INSTANTS,) m and (INSTANTS,): place and direction of a body with a velocity (m/s)."""
+    place, facing = np.empty(INSTANTS, np.complex128), np.empty(INSTANTS, np.complex128)
     for t in range(INSTANTS):
-        track[t] = x + velocity_x * (t * STEP_S), y + velocity_y * (t * STEP_S), psi
-    return track
-
-
-@kernel
-def along_line(poses: Table, s: float, v: float) -> NewTable:
-    """(INSTANTS, 3) x m, y m and heading rad at v m/s along a line (M, 3) from s m on; beyond an end its
-    heading."""
-    track, last = np.empty((INSTANTS, 3)), len(poses) - 1
-    for t in range(INSTANTS):
-        x, y, psi = on_row(poses, 0, len(poses), s + v * (t * STEP_S))
-        ahead = s + v * (t * STEP_S)
-        if ahead < 0.0 or ahead > last * SPACING:
-            psi = poses[0 if ahead < 0.0 else last, 2]
-        track[t] = x, y, psi
-    return track
+        place[t], facing[t] = complex(x, y) + velocity * (t * STEP_S), cmath.exp(1j * psi)
+    return place, facing
 
 
 @kernel
@@ -146,20 +114,18 @@ def meets_ego(
 
 @kernel
 def mark_overlaps(
-    hits: NewFlags, own: NewTable, length: float, width: float, other: NewTable, its_length: float,
-    its_width: float,
+    hits: NewFlags, place: Places, facing: Places, length: float, width: float,
+    its_place: Places, its_facing: Places, its_length: float, its_width: float,
 ) -> int:  # fmt: skip
-    """Set hits (INSTANTS,) where two rectangles overlap that drive along tracks (INSTANTS, 3); half sizes, m.
-
-    Answers 0.
+    """Set hits (INSTANTS,) where two rectangles overlap, given their places m and directions (INSTANTS,) and
+    half sizes, m. Answers 0.
     """
     reach = length + width + its_length + its_width
     for t in range(INSTANTS):
-        r = complex(other[t, 0] - own[t, 0], other[t, 1] - own[t, 1])
+        r = its_place[t] - place[t]
         if hits[t] or abs(r.real) > reach or abs(r.imag) > reach:
             continue
-        facing, its_facing = cmath.exp(1j * own[t, 2]), cmath.exp(1j * other[t, 2])
-        hits[t] = separation(r, facing, its_facing, length, width, its_length, its_width) <= 0.0
+        hits[t] = separation(r, facing[t], its_facing[t], length, width, its_length, its_width) <= 0.0
     return 0
 
 
@@ -196,31 +162,30 @@ def in_junction(size: Table, path: Rows, path_s: Vector, stop_s: Vector, exit_s:
 
 @kernel
 def mark_others(
-    hits: NewFlags, own: NewTable, length: float, width: float, i: int, speed: Vector, inside: NewFlags,
-    position: Table, heading: Vector, velocity: Table, size: Table, path: Rows, path_s: Vector,
-    poses: Table, stations: int, origin: Rows,
+    hits: NewFlags, place: Places, facing: Places, length: float, width: float, i: int, speed: Vector,
+    inside: NewFlags, position: Table, heading: Vector, velocity: Table, size: Table, path: Rows,
+    path_s: Vector, poses: Table, stations: int, origin: Rows,
 ) -> int:  # fmt: skip
-    """Set hits (INSTANTS,) where an SV i on its track `own` overlaps an obstacle, or, if it creeps in the
-    junction, what faster ones from other arms will sweep over. Answers 0.
+    """Set hits (INSTANTS,) where an SV i at `place` m facing `facing` (INSTANTS,) overlaps an obstacle, or,
+    if it creeps in the junction, what faster ones from other arms will sweep over. Answers 0.
     """
     for j in range(len(path)):
         half = 0.5 * size[j, 0], 0.5 * size[j, 1]
-        away = math.hypot(position[i, 0] - position[j, 0], position[i, 1] - position[j, 1])
+        x, y = position[j, 0], position[j, 1]
+        away = math.hypot(position[i, 0] - x, position[i, 1] - y)
         if path[j] < 0:
             if away < HORIZON_S * (speed[i] + speed[j]) + NEAR_M + size[j, 0]:
-                there = straight_on(
-                    position[j, 0], position[j, 1], heading[j], velocity[j, 0], velocity[j, 1]
-                )
-                mark_overlaps(hits, own, length, width, there, half[0], half[1])
+                drift = complex(velocity[j, 0], velocity[j, 1])
+                there, turned = straight_on(x, y, heading[j], drift)
+                mark_overlaps(hits, place, facing, length, width, there, turned, half[0], half[1])
             continue
         passes = inside[i] and inside[j] and speed[i] <= CREEPS < speed[j]
         if not passes or origin[path[i]] == origin[path[j]]:
             continue
-        x, y = position[j, 0], position[j, 1]
-        swept = along_path(poses, stations, path[j], path_s[j], x, y, SWEPT_M)
+        swept, along = in_lane(poses, stations, path[j], path_s[j], x, y, SWEPT_M)
         for k in range(INSTANTS):
-            there = straight_on(swept[k, 0], swept[k, 1], swept[k, 2], 0.0, 0.0)
-            mark_overlaps(hits, own, length, width, there, half[0], half[1])
+            there, turned = np.full(INSTANTS, swept[k]), np.full(INSTANTS, along[k])
+            mark_overlaps(hits, place, facing, length, width, there, turned, half[0], half[1])
     return 0
 
 
@@ -228,12 +193,12 @@ def mark_others(
 def yielding(
     position: Table, heading: Vector, velocity: Table, size: Table, path: Rows, path_s: Vector,
     poses: Table, stations: int, stop_s: Vector, exit_s: Vector, origin: Rows,
-    heeding: NewFlags, ego: NewTable, length: float, width: float, moves: bool, most: float,
+    heeding: NewFlags, ego: Places, ego_facing: Places, length: float, width: float, moves: bool, most: float,
 ) -> tuple[NewRows, NewVector]:  # fmt: skip
     """(m,) rows of the SVs that must brake or go no faster, and how hard (m,) m/s2.
 
-    Who looks out for the ego (`heeding` (N,)), where that will be (INSTANTS, 3), its length and width, m, and
-    whether it `moves`.
+    Who looks out for the ego (`heeding` (N,)), where that will be, m, and its directions (INSTANTS,), its
+    length and width, m, and whether it `moves`.
     """
     n, count, obstacles = len(path), 0, False
     rows, needs, speed = np.empty(n, np.int64), np.empty(n), np.empty(n)
@@ -247,12 +212,12 @@ def yielding(
         hits, sets_off = np.zeros(INSTANTS, np.bool_), max(speed[i], CREEP)
         half = 0.5 * (size[i, 0] + GROW_LENGTH), 0.5 * (size[i, 1] + GROW_WIDTH)
         x, y = position[i, 0], position[i, 1]
-        own = along_path(poses, stations, path[i], path_s[i], x, y, sets_off * STEP_S)
+        place, facing = in_lane(poses, stations, path[i], path_s[i], x, y, sets_off * STEP_S)
         if heeding[i]:
-            mark_overlaps(hits, own, half[0], half[1], ego, 0.5 * length, 0.5 * width)
+            mark_overlaps(hits, place, facing, half[0], half[1], ego, ego_facing, 0.5 * length, 0.5 * width)
         passed = hits[0] and moves and speed[i] < STANDING
         mark_others(
-            hits, own, half[0], half[1], i, speed, inside,
+            hits, place, facing, half[0], half[1], i, speed, inside,
             position, heading, velocity, size, path, path_s, poses, stations, origin,
         )  # fmt: skip
         need = braking(hits, sets_off, passed, most)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, cast
 
 import numpy as np
@@ -38,6 +39,16 @@ class Paths:
     xy: Array
     heading: Array
     ds: float = SPACING
+
+    @cached_property
+    def poses(self) -> Array:
+        """(P * M, 3) x m, y m, heading rad."""
+        return np.concatenate([self.xy, self.heading[..., None]], axis=2).reshape(-1, 3)
+
+    @property
+    def stations(self) -> int:
+        """M."""
+        return self.heading.shape[1]
 
 
 @dataclass(frozen=True)

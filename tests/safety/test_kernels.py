@@ -7,14 +7,14 @@ import pytest
 
 from rudc.geometry import separation
 from rudc.safety import barrier_kernels, kernels, residual_kernels
-from tests.safety.scenes import crossing_paths
+from tests.safety.scenes import SPACING, crossing_paths
 
 RNG = np.random.default_rng
 
 
 def lines():
     paths = crossing_paths().paths
-    return paths.xy[..., 0] + 1j * paths.xy[..., 1], np.exp(1j * paths.heading), paths.ds
+    return paths.poses, paths.stations
 
 
 def others(rng, n=30):
@@ -27,13 +27,16 @@ def others(rng, n=30):
 
 def predicted(bodies, tracks, who, way):
     """`prediction`'s formula for all at once."""
-    (position, heading, velocity, path, path_s), (place, facing, spacing) = bodies, tracks
+    (position, heading, velocity, path, path_s), (poses, stations) = bodies, tracks
+    poses = poses.reshape(-1, stations, 3)
     now, rows = position[who, 0] + 1j * position[who, 1], np.maximum(path[who], 0)[:, None]
 
     def at(s):
-        i = np.clip(s / spacing, 0, place.shape[1] - 2).astype(int)
-        part = s / spacing - i
-        return place[rows, i] + part * (place[rows, i + 1] - place[rows, i]), facing[rows, i]
+        i = np.clip(s / SPACING, 0, stations - 2).astype(int)
+        part = (s / SPACING - i)[..., None]
+        low, step = poses[rows, i], poses[rows, i + 1] - poses[rows, i]
+        xy, psi = (low + part * step)[..., :2], (low + np.clip(part, 0, 1) * step)[..., 2]
+        return xy @ [1, 1j], np.exp(1j * psi)
 
     line, along = at(path_s[who, None] + way)
     start, first = at(path_s[who, None])
@@ -122,11 +125,11 @@ def test_an_arc_is_what_small_steps_make_of_it():
 
 
 def test_behind_is_who_follows_on_the_line_within_the_tail():
-    place, facing, spacing = lines()
-    line = place[:1], facing[:1], spacing  # northwards through the origin, which is at 100 m
+    poses, stations = lines()
+    line = poses[:stations]  # northwards through the origin, which is at 100 m
 
     def behind(here, heading=1j):
-        return kernels.drives_behind(*line, 100.0, 45.0, 1.5, 0.7, here, heading)
+        return kernels.drives_behind(line, 100.0, 45.0, 1.5, 0.7, here, heading)
 
     assert behind(-10j)
     assert behind(1.4 - 30j)
@@ -159,7 +162,7 @@ def test_who_is_let_through_meets_does_not_follow_and_is_not_passed():
     bodies[0][12:40:4], size[12:40:4] = [3.5, -10.0], 2.0  # and some stand beside
     bodies[1][:40] = 1.5
     bodies[0][40], size[40], bodies[1][40] = [-1.5, -21.0], [2.0, 1.8], 1.5  # and one nearer already
-    line = tracks[0][:1], tracks[1][:1], tracks[2]
+    line = tracks[0][: tracks[1]]
     s, here, heading, half = 80.0, 0.5 - 20j, np.exp(1.5j), np.full((2, 300), 2.0)
     ego = here, heading, 7.0
     way = np.linspace(0, 21, 40)
@@ -167,7 +170,7 @@ def test_who_is_let_through_meets_does_not_follow_and_is_not_passed():
         *bodies,
         size,
         *tracks,
-        *line,
+        line,
         s,
         *ego,
         times,
@@ -183,13 +186,13 @@ def test_who_is_let_through_meets_does_not_follow_and_is_not_passed():
         2.5,
         0.9,
     )
-    place, facing = (a[None] for a in kernels.follow(*line, 0, s, here, heading, 7.0 * times))
+    place, facing = (a[None] for a in kernels.follow(line, len(line), 0, s, here, heading, 7.0 * times))
     met = kernels.meeting(*bodies, *tracks, place, facing, times, 21.0, 0.8, half, half)
     centre, turned = bodies[0] @ [1, 1j], np.exp(1j * bodies[1])
     behind = [
-        kernels.drives_behind(*line, s, 45.0, 1.5, 0.7, *pose) for pose in zip(centre, turned, strict=True)
+        kernels.drives_behind(line, s, 45.0, 1.5, 0.7, *pose) for pose in zip(centre, turned, strict=True)
     ]
-    place, facing = kernels.follow(*line, 0, s, here, heading, way)
+    place, facing = kernels.follow(line, len(line), 0, s, here, heading, way)
     apart = separation(
         centre[:, None] - place, facing, turned[:, None], np.array([2.5, 0.9]), size[:, None] / 2
     )

@@ -15,7 +15,6 @@ from rudc.geometry import gaps_between
 from rudc.network.route import ReferencePath
 from rudc.safety.filter import FilterConfig, SafetyFilter
 from rudc.safety.last_resort import LastResort
-from rudc.safety.prediction import Predictor
 from rudc.vehicle import EgoVehicle
 from rudc.world.ego import EgoPlant
 from rudc.world.scene import Scene
@@ -187,7 +186,7 @@ def test_who_goes_on_on_a_poor_road_reckons_with_its_bends() -> None:
     road = Road(path, path.xy, path.xy)
     wet = EgoVehicle(a_min=-2.0, a_max=2.0)
     scene = make_scene([], x=-4.0, v=5.0, route=road, vehicle=wet)
-    judge = LastResort(ALONE, Predictor())
+    judge = LastResort(ALONE)
     way = judge._go(scene, 0.5, 5.0)
     dry = judge._go(replace(scene, vehicle=EgoVehicle()), 0.5, 5.0)
     assert dry[-1] > way[-1] + 3.0

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rudc.geometry import separation
+from rudc.network.line_kernels import along_line
 from rudc.world import yielding_kernels as kernels
 
 
@@ -15,15 +16,19 @@ def test_vehicles_keep_their_offset_from_their_path(four_way):
         s, beside, step = float(rng.uniform(-5, paths.length[row] + 5)), float(rng.normal()), 1.7
         x, y, psi = paths.pose(np.full(9, row), s + step * np.arange(9))
         x, y = x - beside * np.sin(psi), y + beside * np.cos(psi)
-        track = kernels.along_path(paths.poses, paths.stations, row, s, float(x[0]), float(y[0]), step)
-        assert track == pytest.approx(np.stack([x, y, psi], axis=1), abs=1e-9)
+        place, facing = kernels.in_lane(paths.poses, paths.stations, row, s, float(x[0]), float(y[0]), step)
+        assert place == pytest.approx(x + 1j * y, abs=1e-9)
+        assert facing == pytest.approx(np.exp(1j * psi), abs=1e-9)
 
 
 @pytest.mark.parametrize("s", [-7.0, 30.0, 1e4])
 def test_the_ego_is_where_its_path_leads(four_way, s):
     path = four_way.route("south", "left").path
-    wanted = np.stack(path.pose(s + 6.0 * 0.25 * np.arange(9)), axis=1)
-    assert kernels.along_line(path.poses, s, 6.0) == pytest.approx(wanted, abs=1e-9)
+    way = 1.5 * np.arange(9)
+    x, y, psi = path.pose(s + way)
+    place, facing = along_line(path.poses, len(path.poses), 0, s, 0j, 1 + 0j, way)
+    assert place == pytest.approx(x + 1j * y, abs=1e-9)
+    assert facing == pytest.approx(np.exp(1j * psi), abs=1e-9)
 
 
 def test_overlaps_are_geometrys():
@@ -31,11 +36,13 @@ def test_overlaps_are_geometrys():
     for _ in range(30):
         own, other = rng.uniform(-5, 5, (2, 9, 3))
         half, its_half = rng.uniform(0.3, 4, (2, 2))
-        r = (other - own)[:, 0] + 1j * (other - own)[:, 1]
-        apart = separation(r, np.exp(1j * own[:, 2]), np.exp(1j * other[:, 2]), half, its_half)
+        (place, facing), (there, turned) = (
+            (p[:, 0] + 1j * p[:, 1], np.exp(1j * p[:, 2])) for p in (own, other)
+        )
+        apart = separation(there - place, facing, turned, half, its_half)
         hits = rng.random(9) < 0.2
         wanted = hits | (apart <= 0.0)
-        kernels.mark_overlaps(hits, own, *half, other, *its_half)
+        kernels.mark_overlaps(hits, place, facing, *half, there, turned, *its_half)
         assert hits.tolist() == wanted.tolist()
 
 
