@@ -31,7 +31,7 @@ from rudc.env.tracking import RESPONSE_S
 from rudc.network.paths import SPACING
 from rudc.network.route import ReferencePath
 from rudc.safety.plant import SUBSTEP_S, PlantEstimate, PlantMonitor
-from rudc.safety.prediction import those_ahead
+from rudc.safety.prediction import others_later
 from rudc.vehicle import Actuation
 from rudc.world.ego import DRY, GRAVITY, EgoPlant, widest_steering
 from rudc.world.scene import Scene
@@ -116,7 +116,7 @@ class Adaptation:
             plant.step(a, delta, SUBSTEP_S)
         later, ego = len(pending) * SUBSTEP_S, plant.state
         s, offset = scene.route.path.project(ego.x, ego.y, scene.ego_s + 0.5 * later * (scene.ego.v + ego.v))
-        return replace(_others_later(scene, later), ego=ego, ego_s=s, ego_offset=offset)
+        return replace(others_later(scene, later), ego=ego, ego_s=s, ego_offset=offset)
 
     def _allowed(self, scene: Scene, grip: float, reaction_s: float = 0.0) -> float:
         """m/s, speed from which all bends ahead can be taken with that grip (m/s2); the least from here to
@@ -156,22 +156,3 @@ def _profile(path: ReferencePath, grip: float) -> Array:
     for i in range(len(squared) - 2, -1, -1):
         squared[i] = min(squared[i], squared[i + 1] + 2 * BRAKING * grip * SPACING)
     return np.sqrt(squared)
-
-
-def _others_later(scene: Scene, later: float) -> Scene:
-    """The others `later` s on, along their paths at their speeds."""
-    if not scene.count:
-        return replace(scene, time_s=scene.time_s + later)
-    speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
-    way = np.stack([np.zeros_like(speed), speed * later], axis=1)
-    place, facing = those_ahead(scene, np.arange(scene.count), way)
-    turned = facing[:, 1] * facing[:, 0].conj()
-    velocity = (scene.velocity[:, 0] + 1j * scene.velocity[:, 1]) * turned
-    return replace(
-        scene,
-        time_s=scene.time_s + later,
-        position=np.stack([place[:, 1].real, place[:, 1].imag], axis=1),
-        heading=scene.heading + np.angle(turned),
-        velocity=np.stack([velocity.real, velocity.imag], axis=1),
-        path_s=scene.path_s + speed * later,
-    )

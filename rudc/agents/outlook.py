@@ -1,8 +1,8 @@
 """What a driver is shown of the world, and the bounds on what it asks for: the ways round, and the car that
 is there.
 
-    see      what the sensors show -> without their noise (smoothing.py) -> as the plant makes of it
-             (adaptation.py) -> along the course (courses.py)
+    see      what the sensors show -> without their noise (smoothing.py) -> with those who are missing
+             (memory.py) -> as the plant makes of it (adaptation.py) -> along the course (courses.py)
     govern   what the driver asks for -> as fast as course and grip allow
 
 So that whoever drives, by rules or by a policy, and whatever corrects it, goes round what blocks and copes
@@ -17,6 +17,7 @@ from collections.abc import Mapping
 from rudc.agents.adaptation import Adaptation, Knowledge
 from rudc.agents.base import Agent, Decision, EgoDriver
 from rudc.agents.courses import Courses
+from rudc.agents.memory import Memory
 from rudc.agents.smoothing import Smoothing
 from rudc.arrays import Array
 from rudc.settings import Settings
@@ -58,7 +59,7 @@ class Outlook:
 
     def reset(self, scene: Scene) -> None:
         """Begin a new episode."""
-        self.smoothing = Smoothing()
+        self.smoothing, self.memory = Smoothing(), Memory()
         if self.adaptation is not None:
             self.adaptation.reset(scene)
         if self.courses is not None:
@@ -66,7 +67,7 @@ class Outlook:
 
     def see(self, scene: Scene) -> Scene:
         """The scene to decide in; called once a decision."""
-        scene = self.smoothing.see(scene)
+        scene = self.memory.see(self.smoothing.see(scene))
         if self.adaptation is not None:
             scene = self.adaptation.see(scene)
         return scene if self.courses is None else self.courses.see(scene)

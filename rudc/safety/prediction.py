@@ -10,6 +10,7 @@ they turn with their lane. `env.conflict` needs no poses: it looks gaps up by ar
 from __future__ import annotations
 
 import cmath
+from dataclasses import replace
 
 import numpy as np
 
@@ -59,3 +60,22 @@ def following(scene: Scene, place: Complex, facing: Complex) -> Flags:
         for here, heading in zip(place.tolist(), facing.tolist(), strict=True)
     ]
     return np.array(behind, dtype=np.bool_)
+
+
+def others_later(scene: Scene, later: float) -> Scene:
+    """The others `later` s on, along their paths at their speeds."""
+    if not scene.count:
+        return replace(scene, time_s=scene.time_s + later)
+    speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
+    way = np.stack([np.zeros_like(speed), speed * later], axis=1)
+    place, facing = those_ahead(scene, np.arange(scene.count), way)
+    turned = facing[:, 1] * facing[:, 0].conj()
+    velocity = (scene.velocity[:, 0] + 1j * scene.velocity[:, 1]) * turned
+    return replace(
+        scene,
+        time_s=scene.time_s + later,
+        position=np.stack([place[:, 1].real, place[:, 1].imag], axis=1),
+        heading=scene.heading + np.angle(turned),
+        velocity=np.stack([velocity.real, velocity.imag], axis=1),
+        path_s=scene.path_s + speed * later,
+    )

@@ -1,0 +1,69 @@
+"""Who is not seen for a moment is still there: on recorded traffic, and at a box."""
+
+# ruff: noqa: F811 -- fixtures come by import
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rudc.agents.memory import KEPT_S, Memory
+from rudc.agents.registry import make_agent
+from rudc.env.episode import Episode
+from rudc.world.perception import Sensors
+from tests.plans import PlanSource
+from tests.world.conftest import four_way, make_scene, world, world_on  # noqa: F401 -- fixtures
+
+CLEAN = Sensors(occluders=np.zeros((0, 5)))
+
+
+@pytest.fixture
+def traffic(world):
+    episode, agent = Episode(world), make_agent("gap-acceptance")
+    scenes = [episode.reset(PlanSource(origin="south", turn="left", density=25.0).plan(4))]
+    agent.reset(scenes[0], 4)
+    while episode.outcome is None:
+        scenes.append(episode.step(agent.act(scenes[-1]).u).scene)
+    return scenes
+
+
+def test_to_sensors_that_miss_nobody_who_vanishes_has_gone(traffic):
+    watch = Memory()
+    assert len({name for scene in traffic for name in scene.ids}) > traffic[-1].count, "some have gone"
+    assert all(watch.see(scene) is scene for scene in traffic)
+
+
+def test_who_is_missed_is_shown_where_it_is(traffic):
+    rng, watch, away, missed = np.random.default_rng(0), Memory(), [], 0
+    for scene in traffic:
+        seen = replace(CLEAN, miss=0.4).perceive(scene, rng)
+        shown = watch.see(seen)
+        assert len(set(shown.ids)) == shown.count
+        far = np.hypot(*(shown.position - scene.ego_position).T)
+        assert (np.diff(far) >= 0).all(), "nearest first"
+        there = {name: i for i, name in enumerate(scene.ids)}
+        missed += scene.count - seen.count
+        for i in (k for k, name in enumerate(shown.ids) if name in there and name not in seen.ids):
+            k = there[shown.ids[i]]
+            away.append(float(np.hypot(*(shown.position[i] - scene.position[k]))))
+            assert shown.path[i] == scene.path[k] or abs(away[-1]) < 1.0
+    assert len(away) > 0.9 * missed > 300
+    assert np.mean(away) < 0.15
+    assert np.max(away) < 3.0
+
+
+def test_it_is_forgotten_after_a_while(make_scene):
+    there, watch = make_scene({"at": (20.0, 3.0, 0.0), "v": 4.0}), Memory()
+    nobody = make_scene()
+    for k, scene in enumerate([there, nobody, there]):
+        watch.see(replace(scene, time_s=0.1 * k))
+    for k in range(3, 20):
+        shown = watch.see(replace(nobody, time_s=0.1 * k))
+        since = 0.1 * (k - 2)
+        if k == 12:  # as long as it is kept, to the last bit
+            continue
+        assert shown.count == (since < KEPT_S), since
+        if shown.count:
+            assert shown.position[0] == pytest.approx([20.0 + 4.0 * since, 3.0])
+            assert math.isclose(np.hypot(*shown.velocity[0]), 4.0)
+    assert watch.see(replace(there, time_s=9.0)).count == 1
