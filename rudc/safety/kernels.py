@@ -209,20 +209,42 @@ def all_finite(position: Table, heading: Vector, velocity: Table, path_s: Vector
 
 
 @kernel
+def leads(
+    poses: Table, s: float, ahead: float, lane: float, along_it: float, here: complex, heading: complex
+) -> bool:
+    """Whether somebody `here` m facing `heading` drives before an ego at s m on the line, up to `ahead` m.
+
+    Within `lane` m of it, turned from it by a cosine of more than `along_it`. Every other station is
+    looked at.
+    """
+    best, nearest = 1e300, 0
+    first = min(max(int(s / SPACING), 0), len(poses) - 1)
+    for i in range(first, min(first + int(ahead / SPACING) + 1, len(poses)), 2):
+        squared = (here.real - poses[i, 0]) ** 2 + (here.imag - poses[i, 1]) ** 2
+        if squared < best:
+            best, nearest = squared, i
+    back = cmath.exp(-1j * poses[nearest, 2])
+    seen = (here - complex(poses[nearest, 0], poses[nearest, 1])) * back
+    near = abs(seen.imag) < lane and abs(seen.real) < 1.0
+    return nearest > first and near and (heading * back).real > along_it
+
+
+@kernel
 def in_reach(
     position: Table, heading: Vector, velocity: Table, path: Rows, path_s: Vector,
     acceleration: Vector, size: Table,
     poses: Table, stations: int, ego: complex, reach: float,
     times: Vector, changing: float, speeds_up: float,
+    line: Table, ego_s: float, lane: float, along: float, hardest: float,
 ) -> tuple[NewRows, NewPlaceTable, NewPlaceTable]:  # fmt: skip
     """Others (m,) whom the ego might meet within `reach` m of it, and their places (m, T) m and directions
     (m, T).
 
     Then once more those whose speed changes by more than `changing` m/s2: braking on, or speeding up for
-    another `speeds_up` s.
+    another `speeds_up` s. Then once more those who lead the ego (`leads`), braking with `hardest` m/s2.
     """
     n, horizon = len(heading), times[-1]
-    who = np.empty(2 * n, np.int64)
+    who, rate = np.empty(3 * n, np.int64), np.zeros(3 * n)
     m = 0
     for i in range(n):
         speed = math.hypot(velocity[i, 0], velocity[i, 1])
@@ -235,7 +257,13 @@ def in_reach(
     near = m
     for k in range(near):
         if abs(acceleration[who[k]]) > changing:
-            who[m] = who[k]
+            who[m], rate[m] = who[k], acceleration[who[k]]
+            m += 1
+    for k in range(near):
+        i = who[k]
+        here, direction = complex(position[i, 0], position[i, 1]), cmath.exp(1j * heading[i])
+        if acceleration[i] > hardest and leads(line, ego_s, reach, lane, along, here, direction):
+            who[m], rate[m] = i, hardest
             m += 1
     there, turned = np.empty((m, len(times)), np.complex128), np.empty((m, len(times)), np.complex128)
     way = np.empty(len(times))
@@ -245,7 +273,7 @@ def in_reach(
         for t in range(len(times)):
             way[t] = speed * times[t]
             if k >= near:
-                a = acceleration[i]
+                a = rate[k]
                 held = min(times[t], speed / -a if a < 0.0 else speeds_up)
                 rest = times[t] - held if a > 0.0 else 0.0
                 way[t] = speed * held + 0.5 * a * held * held + (speed + a * held) * rest

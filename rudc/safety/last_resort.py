@@ -16,9 +16,9 @@ with last_resort_margin, towards who stands at most STILL_MARGIN
 
 separation being the largest along the four side directions of the ego's rectangle and the other's, which
 their distance is not below. Others are predicted along their paths (see `prediction`), at their present speed
-and, where that changes, also braking on as they do, or speeding up for another SPEEDS_UP_S. So a manoeuvre
-whose room is not negative comes neither closer than the margin to anybody nor, where it is that close
-already, any closer.
+and, where that changes, also braking on as they do, or speeding up for another SPEEDS_UP_S; who leads the ego
+on its path also braking with HARDEST. So a manoeuvre whose room is not negative comes neither closer than the
+margin to anybody nor, where it is that close already, any closer.
 
     u is taken         if a manoeuvre's room is not negative (towards who stands still, that of stopping)
     going on           if both are, somebody would hit the ego that brakes fully (room below -margin in all
@@ -47,7 +47,7 @@ from rudc.env.tracking import steering
 from rudc.network.paths import SPACING
 from rudc.safety.config import FilterConfig
 from rudc.safety.kernels import in_reach, on_arc, room_left
-from rudc.safety.prediction import GO_ACCELERATION, GO_SPEED, bodies, ego_ahead, following, lines
+from rudc.safety.prediction import ALONG, GO_ACCELERATION, GO_SPEED, LANE, bodies, ego_ahead, following, lines
 from rudc.world.scene import STILL, Scene
 
 HORIZON = 2.5
@@ -60,6 +60,8 @@ AS_GOOD = 0.01
 """m/s2, from full braking, which is as good"""
 BENDS = 0.8
 """share of what brakes may use that bends may where the road is poor (rudc/agents/adaptation.py)"""
+HARDEST = -9.0
+"""m/s2, with which who leads the ego may brake: what a good car can on a dry road"""
 SPEEDS_UP_S = 1.0
 """s"""
 CHANGING = 0.5
@@ -183,6 +185,7 @@ class LastResort:
         who, place, facing = in_reach(
             *bodies(scene), scene.acceleration, scene.size, *lines(scene),
             complex(ego.x, ego.y), reach, self._times, CHANGING, SPEEDS_UP_S,
+            scene.route.path.poses, scene.ego_s, LANE, ALONG, HARDEST,
         )  # fmt: skip
         velocity = scene.velocity[who]
         still: Flags = np.hypot(velocity[:, 0], velocity[:, 1]) < STILL

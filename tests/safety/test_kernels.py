@@ -83,17 +83,22 @@ def test_room_is_the_least_separation_less_what_is_allowed():
     rng, tracks, times = RNG(3), lines(), np.linspace(0, 2.5, 26)
     bodies, size = others(rng, 60), rng.uniform(1, 6, (60, 2))
     acceleration = rng.uniform(-3, 1, 60)
+    line = tracks[0][: tracks[1]]  # northwards through the origin, which is at 100 m
+    bodies[0][:6], bodies[1][:6] = [[0.3 * k - 0.8, 5.0 * k - 5] for k in range(6)], np.pi / 2
     who, place, facing = kernels.in_reach(
-        *bodies, acceleration, size, *tracks, -10 + 0j, 15.0, times, 0.5, 1.0
+        *bodies, acceleration, size, *tracks, -10 + 0j, 15.0, times, 0.5, 1.0, line, 97.0, 1.5, 0.7, -9.0
     )
     speed = np.hypot(*bodies[2].T)
     fastest = speed + np.where(acceleration > 0.5, acceleration, 0.0)
     near = np.hypot(*(bodies[0] - [-10, 0]).T) < fastest * 2.5 + 15 + 0.5 * size.sum(axis=1)
     first = np.flatnonzero(near)
     late = first[np.abs(acceleration[first]) > 0.5]
-    assert who.tolist() == [*first, *late]
-    a, v = acceleration[late, None], speed[late, None]
-    assert a.min() < -0.5 < 0.5 < a.max()
+    lead = np.array([k for k in first if k < 6 and 97.0 < 100 + bodies[0][k, 1] < 112.0])
+    assert who.tolist() == [*first, *late, *lead]
+    assert len(lead) > 1
+    a = np.concatenate([acceleration[late], np.full(len(lead), -9.0)])[:, None]
+    v = speed[[*late, *lead], None]
+    assert acceleration[late].min() < -0.5 < 0.5 < acceleration[late].max()
     fine = np.linspace(0, 2.5, 2501)
     speeds = np.where(a < 0, np.maximum(v + a * fine, 0.0), v + a * np.minimum(fine, 1.0))
     changed = np.concatenate([0 * a, np.cumsum(0.0005 * (speeds[:, 1:] + speeds[:, :-1]), axis=1)], axis=1)

@@ -120,11 +120,19 @@ def test_a_truck_ahead_is_not_hit_for_the_sake_of_somebody_behind() -> None:
     assert "veh:sv0" in answer.active
 
 
-def test_a_leader_that_brakes_is_taken_to_go_on_braking() -> None:
-    leader = Other(6.9, 0.0, 0.0, 9.0)
-    scene = make_scene([leader], v=9.0)
-    assert status(scene, np.zeros(2)) == "nominal"
-    assert status(replace(scene, acceleration=np.array([-7.0])), np.zeros(2)) == "last_resort"
+def test_who_brakes_is_taken_to_go_on_braking() -> None:
+    crossing = Other(0.0, 1.0, math.pi / 2, 4.0, row=0, s=101.0)
+    scene = make_scene([crossing], x=-9.5, v=8.0)
+    assert status(scene, np.zeros(2)) == "nominal", "it is gone when the ego comes"
+    assert status(replace(scene, acceleration=np.array([-8.0])), np.zeros(2)) == "last_resort"
+
+
+@pytest.mark.parametrize(("gap", "held"), [(3.0, True), (6.5, False)])
+def test_a_leader_may_brake_at_any_time_as_hard_as_cars_can(gap: float, held: bool) -> None:
+    """Both at 10 m/s: the ego needs 1 + 100 / 12 m, the leader 100 / 18."""
+    scene = make_scene([Other(5.0 + gap, 0.0, 0.0, 10.0)], v=10.0)
+    assert (status(scene, np.zeros(2)) == "last_resort") == held
+    assert status(make_scene([Other(5.0 + gap, 3.5, 0.0, 10.0)], v=10.0), np.zeros(2)) == "nominal"
 
 
 def test_beside_somebody_it_may_drive_off_but_not_come_closer() -> None:
