@@ -45,8 +45,16 @@ def test_those_of_the_folder_come_before_the_shipped_and_none_is_made(tmp_path):
     with found.named_from():
         make_agent("./rudc-t-seed1:outlook.course=false")
     assert not (tmp_path / "out").exists()
-    old = trainings_for([Wanted("rudc-wo-cbf", "rudc-wo-cbf")], (0,), order, STEPS, said)
-    assert "no longer the default" in old.missing[0]  # three members, ten now
+
+
+def test_a_shipped_one_that_learnt_with_other_settings_is_not_taken(tmp_path, monkeypatch):
+    monkeypatch.setattr(
+        "rudc.studies.trained.shipped_checkpoints", lambda: {"rudc-t": SHIPPED / "rudc-t-paper"}
+    )
+    found = trainings_for(
+        [Wanted("rudc-t", "rudc-t")], (0,), Order(tmp_path / "out", trainings=tmp_path), STEPS, said
+    )
+    assert "no longer the default" in found.missing[0]
 
 
 def test_a_training_that_is_another_is_refused(tmp_path):
