@@ -123,16 +123,16 @@ class Courses:
             u = _kept_short(scene, blocks, u)
         if not (blocks.any or self.course):
             return u
-        stop, delta = math.inf if onwards else self._stop, float(u[1])
+        stop, delta = self._stop, float(u[1])
         speed = math.inf
         if self.course is not None:
             profile = _profile(scene, blocks)
-            stop = stop if onwards else min(stop, _entry(scene, self._route, profile))
+            stop = min(stop, _entry(scene, self._route, profile))
             speed = _speed_now(scene, profile)
             if _narrow(scene, blocks):
                 track = steering(scene)
                 delta = min(max(delta, track - LEEWAY), track + LEEWAY)
-        if stop < math.inf:
+        if stop < math.inf and not onwards:
             speed = min(speed, math.sqrt(2 * COMFORT * max(stop, 0.0)))
         wanted = max((speed - scene.ego.v) / RESPONSE_S, scene.vehicle.a_min)
         return np.array([min(float(u[0]), wanted), delta])

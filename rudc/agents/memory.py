@@ -1,15 +1,14 @@
 """Who is not seen for a moment is still there.
 
-Sensors miss some now and then, and boxes hide who drives behind them. Once somebody has been seen to come
-back, whoever is missing is shown for another KEPT_S where it would be by now: at the speed that it had, along
-its path (rudc/safety/prediction.py). To sensors that miss nobody this never happens: who vanishes for them
-has gone.
+Sensors miss others now and then, and boxes hide who drives behind them. Once somebody has vanished and come
+back, everybody who vanishes is shown for another KEPT_S, moved along its path at the speed that it had
+(rudc/safety/prediction.py). While nobody has come back, who vanishes is taken to be gone: sensors that miss
+nobody are shown as they are.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -45,21 +44,12 @@ class Memory:
                 missing.setdefault(last.time_s, []).append(name)
         if not (self._misses and missing):
             return scene
-        return _joined(scene, [self._now(names, scene.time_s) for names in missing.values()])
+        joined = scene.with_others_of(*(self._now(names, scene.time_s) for names in missing.values()))
+        away = joined.position - scene.ego_position
+        return joined.only(np.argsort(np.hypot(away[:, 0], away[:, 1]), kind="stable"))
 
     def _now(self, names: list[str], time_s: float) -> Scene:
         """Those, last seen together, where they would be by now."""
         last = self._last[names[0]]
         rows = [last.ids.index(name) for name in names]
         return others_later(last.only(np.array(rows)), time_s - last.time_s)
-
-
-def _joined(scene: Scene, others: list[Scene]) -> Scene:
-    """The scene with the others of more scenes, nearest first."""
-    names = "position", "heading", "velocity", "acceleration", "size", "kind", "path", "path_s"
-    all_of = [scene, *others]
-    rows = {name: np.concatenate([getattr(one, name) for one in all_of]) for name in names}
-    ids = tuple(name for one in all_of for name in one.ids)
-    away = rows["position"] - scene.ego_position
-    order = np.argsort(np.hypot(away[:, 0], away[:, 1]), kind="stable")
-    return replace(scene, ids=ids, **rows).only(order)

@@ -25,7 +25,7 @@ from rudc.world.scene import Scene
 
 
 class OutlookSettings(Settings):
-    """Which of the two there are."""
+    """Which of course and plant there are. With either, noise is smoothed and who is missing remembered."""
 
     course: bool = False
     """whether the driver is led round what blocks its path"""

@@ -1,19 +1,20 @@
 """What noisy sensors show of the others, smoothed.
 
-How noisy they are is told from what motion does not explain: between two decisions, dt s apart,
+How noisy they are is told from what motion does not explain of a change between two decisions, dt s apart
+(p place, v velocity and its size, a acceleration, psi heading; ' is the later one):
 
     place    |p' - p - dt (v + v') / 2|      each coordinate
     speed    |v' - v - dt a'|
     heading  |psi' - psi - (course' - course)|
 
-The median of such differences among the LISTENED nearest, of the last KEPT, over sqrt(2) NORMAL, is the
-standard deviation of Gaussian errors that would bring it about; who jumps or swerves does not change it.
-Sensors without noise stay below LEAST, and what they show is not touched.
+The last KEPT differences of the LISTENED nearest are kept. Their median, divided by sqrt(2) NORMAL, is the
+standard deviation of the Gaussian errors that would cause it; a few who jump or swerve do not change it.
+Where it is below LEAST, sensors count as without noise, and what they show is not touched.
 
-Beyond, each other has a Kalman filter of its place and speed along its course, one of its place across, and
-one of its heading. Between two decisions its place moves with its speed, its speed with the acceleration
-that is seen, its heading with its course; UNKNOWN, ASIDE and TURNING are what that may be off by. Who is seen
-farther than JUMP standard deviations from where it was expected begins anew.
+Above LEAST, each other is tracked by Kalman filters: one of its place and speed along its course, one of its
+place across, one of its heading. Between two decisions its place moves with its speed, its speed with the
+acceleration that is seen, its heading with its course; UNKNOWN, ASIDE and TURNING are what that may be off
+by. Who is seen farther than JUMP from where it was expected is tracked anew.
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ LEAST = 0.06, 0.06, 0.02
 UNKNOWN, ASIDE, TURNING = 1.0, 0.5, 0.1
 """m/s2, m/s and rad/s, standard deviations of what moves the others apart from what is seen"""
 JUMP = 5.0
+"""standard deviations"""
 LOST_S = 1.0
 """s, after which one who was not seen is forgotten"""
 EXACT = 1e-4

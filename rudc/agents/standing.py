@@ -86,7 +86,7 @@ class Standing:
         seen = set(scene.ids)
         for name, one in self._known.items():
             if name not in seen:
-                scene = _with(scene, one.scene.only(np.array([one.row])))
+                scene = scene.with_others_of(one.scene.only(np.array([one.row])))
         position, heading, velocity = scene.position.copy(), scene.heading.copy(), scene.velocity.copy()
         for i, name in enumerate(scene.ids):
             one = self._known.get(name)
@@ -94,10 +94,3 @@ class Standing:
                 position[i] = one.place.real, one.place.imag
                 heading[i], velocity[i] = math.atan2(one.facing.imag, one.facing.real), 0.0
         return replace(scene, position=position, heading=heading, velocity=velocity)
-
-
-def _with(scene: Scene, other: Scene) -> Scene:
-    """The scene with the others of another one after its own."""
-    rows = "position", "heading", "velocity", "acceleration", "size", "kind", "path", "path_s"
-    joined = {name: np.concatenate([getattr(scene, name), getattr(other, name)]) for name in rows}
-    return replace(scene, ids=scene.ids + other.ids, **joined)

@@ -72,23 +72,32 @@ def others_ahead(
 
 
 @kernel
-def drives_behind(
-    poses: Table, s: float, tail: float, lane: float, along_it: float, here: complex, heading: complex
-) -> bool:  # fmt: skip
-    """Whether somebody `here` m facing `heading` drives behind an ego at s m on the line, up to `tail` m.
+def drives_on(
+    poses: Table, first: int, end: int, lane: float, along_it: float, here: complex, heading: complex
+) -> bool:
+    """Whether somebody `here` m facing `heading` drives on a line, between its stations `first` and `end`.
 
     Within `lane` m of it, turned from it by a cosine of more than `along_it`. Every other station is
     looked at.
     """
-    at = int(s / SPACING)
     best, nearest = 1e300, 0
-    for i in range(max(at - int(tail / SPACING), 0), max(at - int(2.0 / SPACING), 1), 2):
+    for i in range(first, end, 2):
         squared = (here.real - poses[i, 0]) ** 2 + (here.imag - poses[i, 1]) ** 2
         if squared < best:
             best, nearest = squared, i
     back = cmath.exp(-1j * poses[nearest, 2])
     seen = (here - complex(poses[nearest, 0], poses[nearest, 1])) * back
     return abs(seen.imag) < lane and abs(seen.real) < 1.0 and (heading * back).real > along_it
+
+
+@kernel
+def drives_behind(
+    poses: Table, s: float, tail: float, lane: float, along_it: float, here: complex, heading: complex
+) -> bool:
+    """Whether somebody drives on the line, up to `tail` m behind an ego at s m; else as `drives_on`."""
+    at = int(s / SPACING)
+    first, end = max(at - int(tail / SPACING), 0), max(at - int(2.0 / SPACING), 1)
+    return drives_on(poses, first, end, lane, along_it, here, heading)
 
 
 # ---- the gate
@@ -212,21 +221,10 @@ def all_finite(position: Table, heading: Vector, velocity: Table, path_s: Vector
 def leads(
     poses: Table, s: float, ahead: float, lane: float, along_it: float, here: complex, heading: complex
 ) -> bool:
-    """Whether somebody `here` m facing `heading` drives before an ego at s m on the line, up to `ahead` m.
-
-    Within `lane` m of it, turned from it by a cosine of more than `along_it`. Every other station is
-    looked at.
-    """
-    best, nearest = 1e300, 0
-    first = min(max(int(s / SPACING), 0), len(poses) - 1)
-    for i in range(first, min(first + int(ahead / SPACING) + 1, len(poses)), 2):
-        squared = (here.real - poses[i, 0]) ** 2 + (here.imag - poses[i, 1]) ** 2
-        if squared < best:
-            best, nearest = squared, i
-    back = cmath.exp(-1j * poses[nearest, 2])
-    seen = (here - complex(poses[nearest, 0], poses[nearest, 1])) * back
-    near = abs(seen.imag) < lane and abs(seen.real) < 1.0
-    return nearest > first and near and (heading * back).real > along_it
+    """Whether somebody drives on the line, 1 to `ahead` m before an ego at s m; else as `drives_on`."""
+    first = min(max(int((s + 1.0) / SPACING), 0), len(poses) - 1)
+    end = min(first + int(ahead / SPACING), len(poses))
+    return drives_on(poses, first, end, lane, along_it, here, heading)
 
 
 @kernel

@@ -6,7 +6,8 @@ judged by two manoeuvres that begin with it (commit or stop):
 
     stop   u for one step, then full braking with the steering held, and standing there; where somebody
            stands, also the same with steering along the route, for who passes close by in a bend
-    go     u for one step, then on along the route at GO_ACCELERATION up to GO_SPEED
+    go     u for one step, then on along the route at GO_ACCELERATION up to GO_SPEED, on a poor road no
+           faster than its bends allow
 
 A manoeuvre's room is the least that it leaves at any of the instants within the horizon towards anybody of
 
@@ -21,11 +22,12 @@ on its path also braking with HARDEST. So a manoeuvre whose room is not negative
 margin to anybody nor, where it is that close already, any closer.
 
     u is taken         if a manoeuvre's room is not negative (towards who stands still, that of stopping)
-    going on           if both are, somebody would hit the ego that brakes fully (room below -margin in all
-                       that is predicted of it), and going on at once, with all that the car has, leaves room
-                       towards everybody
-    full braking       if both are, and stopping at once leaves more, or at least more towards those who stand
-                       still, whatever comes from elsewhere; steering as in the stop that leaves more
+    going on           if both are negative, somebody would hit the ego even if it braked fully (room below
+                       -margin by every prediction of that one), and accelerating fully along the route leaves
+                       room towards everybody
+    full braking       if both are negative, and stopping at once leaves more, or at least more towards
+                       those who stand still, whatever comes from elsewhere; steering as in the stop that
+                       leaves more
     u is taken         otherwise
 
 What stands still is therefore never hit, as long as it was seen in time and the vehicle does as the model:

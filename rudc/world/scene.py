@@ -130,6 +130,13 @@ class Scene:
         """(2,) m."""
         return np.array([self.ego.x, self.ego.y])
 
+    def with_others_of(self, *scenes: Scene) -> Scene:
+        """The scene with the others of more scenes after its own."""
+        names = "position", "heading", "velocity", "acceleration", "size", "kind", "path", "path_s"
+        all_of = (self, *scenes)
+        rows = {name: np.concatenate([getattr(scene, name) for scene in all_of]) for name in names}
+        return replace(self, ids=tuple([name for scene in all_of for name in scene.ids]), **rows)
+
     def only(self, index: Index) -> Scene:
         """The scene with just the others of these rows, in this order; itself where they are all, in
         order."""

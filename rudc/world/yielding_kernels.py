@@ -68,10 +68,10 @@ def in_lane(
 @kernel
 def straight_on(x: float, y: float, psi: float, velocity: complex) -> tuple[NewPlaces, NewPlaces]:
     """(INSTANTS,) m and (INSTANTS,): place and direction of a body with a velocity (m/s)."""
-    place, facing = np.empty(INSTANTS, np.complex128), np.empty(INSTANTS, np.complex128)
+    place = np.empty(INSTANTS, np.complex128)
     for t in range(INSTANTS):
-        place[t], facing[t] = complex(x, y) + velocity * (t * STEP_S), cmath.exp(1j * psi)
-    return place, facing
+        place[t] = complex(x, y) + velocity * (t * STEP_S)
+    return place, np.full(INSTANTS, cmath.exp(1j * psi))
 
 
 @kernel
