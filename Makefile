@@ -30,6 +30,7 @@ setup: .venv/.core
 
 .venv/.core: .venv/.made pyproject.toml constraints.txt
 	$(PIP) --editable .
+	$(PY) -m compileall -q rudc
 	$(PY) -m rudc.evaluation.compiled
 	@touch $@
 

@@ -1,7 +1,8 @@
 """For all tests: SIGINT interrupts, and hypothesis draws the same examples every time.
 
 A shell that starts them in the background has them ignore it, and every process that they start would too.
-Tables are as wide as they want to be: xdist tells its workers how wide its own terminal is.
+Tables are as wide as they want to be: xdist tells its workers how wide its own terminal is. Linear algebra
+has one thread, as there is a process of tests for each core.
 """
 
 import os
@@ -10,6 +11,7 @@ import signal
 from hypothesis import settings
 
 os.environ.pop("COLUMNS", None)
+os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
 signal.signal(signal.SIGINT, signal.default_int_handler)
 settings.register_profile("reproducible", derandomize=True)
 settings.load_profile("reproducible")

@@ -19,6 +19,7 @@ from rudc.errors import RudcError
 def main() -> None:
     """Run the command line and leave with its exit status."""
     _interrupt_alike()
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # for arrays this small more only wait for one another
     try:
         try:
             _workers_first()
@@ -43,9 +44,10 @@ def main() -> None:
 
 
 def _workers_first() -> None:
-    """Where a sweep is asked for, have what its workers need imported while it is looked over here."""
+    """Where workers will be asked for, have what they need imported while the command is looked over here."""
     given = sys.argv[1:]
-    if given[:1] == ["sweep"] and "ray" not in given and any(a.startswith(("-o", "--out")) for a in given):
+    drives = given[:1] in (["sweep"], ["train"], ["study"], ["search"])
+    if drives and "ray" not in given and any(a.startswith(("-o", "--out")) for a in given):
         from rudc.evaluation.starting import prepare
 
         prepare()

@@ -93,7 +93,11 @@ def _try_out(path: Path, orders: str) -> None:
             "driving a car on each movement; build it anew with netconvert"
         ) from None
     if done.returncode == REFUSED:
-        raise NetworkError(f"{path}: {done.stdout.strip()}")
+        lines = [line.strip() for line in done.stderr.splitlines()]
+        reason = next(
+            (line for line in lines if line.startswith("Error:")), ""
+        )  # SUMO may say it there alone
+        raise NetworkError(f"{path}: {done.stdout.strip()}{f' ({reason})' if reason else ''}")
     if done.returncode != 0:
         how = f"signal {-done.returncode}" if done.returncode < 0 else f"exit code {done.returncode}"
         said = f": {done.stderr.strip().splitlines()[-1]}" if done.stderr.strip() else ""

@@ -18,12 +18,12 @@ def cache(tmp_path, monkeypatch):
     return tmp_path / "cache"
 
 
-def without(tmp_path, line):
-    """four_way without one line of its file."""
+def without(tmp_path, words, instead=""):
+    """four_way without some words of its file."""
     text = shipped_networks()["four_way"].read_text(encoding="utf-8")
-    assert text.count(line) == 1
+    assert text.count(words) == 1
     path = tmp_path / "own.net.xml"
-    path.write_text(text.replace(line, ""), encoding="utf-8")
+    path.write_text(text.replace(words, instead), encoding="utf-8")
     return load_network(path)
 
 
@@ -38,6 +38,12 @@ def test_a_network_that_sumo_refuses_is_refused_in_its_words(tmp_path):
     link = '    <connection from=":centre_4" to="north_out" fromLane="0" toLane="0" dir="r" state="M"/>\n'
     with pytest.raises(NetworkError, match="':centre_4' is not properly connected"):
         refuse_untried(without(tmp_path, link))
+
+
+def test_what_sumo_says_on_stderr_alone_is_said(tmp_path):
+    network = without(tmp_path, 'incLanes="east_out_0 east_out_1"', 'incLanes="east_out_"')
+    with pytest.raises(NetworkError, match=r"SUMO could not begin: .* \(Error: .*east"):
+        refuse_untried(network)
 
 
 def test_what_has_passed_is_remembered_by_its_content(tmp_path, cache, monkeypatch):
