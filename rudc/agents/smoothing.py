@@ -81,17 +81,23 @@ class _Level:
 
     def __init__(self, least: float) -> None:
         """`least`: below it there is none."""
-        self._kept, self._least = deque[float](maxlen=KEPT), least
+        self._kept, self._least = deque[float](), least * NORMAL * math.sqrt(2.0)
+        self._above = 0
+        """how many of the kept are above `_least`: the median only where half of them are"""
         self.std = 0.0
 
     def hear(self, differences: list[float]) -> None:
         """Take in more of them."""
-        if not differences:
+        for difference in differences:
+            self._kept.append(difference)
+            self._above += difference > self._least
+            if len(self._kept) > KEPT:
+                self._above -= self._kept.popleft() > self._least
+        count = len(self._kept)
+        if count < FEWEST:
             return
-        self._kept.extend(differences)
-        if len(self._kept) >= FEWEST:
-            std = sorted(self._kept)[len(self._kept) // 2] / (NORMAL * math.sqrt(2.0))
-            self.std = std if std > self._least else 0.0
+        median = sorted(self._kept)[count // 2] if self._above >= count - count // 2 else 0.0
+        self.std = median / (NORMAL * math.sqrt(2.0))
 
 
 class Smoothing:
