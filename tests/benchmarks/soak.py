@@ -54,10 +54,10 @@ class Look(NamedTuple):
 
 
 def look(episodes: int, decisions: int) -> Look:
-    """At this process and its children."""
+    """At this process and its workers."""
     me = os.getpid()
-    workers = sorted(int(child) for child in Path(f"/proc/{me}/task/{me}/children").read_text().split())
-    workers = [pid for pid in workers if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+    servers = [pid for pid in _children(me) if b"forkserver" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+    workers = sorted(worker for server in servers for worker in _children(server))
     pages = {pid: int(Path(f"/proc/{pid}/statm").read_text().split()[1]) for pid in (me, *workers)}
     return Look(
         episodes,
@@ -68,6 +68,11 @@ def look(episodes: int, decisions: int) -> Look:
     )
 
 
+def _children(pid: int) -> list[int]:
+    tasks = Path(f"/proc/{pid}/task").iterdir()
+    return [int(child) for task in tasks for child in (task / "children").read_text().split()]
+
+
 def _cpu_s(pid: int) -> float:
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
@@ -76,6 +81,9 @@ def _cpu_s(pid: int) -> float:
 def not_flat(looks: Sequence[Look]) -> Iterator[str]:
     """What is not, in words; `looks` from 10 % on."""
     first, middle, last = looks[0], looks[len(looks) // 2], looks[-1]
+    if len(last.memory_mb) < 2:
+        yield "no worker was found"
+        return
     if first.memory_mb.keys() != last.memory_mb.keys():
         yield "a worker was replaced"
         return

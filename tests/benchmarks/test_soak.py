@@ -1,6 +1,10 @@
 """What the soak calls flat, and what not."""
 
-from tests.benchmarks.soak import Look, not_flat
+import os
+import time
+
+from rudc.evaluation.starting import start
+from tests.benchmarks.soak import Look, look, not_flat
 
 
 def looks(**last):
@@ -22,3 +26,15 @@ def test_what_is_not_flat_is_named():
     slower = ["77 decisions a second of processor time, 100 before"]
     assert list(not_flat(looks(workers_s=115.0))) == slower
     assert list(not_flat(looks(workers_s=150.0))) == ["50 decisions a second of processor time, 100 before"]
+
+
+def test_workers_are_found():
+    workers = [start(time.sleep, 60.0) for _ in range(2)]
+    try:
+        seen = look(0, 0)
+    finally:
+        for worker in workers:
+            worker.kill()
+    assert list(seen.memory_mb) == [os.getpid(), *sorted(worker.pid for worker in workers)]
+    assert min(seen.memory_mb.values()) > 10.0
+    assert list(not_flat([seen._replace(memory_mb={os.getpid(): 100.0})])) == ["no worker was found"]
