@@ -11,11 +11,14 @@ from __future__ import annotations
 
 import argparse
 import csv
+import os
 import sys
 import tempfile
 import time
 from collections import Counter
 from pathlib import Path
+
+os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as commands have it; read when numpy is imported
 
 from tests.fuzz import arguments, checkpoints, networks, scenario_files, sweep_folders
 from tests.fuzz.fuzzer import Fuzzer
