@@ -6,7 +6,8 @@ wrong way.
                  its stop line and in the junction, where one waits for others, only once it has let IDLE s
                  in all go by since, in which nobody came whom it lets pass, or has stood for LONG s;
                  in the junction, after IMPASSE s, one before whom the ego stands: each waits for the other
-    ahead        who drives against the ego's line without a way of its own, as far as it gets in LANE_S s
+    ahead        who drives against the ego's line without a way of its own, as far along the road as it
+                 gets in LANE_S s
 
 An ordinary queue is none of these. Pedestrians never are: they walk on.
 """
@@ -14,6 +15,7 @@ An ordinary queue is none of these. Pedestrians never are: they walk on.
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -45,6 +47,11 @@ FACING, MEETS = 6.0, 0.3
 """m of its way on which the ego may stand, m of gap below which it does"""
 COMING_S, COMING = 5.0, 10.0
 """s and m before the junction from where on somebody is waited for, whichever is farther"""
+ALONG, PIECE = 0.35, 4.0
+"""rad from the line, up to which one who drives against it follows its bends; m of it in a piece"""
+MEETING_S, PACE = 4.0, 4.0
+"""s by which the ego has left a lane before one who comes the wrong way is there; m/s, which it drives at
+least"""
 FAR_BESIDE = 8.0
 """m from the ego's line beyond which nobody is on its road"""
 
@@ -99,7 +106,7 @@ class Blocking:
         )
         return Blocks(
             _bodies(scene, stuck),
-            _swept(scene, stray, speed[stray] * LANE_S),
+            _lane_taken(scene, stray, speed[stray] * LANE_S),
             _swept(scene, stray, speed[stray] * SOON_S),
             _bodies(scene, still & (scene.path >= 0)),
         )
@@ -191,6 +198,42 @@ def _swept(scene: Scene, who: Index, way: Array) -> Rectangles:
         scene.position[who] + 0.5 * way[:, None] * course,
         scene.heading[who],
         scene.size[who] + way[:, None] * (1.0, 0.0),
+    )
+
+
+def _lane_taken(scene: Scene, who: Index, way: Array) -> Rectangles:
+    """What others who drive against the ego's line sweep over in (n,) m: as far beside it as they are now, in
+    pieces that follow its bends; straight on where they head elsewhere. On the same stretch of road as the
+    ego only as far as they come before the ego, or within MEETING_S after it.
+    """
+    path, route, here = scene.route.path, scene.route, scene.ego_s
+    beyond, pace = here + 0.5 * scene.vehicle.length > route.exit_s, max(scene.ego.v, PACE)
+    pieces: list[tuple[float, float, float, float, float]] = []
+    ahead = list[int]()
+    for k, i in enumerate(who.tolist()):
+        s, offset = path.project(*scene.position[i].tolist())
+        turned = float(scene.heading[i]) - float(path.pose(s)[2]) + math.pi
+        if abs(math.remainder(turned, 2 * math.pi)) > ALONG:
+            ahead.append(k)
+            continue
+        last = max(s - float(way[k]), route.exit_s if s > route.exit_s else 0.0)
+        if beyond or s <= route.exit_s:
+            theirs = float(way[k]) / LANE_S
+            last = max(last, (s * pace + here * theirs - MEETING_S * theirs * pace) / (pace + theirs))
+        cuts = np.linspace(s, min(last, s), max(math.ceil((s - last) / PIECE), 1) + 1)
+        length, width = scene.size[i].tolist()
+        for near, far in pairwise(cuts.tolist()):
+            x, y, psi = (float(v) for v in path.pose(0.5 * (near + far)))
+            at = x - offset * math.sin(psi), y + offset * math.cos(psi)
+            pieces.append((*at, psi, length + near - far, width))
+    straight = _swept(scene, who[ahead], way[ahead])
+    if not pieces:
+        return straight
+    table = np.array(pieces)
+    return Rectangles(
+        np.concatenate([straight.position, table[:, :2]]),
+        np.concatenate([straight.heading, table[:, 2]]),
+        np.concatenate([straight.size, table[:, 3:]]),
     )
 
 

@@ -219,10 +219,15 @@ def _first_hit(scene: Scene, blocks: Blocks, clear: float) -> float:
     """m from the ego to the first place on its way to its destination, but for where it is now, with a gap of
     less than `clear` m; inf if there is none.
     """
-    path, body, here = scene.route.path, scene.vehicle, scene.ego_s + HERE
+    route, body, here = scene.route, scene.vehicle, scene.ego_s + HERE
     hits, end = math.inf, min(here + LOOK, scene.destination_s)
-    for rectangles, begins in ((blocks.standing, here), (blocks.coming, max(here, scene.route.exit_s))):
-        s, gap = gaps_along(path, begins, end, body, rectangles)
+    stretches = (
+        (blocks.standing, here, end),
+        (blocks.coming, here, min(route.stop_line_s, end)),
+        (blocks.coming, max(here, route.exit_s), end),
+    )
+    for rectangles, first, last in stretches:
+        s, gap = gaps_along(route.path, first, last, body, rectangles)
         hit = np.flatnonzero(gap < clear)
         if len(hit):
             hits = min(hits, float(s[hit[0]]) - scene.ego_s)

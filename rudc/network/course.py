@@ -100,16 +100,17 @@ class CoursePlanner:
     ) -> Route | None:
         """A course round bodies for a car at arc length s (m) of the route's path, `offset` m to its left.
 
-        `slope`: tangent of the angle between path and car (`angle`). `coming`: bodies that count beyond the
-        junction only. None if the lattice has no way on which the car stays on the road; whether the course
-        that comes out is clear is the caller's to ask (`gaps_along`).
+        `slope`: tangent of the angle between path and car (`angle`). `coming`: bodies that count before the
+        junction and beyond it, not inside. None if the lattice has no way on which the car stays on the
+        road; whether the course that comes out is clear is the caller's to ask (`gaps_along`).
         """
         first, last = self._span(s)
         if (last - first) * STEP < SHORTEST:
             return None
         behind = (first - np.arange(first)) * STEP
         before = offset * np.clip(1.0 - (behind - RETURN[0]) / RETURN[1], 0.0, 1.0)
-        bodies = [(standing, 0.0), (coming, self._route.exit_s)]
+        stop, leave = self._route.stop_line_s, self._route.exit_s
+        bodies = [(standing, 0.0, np.inf), (coming, 0.0, stop), (coming, leave, np.inf)]
         for margin in ROAD_MARGINS:
             profile = self._lattice.search(first, last, (offset, slope), bodies, margin)
             if profile is None:
@@ -143,7 +144,9 @@ class CoursePlanner:
             return None
         start = offset + slope * (self._lattice.s[first] - s), slope
         for more, margin in ROOMIER:
-            profile = self._lattice.search(first, last, start, [(standing, 0.0)], margin, clear + more)
+            profile = self._lattice.search(
+                first, last, start, [(standing, 0.0, np.inf)], margin, clear + more
+            )
             if profile is None:
                 continue
             line = self._joined(arc, profile, first, slope)

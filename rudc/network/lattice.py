@@ -28,6 +28,8 @@ from rudc.network.kernels import cheapest_way, gaps_at
 from rudc.network.route import ReferencePath
 from rudc.vehicle import EgoVehicle
 
+Stretch = tuple[Rectangles, float, float]
+"""bodies, and the arc lengths (m) between which they count"""
 STEP = 2.0
 """m between stations"""
 RASTER = 0.1
@@ -74,13 +76,13 @@ class Lattice:
         first: int,
         last: int,
         start: tuple[float, float],
-        bodies: Sequence[tuple[Rectangles, float]],
+        bodies: Sequence[Stretch],
         road_margin: float,
         least_gap: float = MARGIN,
     ) -> Array | None:
         """(T,) m, offsets at stations first to last of the cheapest profile that starts at (offset m, slope).
 
-        `bodies`: rectangles to keep off, and the arc length (m) from which on each lot counts.
+        `bodies`: rectangles to keep off, and between which arc lengths (m) each lot counts.
         `road_margin`: m of carriageway to keep beside the car; `least_gap`: m to any body. None if there is
         no such profile.
         """
@@ -96,11 +98,9 @@ class Lattice:
         )  # fmt: skip
         return self._offsets[rows] if len(rows) else None
 
-    def _nodes(
-        self, first: int, last: int, bodies: Sequence[tuple[Rectangles, float]], road_margin: float
-    ) -> Array:
+    def _nodes(self, first: int, last: int, bodies: Sequence[Stretch], road_margin: float) -> Array:
         """(T, L, K) m, the car's gap to the nearest body at each node, -inf where the road is too narrow."""
-        key = [(begins, *(array.tobytes() for array in rectangles)) for rectangles, begins in bodies]
+        key = [(*ends, *(array.tobytes() for array in rectangles)) for rectangles, *ends in bodies]
         if key != self._measured[0]:
             self._measured = key, {}
         gap = np.stack([self._gaps_at(i, bodies) for i in range(first, last + 1)])
@@ -108,7 +108,7 @@ class Lattice:
         gap[depth < road_margin] = -np.inf
         return gap
 
-    def _gaps_at(self, i: int, bodies: Sequence[tuple[Rectangles, float]]) -> Array:
+    def _gaps_at(self, i: int, bodies: Sequence[Stretch]) -> Array:
         """(L, K) m of the car's gap to the nearest body at station i; kept until there are others."""
         kept = self._measured[1]
         if i not in kept:
@@ -117,8 +117,8 @@ class Lattice:
             place = np.repeat(self._xy[i] + self._offsets[:, None] * self._normal[i], len(SLOPES), axis=0)
             heading = np.tile(self._psi[i] + (np.arctan(SLOPES) - self._slip[i]), len(self._offsets))
             body = self._body
-            for rectangles, begins in bodies:
-                if rectangles.number and self.s[i] >= begins:
+            for rectangles, begins, ends in bodies:
+                if rectangles.number and begins <= self.s[i] < ends:
                     found = gaps_at(place, heading, body.length, body.width, *rectangles, COMFORTABLE)
                     np.minimum(kept[i], found.min(axis=1).reshape(shape), out=kept[i])
         return kept[i]
