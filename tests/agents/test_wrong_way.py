@@ -1,0 +1,84 @@
+"""Who comes the wrong way: the lane that it takes, and the way round it before the junction."""
+
+# ruff: noqa: F811 -- fixtures come by import
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rudc.agents.blocking import LANE_S, MEETING_S, PACE, Blocking
+from rudc.agents.courses import CLEAR, Courses
+from rudc.agents.registry import make_agent
+from rudc.env.episode import Episode
+from rudc.evaluation.rollout import run_episode
+from rudc.geometry import Rectangles
+from rudc.network.course import gaps_along
+from rudc.scenario import load_scenario
+from tests.world.conftest import four_way, make_scene, world, world_on  # noqa: F401 -- fixtures
+
+GHOST = """
+name: ghost
+network: t_junction
+ego: {route: {from: west, turn: right}, speed: 7, distance: 85}
+traffic: {density: 5}
+events:
+  - {kind: wrong_way, lane: west_to_south_0, at: 13, speed: 4, when: {ego_distance_to_junction: {below: 60}}}
+episode: {timeout: 60}
+"""
+
+
+def against(make_scene, four_way, ahead, v=4.0, turn="straight", **ego):
+    """An ego `front` m before its stop line, and one `ahead` m before it in its lane who comes towards it."""
+    alone = make_scene(turn=turn, **ego)
+    s = alone.ego_s + ahead
+    x, y, psi = (float(value) for value in alone.route.path.pose(s))
+    return make_scene({"at": (x, y, psi + math.pi), "v": v}, turn=turn, **ego)
+
+
+def test_before_the_junction_the_lane_beside_is_taken(make_scene, four_way):
+    scene = against(make_scene, four_way, 50.0, front=-75.0, v=8.0)
+    courses = Courses()
+    courses.reset(scene)
+    shown = courses.see(scene)
+    assert courses.course is not None
+    body = Rectangles(scene.position, scene.heading, scene.size)
+    _, gap = gaps_along(shown.route.path, shown.ego_s, shown.ego_s + 70.0, scene.vehicle, body)
+    assert CLEAR <= gap.min() < 3.0
+    nobody = replace(scene, velocity=np.zeros((1, 2)), position=scene.position + np.array([0.0, 300.0]))
+    courses.reset(nobody)
+    assert courses.see(nobody) is nobody
+
+
+def test_its_lane_follows_the_bends_of_the_road(make_scene, four_way):
+    scene = against(make_scene, four_way, 30.0, v=5.0, turn="left", front=-14.0)
+    path = scene.route.path
+    s, offset = path.project(*scene.position[0].tolist())
+    assert scene.route.stop_line_s < s < scene.route.exit_s
+    taken = Blocking().look(scene).coming
+    assert taken.number > 3
+    places = [path.project(x, y) for x, y in taken.position.tolist()]
+    assert max(abs(aside - offset) for _, aside in places) < 0.2
+    assert np.ptp(taken.heading) > 0.3  # it bends
+
+
+@pytest.mark.parametrize("v", [0.0, 2.0, 9.0])
+def test_it_ends_where_the_ego_will_have_left_the_lane(make_scene, four_way, v):
+    theirs = 4.0
+    scene = against(make_scene, four_way, 60.0, theirs, front=-70.0)
+    scene = replace(scene, ego=replace(scene.ego, v=v))
+    path, taken = scene.route.path, Blocking().look(scene).coming
+    s, _ = path.project(*scene.position[0].tolist())
+    ends = [path.project(x, y)[0] - 0.5 * (size - 5.0) for (x, y), (size, _) in zip(*taken[::2], strict=True)]
+    comes_s = (s - min(ends)) / theirs
+    ego_s = (min(ends) - scene.ego_s) / max(v, PACE)
+    assert comes_s == pytest.approx(min(ego_s + MEETING_S, LANE_S), abs=0.1)
+
+
+@pytest.mark.parametrize("agent", ["planner", "rudc-t"])
+def test_a_ghost_driver_on_the_approach_is_passed(world_on, tmp_path, agent):
+    (tmp_path / "ghost.yaml").write_text(GHOST, encoding="utf-8")
+    scenario = load_scenario(tmp_path / "ghost.yaml")
+    record = run_episode(Episode(world_on(scenario.network)), scenario.plan(0), make_agent(agent))
+    assert record.values["events_fired"] == 1
+    assert record.values["outcome"] == "success"
