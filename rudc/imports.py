@@ -16,6 +16,7 @@ somebody asks what there is of their kind:
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import importlib
 import importlib.util
@@ -55,6 +56,61 @@ def import_first(source: str) -> None:
 def imported_first() -> tuple[str, ...]:
     """What `import_first` was asked for, in order."""
     return tuple(_asked)
+
+
+def sources_digests() -> dict[str, dict[str, str]]:
+    """Of each that `import_first` was asked for, by the name of its file: see `code_beside`."""
+    found = {}
+    for source in _asked:
+        path = Path(getattr(import_source(source), "__file__", None) or source)
+        found[path.name if source.endswith(".py") else source] = code_beside(path)
+    return found
+
+
+def code_beside(path: Path) -> dict[str, str]:
+    """16 hexadecimal digits of a Python file and of each that it imports from its own folder or, if that is a
+    package, from the folder that the package is in; by path from there.
+
+    What is imported is told from the text: what only runs to `importlib.import_module` is not found.
+    """
+    root = path.resolve().parent
+    while (root / "__init__.py").is_file():
+        root = root.parent
+    found: dict[str, str] = {}
+    waiting = [path.resolve()]
+    while waiting:
+        file = waiting.pop()
+        name = file.relative_to(root).as_posix()
+        if name in found or not file.is_file():
+            continue
+        text = file.read_bytes()
+        found[name] = hashlib.sha256(text).hexdigest()[:16]
+        waiting += _imported_by(file, text, root)
+        waiting += [package / "__init__.py" for package in file.parents if root in package.parents]
+    return found
+
+
+def _imported_by(file: Path, text: bytes, root: Path) -> Iterator[Path]:
+    """The files under `root` that a Python file imports."""
+    try:
+        tree = ast.parse(text)
+    except (SyntaxError, ValueError):
+        return
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            names = [(root, alias.name) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            base = file.parents[node.level - 1] if node.level else root
+            module = f"{node.module}." if node.module else ""
+            names = [(base, module.rstrip("."))] if module else []
+            names += [(base, f"{module}{alias.name}") for alias in node.names]
+        else:
+            continue
+        for base, dotted in names:
+            parts = dotted.split(".")
+            for k in range(1, len(parts) + 1):
+                place = base.joinpath(*parts[:k])
+                yield from (one for one in (place.with_suffix(".py"), place / "__init__.py") if one.is_file())
 
 
 def found_at(place: str) -> Any:

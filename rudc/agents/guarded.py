@@ -56,7 +56,7 @@ class GuardedAgent:
             return call()
         except AgentFailedError:
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise AgentFailedError(
                 f"agent {self.name} at {scene.time_s:.1f} s: {method} raised {in_words(error)}"
             ) from error

@@ -14,7 +14,7 @@ import contextlib
 import hashlib
 import inspect
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from typing import Any
 from rudc.agents.base import Agent
 from rudc.errors import AgentError, RudcError
 from rudc.hints import did_you_mean, there_are
-from rudc.imports import import_source, in_words
+from rudc.imports import code_beside, import_source, in_words
 
 _NAME = re.compile(
     r"(?P<source>.+?\.py|[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*):(?P<attribute>[A-Za-z_]\w*)(?P<rest>$|[(+:].*)",
@@ -63,13 +63,18 @@ class OwnAgent:
         return construct(self.find(), self.text, self.positional, dict(self.named))
 
     def settings(self) -> dict[str, Any]:
-        """What decides what it does, as JSON: digests of its source and of files that its arguments name."""
+        """What decides what it does, as JSON: digests of its source, of what that imports from beside it, and
+        of files that its arguments name.
+        """
         given = {str(i): value for i, value in enumerate(self.positional)} | dict(self.named)
         files = {
             key: digest(Path(value)) for key, value in given.items()
             if isinstance(value, str) and Path(value).is_file()
         }  # fmt: skip
-        return {"driver": self.text, "source": source_digest(self.find()), "files": files}
+        found = self.find()
+        known = {"driver": self.text, "source": source_digest(found), "files": files}
+        beside = _beside(found)
+        return known | ({"imports": beside} if beside else {})
 
 
 def parse_own(name: str) -> tuple[OwnAgent, str] | None:
@@ -94,18 +99,27 @@ def construct(make: Callable[..., Any], name: str, positional: Any = (), named: 
         try:
             signature.bind(*positional, **named)
         except TypeError as error:
-            near = "".join(did_you_mean(key, signature.parameters) for key in named)
-            raise AgentError(f"agent {name}: {error}{near}; its arguments are {signature}") from None
+            told = _unexpected(named, signature) or str(error)
+            raise AgentError(f"agent {name}: {told}; its arguments are {signature}") from None
     try:
         agent = make(*positional, **named)
     except RudcError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise AgentError(f"agent {name} cannot be made: {in_words(error)}") from error
     for method, form in METHODS.items():
         if not callable(getattr(agent, method, None)):
             raise AgentError(f"agent {name} has no method {form}; see rudc/agents/base.py, or `examples/`")
     return agent
+
+
+def _unexpected(named: Iterable[str], signature: inspect.Signature) -> str:
+    """Says of the first named argument that there is none of that name; empty where there are all."""
+    known = signature.parameters
+    if any(parameter.kind is parameter.VAR_KEYWORD for parameter in known.values()):
+        return ""
+    wrong = next((key for key in named if key not in known), None)
+    return "" if wrong is None else f"unexpected keyword argument {wrong!r}{did_you_mean(wrong, known)}"
 
 
 def digest(file: Path) -> str:
@@ -119,6 +133,17 @@ def source_digest(thing: Any) -> str:
         return digest(Path(inspect.getfile(thing)))
     except (TypeError, OSError):
         return "unknown"
+
+
+def _beside(thing: Any) -> dict[str, str]:
+    """Digests of the files that the source of a class or function imports from beside it."""
+    try:
+        path = Path(inspect.getfile(thing)).resolve()
+    except (TypeError, OSError):
+        return {}
+    return {
+        name: found for name, found in code_beside(path).items() if not path.as_posix().endswith(f"/{name}")
+    }
 
 
 def _arguments(rest: str) -> str:

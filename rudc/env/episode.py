@@ -128,7 +128,7 @@ class Episode:
         """Apply u = (acceleration m/s2, front-wheel angle rad) for one decision."""
         before = self.truth
         if self._outcome is not None:
-            raise SimulationError(f"the episode is over ({self._outcome}); call reset(plan) for another")
+            raise SimulationError(f"the episode is over ({self._outcome}); call reset() to begin another")
         advance = self.world.advance(u)
         after = self.world.scene()
         distances = measure(after, advance.gap_m)

@@ -250,9 +250,20 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         return self._observe(scene, episode.distances), info
 
     def step(self, action: np.ndarray) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Apply an action for one decision (0.1 s)."""
-        if not np.isfinite(action).all():
-            raise InputError(f"action {action} is not finite")
+        """Apply an action for one decision (0.1 s). Raises InputError where it is not of `action_space`'s
+        shape, or not finite.
+        """
+        wanted = self.action_space.shape
+        try:
+            given = np.asarray(action, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise InputError(
+                f"action {action!r} is no array of numbers; give one of shape {wanted}"
+            ) from None
+        if given.shape != wanted:
+            raise InputError(f"action {action!r} has the shape {given.shape}, not {wanted}")
+        if not np.isfinite(given).all():
+            raise InputError(f"action {action!r} is not finite")
         u = self.action.physical(action, self.scene)
         return self.step_physical(u if self.correct is None else self.correct(self.scene, action, u))
 

@@ -37,7 +37,7 @@ class Firing:
         rest = "" if self.drawn == self.episodes else f" (its probability lets it in {self.drawn})"
         seen = "" if self.seen == self.fired else f", and the ego sees it in {self.seen}"
         happens = f"happens in {self.fired} of {self.episodes} episodes"
-        return f"event {self.number} {self.kind}: {happens}{rest}{seen}"
+        return f"event {self.number} (events.{self.number - 1}) {self.kind}: {happens}{rest}{seen}"
 
 
 def count_firings(scenario: Scenario, seeds: Iterable[int]) -> list[Firing]:

@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import importlib.metadata
 import json
+import math
 import platform
 import re
 import shutil
@@ -20,6 +21,7 @@ import rudc
 from rudc.errors import SweepError
 from rudc.evaluation.code import code_digest
 from rudc.evaluation.tasks import SweepPlan
+from rudc.imports import sources_digests
 from rudc.settings import problems
 
 FORMAT = 2
@@ -47,6 +49,8 @@ class Configuration(BaseModel, frozen=True):
     """by name; settings, digests of weights and sources"""
     episodes: Annotated[int, Field(ge=1)]
     seed: Annotated[int, Field(ge=0)]
+    imported: dict[str, dict[str, str]] = {}
+    """by what `--import` named: digests of its file, and of those that it imports from beside it"""
 
 
 class Manifest(BaseModel, frozen=True):
@@ -144,6 +148,7 @@ def configuration(plan: SweepPlan) -> dict[str, Any]:
         "agents": {name: agent_settings(name) for name in plan.agents},
         "episodes": plan.episodes,
         "seed": plan.seed,
+        **({"imported": imported} if (imported := sources_digests()) else {}),
     }
 
 
@@ -158,20 +163,23 @@ def as_json(content: Mapping[str, Any]) -> str:
 
 
 def resumed(old: Mapping[str, Any], new: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """The manifest of a sweep that goes on: the old one; where versions changed meanwhile, it says to which.
+    """The manifest of a sweep that goes on: the old one, with the episodes that are asked for now if they are
+    more; where versions changed meanwhile, it says to which.
 
     Raises SweepError when the configuration is another one, saying what differs.
     """
-    fresh = json.loads(json.dumps(new))
-    differences = list(_differences(old.get("configuration", {}), fresh["configuration"]))
+    fresh, there = json.loads(json.dumps(new)), old.get("configuration", {})
+    if there.get("episodes", math.inf) < fresh["configuration"]["episodes"]:
+        there = {**there, "episodes": fresh["configuration"]["episodes"]}
+    differences = list(_differences(there, fresh["configuration"]))
     if differences:
         shown = "\n".join(f"  {line}" for line in differences[:12])
         more = f"\n  and {len(differences) - 12} more" if len(differences) > 12 else ""
         raise SweepError(
-            f"{folder} holds another sweep; it differs in\n{shown}{more}\n"
+            f"{folder} holds another {'search' if 'search' in there else 'sweep'}; it differs in\n{shown}{more}\n"
             "Give the same command as before to resume it, or another --out to start anew"
         )
-    result = dict(old)
+    result = {**old, "configuration": there}
     known = [old.get("versions"), *old.get("resumed_with", [])]
     if fresh["versions"] not in known:
         result["resumed_with"] = [*old.get("resumed_with", []), fresh["versions"]]

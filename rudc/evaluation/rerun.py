@@ -18,8 +18,11 @@ from rudc.evaluation.manifest import read_manifest, versions
 from rudc.evaluation.own_networks import kept_scenario
 from rudc.evaluation.record import EpisodeRecord, as_text
 from rudc.evaluation.tasks import Task
-from rudc.hints import did_you_mean
+from rudc.hints import did_you_mean, listed
+from rudc.imports import sources_digests
+from rudc.scenario.dotted import dotted
 from rudc.scenario.model import Scalar, Scenario
+from rudc.scenario.problems import describe
 
 HOW = "give SCENARIO:AGENT:SEED, or the number of a row of episodes.csv, from 1"
 
@@ -74,12 +77,13 @@ class Swept:
         try:
             family = kept_scenario(said["values"], said["digest"], self._folder)
         except ValidationError as error:
-            problem = error.errors()[0]
-            place = ".".join(map(str, problem["loc"]))
+            problem = describe(error, Scenario, said["values"])[0]
+            imported = self._content["configuration"].get("imported")
             raise SweepError(
                 f"the scenario {name!r} of {self._folder} cannot be read any more: "
-                f"{place}: {problem['msg']}; "
+                f"{dotted(problem.path)}: {problem.text}; "
                 f"the sweep ran with rudc {self._content['versions'].get('code', 'of another version')}"
+                f"{f' and --import {listed(list(imported))}' if imported else ''}"
             ) from None
         points = {
             tuple(as_text(swept.get(parameter)) for parameter in self.parameters): (swept, scenario)
@@ -146,7 +150,7 @@ def _number(rows: Sequence[Mapping[str, str]], parameters: Sequence[str], which:
     for name, value in wanted.items():
         known = list(dict.fromkeys(row[name] for row in rows))
         if value not in known:
-            there = did_you_mean(value, known) or f"; there are: {', '.join(known[:12])}"
+            there = did_you_mean(value, known) or f"; there are: {listed(known)}"
             raise SweepError(f"{folder} has no episode of {name} {value!r}{there}")
     raise SweepError(f"{folder} has no episode {which}")
 
@@ -159,6 +163,8 @@ def _changes(content: Mapping[str, Any], family: _Family, agent: str) -> list[st
     settings = json.loads(json.dumps(agent_settings(agent)))
     if settings != content["configuration"].get("agents", {}).get(agent, settings):
         found.append(f"the agent {agent} has other settings now")
+    if content["configuration"].get("imported", {}) != sources_digests():
+        found.append("what --import names is another, or has changed since")
     then = content["versions"]
     found += [
         f"{name} {then[name]} -> {now}" for name, now in versions().items() if then.get(name, now) != now

@@ -199,7 +199,8 @@ class Trainer:
         for row in evaluation_rows(self.steps, records):
             self._log.write("evaluation", row)
             if row["priority"] == "all":
-                rates = ", ".join(f"{k} {row[k]:.0%}" for k in ("success", "frozen", "collision"))
+                good, frozen = row["success"], row["frozen"]
+                rates = f"success {good:.0%}, frozen {frozen:.0%}, violation {1 - good - frozen:.0%}"
                 self._watcher.note(f"step {self.steps}, {row['scenario']}: {rates}")
 
     def _calibrate(self) -> None:

@@ -111,6 +111,14 @@ class Scene:
     sight_m: float = math.inf
     """m, how far the ego's sensors reach"""
 
+    def __post_init__(self) -> None:
+        """The others' arrays are read-only: agents are handed those that the world goes on with."""
+        for rows in (
+            self.position, self.heading, self.velocity, self.acceleration,
+            self.size, self.kind, self.path, self.path_s,
+        ):  # fmt: skip
+            rows.setflags(write=False)
+
     def __eq__(self, other: object) -> bool:
         """Whether both show the same instant, number for number (network and route: by identity)."""
         if not isinstance(other, Scene):

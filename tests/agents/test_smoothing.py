@@ -110,8 +110,9 @@ def test_who_jumps_is_shown_where_it_is_seen():
     rng, watch = np.random.default_rng(2), Smoothing()
     for k in range(30):
         watch.see(moving(0.1 * k, 0.8 * k, 0.3 * rng.standard_normal((6, 2))))
-    there = moving(3.0, 24.0, 0.3 * rng.standard_normal((6, 2)))
-    there.position[2] += 9.0
+    jump = np.zeros((6, 2))
+    jump[2] = 9.0
+    there = moving(3.0, 24.0, 0.3 * rng.standard_normal((6, 2)) + jump)
     shown = watch.see(there)
     assert shown.position[2] == pytest.approx(there.position[2])
     assert shown.position[0] != pytest.approx(there.position[0], abs=1e-6)

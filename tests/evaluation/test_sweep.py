@@ -153,6 +153,16 @@ def test_a_missing_row_is_run_again(fakes, make_plan, tmp_path):
     assert_same(tmp_path / "whole", tmp_path / "out")
 
 
+def test_more_episodes_can_be_added_and_fewer_are_refused(fakes, make_plan, tmp_path):
+    few, more = make_plan(episodes=3), make_plan(episodes=5)
+    run_sweep(few, tmp_path / "grown", fakes.Runner)
+    run_sweep(more, tmp_path / "grown", fakes.Runner, resume=True)
+    run_sweep(more, tmp_path / "whole", fakes.Runner)
+    assert_same(tmp_path / "grown", tmp_path / "whole")
+    with pytest.raises(SweepError, match="episodes: 5 there, 3 here"):
+        run_sweep(few, tmp_path / "grown", fakes.Runner, resume=True)
+
+
 def as_written_before(folder: Path) -> None:
     """Make a finished folder what the first version would have left of the same episodes."""
     rows = [{**row, "violation": ""} for row in read_table(folder / "episodes.csv")]
@@ -222,8 +232,8 @@ def test_where_no_folder_can_be_is_said(fakes, make_plan, tmp_path, monkeypatch)
 def test_another_configuration_is_refused_and_what_differs_is_said(fakes, make_plan, tmp_path):
     run_sweep(make_plan(episodes=2), tmp_path, fakes.Runner)
     before = (tmp_path / "episodes.csv").read_bytes()
-    with pytest.raises(SweepError, match="episodes: 2 there, 3 here"):
-        run_sweep(make_plan(episodes=3), tmp_path, fakes.Runner, resume=True)
+    with pytest.raises(SweepError, match="episodes: 2 there, 1 here"):
+        run_sweep(make_plan(episodes=1), tmp_path, fakes.Runner, resume=True)
     with pytest.raises(SweepError, match="seed: 0 there, 5 here"):
         run_sweep(make_plan(episodes=2, seed=5), tmp_path, fakes.Runner, resume=True)
     with pytest.raises(SweepError, match=r'agents\.follower\.driver: "follower" there, absent here'):

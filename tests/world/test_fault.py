@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from rudc.world.fault import judge
@@ -28,7 +29,7 @@ def contact(make_scene):
             {"at": beside(scene, ahead, left, turned), "v": v, "kind": kind}, v=scene.ego.v, **where
         )
         if row is not None:
-            scene.path[0] = row
+            scene = replace(scene, path=np.array([row]))
         return judge(scene, 0, unlawful, held)
 
     return find

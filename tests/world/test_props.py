@@ -1,6 +1,7 @@
 """Props: where they are on their ways, and what they stop for."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -64,19 +65,20 @@ def test_a_car_stops_short_of_what_stands_and_goes_on_when_it_leaves(make_scene)
 def test_a_car_stops_for_an_oncoming_one_that_brakes(make_scene):
     prop = car(np.array([[-20.0, 100.0], [60.0, 100.0]]))
     them = make_scene({"row": 0, "s": 10.0})
-    them.heading[0] = math.pi
 
     def oncoming(i):
         """It comes at 8 m/s from x = 60 m and from second 4 on brakes with 5 m/s2."""
         t = 0.05 * i
         v = max(8.0 - 5.0 * max(t - 4.0, 0.0), 0.0)
-        them.position[0] = 60.0 - 8.0 * min(t, 4.0) - (64.0 - v**2) / 10.0, 100.0
-        them.velocity[0] = -v, 0.0
-        return them
+        x = 60.0 - 8.0 * min(t, 4.0) - (64.0 - v**2) / 10.0
+        seen.append(x)
+        at = np.array([[x, 100.0]])
+        return replace(them, position=at, velocity=np.array([[-v, 0.0]]), heading=np.array([math.pi]))
 
+    seen: list[float] = []
     x, _, _ = drive_towards(prop, oncoming)
     assert prop.speed == 0.0
-    assert x + 2.5 < them.position[0, 0] - 2.5
+    assert x + 2.5 < seen[-1] - 2.5
 
 
 def test_a_pedestrian_waits_for_what_is_before_its_feet_only(make_scene):
@@ -84,7 +86,7 @@ def test_a_pedestrian_waits_for_what_is_before_its_feet_only(make_scene):
         return Prop("walker", Kind.PEDESTRIAN, (0.5, 0.5), np.array([[0.0, 95.0], [0.0, 105.0]]), wanted=1.4)
 
     passing = make_scene({"row": 0, "s": 10.0, "v": 8.0})
-    passing.position[0], passing.heading[0] = (0.0, 100.0), 0.0
+    passing = replace(passing, position=np.array([[0.0, 100.0]]), heading=np.zeros(1))
     prop = walker()
     _, y, _ = drive_towards(prop, lambda i: passing)
     assert 97.5 < y < 99.0

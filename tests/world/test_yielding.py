@@ -112,8 +112,9 @@ def test_passes_an_obstacle_in_another_lane(make_scene, four_way):
     wall = {"at": (x, y, psi), "kind": Kind.OBSTACLE, "size": (10.0, 3.0)}
     scene = make_scene({"row": row, "s": 45.0, "v": 8.0}, wall)
     assert must_yield(scene).rows == [0]
-    scene.position[0] += 3.5 * np.array([-math.sin(psi), math.cos(psi)])
-    assert must_yield(scene).rows == []
+    beside = scene.position.copy()
+    beside[0] += 3.5 * np.array([-math.sin(psi), math.cos(psi)])
+    assert must_yield(replace(scene, position=beside)).rows == []
 
 
 def test_brakes_no_harder_than_the_road_allows(crossing):

@@ -1,0 +1,76 @@
+"""Which files a Python file depends on; that a sweep is not resumed, nor said to be the same, with others."""
+
+import json
+
+import pytest
+
+from rudc.agents.registry import agent_settings
+from rudc.errors import SweepError
+from rudc.evaluation.manifest import manifest, resumed
+from rudc.evaluation.tasks import SweepPlan
+from rudc.imports import code_beside, import_first
+from rudc.scenario import load_scenario
+
+AGENT = """
+from rudc.agents.base import Decision
+from speed_beside import SPEED
+
+class Mine:
+    name, ego_driver = "mine", "agent"
+
+    def reset(self, scene, seed): ...
+
+    def act(self, scene): return SPEED, 0.0
+"""
+
+
+def write(folder, **files):
+    for name, text in files.items():
+        path = folder / f"{name.replace('__', '/')}.py"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+
+
+def test_imports_are_followed_where_they_lie_beside(tmp_path):
+    write(
+        tmp_path,
+        one="import json\nimport two as t\nfrom kit.three import x\nfrom nowhere import y\n",
+        two="def late():\n    import four\n",
+        four="import two\n",
+        five="",
+        kit__three="from . import six\nfrom .seven import z\n",
+        kit__six="", kit__seven="", kit__eight="",
+    )  # fmt: skip
+    (tmp_path / "kit/__init__.py").write_text("")
+    beside = {"one.py", "two.py", "four.py", "kit/__init__.py", "kit/three.py", "kit/six.py", "kit/seven.py"}
+    assert set(code_beside(tmp_path / "one.py")) == beside
+    assert set(code_beside(tmp_path / "kit/three.py")) == {name for name in beside if name.startswith("kit/")}
+
+
+def test_a_changed_module_that_an_agent_imports_is_another_agent(tmp_path):
+    write(tmp_path, speed_beside="SPEED = 4.0\n", driver_beside=AGENT)
+    plan = SweepPlan((load_scenario("dense_left_turn"),), (f"{tmp_path}/driver_beside.py:Mine",), 1, 0)
+    before = json.loads(json.dumps(manifest(plan)))
+    assert resumed(before, manifest(plan), tmp_path)["configuration"] == before["configuration"]
+    write(tmp_path, speed_beside="SPEED = 9.0\n")
+    with pytest.raises(SweepError, match=r"holds another sweep; it differs in\n.*speed_beside\.py"):
+        resumed(before, manifest(plan), tmp_path)
+    assert "imports" not in agent_settings("gap-acceptance")
+
+
+def test_what_import_names_is_in_the_manifest(tmp_path, monkeypatch):
+    monkeypatch.setattr("rudc.imports._asked", {})
+    plan = SweepPlan((load_scenario("dense_left_turn"),), ("sumo",), 1, 0)
+    plain = json.loads(json.dumps(manifest(plan)))
+    assert "imported" not in plain["configuration"]
+    write(tmp_path, strength_beside="MU = 0.3\n", event_beside="import strength_beside\n")
+    import_first(str(tmp_path / "event_beside.py"))
+    before = json.loads(json.dumps(manifest(plan)))
+    assert set(before["configuration"]["imported"]["event_beside.py"]) == {
+        "event_beside.py",
+        "strength_beside.py",
+    }
+    write(tmp_path, strength_beside="MU = 0.1\n")
+    for there in (before, plain):
+        with pytest.raises(SweepError, match=r"imported\.event_beside\.py"):
+            resumed(there, manifest(plan), tmp_path)
