@@ -1,6 +1,7 @@
 """Whose fault a collision of the ego is, by a rule that can be stated in a sentence each; the first that fits
 decides.
 
+0. An event put the other where it is, nearer than the ego could have stopped: the other's.
 1. The other stands or is a pedestrian: the ego's if it drove, else shared. A car that the yielding layer
    holds in the way of an ego on its reference path is asked for its right of way first: rules 3 to 6.
 2. The ego stands (below 0.5 m/s) on its reference path, either before the point up to which it may wait or
@@ -29,9 +30,11 @@ class Collision(NamedTuple):
     fault: Fault
 
 
-def judge(scene: Scene, index: int, unlawful: bool, held: bool = False) -> Fault:
+def judge(scene: Scene, index: int, unlawful: bool, held: bool = False, sudden: bool = False) -> Fault:
     """Fault of a contact between the ego and the scene's vehicle `index`; `unlawful`: an event has it break
-    the rules; `held`: the yielding layer has it brake or stand."""
+    the rules; `held`: the yielding layer has it brake or stand; `sudden`: it appeared too near to stop."""
+    if sudden:
+        return "other"
     ego = scene.ego
     dx, dy = scene.position[index] - (ego.x, ego.y)
     other_speed = math.hypot(*scene.velocity[index])

@@ -339,7 +339,7 @@ class World:
         if hit not in scene.ids:
             scene = before
         index = scene.ids.index(hit)
-        fault = judge(scene, index, hit in self.stage.unlawful, hit in self._held)
+        fault = judge(scene, index, hit in self.stage.unlawful, hit in self._held, hit in self.stage.sudden)
         return Collision(hit, Kind(scene.kind[index]), fault)
 
     # ---- after the sub-steps

@@ -6,6 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rudc.agents.registry import make_agent
+from rudc.env.episode import Episode
+from rudc.evaluation.rollout import run_episode
+from rudc.scenario import load_scenario
 from rudc.world.fault import judge
 from rudc.world.scene import Kind
 
@@ -94,3 +98,21 @@ def test_else_the_right_of_way_decides(contact, four_way):
         row for row in range(len(yields)) if row != own and not yields[own, row] and not yields[row, own]
     )
     assert contact(3.0, 0.0, -math.pi / 2, 6.0, row=neither, front=8.0) == "shared"
+
+
+ON_TOP = """
+name: on_top
+ego: {route: {from: south, turn: left}, distance: 40}
+traffic: {density: 10}
+events:
+  - {kind: accident, vehicles: [{lane: ego_in, at: 30}], when: {traveled_distance: {above: 4.0}}}
+"""
+
+
+def test_what_is_put_nearer_than_the_ego_could_stop_is_not_its_fault(world_on, tmp_path):
+    (tmp_path / "on_top.yaml").write_text(ON_TOP, encoding="utf-8")
+    scenario = load_scenario(tmp_path / "on_top.yaml")
+    for place, fault in ((30, "other"), (8, "ego")):
+        plan = scenario.varied({"events.0.vehicles.0.at": place}).plan(0)
+        record = run_episode(Episode(world_on(scenario.network)), plan, make_agent("follower"))
+        assert (record.values["outcome"], record.values["fault"]) == ("collision", fault)

@@ -4,6 +4,8 @@ import pickle
 import subprocess
 import sys
 
+import pytest
+
 from rudc.vehicle import EgoVehicle
 from rudc.world.scene import Scene
 from tests.plans import PlanSource
@@ -31,3 +33,11 @@ def test_a_scene_crosses_small_and_comes_back_the_same(world_on):
     assert again.route is scene.route
     assert again.network is world.network
     assert again.vehicle == EgoVehicle(width=1.7)
+
+
+def test_nobody_writes_into_what_the_world_goes_on_with(world):
+    scene = world.reset(PlanSource(origin="south", turn="left", density=15.0).plan(0))
+    assert scene.count
+    for name in ("position", "heading", "velocity", "acceleration", "size", "kind", "path", "path_s"):
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(scene, name)[:] = 0

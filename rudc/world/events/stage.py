@@ -10,7 +10,7 @@ import numpy as np
 
 from rudc.arrays import Array
 from rudc.errors import SimulationError
-from rudc.geometry import rectangle_corners
+from rudc.geometry import rectangle_corners, rectangle_gaps
 from rudc.scenario.events.stage import Body, XYHeading
 from rudc.world.ego import GRAVITY
 from rudc.world.events.places import (
@@ -60,6 +60,8 @@ class WorldStage(NetworkStage):
     """the world as it is; None before there is traffic"""
     props: list[Prop] = field(default_factory=list)
     unlawful: set[str] = field(default_factory=set)
+    sudden: set[str] = field(default_factory=set)
+    """what was put nearer to the ego than it could stop"""
     _blocks: int = 0
 
     # ---- time and vehicles
@@ -124,6 +126,8 @@ class WorldStage(NetworkStage):
                 f"place, {said(self.network, place)}; move one of them"
             )
         self.props.append(standing(name, Kind[body.upper()], x, y, heading, length, width))
+        if self.scene is not None and self._too_near(place, (length, width)):
+            self.sudden.add(name)
         corners = rectangle_corners(np.array([x, y]), np.array(heading), np.array([length, width]))
         for arm in self.network.arms:
             for lane_id in (*arm.in_lanes, *arm.out_lanes):
@@ -134,6 +138,14 @@ class WorldStage(NetworkStage):
                     self._blocks += 1
                     self.sumo.block(stand_in, lane.edge, lane.index, *span)
                     self.traffic.reserve(lane_id, *span)
+
+    def _too_near(self, place: XYHeading, size: tuple[float, float]) -> bool:
+        """Whether the ego could not stop before what is put there."""
+        assert self.scene is not None
+        ego, car = self.scene.ego, self.scene.network.vehicle
+        at = np.array([place[:2]]), np.array([place[2]]), np.array([size])
+        gap = rectangle_gaps(ego.x, ego.y, ego.psi, car.length, car.width, *at)
+        return bool(gap[0] <= ego.v**2 / (-2.0 * car.a_min))
 
     def send(self, name: str, body: Body, way: Array, speed: float, late_m: float = 0.0) -> None:
         prop = Prop(name, Kind[body.upper()], size_of(body), way, wanted=speed)
