@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -27,6 +27,11 @@ def there_are(word: object, known: Iterable[str]) -> str:
     """` (did you mean 'x'?); there are: x, y, z`, to stand behind the words that say what there is not."""
     names = list(known)
     return f"{did_you_mean(word, names)}; there are: {', '.join(names)}"
+
+
+def listed(names: Sequence[str], most: int = 12) -> str:
+    """`x, y, z`; of more than `most` the first, and how many there are."""
+    return ", ".join(names[:most]) + (f", ... ({len(names)} in all)" if len(names) > most else "")
 
 
 def install_command(extra: str) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rudc.hints import did_you_mean, install_command, nearest, there_are
+from rudc.hints import did_you_mean, install_command, listed, nearest, there_are
 
 KNOWN = ["density", "speed", "mix"]
 
@@ -23,6 +23,11 @@ def test_the_nearest_word_is_offered_if_it_is_near(word, meant):
 def test_all_words_can_be_listed():
     assert there_are("sped", iter(KNOWN)) == " (did you mean 'speed'?); there are: density, speed, mix"
     assert there_are("zzz", dict.fromkeys(KNOWN)) == "; there are: density, speed, mix"
+
+
+def test_a_list_that_is_cut_says_so():
+    assert listed(KNOWN, 3) == "density, speed, mix"
+    assert listed(KNOWN, 2) == "density, speed, ... (3 in all)"
 
 
 @pytest.mark.parametrize("inside", [True, False])

@@ -110,8 +110,12 @@ def _folder(name: str) -> Path:
 
 def _parts(name: str) -> tuple[str, str, Changes]:
     """Driver or folder, suffix of the filter behind it (empty for none), and settings."""
+    if not name.strip():
+        raise AgentError("the name of an agent is empty; `rudc agent list` lists those that there are")
     if find_checkpoint(name) is not None:
         base, suffix, text = name, "", ""
+    elif _lacks_value(name):
+        raise AgentError(f"agent {name!r}: KEY=VALUE expected after the colon")
     elif own := find_own(name):
         base, (behind, text) = own[0], split(own[1])
         suffix = _suffix(behind, name)
@@ -125,6 +129,18 @@ def _parts(name: str) -> tuple[str, str, Changes]:
     if is_driver(base) and not suffix and outlook_changes(parse(text))[1]:
         raise AgentError(f"{base!r} has no filter, and nothing that {text!r} could set")
     return base, suffix, parse(text)
+
+
+def _lacks_value(name: str) -> bool:
+    """Whether behind an agent's name there is a colon, but no `KEY=VALUE`."""
+    before, colon, text = name.rpartition(":")
+    if not colon or "=" in text:
+        return False
+    base = before.partition("+")[0]
+    if base in driver_names() or find_checkpoint(base) is not None:
+        return True
+    own = find_own(name)
+    return own is not None and own[1].endswith(f":{text}")
 
 
 def _suffix(behind: str, name: str) -> str:

@@ -135,7 +135,7 @@ def new(
     from rudc.files import make_folder, write_atomically
     from rudc.scenario import json_schema, load_scenario, scenario_template
 
-    path = folder / f"{name}.yaml"
+    name, path = _new_file(name, folder)
     if path.exists():
         raise InputError(f"{path} is there already; choose another name, or delete it")
     make_folder(folder)
@@ -148,6 +148,24 @@ def new(
         path.unlink()
         raise
     note(f"{path} written; next: rudc scenario preview {path}, and rudc run {path} --agent gap-acceptance")
+
+
+def _new_file(given: str, folder: Path) -> tuple[str, Path]:
+    """Name and file of a new scenario, given by its name, with `.yaml` or without. Raises InputError."""
+    from rudc.scenario.library import SUFFIXES
+    from rudc.scenario.model import is_plain_name
+    from rudc.scenario.yaml_text import LONGEST, read_value
+
+    suffix = next((suffix for suffix in SUFFIXES if given.endswith(suffix)), "")
+    name = given.removesuffix(suffix)
+    if not is_plain_name(name):
+        folder_too = "; give the folder by --in DIR" if Path(given).name != given else ""
+        raise InputError(
+            f"{given!r} cannot be a scenario's name: expected letters, digits, '_', '-' and '.'{folder_too}"
+        )
+    if not isinstance(read_value(name[:LONGEST]), str):
+        raise InputError(f"{given!r} cannot be a scenario's name: YAML reads it as another thing than text")
+    return name, folder / f"{name}{suffix or SUFFIXES[0]}"
 
 
 @app.command()

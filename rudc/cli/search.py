@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 from functools import partial
 from pathlib import Path
@@ -15,6 +16,7 @@ from rudc.cli.options import ResultsFolder, Workers, cores
 from rudc.errors import InputError
 
 if TYPE_CHECKING:
+    from rudc.evaluation.search.region import Region
     from rudc.evaluation.search.search import Findings
 
 
@@ -23,8 +25,8 @@ def search(
         str,
         typer.Argument(metavar="SCENARIO", help="Shipped name or file.", autocompletion=complete_scenarios),
     ],
-    agent: Annotated[
-        str,
+    agents: Annotated[
+        list[str],
         typer.Option(
             "--agent",
             "-a",
@@ -74,6 +76,11 @@ def search(
     from rudc.scenario import load_scenario
     from rudc.world.fitting import misfits
 
+    if len(agents) > 1:
+        raise InputError(
+            f"{len(agents)} agents were named; `rudc search` takes one (search for each, with its own --out)"
+        )
+    agent = agents[0]
     if out is None:
         raise InputError("where to? give a folder for the results: --out DIR")
     make_agent(agent)
@@ -109,20 +116,17 @@ def _tell(found: Findings, out: Path, scenario: str, agent: str) -> None:
         f"violations: {len(found.violations)} of {found.episodes} episodes{': ' if kinds else ''}{kinds}"
     )
     rate = found.rate
-    typer.echo(
-        f"violation rate of {scenario} as declared: {_percent(rate.value)} % "
-        f"[{_percent(rate.low)}, {_percent(rate.high)}]"
-    )
+    told = f"{_percent(rate.value)} % [{_percent(rate.low)}, {_percent(rate.high)}]"
+    if math.isnan(rate.value):
+        told = "cannot be told yet, as no episode that counts for it could be run"
+    typer.echo(f"violation rate of {scenario} as declared: {told}")
     if rate.ceiling > rate.high:
         typer.echo(
             f"  if they lie only where some were found; wherever they lie, at most {_percent(rate.ceiling)} %"
         )
     if found.region is not None:
         where = found.region
-        typer.echo(
-            f"likeliest where: {where}\n"
-            f"  there {where.violations} of {where.episodes} episodes violate; of all violations {where.of}"
-        )
+        typer.echo(f"likeliest where: {where}\n  {_share(where)}")
         seed = found.violations[0]
         file = out / "failures" / f"{scenario}-{seed}.yaml"
         command = ["rudc", "run", str(file), "--agent", agent, "--seed", str(seed)]
@@ -132,6 +136,14 @@ def _tell(found: Findings, out: Path, scenario: str, agent: str) -> None:
         warn(f"{len(found.errors)} episodes could not be run, and count for nothing; the first:")
         warn(f"  {found.errors[0]}")
         raise typer.Exit(1)
+
+
+def _share(where: Region) -> str:
+    """How many of the violations lie there, and how many of the episodes there violate."""
+    lie = f"{where.violations} of the {where.of} violations lie there"
+    if where.violations == where.of:
+        lie = f"all {where.of} violations lie there" if where.of > 1 else "the only violation lies there"
+    return f"{lie}; of the {where.episodes} episodes there, {where.violations} violate"
 
 
 def _percent(rate: float) -> str:

@@ -75,7 +75,10 @@ def sweep(
         str, typer.Option(metavar="NAME", help="`local`: processes here; `ray`: actors of a ray cluster.")
     ] = "local",
     resume: Annotated[
-        bool, typer.Option("--resume", help="Finish the sweep in DIR; start it if there is none.")
+        bool,
+        typer.Option(
+            "--resume", help="Finish the sweep in DIR, or add episodes to it; start it if there is none."
+        ),
     ] = False,
     shipped: Annotated[
         bool,

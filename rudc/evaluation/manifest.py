@@ -175,8 +175,9 @@ def resumed(old: Mapping[str, Any], new: Mapping[str, Any], folder: Path) -> dic
     if differences:
         shown = "\n".join(f"  {line}" for line in differences[:12])
         more = f"\n  and {len(differences) - 12} more" if len(differences) > 12 else ""
+        what = "search" if "search" in there else "sweep"
         raise SweepError(
-            f"{folder} holds another {'search' if 'search' in there else 'sweep'}; it differs in\n{shown}{more}\n"
+            f"{folder} holds another {what}; it differs in\n{shown}{more}\n"
             "Give the same command as before to resume it, or another --out to start anew"
         )
     result = {**old, "configuration": there}

@@ -22,6 +22,7 @@ import numpy as np
 
 from rudc.arrays import Array, Flags
 from rudc.errors import NetworkError
+from rudc.hints import listed
 from rudc.network.paths import PathSource
 from rudc.network.plausible import refuse_implausible
 
@@ -33,6 +34,7 @@ UNEXPECTED = (
     MemoryError,
 )  # fmt: skip
 """what Python, numpy and sumolib raise over a file that contradicts itself"""
+NO_NETWORK = "not a SUMO network (.net.xml; netconvert makes one)"
 
 
 @dataclass(frozen=True)
@@ -81,9 +83,18 @@ def read_net(path: Path) -> Any:
     from sumolib.net import NetReader
 
     class Reader(NetReader):
-        """sumolib's reader, which does not look at the side on which traffic drives."""
+        """sumolib's reader, which by itself does not look at what it is given, nor at the side of traffic."""
+
+        place = ""
+        """where it is: the element that it began last"""
+
+        def setDocumentLocator(self, locator: Any) -> None:
+            self.locator = locator
 
         def startElement(self, name: str, attrs: Any) -> None:
+            if not self.place and name != "net":
+                raise NetworkError(f"{path}: {NO_NETWORK}: it begins with <{name}>, and not with <net>")
+            self.place = f"<{name}> in line {self.locator.getLineNumber()}"
             if name == "net" and attrs.get("lefthand", "false") in ("true", "1"):
                 raise NetworkError(f"{path}: left-hand traffic is not supported")
             super().startElement(name, attrs)
@@ -98,8 +109,8 @@ def read_net(path: Path) -> Any:
     except (EOFError, zlib.error) as error:
         raise NetworkError(f"{path}: cannot be unpacked: {error}") from error
     except (xml.sax.SAXException, *UNEXPECTED) as error:
-        told = str(error) if isinstance(error, xml.sax.SAXException) else f"{type(error).__name__}: {error}"
-        raise NetworkError(f"{path}: not a SUMO network (.net.xml): {told}") from error
+        told = str(error) if isinstance(error, xml.sax.SAXException) else _in_words(error, reader.place)
+        raise NetworkError(f"{path}: {NO_NETWORK}: {told}") from error
     net = reader.getNet()
     if not net.getEdges(withInternal=False):
         raise NetworkError(
@@ -107,6 +118,13 @@ def read_net(path: Path) -> Any:
         )
     refuse_implausible(net, path)
     return net
+
+
+def _in_words(error: BaseException, place: str) -> str:
+    """What sumolib raised over an element."""
+    if isinstance(error, ValueError):
+        return f"{place}: {error}"
+    return f"{place} lacks something, or names what is not there"
 
 
 @contextlib.contextmanager
@@ -131,14 +149,16 @@ def choose_junction(net: Any, wanted: str | None, path: Path) -> Junction:
             if wanted in {node.getID() for node in nodes}:
                 return _junction(net, nodes, alias)
         raise NetworkError(
-            f"{path}: no junction {wanted!r} in this network; there are: {', '.join(names) or 'none'}"
+            f"{path}: no junction {wanted!r} in this network; there are: {listed(names) or 'none'}"
         )
     if len(groups) == 1:
         return _junction(net, groups[names[0]], alias)
     if not groups:
         raise NetworkError(f"{path}: no junction with at least three arms in this network")
-    shown = ", ".join(names[:12]) + (f", ... ({len(names)} in all)" if len(names) > 12 else "")
-    raise NetworkError(f"{path}: several junctions in this network; choose one by `junction: ID`: {shown}")
+    raise NetworkError(
+        f"{path}: several junctions in this network; choose one by `junction: ID` in the scenario's file, or "
+        f"by --junction ID of `rudc network check`: {listed(names)}"
+    )
 
 
 def _junction(net: Any, nodes: tuple[Any, ...], alias: dict[str, str]) -> Junction:

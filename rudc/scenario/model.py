@@ -35,8 +35,13 @@ GRID_LIMIT = 10_000
 Scalar = float | int | str
 
 
+def is_plain_name(name: str) -> bool:
+    """Whether a scenario may be called so."""
+    return re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]*", name) is not None
+
+
 def _plain_name(name: str) -> str:
-    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]*", name):
+    if not is_plain_name(name):
         refuse(f"expected a name of letters, digits, '_', '-' and '.'; got {name!r}")
     return name
 

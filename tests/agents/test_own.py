@@ -45,6 +45,10 @@ class Raises(Steady):
     def act(self, scene):
         return scene.no_such_thing
 
+class Needy(Steady):
+    def __init__(self, speed):
+        super().__init__(speed)
+
 class Costly(Steady):
     def __init__(self):
         raise FileNotFoundError("no weights")
@@ -139,6 +143,13 @@ def test_settings_change_with_the_source_and_with_files_in_arguments(folder):
         ("mine.py:Stedy", "no class 'Stedy' in it (did you mean 'Steady'?); there are: Steady, NoReset"),
         ("mine.py", "name the class in it, too: mine.py:Class"),
         ("mine.py:Steady(sped=3)", "unexpected keyword argument 'sped' (did you mean 'speed'?)"),
+        (
+            "mine.py:Needy(sped=3)",
+            "Needy(sped=3): unexpected keyword argument 'sped' (did you mean 'speed'?)",
+        ),
+        ("mine.py:Needy()", "missing a required argument: 'speed'; its arguments are (speed)"),
+        ("mine.py:Steady:", "KEY=VALUE expected after the colon"),
+        ("mine.py:Steady+ttcbf:d_safe", "KEY=VALUE expected after the colon"),
         ("mine.py:Steady(speed=open('x'))", "arguments are numbers, texts in quotes"),
         ("mine.py:Steady(3", "are not Python"),
         ("mine.py:NoReset", "has no method reset(scene, seed)"),

@@ -72,6 +72,10 @@ def test_a_learnt_agents_configuration_is_varied():
         ("rudc-t:d_safe=1", "did you mean 'correction.d_safe'"),
         ("rudc-t:filter=off", "it is called correction.kind"),
         ("rudc-t:slack_gain=0", "it is called correction.slack.gain"),
+        ("rudc-t:", "agent 'rudc-t:': KEY=VALUE expected after the colon"),
+        ("rudc-t:correction.d_safe", "KEY=VALUE expected after the colon"),
+        ("follower+ttcbf:", "KEY=VALUE expected after the colon"),
+        ("", "the name of an agent is empty"),
         ("gap-aceptance+ttcbf:correction.d_safe=1", "did you mean 'gap-acceptance+ttcbf'"),
     ],
 )

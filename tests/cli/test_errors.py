@@ -35,6 +35,8 @@ SEARCH = ("search", "random_destination", "--agent", "follower", "--out", "out")
         (("search", "density_sweep", "-a", "follower", "-o", "x"), "--over 'traffic.density=[low, high]'"),
         (("search", "random_destination", "-a", "follower"), "--out DIR"),
         (("search", "random_destination", "-a", "folower", "-o", "x"), "did you mean 'follower'?"),
+        ((*SEARCH, "-a", "sumo"), "2 agents were named; `rudc search` takes one"),
+        (("run", "random_destination", "--agent", ""), "the name of an agent is empty"),
         (("run", "random_destination", "--agent", "sumo+ecbf"), "SUMO itself drives"),
         (("run", "random_destination", "--set", "traffic.densty=30"), "did you mean 'density'?"),
         (("run", "random_destination", "--set", "traffic.density"), "expected KEY=VALUE"),
@@ -42,7 +44,10 @@ SEARCH = ("search", "random_destination", "--agent", "follower", "--out", "out")
         (("run", "nowhere.yaml"), "nowhere.yaml: no such file"),
         (("agent", "show", "folower"), "did you mean 'follower'?"),
         (("scenario", "validate", "nowhere.yaml"), "no such file"),
-        (("scenario", "new", "bad name"), "bad name"),
+        (("scenario", "new", "bad name"), "'bad name' cannot be a scenario's name: expected letters"),
+        (("scenario", "new", "sub/mine"), "'sub/mine' cannot be a scenario's name"),
+        (("scenario", "new", "sub/mine.yaml"), "; give the folder by --in DIR"),
+        (("scenario", "new", "123"), "YAML reads it as another thing than text"),
         (("network", "check", "four_wya"), "did you mean 'four_way'?"),
         (("network", "build", "nowhere"), "no such folder"),
         (("table", "nowhere"), "is it the folder of a sweep?"),
@@ -56,6 +61,7 @@ def test_wrong_input_is_answered_with_what_is_wrong(rudc, tmp_path, arguments, e
     assert answer.err.startswith("error: ")
     assert "Traceback" not in answer.err
     assert answer.out == ""
+    assert [path.name for path in tmp_path.iterdir()] == ["plain.yaml"]
 
 
 @pytest.mark.parametrize(

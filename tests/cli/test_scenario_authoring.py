@@ -59,9 +59,12 @@ def test_it_is_said_how_many_points_of_a_large_sweep_were_set_up(rudc, tmp_path)
     assert 6 <= int(line[1]) <= 16
 
 
-@pytest.mark.parametrize("name", ["mine"])
-def test_a_new_file_tells_editors_its_schema(rudc, tmp_path, name):
-    assert rudc("scenario", "new", name).status == 0
-    first = (tmp_path / f"{name}.yaml").read_text().splitlines()[0]
+@pytest.mark.parametrize(
+    ("given", "name"), [("mine", "mine.yaml"), ("mine.yaml", "mine.yaml"), ("my.own.yml", "my.own.yml")]
+)
+def test_a_new_file_tells_editors_its_schema(rudc, tmp_path, given, name):
+    assert rudc("scenario", "new", given).status == 0
+    first, second, *_ = (tmp_path / name).read_text().splitlines()
+    assert second == f"name: {name.rpartition('.')[0]}"
     assert first.startswith("# yaml-language-server: $schema=")
     assert (tmp_path / first.partition("=")[2]).is_file()

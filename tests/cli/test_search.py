@@ -1,10 +1,15 @@
 """`rudc search`: what it says, and that what it says can be done."""
 
+import math
 import shlex
 import sys
 
 import pytest
 
+from rudc.cli import search
+from rudc.evaluation.search.rate import Rate
+from rudc.evaluation.search.region import Region
+from rudc.evaluation.search.search import Findings
 from rudc.evaluation.store import read_table
 
 BLIND = '''
@@ -49,6 +54,32 @@ def test_what_is_found_is_said_and_runs_again(rudc, tmp_path):
     assert rows[0]["outcome"] in again.out
     assert rudc(*COMMAND, "-o", "out put", "--resume").out == first.out
     assert "add --resume to go on with the search" in rudc(*COMMAND, "-o", "out put").err
+
+
+def told(capsys, tmp_path, rate, region=None):
+    search._tell(Findings(9, (4,) if region else (), {}, (), rate, region), tmp_path, "mine", "follower")
+    return capsys.readouterr().out
+
+
+def test_a_rate_that_nothing_counts_for_is_not_given_as_a_number(capsys, tmp_path):
+    out = told(capsys, tmp_path, Rate(*[math.nan] * 4))
+    assert "violation rate of mine as declared: cannot be told yet, as no episode" in out
+    assert "nan" not in out
+
+
+@pytest.mark.parametrize(
+    ("violations", "of", "said"),
+    [
+        (10, 11, "10 of the 11 violations lie there; of the 12 episodes there, 10 violate"),
+        (11, 11, "all 11 violations lie there; of the 12 episodes there, 11 violate"),
+        (1, 1, "the only violation lies there; of the 12 episodes there, 1 violate"),
+    ],
+)
+def test_how_many_violations_lie_where_they_are_likeliest(capsys, tmp_path, violations, of, said):
+    region = Region({"ego.speed": (9.0, math.inf)}, violations, 12, of)
+    assert f"likeliest where: ego.speed >= 9\n  {said}\n" in told(
+        capsys, tmp_path, Rate(0.1, 0.05, 0.2, 0.2), region
+    )
 
 
 def test_without_cma_the_command_that_installs_it_is_said(rudc, monkeypatch, tmp_path):

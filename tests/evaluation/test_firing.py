@@ -39,9 +39,12 @@ def test_whom_an_event_selects_is_there_whatever_the_traffic(selector, density):
 
 
 def test_counts_say_what_probability_left_out():
-    assert str(Firing(2, "hard_brake", 20, 20, 20, 20)) == "event 2 hard_brake: happens in 20 of 20 episodes"
+    assert (
+        str(Firing(2, "hard_brake", 20, 20, 20, 20))
+        == "event 2 (events.1) hard_brake: happens in 20 of 20 episodes"
+    )
     assert str(Firing(1, "speeding", 20, 11, 10, 9)) == (
-        "event 1 speeding: happens in 10 of 20 episodes (its probability lets it in 11), "
+        "event 1 (events.0) speeding: happens in 10 of 20 episodes (its probability lets it in 11), "
         "and the ego sees it in 9"
     )
 
@@ -51,5 +54,5 @@ def test_validate_says_how_often_events_happen():
     assert result.exit_code == 0
     assert result.stdout.splitlines() == [
         "sudden_brake: ok (1 event)",
-        "  event 1 hard_brake: happens in 3 of 3 episodes",
+        "  event 1 (events.0) hard_brake: happens in 3 of 3 episodes",
     ]

@@ -73,6 +73,18 @@ def test_what_has_changed_since_is_told(folder, tmp_path):
     assert changes[1].startswith("numpy 0.1 -> ")
 
 
+def test_an_event_that_nothing_brings_any_more_is_said_to_be_missing(folder, tmp_path):
+    (tmp_path / "episodes.csv").write_bytes((folder / "episodes.csv").read_bytes())
+    content = json.loads((folder / "manifest.json").read_text())
+    content["configuration"]["scenarios"]["random_destination"]["values"]["events"] = [{"kind": "my_gust"}]
+    content["configuration"]["imported"] = {"gusts.py": {}}
+    (tmp_path / "manifest.json").write_text(json.dumps(content))
+    with pytest.raises(SweepError, match=r"events\.0\.kind: unknown kind of event 'my_gust'") as refused:
+        find_episode(tmp_path, "1")
+    assert "one of your own comes with `rudc --import FILE.py COMMAND ...`" in str(refused.value)
+    assert str(refused.value).endswith(" and --import gusts.py")
+
+
 @pytest.mark.parametrize("text", [None, "{", "[]", '{"configuration": {}}'])
 def test_a_folder_of_something_else_is_refused(tmp_path, text):
     if text is not None:

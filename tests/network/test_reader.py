@@ -43,7 +43,7 @@ def test_of_several_junctions_one_must_be_chosen(tmp_path):
     del nodes["e"]
     pairs = [("c", "n"), ("c", "s"), ("c", "w"), ("c", "d"), ("d", "dn"), ("d", "ds"), ("d", "de")]
     path = build(tmp_path, nodes, [edge for pair in pairs for edge in both_ways(*pair)])
-    with pytest.raises(NetworkError, match=r"several junctions.*choose one by `junction: ID`: c, d"):
+    with pytest.raises(NetworkError, match=r"several junctions.*`junction: ID` .* --junction ID of .*: c, d"):
         load_network(path)
     west, east = load_network(path, "c"), load_network(path, "d")
     assert (
@@ -167,6 +167,11 @@ def test_what_is_no_network_is_refused(tmp_path):
     text = load_network("four_way").path.read_text()
     cases = {
         "no.net.xml": ("hello", "not a SUMO network"),
+        "own.edg.xml": (
+            "<edges><edge id='a' from='b' to='c'/></edges>",
+            r"not a SUMO network \(.*netconvert makes one\): it begins with <edges>, and not with <net>$",
+        ),
+        "nothing.net.xml": ("<net/>", r"not a SUMO network .*: <net> in line 1 lacks something, or names"),
         "empty.net.xml": ("<net version='1.20'></net>", "holds no edges"),
         "left.net.xml": (
             text.replace("<net ", '<net lefthand="true" '),

@@ -118,7 +118,7 @@ def test_a_planted_fault_is_found_and_a_search_goes_on_where_it_stopped(tmp_path
         run_search(planned(500), tmp_path / "twice", lambda: Stub(130))
     with pytest.raises(SweepError, match="add --resume"):
         run_search(planned(500), tmp_path / "twice", Stub)
-    with pytest.raises(SweepError, match="holds another"):
+    with pytest.raises(SweepError, match="holds another search;"):
         run_search(planned(480), tmp_path / "twice", Stub, resume=True)
     assert run_search(planned(500), tmp_path / "twice", lambda: Stub(370), resume=True) == found
     for name in ("evaluations.csv", "failures.csv", "manifest.json"):
