@@ -48,10 +48,11 @@ FACING, MEETS = 6.0, 0.3
 COMING_S, COMING = 5.0, 10.0
 """s and m before the junction from where on somebody is waited for, whichever is farther"""
 ALONG, PIECE = 0.35, 4.0
-"""rad from the line, up to which one who drives against it follows its bends; m of it in a piece"""
+"""rad, angle to the line up to which one who drives against it is taken to follow its bends; m, length of a
+piece of the lane that it takes"""
 MEETING_S, PACE = 4.0, 4.0
-"""s by which the ego has left a lane before one who comes the wrong way is there; m/s, which it drives at
-least"""
+"""s between the ego at a place and one who comes the wrong way there; m/s, speed that the ego is taken to
+have at least"""
 FAR_BESIDE = 8.0
 """m from the ego's line beyond which nobody is on its road"""
 
@@ -106,7 +107,7 @@ class Blocking:
         )
         return Blocks(
             _bodies(scene, stuck),
-            _lane_taken(scene, stray, speed[stray] * LANE_S),
+            _lane_taken(scene, stray, speed[stray]),
             _swept(scene, stray, speed[stray] * SOON_S),
             _bodies(scene, still & (scene.path >= 0)),
         )
@@ -201,10 +202,12 @@ def _swept(scene: Scene, who: Index, way: Array) -> Rectangles:
     )
 
 
-def _lane_taken(scene: Scene, who: Index, way: Array) -> Rectangles:
-    """What others who drive against the ego's line sweep over in (n,) m: as far beside it as they are now, in
-    pieces that follow its bends; straight on where they head elsewhere. On the same stretch of road as the
-    ego only as far as they come before the ego, or within MEETING_S after it.
+def _lane_taken(scene: Scene, who: Index, speed: Array) -> Rectangles:
+    """What others who drive against the ego's line at (n,) m/s sweep over in LANE_S: a lane as far beside it
+    as they are now, in pieces that follow its bends; straight on where they head elsewhere.
+
+    Where they drive on the same stretch of road as the ego, that lane ends at the place which they reach
+    MEETING_S after the ego: what lies nearer to the ego it has passed by then.
     """
     path, route, here = scene.route.path, scene.route, scene.ego_s
     beyond, pace = here + 0.5 * scene.vehicle.length > route.exit_s, max(scene.ego.v, PACE)
@@ -216,17 +219,18 @@ def _lane_taken(scene: Scene, who: Index, way: Array) -> Rectangles:
         if abs(math.remainder(turned, 2 * math.pi)) > ALONG:
             ahead.append(k)
             continue
-        last = max(s - float(way[k]), route.exit_s if s > route.exit_s else 0.0)
-        if beyond or s <= route.exit_s:
-            theirs = float(way[k]) / LANE_S
-            last = max(last, (s * pace + here * theirs - MEETING_S * theirs * pace) / (pace + theirs))
+        theirs = float(speed[k])
+        last = max(s - theirs * LANE_S, route.exit_s if s > route.exit_s else 0.0)
+        if beyond or s <= route.exit_s:  # (s - meeting) / theirs = (meeting - here) / pace + MEETING_S
+            meeting = (s * pace + here * theirs - MEETING_S * theirs * pace) / (pace + theirs)
+            last = max(last, meeting)
         cuts = np.linspace(s, min(last, s), max(math.ceil((s - last) / PIECE), 1) + 1)
         length, width = scene.size[i].tolist()
         for near, far in pairwise(cuts.tolist()):
             x, y, psi = (float(v) for v in path.pose(0.5 * (near + far)))
             at = x - offset * math.sin(psi), y + offset * math.cos(psi)
             pieces.append((*at, psi, length + near - far, width))
-    straight = _swept(scene, who[ahead], way[ahead])
+    straight = _swept(scene, who[ahead], speed[ahead] * LANE_S)
     if not pieces:
         return straight
     table = np.array(pieces)

@@ -60,6 +60,10 @@ class EgoState:
     """rad, realised front-wheel angle"""
 
 
+OF_OTHERS = "position", "heading", "velocity", "acceleration", "size", "kind", "path", "path_s"
+"""the arrays of a scene that have a row for each of the others"""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
     """The world at one instant. N counts surrounding vehicles, pedestrians and obstacles, nearest first."""
@@ -113,11 +117,8 @@ class Scene:
 
     def __post_init__(self) -> None:
         """The others' arrays are read-only: agents are handed those that the world goes on with."""
-        for rows in (
-            self.position, self.heading, self.velocity, self.acceleration,
-            self.size, self.kind, self.path, self.path_s,
-        ):  # fmt: skip
-            rows.setflags(write=False)
+        for name in OF_OTHERS:
+            getattr(self, name).setflags(write=False)
 
     def __eq__(self, other: object) -> bool:
         """Whether both show the same instant, number for number (network and route: by identity)."""
@@ -140,9 +141,8 @@ class Scene:
 
     def with_others_of(self, *scenes: Scene) -> Scene:
         """The scene with the others of more scenes after its own."""
-        names = "position", "heading", "velocity", "acceleration", "size", "kind", "path", "path_s"
         all_of = (self, *scenes)
-        rows = {name: np.concatenate([getattr(scene, name) for scene in all_of]) for name in names}
+        rows = {name: np.concatenate([getattr(scene, name) for scene in all_of]) for name in OF_OTHERS}
         return replace(self, ids=tuple([name for scene in all_of for name in scene.ids]), **rows)
 
     def only(self, index: Index) -> Scene:

@@ -93,11 +93,9 @@ def _try_out(path: Path, orders: str) -> None:
             "driving a car on each movement; build it anew with netconvert"
         ) from None
     if done.returncode == REFUSED:
-        lines = [line.strip() for line in done.stderr.splitlines()]
-        reason = next(
-            (line for line in lines if line.startswith("Error:")), ""
-        )  # SUMO may say it there alone
-        raise NetworkError(f"{path}: {done.stdout.strip()}{f' ({reason})' if reason else ''}")
+        # SUMO may say why on stderr alone
+        reasons = [f" ({line.strip()})" for line in done.stderr.splitlines() if line.startswith("Error:")]
+        raise NetworkError(f"{path}: {done.stdout.strip()}{''.join(reasons[:1])}")
     if done.returncode != 0:
         how = f"signal {-done.returncode}" if done.returncode < 0 else f"exit code {done.returncode}"
         said = f": {done.stderr.strip().splitlines()[-1]}" if done.stderr.strip() else ""

@@ -140,7 +140,7 @@ class WorldStage(NetworkStage):
                     self.traffic.reserve(lane_id, *span)
 
     def _too_near(self, place: XYHeading, size: tuple[float, float]) -> bool:
-        """Whether the ego could not stop before what is put there."""
+        """Whether the ego could not stop before what is put there, braking fully on a dry road."""
         assert self.scene is not None
         ego, car = self.scene.ego, self.scene.network.vehicle
         at = np.array([place[:2]]), np.array([place[2]]), np.array([size])
