@@ -69,25 +69,32 @@ def sources_digests() -> dict[str, dict[str, str]]:
 
 def code_beside(path: Path) -> dict[str, str]:
     """16 hexadecimal digits of a Python file and of each that it imports from its own folder or, if that is a
-    package, from the folder that the package is in; by path from there.
+    package, from that package; by path. RUDC's own code is left out, and what pip installs.
 
-    What is imported is told from the text: what only runs to `importlib.import_module` is not found.
+    What is imported is told from the text: what is only named to `importlib.import_module` is not found.
     """
-    root = path.resolve().parent
+    root = home = path.resolve().parent
     while (root / "__init__.py").is_file():
-        root = root.parent
+        root, home = root.parent, root
+    if root == home and root.name in ("site-packages", "dist-packages"):
+        home = path.resolve()
     found: dict[str, str] = {}
     waiting = [path.resolve()]
     while waiting:
         file = waiting.pop()
         name = file.relative_to(root).as_posix()
-        if name in found or not file.is_file():
+        if name in found or not file.is_file() or not (file == path.resolve() or _belongs(file, root, home)):
             continue
         text = file.read_bytes()
         found[name] = hashlib.sha256(text).hexdigest()[:16]
         waiting += _imported_by(file, text, root)
         waiting += [package / "__init__.py" for package in file.parents if root in package.parents]
     return found
+
+
+def _belongs(file: Path, root: Path, home: Path) -> bool:
+    """Whether a file that is imported lies under `home`, and is not RUDC's own."""
+    return file.is_relative_to(home) and file.relative_to(root).parts[0] != "rudc"
 
 
 def _imported_by(file: Path, text: bytes, root: Path) -> Iterator[Path]:

@@ -47,6 +47,21 @@ def test_imports_are_followed_where_they_lie_beside(tmp_path):
     assert set(code_beside(tmp_path / "kit/three.py")) == {name for name in beside if name.startswith("kit/")}
 
 
+def test_neither_installed_packages_nor_rudc_are_followed(tmp_path):
+    site = tmp_path / "site-packages"
+    write(site, alone="import other\n", other="", theirs__agent="import other\nimport theirs.part\n")
+    write(site, theirs__part="")
+    (site / "theirs/__init__.py").write_text("")
+    assert set(code_beside(site / "alone.py")) == {"alone.py"}
+    assert set(code_beside(site / "theirs/agent.py")) == {
+        f"theirs/{name}.py" for name in ("__init__", "agent", "part")
+    }
+    write(
+        tmp_path, mine="import rudc.agents.base\nimport beside\n", beside="", rudc__agents__base="import os\n"
+    )
+    assert set(code_beside(tmp_path / "mine.py")) == {"mine.py", "beside.py"}
+
+
 def test_a_changed_module_that_an_agent_imports_is_another_agent(tmp_path):
     write(tmp_path, speed_beside="SPEED = 4.0\n", driver_beside=AGENT)
     plan = SweepPlan((load_scenario("dense_left_turn"),), (f"{tmp_path}/driver_beside.py:Mine",), 1, 0)
