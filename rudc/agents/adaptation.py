@@ -3,6 +3,8 @@ identified.
 
     look ahead   a command given now acts after the dead time d: the scene is predicted by d, the ego under
                  the commands that are on their way, the others along their paths (Smith predictor)
+    haste        wheels that follow with a lag T are sent past where they shall be, so that they are there at
+                 the end of a decision of t s: delta_0 + (delta - delta_0) / (1 - exp(-t / T))
     limits       braking and accelerating within USABLE mu g, for filter, last resort and driver alike
     govern       speed in bends as of USABLE mu g, reached by braking with BRAKING mu g; where grip is poor as
                  of LATERAL mu g, on straights at most max(CAREFUL, what stops within STOPPING m), and before
@@ -51,6 +53,8 @@ CAREFUL = 6.0
 """m/s, always allowed on straights"""
 STOPPING = 10.0
 """m"""
+DECISION_S = 0.1
+"""s, t above"""
 
 
 class Adaptation:
@@ -98,11 +102,16 @@ class Adaptation:
             a = scene.network.vehicle.a_min
         left = math.sqrt(grip**2 - min(max(-a, 0.0), BRAKING * grip) ** 2)
         widest = widest_steering(scene.vehicle, scene.ego.v, left)
-        delta = min(max(delta, -widest), widest)
+        delta = min(max(self._hastened(scene.ego.steering, delta), -widest), widest)
         u = u if (a, delta) == (u[0], u[1]) else np.array([a, delta])
         if grip < POOR:
             u = self._slide.hold(scene, u, grip, self.estimate.actuation.lag_s, self._speeds(scene, grip))
         return u
+
+    def _hastened(self, now: float, wanted: float) -> float:
+        """rad, the command that takes lagging wheels from `now` to `wanted` within a decision."""
+        lag = self.estimate.actuation.lag_s
+        return now + (wanted - now) / (1.0 - math.exp(-DECISION_S / lag)) if lag > 0.0 else wanted
 
     def _ahead(self, scene: Scene) -> Scene:
         """The scene after the dead time, if there is one."""
