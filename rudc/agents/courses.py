@@ -4,6 +4,9 @@ A course (rudc/network/course.py) is kept while it is clear, and planned anew on
 in AGAIN_S s. While nothing is clear, the ego stops SHORT m before what blocks: nearer, nobody can pull out.
 Beside bodies it drives at most SLOW + PER_METRE x gap, in the bends of a course as of rudc/env/tracking.py.
 
+Everywhere it drives at most TOLERATED times the speed limit: on the lane before the junction, in it, and from
+its end on as of the lane behind it.
+
 Where a course enters ground that its route does not touch (the lane beside, the lane of oncoming traffic),
 the ego gives way to all who drive there: until the gap between them suffices (rudc/agents/gaps.py) it stops
 before that ground; where that lies in the junction, at the waiting point.
@@ -48,6 +51,8 @@ AGAIN_S, OUTS_S = 1.0, 1.5
 """s, s, the latter more if the ego stands and may have to pull out"""
 SLOW, PER_METRE = 2.5, 4.0
 """m/s, and m/s for each m of gap"""
+TOLERATED = 1.2
+"""times the speed limit: as fast as SUMO's fastest ordinary drivers"""
 BACK = 4.0
 """m behind the ego's centre from where bodies slow it down"""
 NARROW, NARROW_AHEAD = 1.2, 12.0
@@ -120,7 +125,7 @@ class Courses:
         if blocks is None:
             return u
         if not onwards:
-            u = _kept_short(scene, blocks, u)
+            u = _kept_short(scene, blocks, _limited(scene, u))
         if not (blocks.any or self.course):
             return u
         stop, delta = self._stop, float(u[1])
@@ -191,6 +196,18 @@ def along(scene: Scene, course: Route) -> Scene:
     x, y, _ = scene.route.path.pose(min(scene.destination_s, scene.route.length))
     end, _ = path.project(float(x), float(y))
     return replace(scene, route=course, ego_s=s, ego_offset=offset, destination_s=end)
+
+
+def _limited(scene: Scene, u: Array) -> Array:
+    """(2,) the command, m/s2 and rad, with which the ego keeps to the tolerated speed."""
+    route = scene.route
+    way = route.exit_s - scene.ego_s
+    room = max(way - RESPONSE_S * scene.ego.v, 0.0)
+    speed = math.sqrt((TOLERATED * route.speed_limit_after) ** 2 + 2 * COMFORT * room)
+    if way > 0.0:
+        speed = min(speed, TOLERATED * route.speed_limit)
+    wanted = (speed - scene.ego.v) / RESPONSE_S
+    return u if u[0] <= wanted else np.array([max(wanted, scene.vehicle.a_min), u[1]])
 
 
 def _kept_short(scene: Scene, blocks: Blocks, u: Array) -> Array:

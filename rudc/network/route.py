@@ -159,7 +159,9 @@ class Route:
     major: bool
     """whether the arm it comes from has priority (`Arm.major`)"""
     speed_limit: float
-    """m/s"""
+    """m/s, on the lane before the junction"""
+    speed_limit_after: float
+    """m/s, on the last lane after it"""
     left_edge: Array
     """(M, 2) m, left edge of the ego's carriageway beside each station of `path`"""
     right_edge: Array

@@ -1,0 +1,43 @@
+"""How fast an agent that is led along courses may drive where the road's speed limit says so."""
+
+# ruff: noqa: F811 -- fixtures come by import
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rudc.agents.courses import TOLERATED, Courses
+from rudc.env.tracking import COMFORT
+from rudc.world.ego import EgoPlant
+from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
+
+
+def speeds(make_scene, before, after, *, onwards=False):
+    """m/s by m past the junction's end, straight on at full acceleration from 50 m before the stop line."""
+    scene = make_scene(turn="straight", front=-50.0, v=5.0)
+    scene = replace(scene, route=replace(scene.route, speed_limit=before, speed_limit_after=after))
+    courses, plant, s = Courses(), EgoPlant(scene.vehicle), scene.ego_s
+    courses.reset(scene)
+    plant.resume(scene.ego, plant.actuation)
+    driven = []
+    while s < min(scene.route.exit_s + 25.0, scene.route.length):
+        x, y, psi = scene.route.path.pose(s)
+        ego = replace(plant.state, x=float(x), y=float(y), psi=float(psi))
+        now = replace(scene, ego=ego, ego_s=s)
+        u = courses.govern(courses.see(now), np.array([3.0, 0.0]), onwards=onwards)
+        before_step = plant.state.v
+        s += 0.05 * (before_step + plant.step(float(u[0]), 0.0, 0.1).v)
+        driven.append((s - scene.route.exit_s, plant.state.v, (plant.state.v - before_step) / 0.1))
+    return np.array(driven)
+
+
+@pytest.mark.parametrize(("before", "after"), [(5.5, 14.0), (10.0, 5.5), (6.0, 6.0)])
+def test_no_faster_than_the_speed_limit_tolerates(make_scene, before, after):
+    s, v, a = speeds(make_scene, before, after).T
+    assert v[s < 0.0].max() == pytest.approx(TOLERATED * before, rel=0.02), "it is used"
+    assert v[s > 0.5].max() <= 1.05 * TOLERATED * after
+    assert a.min() > -1.5 * COMFORT, "it brakes in time, not at the sign"
+
+
+def test_who_would_be_hit_if_it_braked_minds_no_limit(make_scene):
+    assert speeds(make_scene, 5.5, 5.5, onwards=True)[:, 1].max() > 10.0
