@@ -37,7 +37,6 @@ from rudc.world.yielding_kernels import (
     INSTANTS,
     LINGERS,
     STEP_S,
-    meets_ego,
     near_ego,
     straight_on,
     yielding,
@@ -99,23 +98,20 @@ def ego_must_yield(scene: Scene, path: int, path_s: float) -> float:
 
 def _heeding(scene: Scene, stray: bool) -> Flags | None:
     """(N,) SVs that have the ego ahead, within reach, and yield to it; None where nobody has to."""
-    ego, body, route, paths = scene.ego, scene.vehicle, scene.route, scene.network.paths
-    if stray:
-        return near_ego(
-            scene.position, scene.heading, scene.velocity, scene.size, scene.path, ego.x, ego.y, ego.v
-        )
-    half = 0.5 * body.length
-    if scene.ego_s - half > route.exit_s + PAST_M:
-        return None
+    ego, half, route, paths = scene.ego, 0.5 * scene.vehicle.length, scene.route, scene.network.paths
     heeds = np.ones(paths.count, dtype=np.bool_)
-    if scene.ego_s + half <= route.waiting_s + 1.0:  # it waits: only where it stands, or who owes it its way
-        stands = ego.v < LINGERS
-        heeds = paths.origin != paths.origin[route.row] if stands else paths.yields[:, route.row]
-        if not heeds.any():
+    if not stray:
+        if scene.ego_s - half > route.exit_s + PAST_M:
             return None
-    meets = scene.network.conflict(route)
-    return meets_ego(
-        scene.velocity, scene.size, scene.path, scene.path_s, meets, heeds, scene.ego_s, body.length, ego.v
+        if (
+            scene.ego_s + half <= route.waiting_s + 1.0
+        ):  # it waits: only where it stands, or who owes it its way
+            stands = ego.v < LINGERS
+            heeds = paths.origin != paths.origin[route.row] if stands else paths.yields[:, route.row]
+            if not heeds.any():
+                return None
+    return near_ego(
+        scene.position, scene.heading, scene.velocity, scene.size, scene.path, heeds, ego.x, ego.y, ego.v
     )
 
 

@@ -42,8 +42,6 @@ CREEPS = 3.0
 """m/s, up to which an SV in the junction looks out for faster ones"""
 SWEPT_M = 2.5
 """m between the places ahead of those, INSTANTS in number, that they will sweep over"""
-SPARE_M = 2.0
-"""m along either path beyond bumpers within which paths are taken to meet; covers wide vehicles"""
 NEAR_M = 10.0
 """m between centres beyond what both cover in the horizon, within which bodies may come to overlap"""
 
@@ -76,39 +74,19 @@ def straight_on(x: float, y: float, psi: float, velocity: complex) -> tuple[NewP
 
 @kernel
 def near_ego(
-    position: Table, heading: Vector, velocity: Table, size: Table, path: Rows, x: float, y: float, v: float
-) -> NewFlags:
-    """(N,) who is on a path, has an ego at (x, y) m ahead and may meet it, wherever that goes."""
+    position: Table, heading: Vector, velocity: Table, size: Table, path: Rows, heeds: Marks,
+    x: float, y: float, v: float,
+) -> NewFlags:  # fmt: skip
+    """(N,) whose path heeds the ego (`heeds` (P,)), who has it, at (x, y) m, ahead and may meet it, wherever
+    that goes at v m/s.
+    """
     found = np.zeros(len(path), np.bool_)
     for i in range(len(path)):
         away_x, away_y = x - position[i, 0], y - position[i, 1]
         ahead = math.cos(heading[i]) * away_x + math.sin(heading[i]) * away_y
         speed = math.hypot(velocity[i, 0], velocity[i, 1])
         near = math.hypot(away_x, away_y) < HORIZON_S * (speed + v) + NEAR_M
-        found[i] = path[i] >= 0 and near and ahead > -0.5 * size[i, 0] - 3.0
-    return found
-
-
-@kernel
-def meets_ego(
-    velocity: Table, size: Table, path: Rows, path_s: Vector, meets: Table, heeds: Marks, s: float,
-    length: float, v: float,
-) -> NewFlags:  # fmt: skip
-    """(N,) whose path heeds the ego (`heeds` (P,)) and meets the ego's where both can be within the horizon.
-
-    meets (P, 4) m: where, as `Network.conflict` says; the ego, `length` m long, is at s m.
-    """
-    found = np.zeros(len(path), np.bool_)
-    rear, front = s - 0.5 * length - SPARE_M, s + 0.5 * length + SPARE_M
-    way = HORIZON_S * v if v >= LINGERS else 0.0
-    for i in range(len(path)):
-        if path[i] < 0 or not heeds[path[i]]:
-            continue
-        ours_in, ours_out, theirs_in, theirs_out = meets[path[i]]
-        half = 0.5 * size[i, 0] + SPARE_M
-        reach = path_s[i] + half + HORIZON_S * max(math.hypot(velocity[i, 0], velocity[i, 1]), CREEP)
-        ours = ours_in < front + way and ours_out > rear
-        found[i] = ours and theirs_in < reach and theirs_out > path_s[i] - half
+        found[i] = path[i] >= 0 and heeds[path[i]] and near and ahead > -0.5 * size[i, 0] - 3.0
     return found
 
 

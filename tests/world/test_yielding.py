@@ -166,3 +166,20 @@ def test_a_standing_ego_off_the_road_is_nobodys_business(crossing):
     scene = crossing(10.0, 9.0)
     away = replace(scene, ego=EgoState(60.0, 60.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     assert must_yield(away).rows == []
+
+
+def test_brakes_for_a_nose_in_its_lane_though_the_lanes_never_meet(make_scene, four_way):
+    """The ego stopped in the junction, 0.9 m beside its line and turned by 28 degrees; who comes is on the
+    lane beside."""
+    route, row = four_way.route("south", "straight", 1), four_way.movement("north", "straight").rows[1]
+    assert np.isnan(four_way.conflict(route)[row]).all()
+    s, psi = route.stop_line_s + 11.5, 0.5 * math.pi
+    x, y, _ = (float(value) for value in route.path.pose(s))
+    coming = {"row": row, "s": before(four_way, row, (x - 3.0, y + 2.0), 12.0), "v": 8.0}
+    scene = replace(make_scene(coming, turn="straight", v=0.0), route=route, ego_s=s)
+    straight = replace(scene.ego, x=x, y=y, psi=psi)
+    assert must_yield(replace(scene, ego=straight)).rows == []
+    turned = replace(straight, x=x - 0.9, psi=psi + 0.49)
+    found = must_yield(replace(scene, ego=turned, ego_offset=0.9))
+    assert found.rows == [0]
+    assert found.deceleration[0] > 1.5
