@@ -43,6 +43,7 @@ def list_(
     **Example**: `rudc scenario list --json | jq -r '.[] | select(.out_of_distribution) | .name'`
     """
     from rudc.scenario import find_scenarios, shipped_scenarios
+    from rudc.scenario.dotted import value_text
 
     found = find_scenarios(patterns or list(shipped_scenarios()))
     if as_json:
@@ -50,7 +51,9 @@ def list_(
         return
     rows = []
     for scenario in found:
-        swept = "; ".join(f"{key}: {', '.join(map(str, values))}" for key, values in scenario.sweep.items())
+        swept = "; ".join(
+            f"{key}: {', '.join(map(value_text, values))}" for key, values in scenario.sweep.items()
+        )
         extra = f"\nsweep of {swept}" if swept else ""
         why = f"\n[dim]OOD: {scenario.out_of_distribution}[/dim]" if scenario.out_of_distribution else ""
         rows.append([scenario.name, scenario.network, f"{scenario.description}{extra}{why}"])
@@ -238,6 +241,8 @@ def _problems(files: list[str], seeds: int, tell: Callable[[dict[str, Any]], Non
 
 def _say(found: dict[str, Any]) -> None:
     """Whether a file is fine, and how often its events happen."""
+    from rudc.scenario.dotted import value_text
+
     name, wrong = found["scenario"], len(found["problems"])
     if "events" not in found:
         typer.echo(f"{name}: {wrong} problem{'s' * (wrong != 1)}")
@@ -247,7 +252,7 @@ def _say(found: dict[str, Any]) -> None:
     swept += f", of which {tried} were set up" if tried < points else ""
     typer.echo(f"{name}: ok ({count} event{'s' * (count != 1)}{swept})")
     for firing in found["firings"]:
-        values = "".join(f"{key}={value}, " for key, value in firing["swept"].items())
+        values = "".join(f"{key}={value_text(value)}, " for key, value in firing["swept"].items())
         typer.echo(f"  {values}{firing['text']}")
 
 

@@ -50,6 +50,11 @@ def _step(here: Any, part: str, before: str) -> str | int:
     return int(part)
 
 
+def value_text(value: object) -> str:
+    """A number, a name or a truth value as a file writes it."""
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
 def dotted(path: Path) -> str:
     """The dotted key of a path."""
     return ".".join(part if isinstance(part, str) and part.isprintable() else repr(part) for part in path)
