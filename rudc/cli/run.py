@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from rudc.cli.complete import complete_agents, complete_scenarios
-from rudc.cli.console import AsJson, Quiet, note, print_json
+from rudc.cli.console import AsJson, Quiet, note, note_sweep, print_json
 from rudc.cli.replay import MOST
 from rudc.cli.scenario import Overrides, parse_overrides
 from rudc.errors import InputError
@@ -86,6 +86,7 @@ def run(
     drivers = [make_agent(name) for name in agents or ["gap-acceptance"]]
     _check_several(len(drivers), {"--video": video, "--steps": steps, "--fcd": fcd, "--gui": gui}, replay)
     scenario = load_scenario(source, parse_overrides(overrides), misfits)
+    note_sweep(scenario)
     if video is not None:
         check_film(video)
     if replay is not None:

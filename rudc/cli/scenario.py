@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from rudc.cli.complete import complete_scenarios
-from rudc.cli.console import AsJson, Quiet, console, note, print_json, print_table
+from rudc.cli.console import AsJson, Quiet, console, note, note_sweep, print_json, print_table
 from rudc.errors import InputError, ScenarioError
 
 if TYPE_CHECKING:
@@ -323,6 +323,7 @@ def preview(
     from rudc.world.fitting import misfits
 
     scenario = load_scenario(source, parse_overrides(overrides), misfits)
+    note_sweep(scenario)
     path = out or Path(f"{scenario.name}.{'gif' if animate else 'png'}")
     if animate:
         check_film(path)

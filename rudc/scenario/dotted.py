@@ -5,6 +5,8 @@ from __future__ import annotations
 from copy import deepcopy
 from typing import Any
 
+import yaml
+
 Path = tuple[str | int, ...]
 """keys and list indices from the top of a file down to a value"""
 
@@ -50,8 +52,21 @@ def _step(here: Any, part: str, before: str) -> str | int:
     return int(part)
 
 
+def value_at(data: dict[str, Any], key: str) -> Any:
+    """What stands at a dotted key of data; None where nothing does."""
+    here: Any = data
+    try:
+        for part in key.split("."):
+            here = here[_step(here, part, key)]
+    except (DottedKeyError, KeyError):
+        return None
+    return here
+
+
 def value_text(value: object) -> str:
-    """A number, a name or a truth value as a file writes it."""
+    """A value as a file writes it, in one line."""
+    if isinstance(value, dict | list):
+        return yaml.safe_dump(value, default_flow_style=True, width=1000, allow_unicode=True).strip()
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
