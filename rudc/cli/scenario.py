@@ -317,7 +317,7 @@ def preview(
 
     **Example**: `rudc scenario preview blocked_left_turn --seed 3 --out blocked.png`
     """
-    from rudc.drawing.picture_file import check_film
+    from rudc.drawing.picture_file import check_film, check_picture
     from rudc.drawing.preview import draw_preview
     from rudc.scenario import load_scenario
     from rudc.world.fitting import misfits
@@ -330,6 +330,7 @@ def preview(
         _animate(scenario, seed, path)
         typer.echo(path)
     else:
+        check_picture(path)
         typer.echo(draw_preview(scenario, seed, path))
 
 
@@ -361,13 +362,14 @@ def schema(
     **Example**: `rudc scenario schema --out scenario.schema.json`, and as a file's first line
     `# yaml-language-server: $schema=scenario.schema.json`
     """
-    from rudc.files import make_folder_of, write_atomically
+    from rudc.files import make_folder_of, try_place, write_atomically
     from rudc.scenario import json_schema
 
     text = json.dumps(json_schema(), indent=2) + "\n"
     if out is None:
         typer.echo(text, nl=False)
     else:
+        try_place(out)
         make_folder_of(out)
         write_atomically(out, text)
 
