@@ -223,6 +223,7 @@ def test_table_reads_what_a_sweep_left(swept, rudc):
     assert "\\toprule" in rudc("table", out, "-f", "latex").out
     by_priority = rudc("table", out, "--by", "agent,priority").out
     assert "major" in by_priority or "minor" in by_priority
+    assert rudc("table", out, "--by", "agent, priority,agent").out == by_priority
     assert rudc("table", out, "--by", "agnt").status == 2
     assert "follower" in rudc("table", out).out
 
