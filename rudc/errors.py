@@ -49,7 +49,7 @@ class SolverError(RudcError):
 
 
 class StorageError(RudcError):
-    """Results could not be written: a full disk, a folder without permission."""
+    """Results could not be written though the place had been tried: a disk that is full."""
 
 
 class TrainingError(RudcError):

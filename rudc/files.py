@@ -17,6 +17,9 @@ from typing import BinaryIO, NoReturn
 
 from rudc.errors import InputError, StorageError
 
+FULL = (errno.ENOSPC, errno.EDQUOT)
+"""errors of a disk, or of a user's share of it, that is full"""
+
 
 def make_folder(path: Path) -> None:
     """A folder that can be written to, made if there is none. Raises InputError when there cannot be one."""
@@ -35,6 +38,34 @@ def make_folder_of(path: Path) -> None:
     """
     if not path.exists():
         make_folder(path.parent)
+
+
+def try_place(path: Path) -> None:
+    """Find out, before the work is done, whether a file can be written: its folder is made, a draft written,
+    and both taken away again. Raises InputError where it cannot, StorageError where the disk is full.
+    """
+    if path.is_dir():
+        raise InputError(f"cannot write {path}: it is a folder; name a file")
+    if path.exists() and not path.is_file():
+        if not os.access(path, os.W_OK):
+            raise InputError(f"cannot write {path}: no permission; name another file")
+        return
+    target = path.resolve()
+    draft = target.with_name(f".{target.name}.try")
+    missing = [folder for folder in path.parents if not folder.exists()]
+    try:
+        make_folder(path.parent)
+        draft.touch()
+    except OSError as error:
+        if error.errno in FULL:
+            explain(path, error)
+        raise InputError(f"cannot write {path}: {error.strerror}; name another file") from None
+    finally:
+        with contextlib.suppress(OSError):
+            draft.unlink()
+        for folder in missing:
+            with contextlib.suppress(OSError):
+                folder.rmdir()
 
 
 def write_atomically(path: Path, content: str | bytes) -> None:
@@ -99,6 +130,5 @@ def aside_of(folder: Path) -> Path:
 
 def explain(path: Path, error: OSError) -> NoReturn:
     """Raise the StorageError that says what could not be written, and why."""
-    full = error.errno in (errno.ENOSPC, errno.EDQUOT)
-    reason = "the disk is full" if full else (error.strerror or str(error))
+    reason = "the disk is full" if error.errno in FULL else (error.strerror or str(error))
     raise StorageError(f"cannot write {path}: {reason}") from error

@@ -12,6 +12,7 @@ import numpy as np
 
 from rudc.agents.base import Agent, Decision, EgoDriver
 from rudc.arrays import Array
+from rudc.env.action import numbers_of
 from rudc.errors import AgentFailedError
 from rudc.imports import in_words
 from rudc.world.scene import Scene
@@ -41,7 +42,7 @@ class GuardedAgent:
 
     def _action(self, answer: Any, scene: Scene) -> Array:
         try:
-            u = np.asarray(answer, dtype=float)
+            u = numbers_of(answer)
         except (TypeError, ValueError):
             u = np.zeros(0)
         if u.shape == (2,) and np.isfinite(u).all():

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from rudc.evaluation.record import EpisodeRecord
     from rudc.evaluation.tasks import Task
+    from rudc.scenario.model import Scenario
 
 FAILURES_NAMED = 5
 """failed episodes named while a sweep runs"""
@@ -67,6 +68,23 @@ def note(text: str) -> None:
 def warn(text: str) -> None:
     """A line that `--quiet` does not leave out."""
     print(text, file=sys.stderr, flush=True)
+
+
+def note_sweep(scenario: Scenario) -> None:
+    """Say of a scenario that sweeps what a single episode of it makes of that."""
+    from rudc.hints import listed
+    from rudc.scenario.dotted import value_at, value_text
+
+    if not scenario.sweep:
+        return
+    data, keys = scenario.data(), list(scenario.sweep)
+    swept = [f"{key} ({listed([*map(value_text, scenario.sweep[key])])})" for key in keys]
+    here = [f"{key}={value_text(value)}" for key in keys if (value := value_at(data, key)) is not None]
+    note(
+        f"{scenario.name} sweeps {', '.join(swept)}; this is one episode, "
+        f"with {', '.join(here) or 'none of these values'}: `rudc sweep` drives the grid, "
+        f"`--set {keys[0]}=VALUE` chooses a value"
+    )
 
 
 @contextlib.contextmanager

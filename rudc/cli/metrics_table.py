@@ -16,8 +16,7 @@ from rudc.cli.console import console, note
 from rudc.evaluation.columns import DECISION_MS, METRICS, Metric
 from rudc.evaluation.metrics import Group
 from rudc.evaluation.paper import is_from_paper
-from rudc.evaluation.rows import Row, SweepRows
-from rudc.evaluation.tables import MISSING, best_of, cell, heading, measured
+from rudc.evaluation.tables import MISSING, best_of, cell, heading
 
 LEAST_IMPORTANT = ("decision", "AER", "RC", "AES", "min_DTC")
 """metrics that a narrow screen goes without, the first to go first"""
@@ -33,16 +32,12 @@ class Layout(NamedTuple):
 
 
 def print_metrics(
-    rows: Sequence[Row] | SweepRows,
-    by: Sequence[str],
-    against: str | None = None,
-    metrics: Sequence[Metric] | None = None,
+    groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Metric] | None = None
 ) -> None:
-    """Print the metrics of a sweep's rows grouped by columns; `metrics`: the paper's and the time for a
-    decision if left out. Raises InputError for an unknown column.
+    """Print the metrics of groups (`rudc.evaluation.tables.measured`) by columns; `metrics`: the paper's and
+    the time for a decision if left out.
     """
     chosen = tuple(metrics or (*METRICS, DECISION_MS))
-    groups = measured(rows, by, against, chosen)
     screen = console()
     layout = _fitting(groups, by, chosen, screen.width, may_drop=metrics is None)
     for line in _lines(groups, by, layout):

@@ -58,6 +58,10 @@ def check(
     from rudc.world.trial import refuse_untried
 
     report = check_network(source, junction)
+    if out is not None:
+        from rudc.drawing.picture_file import check_picture
+
+        check_picture(out)
     if as_json:
         print_json(_values(report))
     else:

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from rudc.cli.complete import complete_agents, complete_scenarios
-from rudc.cli.console import AsJson, Quiet, note, print_json
+from rudc.cli.console import AsJson, Quiet, note, note_sweep, print_json
 from rudc.cli.replay import MOST
 from rudc.cli.scenario import Overrides, parse_overrides
-from rudc.errors import InputError
+from rudc.errors import InputError, StorageError
 
 if TYPE_CHECKING:
     from rudc.agents.base import Agent, Decision
@@ -78,6 +78,7 @@ def run(
     """
     from rudc.agents.registry import make_agent
     from rudc.drawing.picture_file import check_film
+    from rudc.files import try_place
     from rudc.reporting.html.page import check_page
     from rudc.reporting.replay.page import WHAT, save_replay
     from rudc.scenario import load_scenario
@@ -86,10 +87,14 @@ def run(
     drivers = [make_agent(name) for name in agents or ["gap-acceptance"]]
     _check_several(len(drivers), {"--video": video, "--steps": steps, "--fcd": fcd, "--gui": gui}, replay)
     scenario = load_scenario(source, parse_overrides(overrides), misfits)
+    note_sweep(scenario)
     if video is not None:
         check_film(video)
     if replay is not None:
         check_page(replay, WHAT)
+    for table in (steps, fcd):
+        if table is not None:
+            try_place(table)
     files = _Files(video, steps, fcd, gui, replay is not None)
     driven = [_drive(scenario, seed, driver, files) for driver in drivers]
     if as_json:
@@ -172,11 +177,22 @@ def _drive(scenario: Scenario, seed: int, driver: Agent, files: _Files) -> _Driv
         record = run_episode(episode, scenario.plan(seed), driver, options=options, watch=watch)
         events = event_lines(world.plan, world.happenings())
         page = recording.data(record) if files.replay else {}
+    if files.fcd is not None:
+        _refuse_torn(files.fcd)
     if files.steps is not None:
         trace.save(files.steps)
     if files.video is not None:
         film.save(files.video)
     return _Driven(record, events, page)
+
+
+def _refuse_torn(fcd: Path) -> None:
+    """Raise StorageError for a file of SUMO's that has no end: SUMO says nothing of a disk that is full."""
+    if fcd.is_file() and fcd.suffix == ".xml":
+        with fcd.open("rb") as file:
+            file.seek(max(fcd.stat().st_size - 100, 0))
+            if b"</fcd-export>" not in file.read():
+                raise StorageError(f"cannot write {fcd}: it stops in the middle; is the disk full?")
 
 
 def _gui(episode: Episode, scenario: str, agent: str, ends: ExitStack) -> Watcher:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from rudc.cli.complete import complete_scenarios
-from rudc.cli.console import AsJson, Quiet, console, note, print_json, print_table
+from rudc.cli.console import AsJson, Quiet, console, note, note_sweep, print_json, print_table
 from rudc.errors import InputError, ScenarioError
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ def list_(
     **Example**: `rudc scenario list --json | jq -r '.[] | select(.out_of_distribution) | .name'`
     """
     from rudc.scenario import find_scenarios, shipped_scenarios
+    from rudc.scenario.dotted import value_text
 
     found = find_scenarios(patterns or list(shipped_scenarios()))
     if as_json:
@@ -50,7 +51,9 @@ def list_(
         return
     rows = []
     for scenario in found:
-        swept = "; ".join(f"{key}: {', '.join(map(str, values))}" for key, values in scenario.sweep.items())
+        swept = "; ".join(
+            f"{key}: {', '.join(map(value_text, values))}" for key, values in scenario.sweep.items()
+        )
         extra = f"\nsweep of {swept}" if swept else ""
         why = f"\n[dim]OOD: {scenario.out_of_distribution}[/dim]" if scenario.out_of_distribution else ""
         rows.append([scenario.name, scenario.network, f"{scenario.description}{extra}{why}"])
@@ -238,6 +241,8 @@ def _problems(files: list[str], seeds: int, tell: Callable[[dict[str, Any]], Non
 
 def _say(found: dict[str, Any]) -> None:
     """Whether a file is fine, and how often its events happen."""
+    from rudc.scenario.dotted import value_text
+
     name, wrong = found["scenario"], len(found["problems"])
     if "events" not in found:
         typer.echo(f"{name}: {wrong} problem{'s' * (wrong != 1)}")
@@ -247,7 +252,7 @@ def _say(found: dict[str, Any]) -> None:
     swept += f", of which {tried} were set up" if tried < points else ""
     typer.echo(f"{name}: ok ({count} event{'s' * (count != 1)}{swept})")
     for firing in found["firings"]:
-        values = "".join(f"{key}={value}, " for key, value in firing["swept"].items())
+        values = "".join(f"{key}={value_text(value)}, " for key, value in firing["swept"].items())
         typer.echo(f"  {values}{firing['text']}")
 
 
@@ -312,18 +317,20 @@ def preview(
 
     **Example**: `rudc scenario preview blocked_left_turn --seed 3 --out blocked.png`
     """
-    from rudc.drawing.picture_file import check_film
+    from rudc.drawing.picture_file import check_film, check_picture
     from rudc.drawing.preview import draw_preview
     from rudc.scenario import load_scenario
     from rudc.world.fitting import misfits
 
     scenario = load_scenario(source, parse_overrides(overrides), misfits)
+    note_sweep(scenario)
     path = out or Path(f"{scenario.name}.{'gif' if animate else 'png'}")
     if animate:
         check_film(path)
         _animate(scenario, seed, path)
         typer.echo(path)
     else:
+        check_picture(path)
         typer.echo(draw_preview(scenario, seed, path))
 
 
@@ -355,13 +362,14 @@ def schema(
     **Example**: `rudc scenario schema --out scenario.schema.json`, and as a file's first line
     `# yaml-language-server: $schema=scenario.schema.json`
     """
-    from rudc.files import make_folder_of, write_atomically
+    from rudc.files import make_folder_of, try_place, write_atomically
     from rudc.scenario import json_schema
 
     text = json.dumps(json_schema(), indent=2) + "\n"
     if out is None:
         typer.echo(text, nl=False)
     else:
+        try_place(out)
         make_folder_of(out)
         write_atomically(out, text)
 

@@ -219,14 +219,14 @@ def _plan(
 def _report(result: SweepResult, as_json: bool) -> None:
     from rudc.cli.metrics_table import print_metrics
     from rudc.evaluation.folder import TRACEBACK, sweep_rows
-    from rudc.evaluation.tables import make_table
+    from rudc.evaluation.tables import make_table, measured
 
     rows = sweep_rows(result.folder)
     by = ["scenario", *rows.parameters, "agent"]
     if as_json:
         typer.echo(make_table(rows, by, "json"), nl=False)
     else:
-        print_metrics(rows, by)
+        print_metrics(measured(rows, by), by)
     note(f"in {result.folder}: episodes.csv, metrics.csv, manifest.json")
     if result.errors:
         episodes = sum(len(block["seed"]) for block in rows.blocks())

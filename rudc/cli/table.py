@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from rudc.cli.complete import complete_columns, complete_metrics
-from rudc.cli.console import Quiet
+from rudc.cli.console import Quiet, warn
 from rudc.errors import InputError
 
 
@@ -61,22 +61,27 @@ def table(
     `rudc table out/all --against comparison --format markdown`
     """
     from rudc.cli.metrics_table import print_metrics
-    from rudc.evaluation.columns import METRICS
+    from rudc.evaluation.columns import DECISION_MS, METRICS
     from rudc.evaluation.folder import sweep_rows
-    from rudc.evaluation.tables import make_table, named_metrics
+    from rudc.evaluation.paper import is_from_paper, tasks
+    from rudc.evaluation.tables import measured, named_metrics, written
 
     if as_json and style is not None:
         raise InputError("--json is a format of its own: give it, or --format")
     rows = sweep_rows(folder)
     columns = _names(by) if by else ["scenario", *rows.parameters, "agent"]
     chosen = named_metrics(_names(metrics)) if metrics else None
-    if as_json:
-        typer.echo(make_table(rows, columns, "json", against, chosen or METRICS), nl=False)
-    elif style is None:
-        print_metrics(rows, columns, against, chosen)
+    form = "json" if as_json else style
+    groups = measured(rows, columns, against, chosen or (METRICS if form else (*METRICS, DECISION_MS)))
+    if form is None:
+        print_metrics(groups, columns, chosen)
     else:
-        typer.echo(make_table(rows, columns, style, against, chosen or METRICS), nl=False)
+        typer.echo(written(groups, columns, form, chosen or METRICS), nl=False)
+    if against is not None and not any(map(is_from_paper, groups)):
+        its = " and ".join(tasks(against))
+        warn(f"nothing to put beside: the paper's tasks are {its}, and {folder} has none of them")
 
 
 def _names(text: str) -> list[str]:
-    return [name.strip() for name in text.split(",") if name.strip()]
+    """Each once, in the order given."""
+    return list(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))

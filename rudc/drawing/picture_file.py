@@ -13,7 +13,7 @@ from PIL import Image
 
 from rudc.drawing.frames import Frame
 from rudc.errors import InputError
-from rudc.files import make_folder_of, replacing
+from rudc.files import make_folder_of, replacing, try_place
 from rudc.hints import install_command
 
 FILMS = (".gif", ".webp", ".mp4")
@@ -31,13 +31,20 @@ def save_picture(picture: Image.Image, path: str | Path) -> Path:
     StorageError.
     """
     target = Path(path)
-    known = Image.registered_extensions()
-    if target.suffix.lower() not in known:
-        raise InputError(f"cannot write {target}: {target.suffix!r} is no kind of picture; name a .png")
+    kind = check_picture(target)
     make_folder_of(target)
     with replacing(target) as file:
-        picture.save(file, format=known[target.suffix.lower()], optimize=True)
+        picture.save(file, format=kind, optimize=True)
     return target
+
+
+def check_picture(path: Path) -> str:
+    """What kind of picture a file's ending says. Raises InputError if none can be written to such a file."""
+    known = Image.registered_extensions()
+    if path.suffix.lower() not in known:
+        raise InputError(f"cannot write {path}: {path.suffix!r} is no kind of picture; name a .png")
+    try_place(path)
+    return known[path.suffix.lower()]
 
 
 def check_film(path: Path) -> None:
@@ -46,6 +53,7 @@ def check_film(path: Path) -> None:
         raise InputError(f"a film is a .gif, .webp or .mp4 file, not {path.name!r}")
     if path.suffix.lower() == ".mp4":
         _imageio()
+    try_place(path)
 
 
 def save_film(frames: Sequence[Frame], path: Path, frames_per_s: float) -> None:

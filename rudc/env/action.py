@@ -96,6 +96,16 @@ class Adjustment(ActionKind):
         return np.array(_cut((x, (float(u[1]) - steering(scene)) / self.adjustment)))
 
 
+def numbers_of(answer: Any) -> Array:
+    """What somebody answers for an action, as an array. Raises TypeError or ValueError for anything but
+    numbers, texts that NumPy would read as numbers included.
+    """
+    given = np.asarray(answer)
+    if given.dtype.kind not in "biuf" and any(isinstance(part, str | bytes) for part in given.flat):
+        raise TypeError("a text is no number")
+    return given.astype(np.float64, copy=False)
+
+
 ACTIONS: dict[str, type[ActionKind]] = {"direct": Direct, "adjustment": Adjustment}
 """name of a kind -> its class"""
 

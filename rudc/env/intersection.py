@@ -17,7 +17,7 @@ from rudc.arrays import Array
 from rudc.drawing.frames import Frame, Renderer
 from rudc.drawing.view import Driving, view_of
 from rudc.drawing.window import Window
-from rudc.env.action import ActionKind, read_action
+from rudc.env.action import ActionKind, numbers_of, read_action
 from rudc.env.distances import Distances
 from rudc.env.episode import Episode
 from rudc.env.observation import ObservationKind, observation_space, observe_flat, unflatten
@@ -255,7 +255,7 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         """
         wanted = self.action_space.shape
         try:
-            given = np.asarray(action, dtype=np.float64)
+            given = numbers_of(action)
         except (TypeError, ValueError):
             raise InputError(
                 f"action {action!r} is no array of numbers; give one of shape {wanted}"

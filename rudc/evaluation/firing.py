@@ -10,6 +10,7 @@ from rudc.agents.gap_acceptance import GapAcceptance
 from rudc.env.episode import Episode
 from rudc.evaluation.rollout import run_episode
 from rudc.network.network import load_network
+from rudc.world.events import numbered
 from rudc.world.world import World
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ class Firing:
         rest = "" if self.drawn == self.episodes else f" (its probability lets it in {self.drawn})"
         seen = "" if self.seen == self.fired else f", and the ego sees it in {self.seen}"
         happens = f"happens in {self.fired} of {self.episodes} episodes"
-        return f"event {self.number} (events.{self.number - 1}) {self.kind}: {happens}{rest}{seen}"
+        return f"event {numbered(self.number, self.kind)}: {happens}{rest}{seen}"
 
 
 def count_firings(scenario: Scenario, seeds: Iterable[int]) -> list[Firing]:

@@ -47,6 +47,11 @@ def paper_groups(table: str, by: Sequence[str]) -> list[Group]:
     return list(found.values())
 
 
+def tasks(table: str) -> list[str]:
+    """Scenarios of the paper's rows. Raises InputError for an unknown table."""
+    return list(dict.fromkeys(group.key[0] for group in paper_groups(table, ["scenario", "agent"])))
+
+
 def beside(ours: Sequence[Group], theirs: Sequence[Group], at: int) -> list[Group]:
     """Ours, each followed by the paper's of the same algorithm (its last agent, where several are), then the
     others of the paper. at: where in their keys the agent stands.

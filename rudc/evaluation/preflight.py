@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from rudc.errors import RudcError, ScenarioError
 from rudc.kernels import as_written
 from rudc.network.network import load_network
+from rudc.scenario.dotted import value_text
 from rudc.scenario.library import shown
 from rudc.scenario.loader import load_scenario
 from rudc.scenario.spread import spread
@@ -41,7 +42,7 @@ def try_out(scenario: Scenario, seed: int = 0) -> list[str]:
             with as_written(), World(load_network(point.network, point.junction)) as world:
                 world.reset(point.plan(seed))
         except RudcError as error:
-            values = ", ".join(f"{key}={value}" for key, value in swept.items())
+            values = ", ".join(f"{key}={value_text(value)}" for key, value in swept.items())
             found.setdefault(str(error), f"with {values}: " if values else "")
     return [where + text for text, where in found.items()]
 

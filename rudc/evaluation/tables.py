@@ -38,7 +38,13 @@ def make_table(
     `against`: which of the paper's tables (`rudc.evaluation.paper.TABLES`) to put beside. Raises InputError
     for an unknown column.
     """
-    groups = measured(rows, by, against, metrics)
+    return written(measured(rows, by, against, metrics), by, style, metrics)
+
+
+def written(
+    groups: Sequence[Group], by: Sequence[str], style: Format, metrics: Sequence[Metric] = METRICS
+) -> str:
+    """The same, of groups that are measured already."""
     if style == "csv":
         return metrics_csv(groups, by, metrics)
     if style == "json":

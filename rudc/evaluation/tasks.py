@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from rudc.errors import SweepError
 from rudc.evaluation.record import as_text
+from rudc.scenario.dotted import value_text
 
 if TYPE_CHECKING:
     from rudc.scenario.model import Scalar, Scenario
@@ -40,7 +41,7 @@ class Task:
         return (self.scenario.name, self.agent, str(self.seed), *self.cells(parameters))
 
     def __str__(self) -> str:
-        values = "".join(f", {name}={value}" for name, value in self.swept.items())
+        values = "".join(f", {name}={value_text(value)}" for name, value in self.swept.items())
         return f"{self.scenario.name}{values}, {self.agent}, seed {self.seed}"
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from rudc.evaluation.record import as_text
 from rudc.evaluation.store import format_row
-from rudc.files import write_atomically
+from rudc.files import make_folder_of, write_atomically
 
 if TYPE_CHECKING:
     from rudc.agents.base import Decision
@@ -61,9 +61,10 @@ class Trace:
         self._rows.append(row)
 
     def save(self, path: Path) -> None:
-        """Write the rows. Raises StorageError."""
+        """Write the rows. Raises InputError for a folder that cannot be made, StorageError."""
         columns = list(dict.fromkeys(name for row in self._rows for name in row))
         lines = [columns, *([_cell(row.get(name)) for name in columns] for row in self._rows)]
+        make_folder_of(path)
         write_atomically(path, "".join(map(format_row, lines)))
 
 

@@ -83,6 +83,9 @@ def _as_text(value: Any) -> Any:
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 """A finite number; text and truth values are refused."""
 
+Truth = Annotated[bool, Field(strict=True)]
+"""true or false; words and numbers that could stand for them are refused"""
+
 NonEmpty = Annotated[str, StringConstraints(strict=True, strip_whitespace=True, min_length=1)]
 """Some text."""
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from copy import deepcopy
 from typing import Any
 
+import yaml
+
 Path = tuple[str | int, ...]
 """keys and list indices from the top of a file down to a value"""
 
@@ -48,6 +50,24 @@ def _step(here: Any, part: str, before: str) -> str | int:
             f"{before} is a list whose entries are numbered ({numbers}); there is no {part!r}"
         )
     return int(part)
+
+
+def value_at(data: dict[str, Any], key: str) -> Any:
+    """What stands at a dotted key of data; None where nothing does."""
+    here: Any = data
+    try:
+        for part in key.split("."):
+            here = here[_step(here, part, key)]
+    except (DottedKeyError, KeyError):
+        return None
+    return here
+
+
+def value_text(value: object) -> str:
+    """A value as a file writes it, in one line."""
+    if isinstance(value, dict | list):
+        return yaml.safe_dump(value, default_flow_style=True, width=1000, allow_unicode=True).strip()
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def dotted(path: Path) -> str:

@@ -111,7 +111,7 @@ def _type(field: FieldInfo) -> str:
     if bounds:
         numbers = " and ".join(dict.fromkeys(_range(bound) for bound in bounds))
         return f"[number, number], {numbers}" if len(bounds) == 2 else numbers
-    words = _words(field.annotation)
+    words = ["true", "false"] if field.annotation is bool else _words(field.annotation)
     if words:
         return " | ".join(words)
     if get_origin(field.annotation) is dict:

@@ -32,7 +32,7 @@ _EGO, _TRAFFIC, _EPISODE, _WORLD, _FIRST_EVENT = 1, 2, 3, 4, 16
 GRID_LIMIT = 10_000
 """points of a `sweep` beyond which it is taken for a mistake"""
 
-Scalar = float | int | str
+Scalar = bool | float | int | str
 
 
 def is_plain_name(name: str) -> bool:
@@ -47,8 +47,8 @@ def _plain_name(name: str) -> str:
 
 
 def _scalar(value: Any) -> Any:
-    if isinstance(value, bool) or not isinstance(value, int | float | str):
-        refuse("a swept value is a number or a name")
+    if not isinstance(value, Scalar):
+        refuse("a swept value is a number, a name, true or false")
     return value
 
 

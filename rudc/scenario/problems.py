@@ -97,6 +97,8 @@ def _in_words(kind: str, value: Any, context: dict[str, Any], message: str, in_n
     match kind:
         case "float_type" | "float_parsing":
             return f"expected {FORMS if in_number else 'a number'}; got {got(value)}"
+        case "bool_type":
+            return f"expected true or false, got {got(value)}"
         case "finite_number":
             return f"expected a finite number, got {value}"
         case "string_type":

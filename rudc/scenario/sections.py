@@ -16,7 +16,7 @@ from pydantic import (
 from pydantic_core import CoreSchema
 
 from rudc.errors import InputError
-from rudc.scenario.base import FileModel, Identifier, refuse
+from rudc.scenario.base import FileModel, Identifier, Truth, refuse
 from rudc.scenario.distributions import AnyDistribution, Bounds, Constant, Normal, NormalParameters, Uniform
 from rudc.scenario.events.event import Speed
 from rudc.scenario.plan import EgoPlan, TrafficPlan
@@ -76,7 +76,7 @@ class Ego(FileModel, frozen=True):
     """m from its front to the stop line, at the start"""
     destination: Annotated[AnyDistribution, Bounds(0, 1000, "m", above=True)] = Constant(value=30.0)
     """m beyond the junction's exit, where it has arrived"""
-    may_cross_centre: bool = False
+    may_cross_centre: Truth = False
     """whether it may pass what blocks its way on the lanes of oncoming traffic: no `wrong_way` then"""
 
     def plan(self, rng: np.random.Generator) -> EgoPlan:

@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from rudc.scenario.dotted import DottedKeyError, Path, dotted, with_value
+from rudc.scenario.dotted import DottedKeyError, Path, dotted, value_text, with_value
 from rudc.scenario.model import GRID_LIMIT, Scenario
 from rudc.scenario.problems import Problem, describe
 from rudc.scenario.yaml_text import Report, Sheet
@@ -58,15 +58,24 @@ def _axis_reports(sheet: Sheet, base: dict[str, Any], key: str, values: list[Any
     first: dict[Any, int] = {}
     twice = [
         i for i, value in enumerate(values)
-        if first.setdefault(value if isinstance(value, Hashable) else repr(value), i) != i
+        if first.setdefault(_apart(value), i) != i
     ]  # fmt: skip
     if twice:
-        return [sheet.report((*path, i), f"{values[i]!r} is given twice") for i in twice]
+        return [sheet.report((*path, i), f"{_shown(values[i])} is given twice") for i in twice]
     try:
         with_value(base, key, values[0])
     except DottedKeyError as error:
         return [sheet.report(path, str(error), on_key=True)]
     return []
+
+
+def _apart(value: Any) -> Hashable:
+    """Equal for values that are the same in a file, where true is no 1."""
+    return (isinstance(value, bool), value) if isinstance(value, Hashable) else repr(value)
+
+
+def _shown(value: Any) -> str:
+    return repr(value) if isinstance(value, str) else value_text(value)
 
 
 def _point_reports(

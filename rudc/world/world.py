@@ -217,7 +217,7 @@ class World:
         self._held: set[str] = set()
         self._lane_keeping = LaneKeeping(self._sumo)
         self._detours = Detours(self._sumo, self.network, self.traffic)
-        self._script = Script(plan.events, self.stage)
+        self._script = Script(plan, self.stage)
         self.traffic.populate()
         self._warm_up(plan.traffic.warm_up_s)
         return safe_to_start(self.scene()) and self._enter_ego(event_rng)

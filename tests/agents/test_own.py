@@ -17,6 +17,7 @@ from tests.offering import offer
 SOURCE = '''
 """Agents for tests."""
 from beside import GENTLE
+import numpy as np
 
 class Steady:
     """Holds a speed.
@@ -39,7 +40,10 @@ class NoReset:
 
 class Answers(Steady):
     def act(self, scene):
-        return {"nan": (float("nan"), 0.0), "shape": [1.0], "text": "left", "none": None}[self.speed]
+        return {
+            "nan": (float("nan"), 0.0), "shape": [1.0], "text": "left", "none": None,
+            "texts": ["1.0", "0.0"], "half": [np.array("1.0"), 0.0], "objects": np.array(["1", 0], object),
+        }[self.speed]
 
 class Raises(Steady):
     def act(self, scene):
@@ -169,8 +173,10 @@ def test_what_is_wrong_is_said(folder, name, told):
 
 @pytest.mark.parametrize(
     ("answer", "told"),
-    [("nan", "(nan, 0.0)"), ("shape", "[1.0]"), ("text", "'left'"), ("none", "None")],
-)
+    [("nan", "(nan, 0.0)"), ("shape", "[1.0]"), ("text", "'left'"), ("none", "None"),
+     ("texts", "['1.0', '0.0']"), ("half", "[array('1.0', dtype='<U3'), 0.0]"),
+     ("objects", "array(['1', 0], dtype=object)")],
+)  # fmt: skip
 def test_no_action_is_an_error(folder, scene_on, answer, told):
     name = f"mine.py:Answers('{answer}')"
     for whole in (name, f"{name}+ttcbf"):
@@ -184,7 +190,7 @@ def test_no_action_is_an_error(folder, scene_on, answer, told):
 
 
 def test_its_exception_is_an_error_of_ours(folder, scene_on):
-    with pytest.raises(AgentFailedError, match=r"act raised AttributeError: .* \(mine\.py:30\)") as caught:
+    with pytest.raises(AgentFailedError, match=r"act raised AttributeError: .* \(mine\.py:34\)") as caught:
         make_agent("mine.py:Raises").act(scene_on("south", "straight", 60.0, 7.0))
     assert isinstance(caught.value.__cause__, AttributeError)
 

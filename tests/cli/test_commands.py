@@ -221,10 +221,27 @@ def test_table_reads_what_a_sweep_left(swept, rudc):
     assert rudc("table", out, "--format", "csv").out.splitlines()[1].startswith("dense_left_turn,sumo,3,0,")
     assert "| dense_left_turn" in rudc("table", out, "-f", "markdown", "--against", "paper").out
     assert "\\toprule" in rudc("table", out, "-f", "latex").out
+    assert rudc("table", out, "--against", "paper").err == ""
     by_priority = rudc("table", out, "--by", "agent,priority").out
     assert "major" in by_priority or "minor" in by_priority
+    assert rudc("table", out, "--by", "agent, priority,agent").out == by_priority
     assert rudc("table", out, "--by", "agnt").status == 2
     assert "follower" in rudc("table", out).out
+
+
+def test_a_sweep_of_none_of_the_papers_tasks_is_said_to_be_so(swept, rudc, tmp_path):
+    out, _ = swept
+    rows = (out / "episodes.csv").read_text().replace("dense_left_turn", "fog")
+    (tmp_path / "fog").mkdir()
+    (tmp_path / "fog" / "episodes.csv").write_text(rows)
+    for style in ((), ("--format", "csv"), ("--json",)):
+        answer = rudc("table", "fog", *style, "--against", "ablation")
+        assert answer.status == 0
+        assert answer.out == rudc("table", "fog", *style).out
+        assert answer.err == (
+            "nothing to put beside: the paper's tasks are random_destination and dense_left_turn, and fog "
+            "has none of them\n"
+        )
 
 
 def test_a_reader_who_has_had_enough_is_no_error(swept):

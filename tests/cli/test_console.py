@@ -14,6 +14,7 @@ from rudc.cli.metrics_table import print_metrics
 from rudc.cli.train import SILENCE_S, TrainLines
 from rudc.evaluation.columns import COLUMNS
 from rudc.evaluation.record import EpisodeRecord
+from rudc.evaluation.tables import measured
 
 
 def record(outcome, agent="follower+ttcbf", seed=0):
@@ -63,6 +64,7 @@ def test_training_speaks_off_a_terminal(capsys, monkeypatch):
     assert capsys.readouterr().err == ""
 
 
+BY = ("scenario", "agent")
 ROWS = [
     dict(zip(COLUMNS, record(outcome, agent, seed).row(), strict=True))
     for agent in ("gap-acceptance+ttcbf", "rudc-t")
@@ -77,7 +79,7 @@ def shown(monkeypatch, capsys):
     def show(width, rows=ROWS):
         screen = Console(file=io.StringIO(), width=width, highlight=False)
         monkeypatch.setattr(metrics_table, "console", lambda: screen)
-        print_metrics(rows, ["scenario", "agent"])
+        print_metrics(measured(rows, BY), BY)
         return screen.file.getvalue().splitlines(), capsys.readouterr().err
 
     return show

@@ -60,7 +60,7 @@ def test_an_episode(rudc):
     assert told["outcome"] in ("success", "frozen", "collision")
     assert told["steps"] > 10
     assert told.keys() - {"events"} <= COLUMNS.keys()
-    assert told["events"][0].startswith("1 hard_brake: ")
+    assert told["events"][0].startswith("1 (events.0) hard_brake: ")
 
 
 def test_a_sweep_as_its_table(rudc):

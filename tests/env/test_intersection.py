@@ -169,6 +169,8 @@ def test_arguments_and_options(make):
         env.reset(options={"colour": 1})
     with pytest.raises(InputError, match="finite"):
         env.step(np.array([np.nan, 0.0]))
+    with pytest.raises(InputError, match="no array of numbers"):
+        env.step(["0.5", "0.0"])
 
 
 def test_another_network(make):

@@ -27,6 +27,7 @@ def test_says_type_unit_default_and_meaning():
     assert (speed.type, speed.unit) == ("number 0 to 40", "m/s")
     assert speed.default == "{uniform: [6.0, 10.0]}"
     assert speed.text.startswith("m/s, at the start")
+    assert found("ego", "ego.may_cross_centre").type == "true | false"
     assert found("hard_brake", "vehicle").type.startswith("leader | follower | ")
     assert found("slow_vehicle", "speed").default == "required"
     assert found("pedestrian_crossing", "count").type == "whole number 1 to 30"

@@ -1,10 +1,12 @@
 """`sweep`: its grid, and which value is blamed for a point that is no scenario."""
 
+import json
 import textwrap
 
 import pytest
 
 from rudc.errors import ScenarioError
+from rudc.evaluation.tasks import SweepPlan
 from rudc.scenario import Scenario, find_scenarios, load_scenario, sweep_check
 from rudc.scenario.base import FileModel
 from rudc.scenario.fit import ASKED
@@ -59,6 +61,25 @@ def test_whole_numbers_stay_whole(tmp_path):
     assert repr(scenario.points()) == "[{'traffic.density': 10}]"
 
 
+def test_true_and_false_can_be_swept_and_read_as_in_the_file(tmp_path):
+    scenario = load(tmp_path, "name: a\nsweep: {ego.may_cross_centre: [true, false]}\n")
+    again = Scenario.model_validate_json(json.dumps(scenario.data()))  # as a manifest keeps it
+    for read in (scenario, again):
+        assert [at.plan(0).ego.may_cross_centre for _, at in read.grid()] == [True, False]
+    tasks = SweepPlan((again,), ("follower",), 1, 0).tasks()
+    assert [str(task) for task in tasks] == [
+        f"a, ego.may_cross_centre={value}, follower, seed 0" for value in ("true", "false")
+    ]
+
+
+@pytest.mark.parametrize("value", ["no", "on", "1"])
+def test_a_truth_value_given_is_true_or_false_and_nothing_like_it(value):
+    given = {"ego.may_cross_centre": read_value("true")}
+    assert load_scenario("random_destination", given).ego.may_cross_centre is True
+    with pytest.raises(ScenarioError, match=r"ego\.may_cross_centre: expected true or false, got the"):
+        load_scenario("random_destination", {"ego.may_cross_centre": read_value(value)})
+
+
 def test_without_a_sweep_the_grid_is_the_scenario(tmp_path):
     scenario = load(tmp_path, "name: a\n")
     assert scenario.grid() == [({}, scenario)]
@@ -93,9 +114,21 @@ def test_a_part_of_a_distribution_can_be_swept(tmp_path):
         ("{traffic.density: [1, 2, 1]}", "2:33: sweep.traffic.density.2: 1 is given twice"),
         (
             "{traffic.density: [{uniform: [1, 2]}]}",
-            "2:27: sweep.traffic.density.0: a swept value is a number or a name",
+            "2:27: sweep.traffic.density.0: a swept value is a number, a name, true or false",
         ),
-        ("{traffic.density: [true]}", "2:27: sweep.traffic.density.0: a swept value is a number or a name"),
+        ("{traffic.density: [true]}", "2:27: sweep.traffic.density.0: expected a number"),
+        (
+            "{ego.may_cross_centre: [true, no]}",
+            "2:38: sweep.ego.may_cross_centre.1: expected true or false, got the text 'no'",
+        ),
+        (
+            "{ego.may_cross_centre: [true, 1]}",
+            "2:38: sweep.ego.may_cross_centre.1: expected true or false, got the number 1",
+        ),
+        (
+            "{ego.may_cross_centre: [true, true]}",
+            "2:38: sweep.ego.may_cross_centre.1: true is given twice",
+        ),
         ("{name: [b]}", "2:9: sweep.name: cannot be swept"),
         (
             "{network.x: [1]}",

@@ -55,8 +55,8 @@ def test_when_an_event_was_seen_first(world, four_way):
     assert seen["hidden"][0] > 0.5
     assert seen["hidden"][1] == 0.0
     assert event_lines(world.plan, world.happenings()) == [
-        f"1 accident: from the start, seen by the ego at {seen['hidden'][0]:.1f} s",
-        "2 occlusion: from the start",
+        f"1 (events.0) accident: from the start, seen by the ego at {seen['hidden'][0]:.1f} s",
+        "2 (events.1) occlusion: from the start",
     ]
 
 
@@ -64,9 +64,9 @@ def test_event_lines_say_why_something_is_not_there(world):
     scenario = load_scenario("perfect_storm", {"traffic.density": 0, "events.3.when.probability": 0})
     world.reset(scenario.plan(0))
     assert event_lines(world.plan, world.happenings())[3:] == [
-        "4 hard_brake: not in this episode, its probability decided so",
-        "5 priority_violation: not there, it waits for reach_position position [-16.0, -1.75] tolerance 5 "
-        "and a vehicle to act on (crossing)",
+        "4 (events.3) hard_brake: not in this episode, its probability decided so",
+        "5 (events.4) priority_violation: not there, it waits for reach_position position [-16.0, -1.75] "
+        "tolerance 5 and a vehicle to act on (crossing)",
     ]
 
 
@@ -76,3 +76,11 @@ def test_a_decision_says_which_events_it_began(world):
     begun = [world.advance(STAND).events for _ in range(20)]
     assert [names for names in begun if names] == [("density_surge0",)]
     assert begun.index(("density_surge0",)) == pytest.approx(11, abs=1)
+
+
+def test_an_event_is_named_by_its_number_in_the_file_whatever_else_happens(world):
+    never = {"kind": "hard_brake", "when": {"probability": 0}}
+    given = {"events": [never, {"kind": "density_surge", "density": 9}], "traffic.density": 0}
+    world.reset(load_scenario("random_destination", given).plan(0))
+    assert [happening.name for happening in world.happenings()] == ["density_surge1"]
+    assert event_lines(world.plan, world.happenings())[1].startswith("2 (events.1) density_surge: ")

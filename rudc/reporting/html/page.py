@@ -15,6 +15,7 @@ import jinja2
 
 from rudc.drawing import palette
 from rudc.errors import InputError
+from rudc.files import try_place
 
 _HERE = Path(__file__).parent
 _MARKS = {"success": "✓", "frozen": "…"}
@@ -22,9 +23,10 @@ _MARKS = {"success": "✓", "frozen": "…"}
 
 
 def check_page(path: Path, what: str) -> None:
-    """Raise InputError if a page cannot have such a name; `what`: it is, with its article."""
+    """Raise InputError if no page can be written to such a file; `what`: it is, with its article."""
     if path.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"{what} is an .html file, not {path.name!r}")
+    try_place(path)
 
 
 def render(

@@ -8,11 +8,14 @@ from typing import Any
 from rudc.evaluation.columns import METRICS
 from rudc.evaluation.metrics import Group
 from rudc.evaluation.tables import cell
+from rudc.hints import listed
 from rudc.reporting.report.episodes import Episodes
 
 _RATES = [metric for metric in METRICS if metric.outcomes]
 _NAMED = 3
 """scenarios named at most in a sentence"""
+_LISTED = 8
+"""scenarios listed at most, where no order says which matter"""
 _SELDOM = 0.5
 """an event that happens in fewer of the episodes is worth a sentence"""
 
@@ -98,7 +101,7 @@ def _events(data: Mapping[str, Any]) -> list[str]:
         if known and some < _SELDOM * known:
             seldom.append(f"{data['scenarios'][entry['scenario']]} ({100 * some / known:.0f} %)")
     if seldom:
-        return [f"In fewer than half of the episodes anything scripted happened: {', '.join(seldom[:8])}."]
+        return [f"In fewer than half of the episodes anything scripted happened: {listed(seldom, _LISTED)}."]
     return ["In every scenario with events, they happened in at least half of the episodes."] * bool(
         data["events"]
     )

@@ -12,17 +12,22 @@ if TYPE_CHECKING:
 
 
 def event_lines(plan: EpisodePlan, happenings: Sequence[Happening]) -> list[str]:
-    """`2 hard_brake: not there, it waits for ...`, one line for each event of the scenario's file."""
+    """`2 (events.1) hard_brake: not there, ...`, a line for each event of the scenario's file."""
     pairs = zip(plan.event_numbers, happenings, strict=True)
     lines = {number: _line(number, happening) for number, happening in pairs}
     for number, kind in enumerate(plan.scripted, start=1):
         if number not in lines:
-            lines[number] = f"{number} {kind}: not in this episode, its probability decided so"
+            lines[number] = f"{numbered(number, kind)}: not in this episode, its probability decided so"
     return [lines[number] for number in sorted(lines)]
 
 
+def numbered(number: int, kind: str) -> str:
+    """`2 (events.1) hard_brake`: an event's number in its file, as pictures show it and as keys have it."""
+    return f"{number} (events.{number - 1}) {kind}"
+
+
 def _line(number: int, happening: Happening) -> str:
-    head = f"{number} {happening.event.kind}"
+    head = numbered(number, happening.event.kind)
     if happening.begun_s is None:
         return f"{head}: not there, it waits for {_awaited(happening.event)}"
     since = f"began at {happening.begun_s:.1f} s" if happening.begun_s > 0 else "from the start"

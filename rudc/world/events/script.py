@@ -9,6 +9,7 @@ from rudc.world.events.conditions import holds
 from rudc.world.scene import Scene
 
 if TYPE_CHECKING:
+    from rudc.scenario.plan import EpisodePlan
     from rudc.world.events.stage import WorldStage
 
 
@@ -16,7 +17,8 @@ class Happening(NamedTuple):
     """How one event of an episode stands."""
 
     name: str
-    """its kind and its place among the episode's events; what it puts on the road is named `NAME:I`"""
+    """its kind and its number in keys (`hard_brake1` is `events.1`); what it puts on the road is named
+    `NAME:I`"""
     event: Event
     begun_s: float | None
     """s when it took effect; None while it waits"""
@@ -30,9 +32,11 @@ class Happening(NamedTuple):
 class Script:
     """Plays the events of one episode."""
 
-    def __init__(self, events: tuple[Event, ...], stage: WorldStage) -> None:
+    def __init__(self, plan: EpisodePlan, stage: WorldStage) -> None:
         self._stage = stage
-        self._effects = [effect_of(event, f"{event.kind}{i}") for i, event in enumerate(events)]
+        numbers = plan.event_numbers or range(1, len(plan.events) + 1)
+        pairs = zip(numbers, plan.events, strict=True)
+        self._effects = [effect_of(event, f"{event.kind}{number - 1}") for number, event in pairs]
         self._waiting = list(self._effects)
         self._active: list[Effect[Any]] = []
         self._begun: dict[str, float] = {}

@@ -14,6 +14,7 @@ from rudc.evaluation.folder import read_sweep
 from rudc.evaluation.tables import make_table
 from rudc.reporting.report.densities import POINTS, densities
 from rudc.reporting.report.episodes import Episodes, event_counts, which, worst
+from rudc.reporting.report.findings import findings
 from rudc.reporting.report.page import report_page, save_report
 from rudc.reporting.report.pairs import differences
 from tests.reporting.browser import CHROMIUM, driven, parsed
@@ -130,6 +131,17 @@ def test_events_are_counted_where_rows_say_so():
     ]
     (entry,) = event_counts(Episodes.of(told, ()), {"fog": ["occlusion", "hard_brake"]})
     assert entry == {"scenario": 0, "kinds": ["occlusion", "hard_brake"], "agents": [[3, 2, 1, 1, 4.0]]}
+
+
+@pytest.mark.parametrize(("count", "ends"), [(8, "s6 (0 %), s7 (0 %)."), (11, "s7 (0 %), ... (11 in all).")])
+def test_scenarios_left_out_of_a_list_are_counted(count, ends):
+    told = Episodes.of([row(scenario=f"s{k}", events_fired="0") for k in range(count)], ())
+    data = {"scenarios": told.scenarios, "events": event_counts(told, {})}
+    _, said = findings(told, [], data, None)
+    assert said.startswith(
+        "In fewer than half of the episodes anything scripted happened: s0 (0 %), s1 (0 %)"
+    )
+    assert said.endswith(ends)
 
 
 def test_the_page_is_whole_and_refers_to_nothing_outside(text, folder):

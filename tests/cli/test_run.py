@@ -1,0 +1,98 @@
+"""One episode: what of a scenario it takes, and what it writes."""
+
+import resource
+import subprocess
+import sys
+from functools import partial
+
+import pytest
+
+from rudc.data import data_folder
+from rudc.world.world import World
+
+SHORT = ("--set", "episode.timeout=0.5")
+SWEPT = (
+    "name: swept\nevents: [{kind: hard_brake, deceleration: {uniform: [6, 8]}}]\n"
+    "sweep: {traffic.density: [5, 10], events.0.deceleration: [3, 4], ego.may_cross_centre: [true, false]}\n"
+)
+
+
+def test_a_sweep_in_a_file_is_said_not_to_be_driven(rudc, tmp_path):
+    (tmp_path / "swept.yaml").write_text(SWEPT)
+    for command in (("run", "swept.yaml", "-a", "follower", *SHORT), ("scenario", "preview", "swept.yaml")):
+        answer = rudc(*command)
+        assert answer.status == 0
+        assert answer.err.splitlines()[0] == (
+            "swept sweeps traffic.density (5, 10), events.0.deceleration (3, 4), "
+            "ego.may_cross_centre (true, false); this is one episode, with traffic.density=20.0, "
+            "events.0.deceleration={uniform: [6.0, 8.0]}, ego.may_cross_centre=false: "
+            "`rudc sweep` drives the grid, `--set traffic.density=VALUE` chooses a value"
+        )
+
+
+def test_a_value_chosen_of_a_sweep_is_driven_and_the_rest_said(rudc, tmp_path):
+    (tmp_path / "swept.yaml").write_text(SWEPT)
+    command = ("run", "swept.yaml", "-a", "follower", *SHORT)
+    chosen = [f"--set={key}" for key in ("traffic.density=5", "events.0.deceleration=3")]
+    answer = rudc(*command, *chosen)
+    assert answer.err.startswith("swept sweeps ego.may_cross_centre (true, false); this is one episode")
+    assert rudc(*command, *chosen, "--set", "ego.may_cross_centre=true").err == ""
+    assert rudc(*command, "--quiet").err == ""
+
+
+RUN = ("run", "random_destination", "-a", "follower")
+PREVIEW = ("scenario", "preview", "random_destination")
+PLACES = [
+    (*RUN, "--video", "{}.gif"),
+    (*RUN, "--replay", "{}.html"),
+    (*RUN, "--steps", "{}.csv"),
+    (*RUN, "--fcd", "{}.xml"),
+    (*PREVIEW, "--out", "{}.png"),
+    (*PREVIEW, "--animate", "--out", "{}.gif"),
+    ("scenario", "schema", "--out", "{}.json"),
+    ("network", "check", "four_way", "--out", "{}.png"),
+    ("network", "build", data_folder("sumo_networks") / "four_way", "--out", "{}.net.xml"),
+    ("residual", "collect", "--out", "{}.safetensors"),
+    ("replay", "nowhere", "--episode", 1, "--out", "{}.html"),
+    ("report", "nowhere", "--replays", 1, "--out", "{}.html"),
+]
+
+
+@pytest.mark.parametrize("command", PLACES, ids=lambda command: f"{command[0]} {command[1]} {command[-2]}")
+def test_a_place_that_cannot_be_written_is_wrong_input_and_nothing_is_driven(
+    rudc, tmp_path, monkeypatch, command
+):
+    def never(*_args, **_kwargs):
+        raise AssertionError("driven, though what comes of it cannot be kept")
+
+    monkeypatch.setattr(World, "reset", never)
+    (tmp_path / "file").write_text("")
+    ending = command[-1].removeprefix("{}")
+    (tmp_path / f"folder{ending}").mkdir()
+    before = sorted(tmp_path.iterdir())
+    for place, reason in (
+        ("folder", f"error: cannot write folder{ending}: it is a folder; name a file"),
+        ("file/in", "error: file is a file; give another folder"),
+        ("new/" + "x" * 250, "File name too long; name another file"),
+        ("/proc/in", "error: cannot write /proc/in"),
+    ):
+        answer = rudc(*command[:-1], command[-1].format(place))
+        assert answer.status == 2, (place, answer.err)
+        assert reason in answer.err
+        assert answer.out == ""
+        assert sorted(tmp_path.iterdir()) == before
+
+
+def test_a_disk_that_is_full_while_sumo_writes_is_a_failure_of_the_work(tmp_path):
+    limited = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (20_000, 20_000))
+    answer = subprocess.run(
+        [sys.executable, "-m", "rudc", *RUN, "--fcd", tmp_path / "fcd.xml"],
+        capture_output=True, text=True, check=False, preexec_fn=limited,
+    )  # fmt: skip
+    assert answer.returncode == 1
+    assert answer.stderr.endswith("fcd.xml: it stops in the middle; is the disk full?\n")
+
+
+def test_steps_make_their_folder(rudc, tmp_path):
+    assert rudc(*RUN, *SHORT, "--steps", "new/steps.csv").status == 0
+    assert (tmp_path / "new" / "steps.csv").read_text().startswith("time_s,")
