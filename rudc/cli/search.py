@@ -47,7 +47,10 @@ def search(
     workers: Workers = None,
     out: ResultsFolder = None,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with the search in DIR; start it if there is none.")
+        bool,
+        typer.Option(
+            "--resume", help="Finish the search in DIR, or add episodes to it; start it if there is none."
+        ),
     ] = False,
     quiet: Quiet = False,
 ) -> None:

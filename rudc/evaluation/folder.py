@@ -95,8 +95,8 @@ class SweepFolder:
             replace(task, scenario=own[id(task.scenario)], agent_digest=digests[task.agent])
             for task in self.tasks
         ]
-        write_atomically(self.path / "manifest.json", as_json(content))
         self._keep_finished()
+        write_atomically(self.path / "manifest.json", as_json(content))
 
     def add(self, task: Task, record: EpisodeRecord) -> EpisodeRecord:
         """Append an episode, and return it as its row says; a traceback goes to a file that the row names.
