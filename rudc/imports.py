@@ -82,8 +82,9 @@ def code_beside(path: Path) -> dict[str, str]:
     waiting = [path.resolve()]
     while waiting:
         file = waiting.pop()
-        name = file.relative_to(root).as_posix()
-        if name in found or not file.is_file() or not (file == path.resolve() or _belongs(file, root, home)):
+        if not file.is_file() or not (file == path.resolve() or _belongs(file, root, home)):
+            continue
+        if (name := file.relative_to(root).as_posix()) in found:
             continue
         text = file.read_bytes()
         found[name] = hashlib.sha256(text).hexdigest()[:16]
@@ -106,7 +107,7 @@ def _imported_by(file: Path, text: bytes, root: Path) -> Iterator[Path]:
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             names = [(root, alias.name) for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
+        elif isinstance(node, ast.ImportFrom) and node.level <= len(file.parents):
             base = file.parents[node.level - 1] if node.level else root
             module = f"{node.module}." if node.module else ""
             names = [(base, module.rstrip("."))] if module else []

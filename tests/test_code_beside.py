@@ -62,6 +62,16 @@ def test_neither_installed_packages_nor_rudc_are_followed(tmp_path):
     assert set(code_beside(tmp_path / "mine.py")) == {"mine.py", "beside.py"}
 
 
+def test_what_lies_above_is_not_followed(tmp_path):
+    """Such a file imports it from nowhere: it is run by itself, and so has no package above it."""
+    above = "try:\n    from ..common import x\n    from {} import y\nexcept ImportError:\n    x = 3\n"
+    write(tmp_path, common="x = 4\n", sub__agent=above.format("." * 99))
+    assert set(code_beside(tmp_path / "sub/agent.py")) == {"agent.py"}
+    write(tmp_path, kit__agent=above.format("...common"))
+    (tmp_path / "kit/__init__.py").write_text("")
+    assert set(code_beside(tmp_path / "kit/agent.py")) == {"kit/__init__.py", "kit/agent.py"}
+
+
 def test_a_changed_module_that_an_agent_imports_is_another_agent(tmp_path):
     write(tmp_path, speed_beside="SPEED = 4.0\n", driver_beside=AGENT)
     plan = SweepPlan((load_scenario("dense_left_turn"),), (f"{tmp_path}/driver_beside.py:Mine",), 1, 0)
