@@ -23,6 +23,7 @@ import importlib.util
 import pickle
 import sys
 import traceback
+from collections import Counter
 from collections.abc import Callable, Iterator, MutableMapping
 from functools import lru_cache
 from importlib.metadata import EntryPoint, entry_points
@@ -59,11 +60,16 @@ def imported_first() -> tuple[str, ...]:
 
 
 def sources_digests() -> dict[str, dict[str, str]]:
-    """Of each that `import_first` was asked for, by the name of its file: see `code_beside`."""
-    found = {}
+    """Of each that `import_first` was asked for, by the name of its file, with a number where another has
+    the same: see `code_beside`.
+    """
+    found: dict[str, dict[str, str]] = {}
+    alike: Counter[str] = Counter()
     for source in _asked:
         path = Path(getattr(import_source(source), "__file__", None) or source)
-        found[path.name if source.endswith(".py") else source] = code_beside(path)
+        name = path.name if source.endswith(".py") else source
+        alike[name] += 1
+        found[name if alike[name] == 1 else f"{name} ({alike[name]})"] = code_beside(path)
     return found
 
 

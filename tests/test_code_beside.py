@@ -8,7 +8,7 @@ from rudc.agents.registry import agent_settings
 from rudc.errors import SweepError
 from rudc.evaluation.manifest import manifest, resumed
 from rudc.evaluation.tasks import SweepPlan
-from rudc.imports import code_beside, import_first
+from rudc.imports import code_beside, import_first, sources_digests
 from rudc.scenario import load_scenario
 
 AGENT = """
@@ -99,3 +99,15 @@ def test_what_import_names_is_in_the_manifest(tmp_path, monkeypatch):
     for there in (before, plain):
         with pytest.raises(SweepError, match=r"imported\.event_beside\.py"):
             resumed(there, manifest(plan), tmp_path)
+
+
+def test_two_files_of_one_name_are_both_in_the_manifest(tmp_path, monkeypatch):
+    monkeypatch.setattr("rudc.imports._asked", {})
+    write(tmp_path, a__events_beside="A = 1\n", b__events_beside="B = 1\n")
+    for folder in "ab":
+        import_first(str(tmp_path / folder / "events_beside.py"))
+    before = sources_digests()
+    write(tmp_path, a__events_beside="A = 2\n")
+    assert list(before) == ["events_beside.py", "events_beside.py (2)"]
+    assert sources_digests()["events_beside.py"] != before["events_beside.py"]
+    assert sources_digests()["events_beside.py (2)"] == before["events_beside.py (2)"]
