@@ -94,8 +94,10 @@ def agent_settings(name: str) -> dict[str, Any]:
     if not suffix:
         return driver
     residual = fingerprint(shipped_predictor().arrays) if others.get("correction.residual") else None
+    own = driver.get("correction", {"kind": "none"})
     return {
         **driver,
+        **({"own_correction": own} if own["kind"] != "none" else {}),
         "correction": filter_behind(suffix, others).model_dump(mode="json"),
         "predictor": residual,
     }

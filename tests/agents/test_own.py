@@ -52,6 +52,14 @@ class Needy(Steady):
 class Costly(Steady):
     def __init__(self):
         raise FileNotFoundError("no weights")
+
+class Careful(Steady):
+    """Wants 1 m/s2, and holds itself back."""
+
+    def act(self, scene):
+        from rudc.agents.base import Decision
+
+        return Decision(u=(-0.5, 0.0), u_rl=(1.0, 0.0))
 '''
 
 
@@ -111,6 +119,15 @@ def test_a_filter_behind_it(folder, scene_on):
     agent.reset(scene, 0)
     assert agent.act(scene).corrected is not None
     assert agent_settings(agent.name)["correction"]["d_safe"] == 0.3
+
+
+def test_a_filter_behind_one_that_corrects_itself_filters_what_that_would_do(folder, scene_on):
+    scene = scene_on("south", "straight", 60.0, 7.0)
+    agent = make_agent("mine.py:Careful+ttcbf")
+    agent.reset(scene, 0)
+    decision = agent.act(scene)
+    np.testing.assert_allclose(decision.u, [-0.5, 0.0], atol=1e-6)
+    np.testing.assert_array_equal(decision.u_rl, [1.0, 0.0])
 
 
 def test_from_a_module_of_the_working_folder(folder, scene_on):
