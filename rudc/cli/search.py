@@ -91,7 +91,7 @@ def search(
     scenario = load_scenario(source, given, misfits)
     plan = SearchPlan(scenario, agent, episodes, seed, space_of(scenario, given))
     note(f"over {', '.join(plan.space.axes)}")
-    progress = sweep_progress()
+    progress = sweep_progress("evaluations.csv")
     with resumable(out, progress.close):
         found = run_search(
             plan,
