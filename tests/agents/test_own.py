@@ -111,6 +111,16 @@ def test_from_a_file(folder, scene_on):
     assert agent_summary("mine.py:Steady()+ttcbf").startswith("Holds a speed. Behind it")
 
 
+@pytest.mark.parametrize("length", [400, 5000])
+def test_a_long_text_is_no_file(folder, length):
+    name = f"mine.py:Steady(path={'x' * length!r})"
+    for whole in (name, f"{name}+ttcbf"):
+        assert make_agent(whole).name == whole
+        assert agent_settings(whole)["files"] == {}
+    with pytest.raises(AgentError, match="no agent 'xxx"):
+        make_agent("x" * length)
+
+
 def test_a_filter_behind_it(folder, scene_on):
     scene = scene_on("south", "straight", 60.0, 7.0)
     agent = make_agent("mine.py:Steady(9)+ttcbf:correction.d_safe=0.3")
