@@ -23,6 +23,7 @@ import importlib.util
 import pickle
 import sys
 import traceback
+from collections import Counter
 from collections.abc import Callable, Iterator, MutableMapping
 from functools import lru_cache
 from importlib.metadata import EntryPoint, entry_points
@@ -59,11 +60,16 @@ def imported_first() -> tuple[str, ...]:
 
 
 def sources_digests() -> dict[str, dict[str, str]]:
-    """Of each that `import_first` was asked for, by the name of its file: see `code_beside`."""
-    found = {}
+    """Of each that `import_first` was asked for, by the name of its file, with a number where another has
+    the same: see `code_beside`.
+    """
+    found: dict[str, dict[str, str]] = {}
+    alike: Counter[str] = Counter()
     for source in _asked:
         path = Path(getattr(import_source(source), "__file__", None) or source)
-        found[path.name if source.endswith(".py") else source] = code_beside(path)
+        name = path.name if source.endswith(".py") else source
+        alike[name] += 1
+        found[name if alike[name] == 1 else f"{name} ({alike[name]})"] = code_beside(path)
     return found
 
 
@@ -82,8 +88,9 @@ def code_beside(path: Path) -> dict[str, str]:
     waiting = [path.resolve()]
     while waiting:
         file = waiting.pop()
-        name = file.relative_to(root).as_posix()
-        if name in found or not file.is_file() or not (file == path.resolve() or _belongs(file, root, home)):
+        if not file.is_file() or not (file == path.resolve() or _belongs(file, root, home)):
+            continue
+        if (name := file.relative_to(root).as_posix()) in found:
             continue
         text = file.read_bytes()
         found[name] = hashlib.sha256(text).hexdigest()[:16]
@@ -106,7 +113,7 @@ def _imported_by(file: Path, text: bytes, root: Path) -> Iterator[Path]:
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             names = [(root, alias.name) for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
+        elif isinstance(node, ast.ImportFrom) and node.level <= len(file.parents):
             base = file.parents[node.level - 1] if node.level else root
             module = f"{node.module}." if node.module else ""
             names = [(base, module.rstrip("."))] if module else []

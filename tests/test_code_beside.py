@@ -8,7 +8,7 @@ from rudc.agents.registry import agent_settings
 from rudc.errors import SweepError
 from rudc.evaluation.manifest import manifest, resumed
 from rudc.evaluation.tasks import SweepPlan
-from rudc.imports import code_beside, import_first
+from rudc.imports import code_beside, import_first, sources_digests
 from rudc.scenario import load_scenario
 
 AGENT = """
@@ -62,6 +62,16 @@ def test_neither_installed_packages_nor_rudc_are_followed(tmp_path):
     assert set(code_beside(tmp_path / "mine.py")) == {"mine.py", "beside.py"}
 
 
+def test_what_lies_above_is_not_followed(tmp_path):
+    """Such a file imports it from nowhere: it is run by itself, and so has no package above it."""
+    above = "try:\n    from ..common import x\n    from {} import y\nexcept ImportError:\n    x = 3\n"
+    write(tmp_path, common="x = 4\n", sub__agent=above.format("." * 99))
+    assert set(code_beside(tmp_path / "sub/agent.py")) == {"agent.py"}
+    write(tmp_path, kit__agent=above.format("...common"))
+    (tmp_path / "kit/__init__.py").write_text("")
+    assert set(code_beside(tmp_path / "kit/agent.py")) == {"kit/__init__.py", "kit/agent.py"}
+
+
 def test_a_changed_module_that_an_agent_imports_is_another_agent(tmp_path):
     write(tmp_path, speed_beside="SPEED = 4.0\n", driver_beside=AGENT)
     plan = SweepPlan((load_scenario("dense_left_turn"),), (f"{tmp_path}/driver_beside.py:Mine",), 1, 0)
@@ -89,3 +99,15 @@ def test_what_import_names_is_in_the_manifest(tmp_path, monkeypatch):
     for there in (before, plain):
         with pytest.raises(SweepError, match=r"imported\.event_beside\.py"):
             resumed(there, manifest(plan), tmp_path)
+
+
+def test_two_files_of_one_name_are_both_in_the_manifest(tmp_path, monkeypatch):
+    monkeypatch.setattr("rudc.imports._asked", {})
+    write(tmp_path, a__events_beside="A = 1\n", b__events_beside="B = 1\n")
+    for folder in "ab":
+        import_first(str(tmp_path / folder / "events_beside.py"))
+    before = sources_digests()
+    write(tmp_path, a__events_beside="A = 2\n")
+    assert list(before) == ["events_beside.py", "events_beside.py (2)"]
+    assert sources_digests()["events_beside.py"] != before["events_beside.py"]
+    assert sources_digests()["events_beside.py (2)"] == before["events_beside.py (2)"]

@@ -6,6 +6,7 @@ networks are not stored: they are rebuilt from the seed of the training.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -52,7 +53,7 @@ def find_checkpoint(name: str) -> Path | None:
     if name in shipped:
         return shipped[name]
     for folder in (Path(name), Path(name) / LATEST):
-        if (folder / DESCRIPTION).is_file():
+        if os.path.isfile(folder / DESCRIPTION):  # unlike pathlib's, no error for names that are too long
             return folder
     return None
 

@@ -1,4 +1,7 @@
-"""A correction put behind a driver: what the driver proposes is corrected before it is applied."""
+"""A correction put behind a driver: what the driver would do is corrected before it is applied. Where it has
+corrected itself already (`rudc-t`, `usl`, an answer whose `u` is not its `u_rl`), that is what is corrected:
+`rudc-t+ttcbf` has two filters, one behind the other.
+"""
 
 from __future__ import annotations
 
@@ -32,10 +35,10 @@ class FilteredAgent:
         self.correction.reset(scene, seed)
 
     def act(self, scene: Scene) -> Decision:
-        """The driver's proposal, corrected."""
+        """The driver's action, corrected; `corrected` is what this correction says, `u_rl` the driver's."""
         proposed = self.inner.act(scene)
         start = time.perf_counter()
-        corrected = self.correction.correct(scene, Proposal(proposed.u_rl, sigma=proposed.sigma), None)
+        corrected = self.correction.correct(scene, Proposal(proposed.u, sigma=proposed.sigma), None)
         spent = 1000.0 * (time.perf_counter() - start)
         timing = {**proposed.timing_ms, "correction": spent}
         return proposed._replace(u=corrected.u, corrected=corrected, timing_ms=timing)

@@ -13,6 +13,7 @@ import ast
 import contextlib
 import hashlib
 import inspect
+import os
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -69,7 +70,7 @@ class OwnAgent:
         given = {str(i): value for i, value in enumerate(self.positional)} | dict(self.named)
         files = {
             key: digest(Path(value)) for key, value in given.items()
-            if isinstance(value, str) and Path(value).is_file()
+            if isinstance(value, str) and os.path.isfile(value)
         }  # fmt: skip
         found = self.find()
         known = {"driver": self.text, "source": source_digest(found), "files": files}

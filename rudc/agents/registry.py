@@ -7,6 +7,7 @@ What a learnt agent needs besides is imported when one is made.
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -94,8 +95,10 @@ def agent_settings(name: str) -> dict[str, Any]:
     if not suffix:
         return driver
     residual = fingerprint(shipped_predictor().arrays) if others.get("correction.residual") else None
+    own = driver.get("correction", {"kind": "none"})
     return {
         **driver,
+        **({"own_correction": own} if own["kind"] != "none" else {}),
         "correction": filter_behind(suffix, others).model_dump(mode="json"),
         "predictor": residual,
     }
@@ -170,7 +173,7 @@ def _checked(name: str) -> str:
     base, _, suffix = name.partition("+")
     if base == "sumo" and suffix:
         raise AgentError(f"no agent {name!r}: no filter can be put behind `sumo`, which SUMO itself drives")
-    if Path(name).is_dir():
+    if os.path.isdir(name):
         raise AgentError(f"no agent in {name}: it holds no {DESCRIPTION}")
     if name.endswith(".py"):
         raise AgentError(f"{name} is a file; name the class in it, too: {name}:Class")

@@ -59,7 +59,10 @@ def filter_behind(rule: str, changes: Mapping[str, Any]) -> CorrectionKind:
             raise AgentError(f"agent setting {key!r}: what stands behind the driver is said by +{rule}")
     settings = _changed(_Behind(correction=CbfSettings.preset(rule)), changes).correction
     if settings.asks:
-        raise AgentError("agent setting 'correction.slack.gain' has no effect behind a driver without sigma")
+        raise AgentError(
+            f"agent setting 'correction.slack.gain' has no effect with +{rule}: slack by sigma needs sigma_l "
+            "and sigma_h of a learnt agent, which only its own filter has (rudc-t:correction.slack.gain=1)"
+        )
     return settings
 
 

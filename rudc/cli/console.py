@@ -138,9 +138,9 @@ def print_table(
     screen.print(grid, width=screen.width if widest is None else min(widest, screen.width))
 
 
-def sweep_progress() -> SweepBar | SweepLines:
-    """A bar on a terminal, a line now and then elsewhere."""
-    return SweepBar() if shows_bars() else SweepLines()
+def sweep_progress(rows: str = "episodes.csv") -> SweepBar | SweepLines:
+    """A bar on a terminal, a line now and then elsewhere. `rows`: file of the episodes' rows, if any."""
+    return SweepBar(rows) if shows_bars() else SweepLines(rows)
 
 
 def shows_bars() -> bool:
@@ -170,6 +170,9 @@ class _Outcomes:
 class SweepLines:
     """Says how far a sweep is: at each tenth, and at least every 30 s."""
 
+    def __init__(self, rows: str = "episodes.csv") -> None:
+        self._rows = rows
+
     def begin(self, total: int, finished: int, warnings: Sequence[str]) -> None:
         """Say what there is to do."""
         self._total, self._done, self._first, self._failed = total, finished, finished, 0
@@ -183,7 +186,7 @@ class SweepLines:
         self._failed += bool(record.error)
         self._outcomes.count(record)
         if record.error:
-            _note_failure(self._failed, task, record)
+            _note_failure(self._failed, task, record, self._rows)
         now = time.monotonic()
         tenth = 10 * self._done // self._total > 10 * (self._done - 1) // self._total
         if tenth or now - self._last > 30.0:
@@ -216,7 +219,8 @@ def progress_bar() -> Progress:
 class SweepBar:
     """A bar that shows how far a sweep is and what it is doing."""
 
-    def __init__(self) -> None:
+    def __init__(self, rows: str = "episodes.csv") -> None:
+        self._rows = rows
         self._progress = progress_bar()
         self._failed = 0
         self._outcomes = _Outcomes()
@@ -232,7 +236,7 @@ class SweepBar:
         """Move it."""
         if record.error:
             self._failed += 1
-            _note_failure(self._failed, task, record, self._progress.console)
+            _note_failure(self._failed, task, record, self._rows, self._progress.console)
         self._outcomes.count(record)
         failed = f"{self._failed} failed" if self._failed else ""
         parts = [failed, str(self._outcomes), task.scenario.name, task.agent]
@@ -243,13 +247,15 @@ class SweepBar:
         self._progress.stop()
 
 
-def _note_failure(count: int, task: Task, record: EpisodeRecord, on: Console | None = None) -> None:
-    """Name the first failures, and say where the others stand."""
+def _note_failure(
+    count: int, task: Task, record: EpisodeRecord, rows: str, on: Console | None = None
+) -> None:
+    """Name the first failures, and say in which file the others stand."""
     if count > FAILURES_NAMED + 1 or _Manner.quiet:
         return
     text = f"failed: {task}: {record.error}"
     if count > FAILURES_NAMED:
-        text = "failed: more; see the column `error` of episodes.csv"
+        text = "failed: more" + (f"; see the column `error` of {rows}" if rows else "")
     (on or console(to_stderr=True)).print(text, markup=False)
 
 

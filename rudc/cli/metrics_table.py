@@ -88,8 +88,6 @@ def _bodies(groups: Sequence[Group], layout: Layout) -> list[list[str]]:
 
 
 def _shown(metric: Metric, group: Group) -> str:
-    if metric.name not in group.metrics:  # the paper knows its own only
-        return MISSING
     value = group.metrics[metric.name]
     mean_alone = metric.column and not is_from_paper(group) and not math.isnan(value.mean)
     return f"{value.mean:.{metric.decimals}f}" if mean_alone else cell(metric, value)

@@ -47,7 +47,10 @@ def search(
     workers: Workers = None,
     out: ResultsFolder = None,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with the search in DIR; start it if there is none.")
+        bool,
+        typer.Option(
+            "--resume", help="Finish the search in DIR, or add episodes to it; start it if there is none."
+        ),
     ] = False,
     quiet: Quiet = False,
 ) -> None:
@@ -88,7 +91,7 @@ def search(
     scenario = load_scenario(source, given, misfits)
     plan = SearchPlan(scenario, agent, episodes, seed, space_of(scenario, given))
     note(f"over {', '.join(plan.space.axes)}")
-    progress = sweep_progress()
+    progress = sweep_progress("evaluations.csv")
     with resumable(out, progress.close):
         found = run_search(
             plan,

@@ -54,9 +54,11 @@ def sweep(
         ),
     ] = None,
     episodes: Annotated[
-        int,
-        typer.Option("--episodes", "-n", min=1, help="Episodes for each scenario, swept value and agent."),
-    ] = 100,
+        int | None,
+        typer.Option(
+            "--episodes", "-n", min=1, help="For each scenario, swept value and agent; 100 by default."
+        ),
+    ] = None,
     seed: Annotated[
         int,
         typer.Option(min=0, help="Seed of the first episode; the others follow, the same for each agent."),
@@ -131,6 +133,8 @@ def sweep(
             "--agent": agents,
             "--out": out,
             "--set": overrides,
+            "--episodes": episodes,
+            "--engine": engine != "local",
             "--resume": resume,
             "--shipped": shipped,
             "--report": report,
@@ -141,7 +145,7 @@ def sweep(
         return
     if share is not None:
         raise InputError("--share says how much of a sweep --verify DIR runs again; there is no --verify")
-    plan = _plan(scenarios or [], agents or [], shipped, episodes, seed, parse_overrides(overrides))
+    plan = _plan(scenarios or [], agents or [], shipped, episodes or 100, seed, parse_overrides(overrides))
     if out is None:
         raise InputError("where to? give a folder for the results: --out DIR")
     progress = _Reported(sweep_progress(), out) if report else sweep_progress()

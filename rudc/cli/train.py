@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -44,12 +44,12 @@ def train(
         int | None, typer.Option(min=1, help="Worlds, each in a process of its own. Default: 2.")
     ] = None,
     configuration: Annotated[
-        str,
+        str | None,
         typer.Option(
             metavar="NAME",
-            help="Preset: `default`, `paper` (everything as the paper has it), or a YAML file.",
+            help="Preset: `default` (if left out), `paper` (everything as the paper has it), or a YAML file.",
         ),
-    ] = "default",
+    ] = None,
     settings: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Any value of config.json, e.g. learner.n_step=1."),
@@ -101,13 +101,14 @@ def train(
 def _config(
     algorithm: str | None,
     changes: dict[str, Any],
-    preset: str,
+    preset: str | None,
     settings: dict[str, Any],
     out: Path,
     resume: bool,
 ) -> TrainConfig:
     from rudc.learning.algorithms import ALGORITHMS
     from rudc.training.config import TrainConfig
+    from rudc.training.presets import read_preset
     from rudc.training.trainer import stored_config
 
     twice = sorted(changes.keys() & settings.keys() - {"training.curriculum"})
@@ -117,7 +118,7 @@ def _config(
     if stored is None:
         if algorithm is None:
             raise InputError(f"which algorithm? there are {', '.join(ALGORITHMS)}")
-        return TrainConfig.of(algorithm, changes | settings, preset)
+        return TrainConfig.of(algorithm, changes | settings, preset or "default")
     if algorithm not in (None, stored.algorithm):
         raise InputError(
             f"{out} holds a training with algorithm {stored.algorithm}, not {algorithm}: resume it as it is"
@@ -126,7 +127,25 @@ def _config(
     other = [key for key in given if stored.changed({key: given[key]}) != stored]
     if other:
         raise InputError(f"{out} holds a training with another {', '.join(other)}: resume it as it is")
+    if preset is not None:
+        wanted = TrainConfig.of(stored.algorithm, given, preset)
+        other = list(_otherwise(read_preset(preset), wanted.model_dump(), stored.model_dump()))
+        if other:
+            raise InputError(
+                f"{out} holds a training with another {', '.join(other)} than with --configuration {preset}: "
+                "resume it as it is"
+            )
     return stored
+
+
+def _otherwise(preset: Mapping[str, Any], wanted: Any, there: Any, before: str = "") -> Iterator[str]:
+    """Dotted keys of those values that a preset sets and that differ between two trees of settings."""
+    for key, value in preset.items():
+        one, other = wanted.get(key), there.get(key)
+        if isinstance(value, Mapping) and isinstance(one, Mapping) and isinstance(other, Mapping):
+            yield from _otherwise(value, one, other, f"{before}{key}.")
+        elif one != other:
+            yield f"{before}{key}"
 
 
 SILENCE_S = 30.0

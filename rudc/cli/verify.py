@@ -32,7 +32,7 @@ def verify_folder(
 
     if others:
         raise InputError(f"--verify takes a sweep as it was: leave out {', '.join(others)}")
-    progress = sweep_progress()
+    progress = sweep_progress(rows="")
     try:
         found = verify_sweep(
             folder,

@@ -95,8 +95,8 @@ class SweepFolder:
             replace(task, scenario=own[id(task.scenario)], agent_digest=digests[task.agent])
             for task in self.tasks
         ]
-        write_atomically(self.path / "manifest.json", as_json(content))
         self._keep_finished()
+        write_atomically(self.path / "manifest.json", as_json(content))
 
     def add(self, task: Task, record: EpisodeRecord) -> EpisodeRecord:
         """Append an episode, and return it as its row says; a traceback goes to a file that the row names.
@@ -171,7 +171,8 @@ def settled(
     refuse: Callable[[Mapping[str, Any]], None],
     warnings: list[str],
 ) -> dict[str, Any]:
-    """What the manifest of a folder will hold: `content`, or where one goes on what follows from both.
+    """What the manifest of a folder will hold: `content`, or where one goes on what follows from both. A new
+    folder gets it at once, before all else, so that --resume goes on after any kill.
 
     Raises SweepError when the folder is not empty and not to be resumed, and whatever `refuse` raises for the
     manifest that is there. `to_go_on` says what --resume would do.
@@ -183,6 +184,7 @@ def settled(
             f"add --resume to {to_go_on} in it, or give another --out"
         )
     if not present:
+        write_atomically(path / "manifest.json", as_json(content))
         return content
     old = read_manifest(path)
     refuse(old)

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rudc.errors import InputError
-from rudc.evaluation.columns import METRICS
+from rudc.evaluation.columns import METRICS, Metric
 from rudc.evaluation.metrics import Group
 from rudc.evaluation.statistics import Summary
 from rudc.learning.algorithms import ALGORITHMS
@@ -32,8 +32,10 @@ def is_from_paper(group: Group) -> bool:
     return any(value.endswith(_MARK) for value in group.key)
 
 
-def paper_groups(table: str, by: Sequence[str]) -> list[Group]:
-    """The paper's rows, keyed like groups by these columns. Raises InputError for an unknown table."""
+def paper_groups(table: str, by: Sequence[str], metrics: Sequence[Metric] = METRICS) -> list[Group]:
+    """The paper's rows, keyed like groups by these columns; of metrics that it does not report, nan. Raises
+    InputError for an unknown table.
+    """
     if table not in TABLES:
         raise InputError(f"the paper has no table {table!r}; there are: {', '.join(TABLES)}")
     text = Path(__file__).with_name("paper.csv").read_text(encoding="utf-8")
@@ -42,8 +44,7 @@ def paper_groups(table: str, by: Sequence[str]) -> list[Group]:
         if row["table"] in TABLES[table]:
             known = {"scenario": row["scenario"], "agent": row["agent"] + _MARK}
             key = tuple(known.get(name, "") for name in by)
-            metrics = {m.name: _summary(row, m.name) for m in METRICS}
-            found.setdefault(key, Group(key, 0, 0, metrics))
+            found.setdefault(key, Group(key, 0, 0, {m.name: _summary(row, m.name) for m in metrics}))
     return list(found.values())
 
 
@@ -74,4 +75,5 @@ def paper_name(agent: str) -> str:
 
 
 def _summary(row: dict[str, str], name: str) -> Summary:
-    return Summary(float(row[f"{name}_mean"]), float(row[f"{name}_std"]), math.nan, math.nan)
+    mean, std = (float(row.get(f"{name}_{of}", "nan")) for of in ("mean", "std"))
+    return Summary(mean, std, math.nan, math.nan)

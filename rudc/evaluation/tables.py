@@ -83,7 +83,7 @@ def measured(
     at = list(by).index("scenario")
     scenarios = list(dict.fromkeys(group.key[at] for group in groups))
     families = [(s, [g for g in groups if g.key[at] == s]) for s in scenarios]
-    theirs = paper_groups(against, by)
+    theirs = paper_groups(against, by, metrics)
     return [
         group
         for scenario, ours in families

@@ -56,6 +56,14 @@ class Needy(Steady):
 class Costly(Steady):
     def __init__(self):
         raise FileNotFoundError("no weights")
+
+class Careful(Steady):
+    """Wants 1 m/s2, and holds itself back."""
+
+    def act(self, scene):
+        from rudc.agents.base import Decision
+
+        return Decision(u=(-0.5, 0.0), u_rl=(1.0, 0.0))
 '''
 
 
@@ -107,6 +115,16 @@ def test_from_a_file(folder, scene_on):
     assert agent_summary("mine.py:Steady()+ttcbf").startswith("Holds a speed. Behind it")
 
 
+@pytest.mark.parametrize("length", [400, 5000])
+def test_a_long_text_is_no_file(folder, length):
+    name = f"mine.py:Steady(path={'x' * length!r})"
+    for whole in (name, f"{name}+ttcbf"):
+        assert make_agent(whole).name == whole
+        assert agent_settings(whole)["files"] == {}
+    with pytest.raises(AgentError, match="no agent 'xxx"):
+        make_agent("x" * length)
+
+
 def test_a_filter_behind_it(folder, scene_on):
     scene = scene_on("south", "straight", 60.0, 7.0)
     agent = make_agent("mine.py:Steady(9)+ttcbf:correction.d_safe=0.3")
@@ -115,6 +133,15 @@ def test_a_filter_behind_it(folder, scene_on):
     agent.reset(scene, 0)
     assert agent.act(scene).corrected is not None
     assert agent_settings(agent.name)["correction"]["d_safe"] == 0.3
+
+
+def test_a_filter_behind_one_that_corrects_itself_filters_what_that_would_do(folder, scene_on):
+    scene = scene_on("south", "straight", 60.0, 7.0)
+    agent = make_agent("mine.py:Careful+ttcbf")
+    agent.reset(scene, 0)
+    decision = agent.act(scene)
+    np.testing.assert_allclose(decision.u, [-0.5, 0.0], atol=1e-6)
+    np.testing.assert_array_equal(decision.u_rl, [1.0, 0.0])
 
 
 def test_from_a_module_of_the_working_folder(folder, scene_on):

@@ -70,6 +70,14 @@ def test_a_filtered_agent_reports_proposal_and_correction(kind, scene_on):
     assert decision.timing_ms["correction"] > 0.0
 
 
+def test_settings_have_the_correction_that_a_filter_stands_behind():
+    own, behind = agent_settings("usl"), agent_settings("usl+ttcbf")
+    assert behind["own_correction"] == own["correction"]
+    assert (behind["correction"]["kind"], own["correction"]["kind"]) == ("cbf", "usl")
+    for name in ("gap-acceptance+ttcbf", "rudc-wo-cbf+ttcbf"):
+        assert "own_correction" not in agent_settings(name)
+
+
 def test_a_filter_leaves_an_empty_road_alone(scene_on):
     scene = scene_on("south", "straight", 60.0, 5.0)
     agent, bare = make_agent("follower+ttcbf"), make_agent("follower")

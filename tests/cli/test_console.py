@@ -49,6 +49,31 @@ def test_the_bar_says_how_it_goes_so_far():
     assert bar._progress.tasks[0].description == "1 failed, SR 0 %, VR 100 %, fog, sumo"
 
 
+@pytest.mark.parametrize(
+    ("command", "where"),
+    [
+        (("search", "random_destination", "-a", "broken.py:Broken", "-n", 7, "-w", 1, "-o", "out"),
+         "failed: more; see the column `error` of evaluations.csv"),
+        (("sweep", "random_destination", "-a", "broken.py:Broken", "-n", 7, "-w", 1, "-o", "out"),
+         "failed: more; see the column `error` of episodes.csv"),
+        (("sweep", "--verify", "swept", "--share", 1, "-w", 1), "failed: more"),
+    ],
+)  # fmt: skip
+def test_where_further_failures_stand_is_said(rudc, tmp_path, command, where):
+    agent = tmp_path / "broken.py"
+    agent.write_text(
+        "class Broken:\n    def reset(self, scene, seed): self.n = 0\n"
+        "    def act(self, scene): return 0.0, 0.0\n"
+    )
+    swept = ("sweep", "random_destination", "-a", "broken.py:Broken", "-n", 7, "--set", "episode.timeout=1")
+    if "--verify" in command:
+        assert rudc(*swept, "-w", 1, "-o", "swept").status == 0
+    agent.write_text(agent.read_text().replace("return", "1 / 0; return"))
+    answer = rudc(*command)
+    assert answer.status == 1
+    assert [line for line in answer.err.splitlines() if line.startswith("failed: more")] == [where]
+
+
 def test_training_speaks_off_a_terminal(capsys, monkeypatch):
     config = SimpleNamespace(rounds=10, round_steps=100, seed_rounds=2)
     now = [0.0]

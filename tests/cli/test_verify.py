@@ -21,6 +21,8 @@ def test_rows_that_come_out_the_same_and_rows_that_do_not(rudc, tmp_path):
 def test_what_does_not_go_with_it_is_refused(rudc):
     wrong = rudc("sweep", "fog", "--verify", "swept", "--resume")
     assert (wrong.status, "leave out SCENARIO, --resume" in wrong.err) == (2, True)
+    ignored = rudc("sweep", "--verify", "swept", "--engine", "ray", "--episodes", "3")
+    assert (ignored.status, "leave out --episodes, --engine" in ignored.err) == (2, True)
     alone = rudc("sweep", "fog", "--agent", "sumo", "--out", "x", "--share", "0.2")
     assert (alone.status, "there is no --verify" in alone.err) == (2, True)
     nowhere = rudc("sweep", "--verify", "nowhere")

@@ -69,8 +69,10 @@ def test_a_damaged_row_is_named_by_its_line(folder, fakes, make_plan, change, to
     path.write_bytes("\n".join(lines).encode("utf-8", "surrogateescape"))
     with pytest.raises(SweepError, match=r"episodes\.csv" + told):
         read_sweep(folder)
+    manifest = (folder / "manifest.json").read_bytes()
     with pytest.raises(SweepError, match=r"episodes\.csv" + told):
-        run_sweep(make_plan(), folder, fakes.Runner, resume=True)
+        run_sweep(make_plan(episodes=9), folder, fakes.Runner, resume=True)
+    assert (folder / "manifest.json").read_bytes() == manifest  # refused, and so as it was
 
 
 def test_numbers_of_episodes_that_failed_are_checked_too(folder):

@@ -1,5 +1,6 @@
 """Rows of two different inputs never mix: what is replaced while a sweep runs is refused, or not read."""
 
+import os
 import shutil
 from functools import partial
 
@@ -8,7 +9,10 @@ import pytest
 from rudc.agents.checkpoint import shipped_checkpoints
 from rudc.errors import SimulationError, SweepError
 from rudc.evaluation import manifest
+from rudc.evaluation.folder import SweepFolder
 from rudc.evaluation.runner import EpisodeRunner
+from rudc.evaluation.search.folder import SearchFolder, SearchPlan
+from rudc.evaluation.search.space import space_of
 from rudc.evaluation.sweep import ENGINES, Engine, run_sweep
 from rudc.evaluation.tasks import SweepPlan
 from rudc.network.network import shipped_networks
@@ -60,6 +64,31 @@ def here(monkeypatch):
             yield task, make_runner()(task)
 
     monkeypatch.setitem(ENGINES, "local", Engine(engine))
+
+
+def search_folder(path, plan):
+    (scenario,), (agent,) = plan.scenarios, plan.agents
+    return SearchFolder(path, SearchPlan(scenario, agent, 3, 0, space_of(scenario, {})))
+
+
+@pytest.mark.parametrize("folder", [SweepFolder, search_folder])
+@pytest.mark.parametrize("writes", [0, 1, 2])
+def test_a_folder_that_a_kill_leaves_half_made_is_gone_on_with(folder, writes, plan, tmp_path, monkeypatch):
+    real, left = os.replace, [None] * writes
+
+    def killed(draft, path):
+        if not left:
+            raise KeyboardInterrupt
+        left.pop()
+        real(draft, path)
+
+    with monkeypatch.context() as patch:
+        patch.setattr("os.replace", killed)
+        with pytest.raises(KeyboardInterrupt), folder(tmp_path / "out", plan("follower")) as made:
+            made.open(resume=False)
+    with folder(tmp_path / "out", plan("follower")) as made:
+        made.open(resume=True)
+    assert len(list((tmp_path / "out" / "networks").rglob("own.net.xml"))) == 1
 
 
 def test_a_network_that_is_replaced_changes_no_row(plan, tmp_path, here):

@@ -3,6 +3,7 @@
 import csv
 import io
 import itertools
+import json
 
 import pytest
 
@@ -151,6 +152,22 @@ def test_the_papers_numbers_stand_beside_ours_and_do_not_compete(rows):
         make_table(rows, ["agent"], "markdown", against="comparison")
     with pytest.raises(InputError, match="no table 'tab3'"):
         make_table(rows, BY, "markdown", against="tab3")
+
+
+@pytest.mark.parametrize("style", ["markdown", "latex", "csv", "json"])
+def test_a_metric_that_the_paper_lacks_is_empty_there(rows, style):
+    both = make_table(rows, BY, style, "comparison", named_metrics(["SR", "interventions"]))
+    alone = make_table(rows, BY, style, "comparison", named_metrics(["SR"]))
+    if style == "json":
+        theirs = [group for group in json.loads(both) if "(paper)" in group["agent"]]
+        assert len(theirs) == 9
+        assert all(group["SR"]["mean"] and group["interventions"]["mean"] is None for group in theirs)
+        return
+    for long, short in zip(both.splitlines(), alone.splitlines(), strict=True):
+        if "(paper)" in short:
+            short = short.removesuffix(" \\\\").removesuffix(" |")
+            assert long.startswith(short)
+            assert set(long.removeprefix(short)) <= set("–-|,& \\")
 
 
 def test_the_papers_tables_are_whole():

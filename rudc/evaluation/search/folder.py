@@ -65,6 +65,8 @@ class SearchFolder:
         self._keys = tuple(plan.space.axes)
         self._file = RowFile(path / "evaluations.csv", [*COLUMNS, *self._keys, WEIGHT])
         self._lock: int | None = None
+        self._manifest = ""
+        """text that is to be written before the first row"""
 
     def __enter__(self) -> SearchFolder:
         return self
@@ -86,7 +88,7 @@ class SearchFolder:
         )
         self.scenario = with_copies(self.scenario, keep_networks(self._plan.sweep(), self.path))
         self.agent_digest = agent_digests(content)[self._plan.agent]
-        write_atomically(self.path / "manifest.json", as_json(content))
+        self._manifest = as_json(content)
         self._read()
 
     def _refuse_others(self, old: Mapping[str, Any]) -> None:
@@ -113,8 +115,10 @@ class SearchFolder:
             )
         self._file.rewrite(format_row(list(row.values())) for row in rows)  # a kill leaves part of one
 
-    def known(self, seed: int, values: Mapping[str, float]) -> bool:
-        """Whether an episode has a row. Raises SweepError where that row is of other values."""
+    def known(self, seed: int, values: Mapping[str, float], weight: float) -> bool:
+        """Whether an episode has a row; its weight, which depends on how many of its batch are asked for,
+        becomes this. Raises SweepError where that row is of other values.
+        """
         if seed not in self.rows:
             return False
         if [self.rows[seed][key] for key in self._keys] != self._told(values):
@@ -122,21 +126,30 @@ class SearchFolder:
                 f"{self._file.path}: the row of seed {seed} is not what this search asks for there: rows "
                 "were edited, or made with other versions; give another --out"
             )
+        self.rows[seed][WEIGHT] = as_text(weight)
         return True
 
     def add(self, record: EpisodeRecord, values: Mapping[str, float], weight: float) -> None:
         """Append an episode; a traceback goes to a file that the row names. Raises StorageError."""
+        self._keep_manifest()
         if record.traceback:
             record = keep_traceback(self.path, str(record.seed), record)
         row = [*record.row(), *self._told(values), as_text(weight)]
         self._file.append(row)
         self.rows[record.seed] = dict(zip(self._file.header, row, strict=True))
 
+    def _keep_manifest(self) -> None:
+        """Write the manifest, once what is there has been found to belong to this search."""
+        if self._manifest:
+            write_atomically(self.path / "manifest.json", self._manifest)
+            self._manifest = ""
+
     def _told(self, values: Mapping[str, float]) -> list[str]:
         return [as_text(values[key]) for key in self._keys]
 
     def complete(self, violations: Sequence[int]) -> None:
         """Sort the rows, and write what violates: seeds, in order."""
+        self._keep_manifest()
         self._file.rewrite(format_row(list(self.rows[seed].values())) for seed in sorted(self.rows))
         folder = self.path / "failures"
         make_folder(folder)

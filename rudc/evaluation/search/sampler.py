@@ -63,8 +63,10 @@ class Sampler:
         self._cma = self._started(np.zeros(keys), BATCH - _third(BATCH))
 
     def ask(self, count: int = BATCH) -> Batch:
-        """The next points; to be told, unless they are the last."""
-        plain, rest = _third(count), count - _third(count)
+        """The next points; to be told, unless they are the last. Fewer than a batch are its first, weighted
+        by what these were drawn from: a search of more episodes asks for the same points.
+        """
+        plain, rest = _third(BATCH), BATCH - _third(BATCH)
         parts = [as_declared(plain, self._keys)]
         self._cma_points = rest
         if self._enough:
@@ -72,8 +74,12 @@ class Sampler:
             parts.append(fitted(rest - rest // 2, self._known, self._weights))
         spread = self._cma.sigma**2 * np.array(self._cma.C)
         parts.append(Proposal(self._cma_points, (Part(1.0, np.array(self._cma.mean), spread),)))
-        z = np.concatenate([part.drawn(self._rng) for part in parts])
-        density = np.sum([part.density(z) for part in parts], axis=0)
+        z = np.concatenate([part.drawn(self._rng) for part in parts])[:count]
+        left, density = count, np.zeros(count)
+        for part in parts:
+            taken = min(part.number, left)
+            density += part._replace(number=taken).density(z)
+            left -= taken
         return Batch(z, count / density, self._enough)
 
     def tell(self, batch: Batch, violated: Flags, gaps: Array) -> None:

@@ -9,10 +9,10 @@
     errors/            a traceback for each episode that went wrong, named by its seed
 
 Episode k has seed S + k, and its values are those of the k-th point that the sampler asks for: they depend
-on the rows of earlier batches alone, not on workers or order. So a search that goes on asks for the same
-points again, and runs those that have no row; an episode with an error keeps its row, since later points
-depend on it, and counts for nothing. Where the EV cannot start safely, an episode is drawn anew, the searched
-keys excepted.
+on the rows of earlier batches alone, not on workers, order or how many are asked for. So a search that goes
+on, or gets more episodes, asks for the same points again, and runs those that have no row; an episode with an
+error keeps its row, since later points depend on it, and counts for nothing. Where the EV cannot start
+safely, an episode is drawn anew, the searched keys excepted.
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ def _try(
     todo = [
         Task(folder.scenario.varied(dict(those)), {}, plan.agent, first + k, folder.agent_digest)
         for k, those in enumerate(values)
-        if not folder.known(first + k, those)
+        if not folder.known(first + k, those, float(batch.weights[k]))
     ]
     if not todo:
         return

@@ -7,7 +7,7 @@ from scipy.special import ndtr
 from rudc.evaluation.search.proposal import as_declared, fitted
 from rudc.evaluation.search.rate import violation_rate
 from rudc.evaluation.search.region import likeliest_region
-from rudc.evaluation.search.sampler import BATCH
+from rudc.evaluation.search.sampler import BATCH, Sampler
 from tests.evaluation.search.corners import corners, searched
 
 
@@ -76,6 +76,20 @@ def test_a_search_that_can_learn_nothing_goes_on(answer, keys):
 def test_a_weight_is_1_in_the_mean_however_the_points_were_drawn():
     _, _, weights, _ = searched(0, corners(rate=1e-2), episodes=2400)
     assert weights.mean() == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize("count", [4, 12])
+def test_the_first_of_a_batch_count_for_what_they_were_drawn_from(count):
+    weights = []
+    for seed in range(100):
+        whole, cut = Sampler(2, seed), Sampler(2, seed)
+        for sampler in (whole, cut):
+            batch = sampler.ask()
+            sampler.tell(batch, batch.z[:, 0] > 0.3, -batch.z[:, 0])
+        every, first = whole.ask(), cut.ask(count)
+        assert np.array_equal(first.z, every.z[:count])
+        weights.append(first.weights.mean())
+    assert np.mean(weights) == pytest.approx(1.0, abs=0.04)  # 1.4 and 1.3 by the weights of the whole batch
 
 
 def test_a_mixture_has_a_part_for_each_group_and_the_density_that_it_is_drawn_from():

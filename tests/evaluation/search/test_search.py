@@ -121,8 +121,22 @@ def test_a_planted_fault_is_found_and_a_search_goes_on_where_it_stopped(tmp_path
     with pytest.raises(SweepError, match="holds another search;"):
         run_search(planned(480), tmp_path / "twice", Stub, resume=True)
     assert run_search(planned(500), tmp_path / "twice", lambda: Stub(370), resume=True) == found
+    assert_same(tmp_path / "once", tmp_path / "twice")
+
+
+def test_episodes_can_be_added_whatever_their_number(tmp_path):
+    whole = run_search(planned(190), tmp_path / "whole", Stub)
+    for episodes in (5, 130, 145):
+        run_search(planned(episodes), tmp_path / "grown", Stub, resume=True)
+        run_search(planned(episodes), tmp_path / str(episodes), Stub)
+        assert_same(tmp_path / "grown", tmp_path / str(episodes))
+    assert run_search(planned(190), tmp_path / "grown", lambda: Stub(45), resume=True) == whole
+    assert_same(tmp_path / "grown", tmp_path / "whole")
+
+
+def assert_same(a, b):
     for name in ("evaluations.csv", "failures.csv", "manifest.json"):
-        assert (tmp_path / "once" / name).read_bytes() == (tmp_path / "twice" / name).read_bytes()
+        assert (a / name).read_bytes() == (b / name).read_bytes()
 
 
 def test_rows_that_were_edited_are_refused(tmp_path):
@@ -135,6 +149,10 @@ def test_rows_that_were_edited_are_refused(tmp_path):
     rows.write_text("\n".join(text))
     with pytest.raises(SweepError, match="seed 9 is not what this search asks for"):
         run_search(planned(25), tmp_path / "x", Stub, resume=True)
+    before = (tmp_path / "x" / "manifest.json").read_bytes()
+    with pytest.raises(SweepError, match="seed 9 is not what this search asks for"):
+        run_search(planned(40), tmp_path / "x", Stub, resume=True)
+    assert (tmp_path / "x" / "manifest.json").read_bytes() == before
 
 
 def test_a_full_disk_ends_a_search_and_keeps_what_is_there(tmp_path, monkeypatch):
