@@ -91,7 +91,7 @@ def run_sweep(
     limit_s: float = EPISODE_LIMIT_S,
     progress: Progress | None = None,
 ) -> SweepResult:
-    """Run what is not finished yet, and write episodes, conditions, metrics and manifest to `out`.
+    """Run what is not finished yet, and write episodes, metrics and manifest to `out`.
 
     make_runner is called once in each worker (`EpisodeRunner`); it must be importable there, and so must
     registered agents. Raises SweepError when the folder holds something else, StorageError when it cannot be
