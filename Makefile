@@ -11,7 +11,7 @@ FIRST ?= 0
 .PHONY: help setup sweep test lint types contracts check format docs gallery bench fuzz soak clean
 
 help:
-	@echo "make sweep   sweep the shipped scenarios with the shipped agents: $(OUT)/metrics.csv and a table"
+	@echo "make sweep   sweep the shipped scenarios with eight agents, by rules and learnt: $(OUT)/metrics.csv and a table"
 	@echo "make test    run the tests"
 	@echo "make check   tests, lint, types, import contracts"
 	@echo "make docs    the documentation: out/docs/index.html"

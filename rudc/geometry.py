@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rudc.arrays import Array, Complex, Index
+from rudc.arrays import Array, Complex
 
 
 class Rectangles(NamedTuple):
@@ -92,26 +92,6 @@ def separation(r: Complex, facing: Complex, other: Complex, half: Array, half_ot
     """
     back = facing.conj()
     return _separation(r * back, r * other.conj(), other * back, half, half_other)
-
-
-def overlapping_pairs(position: Array, heading: Array, size: Array) -> Index:
-    """Index pairs (K, 2), lower index first, of the rectangles among N that overlap or touch each other.
-
-    Centres (N, 2) m, headings (N,) rad, sizes (N, 2) m. Only pairs whose circumscribed circles
-    meet are looked at.
-    """
-    centre = position[:, 0] + 1j * position[:, 1]
-    half = 0.5 * np.asarray(size)
-    radius = np.hypot(half[:, 0], half[:, 1])
-    near = np.abs(centre[:, None] - centre) <= radius[:, None] + radius
-    first, second = np.nonzero(np.triu(near, 1))
-    if not len(first):
-        return np.empty((0, 2), dtype=np.int64)
-    turn = np.exp(1j * heading)
-    z = (centre[second] - centre[first]) * turn[first].conj()
-    r = turn[second] * turn[first].conj()
-    hit = _separation(z, z * r.conj(), r, half[first], half[second]) <= 0.0
-    return np.stack([first[hit], second[hit]], axis=1)
 
 
 def _seen_from(x: float, y: float, psi: float, position: Array, heading: Array) -> tuple[Complex, Complex]:

@@ -33,6 +33,12 @@ class EgoVehicle:
         """1/m, curvature of the tightest bend that is planned."""
         return math.tan(TURNING) / self.wheelbase
 
+    def scaled(self, a: float, delta: float) -> float:
+        """Size of a change of an action by a (m/s2) and delta (rad), after both are scaled as an action in
+        [-1, 1] is.
+        """
+        return math.hypot(a / (0.5 * (self.a_max - self.a_min)), delta / self.delta_max)
+
 
 @dataclass(frozen=True, slots=True)
 class Actuation:

@@ -8,7 +8,6 @@ from scipy.optimize import lsq_linear
 
 from rudc.geometry import (
     gaps_between,
-    overlapping_pairs,
     rectangle_corners,
     rectangle_gaps,
     separation,
@@ -127,24 +126,6 @@ def test_many_at_once_and_none():
     single = [gap(ego, (*p, h, *s)) for p, h, s in zip(position, heading, size, strict=True)]
     np.testing.assert_allclose(gaps, single, atol=1e-12)
     assert rectangle_gaps(*ego, np.empty((0, 2)), np.empty(0), np.empty((0, 2))).shape == (0,)
-    assert overlapping_pairs(np.empty((0, 2)), np.empty(0), np.empty((0, 2))).shape == (0, 2)
-
-
-def test_overlapping_pairs_are_those_with_gap_zero():
-    rng = np.random.default_rng(1)
-    position, heading, size = (
-        rng.uniform(-12, 12, (40, 2)),
-        rng.uniform(-4, 4, 40),
-        rng.uniform(1, 6, (40, 2)),
-    )
-    expected = {
-        (i, j)
-        for i in range(40)
-        for j in range(i + 1, 40)
-        if gap((*position[i], heading[i], *size[i]), (*position[j], heading[j], *size[j])) == 0
-    }
-    assert expected
-    assert {(int(i), int(j)) for i, j in overlapping_pairs(position, heading, size)} == expected
 
 
 def test_corners():

@@ -170,7 +170,10 @@ def agents() -> str:
         "## Algorithms\n\nWhat `rudc train` takes.\n",
         table(["name", "what it is"], [[code(n), a.summary] for n, a in ALGORITHMS.items()]),
         "## Studies\n\nWhat `rudc study` takes.\n",
-        table(["name", "what it shows"], [[code(n), s.summary] for n, s in STUDIES.items()]),
+        table(
+            ["name", "what it shows", "takes"],
+            [[code(n), s.summary, s.options] for n, s in STUDIES.items()],
+        ),
     ])  # fmt: skip
 
 

@@ -1,1 +1,1 @@
-"""Floor 4: whatever drives the ego vehicle, and the registry of their names."""
+"""Whatever drives the ego vehicle, and the registry of their names."""

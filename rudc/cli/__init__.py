@@ -1,1 +1,1 @@
-"""Floor 9: the commands; no logic of their own."""
+"""The commands; no logic of their own."""

@@ -135,9 +135,7 @@ def _show(report: NetworkReport, lanes: bool) -> None:
 
 @app.command()
 def build(
-    folder: Annotated[
-        Path, typer.Argument(metavar="DIR", help="Folder with NAME.nod.xml, NAME.edg.xml, ..., or NAME.osm.")
-    ],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder with the sources of one network.")],
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", metavar="F.net.xml", help="Default: NAME.net.xml beside the sources."),
@@ -145,6 +143,9 @@ def build(
 ) -> None:
     """Build a .net.xml from plain sources, or from a map of OpenStreetMap, with SUMO's netconvert (extra
     `networks`).
+
+    Plain sources are NAME.nod.xml and NAME.edg.xml, and where they are there NAME.con.xml (connections),
+    NAME.typ.xml (types of edges) and NAME.tll.xml (traffic lights). A map is NAME.osm.
 
     **Example**: `rudc network build my_networks/ring`
     """

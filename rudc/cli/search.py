@@ -71,11 +71,11 @@ def search(
     """
     from rudc.agents.registry import make_agent
     from rudc.cli.scenario import parse_overrides
+    from rudc.evaluation.limits import EPISODE_LIMIT_S
     from rudc.evaluation.runner import EpisodeRunner
     from rudc.evaluation.search.folder import SearchPlan
     from rudc.evaluation.search.search import run_search
     from rudc.evaluation.search.space import space_of
-    from rudc.evaluation.sweep import EPISODE_LIMIT_S
     from rudc.scenario import load_scenario
     from rudc.world.fitting import misfits
 

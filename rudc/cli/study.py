@@ -25,8 +25,9 @@ def study(
             "--agent",
             "-a",
             metavar="NAME",
-            help="An agent; repeat for several. Default: rudc-t and rudc-e as shipped, all training seeds. "
-            "Of `comparison` and `ablation`: a row of their tables. Default: all.",
+            help="An agent; repeat for several. Default: those that the study is about; of `filter` and "
+            "`sigma`, rudc-t and rudc-e with all training seeds. Of `comparison` and `ablation`: a row of "
+            "their tables. Default: all.",
             autocompletion=complete_agents,
         ),
     ] = None,
@@ -62,7 +63,8 @@ def study(
     `--episodes` of `filter` is for each of the two tasks; the out-of-distribution scenarios share as many.
     Agents named `NAME-seedN` are pooled with `NAME`: the same algorithm, trained with other seeds.
     Of `comparison` and `ablation`, `--episodes` is for each task, and the budget says how many fewer each
-    other scenario gets; rows and training seeds can be added later, with `--resume`.
+    other scenario gets; rows and training seeds can be added later, with `--resume`. An option that a study
+    has no use for is refused.
 
     **Examples**
 
@@ -92,7 +94,7 @@ def study(
         _numbers(seeds),
         trainings,
     )
-    chosen = find_study(name, order)
+    chosen = find_study(name, order, workers)
     if out is None:
         raise InputError("where to? give a folder for the results: --out DIR")
     bars: list[SweepBar | SweepLines] = []

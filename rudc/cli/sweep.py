@@ -15,6 +15,7 @@ from rudc.cli.options import LiveReport, ResultsFolder, Workers, cores
 from rudc.cli.scenario import parse_overrides
 from rudc.cli.verify import verify_folder
 from rudc.errors import InputError
+from rudc.evaluation.limits import EPISODE_LIMIT_S
 
 if TYPE_CHECKING:
     from rudc.evaluation.record import EpisodeRecord
@@ -91,7 +92,7 @@ def sweep(
         typer.Option(
             "--episode-limit", min=1.0, metavar="S", help="Wall time after which an episode is given up."
         ),
-    ] = 300.0,
+    ] = EPISODE_LIMIT_S,
     verify: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Run a sample of a finished sweep's episodes again, and compare."),

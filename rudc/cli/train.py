@@ -35,7 +35,9 @@ def train(
         str | None,
         typer.Option(metavar="SCENARIO", help="Train on this as it is, instead of on the curriculum."),
     ] = None,
-    steps: Annotated[int | None, typer.Option(min=1, help="Decisions. Default: 100000.")] = None,
+    steps: Annotated[
+        int | None, typer.Option(min=1, help="Decisions of the policy. Default: 100000.")
+    ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed of everything random. Default: 0.")] = None,
     device: Annotated[
         str | None, typer.Option(help="Device that the learner runs on: cpu, cuda, ... Default: cpu.")
@@ -152,15 +154,31 @@ SILENCE_S = 30.0
 """s without a word at most, off a terminal"""
 
 
+class _Count:
+    """How far a training is, in the steps that `--steps` counts: decisions of the policy. Those of the
+    reference driver, which come first, are counted apart.
+    """
+
+    def __init__(self, config: TrainConfig) -> None:
+        self.before = config.seed_rounds * config.round_steps
+        self.total = config.rounds * config.round_steps - self.before
+
+    def of(self, decisions: int) -> str:
+        """`STEPS/TOTAL steps` after so many decisions in all."""
+        if decisions < self.before:
+            return f"{decisions}/{self.before} steps of the reference driver"
+        return f"{decisions - self.before}/{self.total} steps"
+
+
 class TrainLines:
     """A line at the beginning, for each row of progress.csv, and at least every 30 s."""
 
     def __init__(self, config: TrainConfig) -> None:
-        self._config = config
+        self._count = _Count(config)
         self._start = self._last = time.monotonic()
         self._first: int | None = None
-        total, seeding = config.rounds * config.round_steps, config.seed_rounds * config.round_steps
-        note(f"training: {total} decisions, the first {seeding} by a reference driver")
+        before = f", after {self._count.before} of a reference driver" if self._count.before else ""
+        note(f"training: {self._count.total} steps{before}")
 
     def advance(self, steps: int) -> None:
         """Say how far it is, if nothing was said for a while."""
@@ -168,12 +186,11 @@ class TrainLines:
         self._first = steps if self._first is None else self._first
         if now - self._last > SILENCE_S:
             rate = (steps - self._first) / (now - self._start)
-            total = self._config.rounds * self._config.round_steps
-            self._say(f"{steps}/{total} decisions, {rate:.0f}/s")
+            self._say(f"{self._count.of(steps)}, {rate:.0f}/s")
 
     def progress(self, row: Mapping[str, Any]) -> None:
         """The row in short."""
-        self._say(f"{row['steps']}/{self._config.training.steps} steps, {_shown(row)}, {row['wall_s']:.0f} s")
+        self._say(f"{row['steps']}/{self._count.total} steps, {_shown(row)}, {row['wall_s']:.0f} s")
 
     def note(self, text: str) -> None:
         """A line of its own."""
@@ -191,13 +208,17 @@ class TrainBar:
     """A bar that shows how far training is and how it goes."""
 
     def __init__(self, config: TrainConfig) -> None:
-        self._progress = progress_bar()
-        self._id = self._progress.add_task("starting", total=config.rounds * config.round_steps)
+        self._progress, self._count = progress_bar(), _Count(config)
+        self._id = self._progress.add_task("starting", total=self._count.total)
         self._progress.start()
 
     def advance(self, steps: int) -> None:
-        """Move the bar."""
-        self._progress.update(self._id, completed=steps)
+        """Move the bar; while the reference driver drives, say so."""
+        if steps < self._count.before:
+            self._progress.update(self._id, description=self._count.of(steps))
+        elif steps == self._count.before:
+            self._progress.update(self._id, description="")
+        self._progress.update(self._id, completed=max(steps - self._count.before, 0))
 
     def progress(self, row: Mapping[str, Any]) -> None:
         """How it goes, beside the bar."""

@@ -1,4 +1,4 @@
-"""Floor 5: pictures of roads and episodes: frames, films, previews, networks. All with Pillow.
+"""Pictures of roads and episodes: frames, films, previews, networks. All with Pillow.
 
 matplotlib is for plots of results (`rudc/reporting`).
 """

@@ -27,7 +27,6 @@ and after a left turn heads at pi), the others' in (-0.75, 1.25] pi (oncoming tr
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from functools import cache
 from typing import Literal, get_args
 
@@ -98,13 +97,10 @@ def observation_space(kind: ObservationKind, as_dict: bool = False) -> spaces.Bo
     return spaces.Dict({name: spaces.Box(-LIMIT, LIMIT, PARTS[name], np.float32) for name in parts(kind)})
 
 
-def observe(scene: Scene, kind: ObservationKind, distances: Distances | None = None) -> dict[str, Floats]:
-    """The observation's parts by name. `distances`: those of this scene, where they are known already."""
-    return unflatten(observe_flat(scene, kind, distances), kind)
-
-
 def observe_flat(scene: Scene, kind: ObservationKind, distances: Distances | None = None) -> Floats:
-    """The observation as one array of float32, the parts one after another, freshly allocated."""
+    """The observation as one array of float32, the parts one after another, freshly allocated. `distances`:
+    those of this scene, where they are known already.
+    """
     result = np.zeros(observation_size(kind))
     at = 10 + 6 * OTHERS
     result[0:10] = _ego(scene, distances or measure(scene))
@@ -114,11 +110,6 @@ def observe_flat(scene: Scene, kind: ObservationKind, distances: Distances | Non
     if kind == "conflict":
         result[-len(CONFLICT_FEATURES) :] = conflict_features(scene)
     return np.minimum(np.maximum(result, -LIMIT), LIMIT).astype(np.float32)
-
-
-def flatten(observation: Mapping[str, Floats]) -> Floats:
-    """One array from the parts."""
-    return np.concatenate([observation[name].ravel() for name in PARTS if name in observation])
 
 
 def unflatten(flat: Floats, kind: ObservationKind) -> dict[str, Floats]:

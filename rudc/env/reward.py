@@ -66,9 +66,6 @@ COST_NEAR, COST_FAR = 1.0, 3.0
 COST_DISTANCE, COST_VIOLATION = 1.0, 5.0
 """w_d and w_c"""
 
-TERMS = ("collision", "rule_violation", "arrive_goal", "reference", "action", "progress", "safe")
-"""names of the reward's terms"""
-
 
 def reward_terms(
     before: Scene, after: Scene, distances: Distances, *, collided: bool, broke_rule: bool, arrived: bool

@@ -1,1 +1,1 @@
-"""Floor 5: roll-out of one episode to a record, metrics, statistics, sweeps and tables."""
+"""Roll-out of one episode to a record, metrics, statistics, sweeps and tables."""

@@ -117,10 +117,8 @@ def _infeasible(driven: Driven) -> int:
 
 
 def _mean_correction(driven: Driven) -> float:
-    body = driven.vehicle
-    half_range = np.array([0.5 * (body.a_max - body.a_min), body.delta_max])
-    sizes = [np.hypot(*((d.u - d.u_rl) / half_range)) for d in driven.decisions if d.corrected is not None]
-    return float(sum(map(float, sizes))) / len(driven.decisions)
+    changes = [d.u - d.u_rl for d in driven.decisions if d.corrected is not None]
+    return sum(driven.vehicle.scaled(*change) for change in changes) / len(driven.decisions)
 
 
 def _sigmas(driven: Driven) -> list[float]:
@@ -186,8 +184,9 @@ _TABLE = (
     ),
     Column(
         "mean_correction",
-        "mean over the decisions of |u - u_rl|, both scaled to [-1, 1], changes for course and grip "
-        "among it; 0 without a filter",
+        "mean over the decisions of the size of u - u_rl, both numbers scaled to [-1, 1]: all that was "
+        "changed, for course and grip, too (a replay's largest correction leaves that out); 0 without a "
+        "filter",
         _mean_correction,
         average="decisions",
     ),

@@ -37,8 +37,13 @@ class Firing:
     def __str__(self) -> str:
         rest = "" if self.drawn == self.episodes else f" (its probability lets it in {self.drawn})"
         seen = "" if self.seen == self.fired else f", and the ego sees it in {self.seen}"
+        early = (
+            ""
+            if self.fired == self.drawn
+            else "; in others gap-acceptance, which drives, may have arrived before"
+        )
         happens = f"happens in {self.fired} of {self.episodes} episodes"
-        return f"event {numbered(self.number, self.kind)}: {happens}{rest}{seen}"
+        return f"event {numbered(self.number, self.kind)}: {happens}{rest}{seen}{early}"
 
 
 def count_firings(scenario: Scenario, seeds: Iterable[int]) -> list[Firing]:

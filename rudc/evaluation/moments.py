@@ -1,4 +1,8 @@
-"""What in an episode is worth a look: the largest correction, the closest approach, events, the end."""
+"""What in an episode is worth a look: the largest correction, the closest approach, events, the end.
+
+A correction is here what the correction itself did, without what was changed for course and grip; the column
+`mean_correction` counts both.
+"""
 
 from __future__ import annotations
 
@@ -78,7 +82,7 @@ def _frame_at(steps: Sequence[Step], time_s: float | None) -> int | None:
 
 
 def _change(step: Step) -> tuple[float, float]:
-    """m/s2 and rad, by which an action was corrected."""
+    """m/s2 and rad, by which the correction changed an action; changes for course and grip left out."""
     names = "acceleration_mps2", "steering_rad"
     a, delta = (step.series[f"safe_{name}"] - step.series[f"nominal_{name}"] for name in names)
     return a - step.bounded[0], delta - step.bounded[1]
@@ -94,8 +98,7 @@ def _in_words(step: Step) -> str:
 
 def _correction(step: Step, body: EgoVehicle) -> float:
     """Size of a correction, both parts scaled to [-1, 1]."""
-    a, delta = _change(step)
-    return math.hypot(a / (0.5 * (body.a_max - body.a_min)), delta / body.delta_max)
+    return body.scaled(*_change(step))
 
 
 def _extreme(

@@ -27,8 +27,8 @@ def run_episode(
     options: tuple[str, ...] = (),
     watch: Watcher | None = None,
 ) -> EpisodeRecord:
-    """Drive the plan's episode to its end. `options` go to SUMO's command line. Errors: those of
-    `World.reset`.
+    """Drive the plan's episode to its end. `options` go to SUMO's command line. Raises what `World.reset`
+    does, and AgentFailedError where an agent of a user's own fails.
     """
     scene = episode.reset(plan, ego_driver=agent.ego_driver, options=options)
     agent.reset(scene, plan.seed)

@@ -155,20 +155,11 @@ def summarise_rate(happened: Flags) -> Summary:
     return Summary(100 * rate, 100 * std, 100 * low, 100 * high)
 
 
-def summarise_mean(values: Array) -> Summary:
-    """Mean, spread and bootstrap interval of values (n,); those that are nan count as not there."""
-    return summarise_all([(values, None)])[0]
-
-
-def summarise_ratio(totals: Array, parts: Array) -> Summary:
-    """sum(totals) / sum(parts), both (n,), with the spread of their ratios and the bootstrap interval over
-    pairs; pairs of which one is nan count as not there. parts are positive.
-    """
-    return summarise_all([(totals, parts)])[0]
-
-
 def summarise_all(samples: Sequence[Sample]) -> list[Summary]:
-    """Mean or ratio of each sample, as `summarise_mean` and `summarise_ratio` say of one."""
+    """Mean, spread and bootstrap interval of each sample: of its values (n,), or, where a second array (n,)
+    of positive numbers comes along, of sum(first) / sum(second) with the spread of their ratios. Values or
+    pairs with a nan count as not there.
+    """
     known = [_known(sample) for sample in samples]
     return [
         _summary(sample, ends) if len(sample[0]) else Summary(math.nan, math.nan, math.nan, math.nan)

@@ -15,6 +15,7 @@ from rudc.errors import InputError, StorageError, SweepError
 from rudc.evaluation.code import code_digest
 from rudc.evaluation.engine import Result, Runner, RunnerFactory, run_local
 from rudc.evaluation.folder import SweepFolder, read_sweep, sweep_rows
+from rudc.evaluation.limits import EPISODE_LIMIT_S
 from rudc.evaluation.ray_engine import connect, run_ray
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.rows import by_row
@@ -35,9 +36,6 @@ class Engine:
 
 ENGINES = {"local": Engine(run_local), "ray": Engine(run_ray, connect)}
 """by name: `local` worker processes on this machine, `ray` actors of a cluster"""
-
-EPISODE_LIMIT_S = 300.0
-"""s of wall time after which an episode is given up"""
 
 
 class Progress(Protocol):
@@ -91,7 +89,7 @@ def run_sweep(
     limit_s: float = EPISODE_LIMIT_S,
     progress: Progress | None = None,
 ) -> SweepResult:
-    """Run what is not finished yet, and write episodes, conditions, metrics and manifest to `out`.
+    """Run what is not finished yet, and write episodes, metrics and manifest to `out`.
 
     make_runner is called once in each worker (`EpisodeRunner`); it must be importable there, and so must
     registered agents. Raises SweepError when the folder holds something else, StorageError when it cannot be

@@ -19,8 +19,9 @@ import numpy as np
 from rudc.errors import SweepError
 from rudc.evaluation.columns import COLUMNS
 from rudc.evaluation.engine import RunnerFactory
+from rudc.evaluation.limits import EPISODE_LIMIT_S
 from rudc.evaluation.rerun import Difference, Rerun, Swept, differences
-from rudc.evaluation.sweep import ENGINES, EPISODE_LIMIT_S, Progress, Silent, prepared
+from rudc.evaluation.sweep import ENGINES, Progress, Silent, prepared
 
 SHARE = 0.05
 """of the episodes of a sweep that are run again unless told otherwise"""

@@ -2,5 +2,5 @@
 
 Modules that decide (config, algorithms, parameters, distortion, uncertainty, inference, replay, checkpoint)
 need numpy only; torch is imported by those that learn (networks, attention, quantiles, ensemble, twins,
-policy, and the learners: rudc, sac, sac_lagrangian).
+observer, policy, and the learners: rudc, sac, sac_lagrangian).
 """

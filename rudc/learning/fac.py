@@ -1,8 +1,8 @@
 """One update of the feasible actor-critic (paper, appendix "Feasible Actor Critic"; Ma et al., 2021).
 
 SAC under a limit of the expected cost in every state instead of on average: the multiplier is a network
-lambda(s) = softplus(m(s)), larger where the limit is hard to keep. With a batch of transitions (s, a, r, c,
-gamma^k, s') and a' ~ pi(.|s'), a_pi ~ pi(.|s):
+lambda(s) = softplus(m(s)), 0.7 everywhere at first, and larger where the limit is hard to keep. With a batch
+of transitions (s, a, r, c, gamma^k, s') and a' ~ pi(.|s'), a_pi ~ pi(.|s):
 
     targets     y   = r + gamma^k [ min_i Q_i(s', a'; targets) - alpha log pi(a'|s') ]
                 y_c = c + gamma^k   max_i Q_c,i(s', a'; targets)
@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import torch
 from torch import Tensor
 from torch.nn.functional import softplus
 
@@ -25,25 +24,8 @@ from rudc.learning.algorithms import FacConfig
 from rudc.learning.batch import Batch
 from rudc.learning.config import Problem
 from rudc.learning.costs import CostLearner, CostStatistics
-from rudc.learning.networks import Stack
-from rudc.learning.parameters import MULTIPLIER, observer_arrays
-from rudc.learning.tracked import Tracked
-
-
-class StateMultiplier(Tracked):
-    """lambda(s) > 0, reward units over units of cost; 0.7 everywhere at first."""
-
-    def __init__(self, config: FacConfig, problem: Problem, device: torch.device) -> None:
-        super().__init__(config.target_rate)
-        self.stack = Stack(problem.layout, config.critic)
-        arrays = observer_arrays(config.critic, problem, MULTIPLIER, 1)
-        self.trained = {k: torch.tensor(v, device=device, requires_grad=True) for k, v in arrays.items()}
-        self.target = {}
-
-    def __call__(self, observation: Tensor) -> Tensor:
-        """lambda at observations (B, size), (B,), differentiable."""
-        latent = self.stack.encode(self.trained, observation)
-        return softplus(self.stack.decode(self.trained, latent)[0, :, 0])
+from rudc.learning.observer import Observer
+from rudc.learning.parameters import MULTIPLIER
 
 
 @dataclass(frozen=True)
@@ -64,9 +46,13 @@ class FacLearner(CostLearner):
     def __init__(self, config: FacConfig, problem: Problem, device: str = "cpu") -> None:
         super().__init__(config, problem, device)
         self.limit, self.delay = config.cost_limit, config.multiplier_delay
-        self.multiplier = StateMultiplier(config, problem, self.device)
+        self.multiplier = Observer(config, problem, self.device, tag=MULTIPLIER, outputs=1)
         rates = (config.multiplier_rate, config.multiplier_rate)
         self.multiplier_descent = self.learns("multiplier", self.multiplier, rates)
+
+    def lagrange(self, observation: Tensor) -> Tensor:
+        """lambda > 0 at observations (B, size), (B,), reward units over units of cost; differentiable."""
+        return softplus(self.multiplier(observation)[:, 0])
 
     def update(self, batch: Batch) -> FacStatistics:
         """One gradient step of critics, policy and temperature, one step of the targets; of the multiplier in
@@ -79,7 +65,7 @@ class FacLearner(CostLearner):
         drawn = self.draw(seen.state)
         value = self.critics.value(seen.state, drawn.action)
         excess = self.costs.value(seen.state, drawn.action) - self.limit
-        lagrange = self.multiplier(seen.state)
+        lagrange = self.lagrange(seen.state)
         policy_loss = (alpha * drawn.log_probability - value + lagrange.detach() * excess).mean()
         said |= self.learn_policy(policy_loss, drawn, value)
 

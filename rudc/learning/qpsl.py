@@ -3,7 +3,7 @@
 SAC as it is (sac.py), and a linear model of what one action does to the step-wise cost. With a batch of
 transitions whose first decision a was taken at s, in a scene of cost c_{t-1}, and followed by the cost c_t:
 
-    model    c_t = c_{t-1} + g(s) . a
+    model    c_t = c_{t-1} + g(s) . a,  g(s) a network: by how much each number of an action raises the cost
     loss     L = mean_B (g(s) . a - (c_t - c_{t-1}))^2 / 2,  a the executed action
 
 Costs are those of single decisions here, whatever n_step is. The model is learnt along with the policy, from
@@ -15,33 +15,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import torch
-from torch import Tensor
-
 from rudc.arrays import Arrays
 from rudc.learning.algorithms import QpslConfig
 from rudc.learning.batch import Batch
 from rudc.learning.config import Problem
 from rudc.learning.learner import Statistics
-from rudc.learning.networks import Stack
-from rudc.learning.parameters import CHANGE, grouped, observer_arrays
+from rudc.learning.observer import Observer
+from rudc.learning.parameters import CHANGE, grouped
 from rudc.learning.sac import SacLearner
-from rudc.learning.tracked import Tracked
-
-
-class CostChange(Tracked):
-    """g(s), by how much the step-wise cost grows with each number of an action."""
-
-    def __init__(self, config: QpslConfig, problem: Problem, device: torch.device) -> None:
-        super().__init__(config.target_rate)
-        self.stack = Stack(problem.layout, config.critic)
-        arrays = observer_arrays(config.critic, problem, CHANGE, problem.actions)
-        self.trained = {k: torch.tensor(v, device=device, requires_grad=True) for k, v in arrays.items()}
-        self.target = {}
-
-    def __call__(self, observation: Tensor) -> Tensor:
-        """g at observations (B, size), (B, actions), differentiable."""
-        return self.stack.decode(self.trained, self.stack.encode(self.trained, observation))[0]
 
 
 @dataclass(frozen=True)
@@ -59,7 +40,7 @@ class QpslLearner(SacLearner):
 
     def __init__(self, config: QpslConfig, problem: Problem, device: str = "cpu") -> None:
         super().__init__(config, problem, device)
-        self.change = CostChange(config, problem, self.device)
+        self.change = Observer(config, problem, self.device, tag=CHANGE, outputs=problem.actions)
         self.change_descent = self.learns("change", self.change, config.critic_rate)
 
     def update(self, batch: Batch) -> QpslStatistics:

@@ -14,7 +14,7 @@ and a' ~ pi(.|s'), a_pi ~ pi(.|s):
 with Q_risk = max_i Q_risk,i, of the unified step-wise cost as the paper has it (in Recovery RL itself, of the
 event of a violation). The task policy is credited with what followed when the recovery policy took over
 (`learns_from=proposed`): so it learns to keep away from there. pi_rec acts where Q_risk(s, a_task) > d_th
-(rudc/agents/correction.py, `recovery`).
+(rudc/agents/of_actions.py, `recovery`).
 """
 
 from __future__ import annotations

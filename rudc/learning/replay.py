@@ -48,15 +48,10 @@ class Replay:
             mask=np.zeros((capacity, masks), np.bool_),
             cost_change=np.zeros(capacity, np.float32),
         )
-        self._stored = 0
+        self._stored = 0  # ever, those that are forgotten by now included
 
     def __len__(self) -> int:
         return min(self._stored, self.capacity)
-
-    @property
-    def stored(self) -> int:
-        """Transitions ever stored, those that are forgotten by now included."""
-        return self._stored
 
     def add(self, transition: Transition) -> None:
         """Store one transition and draw its masks."""

@@ -41,8 +41,8 @@ OPTIONS = (
 
 
 def build_network(folder: str | Path, out: str | Path | None = None) -> Path:
-    """Builds NAME.net.xml from NAME.nod.xml, NAME.edg.xml (and NAME.con.xml, NAME.typ.xml) in a folder, or
-    from its NAME.osm; traffic lights of a map are left out.
+    """Builds NAME.net.xml from NAME.nod.xml, NAME.edg.xml (and NAME.con.xml, NAME.typ.xml, NAME.tll.xml) in a
+    folder, or from its NAME.osm; traffic lights of a map are left out.
 
     `out`: the file to write, by default beside the sources. It holds no date and no path of this machine.
     Raises NetworkError, StorageError, InputError (a folder that cannot be made).

@@ -163,6 +163,7 @@ def _arm_warnings(network: Network, arm: Arm) -> Iterator[str]:
         yield f"arm {arm.name} is one-way: nothing enters by it"
     if not arm.out_lanes:
         yield f"arm {arm.name} is one-way: nothing leaves by it"
+    fast: dict[float, list[str]] = {}
     used = {network.inbound_lane(row).id for movement in network.movements for row in movement.rows}
     for name, lane_id in network.lane_names.items():
         lane = network.lanes[lane_id]
@@ -171,11 +172,14 @@ def _arm_warnings(network: Network, arm: Arm) -> Iterator[str]:
         if lane.width < NARROW_LANE:
             yield f"lane {name} is only {lane.width:.1f} m wide; at least {NARROW_LANE:.1f} m are wanted"
         if lane.speed > FAST:
-            yield f"lane {name} has a limit of {lane.speed:.1f} m/s; the ego drives at most {FAST:.0f} m/s"
+            fast.setdefault(lane.speed, []).append(name)
         if lane.refuses:
             yield f"lane {name} refuses {', '.join(lane.refuses)}; such traffic cannot appear on it"
         if lane_id in arm.in_lanes and lane_id not in used:
             yield f"lane {name} leads nowhere: no connection leaves it"
+    for speed, names in fast.items():
+        have = f"lanes {', '.join(names)} have" if len(names) > 1 else f"lane {names[0]} has"
+        yield f"{have} a limit of {speed:.1f} m/s; the ego drives at most {FAST:.0f} m/s"
 
 
 def _movement_warnings(network: Network) -> Iterator[str]:

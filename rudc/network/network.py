@@ -83,11 +83,6 @@ class Network(Layout):
         """Scenario names of the arms' lanes -> SUMO's ids."""
         return {name: stretch.lane.id for name, stretch in self._outer.items()}
 
-    @cached_property
-    def inner_lane_names(self) -> dict[str, str]:
-        """Scenario names of the lanes inside the junction and on its ring -> SUMO's ids (the first's)."""
-        return {name: stretch.lane.id for name, stretch in self._inner.items()}
-
     @property
     def named_stretches(self) -> dict[str, Stretch]:
         """Scenario name -> stretch of lane, of the arms and inside the junction."""

@@ -1,1 +1,1 @@
-"""Results made readable: tables as text, figures."""
+"""Results made readable: figures, tables as text, replays of episodes, reports of folders, the gallery."""

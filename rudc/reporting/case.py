@@ -28,7 +28,7 @@ EVERY_S = 2.0
 """s between two outlines of the ego"""
 HIGHEST_H = 25.0
 """m2, h from which on colours do not change"""
-SV, EVENT, OTHER, CORRECTED = PALETTE[0], PALETTE[1], PALETTE[2], PALETTE[3]
+SV, EVENT, CORRECTED = PALETTE[0], PALETTE[1], PALETTE[3]
 ROAD = "#eceef1"
 OUTCOMES = {"success": "arrives", "frozen": "frozen", "collision": "collides", "off_road": "leaves the road",
             "wrong_way": "wrong way"}  # fmt: skip

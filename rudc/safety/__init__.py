@@ -1,1 +1,1 @@
-"""Floor 3: barrier functions, ECBF and TTCBF rows, the QP filter. Knows `Scene`, neither SUMO nor torch."""
+"""Barrier functions, ECBF and TTCBF rows, the QP filter. Knows `Scene`, neither SUMO nor torch."""

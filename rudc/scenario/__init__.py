@@ -1,4 +1,4 @@
-"""Floor 1: YAML file -> validated `Scenario` -> (seed) -> concrete `EpisodePlan`. Knows nothing of SUMO."""
+"""YAML file -> validated `Scenario` -> (seed) -> concrete `EpisodePlan`. Knows nothing of SUMO."""
 
 from rudc.scenario.distributions import Distribution, distribution
 from rudc.scenario.events import EVENT_KINDS, Event, register_event

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -16,7 +16,21 @@ from rudc.scenario import find_scenarios, shipped_scenarios
 from rudc.scenario.model import Scenario
 
 Budget = Literal["quick", "full", "paper"]
-Given = Literal["agents", "episodes", "folders", "seeds", "trainings"]
+Given = Literal["folders", "agents", "episodes", "seed", "workers", "resume", "budget", "seeds", "trainings"]
+OPTIONS: Mapping[Given, str] = {
+    "folders": "folders of trainings",
+    "agents": "--agent",
+    "episodes": "--episodes",
+    "seed": "--seed",
+    "workers": "--workers",
+    "resume": "--resume",
+    "budget": "--budget",
+    "seeds": "--seeds",
+    "trainings": "--trainings",
+}
+"""what the command line calls them"""
+DRIVES: frozenset[Given] = frozenset(("agents", "episodes", "seed", "workers", "resume", "budget"))
+"""what studies heed that drive agents which are there"""
 
 IN_DISTRIBUTION = ("random_destination", "dense_left_turn")
 """the paper's two tasks, which agents are trained for"""
@@ -70,9 +84,14 @@ class Study:
     summary: str
     run: Callable[[Order, Callable[[str], Progress]], Report]
     """second argument: a new progress for each of its sweeps, which are named"""
-    takes: frozenset[Given] = frozenset(("agents", "episodes"))
-    """what of an order it heeds besides what every study does"""
+    takes: frozenset[Given] = DRIVES
+    """what of an order it heeds"""
     budgets: tuple[Budget, ...] = ("quick", "full")
+
+    @property
+    def options(self) -> str:
+        """What it takes, as the command line calls it."""
+        return ", ".join(name for given, name in OPTIONS.items() if given in self.takes)
 
 
 def chosen_agents(order: Order) -> tuple[str, ...]:

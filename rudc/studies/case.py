@@ -76,12 +76,10 @@ def chosen_seed(rows: Sequence[Row], agents: Sequence[str]) -> int | None:
 
 
 def scaled_correction(decision: Decision, scene: Scene) -> float:
-    """|u - u_nominal| of the correction, both numbers scaled to [-1, 1]; 0 without one."""
-    if decision.corrected is None:
-        return 0.0
-    body = scene.vehicle
-    a, delta = decision.corrected.correction
-    return float(math.hypot(a / (0.5 * (body.a_max - body.a_min)), delta / body.delta_max))
+    """Size of what the correction itself did, both numbers scaled to [-1, 1]; 0 without one. Changes for
+    course and grip are left out, which the column `mean_correction` counts, too.
+    """
+    return 0.0 if decision.corrected is None else scene.vehicle.scaled(*decision.corrected.correction)
 
 
 def drive(scenario: Scenario, driver: Driver, seed: int) -> Case:

@@ -18,9 +18,9 @@ from rudc.studies import (
     sensitivity,
     sigma_study,
 )
-from rudc.studies.base import Given, Order, Study
+from rudc.studies.base import DRIVES, OPTIONS, Given, Order, Study
 
-TRAINS: frozenset[Given] = frozenset(("agents", "episodes", "seeds", "trainings"))
+TRAINS: frozenset[Given] = DRIVES | frozenset[Given](("seeds", "trainings"))
 """what studies of trainings heed; their agents are rows of the table"""
 STUDIES = {
     study.name: study
@@ -59,6 +59,7 @@ STUDIES = {
             "latency",
             "How long a decision takes, mean, p99 and peak, and the shares of its parts.",
             latency.run,
+            takes=DRIVES - {"workers"},  # one, so that nothing else is timed along with it
         ),
         Study(
             "ood-case",
@@ -74,14 +75,14 @@ STUDIES = {
             "residual",
             "How well the shipped predictors foresee what the filter's model leaves out.",
             residual_study.run,
-            takes=frozenset(),
+            takes=frozenset(("seed", "resume", "budget")),
         ),
         *(
             Study(
                 swept.study,
                 f"RUDC-T trained with several values of {swept.key}, then driven.",
                 sensitivity.study_of(swept),
-                takes=frozenset(("episodes", "seeds", "trainings")),
+                takes=TRAINS - {"agents"},
                 budgets=("quick", "full", "paper"),
             )
             for swept in (sensitivity.BETA, sensitivity.ENSEMBLE)
@@ -95,32 +96,28 @@ STUDIES = {
 }
 
 
-def find_study(name: str, order: Order) -> Study:
-    """The study of that name, if the order fits it. Raises InputError."""
+def find_study(name: str, order: Order, workers: int | None = None) -> Study:
+    """The study of that name, if the order fits it. `workers`: how many were asked for; None if nobody did.
+    Raises InputError.
+    """
     if name not in STUDIES:
         raise InputError(f"no study {name!r}{there_are(name, STUDIES)}")
     study = STUDIES[name]
-    given = {
+    given: dict[Given, object] = {
         "agents": order.agents,
         "episodes": order.episodes,
         "folders": order.folders,
         "seeds": order.training_seeds,
         "trainings": order.trainings,
+        "seed": order.seed,
+        "workers": workers,
+        "resume": order.resume,
+        "budget": order.budget != Order.budget,
     }
     for what, value in given.items():
         if value and what not in study.takes:
-            taken = " and ".join(_OPTIONS[w] for w in _OPTIONS if w in study.takes) or "none of these"
-            raise InputError(f"study {name!r} takes no {_OPTIONS[what]}; it takes {taken}")
+            raise InputError(f"study {name!r} takes no {OPTIONS[what]}; it takes {study.options}")
     if order.budget not in study.budgets:
         there = there_are(order.budget, study.budgets)
         raise InputError(f"study {name!r} has no budget {order.budget!r}{there}")
     return study
-
-
-_OPTIONS = {
-    "agents": "--agent",
-    "episodes": "--episodes",
-    "folders": "folders of trainings",
-    "seeds": "--seeds",
-    "trainings": "--trainings",
-}

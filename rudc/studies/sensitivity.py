@@ -13,6 +13,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -160,7 +161,7 @@ def lines_of(
     return lines
 
 
-def _folder(training: Trained):
+def _folder(training: Trained) -> Path:
     folder = find_checkpoint(training.agent)
     if folder is None:
         raise InputError(f"no checkpoint in {training.agent}")

@@ -202,7 +202,7 @@ def measure(drives: Mapping[str, Sequence[Drive]]) -> list[dict[str, Any]]:
                 if not one:
                     value = float(np.mean([value for value, _ in measured.values()]))
                     draws = np.mean([draws for _, draws in measured.values()], axis=0)
-                    lines.append(_line(question, sigma, shared, cases.values(), value, draws))
+                    lines.append(_line(question, sigma, shared, list(cases.values()), value, draws))
                 for name, (value, draws) in measured.items():
                     row = _line(question, sigma, name, [cases[name]], value, draws)
                     lines.append(row | {"family": shared, "mean_of_seeds": one})
@@ -251,9 +251,10 @@ def _answer(case: _Case, sigma: int) -> tuple[float, Array]:
     return value, auroc_draws(scores, case.positive, case.episode, case.stratum)
 
 
-def _line(question: Question, sigma: str, agent: str, cases, value: float, draws: Array) -> dict[str, Any]:
+def _line(
+    question: Question, sigma: str, agent: str, cases: Sequence[_Case], value: float, draws: Array
+) -> dict[str, Any]:
     low, high = percentile_interval(value, draws)[1:]
-    cases = list(cases)
     return {
         "agent": agent,
         "family": agent,

@@ -30,6 +30,7 @@ from rudc.safety.barrier import STEP
 from rudc.safety.config import FilterConfig
 from rudc.safety.constraints import ConstraintBuilder, Constraints
 from rudc.safety.residual import features, heads, predicted_change
+from rudc.scenario.plan import EpisodePlan
 from rudc.training.config import Curriculum
 from rudc.training.curriculum import make_mixture
 from rudc.world.scene import Scene
@@ -140,10 +141,17 @@ def collect(samples: int, seed: int, driver: Agent | ActionKind, advance: Callab
     return {head: keeper.samples() for head, keeper in keepers.items()}
 
 
-def _drive(episode: Episode, plan, driver, rng, keepers: Mapping[str, _Keeper], number: int) -> None:
+def _drive(
+    episode: Episode,
+    plan: EpisodePlan,
+    driver: Agent | RandomActions,
+    rng: np.random.Generator,
+    keepers: Mapping[str, _Keeper],
+    number: int,
+) -> None:
+    """Drive an episode, and keep some of it."""
     scene = episode.reset(plan)
-    if hasattr(driver, "reset"):
-        driver.reset(scene, plan.seed)
+    driver.reset(scene, plan.seed)
     every = FilterConfig.preset("ttcbf", constrained="all", d_safe=0.0, max_vehicles=None, road_d_safe=0.2)
     before_builder, after_builder = ConstraintBuilder(every), ConstraintBuilder(every)
     while episode.outcome is None:
@@ -165,8 +173,19 @@ def _with_margin(constraints: Constraints, margin: Array) -> Constraints:
     return replace(constraints, bodies=constraints.bodies._replace(margin=margin))
 
 
-def _keep(scene, after, decision, constraints, builder, rng, keepers, number) -> None:
-    """Add what is worth keeping of one decision."""
+def _keep(
+    scene: Scene,
+    after: Scene,
+    decision: Decision,
+    constraints: Constraints,
+    builder: ConstraintBuilder,
+    rng: np.random.Generator,
+    keepers: Mapping[str, _Keeper],
+    number: int,
+) -> None:
+    """Add what is worth keeping of one decision, which led from `scene` to `after`; `constraints`: those of
+    `scene`.
+    """
     body, u = scene.vehicle, decision.u
     later = builder.build(after)
     where = {name: i for i, name in enumerate(later.names)}

@@ -55,7 +55,9 @@ class EgoState:
     yaw_rate: float
     """rad/s"""
     acceleration: float
-    """m/s2, realised (after lag, delay and friction)"""
+    """m/s2, realised (after lag, delay and friction); where actuators lag, a stopped car still shows what its
+    brakes do
+    """
     steering: float
     """rad, realised front-wheel angle"""
 

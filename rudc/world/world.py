@@ -7,7 +7,8 @@
 
 A decision lasts `decision_s` and is simulated in sub-steps. In each: the ego's plant moves, SUMO moves the
 surrounding vehicles (SVs), props move, and the ego's rectangle is tested against everything. Before the first
-sub-step, events act and, at every second decision, the yielding layer brakes SVs.
+sub-step, events act; at every fifth decision (every second while something scripted moves) the yielding layer
+brakes SVs.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ import numpy as np
 
 import rudc
 from rudc.agents.checkpoint import load_learnt
-from rudc.evaluation.statistics import summarise_mean, summarise_rate
+from rudc.evaluation.statistics import summarise_all, summarise_rate
 from rudc.learning.inference import Decider
 from rudc.reporting.text import csv_text, interval, markdown
 
@@ -185,7 +185,9 @@ def table(out: Path) -> str:
         if (out / f"{name}.csv").is_file():
             with open(out / f"{name}.csv", encoding="utf-8") as file:
                 rows = list(csv.DictReader(file))
-            sums = [summarise_mean(np.array([float(row[key]) for row in rows])) for key in ("reward", "cost")]
+            sums = summarise_all(
+                [(np.array([float(row[key]) for row in rows]), None) for key in ("reward", "cost")]
+            )
             ends = [row["outcome"] for row in rows]
             rates = [
                 summarise_rate(np.array([end in kinds for end in ends]))

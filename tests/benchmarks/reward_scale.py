@@ -19,11 +19,11 @@ import numpy as np
 from rudc.agents.base import Decision, unfiltered
 from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode
-from rudc.env.reward import TERMS
 from rudc.network.network import load_network
 from rudc.scenario import load_scenario
 from rudc.world.scene import Scene
 from rudc.world.world import World
+from tests.env.test_reward import TERMS
 
 
 class Waiter:

@@ -20,8 +20,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rudc.geometry import overlapping_pairs
 from rudc.network.network import Network, load_network
+from rudc.world.kernels import overlapping
 from rudc.world.scene import Scene
 from rudc.world.world import World
 from tests.plans import ALL_KINDS, PlanSource
@@ -52,7 +52,7 @@ class Tally:
 
 def overlaps_of(scene: Scene) -> set[tuple[str, str]]:
     svs = np.flatnonzero(scene.path >= 0)
-    pairs = overlapping_pairs(scene.position[svs], scene.heading[svs], scene.size[svs])
+    pairs = overlapping(scene.position[svs], scene.heading[svs], scene.size[svs])
     names = [sorted((scene.ids[svs[i]], scene.ids[svs[j]])) for i, j in pairs]
     return {(first, second) for first, second in names}
 

@@ -11,7 +11,7 @@ from rich.console import Console
 from rudc.cli import metrics_table
 from rudc.cli.console import SweepBar, SweepLines
 from rudc.cli.metrics_table import print_metrics
-from rudc.cli.train import SILENCE_S, TrainLines
+from rudc.cli.train import SILENCE_S, TrainBar, TrainLines
 from rudc.evaluation.columns import COLUMNS
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.tables import measured
@@ -79,14 +79,33 @@ def test_training_speaks_off_a_terminal(capsys, monkeypatch):
     now = [0.0]
     monkeypatch.setattr("rudc.cli.train.time", SimpleNamespace(monotonic=lambda: now[0]))
     lines = TrainLines(config)  # pyright: ignore[reportArgumentType]
-    assert capsys.readouterr().err == "training: 1000 decisions, the first 200 by a reference driver\n"
+    assert capsys.readouterr().err == "training: 800 steps, after 200 of a reference driver\n"
     lines.advance(100)
     assert capsys.readouterr().err == ""
     now[0] = SILENCE_S + 10.0
     lines.advance(300)
-    assert capsys.readouterr().err == "300/1000 decisions, 5/s\n"
+    assert capsys.readouterr().err == "100/800 steps, 5/s\n"
     lines.advance(400)
     assert capsys.readouterr().err == ""
+    lines.progress({"steps": 200, "episodes": 0, "wall_s": 80.0})
+    assert capsys.readouterr().err == "200/800 steps, no episode ended, 80 s\n"
+
+
+def test_the_reference_drivers_steps_are_counted_apart(capsys, monkeypatch):
+    config = SimpleNamespace(rounds=10, round_steps=100, seed_rounds=2)
+    now = [0.0]
+    monkeypatch.setattr("rudc.cli.train.time", SimpleNamespace(monotonic=lambda: now[0]))
+    lines = TrainLines(config)  # pyright: ignore[reportArgumentType]
+    now[0] = SILENCE_S + 10.0
+    lines.advance(100)
+    assert "\n100/200 steps of the reference driver, " in capsys.readouterr().err
+    bar = TrainBar(config)  # pyright: ignore[reportArgumentType]
+    task = bar._progress.tasks[0]
+    bar.advance(100)
+    assert (task.completed, task.total, task.description) == (0, 800, "100/200 steps of the reference driver")
+    bar.advance(300)
+    assert (task.completed, task.total) == (100, 800)
+    bar.close()
 
 
 BY = ("scenario", "agent")

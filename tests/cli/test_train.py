@@ -66,7 +66,7 @@ def test_options_reach_the_configuration(rudc, calls):
     )
     assert config.training.curriculum == Curriculum()
     assert (folder, resume) == (Path("x"), False)
-    assert "10/2000 steps, 50% success, reward 62, 3 s" in answer.err
+    assert "10/2100 steps, 50% success, reward 62, 3 s" in answer.err
     assert "a note" in answer.err
     assert "--agent x" in answer.err
 

@@ -10,12 +10,12 @@ from gymnasium.utils.env_checker import check_env
 import rudc
 from rudc.drawing.view import Driving
 from rudc.env.intersection import IntersectionEnv
-from rudc.env.reward import TERMS
 from rudc.errors import InputError, WorldBusyError
 from rudc.network.network import load_network
 from rudc.scenario import load_scenario
 from rudc.vehicle import EgoVehicle
 from rudc.world.scene import Scene
+from tests.env.test_reward import TERMS
 
 ID = rudc.ENV_ID
 COAST = np.array([1 / 3, 0.0], dtype=np.float32)

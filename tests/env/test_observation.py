@@ -10,16 +10,24 @@ from rudc.env.distances import measure
 from rudc.env.observation import (
     LIMIT,
     PARTS,
-    flatten,
     observation_size,
     observation_space,
-    observe,
     observe_flat,
     unflatten,
 )
 from rudc.errors import InputError
 from rudc.geometry import rectangle_corners
 from rudc.world.scene import EgoState
+
+
+def observe(scene, kind, distances=None):
+    """The observation's parts by name."""
+    return unflatten(observe_flat(scene, kind, distances), kind)
+
+
+def flatten(parts):
+    """One array from the parts."""
+    return np.concatenate([parts[name].ravel() for name in PARTS if name in parts])
 
 
 def restated(scene):

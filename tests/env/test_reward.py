@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from rudc.env.distances import Distances, measure
-from rudc.env.reward import TERMS, reward_terms, step_cost
+from rudc.env.reward import reward_terms, step_cost
 
+TERMS = ("collision", "rule_violation", "arrive_goal", "reference", "action", "progress", "safe")
 FAR = Distances(50.0, 5.0, 0.0)
 CALM = {"collided": False, "broke_rule": False, "arrived": False}
 

@@ -16,7 +16,7 @@ from rudc.evaluation.statistics import (
     bootstraps,
     mcnemar,
     paired_change,
-    summarise_mean,
+    summarise_all,
     summarise_rate,
     wilson,
 )
@@ -50,7 +50,7 @@ def test_wilson_covers_the_true_rate_about_as_often_as_it_says():
 def test_no_trials_tell_nothing():
     assert all(math.isnan(end) for end in wilson(0, 0))
     assert all(math.isnan(value) for value in summarise_rate(np.zeros(0, dtype=bool)))
-    assert all(math.isnan(value) for value in summarise_mean(np.zeros(0)))
+    assert all(math.isnan(value) for value in summarise_all([(np.zeros(0), None)])[0])
 
 
 def test_bootstrap_agrees_with_scipy():
@@ -80,14 +80,14 @@ def test_bootstrap_is_the_same_every_time_and_however_it_is_cut_into_chunks(monk
 @settings(max_examples=25)
 @given(st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=40))
 def test_a_mean_lies_within_its_values_and_its_interval_too(values):
-    summary = summarise_mean(np.array(values))
+    summary = summarise_all([(np.array(values), None)])[0]
     tolerance = 1e-9 * (1 + max(map(abs, values)))
     assert min(values) - tolerance <= summary.low <= summary.high <= max(values) + tolerance
     assert summary.std == pytest.approx(np.std(values, ddof=1), abs=1e-9)
 
 
 def test_one_value_has_a_mean_and_nothing_else():
-    summary = summarise_mean(np.array([2.5, math.nan]))
+    summary = summarise_all([(np.array([2.5, math.nan]), None)])[0]
     assert summary.mean == 2.5
     assert all(math.isnan(value) for value in summary[1:])
     rate = summarise_rate(np.array([True]))

@@ -52,7 +52,7 @@ def test_the_multiplier_is_that_of_each_state() -> None:
     for k in range(700):
         learner.update(stakes(rng))
         if k >= 500:
-            seen.append(learner.multiplier(states).detach().numpy())
+            seen.append(learner.lagrange(states).detach().numpy())
     safe, unsafe = np.mean(seen, axis=0)
     assert safe < 0.2
     assert unsafe == pytest.approx(5.0, abs=0.6)
@@ -64,7 +64,7 @@ def test_the_multiplier_is_that_of_each_state() -> None:
 def test_an_update_against_its_equations() -> None:
     learner, before = (FacLearner(CONFIG, PROBLEM) for _ in range(2))
     said, seen, drawn, q, q_c = updated(learner, before, batch(0))
-    lagrange = before.multiplier(seen.state)
+    lagrange = before.lagrange(seen.state)
     loss = (0.3 * drawn.log_probability - q + lagrange * (q_c - 0.5)).mean()
     assert said.policy_loss == pytest.approx(float(loss.detach()), abs=1e-5)
     assert said.cost_value == pytest.approx(float(q_c.detach().mean()), abs=1e-5)

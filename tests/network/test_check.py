@@ -50,6 +50,16 @@ def test_each_trouble_is_named(tmp_path):
     )
     assert any("lane west_in_0 is only 2.4 m wide" in w for w in narrow)
     assert any("lane west_in_0 has a limit of 20.0 m/s" in w for w in narrow)
+    both = changed(
+        tmp_path,
+        *(
+            (f'id="west_in_{k}" index="{k}" speed="10.00"', f'id="west_in_{k}" index="{k}" speed="20.00"')
+            for k in (0, 1)
+        ),
+    )
+    assert [w for w in both if "limit of 20.0" in w] == [
+        "lanes west_in_0, west_in_1 have a limit of 20.0 m/s; the ego drives at most 15 m/s"
+    ]
     assert any("lane west_in_0 refuses truck, bicycle" in w for w in narrow)
     short = changed(tmp_path, ('length="120.00"', 'length="40.00"'))
     assert any("arm south is only 40 m long" in w for w in short)

@@ -37,7 +37,7 @@ def test_list(rudc):
         (["filtr", "-o", "x"], "did you mean 'filter'?"),
         (["filter", "-a", "gap-acceptance+ttcbf"], "--out DIR"),
         (["filter", "-a", "gap-acceptance", "-o", "x"], "no safety filter"),
-        (["filter", "here", "-o", "x"], "takes no folders of trainings; it takes --agent and --episodes"),
+        (["filter", "here", "-o", "x"], "takes no folders of trainings; it takes --agent, --episodes,"),
         (["sigma", "-a", "sumo", "-o", "x"], "states no uncertainty"),
         (["filter", "--seeds", "1", "-o", "x"], "takes no --seeds"),
         (["filter", "--seeds", "1;2", "-o", "x"], "such as 0,1,2"),
@@ -50,6 +50,12 @@ def test_list(rudc):
         ),
         (["curves", "-o", "x"], "which trainings?"),
         (["curves", "here", "-a", "sumo", "-o", "x"], "takes no --agent; it takes folders"),
+        (["curves", "here", "--seed", "3", "-o", "x"], "takes no --seed"),
+        (["curves", "here", "--resume", "-o", "x"], "takes no --resume"),
+        (["curves", "here", "--budget", "quick", "-o", "x"], "takes no --budget"),
+        (["curves", "here", "-w", "1", "-o", "x"], "takes no --workers"),
+        (["latency", "-w", "1", "-o", "x"], "takes no --workers"),
+        (["residual", "-w", "1", "-o", "x"], "takes no --workers; it takes --seed, --resume, --budget"),
     ],
 )
 def test_wrong_input_is_one_message(rudc, arguments, said, tmp_path):

@@ -43,7 +43,9 @@ def test_a_study_runs_by_one_command(name, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(sensitivity.TRAINING, "quick", TINIER)
     given = [shipped_checkpoints()["rudc-t"] if g == "CHECKPOINT" else g for g in COMMANDS[name]]
-    call = ["rudc", "study", name, *given, "--budget", "quick", "--workers", 1, "--out", "out"]
+    wanted = {"budget": ("--budget", "quick"), "workers": ("--workers", 1)}
+    given += [part for what, option in wanted.items() if what in STUDIES[name].takes for part in option]
+    call = ["rudc", "study", name, *given, "--out", "out"]
     monkeypatch.setattr("sys.argv", [str(part) for part in call])
     with pytest.raises(SystemExit) as ended:
         main()

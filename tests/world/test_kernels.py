@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rudc.geometry import overlapping_pairs, rectangle_gaps
+from rudc.geometry import rectangle_gaps
 from rudc.world import kernels
 
 
@@ -27,12 +27,13 @@ def test_the_nearest_gap_is_the_least_of_all(n):
         assert (gaps[close:] > 6.0).all()
 
 
-def test_pairs_that_overlap_are_geometrys():
+def test_pairs_that_overlap_are_those_without_a_gap():
     rng, met = np.random.default_rng(0), 0
     for n in (0, 1, 2, 12, 25):
-        bodies = rectangles(rng, n, 20)
-        found = overlapping_pairs(*bodies)
-        assert kernels.overlapping(*bodies).tolist() == found.tolist()
+        position, heading, size = bodies = rectangles(rng, n, 20)
+        gaps = [rectangle_gaps(*position[i], heading[i], *size[i], *bodies) for i in range(n)]
+        found = [[i, j] for i in range(n) for j in range(i + 1, n) if gaps[i][j] == 0]
+        assert kernels.overlapping(*bodies).tolist() == found
         met += len(found)
     assert met > 10
 

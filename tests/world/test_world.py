@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from rudc.errors import SimulationError, WorldBusyError
-from rudc.geometry import overlapping_pairs, rectangle_gaps
+from rudc.geometry import rectangle_gaps
 from rudc.network.network import load_network
 from rudc.world.config import WorldConfig
 from rudc.world.contact import Nearest
+from rudc.world.kernels import overlapping
 from rudc.world.scene import Scene
 from rudc.world.world import World
 from tests.plans import ALL_KINDS, PlanSource, event
@@ -191,7 +192,7 @@ def test_traffic_of_all_kinds_flows_without_overlaps(world_on, name):
             collisions += world.advance(np.zeros(2)).sv_collisions
             scene = world.scene()
             seen |= set(scene.ids)
-            assert len(overlapping_pairs(scene.position, scene.heading, scene.size)) == 0
+            assert len(overlapping(scene.position, scene.heading, scene.size)) == 0
         assert collisions == 0
         assert len(seen) > scene.count + 2, "some left and others came"
         assert len(set(scene.kind.tolist())) > 2

@@ -25,18 +25,18 @@ from pathlib import Path
 
 import numpy as np
 
-from rudc.env.episode import Outcome
 from rudc.errors import SweepError
+from rudc.evaluation.columns import happened
 from rudc.evaluation.engine import Result, RunnerFactory, local_workers
+from rudc.evaluation.limits import EPISODE_LIMIT_S
 from rudc.evaluation.search.folder import SearchFolder, SearchPlan
 from rudc.evaluation.search.rate import Rate, violation_rate
 from rudc.evaluation.search.region import Region, likeliest_region
 from rudc.evaluation.search.sampler import BATCH, Batch, Sampler
-from rudc.evaluation.sweep import EPISODE_LIMIT_S, Progress, Silent, kept_rows, prepared
+from rudc.evaluation.sweep import Progress, Silent, kept_rows, prepared
 from rudc.evaluation.tasks import Task
 
 Run = Callable[[Sequence[Task]], Iterator[Result]]
-NO_VIOLATION = (str(Outcome.SUCCESS), str(Outcome.FROZEN), "")
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ def _try(
 
 
 def _violated(row: Mapping[str, str]) -> bool:
-    return row["outcome"] not in NO_VIOLATION
+    return happened("VR", row["outcome"])
 
 
 def _findings(folder: SearchFolder, plan: SearchPlan, asked: Sequence[Batch]) -> Findings:

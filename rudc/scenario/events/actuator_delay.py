@@ -12,7 +12,7 @@ from rudc.scenario.events.stage import Stage
 
 
 class ActuatorDelay(Event, frozen=True):
-    """The ego's commands take effect late."""
+    """The ego's commands take effect late; a later event of this kind replaces it whole."""
 
     kind: Literal["actuator_delay"]
     """the ego's commands take effect late"""

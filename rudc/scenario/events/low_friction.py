@@ -11,7 +11,7 @@ from rudc.scenario.events.stage import Stage
 
 
 class LowFriction(Event, frozen=True):
-    """A slippery road."""
+    """A slippery road, from then on; a later event of this kind replaces it."""
 
     kind: Literal["low_friction"]
     """a slippery road"""

@@ -13,7 +13,7 @@ from rudc.scenario.events.stage import Stage
 
 
 class SensorDropout(Event, frozen=True):
-    """The ego misses others at random, and beyond a range."""
+    """The ego misses others at random, and beyond a range; a later event of this kind replaces it whole."""
 
     kind: Literal["sensor_dropout"]
     """the ego misses others at random, and beyond a range"""

@@ -13,7 +13,7 @@ from rudc.scenario.events.stage import Stage
 
 
 class SensorNoise(Event, frozen=True):
-    """Gaussian errors of what the ego perceives of others and of itself."""
+    """Gaussian errors of what the ego sees of others and of itself; a later one replaces it whole."""
 
     kind: Literal["sensor_noise"]
     """Gaussian errors of what the ego perceives of others and of itself"""
