@@ -118,9 +118,12 @@ class Scene:
     """m, how far the ego's sensors reach"""
 
     def __post_init__(self) -> None:
-        """The others' arrays are read-only: agents are handed those that the world goes on with."""
+        """Its arrays are read-only: agents are handed those that the world goes on with."""
         for name in OF_OTHERS:
             getattr(self, name).setflags(write=False)
+        self.last_u.setflags(write=False)
+        if self.hidden_by is not None:
+            self.hidden_by.setflags(write=False)
 
     def __eq__(self, other: object) -> bool:
         """Whether both show the same instant, number for number (network and route: by identity)."""

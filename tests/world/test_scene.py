@@ -4,10 +4,12 @@ import pickle
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from rudc.vehicle import EgoVehicle
-from rudc.world.scene import Scene
+from rudc.world.perception import Sensors
+from rudc.world.scene import OF_OTHERS, Scene
 from tests.plans import PlanSource
 
 CHECK = """
@@ -38,6 +40,9 @@ def test_a_scene_crosses_small_and_comes_back_the_same(world_on):
 def test_nobody_writes_into_what_the_world_goes_on_with(world):
     scene = world.reset(PlanSource(origin="south", turn="left", density=15.0).plan(0))
     assert scene.count
-    for name in ("position", "heading", "velocity", "acceleration", "size", "kind", "path", "path_s"):
+    boxes = np.array([[5.0, 5.0, 0.0, 4.0, 2.0]])
+    hidden = Sensors(occluders=boxes).perceive(scene, np.random.default_rng(0))
+    arrays = [getattr(scene, name) for name in (*OF_OTHERS, "last_u")] + [hidden.hidden_by, hidden.last_u]
+    for array in arrays:
         with pytest.raises(ValueError, match="read-only"):
-            getattr(scene, name)[:] = 0
+            array[:] = 0
