@@ -185,8 +185,10 @@ class CoursePlanner:
 
     def _stays_on_road(self, path: ReferencePath, first: float, last: float) -> bool:
         """Whether a car on the line stays on the road with all corners, between the places at first and
-        last m of the route's path; not asked of where the car is now.
+        last m of the route's path; not asked of where the car is now, nor of the route's last metres, where
+        its front is past the end of the road.
         """
+        last = min(last, self._route.length - self._body.length)
         size = np.array([self._body.length, self._body.width])
         s = np.arange(self._same_place(path, first) + STEP, self._same_place(path, last), 2 * SPACING)
         xy, psi = path.body_pose(s, self._body)

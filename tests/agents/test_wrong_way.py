@@ -50,6 +50,30 @@ def test_before_the_junction_the_lane_beside_is_taken(make_scene, four_way):
     assert courses.see(nobody) is nobody
 
 
+@pytest.mark.parametrize("may_cross_centre", [False, True])
+def test_once_it_has_passed_the_way_is_the_route_again(make_scene, four_way, may_cross_centre):
+    scene = against(make_scene, four_way, 50.0, front=-75.0, v=8.0)
+    scene = replace(scene, may_cross_centre=may_cross_centre)
+    courses = Courses()
+    courses.reset(scene)
+    shown = courses.see(scene)
+    s = shown.ego_s + 40.0  # there it is beside its route
+    x, y, psi = (float(value) for value in shown.route.path.pose(s))
+    ego = replace(scene.ego, x=x, y=y, psi=psi)
+    ego_s, offset = scene.route.path.project(x, y)
+    assert abs(offset) > 1.0
+    later = replace(scene, ego=ego, ego_s=ego_s, ego_offset=offset, time_s=scene.time_s + 5.0)
+    past = replace(later, position=np.array([[x, y]]) - 20.0 * np.array([math.cos(psi), math.sin(psi)]))
+    back = courses.see(past).route.path
+    places = [
+        scene.route.path.project(*map(float, back.pose(back.project(x, y)[0] + way)[:2]))
+        for way in (0.0, 40.0)
+    ]
+    assert places[0][1] == pytest.approx(offset, abs=0.2)
+    assert abs(places[1][1]) < 0.2
+    assert courses.see(replace(past, time_s=past.time_s + 2.0)).route.path is back, "and it is kept"
+
+
 def test_its_lane_follows_the_bends_of_the_road(make_scene, four_way):
     scene = against(make_scene, four_way, 30.0, v=5.0, turn="left", front=-14.0)
     path = scene.route.path

@@ -88,6 +88,17 @@ def test_a_road_blocked_from_edge_to_edge_has_no_course(left):
     assert planner.plan(90.0, 0.0, 0.0, standing, NOBODY) is None
 
 
+@pytest.mark.parametrize("before_end", [30.0, 50.0, 70.0])
+def test_where_the_road_ends_soon_there_are_courses_too(left, before_end):
+    network, route, planner = left
+    start = route.length - before_end
+    standing = bodies(beside(route, start + 14.0, 0.6))
+    course = planner.plan(start, 0.0, 0.0, standing, NOBODY)
+    assert course is not None
+    assert least_gap(course, standing) > 0.3
+    assert on_the_road(network, course, start, start + 25.0)
+
+
 def test_who_comes_the_wrong_way_counts_beyond_the_junction_only(left):
     _, route, planner = left
     in_junction = bodies(beside(route, 0.5 * (route.stop_line_s + route.exit_s), 0.0))
