@@ -66,6 +66,8 @@ class Blocks(NamedTuple):
     """where those who drive the wrong way will be within LANE_S: that lane is theirs"""
     soon: Rectangles
     """where they will be within SOON_S: what they cross on their way is not to be entered"""
+    later: Rectangles
+    """where they will be within LANE_S, straight on: who waits for them does so beside that"""
     resting: Rectangles
     """vehicles that stand on their way, for whatever reason"""
 
@@ -76,7 +78,7 @@ class Blocks(NamedTuple):
 
 
 _NOBODY = Rectangles(np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)))
-NOTHING = Blocks(_NOBODY, _NOBODY, _NOBODY, _NOBODY)
+NOTHING = Blocks(_NOBODY, _NOBODY, _NOBODY, _NOBODY, _NOBODY)
 
 
 class Blocking:
@@ -109,6 +111,7 @@ class Blocking:
             _bodies(scene, stuck),
             _lane_taken(scene, stray, speed[stray]),
             _swept(scene, stray, speed[stray] * SOON_S),
+            _swept(scene, stray, speed[stray] * LANE_S),
             _bodies(scene, still & (scene.path >= 0)),
         )
 

@@ -273,14 +273,16 @@ def _wait(scene: Scene, blocks: Blocks) -> float:
     route, body = scene.route, scene.vehicle
     if not blocks.soon.number:
         return math.inf
-    s, gap = gaps_along(route.path, route.waiting_s, route.exit_s, body, blocks.soon)
+    _, gap = gaps_along(route.path, route.waiting_s, route.exit_s, body, blocks.soon)
     if not (gap < CLEAR).any():
         return math.inf
     front, least = scene.ego_s + 0.5 * body.length, scene.ego.v**2 / (2 * HARDEST)
-    if scene.ego.v < CREEPS and 0.0 <= front - route.waiting_s < JUST_PAST:
+    s, gap = gaps_along(route.path, scene.ego_s, route.exit_s, body, blocks.later)
+    near = np.flatnonzero(gap < ASIDE)
+    clear = float(s[near[0]]) - scene.ego_s if len(near) else math.inf
+    if clear > 0.0 and scene.ego.v < CREEPS and 0.0 <= front - route.waiting_s < JUST_PAST:
         return 0.0
-    clear = float(s[gap < ASIDE][0]) - scene.ego_s
-    rooms = [*(s - front for s in (route.stop_line_s, route.waiting_s)), clear]
+    rooms = [*(s - front for s in (route.stop_line_s, route.waiting_s)), *([clear] if clear > 0.0 else [])]
     return next((room for room in rooms if room >= least), math.inf)
 
 

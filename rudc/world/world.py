@@ -393,4 +393,4 @@ class World:
             deceleration = min(ego_must_yield(scene, path, path_s), most)
             if deceleration > 0:
                 wanted[EGO] = scene.ego.v, deceleration
-        self._brakes.apply(wanted, duration_s)
+        self._brakes.apply(wanted, duration_s, ego_stands=scene.ego.v < STANDING)
