@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rudc.agents.blocking import LANE_S, MEETING_S, PACE, Blocking
-from rudc.agents.courses import CLEAR, Courses
+from rudc.agents.courses import ASIDE, CLEAR, Courses, _wait
 from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode
 from rudc.evaluation.rollout import run_episode
@@ -106,3 +106,31 @@ def test_a_ghost_driver_on_the_approach_is_passed(world_on, tmp_path, agent):
     record = run_episode(Episode(world_on(scenario.network)), scenario.plan(0), make_agent(agent))
     assert record.values["events_fired"] == 1
     assert record.values["outcome"] == "success"
+
+
+@pytest.mark.parametrize("front", [-6.0, -2.0, 0.0, 2.0])
+@pytest.mark.parametrize("v", [2.0, 4.0])
+def test_who_waits_for_one_who_comes_through_the_junction_is_beside_its_way(make_scene, four_way, front, v):
+    """The ego turns right; the other leaves the road into which it turns, straight on over the junction."""
+    alone = make_scene(turn="right", front=front, v=v)
+    s = alone.route.exit_s + 12.0
+    x, y, psi = (float(value) for value in alone.route.path.pose(s))
+    scene = make_scene({"at": (x, y, psi + math.pi), "v": 5.0}, turn="right", front=front, v=v)
+    blocks = Blocking().look(scene)
+    assert blocks.soon.number
+    room = _wait(scene, blocks)
+    assert room < math.inf
+    there = scene.ego_s + room
+    _, gap = gaps_along(scene.route.path, there, there + 0.5, scene.vehicle, blocks.later)
+    assert gap[0] > 0.5 * ASIDE
+
+
+def test_who_stands_in_its_way_does_not_wait_there(make_scene, four_way):
+    alone = make_scene(turn="right")
+    s = alone.route.exit_s + 12.0
+    x, y, psi = (float(value) for value in alone.route.path.pose(s))
+    scene = make_scene({"at": (x, y, psi + math.pi), "v": 5.0}, turn="right", front=10.0, v=0.0)
+    blocks = Blocking().look(scene)
+    _, gap = gaps_along(scene.route.path, scene.ego_s, scene.ego_s + 0.5, scene.vehicle, blocks.later)
+    assert gap[0] < CLEAR
+    assert _wait(scene, blocks) == math.inf

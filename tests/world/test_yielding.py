@@ -10,7 +10,7 @@ from rudc.world.config import WorldConfig
 from rudc.world.scene import EgoState, Kind
 from rudc.world.yielding import must_yield
 from tests.benchmarks.yielding import awkward_poses, stand, waiting
-from tests.plans import PlanSource
+from tests.plans import PlanSource, event
 
 
 def row_of(network, origin, turn):
@@ -147,6 +147,20 @@ def test_spares_an_ego_in_awkward_poses(four_way, world):
             results.append(stand(world, pose))
     assert results.count("hit") == 0
     assert results.count("spared") > 10
+
+
+def test_who_disregards_the_right_of_way_spares_an_ego_that_stands(four_way, world):
+    source = PlanSource(density=35.0, speed=(0.0, 0.0), events=(event("priority_violation", vehicle="all"),))
+    results = []
+    for seed in range(3):
+        origin = world.reset(source.plan(seed)).route.origin
+        for name, pose in awkward_poses(four_way, origin).items():
+            if "junction" in name or "crossing" in name:
+                world.reset(source.plan(seed))
+                results.append(stand(world, pose))
+                assert world.stage.unlawful
+    assert results.count("hit") == 0
+    assert results.count("spared") > 4
 
 
 def test_without_the_layer_it_is_hit(four_way, world_on):
