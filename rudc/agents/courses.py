@@ -101,7 +101,7 @@ class Courses:
         blocks = self._blocks = self._blocking.look(scene)
         shown = scene if self.course is None else along(scene, self.course)
         self._stop = math.inf
-        passed = self._gives_way and not blocks.coming.number
+        passed = self._gives_way and not blocks.any
         if not (blocks.any or passed):
             return shown
         wait, clear = _wait(shown, blocks), _clear(scene, blocks)
@@ -113,7 +113,7 @@ class Courses:
             tried = scene if course is None else along(scene, course)
             if _first_hit(tried, blocks, least) == math.inf:
                 self.course, self._stop = course, _wait(tried, blocks)
-                self._gives_way = course is not None and blocks.coming.number > 0
+                self._gives_way = course is not None and blocks.coming.outside.number > 0
                 self._outs = iter(())
                 return tried
         self._stop = min(hit - SHORT, wait)
@@ -164,7 +164,7 @@ class Courses:
         for planner in _planners_of(scene):
             turned = planner.angle(scene.ego_s, ego.psi)
             slope = math.tan(min(max(turned, -STEEPEST), STEEPEST))
-            course = planner.plan(scene.ego_s, scene.ego_offset, slope, blocks.standing, blocks.coming)
+            course = planner.plan(scene.ego_s, scene.ego_offset, slope, blocks.standing, *blocks.coming)
             if course is not None:
                 planned.append(course)
                 yield course, ROOMY if stands else clear
@@ -250,11 +250,13 @@ def _first_hit(scene: Scene, blocks: Blocks, clear: float) -> float:
     less than `clear` m; inf if there is none.
     """
     route, body, here = scene.route, scene.vehicle, scene.ego_s + HERE
+    lanes = blocks.coming
     hits, end = math.inf, min(here + LOOK, scene.destination_s)
     stretches = (
         (blocks.standing, here, end),
-        (blocks.coming, here, min(route.stop_line_s, end)),
-        (blocks.coming, max(here, route.exit_s), end),
+        (lanes.outside, here, min(route.stop_line_s, end)),
+        (lanes.inside, max(here, route.stop_line_s), min(route.exit_s, end)),
+        (lanes.outside, max(here, route.exit_s), end),
     )
     for rectangles, first, last in stretches:
         s, gap = gaps_along(route.path, first, last, body, rectangles)

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 from rudc.world.sumo import BRAKE_HARD, HEEDLESS, OWN_SPEED, Sumo
 from rudc.world.traffic import EGO, Traffic
 
 
 class Brakes:
-    """Of one episode. Vehicles that an event commands are left alone; so are those that it has disregard the
-    right of way, unless the ego stands: nobody drives into who stands in front of him.
+    """Of one episode. Vehicles that an event commands are left alone. Those that it has disregard the right
+    of way brake for the ego as for any leader: where they drive behind it.
     """
 
     def __init__(self, sumo: Sumo, traffic: Traffic) -> None:
@@ -19,13 +19,16 @@ class Brakes:
         self._hard: set[str] = set()
 
     def apply(
-        self, wanted: Mapping[str, tuple[float, float]], duration_s: float, *, ego_stands: bool
+        self, wanted: Mapping[str, tuple[float, float]], duration_s: float, behind_ego: Collection[str]
     ) -> None:
-        """For the next duration_s: name -> (speed now in m/s, deceleration in m/s2). All others go free."""
+        """For the next duration_s: name -> (speed now in m/s, deceleration in m/s2). All others go free.
+
+        `behind_ego`: names of those who drive behind it.
+        """
         drivers, hard = self._traffic.drivers, set()
         for name, (speed, deceleration) in wanted.items():
             driver = drivers.get(name)
-            if driver is not None and (driver.overridden or (driver.heedless and not ego_stands)):
+            if driver is not None and (driver.overridden or (driver.heedless and name not in behind_ego)):
                 continue
             if driver is None or deceleration > min(driver.decel, self._traffic.grip):
                 hard.add(name)

@@ -64,7 +64,7 @@ class Driver:
     """how many events command its speed at present, so that the yielding layer does not"""
     heedless: int = 0
     """how many events have it disregard the right of way at present: the yielding layer then brakes it only
-    while the ego stands"""
+    behind the ego"""
 
 
 def type_file(plan: TrafficPlan, ego: EgoVehicle) -> str:

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rudc.agents.blocking import LANE_S, MEETING_S, PACE, Blocking
+from rudc.agents.blocking import Blocking
+from rudc.agents.coming import LANE_S, MEETING_S, PACE
 from rudc.agents.courses import ASIDE, CLEAR, Courses, _wait
 from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode
@@ -79,7 +80,7 @@ def test_its_lane_follows_the_bends_of_the_road(make_scene, four_way):
     path = scene.route.path
     s, offset = path.project(*scene.position[0].tolist())
     assert scene.route.stop_line_s < s < scene.route.exit_s
-    taken = Blocking().look(scene).coming
+    taken = Blocking().look(scene).coming.outside
     assert taken.number > 3
     places = [path.project(x, y) for x, y in taken.position.tolist()]
     assert max(abs(aside - offset) for _, aside in places) < 0.2
@@ -91,7 +92,7 @@ def test_it_ends_where_the_ego_will_have_left_the_lane(make_scene, four_way, v):
     theirs = 4.0
     scene = against(make_scene, four_way, 60.0, theirs, front=-70.0)
     scene = replace(scene, ego=replace(scene.ego, v=v))
-    path, taken = scene.route.path, Blocking().look(scene).coming
+    path, taken = scene.route.path, Blocking().look(scene).coming.outside
     s, _ = path.project(*scene.position[0].tolist())
     ends = [path.project(x, y)[0] - 0.5 * (size - 5.0) for (x, y), (size, _) in zip(*taken[::2], strict=True)]
     comes_s = (s - min(ends)) / theirs
@@ -134,3 +135,17 @@ def test_who_stands_in_its_way_does_not_wait_there(make_scene, four_way):
     _, gap = gaps_along(scene.route.path, scene.ego_s, scene.ego_s + 0.5, scene.vehicle, blocks.later)
     assert gap[0] < CLEAR
     assert _wait(scene, blocks) == math.inf
+
+
+def test_in_the_junction_only_who_goes_straight_on_towards_the_ego_is_gone_round(make_scene, four_way):
+    for turn, through in (("straight", True), ("left", False)):
+        scene = against(make_scene, four_way, 45.0, v=5.0, turn=turn, front=-6.0)
+        scene = replace(scene, may_cross_centre=True)
+        inside = Blocking().look(scene).coming.inside
+        assert bool(inside.number) is through
+        courses = Courses()
+        courses.reset(scene)
+        route = courses.see(scene).route
+        middle = 0.5 * (scene.route.stop_line_s + scene.route.exit_s)
+        x, y, _ = scene.route.path.pose(middle)
+        assert (abs(route.path.project(float(x), float(y))[1]) > 1.0) is through

@@ -22,8 +22,8 @@ class PriorityViolation(VehicleEvent, frozen=True):
 
 
 class PriorityViolationEffect(Held[PriorityViolation]):
-    """It takes no notice of who has the right of way; it still keeps its distance to its leader, and does not
-    drive into an ego that stands in its way.
+    """It takes no notice of who has the right of way; it still keeps its distance to its leader, which may be
+    the ego.
     """
 
     def hold(self, stage: Stage, name: str) -> None:

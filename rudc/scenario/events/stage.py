@@ -51,7 +51,7 @@ class Stage(ABC):
         """Take a vehicle's speed into the event's hands: it brakes as hard as it is told to.
 
         A heedless one drives by itself, but without regard to right of way; it still keeps its distance, also
-        to an ego that stands in its way.
+        to an ego before it.
         """
 
     @abstractmethod
