@@ -37,6 +37,9 @@ class Rectangles(NamedTuple):
         return len(self.heading)
 
 
+NO_RECTANGLES = Rectangles(np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)))
+
+
 _ALONG = np.array([1.0, -1.0, -1.0, 1.0])
 """corners' places along the length in half lengths, counter-clockwise from the front left"""
 _ACROSS = 1j * np.array([1.0, 1.0, -1.0, -1.0])

@@ -1,8 +1,9 @@
 """Going round what blocks: the course that a driver is shown, and how fast it may drive beside what stands.
 
-A course (rudc/network/course.py) is kept while it is clear, and planned anew once it is not, at most once
-in AGAIN_S s. While nothing is clear, the ego stops SHORT m before what blocks: nearer, nobody can pull out.
-Beside bodies it drives at most SLOW + PER_METRE x gap, in the bends of a course as of rudc/env/tracking.py.
+A course (rudc/network/course.py) is kept while it is clear. It is planned anew once it is not, and once
+those who came the wrong way have passed for whom it was taken, at most once in AGAIN_S s. While nothing is
+clear, the ego stops SHORT m before what blocks: nearer, nobody can pull out. Beside bodies it drives at most
+SLOW + PER_METRE x gap, in the bends of a course as of rudc/env/tracking.py.
 
 Everywhere it drives at most TOLERATED times the speed limit: on the lane before the junction, in it, and from
 its end on as of the lane behind it.
@@ -87,6 +88,8 @@ class Courses:
         self._standoff.reset()
         self.course: Route | None = None
         """the course driven at present; None for the route itself"""
+        self._gives_way = False
+        """whether it was chosen while somebody came the wrong way"""
         self._again_s = -math.inf
         self._outs: Iterator[tuple[Route | None, float]] = iter(())
         self._blocks: Blocks | None = None
@@ -98,17 +101,19 @@ class Courses:
         blocks = self._blocks = self._blocking.look(scene)
         shown = scene if self.course is None else along(scene, self.course)
         self._stop = math.inf
-        if not blocks.any:
+        passed = self._gives_way and not blocks.any
+        if not (blocks.any or passed):
             return shown
         wait, clear = _wait(shown, blocks), _clear(scene, blocks)
         hit = _first_hit(shown, blocks, clear)
-        if hit == math.inf and not _astray(shown, blocks):
+        if hit == math.inf and not passed and not _astray(shown, blocks):
             self._stop = wait
             return shown
         for course, least in self._candidates(scene, blocks, clear):
             tried = scene if course is None else along(scene, course)
             if _first_hit(tried, blocks, least) == math.inf:
                 self.course, self._stop = course, _wait(tried, blocks)
+                self._gives_way = course is not None and blocks.coming.outside.number > 0
                 self._outs = iter(())
                 return tried
         self._stop = min(hit - SHORT, wait)
@@ -137,9 +142,9 @@ class Courses:
             if _narrow(scene, blocks):
                 track = steering(scene)
                 delta = min(max(delta, track - LEEWAY), track + LEEWAY)
-        if stop < math.inf and not onwards:
-            speed = min(speed, math.sqrt(2 * COMFORT * max(stop, 0.0)))
         wanted = max((speed - scene.ego.v) / RESPONSE_S, scene.vehicle.a_min)
+        if stop < math.inf and not onwards:
+            wanted = min(wanted, _slowing(scene, stop, 0.0, COMFORT))
         return np.array([min(float(u[0]), wanted), delta])
 
     def _candidates(self, scene: Scene, blocks: Blocks, clear: float) -> Iterator[tuple[Route | None, float]]:
@@ -159,7 +164,7 @@ class Courses:
         for planner in _planners_of(scene):
             turned = planner.angle(scene.ego_s, ego.psi)
             slope = math.tan(min(max(turned, -STEEPEST), STEEPEST))
-            course = planner.plan(scene.ego_s, scene.ego_offset, slope, blocks.standing, blocks.coming)
+            course = planner.plan(scene.ego_s, scene.ego_offset, slope, blocks.standing, *blocks.coming)
             if course is not None:
                 planned.append(course)
                 yield course, ROOMY if stands else clear
@@ -198,16 +203,25 @@ def along(scene: Scene, course: Route) -> Scene:
     return replace(scene, route=course, ego_s=s, ego_offset=offset, destination_s=end)
 
 
+def _slowing(scene: Scene, room: float, speed: float, deceleration: float) -> float:
+    """m/s2 with which the ego comes down to a speed in `room` m, braking at `deceleration` m/s2.
+
+    The commands follow the speeds sqrt(speed^2 + 2 deceleration (room - RESPONSE_S v)) within RESPONSE_S s.
+    So the deceleration is constant, and the end of the room is reached no faster.
+    """
+    v = scene.ego.v
+    wanted = math.sqrt(speed**2 + 2 * deceleration * max(room - RESPONSE_S * v, 0.0))
+    return max((wanted - v) / RESPONSE_S, scene.vehicle.a_min)
+
+
 def _limited(scene: Scene, u: Array) -> Array:
     """(2,) the command, m/s2 and rad, with which the ego keeps to the tolerated speed."""
     route = scene.route
     way = route.exit_s - scene.ego_s
-    room = max(way - RESPONSE_S * scene.ego.v, 0.0)
-    speed = math.sqrt((TOLERATED * route.speed_limit_after) ** 2 + 2 * COMFORT * room)
+    a = _slowing(scene, way, TOLERATED * route.speed_limit_after, COMFORT)
     if way > 0.0:
-        speed = min(speed, TOLERATED * route.speed_limit)
-    wanted = (speed - scene.ego.v) / RESPONSE_S
-    return u if u[0] <= wanted else np.array([max(wanted, scene.vehicle.a_min), u[1]])
+        a = min(a, _slowing(scene, 0.0, TOLERATED * route.speed_limit, COMFORT))
+    return u if u[0] <= a else np.array([a, u[1]])
 
 
 def _kept_short(scene: Scene, blocks: Blocks, u: Array) -> Array:
@@ -220,9 +234,8 @@ def _kept_short(scene: Scene, blocks: Blocks, u: Array) -> Array:
     hit = np.flatnonzero(gap <= 0.0)
     if not len(hit):
         return u
-    room = max(float(s[hit[0]]) - scene.ego_s - PULL_OUT, 0.0)
-    wanted = (math.sqrt(2 * HARDEST * room) - scene.ego.v) / RESPONSE_S
-    return u if u[0] <= wanted else np.array([max(wanted, scene.vehicle.a_min), u[1]])
+    a = _slowing(scene, float(s[hit[0]]) - scene.ego_s - PULL_OUT, 0.0, HARDEST)
+    return u if u[0] <= a else np.array([a, u[1]])
 
 
 def _clear(scene: Scene, blocks: Blocks) -> float:
@@ -237,11 +250,13 @@ def _first_hit(scene: Scene, blocks: Blocks, clear: float) -> float:
     less than `clear` m; inf if there is none.
     """
     route, body, here = scene.route, scene.vehicle, scene.ego_s + HERE
+    lanes = blocks.coming
     hits, end = math.inf, min(here + LOOK, scene.destination_s)
     stretches = (
         (blocks.standing, here, end),
-        (blocks.coming, here, min(route.stop_line_s, end)),
-        (blocks.coming, max(here, route.exit_s), end),
+        (lanes.outside, here, min(route.stop_line_s, end)),
+        (lanes.inside, max(here, route.stop_line_s), min(route.exit_s, end)),
+        (lanes.outside, max(here, route.exit_s), end),
     )
     for rectangles, first, last in stretches:
         s, gap = gaps_along(route.path, first, last, body, rectangles)
@@ -260,14 +275,16 @@ def _wait(scene: Scene, blocks: Blocks) -> float:
     route, body = scene.route, scene.vehicle
     if not blocks.soon.number:
         return math.inf
-    s, gap = gaps_along(route.path, route.waiting_s, route.exit_s, body, blocks.soon)
+    _, gap = gaps_along(route.path, route.waiting_s, route.exit_s, body, blocks.soon)
     if not (gap < CLEAR).any():
         return math.inf
     front, least = scene.ego_s + 0.5 * body.length, scene.ego.v**2 / (2 * HARDEST)
-    if scene.ego.v < CREEPS and 0.0 <= front - route.waiting_s < JUST_PAST:
+    s, gap = gaps_along(route.path, scene.ego_s, route.exit_s, body, blocks.later)
+    near = np.flatnonzero(gap < ASIDE)
+    clear = float(s[near[0]]) - scene.ego_s if len(near) else math.inf
+    if clear > 0.0 and scene.ego.v < CREEPS and 0.0 <= front - route.waiting_s < JUST_PAST:
         return 0.0
-    clear = float(s[gap < ASIDE][0]) - scene.ego_s
-    rooms = [*(s - front for s in (route.stop_line_s, route.waiting_s)), clear]
+    rooms = [*(s - front for s in (route.stop_line_s, route.waiting_s)), *([clear] if clear > 0.0 else [])]
     return next((room for room in rooms if room >= least), math.inf)
 
 

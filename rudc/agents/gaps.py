@@ -39,7 +39,7 @@ SLOWEST = 1.0
 """m/s, below which a vehicle counts as stopping: twice STANDING, since when one that creeps will have passed
 says nothing"""
 LONGER = 5.0
-"""m by which a conflict begins sooner or ends later on a course than on its route, to be the course's own"""
+"""m by which a conflict begins sooner or ends later beside the route than on it, to be the course's own"""
 
 
 class Conflicts(NamedTuple):
@@ -76,14 +76,14 @@ def crossing(scene: Scene) -> Conflicts | None:
 
 
 def entering(scene: Scene, route: Route) -> Conflicts | None:
-    """With those on whose ground the ego's course comes, and its `route` does not, or later, or less long;
-    None if nobody is there.
+    """With those on whose ground the ego's course comes where it has left its `route`, which does not come
+    there; None if nobody is there.
     """
     driven = np.flatnonzero(scene.path >= 0)
     if not len(driven):
         return None
     paths = scene.network.paths
-    table = scene.network.conflict(scene.route)[scene.path[driven]]
+    table = scene.network.departure(scene.route, route)[scene.path[driven]]
     before = scene.network.conflict(route)[scene.path[driven]]
     shared = (before[:, 0] < table[:, 0] + LONGER) & (before[:, 1] > table[:, 1] - LONGER)
     own = np.isfinite(table[:, 0]) & ~shared  # no conflict of the route (nan) is not shared

@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.spatial import KDTree
 
-from rudc.arrays import Array
+from rudc.arrays import Array, Flags
 from rudc.network.paths import SPACING, PathTable
 from rudc.network.route import ReferencePath
 
@@ -23,11 +23,24 @@ WAITING_GAP = 0.75
 """m that a waiting vehicle keeps from the swept paths of traffic it must yield to"""
 
 
-def conflict_table(path: ReferencePath, paths: PathTable) -> Array:
+DEPARTS = 0.5
+"""m from its route beyond which a course has left it"""
+
+
+def departure_table(course: ReferencePath, route: ReferencePath, paths: PathTable) -> Array:
+    """`conflict_table` of those stretches of a course that lie off its route."""
+    gap, _ = KDTree(route.xy).query(course.xy)
+    return conflict_table(course, paths, gap > DEPARTS)
+
+
+def conflict_table(path: ReferencePath, paths: PathTable, stations: Flags | None = None) -> Array:
     """(P, 4) m: s_ego_in, s_ego_out, s_sv_in, s_sv_out of the path's conflict with each row; nan if there is
-    none."""
+    none. Only those `stations` (M,) of the path count."""
     table = np.full((paths.count, 4), np.nan)
-    tree = KDTree(path.xy)
+    s_of_path, xy_of_path = (path.s, path.xy) if stations is None else (path.s[stations], path.xy[stations])
+    if not len(s_of_path):
+        return table
+    tree = KDTree(xy_of_path)
     for row in range(paths.count):
         s = SPACING * np.arange(int(paths.length[row] / SPACING) + 1)
         xy = paths.xy[row, : len(s)]
@@ -35,9 +48,9 @@ def conflict_table(path: ReferencePath, paths: PathTable) -> Array:
         theirs = np.flatnonzero(np.isfinite(gap))
         if not len(theirs):
             continue
-        gap, _ = KDTree(xy[theirs]).query(path.xy, distance_upper_bound=CONFLICT_WIDTH)
+        gap, _ = KDTree(xy[theirs]).query(xy_of_path, distance_upper_bound=CONFLICT_WIDTH)
         ours = np.flatnonzero(np.isfinite(gap))
-        table[row] = path.s[ours[0]], path.s[ours[-1]], s[theirs[0]], s[theirs[-1]]
+        table[row] = s_of_path[ours[0]], s_of_path[ours[-1]], s[theirs[0]], s[theirs[-1]]
     return table
 
 

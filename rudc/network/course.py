@@ -96,13 +96,20 @@ class CoursePlanner:
         self._lattice = Lattice(route.path, depths, body, body.tightest)
 
     def plan(
-        self, s: float, offset: float, slope: float, standing: Rectangles, coming: Rectangles
+        self,
+        s: float,
+        offset: float,
+        slope: float,
+        standing: Rectangles,
+        coming: Rectangles,
+        inside: Rectangles,
     ) -> Route | None:
         """A course round bodies for a car at arc length s (m) of the route's path, `offset` m to its left.
 
         `slope`: tangent of the angle between path and car (`angle`). `coming`: bodies that count before the
-        junction and beyond it, not inside. None if the lattice has no way on which the car stays on the
-        road; whether the course that comes out is clear is the caller's to ask (`gaps_along`).
+        junction and beyond it, `inside`: those that count in it. None if the lattice has no way on which the
+        car stays on the road; whether the course that comes out is clear is the caller's to ask
+        (`gaps_along`).
         """
         first, last = self._span(s)
         if (last - first) * STEP < SHORTEST:
@@ -110,7 +117,9 @@ class CoursePlanner:
         behind = (first - np.arange(first)) * STEP
         before = offset * np.clip(1.0 - (behind - RETURN[0]) / RETURN[1], 0.0, 1.0)
         stop, leave = self._route.stop_line_s, self._route.exit_s
-        bodies = [(standing, 0.0, np.inf), (coming, 0.0, stop), (coming, leave, np.inf)]
+        bodies = [
+            (standing, 0.0, np.inf), (coming, 0.0, stop), (inside, stop, leave), (coming, leave, np.inf)
+        ]  # fmt: skip
         for margin in ROAD_MARGINS:
             profile = self._lattice.search(first, last, (offset, slope), bodies, margin)
             if profile is None:
@@ -185,8 +194,10 @@ class CoursePlanner:
 
     def _stays_on_road(self, path: ReferencePath, first: float, last: float) -> bool:
         """Whether a car on the line stays on the road with all corners, between the places at first and
-        last m of the route's path; not asked of where the car is now.
+        last m of the route's path; not asked of where the car is now, nor of the route's last metres, where
+        its front is past the end of the road.
         """
+        last = min(last, self._route.length - self._body.length)
         size = np.array([self._body.length, self._body.width])
         s = np.arange(self._same_place(path, first) + STEP, self._same_place(path, last), 2 * SPACING)
         xy, psi = path.body_pose(s, self._body)

@@ -20,7 +20,7 @@ from rudc.arrays import Array
 from rudc.errors import NetworkError
 from rudc.hints import there_are
 from rudc.network import assembly, reader
-from rudc.network.conflicts import conflict_table
+from rudc.network.conflicts import conflict_table, departure_table
 from rudc.network.paths import PathTable, lane_spans
 from rudc.network.polyline import without_repeats
 from rudc.network.road import Arm, Lane, Movement
@@ -81,6 +81,7 @@ class Layout:
         self.surface = Surface(assembly.drivable_polygons(chosen, raw_arms, self.lanes), directed)
         """the drivable area"""
         self._conflicts: WeakKeyDictionary[ReferencePath, Array] = WeakKeyDictionary()
+        self._departures: WeakKeyDictionary[ReferencePath, Array] = WeakKeyDictionary()
         self.center.flags.writeable = False
 
     def __repr__(self) -> str:
@@ -145,6 +146,15 @@ class Layout:
             table.flags.writeable = False
             self._conflicts[line] = table
         return self._conflicts[line]
+
+    def departure(self, course: Route, route: Route) -> Array:
+        """(P, 4) m, as `conflict`, of those stretches of a course that lie off its route."""
+        line = course.path
+        if line not in self._departures:
+            table = departure_table(line, route.path, self.paths)
+            table.flags.writeable = False
+            self._departures[line] = table
+        return self._departures[line]
 
     def inbound_lane(self, row: int) -> Lane:
         """The last lane before the junction of a row of `paths`."""

@@ -106,7 +106,7 @@ class Detours:
         network, paths, name = self._network, self._network.paths, scene.ids[i]
         row = int(scene.path[i])
         driver = self._traffic.drivers.get(name)
-        if driver is None or driver.overridden:
+        if driver is None or driver.overridden or driver.heedless:
             return None
         movement = network.movement(driver.origin, driver.destination)
         before = front < paths.stop_s[row]

@@ -62,6 +62,9 @@ class Driver:
     """desired speed over the limit"""
     overridden: int = 0
     """how many events command its speed at present, so that the yielding layer does not"""
+    heedless: int = 0
+    """how many events have it disregard the right of way at present: the yielding layer then brakes it only
+    behind the ego"""
 
 
 def type_file(plan: TrafficPlan, ego: EgoVehicle) -> str:

@@ -39,7 +39,7 @@ from rudc.world.spawn import draw_route, entry, safe_to_start
 from rudc.world.sumo import Sumo
 from rudc.world.traffic import EGO, Traffic, type_file
 from rudc.world.trial import refuse_untried
-from rudc.world.yielding import BRAKE_MOST, ego_must_yield, must_yield
+from rudc.world.yielding import BRAKE_MOST, drives_behind, ego_must_yield, must_yield
 
 if TYPE_CHECKING:
     from rudc.network.network import Network
@@ -393,4 +393,5 @@ class World:
             deceleration = min(ego_must_yield(scene, path, path_s), most)
             if deceleration > 0:
                 wanted[EGO] = scene.ego.v, deceleration
-        self._brakes.apply(wanted, duration_s)
+        behind = {scene.ids[row] for row in braking.rows if self._ego_inside and drives_behind(scene, row)}
+        self._brakes.apply(wanted, duration_s, behind)

@@ -51,6 +51,7 @@ TIMES: Array = STEP_S * np.arange(INSTANTS, dtype=np.float64)
 """(INSTANTS,) s, looked at"""
 
 _COS_OFF = math.cos(math.pi / 6)
+_COS_BEHIND = math.cos(math.pi / 4)
 
 
 class Yielding(NamedTuple):
@@ -94,6 +95,14 @@ def ego_must_yield(scene: Scene, path: int, path_s: float) -> float:
         path_s=np.append(path_s, scene.path_s[obstacles]),
     )
     return sum(must_yield(alone, ego_present=False).deceleration)
+
+
+def drives_behind(scene: Scene, row: int) -> bool:
+    """Whether an SV drives behind the ego, where it does, within 45 degrees."""
+    ego, heading = scene.ego, float(scene.heading[row])
+    dx, dy = (ego.x, ego.y) - scene.position[row]
+    ahead = dx * math.cos(heading) + dy * math.sin(heading)
+    return bool(ahead > 0.0 and math.cos(heading - ego.psi) > _COS_BEHIND)
 
 
 def _heeding(scene: Scene, stray: bool) -> Flags | None:

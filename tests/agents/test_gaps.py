@@ -68,7 +68,9 @@ def test_only_what_the_route_itself_does_not_touch_is_the_courses_own(make_scene
     body = truck(four_way)
     standing = Rectangles(np.array([body["at"][:2]]), np.array([body["at"][2]]), np.array([body["size"]]))
     nobody = Rectangles(np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)))
-    course = CoursePlanner(four_way, route, scene.vehicle).plan(scene.ego_s, 0.0, 0.0, standing, nobody)
+    course = CoursePlanner(four_way, route, scene.vehicle).plan(
+        scene.ego_s, 0.0, 0.0, standing, nobody, nobody
+    )
     assert course is not None
     found = entering(along(scene, course), route)
     assert found is not None

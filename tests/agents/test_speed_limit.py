@@ -1,4 +1,4 @@
-"""How fast an agent that is led along courses may drive where the road's speed limit says so."""
+"""How an agent that is led along courses slows down: to speed limits, and to where it has to stop."""
 
 # ruff: noqa: F811 -- fixtures come by import
 from dataclasses import replace
@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rudc.agents.courses import TOLERATED, Courses
+from rudc.agents.courses import HARDEST, TOLERATED, Courses, _slowing
 from rudc.env.tracking import COMFORT
 from rudc.world.ego import EgoPlant
 from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
@@ -41,3 +41,19 @@ def test_no_faster_than_the_speed_limit_tolerates(make_scene, before, after):
 
 def test_who_would_be_hit_if_it_braked_minds_no_limit(make_scene):
     assert speeds(make_scene, 5.5, 5.5, onwards=True)[:, 1].max() > 10.0
+
+
+@pytest.mark.parametrize("deceleration", [COMFORT, HARDEST])
+@pytest.mark.parametrize("v", [2.0, 6.0, 12.0])
+def test_it_comes_to_a_stand_where_it_has_to_and_not_beyond(make_scene, v, deceleration):
+    room = v**2 / (2 * deceleration) + 5.0
+    scene = make_scene(v=v)
+    plant, driven, hardest = EgoPlant(scene.vehicle), 0.0, 0.0
+    plant.resume(scene.ego, plant.actuation)
+    for _ in range(150):
+        now, before = replace(scene, ego=plant.state), plant.state.v
+        a = min(_slowing(now, room - driven, 0.0, deceleration), 1.0)
+        driven += 0.05 * (before + plant.step(a, 0.0, 0.1).v)
+        hardest = max(hardest, (before - plant.state.v) / 0.1)
+    assert room - 0.1 < driven < room + 0.02
+    assert hardest < 1.1 * deceleration

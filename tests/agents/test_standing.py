@@ -35,7 +35,7 @@ def test_who_stands_is_seen_where_it_stands_through_noise_and_gaps(wreck):
     assert all(np.hypot(*(scene.position[0] - POSE[:2])) < 0.35 for scene in last)
     assert all(abs(scene.heading[0] - POSE[2]) < 0.06 for scene in last)
     blocks = watched(wreck, sensors, 10.0, Blocking())[50:]
-    assert all(seen.standing.number == 1 and seen.coming.number == 0 for seen in blocks)
+    assert all(seen.standing.number == 1 and seen.coming.outside.number == 0 for seen in blocks)
 
 
 def test_sensors_without_flaws_are_believed(wreck):

@@ -56,7 +56,7 @@ def left():
 
 def test_a_free_road_gives_the_reference_path(left):
     _, route, planner = left
-    course = planner.plan(80.0, 0.0, 0.0, NOBODY, NOBODY)
+    course = planner.plan(80.0, 0.0, 0.0, NOBODY, NOBODY, NOBODY)
     assert course is not None
     for s in np.arange(80.0, 150.0, 5.0):
         x, y, _ = course.path.pose(course.path.project(*(float(v) for v in route.path.pose(s)[:2]))[0])
@@ -71,7 +71,7 @@ def test_a_body_anywhere_in_the_lane_is_passed_on_the_road(left, at, offset):
     network, route, planner = left
     standing = bodies(beside(route, route.stop_line_s + at, offset, 0.2))
     start = route.stop_line_s + min(at, 0.0) - 30.0
-    course = planner.plan(start, 0.0, 0.0, standing, NOBODY)
+    course = planner.plan(start, 0.0, 0.0, standing, NOBODY, NOBODY)
     assert course is not None
     assert least_gap(course, standing) > 0.3
     assert on_the_road(network, course, start, start + 75.0)
@@ -85,18 +85,32 @@ def test_a_road_blocked_from_edge_to_edge_has_no_course(left):
     _, route, planner = left
     s = route.exit_s + 15.0
     standing = bodies(*(beside(route, s, offset, math.pi / 2) for offset in (-4.5, 0.0, 4.5)))
-    assert planner.plan(90.0, 0.0, 0.0, standing, NOBODY) is None
+    assert planner.plan(90.0, 0.0, 0.0, standing, NOBODY, NOBODY) is None
 
 
-def test_who_comes_the_wrong_way_counts_beyond_the_junction_only(left):
+@pytest.mark.parametrize("before_end", [30.0, 50.0, 70.0])
+def test_where_the_road_ends_soon_there_are_courses_too(left, before_end):
+    network, route, planner = left
+    start = route.length - before_end
+    standing = bodies(beside(route, start + 14.0, 0.6))
+    course = planner.plan(start, 0.0, 0.0, standing, NOBODY, NOBODY)
+    assert course is not None
+    assert least_gap(course, standing) > 0.3
+    assert on_the_road(network, course, start, start + 25.0)
+
+
+def test_who_comes_the_wrong_way_counts_where_it_is_said_to(left):
     _, route, planner = left
     in_junction = bodies(beside(route, 0.5 * (route.stop_line_s + route.exit_s), 0.0))
-    assert planner.plan(90.0, 0.0, 0.0, in_junction, NOBODY) is not None
-    course = planner.plan(90.0, 0.0, 0.0, NOBODY, in_junction)
+    assert planner.plan(90.0, 0.0, 0.0, in_junction, NOBODY, NOBODY) is not None
+    course = planner.plan(90.0, 0.0, 0.0, NOBODY, in_junction, NOBODY)
     assert course is not None
     assert least_gap(course, in_junction) == 0.0
+    course = planner.plan(90.0, 0.0, 0.0, NOBODY, NOBODY, in_junction)
+    assert course is not None
+    assert least_gap(course, in_junction) > 0.3
     beyond = bodies(beside(route, route.exit_s + 20.0, 0.0), size=(40.0, 1.8))
-    course = planner.plan(90.0, 0.0, 0.0, NOBODY, beyond)
+    course = planner.plan(90.0, 0.0, 0.0, NOBODY, beyond, NOBODY)
     assert course is not None
     _, gap = gaps_along(course.path, course.exit_s, course.length, BODY, beyond)
     assert gap.min() > 0.25
@@ -117,7 +131,7 @@ def test_who_comes_the_wrong_way_counts_beyond_the_junction_only(left):
 def test_what_comes_out_is_clear_on_the_road_and_starts_at_the_car(left, places, s, offset):
     network, route, planner = left
     standing = bodies(*(beside(route, route.stop_line_s + at, away, turned) for at, away, turned in places))
-    course = planner.plan(s, offset, 0.0, standing, NOBODY)
+    course = planner.plan(s, offset, 0.0, standing, NOBODY, NOBODY)
     if course is None:
         return
     x, y, _ = beside(route, s, offset)
@@ -140,7 +154,7 @@ def test_gaps_along_agree_with_rectangles_one_by_one(left):
 
 def test_a_course_travels_whole_and_a_route_by_its_key(left):
     _, route, planner = left
-    course = planner.plan(80.0, 0.0, 0.0, bodies(beside(route, 140.0, 0.0)), NOBODY)
+    course = planner.plan(80.0, 0.0, 0.0, bodies(beside(route, 140.0, 0.0)), NOBODY, NOBODY)
     assert course is not None
     again = pickle.loads(pickle.dumps(course))
     assert np.array_equal(again.path.xy, course.path.xy)

@@ -138,7 +138,7 @@ def test_priority_violation_ends(world):
     assert world.stage.unlawful
     run(world, source, 4.0)
     assert not world.stage.unlawful & set(world.scene().ids)
-    assert not any(driver.overridden for driver in world.traffic.drivers.values())
+    assert not any(driver.overridden or driver.heedless for driver in world.traffic.drivers.values())
 
 
 def test_speeding_and_slow_vehicle_change_the_speed_they_drive_at(world):

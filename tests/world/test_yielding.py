@@ -10,7 +10,7 @@ from rudc.world.config import WorldConfig
 from rudc.world.scene import EgoState, Kind
 from rudc.world.yielding import must_yield
 from tests.benchmarks.yielding import awkward_poses, stand, waiting
-from tests.plans import PlanSource
+from tests.plans import PlanSource, event
 
 
 def row_of(network, origin, turn):
@@ -147,6 +147,22 @@ def test_spares_an_ego_in_awkward_poses(four_way, world):
             results.append(stand(world, pose))
     assert results.count("hit") == 0
     assert results.count("spared") > 10
+
+
+def test_who_disregards_the_right_of_way_still_keeps_its_distance(four_way, world):
+    """Behind an ego that stands between two lanes, where SUMO sees it in neither; not before one across its
+    way.
+    """
+    source = PlanSource(density=30.0, speed=(0.0, 0.0), events=(event("priority_violation", vehicle="all"),))
+    results = {"between two lanes": [], "in the junction, at 45 degrees": []}
+    for seed in range(6):
+        for name, found in results.items():
+            pose = awkward_poses(four_way, world.reset(source.plan(seed)).route.origin)[name]
+            found.append(stand(world, pose))
+            assert world.stage.unlawful
+    assert "hit" not in results["between two lanes"]
+    assert results["between two lanes"].count("spared") > 2
+    assert "hit" in results["in the junction, at 45 degrees"]
 
 
 def test_without_the_layer_it_is_hit(four_way, world_on):

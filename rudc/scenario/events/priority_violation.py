@@ -22,14 +22,16 @@ class PriorityViolation(VehicleEvent, frozen=True):
 
 
 class PriorityViolationEffect(Held[PriorityViolation]):
-    """It takes no notice of who has the right of way; it still keeps its distance to its leader."""
+    """It takes no notice of who has the right of way; it still keeps its distance to its leader, which may be
+    the ego.
+    """
 
     def hold(self, stage: Stage, name: str) -> None:
         stage.seize(name, heedless=True)
         stage.unlawful.add(name)
 
     def let_go(self, stage: Stage, name: str) -> None:
-        stage.release(name)
+        stage.release(name, heedless=True)
         stage.unlawful.discard(name)
 
 

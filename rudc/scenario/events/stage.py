@@ -50,12 +50,13 @@ class Stage(ABC):
     def seize(self, name: str, *, heedless: bool = False) -> None:
         """Take a vehicle's speed into the event's hands: it brakes as hard as it is told to.
 
-        A heedless one drives by itself, but without regard to right of way; it still keeps its distance.
+        A heedless one drives by itself, but without regard to right of way; it still keeps its distance, also
+        to an ego before it.
         """
 
     @abstractmethod
-    def release(self, name: str) -> None:
-        """Give a seized vehicle back to its driver."""
+    def release(self, name: str, *, heedless: bool = False) -> None:
+        """Give a vehicle back to its driver, seized with the same `heedless`."""
 
     @abstractmethod
     def slow_down(self, name: str, deceleration: float) -> None:

@@ -84,11 +84,19 @@ class WorldStage(NetworkStage):
         return math.hypot(*self.scene.velocity[self.scene.ids.index(name)])
 
     def seize(self, name: str, *, heedless: bool = False) -> None:
-        self.traffic.drivers[name].overridden += 1
+        driver = self.traffic.drivers[name]
+        if heedless:
+            driver.heedless += 1
+        else:
+            driver.overridden += 1
         self.sumo.set_mode(name, HEEDLESS if heedless else BRAKE_HARD)
 
-    def release(self, name: str) -> None:
-        self.traffic.drivers[name].overridden -= 1
+    def release(self, name: str, *, heedless: bool = False) -> None:
+        driver = self.traffic.drivers[name]
+        if heedless:
+            driver.heedless -= 1
+        else:
+            driver.overridden -= 1
         self.sumo.set_mode(name, OWN_SPEED)
 
     def slow_down(self, name: str, deceleration: float) -> None:

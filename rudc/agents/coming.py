@@ -1,0 +1,126 @@
+"""Who comes the wrong way: the lanes that they take, as far along the road as they get in LANE_S s."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from rudc.arrays import Array, Flags, Index
+from rudc.geometry import NO_RECTANGLES, Rectangles
+from rudc.network.paths import SPACING
+from rudc.world.scene import Scene
+
+LANE_S = 12.0
+"""s"""
+AGAINST = -0.5
+"""cosine of the angle to the ego's line from which on somebody drives against it"""
+ALONG, PIECE = 0.35, 4.0
+"""rad, angle to the line up to which one who drives against it is taken to follow its bends; m, length of a
+piece of the lane that it takes"""
+MEETING_S, PACE = 4.0, 4.0
+"""s between the ego at a place and one who comes the wrong way there; m/s, speed that the ego is taken to
+have at least"""
+FAR_BESIDE = 8.0
+"""m from the ego's line beyond which nobody is on its road"""
+
+
+class Lanes(NamedTuple):
+    """What they take."""
+
+    outside: Rectangles
+    """before the junction and beyond it"""
+    inside: Rectangles
+    """by those who are on the ego's line in the junction, too, since it goes straight on there, as they do"""
+
+
+NOBODY = Lanes(NO_RECTANGLES, NO_RECTANGLES)
+
+
+def strays(scene: Scene, who: Flags) -> Index:
+    """(n,) those of the others `who` (N,) that drive against the ego's line ahead of it, on its road."""
+    return np.array([i for i in np.flatnonzero(who).tolist() if _against(scene, i)], dtype=np.int64)
+
+
+def lanes_of(scene: Scene, who: Index, speed: Array) -> Lanes:
+    """What those `who` (n,) take at (n,) m/s."""
+    if not len(who):
+        return NOBODY
+    through = np.array([_goes_through(scene, i) for i in who.tolist()], dtype=np.bool_)
+    inside = _taken(scene, who[through], speed[through], through[through])
+    return Lanes(_taken(scene, who, speed, through), inside)
+
+
+def swept(scene: Scene, who: Index, way: Array) -> Rectangles:
+    """What others sweep over on a straight way (n,) m."""
+    if not len(who):
+        return NO_RECTANGLES
+    course = np.stack([np.cos(scene.heading[who]), np.sin(scene.heading[who])], axis=1)
+    return Rectangles(
+        scene.position[who] + 0.5 * way[:, None] * course,
+        scene.heading[who],
+        scene.size[who] + way[:, None] * (1.0, 0.0),
+    )
+
+
+def _taken(scene: Scene, who: Index, speed: Array, through: Flags) -> Rectangles:
+    """What others who drive against the ego's line at (n,) m/s sweep over in LANE_S: a lane as far beside it
+    as they are now, in pieces that follow its bends; straight on where they head elsewhere. It ends at the
+    junction, but for those who go `through` (n,).
+
+    Where they drive on the same stretch of road as the ego, that lane ends at the place which they reach
+    MEETING_S after the ego: what lies nearer to the ego it has passed by then.
+    """
+    path, route, here = scene.route.path, scene.route, scene.ego_s
+    beyond, pace = here + 0.5 * scene.vehicle.length > route.exit_s, max(scene.ego.v, PACE)
+    pieces: list[tuple[float, float, float, float, float]] = []
+    ahead = list[int]()
+    for k, i in enumerate(who.tolist()):
+        s, offset = path.project(*scene.position[i].tolist())
+        turned = float(scene.heading[i]) - float(path.pose(s)[2]) + math.pi
+        if abs(math.remainder(turned, 2 * math.pi)) > ALONG:
+            ahead.append(k)
+            continue
+        theirs = float(speed[k])
+        last = max(s - theirs * LANE_S, route.exit_s if s > route.exit_s and not through[k] else 0.0)
+        if beyond or s <= route.exit_s or through[k]:
+            # (s - meeting) / theirs = (meeting - here) / pace + MEETING_S
+            meeting = (s * pace + here * theirs - MEETING_S * theirs * pace) / (pace + theirs)
+            last = max(last, meeting)
+        cuts = np.linspace(s, min(last, s), max(math.ceil((s - last) / PIECE), 1) + 1)
+        length, width = scene.size[i].tolist()
+        for near, far in pairwise(cuts.tolist()):
+            x, y, psi = (float(v) for v in path.pose(0.5 * (near + far)))
+            at = x - offset * math.sin(psi), y + offset * math.cos(psi)
+            pieces.append((*at, psi, length + near - far, width))
+    straight = swept(scene, who[ahead], speed[ahead] * LANE_S)
+    if not pieces:
+        return straight
+    table = np.array(pieces)
+    return Rectangles(
+        np.concatenate([straight.position, table[:, :2]]),
+        np.concatenate([straight.heading, table[:, 2]]),
+        np.concatenate([straight.size, table[:, 3:]]),
+    )
+
+
+def _goes_through(scene: Scene, i: int) -> bool:
+    """Whether somebody who drives against the ego's line goes through the junction along it, straight on."""
+    path, route = scene.route.path, scene.route
+    s, _ = path.project(*scene.position[i].tolist())
+    if s < route.stop_line_s:
+        return False
+    theirs = path.heading_at(route.exit_s) if s > route.exit_s else float(scene.heading[i]) + math.pi
+    first, last = (int(place / SPACING) for place in (route.stop_line_s, min(s, route.exit_s)))
+    return bool((np.cos(path.heading[first : last + 1] - theirs) > math.cos(ALONG)).all())
+
+
+def _against(scene: Scene, i: int) -> bool:
+    """Whether somebody ahead on the ego's road drives against its line."""
+    path = scene.route.path
+    s, offset = path.project(*scene.position[i].tolist())
+    if not scene.ego_s < s < path.length or abs(offset) > FAR_BESIDE:
+        return False
+    return math.cos(float(scene.heading[i]) - float(path.pose(s)[2])) < AGAINST
