@@ -21,16 +21,8 @@ SWEPT_HALF_WIDTH = 1.0
 """m to each side of a lane's centre line that its traffic sweeps"""
 WAITING_GAP = 0.75
 """m that a waiting vehicle keeps from the swept paths of traffic it must yield to"""
-
-
 DEPARTS = 0.5
 """m from its route beyond which a course has left it"""
-
-
-def departure_table(course: ReferencePath, route: ReferencePath, paths: PathTable) -> Array:
-    """`conflict_table` of those stretches of a course that lie off its route."""
-    gap, _ = KDTree(route.xy).query(course.xy)
-    return conflict_table(course, paths, gap > DEPARTS)
 
 
 def conflict_table(path: ReferencePath, paths: PathTable, stations: Flags | None = None) -> Array:
@@ -52,6 +44,12 @@ def conflict_table(path: ReferencePath, paths: PathTable, stations: Flags | None
         ours = np.flatnonzero(np.isfinite(gap))
         table[row] = s_of_path[ours[0]], s_of_path[ours[-1]], s[theirs[0]], s[theirs[-1]]
     return table
+
+
+def departure_table(course: ReferencePath, route: ReferencePath, paths: PathTable) -> Array:
+    """`conflict_table` of those stretches of a course that lie off its route."""
+    gap, _ = KDTree(route.xy).query(course.xy)
+    return conflict_table(course, paths, gap > DEPARTS)
 
 
 @lru_cache(maxsize=4096)

@@ -99,6 +99,23 @@ def test_where_the_road_ends_soon_there_are_courses_too(left, before_end):
     assert on_the_road(network, course, start, start + 25.0)
 
 
+def test_a_course_departs_where_it_has_left_its_route(left):
+    network, route, planner = left
+    standing = bodies(beside(route, route.exit_s + 20.0, 0.0))
+    course = planner.plan(route.exit_s - 10.0, 0.0, 0.0, standing, NOBODY, NOBODY)
+    assert course is not None
+    table, whole = network.departure(course, route), network.conflict(course)
+    rows = np.flatnonzero(np.isfinite(table[:, 0]))
+    assert len(rows)
+    for s in table[rows, :2].ravel():
+        x, y, _ = course.path.pose(s)
+        assert abs(route.path.project(float(x), float(y))[1]) > 0.4
+    assert (table[rows, 0] >= whole[rows, 0]).all()
+    assert (table[rows, 1] <= whole[rows, 1]).all()
+    assert (table[rows, 0] > whole[rows, 0] + 20.0).any()
+    assert not np.isfinite(network.departure(route, route)).any()
+
+
 def test_who_comes_the_wrong_way_counts_where_it_is_said_to(left):
     _, route, planner = left
     in_junction = bodies(beside(route, 0.5 * (route.stop_line_s + route.exit_s), 0.0))
