@@ -99,7 +99,7 @@ def _show(report: NetworkReport, lanes: bool) -> None:
     typer.echo(f"{report.name}: junction {report.junction} ({report.kind}), {road}\n")
     arms = [
         [a.name, f"{a.bearing_deg:.0f}", f"{a.length_m:.0f}", str(a.in_lanes), str(a.out_lanes),
-         f"{a.lane_width_m:.1f}", f"{a.speed_mps:.1f}", "major" if a.major else "minor"]
+         f"{a.lane_width_m:.2f}", f"{a.speed_mps:.1f}", "major" if a.major else "minor"]
         for a in report.arms
     ]  # fmt: skip
     headings = [

@@ -40,7 +40,8 @@ class Firing:
         early = (
             ""
             if self.fired == self.drawn
-            else "; in others gap-acceptance, which drives, may have arrived before"
+            else "; in the others gap-acceptance, which drives, may have arrived before, or nobody was there "
+            "whom it selects"
         )
         happens = f"happens in {self.fired} of {self.episodes} episodes"
         return f"event {numbered(self.number, self.kind)}: {happens}{rest}{seen}{early}"

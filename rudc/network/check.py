@@ -158,7 +158,10 @@ def _node_warnings(network: Network) -> Iterator[str]:
 
 def _arm_warnings(network: Network, arm: Arm) -> Iterator[str]:
     if arm.length < SHORT_ARM:
-        yield f"arm {arm.name} is only {arm.length:.0f} m long; at least {SHORT_ARM:.0f} m are wanted"
+        yield (
+            f"arm {arm.name} is only {arm.length:.0f} m long; from {SHORT_ARM:.0f} m on there is room to "
+            "start, follow and brake"
+        )
     if not arm.in_lanes:
         yield f"arm {arm.name} is one-way: nothing enters by it"
     if not arm.out_lanes:
@@ -170,7 +173,10 @@ def _arm_warnings(network: Network, arm: Arm) -> Iterator[str]:
         if lane_id not in (*arm.in_lanes, *arm.out_lanes):
             continue
         if lane.width < NARROW_LANE:
-            yield f"lane {name} is only {lane.width:.1f} m wide; at least {NARROW_LANE:.1f} m are wanted"
+            yield (
+                f"lane {name} is only {lane.width:.2f} m wide; from {NARROW_LANE:.1f} m on a car of 1.8 m "
+                "has a margin"
+            )
         if lane.speed > FAST:
             fast.setdefault(lane.speed, []).append(name)
         if lane.refuses:

@@ -75,7 +75,7 @@ class Ego(FileModel, frozen=True):
     distance: Annotated[AnyDistribution, Bounds(0, 1000, "m", above=True)] = Uniform(uniform=(35.0, 45.0))
     """m from its front to the stop line, at the start"""
     destination: Annotated[AnyDistribution, Bounds(0, 1000, "m", above=True)] = Constant(value=30.0)
-    """m beyond the junction's exit, where it has arrived"""
+    """m beyond the junction's exit, where it has arrived; the end of the arm, if that is nearer"""
     may_cross_centre: Truth = False
     """whether it may pass what blocks its way on the lanes of oncoming traffic: no `wrong_way` then"""
 
