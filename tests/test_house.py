@@ -4,6 +4,7 @@ import ast
 import re
 import sys
 import tomllib
+from functools import cache
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
@@ -37,7 +38,6 @@ def test_files_and_hints_are_made_in_one_place(trace, home):
     assert [f.name for f in PACKAGE.rglob("*.py") if trace in f.read_text(encoding="utf-8")] == [home]
 
 
-INSTALLED = packages_distributions()
 COMES_WITH = {"pydantic-core": "pydantic"}
 """distributions that a declared one pins to one version, and which are half of it"""
 
@@ -86,7 +86,7 @@ def at_module_level(tree):
 def strangers(names):
     """The distributions of other people among what is imported; one not installed is named as its import."""
     tops = {name.partition(".")[0] for name in names} - sys.stdlib_module_names - {"rudc"}
-    distributions = {spelled(INSTALLED.get(top, [top])[0]) for top in tops}
+    distributions = {spelled(installed().get(top, [top])[0]) for top in tops}
     return {COMES_WITH.get(name, name) for name in distributions}
 
 
@@ -95,23 +95,34 @@ def named(path):
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-TREES = {named(path): ast.parse(path.read_text(encoding="utf-8")) for path in PACKAGE.rglob("*.py")}
+@cache
+def installed():
+    """Import -> its distributions. Where it is asked for: to collect tests, nobody needs it."""
+    return packages_distributions()
 
 
+@cache
+def trees():
+    """Module of ours -> its syntax tree."""
+    return {named(path): ast.parse(path.read_text(encoding="utf-8")) for path in PACKAGE.rglob("*.py")}
+
+
+@cache
 def anywhere(module):
     """What a module imports, in functions and for checkers only, too."""
-    return {name for node in ast.walk(TREES[module]) for name in imported(node)}
+    return {name for node in ast.walk(trees()[module]) for name in imported(node)}
 
 
+@cache
 def at_once(module):
     """What a module imports as it is imported."""
-    return {name for node in at_module_level(TREES[module]) for name in imported(node)}
+    return {name for node in at_module_level(trees()[module]) for name in imported(node)}
 
 
 def ours(names):
     """Modules of ours among the names, packages above them included."""
     above = {name[: dot.start()] for name in names for dot in re.finditer(r"\.", name)}
-    return (names | above) & TREES.keys()
+    return (names | above) & trees().keys()
 
 
 def reached(names):
@@ -126,7 +137,7 @@ def reached(names):
 
 def test_what_is_imported_is_declared():
     """For users: packages for development do not count."""
-    used = {module: strangers(anywhere(module)) for module in TREES}
+    used = {module: strangers(anywhere(module)) for module in trees()}
     assert {"torch", "ray", "pillow", "pygame-ce", "imageio-ffmpeg"} <= set.union(*used.values())
     assert {module: more for module, names in used.items() if (more := names - CORE - EXTRAS)} == {}
 
