@@ -26,6 +26,12 @@ def desk(tmp_path_factory):
     return folder
 
 
+@pytest.fixture(scope="module")
+def mine(desk):
+    """Their own scenario, `mine.yaml`."""
+    rudc(desk, "scenario", "new", "mine")
+
+
 def rudc(desk, *arguments):
     """What a command says."""
     return run_here(["rudc", *map(str, arguments)], desk)
@@ -51,14 +57,15 @@ def test_first_sweep_and_its_table(desk):
     assert "gap-acceptance+ttcbf" in rudc(desk, "table", "out/first", "--format", "markdown")
 
 
+@pytest.mark.usefixtures("mine")
 def test_own_scenario(desk):
-    rudc(desk, "scenario", "new", "mine")
     rudc(desk, "scenario", "validate", "mine.yaml")
     rudc(desk, "scenario", "preview", "mine.yaml", "--out", "mine.png")
     assert (desk / "mine.png").stat().st_size > 10_000
     rudc(desk, "run", "mine.yaml", "--agent", "gap-acceptance", "--seed", 1)
 
 
+@pytest.mark.usefixtures("mine")
 def test_own_agent_beside_rudc_t(desk):
     agent = "examples/own_agent.py:Patient(gap_s=3)"
     rudc(desk, "sweep", "mine.yaml", "-a", agent, "-a", "rudc-t", "-n", 2, "-o", "out/own")
@@ -78,9 +85,10 @@ def test_own_network(desk):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("mine")
 def test_an_agent_trained_elsewhere(desk):
     pytest.importorskip("stable_baselines3")
-    model = run(desk, "examples/sb3_agent.py", "--steps", 200, "--every", 100, "--episodes", 1).strip()
+    model = run(desk, "examples/sb3_agent.py", "--steps", 100, "--every", 100, "--episodes", 1).strip()
     agent = f"examples/sb3_agent.py:Sb3Agent(path={model!r})"
     rudc(desk, "sweep", "mine.yaml", "-a", agent, "-a", "rudc-t", "-n", 1, "-w", 1, "-o", "out/sb3")
     assert all(outcome for _, outcome in outcomes(desk, "out/sb3"))
