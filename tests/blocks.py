@@ -2,22 +2,30 @@
 
 import contextlib
 import io
+import json
 import os
 import re
 import shlex
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from rudc.cli.main import main
 
 FENCE = re.compile(r'^```(\w+)(?: title="([^"]+)")?\n(.*?)^```', re.M | re.S)
-PLAIN = re.compile(r"rudc (?!.*--import)[^|&;$<\\\\]*$")
+PLAIN = re.compile(r"rudc [^|&;$<\\\\]*$")
 """a line that is one command, with no more of bash than quotes, a comment, or `> FILE`"""
 QUICK = " ".join(
     f"--set training.{key}"
-    for key in ("seed_steps=150", "learning_starts=128", "round_decisions=25", "evaluation_episodes=1")
+    for key in (
+        "envs=1",
+        "seed_steps=150",
+        "learning_starts=128",
+        "round_decisions=25",
+        "evaluation_episodes=1",
+    )
 )
 LESS = (
     (r"--steps \d+", "--steps 50"),
@@ -63,17 +71,43 @@ def run_script(script: str, folder: Path) -> None:
 def run_commands(script: str, folder: Path) -> None:
     """As `run_script`, but in this process, which has imported what each `rudc` would import anew.
 
-    Blocks with more than plain commands go to bash; so do those with `--import`, whose entries would stay.
+    Blocks with more than plain commands go to bash; those with `--import`, whose entries would stay, to one
+    process of their own.
     """
     lines = [line for line in script.splitlines() if line.strip()]
     if not all(PLAIN.match(line) for line in lines):
         run_script(script, folder)
         return
-    for line in lines:
-        words = shlex.split(line, comments=True)
+    commands = [shlex.split(line, comments=True) for line in lines]
+    if any("--import" in words for words in commands):
+        assert not any(">" in words for words in commands)
+        run_apart(*commands, folder=folder)
+        return
+    for words in commands:
         words, file = (words[:-2], words[-1]) if ">" in words else (words, os.devnull)
         said = run_here(words, folder)
         (folder / file).write_text(said, encoding="utf-8")
+
+
+SEVERAL = """
+import json, sys
+from rudc.cli.main import main
+
+for sys.argv in json.loads(sys.stdin.read()):
+    try:
+        main()
+    except SystemExit as ended:
+        if ended.code:
+            raise
+"""
+
+
+def run_apart(*commands: Sequence[object], folder: Path, **more: str) -> str:
+    """Run commands, the name of each its first word, in one process of their own, where what they register
+    stays: what they write to stdout, one after the other. Each must succeed. `more` of the environment.
+    """
+    told = json.dumps([[*map(str, words)] for words in commands])
+    return _run([sys.executable, "-c", SEVERAL], folder, told, **more)
 
 
 def run_here(words: list[str], folder: Path) -> str:
@@ -96,7 +130,10 @@ def run_python(code: str, folder: Path) -> None:
     _run([sys.executable, "-c", code], folder)
 
 
-def _run(command: list[str], folder: Path, **more: str) -> None:
+def _run(command: list[str], folder: Path, told: str | None = None, **more: str) -> str:
     env = {**os.environ, **more}
-    run = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, check=False)
-    assert run.returncode == 0, f"{command[-1]}\n{run.stdout}\n{run.stderr}"
+    run = subprocess.run(
+        command, cwd=folder, env=env, input=told, capture_output=True, text=True, check=False
+    )
+    assert run.returncode == 0, f"{told or command[-1]}\n{run.stdout}\n{run.stderr}"
+    return run.stdout

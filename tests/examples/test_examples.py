@@ -6,39 +6,16 @@
 import csv
 import json
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
+from tests.blocks import run_apart
 from tests.cli.conftest import rudc
 
 __all__ = ["rudc"]  # the fixture that runs a command in an empty folder
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-
-
-SEVERAL = """
-import json, sys
-from rudc.cli.main import main
-
-for sys.argv in json.loads(sys.stdin.read()):
-    try:
-        main()
-    except SystemExit as ended:
-        if ended.code:
-            raise
-"""
-
-
-def run(*commands, cwd):
-    """Commands, each of which must succeed, in one process of their own: what they register stays there."""
-    told = json.dumps([["rudc", *map(str, words)] for words in commands])
-    ended = subprocess.run(
-        [sys.executable, "-c", SEVERAL], input=told, cwd=cwd, capture_output=True, text=True, check=False
-    )
-    assert ended.returncode == 0, ended.stderr
 
 
 def test_own_agent_beside_ours(rudc):
@@ -59,14 +36,15 @@ def test_own_event(tmp_path):
         ("scenario", "preview", scenario),
         ("sweep", scenario, "-a", "follower", "-n", 2, "-o", "out"),
     )
-    run(*(("--import", EXAMPLES / "own_event.py", *command) for command in commands), cwd=tmp_path)
+    own = ("rudc", "--import", EXAMPLES / "own_event.py")
+    run_apart(*((*own, *command) for command in commands), folder=tmp_path)
 
 
 def test_own_barrier(tmp_path):
     limit = "follower+ttcbf:correction.speed_limit=true,correction.speed_limit_most=5"
     agents = ["-a", "follower+ttcbf", "-a", limit]
     sweep = ("sweep", "random_destination", "--set", "traffic.density=0", *agents, "-n", 1, "-o", "out")
-    run(("--import", EXAMPLES / "own_barrier.py", *sweep), cwd=tmp_path)
+    run_apart(("rudc", "--import", EXAMPLES / "own_barrier.py", *sweep), folder=tmp_path)
     with (tmp_path / "out/episodes.csv").open(newline="") as file:
         fast, slow = (float(row["mean_speed_mps"]) for row in csv.DictReader(file))
     assert slow < 5.0 < fast
