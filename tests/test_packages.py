@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.blocks import run_apart
 from tests.offering import offer
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -45,11 +46,11 @@ def installed(tmp_path):
     (site / "own_algorithm.py").write_text(ALGORITHM, encoding="utf-8")
 
     def run(*command):
-        env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(site), *sys.path])}
+        env = {**os.environ, "PYTHONPATH": run.path}
         whole = [sys.executable, *map(str, command)]
         return subprocess.run(whole, cwd=tmp_path, capture_output=True, text=True, check=False, env=env)
 
-    run.site = site
+    run.site, run.path = site, os.pathsep.join([str(site), *sys.path])
     return run
 
 
@@ -59,18 +60,20 @@ def test_nothing_is_imported_before_somebody_asks_what_there_is(installed):
 
 
 def test_events_algorithms_and_barriers_of_a_package_are_as_ours(installed, tmp_path):
-    listed = installed("-m", "rudc", "agent", "list", "--json")
-    assert "brought-sac" in [entry["name"] for entry in json.loads(listed.stdout)]
+    slow = "follower+ttcbf:correction.speed_limit=true,correction.speed_limit_most=3"
+    agents = ("-a", "follower+ttcbf", "-a", slow)
+    said = run_apart(
+        ("rudc", "agent", "list", "--json"),
+        ("rudc", "scenario", "keys"),
+        ("rudc", "sweep", "random_destination", *agents, "-n", 1, "-w", 2, "-o", "out"),
+        folder=tmp_path, PYTHONPATH=installed.path,
+    )  # fmt: skip
+    listed, end = json.JSONDecoder().raw_decode(said)
+    assert "brought-sac" in [entry["name"] for entry in listed]
     event = next(
         line for line in (EXAMPLES / "own_event.py").read_text().splitlines() if "kind: Literal" in line
     )
-    kinds = installed("-m", "rudc", "scenario", "keys").stdout
-    assert event.split('"')[1] in kinds
-    slow = "follower+ttcbf:correction.speed_limit=true,correction.speed_limit_most=3"
-    agents = ("-a", "follower+ttcbf", "-a", slow)
-    order = ("sweep", "random_destination", *agents, "-n", 1, "-w", 2, "-o", "out")
-    ended = installed("-m", "rudc", *order)
-    assert ended.returncode == 0, ended.stderr
+    assert event.split('"')[1] in said[end:]
     with (tmp_path / "out/episodes.csv").open(newline="") as file:
         speeds = {row["agent"]: float(row["mean_speed_mps"]) for row in csv.DictReader(file)}
     assert speeds[slow] < speeds["follower+ttcbf"]

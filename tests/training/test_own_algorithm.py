@@ -2,11 +2,11 @@
 
 import csv
 import os
-import subprocess
 import sys
 
 import pytest
 
+from tests.blocks import run_apart
 from tests.offering import offer
 
 OWN = """
@@ -65,17 +65,14 @@ def test_an_algorithm_of_somebody_else_trains_and_drives(tmp_path, brought):
     if brought == "by a package":
         offer(tmp_path, "[rudc.algorithms]\nmine = own\n")
 
-    def rudc(*arguments):
-        first = ("--import", "own.py") if brought == "by a file" else ()
-        command = [sys.executable, "-m", "rudc", *first, *map(str, arguments)]
-        env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
-        ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, env=env)
-        assert ended.returncode == 0, ended.stderr
-
+    rudc = ("rudc", *(("--import", "own.py") if brought == "by a file" else ()))
     changes = (*SMALL, "learner.bonus=1", "correction.most=-0.9")
-    rudc("train", "calm-sac", *(part for c in changes for part in ("--set", c)), "--out", "calm")
     agents = ("-a", "calm", "-a", "calm:correction.kind=none")
-    rudc("sweep", "random_destination", *agents, "-n", 1, "-w", 1, "-o", "out")
+    run_apart(
+        (*rudc, "train", "calm-sac", *(part for c in changes for part in ("--set", c)), "--out", "calm"),
+        (*rudc, "sweep", "random_destination", *agents, "-n", 1, "-w", 1, "-o", "out"),
+        folder=tmp_path, PYTHONPATH=os.pathsep.join([str(tmp_path), *sys.path]),
+    )  # fmt: skip
     with (tmp_path / "out/episodes.csv").open(newline="") as file:
         calm, bare = csv.DictReader(file)
     assert int(calm["interventions"]) > int(bare["interventions"])
