@@ -2,7 +2,8 @@
 
 A shell that starts them in the background has them ignore it, and every process that they start would too.
 Tables are as wide as they want to be: xdist tells its workers how wide its own terminal is. Linear algebra
-has one thread, as there is a process of tests for each core.
+has one thread, as there is a process of tests for each core. Workers find more in their server than users' do
+(tests/preloaded.py).
 """
 
 import os
@@ -10,8 +11,11 @@ import signal
 
 from hypothesis import settings
 
+from rudc.evaluation import starting
+
 os.environ.pop("COLUMNS", None)
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
 signal.signal(signal.SIGINT, signal.default_int_handler)
 settings.register_profile("reproducible", derandomize=True)
 settings.load_profile("reproducible")
+starting.PRELOADED = "tests.preloaded"
