@@ -34,11 +34,18 @@ def drive(world, scenario, seed, decisions=60):
     return seen
 
 
+@pytest.fixture(scope="module")
+def apart():
+    """One for all scenarios on its network."""
+    world = IsolatedWorld(load_network("four_way"))
+    yield world
+    world.close()
+
+
 @pytest.mark.parametrize("scenario", ["dense_left_turn", "perfect_storm", "jaywalkers"])
-def test_the_same_episodes_as_in_this_process(scenario):
+def test_the_same_episodes_as_in_this_process(apart, scenario):
     network = load_network(load_scenario(scenario).network)
     with World(network) as here:
-        apart = IsolatedWorld(network)
         for seed in (3, 4):
             mine, theirs = drive(here, scenario, seed), drive(apart, scenario, seed)
             assert len(mine) == len(theirs)
@@ -48,7 +55,6 @@ def test_the_same_episodes_as_in_this_process(scenario):
         assert apart.plan == here.plan
         assert here.put_ego(10.0, 2.0, 0.5, 3.0) == apart.put_ego(10.0, 2.0, 0.5, 3.0)
         assert apart.scene().network is network
-        apart.close()
 
 
 def test_the_second_world_moves_out_by_itself():
