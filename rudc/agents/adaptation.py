@@ -3,8 +3,8 @@ identified.
 
     look ahead   a command given now acts after the dead time d: the scene is predicted by d, the ego under
                  the commands that are on their way, the others along their paths (Smith predictor)
-    haste        wheels that follow with a lag T are sent past where they shall be, so that they are there at
-                 the end of a decision of t s: delta_0 + (delta - delta_0) / (1 - exp(-t / T))
+    haste        where the wheels follow with a lag T, they are commanded beyond the wanted angle delta, so
+                 that they reach it within a decision of t s: delta_0 + (delta - delta_0) / (1 - exp(-t / T))
     limits       braking and accelerating within USABLE mu g, for filter, last resort and driver alike
     govern       speed in bends as of USABLE mu g, reached by braking with BRAKING mu g; where grip is poor as
                  of LATERAL mu g, on straights at most max(CAREFUL, what stops within STOPPING m), and before
@@ -32,7 +32,7 @@ from rudc.arrays import Array
 from rudc.env.tracking import RESPONSE_S
 from rudc.network.paths import SPACING
 from rudc.network.route import ReferencePath
-from rudc.safety.plant import SUBSTEP_S, PlantEstimate, PlantMonitor
+from rudc.safety.plant import DECISION_S, SUBSTEP_S, PlantEstimate, PlantMonitor
 from rudc.safety.prediction import others_later
 from rudc.vehicle import Actuation
 from rudc.world.ego import DRY, GRAVITY, EgoPlant, widest_steering
@@ -53,8 +53,6 @@ CAREFUL = 6.0
 """m/s, always allowed on straights"""
 STOPPING = 10.0
 """m"""
-DECISION_S = 0.1
-"""s, t above"""
 
 
 class Adaptation:

@@ -28,7 +28,7 @@ FAR_BESIDE = 8.0
 
 
 class Lanes(NamedTuple):
-    """What they take."""
+    """What those who come the wrong way sweep over in LANE_S s, which the ego's course has to leave free."""
 
     outside: Rectangles
     """before the junction and beyond it"""

@@ -88,7 +88,7 @@ class Courses:
         self._standoff.reset()
         self.course: Route | None = None
         """the course driven at present; None for the route itself"""
-        self._gives_way = False
+        self._round_stray = False
         """whether it was chosen while somebody came the wrong way"""
         self._again_s = -math.inf
         self._outs: Iterator[tuple[Route | None, float]] = iter(())
@@ -101,7 +101,7 @@ class Courses:
         blocks = self._blocks = self._blocking.look(scene)
         shown = scene if self.course is None else along(scene, self.course)
         self._stop = math.inf
-        passed = self._gives_way and not blocks.any
+        passed = self._round_stray and not blocks.any
         if not (blocks.any or passed):
             return shown
         wait, clear = _wait(shown, blocks), _clear(scene, blocks)
@@ -113,7 +113,7 @@ class Courses:
             tried = scene if course is None else along(scene, course)
             if _first_hit(tried, blocks, least) == math.inf:
                 self.course, self._stop = course, _wait(tried, blocks)
-                self._gives_way = course is not None and blocks.coming.outside.number > 0
+                self._round_stray = course is not None and blocks.coming.outside.number > 0
                 self._outs = iter(())
                 return tried
         self._stop = min(hit - SHORT, wait)

@@ -39,7 +39,8 @@ SLOWEST = 1.0
 """m/s, below which a vehicle counts as stopping: twice STANDING, since when one that creeps will have passed
 says nothing"""
 LONGER = 5.0
-"""m by which a conflict begins sooner or ends later beside the route than on it, to be the course's own"""
+"""m by which a conflict of the course begins before, or ends behind, that of the route with the same vehicle,
+for the ego to give way there as on new ground"""
 
 
 class Conflicts(NamedTuple):

@@ -29,6 +29,8 @@ from rudc.vehicle import Actuation, EgoVehicle
 from rudc.world.ego import DRY, GRAVITY
 from rudc.world.scene import EgoState
 
+DECISION_S = 0.1
+"""s between two decisions (the paper: 10 Hz), unless a study says otherwise"""
 SUBSTEP_S = 0.05
 """s, the step in which models are driven and dead times are counted"""
 DELAYS = np.arange(13) * SUBSTEP_S
@@ -83,7 +85,7 @@ ORDINARY = PlantEstimate(Actuation(), unusual=False)
 class PlantMonitor:
     """Identifies the plant from one decision to the next."""
 
-    def __init__(self, vehicle: EgoVehicle, decision_s: float = 0.1) -> None:
+    def __init__(self, vehicle: EgoVehicle, decision_s: float = DECISION_S) -> None:
         self._vehicle = vehicle
         self._substeps = round(decision_s / SUBSTEP_S)
         delay, lag, friction = np.meshgrid(np.arange(len(DELAYS)), LAGS, FRICTIONS, indexing="ij")
