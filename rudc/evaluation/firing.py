@@ -40,8 +40,8 @@ class Firing:
         early = (
             ""
             if self.fired == self.drawn
-            else "; in the others gap-acceptance, which drives, may have arrived before, or nobody was there "
-            "whom it selects"
+            else "; in the others its trigger did not come true before gap-acceptance, which drives here, "
+            "arrived, or there was nobody for it to act on"
         )
         happens = f"happens in {self.fired} of {self.episodes} episodes"
         return f"event {numbered(self.number, self.kind)}: {happens}{rest}{seen}{early}"

@@ -45,8 +45,8 @@ def test_counts_say_what_probability_left_out():
     )
     assert str(Firing(1, "speeding", 20, 11, 10, 9)) == (
         "event 1 (events.0) speeding: happens in 10 of 20 episodes (its probability lets it in 11), "
-        "and the ego sees it in 9; in the others gap-acceptance, which drives, may have arrived before, or "
-        "nobody was there whom it selects"
+        "and the ego sees it in 9; in the others its trigger did not come true before gap-acceptance, which "
+        "drives here, arrived, or there was nobody for it to act on"
     )
 
 
