@@ -18,7 +18,7 @@ from rudc.env.action import ActionKind
 from rudc.env.reward import scene_cost
 from rudc.errors import AgentError
 from rudc.safety.corrected import Corrected
-from rudc.safety.qp import Problem, make_solver
+from rudc.safety.qp import Problem, SolverName, make_solver
 from rudc.world.scene import Scene
 
 
@@ -74,7 +74,7 @@ class QpslSettings(CorrectionKind):
     kind: Literal["qpsl"] = "qpsl"
     cost_limit: float = Field(default=0.2, ge=0)
     """d_th, of the next step-wise cost"""
-    solver: str = "piqp"
+    solver: SolverName = "piqp"
     """of the QP: piqp, or any that qpsolvers knows and that is installed"""
 
     @property

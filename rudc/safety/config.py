@@ -32,6 +32,7 @@ from rudc.errors import InputError
 from rudc.hints import there_are
 from rudc.safety.barrier import BarrierSettings
 from rudc.safety.barriers import BARRIERS
+from rudc.safety.qp import SolverName
 from rudc.safety.rows import RowWeights
 from rudc.safety.rules import RULES, NotNegative, Positive, Rule
 from rudc.settings import Settings, problems, within
@@ -77,7 +78,7 @@ class FilterConfig(Settings):
     """whether an action must leave the ego a way to stop, or to go on, without hitting anybody (ours)"""
     last_resort_margin: Annotated[NotNegative, within(0, 20, "farther than that nobody matters")] = 0.3
     """m, how far it stays away from others then (ours)"""
-    solver: str = "piqp"
+    solver: SolverName = "piqp"
     """QP solver: `piqp` by its own interface, any other by the name it has in qpsolvers"""
 
     @field_validator("rule")

@@ -111,7 +111,6 @@ class SafetyFilter:
     """Corrects actions, one decision after the other."""
 
     def __init__(self, config: FilterConfig | None = None) -> None:
-        """Raises SolverError if the configured solver is not installed."""
         self.config = config = config or FilterConfig()
         self.counts: dict[str, int] = {}
         """how often each status came out since the last `reset`"""

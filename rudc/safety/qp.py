@@ -19,10 +19,11 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import Annotated, NamedTuple, Protocol
 
 import numpy as np
 import piqp
+from pydantic import AfterValidator
 
 from rudc.arrays import Array
 from rudc.errors import SolverError
@@ -150,6 +151,18 @@ SOLVERS: dict[str, Callable[[], Solver]] = {"piqp": PiqpSolver}
 def make_solver(name: str) -> Solver:
     """The solver of that name. Raises SolverError."""
     return SOLVERS[name]() if name in SOLVERS else NamedSolver(name)
+
+
+def _installed(name: str) -> str:
+    try:
+        make_solver(name)
+    except SolverError as error:
+        raise ValueError(error) from None
+    return name
+
+
+SolverName = Annotated[str, AfterValidator(_installed)]
+"""name of a solver, as a setting: `piqp`, or any that qpsolvers knows and that is installed"""
 
 
 def certified(

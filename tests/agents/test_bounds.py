@@ -108,6 +108,14 @@ def test_a_description_is_compared_too(damaged, described):
         damaged(**described)
 
 
+def test_the_solver_that_it_names_is_installed(damaged):
+    correction = json.loads((shipped_checkpoints()["rudc-t"] / "agent.json").read_text())["correction"]
+    with pytest.raises(
+        AgentError, match=r"agent\.json: correction.*: QP solver 'batch_size' is not installed"
+    ):
+        damaged(correction=correction | {"solver": "batch_size"})
+
+
 def test_a_description_nested_without_end_is_refused(damaged, tmp_path):
     (tmp_path / "agent" / "agent.json").write_text("[" * 100_000)
     with pytest.raises(AgentError, match="cannot be read"):
