@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 
-from rudc.world.sumo import BRAKE_HARD, HEEDLESS, OWN_SPEED, Sumo
+from rudc.world.sumo import BRAKE_HARD, OWN_SPEED, Sumo
 from rudc.world.traffic import EGO, Traffic
 
 
@@ -39,5 +39,5 @@ class Brakes:
             if name == EGO:
                 self._sumo.set_mode(name, OWN_SPEED)
             elif name in drivers and not drivers[name].overridden:
-                self._sumo.set_mode(name, HEEDLESS if drivers[name].heedless else OWN_SPEED)
+                self._sumo.set_mode(name, drivers[name].mode)
         self._hard = hard

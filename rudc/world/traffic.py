@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rudc.world.scene import Kind
-from rudc.world.sumo import Motion, Sumo
+from rudc.world.sumo import BRAKE_HARD, HEEDLESS, OWN_SPEED, Motion, Sumo
 
 if TYPE_CHECKING:
     from rudc.network.network import Lane, Movement, Network
@@ -65,6 +65,13 @@ class Driver:
     heedless: int = 0
     """how many events have it disregard the right of way at present: the yielding layer then brakes it only
     behind the ego"""
+
+    @property
+    def mode(self) -> int:
+        """SUMO's speed mode as of the events that have taken hold of it."""
+        if self.overridden:
+            return BRAKE_HARD
+        return HEEDLESS if self.heedless else OWN_SPEED
 
 
 def type_file(plan: TrafficPlan, ego: EgoVehicle) -> str:

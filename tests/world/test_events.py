@@ -5,12 +5,14 @@ import math
 from dataclasses import replace
 from itertools import pairwise
 
+import libsumo
 import numpy as np
 import pytest
 
 from rudc.geometry import rectangle_gaps
 from rudc.world.events.selection import pick
 from rudc.world.scene import Kind
+from rudc.world.sumo import HEEDLESS
 from tests.plans import PlanSource, event
 
 CALM = PlanSource(density=25.0, speed=(0.0, 0.0))
@@ -139,6 +141,19 @@ def test_priority_violation_ends(world):
     run(world, source, 4.0)
     assert not world.stage.unlawful & set(world.scene().ids)
     assert not any(driver.overridden or driver.heedless for driver in world.traffic.drivers.values())
+
+
+def test_a_second_event_that_ends_leaves_the_first_at_work(world):
+    """Who is made to brake while it drives without looking goes on without looking."""
+    heedless = event("priority_violation", vehicle="all")
+    brief = event("hard_brake", vehicle="all", duration=1)
+    source = replace(CALM, density=35.0, events=(heedless, brief))
+    run(world, source, 3.0)
+    unlawful = world.stage.unlawful & set(world.traffic.drivers)
+    assert unlawful
+    for name in unlawful:
+        assert world.traffic.drivers[name].overridden == 0
+        assert libsumo.vehicle.getSpeedMode(name) == HEEDLESS
 
 
 def test_speeding_and_slow_vehicle_change_the_speed_they_drive_at(world):

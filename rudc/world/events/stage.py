@@ -25,7 +25,6 @@ from rudc.world.events.places import (
 from rudc.world.events.selection import pick
 from rudc.world.props import Prop, standing
 from rudc.world.scene import Kind, Scene
-from rudc.world.sumo import BRAKE_HARD, HEEDLESS, OWN_SPEED
 
 if TYPE_CHECKING:
     from rudc.network.network import Network, Route
@@ -89,7 +88,7 @@ class WorldStage(NetworkStage):
             driver.heedless += 1
         else:
             driver.overridden += 1
-        self.sumo.set_mode(name, HEEDLESS if heedless else BRAKE_HARD)
+        self.sumo.set_mode(name, driver.mode)
 
     def release(self, name: str, *, heedless: bool = False) -> None:
         driver = self.traffic.drivers[name]
@@ -97,7 +96,7 @@ class WorldStage(NetworkStage):
             driver.heedless -= 1
         else:
             driver.overridden -= 1
-        self.sumo.set_mode(name, OWN_SPEED)
+        self.sumo.set_mode(name, driver.mode)
 
     def slow_down(self, name: str, deceleration: float) -> None:
         slower = self.speed(name) - deceleration * self.decision_s
