@@ -78,6 +78,10 @@ class PathTable:
         """(P,) m, the stop line"""
         self.exit_s: Array = np.array([a[-p.after_junction, 0] for a, p in zip(spans, sources, strict=True)])
         """(P,) m, where the junction ends"""
+        self.stop_heading: Array = np.array(
+            [np.interp(at, s, heading) for at, heading in zip(self.stop_s, self.heading, strict=True)]
+        )
+        """(P,) rad, at the stop line"""
         self.yields = yields
         """(P, P), [i, j]: traffic on i must yield to traffic on j"""
         self.poses: Array = np.concatenate([self.xy, self.heading[..., None]], axis=2).reshape(-1, 3)
@@ -87,7 +91,7 @@ class PathTable:
         self._where = _index(sources, spans, arms, edges)
         for array in (self.length, self.xy, self.heading, self.origin, self.destination, self.speed_limit):
             array.flags.writeable = False
-        for array in (self.stop_s, self.exit_s, self.yields, self.poses):
+        for array in (self.stop_s, self.exit_s, self.stop_heading, self.yields, self.poses):
             array.flags.writeable = False
 
     @property

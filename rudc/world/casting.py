@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rudc.world.events.selection import pick, towards_junction
+from rudc.world.events.selection import comes_from, pick, towards_junction
 from rudc.world.scene import Scene
 from rudc.world.spawn import entry
 from rudc.world.traffic import VEHICLE_TYPES
@@ -129,12 +129,11 @@ def _towards_junction(scene: Scene, stage: WorldStage, rng: np.random.Generator,
 
 def _crossing(scene: Scene, oncoming: bool) -> list[Movement]:
     """Movements from the opposite arm, or from those to the sides, that cross the ego's path if any do."""
-    network, own = scene.network, scene.route.path.pose(0.0)[2]
+    network, there = scene.network, comes_from(scene, oncoming)
     crosses = ~np.isnan(network.conflict(scene.route)[:, 0])
     found, crossing = [], []
     for movement in network.movements:
-        turn = float(np.cos(network.paths.heading[movement.rows[0], 0] - own))
-        if movement.turn != "u_turn" and (turn < -0.7 if oncoming else abs(turn) <= 0.7):
+        if movement.turn != "u_turn" and there[movement.rows[0]]:
             found.append(movement)
             crossing += [movement] * bool(crosses[network.route(movement.origin, movement.destination).row])
     return crossing or found

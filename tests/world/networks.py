@@ -33,6 +33,25 @@ def with_limits(folder: Path, limits: Callable[[str], float], node_type: str = "
     return path
 
 
+def bent(folder: Path) -> Path:
+    """Four arms that meet at right angles; 30 m out the north arm bends by 60 degrees."""
+    nodes = ['<node id="centre" x="0" y="0" type="priority"/>']
+    edges = []
+    for arm, (x, y) in AWAY.items():
+        far = (86.6, 80.0) if arm == "north" else (130.0 * x, 130.0 * y)
+        nodes.append(f'<node id="{arm}" x="{far[0]}" y="{far[1]}"/>')
+        middle = f"{30 * x},{30 * y}"
+        for way, start, end in (("in", arm, "centre"), ("out", "centre", arm)):
+            shape = f"{far[0]},{far[1]} {middle} 0,0" if way == "in" else f"0,0 {middle} {far[0]},{far[1]}"
+            edges.append(
+                f'<edge id="{arm}_{way}" from="{start}" to="{end}" numLanes="1" speed="13.9" '
+                f'priority="{2 if x else 1}" shape="{shape}"/>'
+            )
+    for ending, tag, parts in ((".nod.xml", "nodes", nodes), (".edg.xml", "edges", edges)):
+        (folder / f"bent{ending}").write_text(f"<{tag}>{''.join(parts)}</{tag}>", encoding="utf-8")
+    return build_network(folder)
+
+
 def in_pieces(folder: Path) -> Path:
     """Four arms of several edges each, as imported maps have them, every one with another limit."""
     nodes = ['<node id="centre" x="0" y="0" type="priority"/>']

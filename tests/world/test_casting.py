@@ -10,6 +10,7 @@ from rudc.scenario import load_scenario
 from rudc.world.casting import selected
 from rudc.world.events.selection import pick
 from tests.plans import PlanSource, event
+from tests.world.networks import bent
 from tests.world.test_world import follow
 
 LATER = {"simulation_time": {"above": 100.0}}
@@ -70,6 +71,19 @@ def test_one_from_another_arm_reaches_its_stop_line_about_when_the_ego_does(worl
         due = (scene.network.paths.stop_s[path] - scene.path_s[row]) / math.hypot(*scene.velocity[row])
         ego_due = (scene.route.stop_line_s - scene.ego_s) / scene.ego.v
         assert -1.5 < due - ego_due < 6.0
+
+
+@pytest.mark.parametrize(("selector", "origin"), [("oncoming", "north"), ("crossing", "east")])
+def test_where_an_arm_bends_its_heading_at_the_stop_line_counts(world_on, tmp_path, selector, origin):
+    network = str(bent(tmp_path))
+    source = replace(QUIET, network=network, origin="south", turn="left", events=(brake(selector),))
+    found = set()
+    for seed in range(6):
+        scene = world_on(network).reset(source.plan(seed))
+        (row,) = pick(scene, selector, RNG)
+        found.add(scene.network.arms[scene.network.paths.origin[scene.path[row]]].name)
+    assert origin in found
+    assert found <= ({"north"} if selector == "oncoming" else {"east", "west"})
 
 
 def test_without_such_events_nothing_is_added(world):

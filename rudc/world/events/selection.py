@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from rudc.arrays import Array
+from rudc.arrays import Array, Flags
 from rudc.world.scene import Scene
 
 ASIDE_M = 2.0
 """m beside the ego's path up to which another is in line with it: turning, SUMO's vehicles cut the corner"""
+ALONG = 0.7
+"""cosine of the angle between two lines from which on one leads along the other"""
 
 
 def pick(scene: Scene, selector: str, rng: np.random.Generator) -> list[int]:
@@ -38,7 +40,7 @@ def _in_line(scene: Scene, svs: np.ndarray, ahead: bool) -> list[int]:
     for i, (s, offset) in zip(svs, near, strict=True):
         gap = s - scene.ego_s if ahead else scene.ego_s - s
         along = scene.route.path.pose(s)[2]
-        if 0 < gap < best and abs(offset) < ASIDE_M and np.cos(scene.heading[i] - along) > 0.7:
+        if 0 < gap < best and abs(offset) < ASIDE_M and np.cos(scene.heading[i] - along) > ALONG:
             best, which = gap, int(i)
     return [which] if which >= 0 else []
 
@@ -53,11 +55,17 @@ def towards_junction(scene: Scene, oncoming: bool) -> Array:
     svs = np.flatnonzero(scene.path >= 0)
     rows = scene.path[svs]
     to_stop = paths.stop_s[rows] - scene.path_s[svs]
-    turn = paths.heading[rows, 0] - scene.route.path.pose(0.0)[2]
-    opposite = np.cos(turn) < -0.7
-    sideways = np.abs(np.cos(turn)) <= 0.7
     speed = np.maximum(np.hypot(*scene.velocity[svs].T), 0.5)
-    due[svs] = np.where((to_stop > 0) & (opposite if oncoming else sideways), to_stop / speed, np.inf)
+    due[svs] = np.where((to_stop > 0) & comes_from(scene, oncoming)[rows], to_stop / speed, np.inf)
     crosses = np.zeros(scene.count, dtype=bool)
     crosses[svs] = ~np.isnan(scene.network.conflict(scene.route)[rows, 0])
     return np.where(crosses, due, np.inf) if np.isfinite(due[crosses]).any() else due
+
+
+def comes_from(scene: Scene, oncoming: bool) -> Flags:
+    """(P,) which paths come from the opposite arm, or else from those to the sides, by their headings at the
+    stop line: what arms do farther out does not count.
+    """
+    paths, row = scene.network.paths, scene.route.row
+    turned = np.cos(paths.stop_heading - paths.stop_heading[row])
+    return turned < -ALONG if oncoming else np.abs(turned) <= ALONG
