@@ -270,7 +270,7 @@ def _wait(scene: Scene, blocks: Blocks) -> float:
     """m to the stop line, or else the waiting point, or else the last place clear of them, if somebody is
     about to come through the junction the wrong way.
 
-    inf if nobody is, or if the ego cannot stop there.
+    An ego that creeps stops beside their way wherever it is. inf if nobody comes, or if the ego cannot stop.
     """
     route, body = scene.route, scene.vehicle
     if not blocks.soon.number:
@@ -281,11 +281,12 @@ def _wait(scene: Scene, blocks: Blocks) -> float:
     front, least = scene.ego_s + 0.5 * body.length, scene.ego.v**2 / (2 * HARDEST)
     s, gap = gaps_along(route.path, scene.ego_s, route.exit_s, body, blocks.later)
     near = np.flatnonzero(gap < ASIDE)
-    clear = float(s[near[0]]) - scene.ego_s if len(near) else math.inf
-    if clear > 0.0 and scene.ego.v < CREEPS and 0.0 <= front - route.waiting_s < JUST_PAST:
+    clear = float(s[near[0]]) - SPACING - scene.ego_s if len(near) else math.inf
+    creeps = scene.ego.v < CREEPS and len(gap) > 0 and gap[0] >= CLEAR
+    if creeps and 0.0 <= front - route.waiting_s < JUST_PAST:
         return 0.0
-    rooms = [*(s - front for s in (route.stop_line_s, route.waiting_s)), *([clear] if clear > 0.0 else [])]
-    return next((room for room in rooms if room >= least), math.inf)
+    rooms = (route.stop_line_s - front, route.waiting_s - front, clear)
+    return next((room for room in rooms if room >= least), max(clear, 0.0) if creeps else math.inf)
 
 
 def _narrow(scene: Scene, blocks: Blocks) -> bool:

@@ -126,6 +126,25 @@ def test_who_waits_for_one_who_comes_through_the_junction_is_beside_its_way(make
     assert gap[0] > 0.5 * ASIDE
 
 
+@pytest.mark.parametrize("v", [0.0, 0.9, 1.8])
+def test_who_creeps_towards_its_way_stops_beside_it_wherever_it_is(make_scene, four_way, v):
+    waits = 0
+    for front in np.arange(0.0, 14.0, 0.1).tolist():
+        alone = make_scene(turn="right", front=front, v=v)
+        x, y, psi = (float(value) for value in alone.route.path.pose(alone.route.exit_s + 12.0))
+        scene = make_scene({"at": (x, y, psi + math.pi), "v": 5.0}, turn="right", front=front, v=v)
+        blocks = Blocking().look(scene)
+        _, gap = gaps_along(scene.route.path, scene.ego_s, scene.ego_s + 0.5, scene.vehicle, blocks.later)
+        if gap[0] < CLEAR:
+            break
+        there = scene.ego_s + _wait(scene, blocks)
+        assert there < math.inf
+        _, gap = gaps_along(scene.route.path, there, there + 0.5, scene.vehicle, blocks.later)
+        assert gap[0] >= CLEAR
+        waits += 1
+    assert waits > 5
+
+
 def test_who_stands_in_its_way_does_not_wait_there(make_scene, four_way):
     alone = make_scene(turn="right")
     s = alone.route.exit_s + 12.0
