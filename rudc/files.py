@@ -21,6 +21,13 @@ FULL = (errno.ENOSPC, errno.EDQUOT)
 """errors of a disk, or of a user's share of it, that is full"""
 
 
+def past_links(path: Path) -> Path:
+    """What a path leads to. A ring of symbolic links leads to one of them; `Path.resolve` would raise
+    RuntimeError.
+    """
+    return Path(os.path.realpath(path))
+
+
 def make_folder(path: Path) -> None:
     """A folder that can be written to, made if there is none. Raises InputError when there cannot be one."""
     try:
@@ -50,7 +57,7 @@ def try_place(path: Path) -> None:
         if not os.access(path, os.W_OK):
             raise InputError(f"cannot write {path}: no permission; name another file")
         return
-    target = path.resolve()
+    target = past_links(path)
     draft = target.with_name(f".{target.name}.try")
     missing = [folder for folder in path.parents if not folder.exists()]
     try:
@@ -87,7 +94,7 @@ def replacing(path: Path) -> Iterator[BinaryIO]:
             with open(path, "wb") as file:
                 yield file
             return
-        with _drafted(path.resolve()) as file:
+        with _drafted(past_links(path)) as file:
             yield file
     except OSError as error:
         explain(path, error)

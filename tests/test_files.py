@@ -10,7 +10,15 @@ import numpy as np
 import pytest
 
 from rudc.errors import InputError, StorageError
-from rudc.files import aside_of, make_folder, make_folder_of, replace_folder, replacing, write_atomically
+from rudc.files import (
+    aside_of,
+    make_folder,
+    make_folder_of,
+    replace_folder,
+    replacing,
+    try_place,
+    write_atomically,
+)
 
 needs_full_device = pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
 
@@ -96,6 +104,19 @@ def test_where_nothing_can_be_written_is_said_plainly(tmp_path):
         write_atomically(tmp_path / "file" / "x", "text")
     with pytest.raises(StorageError, match="Is a directory"):
         write_atomically(tmp_path, "text")
+
+
+def test_a_ring_of_links_leads_nowhere(tmp_path):
+    ring, link = tmp_path / "ring", tmp_path / "link"
+    ring.symlink_to(link)
+    link.symlink_to(ring)
+    with pytest.raises(InputError, match="ring cannot be made a folder"):
+        try_place(ring / "file.html")
+    with pytest.raises(StorageError, match=r"cannot write .*file\.html"):
+        write_atomically(ring / "file.html", "text")
+    try_place(ring)
+    write_atomically(ring, "text")
+    assert ring.read_text() == "text", "the file takes its place"
 
 
 def test_folders_are_made_or_refused(path):

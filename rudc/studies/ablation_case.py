@@ -22,7 +22,7 @@ from rudc.errors import InputError
 from rudc.evaluation.metrics import group_metrics
 from rudc.evaluation.sweep import Progress, run_sweep
 from rudc.evaluation.tasks import SweepPlan
-from rudc.files import make_folder
+from rudc.files import make_folder, past_links
 from rudc.reporting.case import draw_cases
 from rudc.reporting.density import Cloud, density
 from rudc.reporting.text import MISSING, csv_text, interval, markdown
@@ -73,7 +73,7 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
     shown = drivers(order.agents, DRIVERS[order.budget])
     (scenario,) = find_scenarios([SCENARIO])
     make_folder(order.out)
-    steps, names = order.out.resolve() / "steps", tuple(driver.agent for driver in shown)
+    steps, names = past_links(order.out) / "steps", tuple(driver.agent for driver in shown)
     plan = SweepPlan((scenario,), names, order.episodes or EPISODES[order.budget], order.seed)
     result = run_sweep(
         plan, order.out / "sweep", partial(StepRunner, steps, CorrectionLog), workers=order.workers,

@@ -28,7 +28,7 @@ from rudc.errors import AgentError, InputError
 from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.sweep import Progress, run_sweep
 from rudc.evaluation.tasks import SweepPlan
-from rudc.files import make_folder
+from rudc.files import make_folder, past_links
 from rudc.reporting.curves import draw_curves
 from rudc.reporting.text import MISSING, csv_text, markdown
 from rudc.scenario.model import Scenario
@@ -93,7 +93,7 @@ def run(order: Order, progress: Callable[[str], Progress], name: str = "comparis
     campaign = read_campaign(name)
     rows = campaign.chosen(order.agents)
     effort = campaign.budgets[order.budget].with_episodes(order.episodes)
-    order = replace(order, out=order.out.resolve())
+    order = replace(order, out=past_links(order.out))
     wanted = list({row.wanted.name: row.wanted for row in rows}.values())
     seeds = order.training_seeds or effort.seeds
     trainings = trainings_for(wanted, seeds, order, effort.settings, progress)

@@ -28,7 +28,7 @@ from rudc.errors import InputError
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.sweep import Progress, run_sweep
 from rudc.evaluation.tasks import SweepPlan, Task
-from rudc.files import make_folder
+from rudc.files import make_folder, past_links
 from rudc.reporting.latency import Cost, draw_latency
 from rudc.reporting.text import MISSING, csv_text, markdown
 from rudc.scenario import find_scenarios
@@ -130,7 +130,7 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
         make_agent(name)
     with timing(Stopwatch(), PLACES):  # fails here rather than in every episode
         make_folder(order.out)
-    steps = order.out.resolve() / "steps"
+    steps = past_links(order.out) / "steps"
     episodes = 1 + (order.episodes or EPISODES[order.budget])
     plan = SweepPlan(
         tuple(find_scenarios(list(SCENARIOS))), tuple(dict.fromkeys(agents)), episodes, order.seed

@@ -25,7 +25,7 @@ from rudc.evaluation.metrics import group_metrics
 from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.sweep import Progress, run_sweep
 from rudc.evaluation.tasks import SweepPlan
-from rudc.files import make_folder
+from rudc.files import make_folder, past_links
 from rudc.learning.inference import Decider
 from rudc.reporting.sensitivity import draw_sensitivity
 from rudc.reporting.text import csv_text, interval, markdown
@@ -108,7 +108,7 @@ def study_of(swept: Swept) -> Callable[[Order, Callable[[str], Progress]], Repor
 
 
 def _run(swept: Swept, order: Order, progress: Callable[[str], Progress]) -> Report:
-    out, values = order.out.resolve(), swept.values[order.budget]
+    out, values = past_links(order.out), swept.values[order.budget]
     seeds = order.training_seeds or SEEDS[order.budget]
     wanted = {value: swept.wanted(value) for value in values}
     trainings = trainings_for(list(wanted.values()), seeds, order, TRAINING[order.budget], progress)

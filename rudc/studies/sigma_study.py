@@ -40,7 +40,7 @@ from rudc.errors import InputError
 from rudc.evaluation.columns import happened
 from rudc.evaluation.sweep import Progress, run_sweep
 from rudc.evaluation.tasks import SweepPlan
-from rudc.files import make_folder
+from rudc.files import make_folder, past_links
 from rudc.reporting.separation import Mark, draw_separation
 from rudc.reporting.text import csv_text, interval, markdown
 from rudc.studies.auroc import auroc, auroc_draws, percentile_interval
@@ -104,7 +104,7 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
         _must_state_sigma(name)
     scenarios = (*in_distribution(), *out_of_distribution(order.budget))
     make_folder(order.out)
-    steps = order.out.resolve() / "steps"
+    steps = past_links(order.out) / "steps"
     plan = SweepPlan(scenarios, agents, order.episodes or EPISODES[order.budget], order.seed)
     runner = partial(StepRunner, steps, SigmaLog)
     result = run_sweep(

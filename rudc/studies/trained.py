@@ -23,7 +23,7 @@ from typing import Any
 
 from rudc.agents.checkpoint import LATEST, find_checkpoint, load_learnt, shipped_checkpoints
 from rudc.errors import InputError
-from rudc.files import make_folder
+from rudc.files import make_folder, past_links
 from rudc.hints import install_command
 from rudc.studies.base import Order
 from rudc.training.config import TrainConfig
@@ -89,7 +89,7 @@ def trainings_for(
     """
     if order.trainings is not None and not order.trainings.is_dir():
         raise InputError(f"no folder {order.trainings}: give that of trainings, NAME-seedN each")
-    folder = (order.trainings or order.out / "trainings").resolve()
+    folder = past_links(order.trainings or order.out / "trainings")
     if order.trainings is None:
         make_folder(folder)
     steps = int(settings["training.steps"])
