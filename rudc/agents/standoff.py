@@ -15,7 +15,7 @@ import numpy as np
 from rudc.agents.gaps import crossing, suffices
 from rudc.arrays import Array
 from rudc.env.tracking import acceleration_towards, speeds_in_bends, steering
-from rudc.geometry import gaps_between
+from rudc.geometry import gaps_between, rectangle_gaps
 from rudc.world.scene import STANDING, Scene
 
 PATIENCE = 4.0
@@ -69,14 +69,18 @@ def _all_wait(scene: Scene) -> bool:
 
 
 def _least_gap(scene: Scene) -> float:
-    """m to anybody on the next AHEAD m, as far beside the path as now."""
+    """m to anybody from where the ego is, and on the next AHEAD m, as far beside the path as now."""
+    ego, body = scene.ego, scene.vehicle
+    now = rectangle_gaps(
+        ego.x, ego.y, ego.psi, body.length, body.width, scene.position, scene.heading, scene.size
+    )
     s = scene.ego_s + np.arange(0.0, AHEAD, 0.5)
     x, y, psi = scene.route.path.pose(s)
     place = np.column_stack([x - scene.ego_offset * np.sin(psi), y + scene.ego_offset * np.cos(psi)])
     who = np.flatnonzero(np.hypot(*(scene.position - scene.ego_position).T) < AHEAD + NEAR)
     here, there = np.repeat(np.arange(len(s)), len(who)), np.tile(who, len(s))
     gaps = gaps_between(
-        place[here], psi[here], np.array([scene.vehicle.length, scene.vehicle.width]),
+        place[here], psi[here], np.array([body.length, body.width]),
         scene.position[there], scene.heading[there], scene.size[there],
     )  # fmt: skip
-    return float(gaps.min(initial=math.inf))
+    return min(float(now.min(initial=math.inf)), float(gaps.min(initial=math.inf)))

@@ -59,6 +59,30 @@ def test_not_through_somebody(waiting, make_scene):
     assert ended(blocked)[0] == -2.0
 
 
+@pytest.mark.parametrize(("gap", "goes"), [(0.5, True), (0.1, False)])
+def test_not_where_it_all_but_touches_somebody_itself(waiting, gap, goes):
+    """Turned from its path, its front corner is nearer to who stands there than its path says."""
+    scene = waiting()
+    ego = replace(scene.ego, psi=scene.ego.psi - 0.2)
+    along = np.array([np.cos(ego.psi), np.sin(ego.psi)])
+    aside = np.array([along[1], -along[0]])
+    bollard = [ego.x, ego.y] + 2.4 * along + (0.9 + gap + 0.1) * aside
+    beside = replace(
+        scene,
+        ego=ego,
+        position=np.vstack([scene.position, bollard]),
+        heading=np.append(scene.heading, ego.psi),
+        velocity=np.vstack([scene.velocity, np.zeros((1, 2))]),
+        acceleration=np.zeros(2),
+        size=np.vstack([scene.size, [(0.2, 0.2)]]),
+        kind=np.zeros(2, dtype=np.int64),
+        path=np.append(scene.path, -1),
+        path_s=np.append(scene.path_s, 0.0),
+        ids=(*scene.ids, "bollard"),
+    )
+    assert (ended(beside)[0] > 0.5) == goes
+
+
 def test_a_queue_before_the_stop_line_is_no_standoff(make_scene):
     scene = replace(make_scene(turn="left", front=-1.0, v=0.0), waited_s=20.0)
     assert ended(scene)[0] == -2.0
