@@ -4,7 +4,6 @@ each episode once. Of a million rows only a block is in memory.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +25,8 @@ _NUMBERS = tuple(name for name, column in COLUMNS.items() if column.average is n
 _OUTCOMES = frozenset(map(str, Outcome))
 _SEED_DIGITS = 20
 """a seed has fewer"""
+_BOUND = 1e12
+"""no episode has a number as large; of larger ones statistics overflow"""
 
 
 @dataclass(frozen=True)
@@ -102,8 +103,8 @@ def _sound(block: Columns) -> bool:
     ends = set(zip(map(bool, block["error"]), block["outcome"], strict=True))
     if any(bool(outcome) if failed else outcome not in _OUTCOMES for failed, outcome in ends):
         return False
-    try:  # of finite numbers so is the sum, but for some that no episode has
-        return all(math.isfinite(sum(map(float, {*block[name]} - {""}))) for name in _NUMBERS)
+    try:  # where sizes add up to less than the bound, each is below it
+        return all(sum(map(abs, map(float, {*block[name]} - {""}))) < _BOUND for name in _NUMBERS)
     except ValueError:
         return False
 
@@ -119,12 +120,12 @@ def _wrong(row: Row) -> str:
         return f"outcome: {outcome[:40]!r} is none; there are {', '.join(sorted(_OUTCOMES))}"
     for name in _NUMBERS:
         if row[name] and not _is_number(row[name]):
-            return f"{name}: {row[name][:40]!r} is no finite number"
+            return f"{name}: {row[name][:40]!r} is no number between -{_BOUND:g} and {_BOUND:g}"
     return ""
 
 
 def _is_number(text: str) -> bool:
     try:
-        return math.isfinite(float(text))
+        return abs(float(text)) < _BOUND
     except ValueError:
         return False

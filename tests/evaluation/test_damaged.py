@@ -51,8 +51,12 @@ def _cell(column, value):
     [
         (_cell("outcome", "banana"), r":4: outcome: 'banana' is none; there are collision, "),
         (_cell("seed", "-1"), r":4: seed: '-1' is no number"),
-        (_cell("steps", "many"), r":4: steps: 'many' is no finite number"),
-        (_cell("duration_s", "inf"), r":4: duration_s: 'inf' is no finite number"),
+        (_cell("steps", "many"), r":4: steps: 'many' is no number between "),
+        (_cell("duration_s", "inf"), r":4: duration_s: 'inf' is no number between "),
+        (
+            _cell("mean_speed_mps", "-1e308"),
+            r":4: mean_speed_mps: '-1e308' is no number between -1e\+12 and ",
+        ),
         (_cell("error", "it failed"), r":4: outcome: '\w+' of an episode that has an error"),
         (_cell("origin", '"south'), r":4: not a row of a CSV file"),
         (_cell("origin", "a,b"), r":4: has \d+ cells, not \d+"),
@@ -83,7 +87,7 @@ def test_numbers_of_episodes_that_failed_are_checked_too(folder):
         _cell(column, value)(lines)
     path.write_text("\n".join(lines), encoding="utf-8")
     with pytest.raises(
-        SweepError, match=r"episodes\.csv:4: first_event_s: 'first_event_s' is no finite number"
+        SweepError, match=r"episodes\.csv:4: first_event_s: 'first_event_s' is no number between "
     ):
         read_sweep(folder)
 

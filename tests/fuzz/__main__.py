@@ -120,10 +120,10 @@ def _one(fuzzer: Fuzzer, number: int, seed: int, out: Path) -> int:
     """Try one input, keep its files, and show all that was said."""
     place = (out / f"{fuzzer.name}-{seed}-{number}").absolute()
     place.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix="rudc-fuzz-") as folder:
-        case = fuzzer.prepare(Path(folder))(fuzzer.randomness(seed, number), place)
+    with tempfile.TemporaryDirectory(prefix="rudc-fuzz-") as kept, tempfile.TemporaryDirectory() as tried:
+        case = fuzzer.prepare(Path(kept))(fuzzer.randomness(seed, number), place)
         print(f"{place}: {case.kind}; {'; '.join(' '.join(command) for command in case.commands)}")
-        (found,) = attempts(fuzzer, [number], seed, Path(folder))
+        (found,) = attempts(fuzzer, [number], seed, Path(tried))
     print(
         f"{found.said}\n{' '.join(found.command)}: status {found.status}, "
         f"{found.cpu_s:.2f} s, {found.memory_mb:.0f} MB"
