@@ -26,6 +26,34 @@ def on_line(poses: Table, stations: int, row: int, s: float) -> tuple[complex, f
 
 
 @kernel
+def body_on_line(poses: Table, stations: int, row: int, s: float, length: float) -> tuple[complex, complex]:
+    """Place m and direction of a body of that length (m) whose ends are on a line, its centre s m along it.
+
+    So SUMO moves its vehicles: where the line bends a long one lies across the bend.
+    """
+    front, _ = on_line(poses, stations, row, s + 0.5 * length)
+    rear, heading = on_line(poses, stations, row, s - 0.5 * length)
+    along = front - rear
+    along = along / abs(along) if abs(along) > 0.0 else cmath.exp(1j * heading)
+    return front - 0.5 * length * along, along
+
+
+@kernel
+def body_along_line(
+    poses: Table, stations: int, row: int, s: float, length: float, beside: complex, turned: complex,
+    way: Vector,
+) -> tuple[NewPlaces, NewPlaces]:  # fmt: skip
+    """(T,) m and (T,): place and direction after `way` (T,) m from s m on, of a body that keeps an offset
+    `beside` m from where `body_on_line` says and is `turned` from there, both as seen by who drives there.
+    """
+    place, facing = np.empty(len(way), np.complex128), np.empty(len(way), np.complex128)
+    for t in range(len(way)):
+        here, along = body_on_line(poses, stations, row, s + way[t], length)
+        place[t], facing[t] = here + beside * along, turned * along
+    return place, facing
+
+
+@kernel
 def along_line(
     poses: Table, stations: int, row: int, s: float, beside: complex, turned: complex, way: Vector
 ) -> tuple[NewPlaces, NewPlaces]:

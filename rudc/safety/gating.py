@@ -73,7 +73,7 @@ class Gate:
         ego, body = scene.ego, scene.vehicle
         way = self._horizon * max(ego.v, SLOWEST) * _SHARES
         return let_through(
-            *bodies(scene), scene.size, *lines(scene), scene.route.path.poses, scene.ego_s,
+            *bodies(scene), *lines(scene), scene.route.path.poses, scene.ego_s,
             complex(ego.x, ego.y), cmath.exp(1j * ego.psi), ego.v, self._times, self._gap, short, stretch,
             TAIL, LANE, ALONG, STILL, PASSING, way, 0.5 * body.length, 0.5 * body.width,
         )  # fmt: skip

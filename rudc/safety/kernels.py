@@ -21,7 +21,7 @@ from rudc.kernels import (
     kernel,
     separation,
 )
-from rudc.network.line_kernels import along_line, on_line
+from rudc.network.line_kernels import along_line, body_along_line, body_on_line, on_line
 from rudc.network.paths import SPACING
 from rudc.safety.barrier_kernels import CLOSEST
 
@@ -42,13 +42,15 @@ def follow(
 
 @kernel
 def other_ahead(
-    position: Table, heading: Vector, velocity: Table, path: Rows, path_s: Vector,
+    position: Table, heading: Vector, velocity: Table, size: Table, path: Rows, path_s: Vector,
     poses: Table, stations: int, i: int, way: Vector,
 ) -> tuple[NewPlaces, NewPlaces]:  # fmt: skip
     """(T,) m and (T,): somebody else after `way` (T,) m along its path, straight on if it has none."""
     here, direction = complex(position[i, 0], position[i, 1]), cmath.exp(1j * heading[i])
     if path[i] >= 0:
-        return follow(poses, stations, path[i], path_s[i], here, direction, way)
+        start, along = body_on_line(poses, stations, path[i], path_s[i], size[i, 0])
+        beside, turned = (here - start) * along.conjugate(), direction * along.conjugate()
+        return body_along_line(poses, stations, path[i], path_s[i], size[i, 0], beside, turned, way)
     drift = complex(velocity[i, 0], velocity[i, 1])
     drift /= max(abs(drift), 1e-9)
     there, turned = np.empty(len(way), np.complex128), np.empty(len(way), np.complex128)
@@ -59,14 +61,14 @@ def other_ahead(
 
 @kernel
 def others_ahead(
-    position: Table, heading: Vector, velocity: Table, path: Rows, path_s: Vector,
+    position: Table, heading: Vector, velocity: Table, size: Table, path: Rows, path_s: Vector,
     poses: Table, stations: int, who: Rows, way: Table,
 ) -> tuple[NewPlaceTable, NewPlaceTable]:  # fmt: skip
     """(n, T) m and (n, T): others `who` (n,) after `way` (n, T) m."""
     there, turned = np.empty(way.shape, np.complex128), np.empty(way.shape, np.complex128)
     for k in range(len(who)):
         there[k], turned[k] = other_ahead(
-            position, heading, velocity, path, path_s, poses, stations, who[k], way[k]
+            position, heading, velocity, size, path, path_s, poses, stations, who[k], way[k]
         )
     return there, turned
 
@@ -118,7 +120,7 @@ def ellipses_meet(
 
 @kernel
 def meeting(
-    position: Table, heading: Vector, velocity: Table, path: Rows, path_s: Vector,
+    position: Table, heading: Vector, velocity: Table, size: Table, path: Rows, path_s: Vector,
     poses: Table, stations: int, ego: PlaceTable, ego_facing: PlaceTable, times: Vector, reach: float,
     gap: float, short: Table, stretch: Table,
 ) -> NewFlags:  # fmt: skip
@@ -136,7 +138,7 @@ def meeting(
         if abs(away) >= speed * times[-1] + reach + longest:
             continue
         there, turned = other_ahead(
-            position, heading, velocity, path, path_s, poses, stations, i, speed * times
+            position, heading, velocity, size, path, path_s, poses, stations, i, speed * times
         )
         for w in range(len(ego)):
             for t in range(len(times)):
@@ -167,7 +169,7 @@ def least_separation(
 
 @kernel
 def let_through(
-    position: Table, heading: Vector, velocity: Table, path: Rows, path_s: Vector, size: Table,
+    position: Table, heading: Vector, velocity: Table, size: Table, path: Rows, path_s: Vector,
     poses: Table, stations: int, line: Table, ego_s: float,
     ego: complex, ego_heading: complex, speed: float, times: Vector, gap: float, short: Table, stretch: Table,
     tail: float, lane: float, along: float, still: float, passing: float, way: Vector,
@@ -181,7 +183,7 @@ def let_through(
     """
     there, turned = follow(line, len(line), 0, ego_s, ego, ego_heading, speed * times)
     met = meeting(
-        position, heading, velocity, path, path_s, poses, stations, there.reshape(1, -1),
+        position, heading, velocity, size, path, path_s, poses, stations, there.reshape(1, -1),
         turned.reshape(1, -1), times, speed * times[-1], gap, short, stretch,
     )  # fmt: skip
     there, turned = follow(line, len(line), 0, ego_s, ego, ego_heading, way)
@@ -229,8 +231,8 @@ def leads(
 
 @kernel
 def in_reach(
-    position: Table, heading: Vector, velocity: Table, path: Rows, path_s: Vector,
-    acceleration: Vector, size: Table,
+    position: Table, heading: Vector, velocity: Table, size: Table, path: Rows, path_s: Vector,
+    acceleration: Vector,
     poses: Table, stations: int, ego: complex, reach: float,
     times: Vector, changing: float, speeds_up: float,
     line: Table, ego_s: float, lane: float, along: float, hardest: float,
@@ -275,7 +277,9 @@ def in_reach(
                 held = min(times[t], speed / -a if a < 0.0 else speeds_up)
                 rest = times[t] - held if a > 0.0 else 0.0
                 way[t] = speed * held + 0.5 * a * held * held + (speed + a * held) * rest
-        there[k], turned[k] = other_ahead(position, heading, velocity, path, path_s, poses, stations, i, way)
+        there[k], turned[k] = other_ahead(
+            position, heading, velocity, size, path, path_s, poses, stations, i, way
+        )
     return who[:m].copy(), there, turned
 
 

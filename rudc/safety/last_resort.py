@@ -185,7 +185,7 @@ class LastResort:
         body, ego = scene.vehicle, scene.ego
         reach = way + 0.5 * (body.length + body.width) + self._margin
         who, place, facing = in_reach(
-            *bodies(scene), scene.acceleration, scene.size, *lines(scene),
+            *bodies(scene), scene.acceleration, *lines(scene),
             complex(ego.x, ego.y), reach, self._times, CHANGING, SPEEDS_UP_S,
             scene.route.path.poses, scene.ego_s, LANE, ALONG, HARDEST,
         )  # fmt: skip

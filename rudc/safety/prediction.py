@@ -1,7 +1,7 @@
 """Where everybody will be, if each follows its own path: what the gate and the last resort look at.
 
-Others follow their row of `network.paths`, straight on if they have none; the ego its route. All keep the
-offset from the path, and the angle to it, that they have now.
+Others follow their row of `network.paths` with both their ends on it, as SUMO moves them, straight on if they
+have none; the ego its route. All keep the offset from the path, and the angle to it, that they have now.
 
 Surrounding vehicles are predicted the same way where they yield (rudc/world/yielding.py), but for the angle:
 they turn with their lane. `env.conflict` needs no poses: it looks gaps up by arc length.
@@ -30,9 +30,11 @@ ALONG = 0.7
 """cosine of the angle to the path up to which one drives along it"""
 
 
-def bodies(scene: Scene) -> tuple[Array, Array, Array, Index, Array]:
-    """What kernels take of the others: positions, headings, velocities, paths and arc lengths on them."""
-    return scene.position, scene.heading, scene.velocity, scene.path, scene.path_s
+def bodies(scene: Scene) -> tuple[Array, Array, Array, Array, Index, Array]:
+    """What kernels take of the others: positions, headings, velocities, sizes, paths and arc lengths on
+    them.
+    """
+    return scene.position, scene.heading, scene.velocity, scene.size, scene.path, scene.path_s
 
 
 def lines(scene: Scene) -> tuple[Array, int]:

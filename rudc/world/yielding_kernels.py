@@ -20,7 +20,7 @@ from rudc.kernels import (
     kernel,
     separation,
 )
-from rudc.network.line_kernels import along_line, on_line
+from rudc.network.line_kernels import body_along_line, body_on_line
 from rudc.world.scene import STANDING
 
 STEP_S = 0.25
@@ -48,19 +48,19 @@ NEAR_M = 10.0
 
 @kernel
 def in_lane(
-    poses: Table, stations: int, row: int, s: float, x: float, y: float, step: float
+    poses: Table, stations: int, row: int, s: float, x: float, y: float, length: float, step: float
 ) -> tuple[NewPlaces, NewPlaces]:
-    """(INSTANTS,) m and (INSTANTS,): place and direction of who is at (x, y) m now, 0, 1, 2, ... steps of
-    `step` m on along its row from s m on, as far beside it as now.
+    """(INSTANTS,) m and (INSTANTS,): place and direction of a body `length` m long that is at (x, y) m now,
+    0, 1, 2, ... steps of `step` m on along its row from s m on, as far beside it as now.
 
     Somebody that passes an obstacle on a lane without a way to its destination drives beside its row.
     """
-    start, psi = on_line(poses, stations, row, s)
-    beside = ((complex(x, y) - start) * cmath.exp(-1j * psi)).imag
+    start, along = body_on_line(poses, stations, row, s, length)
+    beside = ((complex(x, y) - start) * along.conjugate()).imag
     way = np.empty(INSTANTS)
     for t in range(INSTANTS):
         way[t] = t * step
-    return along_line(poses, stations, row, s, 1j * beside, complex(1.0), way)
+    return body_along_line(poses, stations, row, s, length, 1j * beside, complex(1.0), way)
 
 
 @kernel
@@ -139,32 +139,38 @@ def in_junction(size: Table, path: Rows, path_s: Vector, stop_s: Vector, exit_s:
 
 
 @kernel
-def mark_others(
-    hits: NewFlags, place: Places, facing: Places, length: float, width: float, i: int, speed: Vector,
-    inside: NewFlags, position: Table, heading: Vector, velocity: Table, size: Table, path: Rows,
-    path_s: Vector, poses: Table, stations: int, origin: Rows,
-) -> int:  # fmt: skip
-    """Set hits (INSTANTS,) where an SV i at `place` m facing `facing` (INSTANTS,) overlaps an obstacle, or,
-    if it creeps in the junction, what faster ones from other arms will sweep over. Answers 0.
+def braking_for_others(
+    place: Places, facing: Places, length: float, width: float, sets_off: float, most: float, i: int,
+    speed: Vector, inside: NewFlags, position: Table, heading: Vector, velocity: Table, size: Table,
+    path: Rows, path_s: Vector, poses: Table, stations: int, origin: Rows,
+) -> float:  # fmt: skip
+    """m/s2, as `braking`: how hard an SV i at `place` m facing `facing` (INSTANTS,) brakes for the obstacle
+    that asks for most, or, if it creeps in the junction, for what faster ones from other arms sweep over.
+
+    Each is looked at by itself: who is beside one already still brakes for the next.
     """
+    need = -1.0
     for j in range(len(path)):
         half = 0.5 * size[j, 0], 0.5 * size[j, 1]
         x, y = position[j, 0], position[j, 1]
         away = math.hypot(position[i, 0] - x, position[i, 1] - y)
         if path[j] < 0:
             if away < HORIZON_S * (speed[i] + speed[j]) + NEAR_M + size[j, 0]:
-                drift = complex(velocity[j, 0], velocity[j, 1])
+                hits, drift = np.zeros(INSTANTS, np.bool_), complex(velocity[j, 0], velocity[j, 1])
                 there, turned = straight_on(x, y, heading[j], drift)
                 mark_overlaps(hits, place, facing, length, width, there, turned, half[0], half[1])
+                need = max(need, braking(hits, sets_off, False, most))
             continue
         passes = inside[i] and inside[j] and speed[i] <= CREEPS < speed[j]
         if not passes or origin[path[i]] == origin[path[j]]:
             continue
-        swept, along = in_lane(poses, stations, path[j], path_s[j], x, y, SWEPT_M)
+        hits = np.zeros(INSTANTS, np.bool_)
+        swept, along = in_lane(poses, stations, path[j], path_s[j], x, y, size[j, 0], SWEPT_M)
         for k in range(INSTANTS):
             there, turned = np.full(INSTANTS, swept[k]), np.full(INSTANTS, along[k])
             mark_overlaps(hits, place, facing, length, width, there, turned, half[0], half[1])
-    return 0
+        need = max(need, braking(hits, sets_off, False, most))
+    return need
 
 
 @kernel
@@ -187,18 +193,19 @@ def yielding(
     for i in range(n):
         if path[i] < 0 or not (heeding[i] or obstacles or (inside[i] and speed[i] <= CREEPS)):
             continue
-        hits, sets_off = np.zeros(INSTANTS, np.bool_), max(speed[i], CREEP)
+        sets_off, need = max(speed[i], CREEP), -1.0
         half = 0.5 * (size[i, 0] + GROW_LENGTH), 0.5 * (size[i, 1] + GROW_WIDTH)
         x, y = position[i, 0], position[i, 1]
-        place, facing = in_lane(poses, stations, path[i], path_s[i], x, y, sets_off * STEP_S)
+        place, facing = in_lane(poses, stations, path[i], path_s[i], x, y, size[i, 0], sets_off * STEP_S)
         if heeding[i]:
+            hits = np.zeros(INSTANTS, np.bool_)
             mark_overlaps(hits, place, facing, half[0], half[1], ego, ego_facing, 0.5 * length, 0.5 * width)
-        passed = hits[0] and moves and speed[i] < STANDING
-        mark_others(
-            hits, place, facing, half[0], half[1], i, speed, inside,
+            need = braking(hits, sets_off, hits[0] and moves and speed[i] < STANDING, most)
+        others = braking_for_others(
+            place, facing, half[0], half[1], sets_off, most, i, speed, inside,
             position, heading, velocity, size, path, path_s, poses, stations, origin,
         )  # fmt: skip
-        need = braking(hits, sets_off, passed, most)
+        need = max(need, others)
         if need >= 0.0:
             rows[count], needs[count] = i, need
             count += 1

@@ -18,25 +18,32 @@ def lines():
 
 
 def others(rng, n=30):
-    """Position, heading, velocity, row and arc length of some on paths and some without."""
+    """Position, heading, velocity, size, row and arc length of some on paths and some without."""
     heading = rng.uniform(-3, 3, n)
     speed = rng.uniform(0, 12, n)
     velocity = speed[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=1)
-    return rng.uniform(-40, 40, (n, 2)), heading, velocity, rng.integers(-1, 3, n), rng.uniform(-5, 210, n)
+    size = np.stack([rng.uniform(1, 12, n), rng.uniform(0.5, 2.5, n)], axis=1)
+    place, s = rng.uniform(-40, 40, (n, 2)), rng.uniform(-5, 210, n)
+    return place, heading, velocity, size, rng.integers(-1, 3, n), s
 
 
 def predicted(bodies, tracks, who, way):
     """`prediction`'s formula for all at once."""
-    (position, heading, velocity, path, path_s), (poses, stations) = bodies, tracks
+    (position, heading, velocity, size, path, path_s), (poses, stations) = bodies, tracks
     poses = poses.reshape(-1, stations, 3)
     now, rows = position[who, 0] + 1j * position[who, 1], np.maximum(path[who], 0)[:, None]
 
-    def at(s):
+    length = size[who, :1]
+
+    def on_line(s):
         i = np.clip(s / SPACING, 0, stations - 2).astype(int)
-        part = (s / SPACING - i)[..., None]
         low, step = poses[rows, i], poses[rows, i + 1] - poses[rows, i]
-        xy, psi = (low + part * step)[..., :2], (low + np.clip(part, 0, 1) * step)[..., 2]
-        return xy @ [1, 1j], np.exp(1j * psi)
+        return (low + (s / SPACING - i)[..., None] * step)[..., :2] @ [1, 1j]
+
+    def at(s):
+        front, rear = on_line(s + 0.5 * length), on_line(s - 0.5 * length)
+        along = (front - rear) / np.abs(front - rear)
+        return front - 0.5 * length * along, along
 
     line, along = at(path_s[who, None] + way)
     start, first = at(path_s[who, None])
@@ -81,12 +88,13 @@ def test_ellipses_that_meet_are_those_of_the_formula():
 
 def test_room_is_the_least_separation_less_what_is_allowed():
     rng, tracks, times = RNG(3), lines(), np.linspace(0, 2.5, 26)
-    bodies, size = others(rng, 60), rng.uniform(1, 6, (60, 2))
+    bodies = others(rng, 60)
+    size = bodies[3]
     acceleration = rng.uniform(-3, 1, 60)
     line = tracks[0][: tracks[1]]  # northwards through the origin, which is at 100 m
     bodies[0][:6], bodies[1][:6] = [[0.3 * k - 0.8, 5.0 * k - 5] for k in range(6)], np.pi / 2
     who, place, facing = kernels.in_reach(
-        *bodies, acceleration, size, *tracks, -10 + 0j, 15.0, times, 0.5, 1.0, line, 97.0, 1.5, 0.7, -9.0
+        *bodies, acceleration, *tracks, -10 + 0j, 15.0, times, 0.5, 1.0, line, 97.0, 1.5, 0.7, -9.0
     )
     speed = np.hypot(*bodies[2].T)
     fastest = speed + np.where(acceleration > 0.5, acceleration, 0.0)
@@ -161,19 +169,19 @@ def test_the_nearest_place_on_an_edge_is_the_best_of_all_its_pieces():
 
 def test_who_is_let_through_meets_does_not_follow_and_is_not_passed():
     rng, tracks, times = RNG(5), lines(), np.linspace(0, 3, 16)
-    bodies, size = others(rng, 300), rng.uniform(1, 6, (300, 2))
+    bodies = others(rng, 300)
+    size = bodies[3]
     bodies[2][::4] *= 0.01  # some stand
     bodies[0][:9] = np.stack([np.full(9, 0.5), np.linspace(-24.5, -22.5, 9)], axis=1)  # some are behind
     bodies[0][12:40:4], size[12:40:4] = [3.5, -10.0], 2.0  # and some stand beside
     bodies[1][:40] = 1.5
-    bodies[0][40], size[40], bodies[1][40] = [-1.5, -21.0], [2.0, 1.8], 1.5  # and one nearer already
+    bodies[0][40], size[40], bodies[1][40] = [-1.65, -23.0], [2.0, 1.8], 1.5  # and one nearer already
     line = tracks[0][: tracks[1]]
     s, here, heading, half = 80.0, 0.5 - 20j, np.exp(1.5j), np.full((2, 300), 2.0)
     ego = here, heading, 7.0
     way = np.linspace(0, 21, 40)
     got = kernels.let_through(
         *bodies,
-        size,
         *tracks,
         line,
         s,

@@ -46,6 +46,42 @@ def test_brakes_for_an_ego_that_stands_in_the_way(crossing):
     assert 2.0 < found.deceleration[0] < 9.0
 
 
+def test_brakes_for_the_ego_while_it_drives_past_somebody_else(crossing):
+    """Who is beside a walker already cannot brake that away, and brakes for what is ahead all the same."""
+    scene = crossing(4.0, 2.5, front=11.0)
+    along = np.array([math.cos(scene.heading[0]), math.sin(scene.heading[0])])
+    walker = scene.position[0] - 2.4 * along + 1.1 * np.array([-along[1], along[0]])
+    beside = replace(
+        scene,
+        ids=(*scene.ids, "walker"),
+        position=np.vstack([scene.position, walker]),
+        heading=np.append(scene.heading, scene.heading[0]),
+        velocity=np.vstack([scene.velocity, np.zeros(2)]),
+        acceleration=np.zeros(2),
+        size=np.vstack([scene.size, [0.5, 0.5]]),
+        kind=np.append(scene.kind, Kind.PEDESTRIAN),
+        path=np.append(scene.path, -1),
+        path_s=np.append(scene.path_s, 0.0),
+    )
+    alone, passing = must_yield(scene), must_yield(beside)
+    assert alone.rows == passing.rows == [0]
+    assert passing.deceleration == alone.deceleration
+
+
+def test_a_bus_that_turns_brakes_for_what_its_tail_would_sweep_over(make_scene, four_way):
+    """Its ends are on its lane: in the bend its middle is inside of it, by more than its lane's line says."""
+    row = row_of(four_way, "west", "right")
+    paths = four_way.paths
+    s = float(paths.stop_s[row]) - 8.0
+    bus = {"row": row, "s": s, "v": 5.0, "size": (12.0, 2.5)}
+    x, y, psi = (float(v) for v in four_way.route("west", "right").path.pose(s + 11.0))
+    inside = x + 2.2 * math.sin(psi), y - 2.2 * math.cos(psi)
+    bollard = {"at": (*inside, psi), "size": (0.4, 0.4)}
+    alone = must_yield(make_scene(bus, origin="north", front=-60.0))
+    assert alone.rows == []
+    assert must_yield(make_scene(bus, bollard, origin="north", front=-60.0)).rows == [0]
+
+
 def test_brakes_the_harder_the_nearer(crossing):
     far, near = (must_yield(crossing(away, 8.0, front=11.0)).deceleration[0] for away in (13.0, 9.0))
     assert near > far

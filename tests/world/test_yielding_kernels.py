@@ -10,15 +10,22 @@ from rudc.network.line_kernels import along_line
 from rudc.world import yielding_kernels as kernels
 
 
-def test_vehicles_keep_their_offset_from_their_path(four_way):
+@pytest.mark.parametrize("length", [1.8, 5.0, 12.0])
+def test_vehicles_have_both_ends_on_their_path_as_far_beside_it_as_now(four_way, length):
     paths, rng = four_way.paths, np.random.default_rng(0)
     for row in rng.integers(0, paths.count, 20).tolist():
         s, beside, step = float(rng.uniform(-5, paths.length[row] + 5)), float(rng.normal()), 1.7
-        x, y, psi = paths.pose(np.full(9, row), s + step * np.arange(9))
-        x, y = x - beside * np.sin(psi), y + beside * np.cos(psi)
-        place, facing = kernels.in_lane(paths.poses, paths.stations, row, s, float(x[0]), float(y[0]), step)
-        assert place == pytest.approx(x + 1j * y, abs=1e-9)
-        assert facing == pytest.approx(np.exp(1j * psi), abs=1e-9)
+        ends = [
+            paths.pose(np.full(9, row), s + half + step * np.arange(9))
+            for half in (0.5 * length, -0.5 * length)
+        ]
+        front, rear = (x + 1j * y for x, y, _ in ends)
+        along = (front - rear) / np.abs(front - rear)
+        centre = front - 0.5 * length * along + 1j * beside * along
+        x, y = centre[0].real, centre[0].imag
+        place, facing = kernels.in_lane(paths.poses, paths.stations, row, s, x, y, length, step)
+        assert place == pytest.approx(centre, abs=1e-9)
+        assert facing == pytest.approx(along, abs=1e-9)
 
 
 @pytest.mark.parametrize("s", [-7.0, 30.0, 1e4])
