@@ -233,7 +233,9 @@ def _problems(files: list[str], seeds: int, tell: Callable[[dict[str, Any]], Non
                 "swept_points": len(scenario.points()) if scenario.sweep else 0,
                 "set_up": len(tried_points(scenario)),
             }
-            tell(found | {"firings": _firings(scenario, seeds)})
+            firings, unset = _firings(scenario, seeds)
+            problems += (wrong := [f"{shown(path)}: {text}" for text in unset])
+            tell(found | {"problems": wrong, "firings": firings})
         else:
             tell(found)
     return list(dict.fromkeys(problems))
@@ -250,7 +252,8 @@ def _say(found: dict[str, Any]) -> None:
     count, points, tried = found["events"], found["swept_points"], found["set_up"]
     swept = f", {points} swept points" if points else ""
     swept += f", of which {tried} were set up" if tried < points else ""
-    typer.echo(f"{name}: ok ({count} event{'s' * (count != 1)}{swept})")
+    state = f"{wrong} problem{'s' * (wrong != 1)}" if wrong else "ok"
+    typer.echo(f"{name}: {state} ({count} event{'s' * (count != 1)}{swept})")
     for firing in found["firings"]:
         values = "".join(f"{key}={value_text(value)}, " for key, value in firing["swept"].items())
         typer.echo(f"  {values}{firing['text']}")
@@ -282,17 +285,21 @@ def _states(files: list[str]) -> dict[Path, int]:
     return found
 
 
-def _firings(scenario: Scenario, seeds: int) -> list[dict[str, Any]]:
-    """How often the events of a scenario happen in its first episodes, for each swept value."""
+def _firings(scenario: Scenario, seeds: int) -> tuple[list[dict[str, Any]], list[str]]:
+    """How often the events of a scenario happen in its first episodes, for each swept value, and what is
+    wrong with those that cannot be set up.
+    """
+    found: list[dict[str, Any]] = []
+    wrong: list[str] = []
     if not seeds or not scenario.events:
-        return []
+        return found, wrong
     from rudc.evaluation.firing import count_firings
 
-    return [
-        {"swept": swept, **asdict(firing), "text": str(firing)}
-        for swept, point in scenario.grid()
-        for firing in count_firings(point, range(seeds))
-    ]
+    for swept, point in scenario.grid():
+        firings, unset = count_firings(point, range(seeds))
+        found += [{"swept": swept, **asdict(firing), "text": str(firing)} for firing in firings]
+        wrong += unset
+    return found, wrong
 
 
 @app.command()

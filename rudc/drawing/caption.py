@@ -117,6 +117,10 @@ def _unsigned_zero(value: float, digits: int) -> str:
     return f"{round(value, digits) + 0.0:+.{digits}f}"
 
 
+_ONE = {"vehicles": "vehicle", "boxes": "box"}
+"""what lists of events hold -> one of it"""
+
+
 def describe(event: Event) -> str:
     """An event in a line: what it is and its numbers; its `when` is left out."""
     data: dict[str, Any] = event.model_dump(mode="json", by_alias=True, exclude_none=True)
@@ -125,7 +129,11 @@ def describe(event: Event) -> str:
     parts = [event.kind.replace("_", " ")]
     for key, value in data.items():
         many = isinstance(value, list)
-        parts.append(f"{len(value)} {key}" if many else f"{_words(key)} {_value(value, key)}")
+        parts.append(
+            f"{len(value)} {_ONE.get(key, key) if len(value) == 1 else key}"
+            if many
+            else f"{_words(key)} {_value(value, key)}"
+        )
     return ", ".join(parts)
 
 

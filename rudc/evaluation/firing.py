@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rudc.agents.gap_acceptance import GapAcceptance
 from rudc.env.episode import Episode
+from rudc.errors import SimulationError
 from rudc.evaluation.rollout import run_episode
 from rudc.network.network import load_network
 from rudc.world.events import numbered
@@ -15,6 +17,12 @@ from rudc.world.world import World
 
 if TYPE_CHECKING:
     from rudc.scenario.model import Scenario
+
+EARLY = (
+    "its trigger did not come true before gap-acceptance, which drives here, arrived, or there was nobody "
+    "for it to act on"
+)
+"""why an event may not happen"""
 
 
 @dataclass(slots=True)
@@ -37,31 +45,38 @@ class Firing:
     def __str__(self) -> str:
         rest = "" if self.drawn == self.episodes else f" (its probability lets it in {self.drawn})"
         seen = "" if self.seen == self.fired else f", and the ego sees it in {self.seen}"
-        early = (
-            ""
-            if self.fired == self.drawn
-            else "; in the others its trigger did not come true before gap-acceptance, which drives here, "
-            "arrived, or there was nobody for it to act on"
-        )
+        early = "" if self.fired == self.drawn else f"{'; in the others' if self.fired else ':'} {EARLY}"
         happens = f"happens in {self.fired} of {self.episodes} episodes"
         return f"event {numbered(self.number, self.kind)}: {happens}{rest}{seen}{early}"
 
 
-def count_firings(scenario: Scenario, seeds: Iterable[int]) -> list[Firing]:
-    """Drive the seeds' episodes with `gap-acceptance` and count, for each event of the file, when it happens.
-
-    Raises what `World.reset` does.
+def count_firings(scenario: Scenario, seeds: Iterable[int]) -> tuple[list[Firing], list[str]]:
+    """Drive the seeds' episodes with `gap-acceptance` and count, for each event of the file, when it happens;
+    and what is wrong with those that cannot be set up, a line each.
     """
     found = [Firing(number, event.kind) for number, event in enumerate(scenario.events, start=1)]
-    with World(load_network(scenario.network, scenario.junction)) as world:
-        episode, agent = Episode(world), GapAcceptance()
-        for seed in seeds:
-            run_episode(episode, scenario.plan(seed), agent)
-            for firing in found:
-                firing.episodes += 1
-            for number, happening in zip(world.plan.event_numbers, world.happenings(), strict=True):
-                firing = found[number - 1]
-                firing.drawn += 1
-                firing.fired += happening.begun_s is not None
-                firing.seen += happening.visible_s is not None
-    return found
+    wrong: list[str] = []
+    waiting = deque(seeds)
+    while waiting:  # once more with a new world after an episode that could not be set up
+        with World(load_network(scenario.network, scenario.junction)) as world:
+            episode, agent = Episode(world), GapAcceptance()
+            while waiting:
+                seed = waiting.popleft()
+                try:
+                    run_episode(episode, scenario.plan(seed), agent)
+                except SimulationError as error:
+                    wrong.append(f"seed {seed}: {error}")
+                    break
+                _count(found, world)
+    return found, wrong
+
+
+def _count(found: list[Firing], world: World) -> None:
+    """Add an episode that has been driven."""
+    for firing in found:
+        firing.episodes += 1
+    for number, happening in zip(world.plan.event_numbers, world.happenings(), strict=True):
+        firing = found[number - 1]
+        firing.drawn += 1
+        firing.fired += happening.begun_s is not None
+        firing.seen += happening.visible_s is not None

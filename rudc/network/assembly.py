@@ -107,7 +107,8 @@ def _make_arm(raw: RawArm, lanes: dict[str, Lane], centre: Array) -> Arm:
     near, far = _axis(raw)
     bearing = _bearing(far, centre)
     inwards = near - far
-    one_way = [sum(float(edge.getLength()) for edge in edges) for edges in (raw.inbound, raw.outbound)]
+    ways = [edges for edges in (raw.inbound, raw.outbound) if edges]
+    length = sum(float(edge.getLength()) for edges in ways for edge in edges) / len(ways)
     return Arm(
         name=COMPASS[round(bearing / (np.pi / 4)) % 8],
         in_edge=raw.inbound[-1].getID() if raw.inbound else None,
@@ -116,7 +117,7 @@ def _make_arm(raw: RawArm, lanes: dict[str, Lane], centre: Array) -> Arm:
         out_edges=tuple(edge.getID() for edge in raw.outbound),
         bearing=bearing,
         heading_in=float(np.arctan2(inwards[1], inwards[0])),
-        length=sum(one_way) / 2,
+        length=length,
         in_lanes=_lane_ids(raw.inbound[-1:], lanes),
         out_lanes=_lane_ids(raw.outbound[:1], lanes),
         major=False,

@@ -157,7 +157,7 @@ def _node_warnings(network: Network) -> Iterator[str]:
 
 
 def _arm_warnings(network: Network, arm: Arm) -> Iterator[str]:
-    if arm.length < SHORT_ARM:
+    if arm.in_lanes and arm.length < SHORT_ARM:
         yield (
             f"arm {arm.name} is only {arm.length:.0f} m long; from {SHORT_ARM:.0f} m on there is room to "
             "start, follow and brake"

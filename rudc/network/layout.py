@@ -65,7 +65,7 @@ class Layout:
         arms = assembly.make_arms(raw_arms, self.lanes, self.center)
         self.arms: tuple[Arm, ...] = tuple(assembly.decide_major(arms, ways, yields))
         """counter-clockwise from the east"""
-        self.road_km = sum(arm.length for arm in self.arms) / 1000.0
+        self.road_km = sum(arm.two_way_m for arm in self.arms) / 1000.0
         """km of two-way road on the arms: density is vehicles / road_km"""
         self.movements: tuple[Movement, ...] = tuple(assembly.make_movements(self.arms, ways, yields))
         """permitted ways between arms"""
@@ -107,7 +107,8 @@ class Layout:
             if name == arm.name or name in arm.in_edges or name in arm.out_edges:
                 return arm
         raise NetworkError(
-            f"no arm {name!r} in network {self.name}{there_are(name, [arm.name for arm in self.arms])}"
+            f"no arm {name!r} in network {self.name}{there_are(name, [arm.name for arm in self.arms])}; "
+            "the id of one of its edges names an arm, too"
         )
 
     def speed_limit(self, edge: str) -> float:

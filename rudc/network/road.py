@@ -66,13 +66,18 @@ class Arm:
     heading_in: float
     """rad, direction of travel of traffic that enters by it, taken over its last 20 m"""
     length: float
-    """m, of two-way road (a one-way arm counts half)"""
+    """m, the mean of its directions"""
     in_lanes: tuple[str, ...]
     """lane ids of `in_edge`, rightmost first"""
     out_lanes: tuple[str, ...]
     """lane ids of `out_edge`, rightmost first"""
     major: bool
     """whether some movement from it (in general: straight on) need not yield to traffic of any other arm"""
+
+    @property
+    def two_way_m(self) -> float:
+        """m of two-way road: a one-way arm counts half."""
+        return self.length if self.in_lanes and self.out_lanes else 0.5 * self.length
 
 
 @dataclass(frozen=True)

@@ -108,7 +108,9 @@ def _in_words(kind: str, value: Any, context: dict[str, Any], message: str, in_n
         case "literal_error":
             options = re.findall(r"'([^']*)'", context["expected"])
             near = did_you_mean(value, options) if isinstance(value, str) else ""
-            return f"expected one of {', '.join(options)}; got {got(value)}{near}"
+            drawn = isinstance(value, Mapping) and set(value) <= {"uniform", "normal", "choice"}
+            why = "; a distribution may stand where a number does" if value and drawn else ""
+            return f"expected one of {', '.join(options)}; got {got(value)}{near}{why}"
         case "tuple_type" | "list_type":
             return f"expected a list, got {got(value)}"
         case "too_long":

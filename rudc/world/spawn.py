@@ -30,6 +30,9 @@ def movements_of(network: Network, plan: EgoPlan) -> list[Movement]:
     if plan.origin is not None:
         wanted = network.arm(plan.origin).name
         movements = [m for m in movements if m.origin == wanted]
+        if not movements:
+            raise NetworkError(f"network {network.name}: no movement begins at arm {wanted}")
+    from_there = movements
     if plan.turn is not None:
         movements = [m for m in movements if m.turn == plan.turn]
     if plan.destination is not None:
@@ -39,7 +42,7 @@ def movements_of(network: Network, plan: EgoPlan) -> list[Movement]:
         asked = (
             f"from {plan.origin or 'any arm'}, turn {plan.turn or 'any'}, to {plan.destination or 'any arm'}"
         )
-        known = ", ".join(f"{m.origin}>{m.destination} ({m.turn})" for m in network.movements)
+        known = ", ".join(f"{m.origin}>{m.destination} ({m.turn})" for m in from_there)
         raise NetworkError(f"network {network.name} has no movement {asked}; it has {known}")
     return movements
 

@@ -137,7 +137,9 @@ def test_one_way_arms_and_lanes_for_others_are_understood(tmp_path):
     east = network.arm("east")
     assert east.out_edge is None
     assert east.out_lanes == ()
-    assert east.length == pytest.approx(0.5 * 95, abs=8)
+    assert east.length == pytest.approx(95, abs=8)
+    assert east.two_way_m == 0.5 * east.length
+    assert network.arm("west").two_way_m == network.arm("west").length
     assert not [m for m in network.movements if m.destination == "east"]
 
     text = network.path.read_text().replace(

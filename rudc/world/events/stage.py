@@ -129,8 +129,8 @@ class WorldStage(NetworkStage):
         new = Standing(name, body, place, (length, width))
         for other in overlapped(new, [_as_standing(prop) for prop in self.props if not prop.moves]):
             raise SimulationError(
-                f"{other.name} and {name} (the event's kind and number: the thing's) would stand in the same "
-                f"place, {said(self.network, place)}; move one of them"
+                f"{other.name} and {name} (kind, number in `events`, and the thing's, all from 0) would "
+                f"stand in the same place, {said(self.network, place)}; move one of them"
             )
         self.props.append(standing(name, Kind[body.upper()], x, y, heading, length, width))
         if self.scene is not None and self._too_near(place, (length, width)):
