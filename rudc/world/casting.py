@@ -73,7 +73,7 @@ def _in_line(scene: Scene, stage: WorldStage, rng: np.random.Generator, ahead: b
         if gap < APART_M + NEAR_S * v and _can_take_part(scene, stage, row, ahead=ahead):
             if ahead:
                 stage.traffic.redirect(scene.ids[row], route.origin, route.destination)
-            stage.sumo.keep_lane(scene.ids[row])
+            _keep_lane(stage, scene.ids[row])
             return []
     kind = stage.traffic.draw_type()
     length = VEHICLE_TYPES[kind].length
@@ -84,8 +84,13 @@ def _in_line(scene: Scene, stage: WorldStage, rng: np.random.Generator, ahead: b
     way = 0.5 * scene.vehicle.length + gap + (length if ahead else 0.0)
     place = entry(scene.network, route, scene.ego_s + way if ahead else scene.ego_s - way)
     name = stage.traffic.add(stage.network.movement(route.origin, route.destination), place, kind, v)
-    stage.sumo.keep_lane(name)
+    _keep_lane(stage, name)
     return [name]
+
+
+def _keep_lane(stage: WorldStage, name: str) -> None:
+    stage.sumo.keep_lane(name)
+    stage.traffic.drivers[name].keeps_lane = True
 
 
 def _can_take_part(scene: Scene, stage: WorldStage, row: int, ahead: bool) -> bool:

@@ -7,6 +7,8 @@ A row of `network.paths` is blocked where a car on it would touch something that
     before the stop line, else takes another movement from its arm that is free;
     before the stop line, else waits there: nobody drives into a junction whose way on is blocked.
 
+Who leads or follows the ego for an event takes another lane no sooner than on the road that is blocked.
+
 Those who enter the road choose among the movements that are free.
 """
 
@@ -113,10 +115,13 @@ class Detours:
         if not before and front < paths.exit_s[row]:
             return None
         free = [other for other in movement.rows if self._free(other, front, before)]
+        here = not before or self._block[row] < paths.stop_s[row]
+        if free and driver.keeps_lane and not here:
+            return None
         if free:
             lane = network.inbound_lane(free[0]) if before else network.outbound_lane(free[0])
             self._sumo.ask_lane(name, lane.index, HOLD_S)
-            if not before or self._block[row] < paths.stop_s[row]:
+            if here:
                 return None
         elif before and self._take_another(name, movement):
             return None

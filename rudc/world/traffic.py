@@ -65,6 +65,8 @@ class Driver:
     heedless: int = 0
     """how many events have it disregard the right of way at present: the yielding layer then brakes it only
     behind the ego"""
+    keeps_lane: bool = False
+    """whether it leads or follows the ego for an event: up to the junction it stays in its lane"""
 
     @property
     def mode(self) -> int:

@@ -40,6 +40,24 @@ def test_whom_an_event_selects_is_there_whatever_the_traffic(selector, density):
     assert firing.fired == 3
 
 
+def test_a_leader_is_there_though_a_lane_beyond_the_junction_is_closed():
+    """Traffic takes the other lane as soon as it sees that; who leads the ego does so beyond the junction."""
+    slow = {
+        "kind": "slow_vehicle",
+        "vehicle": "leader",
+        "speed": 4,
+        "when": {"simulation_time": {"above": 2}},
+    }
+    closed = {"kind": "lane_closure", "lane": "east_out_0", "at": 30, "length": 15}
+    settings = {
+        "events": [slow, closed],
+        "traffic.density": 10,
+        "ego.route": {"from": "west", "turn": "straight"},
+    }
+    firings, _ = count_firings(load_scenario("random_destination", settings), range(5))
+    assert [firing.fired for firing in firings] == [5, 5]
+
+
 def test_counts_say_what_probability_left_out():
     assert (
         str(Firing(2, "hard_brake", 20, 20, 20, 20))
