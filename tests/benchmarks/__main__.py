@@ -8,8 +8,8 @@ import subprocess
 import sys
 
 SPEED = (
-    "world_speed", "filter_speed", "critic_update", "decision_latency", "whole_decision", "training_speed",
-    "frames",
+    "world_speed", "filter_speed", "cbfpy_filter", "critic_update", "decision_latency", "whole_decision",
+    "training_speed", "frames",
 )  # fmt: skip
 
 
