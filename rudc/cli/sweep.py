@@ -231,7 +231,11 @@ def _report(result: SweepResult, as_json: bool) -> None:
     if as_json:
         typer.echo(make_table(rows, by, "json"), nl=False)
     else:
-        print_metrics(measured(rows, by), by)
+        groups = measured(rows, by)
+        print_metrics(groups, by)
+        if len(groups) > len({group.key[-1] for group in groups}):
+            typer.echo("")  # and over all scenarios together
+            print_metrics(measured(rows, ["agent"]), ["agent"])
     note(f"in {result.folder}: episodes.csv, metrics.csv, manifest.json")
     if result.errors:
         episodes = sum(len(block["seed"]) for block in rows.blocks())

@@ -81,7 +81,12 @@ def test_a_sweep_as_its_table(rudc):
 def test_tables_fit_into_a_hundred_columns(rudc, monkeypatch, command):
     if command[0] == "table":
         agents = ("-a", "follower", "-a", "gap-acceptance+ttcbf", "--set", "episode.timeout=2")
-        rudc("sweep", "fog", "density_sweep", *agents, "-n", 1, "-w", 1, "-o", "out")
+        swept = rudc("sweep", "fog", "density_sweep", *agents, "-n", 1, "-w", 1, "-o", "out")
+        over_all = swept.out.partition("\n\n")[2].splitlines()
+        assert [line.split()[:2] for line in over_all[-2:]] == [
+            ["follower", "6"],
+            ["gap-acceptance+ttcbf", "6"],
+        ]
     monkeypatch.setenv("COLUMNS", "100")
     answer = rudc(*command)
     assert answer.status == 0
