@@ -62,6 +62,8 @@ class Adaptation:
         self._known, self._probes = knowledge == "known", probe and knowledge == "estimated"
         self.estimate = PlantEstimate(Actuation(), unusual=False)
         """what is known of the car at present"""
+        self.asks = False
+        """whether the last command brakes in order to learn how well the road grips"""
 
     def reset(self, scene: Scene) -> None:
         """Begin a new episode with an ordinary car."""
@@ -96,7 +98,8 @@ class Adaptation:
             careful = max(CAREFUL, math.sqrt(2 * BRAKING * grip * STOPPING))
             allowed = min(allowed, careful, speed_by_sight(scene, BRAKING * grip))
         a = min(a, (allowed - scene.ego.v) / RESPONSE_S)
-        if (not onwards and self._asks(scene, grip)) or a <= FULL * max(scene.vehicle.a_min, -USABLE * grip):
+        self.asks = not onwards and self._asks(scene, grip)
+        if self.asks or a <= FULL * max(scene.vehicle.a_min, -USABLE * grip):
             a = scene.network.vehicle.a_min
         left = math.sqrt(grip**2 - min(max(-a, 0.0), BRAKING * grip) ** 2)
         widest = widest_steering(scene.vehicle, scene.ego.v, left)

@@ -15,6 +15,7 @@ from rudc.world.scene import Scene
 if TYPE_CHECKING:
     from rudc.learning.uncertainty import Uncertainty
     from rudc.safety.corrected import Corrected
+    from rudc.safety.plant import PlantEstimate
 
 EgoDriver = Literal["agent", "sumo"]
 
@@ -37,6 +38,10 @@ class Decision(NamedTuple):
     that is not known"""
     states: Literal["paper", "route"] = "paper"
     """which of the two the driver calls its sigma"""
+    plant: PlantEstimate | None = None
+    """what was known of the car (rudc/agents/adaptation.py); None for drivers that do not watch it"""
+    asks_grip: bool = False
+    """whether the ego brakes in order to learn how well the road grips"""
 
     @property
     def bounded(self) -> Array:

@@ -76,7 +76,7 @@ class Recording:
         truth, center = view.truth, self._episode.world.network.center
         done = decision.corrected
         step = Step(
-            _series(truth, decision, result, self._agent),
+            _series(truth, decision, result),
             "" if done is None else done.status,
             done is not None and done.infeasible,
             result.outcome or "",
@@ -279,10 +279,9 @@ def _absent(plan: EpisodePlan) -> list[dict[str, Any]]:
     return [{"number": k, "kind": kind} for k, kind in scripted if k not in plan.event_numbers]
 
 
-def _series(truth: Scene, decision: Decision, result: StepResult, agent: Agent) -> dict[str, float]:
+def _series(truth: Scene, decision: Decision, result: StepResult) -> dict[str, float]:
     ego, done, unsure = truth.ego, decision.corrected, decision.uncertainty
-    known = next((a.adaptation.estimate.actuation for a in _outlooks(agent) if a.adaptation), None)
-    real = getattr(truth, "actuation", None)
+    known, real = decision.plant.actuation if decision.plant else None, truth.actuation
     return {
         "time_s": truth.time_s, "speed_mps": ego.v, "route_s_m": truth.ego_s, "offset_m": truth.ego_offset,
         "acceleration_mps2": ego.acceleration, "steering_rad": ego.steering,
@@ -313,6 +312,8 @@ def _told(decision: Decision, course: int | None) -> dict[str, Any]:
             told["infeasible"] = True
         if decision.bounded.any():
             told["bounded"] = [round(float(value), 4) for value in decision.bounded]
+    if decision.asks_grip:
+        told["asks_grip"] = True
     return told
 
 

@@ -15,6 +15,7 @@ from rudc.files import make_folder_of, write_atomically
 if TYPE_CHECKING:
     from rudc.agents.base import Decision
     from rudc.env.episode import StepResult
+    from rudc.vehicle import Actuation
     from rudc.world.scene import Scene
 
 
@@ -52,6 +53,9 @@ class Trace:
             "filter_violation": corrected.violation if corrected else math.nan,
             "filter_optimality_gap": corrected.optimality_gap if corrected else math.nan,
             "filter_ms": corrected.solve_ms if corrected else math.nan,
+            **_car("", decision.plant.actuation if decision.plant else None),
+            **_car("true_", scene.actuation),
+            "asks_grip": decision.asks_grip,
             "gap_m": result.advance.min_dtc_m,
             "reward": result.reward,
             "cost": result.cost,
@@ -66,6 +70,12 @@ class Trace:
         lines = [columns, *([_cell(row.get(name)) for name in columns] for row in self._rows)]
         make_folder_of(path)
         write_atomically(path, "".join(map(format_row, lines)))
+
+
+def _car(prefix: str, car: Actuation | None) -> dict[str, float | None]:
+    """Friction, dead time and lag of the car, as identified or as it is; None for what is not known."""
+    parts = (None, None, None) if car is None else (car.friction, car.delay_s, car.lag_s)
+    return dict(zip((f"{prefix}friction", f"{prefix}delay_s", f"{prefix}lag_s"), parts, strict=True))
 
 
 def _cell(value: object) -> str:

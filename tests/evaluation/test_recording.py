@@ -1,5 +1,6 @@
 """A recording says what the episode's own scenes and decisions say, to its stated step."""
 
+import csv
 import json
 import math
 
@@ -21,6 +22,7 @@ from rudc.evaluation.recording import (
     road_shapes,
 )
 from rudc.evaluation.rollout import run_episode
+from rudc.evaluation.trace import Trace
 from rudc.network.network import load_network, shipped_networks
 from rudc.scenario import load_scenario
 from rudc.world.who_yields import who_yields
@@ -127,14 +129,31 @@ def test_moments_lie_where_their_numbers_are(storm):
 
 def test_what_asking_for_grip_changes_is_no_correction(storm):
     data, seen, _ = storm
-    asking = [k for k, (_, d, _) in enumerate(seen) if d.u[0] - d.corrected.u[0] < -3.0]
+    asking = [k for k, told in enumerate(data["decisions"]) if "asks_grip" in told]
     assert asking[0] == 0  # as an episode begins
+    assert asking == [k for k, (_, d, _) in enumerate(seen) if d.asks_grip]
+    assert all(seen[k][1].u[0] == pytest.approx(-6.0) for k in asking)
     for (_, decision, _), told in zip(seen, data["decisions"], strict=True):
         bounded = decision.u - decision.corrected.u
         assert told.get("bounded", [0.0, 0.0]) == pytest.approx(bounded, abs=1e-4)
     largest = next(moment for moment in data["moments"] if moment["kind"] == "correction")
     a = seen[largest["frame"]][1].corrected.correction[0]
     assert largest["text"].startswith(f"largest correction: {a:+.1f} m/s2")
+
+
+def test_steps_say_what_was_known_of_the_car(storm, tmp_path):
+    _, seen, _ = storm
+    trace = Trace()
+    for view, decision, result in seen:
+        trace.watch(view.truth, decision, result)
+    trace.save(tmp_path / "steps.csv")
+    with (tmp_path / "steps.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["asks_grip"] == "true" for row in rows] == [decision.asks_grip for _, decision, _ in seen]
+    truth = seen[-1][0].truth.actuation
+    assert float(rows[-1]["true_friction"]) == pytest.approx(truth.friction, abs=1e-6)
+    assert float(rows[-1]["friction"]) == pytest.approx(truth.friction, rel=0.25)
+    assert float(rows[-1]["delay_s"]) == pytest.approx(truth.delay_s, abs=0.1)
 
 
 def test_a_driver_without_filter_and_sigma_has_none_of_their_numbers():

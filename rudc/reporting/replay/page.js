@@ -144,11 +144,12 @@ function correction(run, k) {
   const a = s.safe_acceleration_mps2[k] - s.nominal_acceleration_mps2[k] - bounded[0];
   const turn = s.safe_steering_rad[k] - s.nominal_steering_rad[k] - bounded[1];
   const done = change(a, turn), bounds = change(...bounded);
-  if (!status) return done ? `changed by ${done}` : 'no correction';
+  const asks = told.asks_grip ? '  ·  brakes to learn how well the road grips' : '';
+  if (!status) return (done ? `changed by ${done}` : 'no correction') + asks;
   const kinds = present(run, k).filter((t) => t.state[k - t.from] & ACTIVE).map((t) => t.kind + (t.event ? ` (${t.event})` : ''));
   const because = [...counted(kinds), ...(told.edges || []).map((side) => `${side} road edge`), ...(told.others || [])];
   const said = told.infeasible && status === 'solved' ? 'infeasible' : remark(status);
-  const rest = bounds ? `  ·  changed for course and grip: ${bounds}` : '';
+  const rest = (bounds ? `  ·  changed for course and grip: ${bounds}` : '') + asks;
   return `correction: ${[done + (because.length ? ` because of ${because.join(', ')}` : ''), said].filter((t) => t.trim()).join('; ')}${rest}`;
 }
 
