@@ -7,7 +7,7 @@
                            sub-steps and nothing is read. Once the very same traffic: all commands of the
                            episode played back, the ego's poses among them; once the same inflow, and SUMO
                            drives the ego as it likes
-    environment / HighwayEnv   over HighwayEnv's intersection-v1 at 15 Hz / 10 Hz with 20 vehicles
+    environment / HighwayEnv   over HighwayEnv's intersection-v1 and -v2 at 15 Hz / 10 Hz with 20 vehicles
     two workers / one      decisions/s of two processes over one
     reset, memory          median of the resets; what a process grows by over many
 
@@ -310,8 +310,8 @@ def two_workers(seconds: float) -> None:
     )
 
 
-def highway(decisions: int) -> float | None:
-    """HighwayEnv's decisions/s; None where it is not installed."""
+def highway(name: str, decisions: int) -> float | None:
+    """Decisions/s of HighwayEnv's environment of that name; None where it is not installed."""
     try:
         import gymnasium
         import highway_env
@@ -324,25 +324,23 @@ def highway(decisions: int) -> float | None:
         "initial_vehicle_count": SVS,
         "duration": 40,
     }
-    env = gymnasium.make("intersection-v1", config=config)
+    env = gymnasium.make(name, config=config)
     inside: Any = env.unwrapped
+    still = np.zeros_like(env.action_space.sample())
     taken, done, counts, seed = 0.0, 0, [], 0
     while done < decisions:
         env.reset(seed=seed)
         seed += 1
         for _ in range(100):
             start = time.perf_counter()
-            _, _, terminated, truncated, _ = env.step(np.zeros(2, dtype=np.float32))
+            _, _, terminated, truncated, _ = env.step(still)
             taken += time.perf_counter() - start
             counts.append(len(inside.road.vehicles))
             done += 1
             if terminated or truncated:
                 break
     env.close()
-    print(
-        f"HighwayEnv intersection-v1, 15/10 Hz: {done / taken:.1f} decisions/s, "
-        f"{np.mean(counts):.1f} vehicles"
-    )
+    print(f"HighwayEnv {name}, 15/10 Hz: {done / taken:.1f} decisions/s, {np.mean(counts):.1f} vehicles")
     return done / taken
 
 
@@ -360,12 +358,12 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=8.0)
     asked = parser.parse_args()
     speeds = {kind: against_sumo(kind, asked.episodes) for kind in ("paper", "conflict")}
-    slow = highway(300)
-    if slow:
-        print(
-            f"environment / HighwayEnv: x{speeds['paper'] / slow:.1f} "
-            f"('conflict': x{speeds['conflict'] / slow:.1f})"
-        )
+    for name in ("intersection-v1", "intersection-v2"):
+        if slow := highway(name, 300):
+            print(
+                f"environment / {name}: x{speeds['paper'] / slow:.1f} "
+                f"('conflict': x{speeds['conflict'] / slow:.1f})"
+            )
     alone(where_time_goes, "paper", asked.episodes)
     alone(resets, asked.resets)
     two_workers(asked.seconds)
