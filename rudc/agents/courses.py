@@ -27,7 +27,7 @@ from rudc.agents.gaps import entering, suffices
 from rudc.agents.standoff import Standoff
 from rudc.arrays import Array
 from rudc.env.remembered import Remembered
-from rudc.env.tracking import COMFORT, RESPONSE_S, speeds_in_bends, steering
+from rudc.env.tracking import COMFORT, RESPONSE_S, slowing, speeds_in_bends, steering
 from rudc.geometry import rectangle_gaps
 from rudc.network.course import CoursePlanner, gaps_along
 from rudc.network.paths import SPACING
@@ -144,7 +144,7 @@ class Courses:
                 delta = min(max(delta, track - LEEWAY), track + LEEWAY)
         wanted = max((speed - scene.ego.v) / RESPONSE_S, scene.vehicle.a_min)
         if stop < math.inf and not onwards:
-            wanted = min(wanted, _slowing(scene, stop, 0.0, COMFORT))
+            wanted = min(wanted, slowing(scene, stop, 0.0, COMFORT))
         return np.array([min(float(u[0]), wanted), delta])
 
     def _candidates(self, scene: Scene, blocks: Blocks, clear: float) -> Iterator[tuple[Route | None, float]]:
@@ -203,24 +203,13 @@ def along(scene: Scene, course: Route) -> Scene:
     return replace(scene, route=course, ego_s=s, ego_offset=offset, destination_s=end)
 
 
-def _slowing(scene: Scene, room: float, speed: float, deceleration: float) -> float:
-    """m/s2 with which the ego comes down to a speed in `room` m, braking at `deceleration` m/s2.
-
-    The commands follow the speeds sqrt(speed^2 + 2 deceleration (room - RESPONSE_S v)) within RESPONSE_S s.
-    So the deceleration is constant, and the end of the room is reached no faster.
-    """
-    v = scene.ego.v
-    wanted = math.sqrt(speed**2 + 2 * deceleration * max(room - RESPONSE_S * v, 0.0))
-    return max((wanted - v) / RESPONSE_S, scene.vehicle.a_min)
-
-
 def _limited(scene: Scene, u: Array) -> Array:
     """(2,) the command, m/s2 and rad, with which the ego keeps to the tolerated speed."""
     route = scene.route
     way = route.exit_s - scene.ego_s
-    a = _slowing(scene, way, TOLERATED * route.speed_limit_after, COMFORT)
+    a = slowing(scene, way, TOLERATED * route.speed_limit_after, COMFORT)
     if way > 0.0:
-        a = min(a, _slowing(scene, 0.0, TOLERATED * route.speed_limit, COMFORT))
+        a = min(a, slowing(scene, 0.0, TOLERATED * route.speed_limit, COMFORT))
     return u if u[0] <= a else np.array([a, u[1]])
 
 
@@ -234,7 +223,7 @@ def _kept_short(scene: Scene, blocks: Blocks, u: Array) -> Array:
     hit = np.flatnonzero(gap <= 0.0)
     if not len(hit):
         return u
-    a = _slowing(scene, float(s[hit[0]]) - scene.ego_s - PULL_OUT, 0.0, HARDEST)
+    a = slowing(scene, float(s[hit[0]]) - scene.ego_s - PULL_OUT, 0.0, HARDEST)
     return u if u[0] <= a else np.array([a, u[1]])
 
 

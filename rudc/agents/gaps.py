@@ -123,12 +123,22 @@ def _open(scene: Scene, known: Index, table: Array, merges: Flags, yields: Flags
     )
 
 
-def suffices(scene: Scene, found: Conflicts, profile: Array) -> Flags:
-    """(K,) whether the ego may go as far as each of the others is concerned; `profile`: m/s that it may drive
-    at each station of its path.
+def suffices(
+    scene: Scene,
+    found: Conflicts,
+    profile: Array,
+    *,
+    margin: float | None = None,
+    acceleration: float = ACCELERATION,
+) -> Flags:
+    """(K,) whether the ego may go as far as each of the others is concerned.
+
+    `profile`: m/s that it may drive at each station of its path; `margin`: s, None: less the longer it waits;
+    `acceleration`: the ego's, m/s2, which may be negative.
     """
-    margin = max(MARGIN - (MARGIN - LEAST_MARGIN) * scene.waited_s / PATIENCE, LEAST_MARGIN)
-    ego_in, ego_out, speed_then = _times(scene, found, profile)
+    if margin is None:
+        margin = max(MARGIN - (MARGIN - LEAST_MARGIN) * scene.waited_s / PATIENCE, LEAST_MARGIN)
+    ego_in, ego_out, speed_then = _times(scene, found, profile, acceleration)
     other_in = _earliest(found.other_in, found.speed, found.limit)
     other_out = np.maximum(found.other_out, 0.0) / np.maximum(found.speed, SLOWEST)
     catching_up = np.where(found.merges, np.maximum(found.speed - speed_then, 0.0) / DECELERATION, 0.0)
@@ -139,14 +149,14 @@ def suffices(scene: Scene, found: Conflicts, profile: Array) -> Flags:
     return first | last | waits | stands
 
 
-def _times(scene: Scene, found: Conflicts, profile: Array) -> tuple[Array, Array, Array]:
+def _times(scene: Scene, found: Conflicts, profile: Array, acceleration: float) -> tuple[Array, Array, Array]:
     """(K,) s until the ego's front reaches each conflict and its tail leaves it, and (K,) m/s its speed
     then.
     """
     begin = min(max(int(scene.ego_s / SPACING), 0), len(profile) - 2)
     ahead = SPACING * np.arange(len(profile) - begin)
-    cruise = min(CRUISE, scene.route.speed_limit)
-    rising = np.sqrt(max(scene.ego.v, 0.5) ** 2 + 2 * ACCELERATION * ahead)
+    cruise = max(min(CRUISE, scene.route.speed_limit), scene.ego.v)
+    rising = np.sqrt(np.maximum(max(scene.ego.v, 0.5) ** 2 + 2 * acceleration * ahead, 0.25))
     speed = np.minimum(np.minimum(rising, cruise), profile[begin:])
     time = np.concatenate([[0.0], np.cumsum(2 * SPACING / (speed[1:] + speed[:-1]))])
     ego_in = np.interp(np.maximum(found.ego_in, 0.0), ahead, time)

@@ -3,7 +3,8 @@ is there.
 
     see      what the sensors show -> without their noise (smoothing.py) -> with those who are missing
              (memory.py) -> as the plant makes of it (adaptation.py) -> along the course (courses.py)
-    govern   what the driver asks for -> as fast as course and grip allow
+    govern   what the driver asks for -> as fast as who must give way may come (approach.py) -> as fast as
+             course and grip allow
 
 So that whoever drives, by rules or by a policy, and whatever corrects it, goes round what blocks and copes
 with a car that is not the one it was made for, without knowing of either.
@@ -15,6 +16,7 @@ import time
 from collections.abc import Mapping
 
 from rudc.agents.adaptation import Adaptation, Knowledge
+from rudc.agents.approach import ready_to_wait
 from rudc.agents.base import Agent, Decision, EgoDriver
 from rudc.agents.courses import Courses
 from rudc.agents.memory import Memory
@@ -29,6 +31,9 @@ class OutlookSettings(Settings):
 
     course: bool = False
     """whether the driver is led round what blocks its path"""
+    approach: bool = True
+    """whether it comes to where it must give way no faster than it can stop there, unless the gaps suffice;
+    with `course` only"""
     plant: Knowledge = "off"
     """what is known of the car: nothing (`off`), what the history of commands tells (`estimated`), or the
     truth (`known`, for ablations)"""
@@ -36,10 +41,13 @@ class OutlookSettings(Settings):
     """whether short full brakings ask how well the road grips; with `plant` estimated only"""
 
     def without_effect(self) -> Mapping[str, str]:
-        """Who knows nothing of the car, or all, need not ask."""
-        return (
-            {} if self.plant == "estimated" else {"probe": f"with plant={self.plant}: nothing is estimated"}
-        )
+        """Who knows nothing of the car, or all, need not ask; who has no course is not held back."""
+        found = dict[str, str]()
+        if self.plant != "estimated":
+            found["probe"] = f"with plant={self.plant}: nothing is estimated"
+        if not self.course:
+            found["approach"] = "with course=false"
+        return found
 
     def make(self) -> Outlook | None:
         """The outlook; None where it would show the world as it is."""
@@ -52,6 +60,7 @@ class Outlook:
     def __init__(self, settings: OutlookSettings) -> None:
         self.courses = Courses() if settings.course else None
         """None without"""
+        self._approach = settings.course and settings.approach
         self.adaptation = (
             Adaptation(settings.plant, probe=settings.probe) if settings.plant != "off" else None
         )
@@ -77,6 +86,8 @@ class Outlook:
 
         `onwards`: only the road bounds it, since stopping would be worse (`Corrected.onwards`).
         """
+        if self._approach and not onwards:
+            u = ready_to_wait(scene, u)
         if self.courses is not None:
             u = self.courses.govern(scene, u, onwards=onwards)
         return u if self.adaptation is None else self.adaptation.govern(scene, u, onwards=onwards)

@@ -52,6 +52,17 @@ def steering(scene: Scene) -> float:
     return min(max(delta, -body.delta_max), body.delta_max)
 
 
+def slowing(scene: Scene, room: float, speed: float, deceleration: float) -> float:
+    """m/s2 with which the ego comes down to a speed in `room` m, braking at `deceleration` m/s2.
+
+    The commands follow the speeds sqrt(speed^2 + 2 deceleration (room - RESPONSE_S v)) within RESPONSE_S s.
+    So the deceleration is constant, and the end of the room is reached no faster.
+    """
+    v = scene.ego.v
+    wanted = math.sqrt(speed**2 + 2 * deceleration * max(room - RESPONSE_S * v, 0.0))
+    return max((wanted - v) / RESPONSE_S, scene.vehicle.a_min)
+
+
 def close_to_path(scene: Scene, within: float) -> Scene:
     """The scene with an ego that, following the path by `steering`, gets no farther than `within` m from it.
 

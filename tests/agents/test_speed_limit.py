@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rudc.agents.courses import HARDEST, TOLERATED, Courses, _slowing
-from rudc.env.tracking import COMFORT
+from rudc.agents.courses import HARDEST, TOLERATED, Courses
+from rudc.env.tracking import COMFORT, slowing
 from rudc.world.ego import EgoPlant
 from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
 
@@ -52,7 +52,7 @@ def test_it_comes_to_a_stand_where_it_has_to_and_not_beyond(make_scene, v, decel
     plant.resume(scene.ego, plant.actuation)
     for _ in range(150):
         now, before = replace(scene, ego=plant.state), plant.state.v
-        a = min(_slowing(now, room - driven, 0.0, deceleration), 1.0)
+        a = min(slowing(now, room - driven, 0.0, deceleration), 1.0)
         driven += 0.05 * (before + plant.step(a, 0.0, 0.1).v)
         hardest = max(hardest, (before - plant.state.v) / 0.1)
     assert room - 0.1 < driven < room + 0.02

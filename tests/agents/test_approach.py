@@ -1,0 +1,105 @@
+"""How an ego that must give way comes to its waiting point; on scenes made by hand."""
+
+# ruff: noqa: F811 -- fixtures come by import
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rudc.agents.approach import ACCELERATIONS, AT_POINT, CREEPS, HARDEST, ready_to_wait
+from rudc.agents.outlook import OutlookSettings
+from rudc.agents.registry import make_agent
+from rudc.world.ego import EgoPlant
+from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
+
+FULL = np.array([3.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def first(four_way):
+    """Rows from the west, straight on: that road goes first."""
+    rows = four_way.movement("west", "straight").rows
+    assert all(four_way.paths.yields[four_way.route("south", "left").row, row] for row in rows)
+    return rows
+
+
+def coming(four_way, row, metres, v):
+    """Somebody on the row, that far before its stop line."""
+    return {"row": row, "s": float(four_way.paths.stop_s[row]) - metres, "v": v}
+
+
+def drive(scene, seconds=6.0):
+    """m before the waiting point, and m/s, decision by decision, with full acceleration asked for."""
+    plant, s, seen = EgoPlant(scene.vehicle), scene.ego_s, []
+    plant.resume(scene.ego, plant.actuation)
+    for _ in range(int(10 * seconds)):
+        x, y, psi = scene.route.path.pose(s)
+        now = replace(scene, ego=replace(plant.state, x=float(x), y=float(y), psi=float(psi)), ego_s=s)
+        before = plant.state.v
+        s += 0.05 * (before + plant.step(float(ready_to_wait(now, FULL)[0]), 0.0, 0.1).v)
+        seen.append((scene.route.waiting_s - s - 0.5 * scene.vehicle.length, plant.state.v))
+        if seen[-1][1] < CREEPS:
+            break
+    return np.array(seen)
+
+
+@pytest.mark.parametrize("v", [7.0, 12.0])
+def test_it_can_stop_where_it_waits_while_somebody_who_goes_first_is_near(make_scene, four_way, first, v):
+    other = coming(
+        four_way, first[0], -10.0, 1.5
+    )  # creeps where the ways meet and, in this test, stays there
+    room, speed = drive(make_scene(other, turn="left", front=-40.0, v=v)).T
+    assert speed[-1] < CREEPS
+    assert (speed**2 / (2 * HARDEST) < room).all(), "it could always still stop before the waiting point"
+    assert 0.0 < room[-1] < AT_POINT + 1.0, "and it is used"
+
+
+def test_it_is_free_where_nobody_goes_first(make_scene, four_way, first):
+    south_left = {"turn": "left", "front": -3.0, "v": 8.0}
+    near, far = coming(four_way, first[0], -10.0, 1.5), coming(four_way, first[0], 90.0, 6.0)
+    gone = {"row": first[0], "s": float(four_way.paths.exit_s[first[0]]) + 8.0, "v": 8.0}
+    assert ready_to_wait(make_scene(near, **south_left), FULL)[0] < -1.0
+    for others in ((), (far,), (gone,)):
+        assert ready_to_wait(make_scene(*others, **south_left), FULL) is FULL
+
+
+def test_it_is_free_where_the_other_gives_way(make_scene, four_way):
+    minor = four_way.movement("south", "straight").rows[0]
+    scene = make_scene(coming(four_way, minor, 4.0, 6.0), origin="west", turn="straight", front=-8.0)
+    assert not four_way.paths.yields[scene.route.row, minor]
+    assert ready_to_wait(scene, FULL) is FULL
+
+
+def test_it_comes_later_rather_than_stopping_where_that_will_do(make_scene, four_way, first):
+    soon_gone = coming(four_way, first[1], -10.0, 10.0)
+    commands = [
+        float(ready_to_wait(make_scene(soon_gone, front=front, v=9.0), FULL)[0])
+        for front in np.arange(-20.0, 0.0, 0.5)
+    ]
+    assert ACCELERATIONS[-1] in commands, "somewhere braking a little is enough"
+    assert min(commands) < ACCELERATIONS[-1], "and somewhere not"
+    assert commands[0] == FULL[0], "and far enough away it is free"
+
+
+def test_steering_stays_and_harder_braking_too(make_scene, four_way, first):
+    scene = make_scene(coming(four_way, first[0], -10.0, 1.5), turn="left", front=-3.0)
+    assert ready_to_wait(scene, np.array([3.0, 0.2]))[1] == 0.2
+    braking = np.array([-6.0, 0.0])
+    assert ready_to_wait(scene, braking) is braking
+
+
+@pytest.mark.parametrize(("front", "v"), [(0.0, 12.0), (-3.0, 1.5)])
+def test_who_cannot_stop_there_or_creeps_is_left_to_the_driver(make_scene, four_way, first, front, v):
+    other = coming(four_way, first[0], -10.0, 1.5)
+    assert ready_to_wait(make_scene(other, turn="left", front=front, v=v), FULL) is FULL
+
+
+def test_it_can_be_left_out(make_scene, four_way, first):
+    scene = make_scene(coming(four_way, first[0], -10.0, 1.5), turn="left", front=-3.0)
+    for approach, held in ((True, True), (False, False)):
+        outlook = OutlookSettings(course=True, approach=approach).make()
+        outlook.reset(scene)
+        assert bool(outlook.govern(outlook.see(scene), FULL)[0] < 0.0) is held
+        assert outlook.govern(scene, FULL, onwards=True)[0] > 0.0, "who would be hit if it stopped goes on"
+    with pytest.raises(Exception, match="course=false"):
+        make_agent("follower:outlook.approach=true")
