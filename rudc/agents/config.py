@@ -41,7 +41,7 @@ class AgentConfig(Settings):
     correction: CorrectionSettings = NoCorrection()
     """what corrects its actions, see rudc/agents/correction.py"""
     outlook: OutlookSettings = OutlookSettings()
-    """what it is shown of the world once it has learnt, see rudc/agents/outlook.py; training does without"""
+    """what it is shown of the world, see rudc/agents/outlook.py"""
     learner: SerializeAsAny[LearnerConfig] = Field(default_factory=dict, validate_default=True)  # pyright: ignore[reportAssignmentType] -- read below
     """networks and objective, of the algorithm's own"""
 

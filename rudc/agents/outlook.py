@@ -120,3 +120,9 @@ class OutlookAgent:
         decision = decision._replace(u=u, timing_ms={**decision.timing_ms, "outlook": 1000.0 * spent})
         car = self.outlook.adaptation
         return decision if car is None else decision._replace(plant=car.estimate, asks_grip=car.asks)
+
+
+def with_outlook(driver: Agent, name: str, settings: OutlookSettings) -> Agent:
+    """The driver with an outlook, called `name`; itself where that would show the world as it is."""
+    outlook = settings.make()
+    return driver if outlook is None else OutlookAgent(driver, name, outlook)

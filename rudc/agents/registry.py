@@ -28,7 +28,7 @@ from rudc.agents.drivers import (
     make_driver,
 )
 from rudc.agents.filtered import FILTERS, FilteredAgent
-from rudc.agents.outlook import OutlookAgent, OutlookSettings
+from rudc.agents.outlook import OutlookSettings, with_outlook
 from rudc.agents.variation import (
     Changes,
     filter_behind,
@@ -72,8 +72,7 @@ def make_agent(name: str) -> Agent:
         correction = filter_behind(suffix, others).make({})
         assert correction is not None
         driver = FilteredAgent(driver, name, correction)
-    view = outlook_with(outlook, shown).make()
-    return driver if view is None else OutlookAgent(driver, name, view)
+    return with_outlook(driver, name, outlook_with(outlook, shown))
 
 
 def agent_summary(name: str) -> str:

@@ -22,7 +22,7 @@ import numpy as np
 from rudc.agents.base import Decision, EgoDriver
 from rudc.agents.checkpoint import load_learnt, save_learnt
 from rudc.agents.learned import LearnedAgent
-from rudc.agents.outlook import OutlookAgent
+from rudc.agents.outlook import with_outlook
 from rudc.agents.route_sigma import ROUTE, Heard, Place, RouteSigma, explained, fit, place_of
 from rudc.arrays import Array, Arrays
 from rudc.env.episode import Episode
@@ -112,9 +112,8 @@ def calibration_tasks(scenarios: Sequence[str], episodes: int) -> list[tuple[str
 
 def hear(world: World, plan: EpisodePlan, agent: LearnedAgent) -> Heard:
     """An agent in an episode, driven as it is deployed: with its outlook."""
-    noting, outlook = Noting(agent), agent.config.outlook.make()
-    driver = noting if outlook is None else OutlookAgent(noting, agent.name, outlook)
-    record = run_episode(Episode(world), plan, driver)
+    noting = Noting(agent)
+    record = run_episode(Episode(world), plan, with_outlook(noting, agent.name, agent.config.outlook))
     return noting.heard._replace(succeeded=record.outcome == Outcome.SUCCESS)
 
 

@@ -7,6 +7,9 @@ A share of the episodes is driven without correction. So, where critics learn ab
 transitions are of one and the same decision process, the uncorrected one, and critics learn what a proposal
 leads to where the filter would have corrected it. With the filter in every episode nobody learns
 that, whichever action is replayed: the policy drives on and leaves braking to the filter.
+
+With `training.outlook` whoever drives is shown the world by the agent's outlook, as it will be later on. What
+that bounds it bounds where the correction is at work, too, and leaves alone in the other episodes.
 """
 
 from __future__ import annotations
@@ -18,6 +21,7 @@ import numpy as np
 
 from rudc.agents.gap_acceptance import GapAcceptance
 from rudc.agents.learned import Chosen, untrained
+from rudc.agents.outlook import with_outlook
 from rudc.agents.route_sigma import Heard
 from rudc.arrays import Floats
 from rudc.env.episode import Episode, StepResult
@@ -79,6 +83,7 @@ class Collector:
         self._cost = 0.0
         self._reference = GapAcceptance()
         self._agent = untrained(config.agent, config.training.seed)
+        self._outlook = config.outlook.make() if config.training.outlook else None
         self._correcting = True
         self._steps = NStep(config.learner.n_step, config.learner.discount)
 
@@ -95,7 +100,7 @@ class Collector:
             episode, scene = self._running(rng)
             choice = self._choose(scene, by, rng)
             before, result = self._cost, episode.step(choice.decision.u)
-            self._scene, self._seen = result.scene, observe_flat(result.scene, self._kind)
+            self._show(result.scene)
             self._cost = result.cost
             new += self._transitions(choice, result, before, cut=drop and k == decisions - 1)
             if result.outcome is not None:
@@ -109,8 +114,9 @@ class Collector:
         return Collected(tuple(new), tuple(finished))
 
     def evaluate(self, tasks: tuple[tuple[str, int], ...]) -> tuple[EpisodeRecord, ...]:
-        """Drive the held-out episodes (scenario, seed) by the policy's mean; the running episode is lost."""
-        return tuple(run_episode(Episode(self._world), p, self._agent) for p in self._held_out(tasks))
+        """Drive the held-out episodes (scenario, seed) as the agent will; the running episode is lost."""
+        driver = with_outlook(self._agent, self._agent.name, self._config.outlook)
+        return tuple(run_episode(Episode(self._world), p, driver) for p in self._held_out(tasks))
 
     def hear(self, tasks: tuple[tuple[str, int], ...]) -> tuple[Heard, ...]:
         """What is stated in these episodes, driven as the agent will be."""
@@ -122,7 +128,7 @@ class Collector:
 
     def _held_out(self, tasks: tuple[tuple[str, int], ...]) -> Iterator[EpisodePlan]:
         """The plans of episodes (scenario, seed), the world moved to where each is; what runs is lost."""
-        self._episode = None
+        self._episode = self._scene = None
         self._steps.clear()
         for name, seed in tasks:
             scenario = load_scenario(name)
@@ -134,13 +140,22 @@ class Collector:
             plan = self._mixture.draw(rng)
             self._move_to(plan.network, plan.junction)
             self._episode = Episode(self._world)
-            self._scene = self._episode.reset(plan)
-            self._seen = observe_flat(self._scene, self._kind)
-            self._cost = scene_cost(self._scene)
-            self._reference.reset(self._scene, plan.seed)
-            self._agent.reset(self._scene, plan.seed)
+            first = self._episode.reset(plan)
+            if self._outlook is not None:
+                self._outlook.reset(first)
+            scene = self._show(first)
+            self._cost = scene_cost(first)
+            self._reference.reset(scene, plan.seed)
+            self._agent.reset(scene, plan.seed)
             self._correcting = bool(rng.random() < self._training.filtered_share)
+        assert self._scene is not None
         return self._episode, self._scene
+
+    def _show(self, scene: Scene) -> Scene:
+        """Take a scene in, as the outlook shows it: once a decision."""
+        self._scene = scene if self._outlook is None else self._outlook.see(scene)
+        self._seen = observe_flat(self._scene, self._kind)
+        return self._scene
 
     def _move_to(self, network: str, junction: str | None) -> None:
         if (network, junction) != self._at:
@@ -149,13 +164,26 @@ class Collector:
 
     def _choose(self, scene: Scene, by: By, rng: np.random.Generator) -> Chosen:
         if by == "policy":
-            return self._agent.choose(scene, rng, self._seen, correcting=self._correcting)
+            chosen = self._agent.choose(scene, rng, self._seen, correcting=self._correcting)
+            return self._bounded(scene, chosen) if self._correcting else chosen
         means = self._config.action
         proposed = self._reference.act(scene)
         action = means.normalised(proposed.u, scene) + self._training.seed_noise * rng.standard_normal(2)
         action = np.clip(action, -1.0, 1.0).astype(np.float32)  # as it will be learnt from
         decision = proposed._replace(u=means.physical(action, scene))
         return Chosen(decision, self._seen, action, action)
+
+    def _bounded(self, scene: Scene, chosen: Chosen) -> Chosen:
+        """What of it the outlook lets be done."""
+        if self._outlook is None:
+            return chosen
+        decision = chosen.decision
+        onwards = decision.corrected is not None and decision.corrected.onwards
+        u = self._outlook.govern(scene, decision.u, onwards=onwards)
+        if np.array_equal(u, decision.u):
+            return chosen
+        executed = self._config.action.normalised(u, scene).astype(np.float32)
+        return chosen._replace(decision=decision._replace(u=u), executed=executed)
 
     def _transitions(
         self, choice: Chosen, result: StepResult, cost_before: float, *, cut: bool
