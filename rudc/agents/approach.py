@@ -24,8 +24,6 @@ ACCELERATIONS = (ACCELERATION, 0.0, -2.0)
 """m/s2"""
 CLOSE = 1.0
 """s"""
-CREEPS = 2.0
-"""m/s; slower, it is left to the driver, who says when it sets off"""
 AT_POINT = 0.3
 """m, kept before the waiting point"""
 
@@ -34,7 +32,7 @@ def ready_to_wait(scene: Scene, u: Array) -> Array:
     """(2,) what of the command u (2,), m/s2 and rad, leaves the ego able to stop at its waiting point."""
     v = scene.ego.v
     room = scene.route.waiting_s - scene.ego_s - 0.5 * scene.vehicle.length
-    if v < CREEPS or room < v**2 / (2 * HARDEST):
+    if room < v**2 / (2 * HARDEST):
         return u
     a = slowing(scene, room - AT_POINT, 0.0, PLANNED)
     if u[0] <= a:

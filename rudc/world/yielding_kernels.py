@@ -31,6 +31,8 @@ HORIZON_S = STEP_S * (INSTANTS - 1)
 """s, the last of them"""
 GROW_LENGTH, GROW_WIDTH = 1.0, 0.4
 """m, added to an SV's length and width"""
+SQUEEZED = 0.1
+"""m, added to the width of an SV that stands or creeps, and comes past an ego that stands"""
 BRAKE_FROM = 1.5
 """m/s2, needed deceleration at which an SV begins to brake"""
 CREEP = 1.0
@@ -195,11 +197,12 @@ def yielding(
             continue
         sets_off, need = max(speed[i], CREEP), -1.0
         half = 0.5 * (size[i, 0] + GROW_LENGTH), 0.5 * (size[i, 1] + GROW_WIDTH)
+        beside = half[1] if moves or speed[i] > CREEP else 0.5 * (size[i, 1] + SQUEEZED)
         x, y = position[i, 0], position[i, 1]
         place, facing = in_lane(poses, stations, path[i], path_s[i], x, y, size[i, 0], sets_off * STEP_S)
         if heeding[i]:
             hits = np.zeros(INSTANTS, np.bool_)
-            mark_overlaps(hits, place, facing, half[0], half[1], ego, ego_facing, 0.5 * length, 0.5 * width)
+            mark_overlaps(hits, place, facing, half[0], beside, ego, ego_facing, 0.5 * length, 0.5 * width)
             need = braking(hits, sets_off, hits[0] and moves and speed[i] < STANDING, most)
         others = braking_for_others(
             place, facing, half[0], half[1], sets_off, most, i, speed, inside,

@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rudc.agents.approach import ACCELERATIONS, AT_POINT, CREEPS, HARDEST, ready_to_wait
+from rudc.agents.approach import ACCELERATIONS, AT_POINT, HARDEST, ready_to_wait
 from rudc.agents.outlook import OutlookSettings
 from rudc.agents.registry import make_agent
 from rudc.world.ego import EgoPlant
+from rudc.world.scene import STANDING
 from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
 
 FULL = np.array([3.0, 0.0])
@@ -38,7 +39,7 @@ def drive(scene, seconds=6.0):
         before = plant.state.v
         s += 0.05 * (before + plant.step(float(ready_to_wait(now, FULL)[0]), 0.0, 0.1).v)
         seen.append((scene.route.waiting_s - s - 0.5 * scene.vehicle.length, plant.state.v))
-        if seen[-1][1] < CREEPS:
+        if seen[-1][1] < STANDING:
             break
     return np.array(seen)
 
@@ -49,7 +50,7 @@ def test_it_can_stop_where_it_waits_while_somebody_who_goes_first_is_near(make_s
         four_way, first[0], -10.0, 1.5
     )  # creeps where the ways meet and, in this test, stays there
     room, speed = drive(make_scene(other, turn="left", front=-40.0, v=v)).T
-    assert speed[-1] < CREEPS
+    assert speed[-1] < STANDING
     assert (speed**2 / (2 * HARDEST) < room).all(), "it could always still stop before the waiting point"
     assert 0.0 < room[-1] < AT_POINT + 1.0, "and it is used"
 
@@ -88,10 +89,13 @@ def test_steering_stays_and_harder_braking_too(make_scene, four_way, first):
     assert ready_to_wait(scene, braking) is braking
 
 
-@pytest.mark.parametrize(("front", "v"), [(0.0, 12.0), (-3.0, 1.5)])
-def test_who_cannot_stop_there_or_creeps_is_left_to_the_driver(make_scene, four_way, first, front, v):
-    other = coming(four_way, first[0], -10.0, 1.5)
-    assert ready_to_wait(make_scene(other, turn="left", front=front, v=v), FULL) is FULL
+@pytest.mark.parametrize(
+    ("room", "v", "free"), [(11.0, 12.0, True), (0.9, 1.5, False), (0.4, 0.2, False), (-0.1, 0.2, True)]
+)
+def test_only_who_cannot_stop_there_is_left_to_the_driver(make_scene, four_way, first, room, v, free):
+    other, route = coming(four_way, first[0], -10.0, 1.5), four_way.route("south", "left")
+    front = route.waiting_s - route.stop_line_s - room
+    assert (ready_to_wait(make_scene(other, turn="left", front=front, v=v), FULL) is FULL) is free
 
 
 def test_it_can_be_left_out(make_scene, four_way, first):

@@ -235,3 +235,22 @@ def test_brakes_for_a_nose_in_its_lane_though_the_lanes_never_meet(make_scene, f
     found = must_yield(replace(scene, ego=turned, ego_offset=0.9))
     assert found.rows == [0]
     assert found.deceleration[0] > 1.5
+
+
+def test_who_creeps_passes_closer_to_an_ego_that_stands(make_scene, four_way):
+    """Two that turn left and wait opposite each other: one stood for good where it had 0.2 m to pass."""
+    row = row_of(four_way, "north", "left")
+    stations = np.arange(0.0, four_way.paths.length[row], 0.25)
+    x, y, _ = four_way.paths.pose(np.full(len(stations), row), stations)
+    s = float(stations[np.argmin(np.hypot(x - 5.8, y - 0.1))])
+    waiting_m = four_way.route("east", "left").waiting_s - four_way.route("east", "left").stop_line_s
+
+    def held(v, *, beside=-0.5):
+        other = {"row": row, "s": s, "v": v}
+        scene = make_scene(other, origin="east", turn="left", front=waiting_m - 2.9, v=0.0)
+        ego = replace(scene.ego, y=scene.ego.y + beside)
+        return must_yield(replace(scene, ego=ego, ego_offset=-beside)).rows == [0]
+
+    assert not held(0.0)
+    assert held(2.0), "faster, it keeps its distance"
+    assert held(0.0, beside=-0.8), "and where there is no room it stands"
