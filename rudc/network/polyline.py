@@ -36,6 +36,23 @@ def resample(xy: Array, s: Array) -> Array:
     return xy[i] + t[:, None] * (xy[i + 1] - xy[i])
 
 
+def beside(xy: Array, points: Array) -> tuple[Array, Array]:
+    """(M,) m along the polyline xy (K, 2), and (M,) m to its left, of points (M, 2) m, each seen from the leg
+    that is nearest; beyond both ends the polyline goes straight on.
+    """
+    leg = np.diff(xy, axis=0)
+    length = np.hypot(*leg.T)
+    along = leg / length[:, None]
+    away = points[:, None] - xy[:-1]
+    first, last = np.zeros(len(leg)), length.copy()
+    first[0], last[-1] = -np.inf, np.inf
+    s = np.clip((away * along).sum(axis=-1), first, last)
+    gap = np.hypot(*np.moveaxis(away - s[..., None] * along, -1, 0))
+    left = along[:, 0] * away[..., 1] - along[:, 1] * away[..., 0]
+    each, i = np.arange(len(points)), gap.argmin(axis=1)
+    return arc_length(xy)[i] + s[each, i], np.copysign(gap[each, i], left[each, i])
+
+
 def headings(xy: Array) -> Array:
     """(K,) rad, unwrapped, direction of the polyline xy (K, 2) at its points, by central differences."""
     d = np.gradient(xy, axis=0)

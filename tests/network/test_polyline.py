@@ -95,3 +95,16 @@ def test_inside_is_the_even_odd_rule_for_all_points_at_once(corners):
             if (y0 > y) != (y1 > y):
                 odd ^= x < x0 + (y - y0) * (x1 - x0) / (y1 - y0)
         assert hit == odd
+
+
+@given(st.floats(-30.0, 60.0), st.floats(-20.0, 20.0))
+def test_beside_is_the_nearest_legs_and_goes_straight_on(x, y):
+    bent = np.array([[0.0, 0.0], [20.0, 0.0], [35.0, 10.0]])
+    far = np.array([bent[0] - (200.0, 0.0), *bent[:2], bent[1] + 20.0 * (bent[2] - bent[1])])
+    stations = np.arange(0.0, 400.0, 0.01)
+    distance = np.hypot(*(polyline.resample(far, stations) - (x, y)).T)
+    (s,), (left,) = polyline.beside(bent, np.array([[x, y]]))
+    assert abs(left) == pytest.approx(distance.min(), abs=0.01)
+    assert np.interp(s + 200.0, stations, distance) == pytest.approx(distance.min(), abs=0.01)
+    if abs(left) > 0.1 and x < 15.0:
+        assert bool(left > 0) is (y > 0)

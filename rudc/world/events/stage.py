@@ -11,6 +11,7 @@ import numpy as np
 from rudc.arrays import Array
 from rudc.errors import SimulationError
 from rudc.geometry import rectangle_corners, rectangle_gaps
+from rudc.network.polyline import beside
 from rudc.scenario.events.stage import Body, XYHeading
 from rudc.world.ego import GRAVITY
 from rudc.world.events.places import (
@@ -202,10 +203,7 @@ def _as_standing(prop: Prop) -> Standing:
 def _obstructed(lane: Lane, corners: Array) -> tuple[float, float] | None:
     """Stretch (m, m) of a lane that a rectangle with these corners (4, 2) leaves too narrow to drive, if
     any."""
-    start, end = lane.xy[0], lane.xy[-1]
-    along = (end - start) / np.linalg.norm(end - start)
-    s = (corners - start) @ along
-    aside = (corners - start) @ (-along[1], along[0])
+    s, aside = beside(lane.xy, corners)
     free = 0.5 * lane.width - SQUEEZE_M
     if aside.max() < -free or aside.min() > free or s.max() < 1.0 or s.min() > lane.length - 1.0:
         return None

@@ -1,0 +1,31 @@
+"""Which lanes a thing that stands leaves too narrow to drive, where the road bends."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rudc.geometry import rectangle_corners
+from rudc.network.polyline import arc_length, offset_polyline, resample
+from rudc.world.events.stage import _obstructed
+
+BEND = np.array([[-140.0, -18.0], [-80.0, -8.0], [-40.0, -2.0], [0.0, 0.0]])
+"""m, a road whose chord lies 4 m beside it"""
+WIDTH = 3.25
+
+
+def lane(aside):
+    xy = offset_polyline(BEND, aside)
+    return SimpleNamespace(xy=xy, width=WIDTH, length=float(arc_length(xy)[-1]))
+
+
+@pytest.mark.parametrize("s", [15.0, 60.0, 75.0, 100.0, 130.0])
+def test_what_stands_in_a_lane_leaves_the_lane_beside_it_free(s):
+    right, left = lane(-1.5 * WIDTH), lane(-0.5 * WIDTH)
+    here, on = resample(right.xy, np.array([s, s + 0.1]))
+    heading = np.arctan2(*(on - here)[::-1])
+    corners = rectangle_corners(here, np.array(heading), np.array([5.0, 1.8]))
+    first, last = _obstructed(right, corners)
+    assert first == pytest.approx(s - 2.5, abs=0.3)
+    assert last == pytest.approx(s + 2.5, abs=0.3)
+    assert _obstructed(left, corners) is None
