@@ -178,6 +178,8 @@ def _lets_pass(scene: Scene, i: int) -> bool:
 
 
 def _bodies(scene: Scene, who: Flags) -> Rectangles:
+    if not who.any():
+        return NO_RECTANGLES
     return Rectangles(scene.position[who], scene.heading[who], scene.size[who])
 
 
