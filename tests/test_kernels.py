@@ -65,17 +65,17 @@ def test_the_first_call_puts_kernels_in_their_places_and_as_written_does_without
     code = """
 import sys
 from rudc.kernels import as_written, rectangle_gap
-from rudc.world import contact
+from rudc.world import kernels
 
 kept, where = rectangle_gap, (3.0 + 4.0j, 1.0 + 0.0j, 1.0j, 1.0, 2.0, 0.5, 0.25)
 with as_written():
     written = rectangle_gap(*where)
-print("numba" in sys.modules, contact.rectangle_gap is kept)
-compiled = contact.rectangle_gap(*where)
-print("numba" in sys.modules, contact.rectangle_gap is not kept)
+print("numba" in sys.modules, kernels.rectangle_gap is kept)
+compiled = kernels.rectangle_gap(*where)
+print("numba" in sys.modules, kernels.rectangle_gap is not kept)
 print(kept(*where) == compiled, abs(written - compiled) < 1e-12)
 with as_written():
-    print(contact.rectangle_gap(*where) == compiled)
+    print(kernels.rectangle_gap(*where) == compiled)
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False", "True", "True", "True", "True", "True", "True"]

@@ -134,7 +134,7 @@ class Adaptation:
         profile = self._speeds(scene, grip)
         way = scene.ego.v * (RESPONSE_S + self.estimate.actuation.lag_s + reaction_s)
         first = min(max(int(scene.ego_s / SPACING), 0), len(profile) - 1)
-        return float(profile[first : first + int(way / SPACING) + 1].min())
+        return min(profile[first : first + int(way / SPACING) + 1].tolist())
 
     def _speeds(self, scene: Scene, grip: float) -> Array:
         """(M,) m/s along the ego's path, as of `_profile`; kept."""

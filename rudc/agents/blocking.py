@@ -44,6 +44,8 @@ FACING, MEETS = 6.0, 0.3
 """m of its way on which the ego may stand, m of gap below which it does"""
 COMING_S, COMING = 5.0, 10.0
 """s and m before the junction from where on somebody is waited for, whichever is farther"""
+PEDESTRIAN = int(Kind.PEDESTRIAN)
+"""a plain number, which numpy compares ten times as fast"""
 
 
 class Blocks(NamedTuple):
@@ -88,7 +90,7 @@ class Blocking:
             for name, stands in zip(scene.ids, still.tolist(), strict=True)
             if stands
         }
-        without_way = (scene.path < 0) & (scene.kind != Kind.PEDESTRIAN)
+        without_way = (scene.path < 0) & (scene.kind != PEDESTRIAN)
         if not (self._since or without_way.any()):
             return NOTHING
         stuck = still & (without_way | self._stuck(scene, still, without_way) | self._facing(scene))
@@ -176,6 +178,8 @@ def _lets_pass(scene: Scene, i: int) -> bool:
 
 
 def _bodies(scene: Scene, who: Flags) -> Rectangles:
+    if not who.any():
+        return NO_RECTANGLES
     return Rectangles(scene.position[who], scene.heading[who], scene.size[who])
 
 

@@ -118,7 +118,7 @@ class LearnedAgent:
             critics = self._decider if self._decider.has_critics else None
             corrected = self.correction.correct(scene, proposal, critics)
             u = corrected.u
-            same = np.array_equal(u, u_rl)
+            same = u[0] == u_rl[0] and u[1] == u_rl[1]
             executed = proposed if same else self.config.action.normalised(u, scene).astype(np.float32)
         clock.append(time.perf_counter())
         parts = ("observation", "policy", "critic", "correction")

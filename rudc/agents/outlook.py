@@ -117,9 +117,10 @@ class OutlookAgent:
         onwards = decision.corrected is not None and decision.corrected.onwards
         u = self.outlook.govern(shown, decision.u, onwards=onwards)
         spent = clock[1] - clock[0] + time.perf_counter() - clock[2]
-        decision = decision._replace(u=u, timing_ms={**decision.timing_ms, "outlook": 1000.0 * spent})
-        car = self.outlook.adaptation
-        return decision if car is None else decision._replace(plant=car.estimate, asks_grip=car.asks)
+        timing, car = {**decision.timing_ms, "outlook": 1000.0 * spent}, self.outlook.adaptation
+        if car is None:
+            return decision._replace(u=u, timing_ms=timing)
+        return decision._replace(u=u, timing_ms=timing, plant=car.estimate, asks_grip=car.asks)
 
 
 def with_outlook(driver: Agent, name: str, settings: OutlookSettings) -> Agent:

@@ -26,9 +26,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rudc.agents.kernels import two_way
 from rudc.arrays import Array, Arrays, Index
 from rudc.env.distances import destination_s
-from rudc.env.kernels import interpolated
 from rudc.errors import AgentError
 from rudc.learning.parameters import group
 from rudc.learning.uncertainty import PERCENTILES, Uncertainty
@@ -102,8 +102,7 @@ class RouteSigma:
     def excess(self, place: Place) -> tuple[float, ...]:
         """(3,) f - mean f of a place, of log sigma_epi, sigma_ale and sigma_total."""
         stop, go, task, major = place
-        values = zip(self._stop[:, task, major], self._go, strict=True)
-        return tuple(interpolated(stop, STOP, near) + interpolated(go, GO, far) for near, far in values)
+        return two_way(float(stop), float(go), STOP, self._stop[:, task, major], GO, self._go)
 
     def of(self, scene: Scene, unsure: Uncertainty) -> Uncertainty:
         """What is stated in a scene, by route; reward units."""

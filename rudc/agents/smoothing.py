@@ -81,22 +81,24 @@ class _Level:
 
     def __init__(self, least: float) -> None:
         """`least`: below it there is none."""
-        self._kept, self._least = deque[float](), least * NORMAL * math.sqrt(2.0)
+        self._kept, self._least = deque[float](maxlen=KEPT), least * NORMAL * math.sqrt(2.0)
         self._above = 0
         """how many of the kept are above `_least`: the median only where half of them are"""
         self.std = 0.0
 
     def hear(self, differences: list[float]) -> None:
         """Take in more of them."""
-        for difference in differences:
-            self._kept.append(difference)
-            self._above += difference > self._least
-            if len(self._kept) > KEPT:
-                self._above -= self._kept.popleft() > self._least
-        count = len(self._kept)
+        kept, least = self._kept, self._least
+        if self._above or max(differences, default=0.0) > least:
+            for difference in differences:
+                self._above += (difference > least) - (len(kept) == KEPT and kept[0] > least)
+                kept.append(difference)
+        else:
+            kept.extend(differences)
+        count = len(kept)
         if count < FEWEST:
             return
-        median = sorted(self._kept)[count // 2] if self._above >= count - count // 2 else 0.0
+        median = sorted(kept)[count // 2] if self._above >= count - count // 2 else 0.0
         self.std = median / (NORMAL * math.sqrt(2.0))
 
 

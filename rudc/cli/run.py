@@ -52,7 +52,10 @@ def run(
     ] = None,
     fcd: Annotated[
         Path | None,
-        typer.Option(metavar="F.xml", help="SUMO's floating car data: all vehicles at every step."),
+        typer.Option(
+            metavar="F.xml",
+            help="SUMO's floating car data, from the warm-up on: what SUMO drives, and the EV.",
+        ),
     ] = None,
     gui: Annotated[
         bool,

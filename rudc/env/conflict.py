@@ -90,22 +90,21 @@ def _meetings(scene: Scene, result: Array) -> tuple[float, float]:
 
     Whoever's rectangle lies across the band that the ego will sweep is ahead, wherever it is heading.
     """
-    tables, body = _tables.get(scene.route, lambda: RouteTables(scene.network, scene.route)), scene.vehicle
-    seen = tables.relative(scene)
-    which = kernels.relevant(
-        seen, tables.rows, scene.path, scene.path_s, scene.size, scene.ego_s, body.length
-    )
-    s = kernels.others_s(
-        which, tables.rows, scene.path, scene.path_s, scene.velocity, scene.acceleration,
+    route, body, v = scene.route, scene.vehicle, scene.ego.v
+    tables, line = _tables.get(route, lambda: RouteTables(scene.network, route)), route.path
+    others = scene.position, scene.heading, scene.velocity, scene.acceleration, scene.size, scene.path
+    which, s, codes, rear, speed = kernels.foreseen(
+        tables.lines(scene.path), tables.per_row, tables.ds, line.xy, line.heading, tables.rows,
+        *others, scene.path_s, scene.ego_s, body.length, body.width,
         IDM_ACCEL, _U_MOST, _TAU, _U, _Y, _TIMES,
     )  # fmt: skip
-    result[0:20] = kernels.gap_features(tables.least(scene, which, _ego_s(scene), s, _TIMES), TOUCH)
-    result[20:32] = kernels.occupied(which, tables.rows, scene.path, scene.size, s, BINS)
-    first, rear = kernels.leader(seen, scene.size, scene.ego_s, body.width)
+    result[0:32] = kernels.meetings(
+        *tables.find(body, codes), tables.ds, s, which, tables.rows,
+        scene.ego_s, v, max(route.speed_limit, v), _ACCELERATIONS, _TIMES, TOUCH, BINS,
+        line.xy, line.heading, body.length, body.width, *others,
+    )  # fmt: skip
     gap = rear - scene.ego_s - 0.5 * body.length
-    if gap > REACH:
-        return math.inf, 0.0
-    return max(gap, 0.0), math.hypot(*scene.velocity[first].tolist()) * float(seen[first, 2])
+    return (math.inf, 0.0) if gap > REACH else (max(gap, 0.0), speed)
 
 
 def _free_road() -> tuple[Array, Array, Array]:
@@ -124,12 +123,6 @@ def _free_road() -> tuple[Array, Array, Array]:
         u[k + 1] = u[k] + step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
     y[1:] = np.cumsum(0.5 * step * (u[1:] + u[:-1]))
     return tau, u, y
-
-
-def _ego_s(scene: Scene) -> Array:
-    """(A, T) m, arc lengths of the ego's centre on its path, for each acceleration."""
-    v = scene.ego.v
-    return kernels.ego_s(scene.ego_s, v, max(scene.route.speed_limit, v), _ACCELERATIONS, _TIMES)
 
 
 def _leader_features(scene: Scene, gap: float, speed: float) -> tuple[float, float, float]:

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from rudc.world.isolated import AnyWorld
     from rudc.world.world import Advance
 
+COLLISION, SUCCESS, BROKE_RULE = Outcome.COLLISION, Outcome.SUCCESS, (Outcome.OFF_ROAD, Outcome.WRONG_WAY)
+"""looked up here once: an enumeration takes a microsecond to name a member"""
 BESIDE_M = 6.0
 """m from the path up to which the destination counts as reached: in the lane beside it, not on another arm"""
 
@@ -133,16 +135,12 @@ class Episode:
         after = self.world.scene()
         distances = measure(after, advance.gap_m)
         outcome = _judge(after, advance)
-        collided = outcome is Outcome.COLLISION
-        broke_rule = outcome in (Outcome.OFF_ROAD, Outcome.WRONG_WAY)
+        collided = outcome is COLLISION
+        broke_rule = outcome in BROKE_RULE
         terms = reward_terms(
-            before,
-            after,
-            distances,
-            collided=collided,
-            broke_rule=broke_rule,
-            arrived=outcome is Outcome.SUCCESS,
-        )
+            before, after, distances,
+            collided=collided, broke_rule=broke_rule, arrived=outcome is SUCCESS,
+        )  # fmt: skip
         reward = sum(terms.values())
         cost = step_cost(distances, collided=collided, broke_rule=broke_rule)
         self._truth, self._distances, self._outcome = after, distances, outcome

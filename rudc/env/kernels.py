@@ -172,6 +172,39 @@ def ego_s(s: float, v: float, top: float, accelerations: Vector, times: Vector) 
     return result
 
 
+@kernel
+def code(row: int, length: float, width: float) -> int:
+    """A path's row and a size (m, m) in decimetres in one number."""
+    return row * 1_000_000 + int(np.rint(length * 10_000.0 + width * 10.0))
+
+
+@kernel
+def foreseen(
+    lines: Table, per_row: int, spacing: float, line: Table, course: Vector, rows: Table,
+    position: Table, heading: Vector, velocity: Table, acceleration: Vector, size: Table,
+    path: Rows, path_s: Vector, ego_s: float, ego_length: float, ego_width: float,
+    accel: float, most: float, tau: Vector, u: Vector, y: Vector, times: Vector,
+) -> tuple[NewRows, NewCube, NewRows, float, float]:  # fmt: skip
+    """Who is `relevant` (K,), where they will be, (K, 2, T) m as `others_s`, and the `code` (K,) of each;
+    m along the path to the rear of the `leader`, and its speed (m/s) along it.
+
+    Those on paths are seen from the ego's by `lines` (`looked_up`), others by the line itself.
+    """
+    seen = looked_up(lines, per_row, spacing, path, path_s)
+    for i in range(len(path)):
+        if path[i] < 0:
+            seen[i] = seen_from_line(line, course, spacing, position[i : i + 1], heading[i : i + 1])[0]
+    which = relevant(seen, rows, path, path_s, size, ego_s, ego_length)
+    s = others_s(which, rows, path, path_s, velocity, acceleration, accel, most, tau, u, y, times)
+    codes = np.empty(len(which), np.int64)
+    for k in range(len(which)):
+        codes[k] = code(path[which[k]], size[which[k], 0], size[which[k], 1])
+    first, rear = leader(seen, size, ego_s, ego_width)
+    if rear == math.inf:
+        return which, s, codes, rear, 0.0
+    return which, s, codes, rear, math.hypot(velocity[first, 0], velocity[first, 1]) * seen[first, 2]
+
+
 # ---- gaps
 
 
@@ -271,6 +304,29 @@ def occupied(which: Rows, rows: Table, path: Rows, size: Table, s: NewCube, bins
             if result[b] == wanted:
                 result[bins + wanted] = b / bins
     return result
+
+
+@kernel
+def meetings(
+    table: Gaps, entries: Entries, spacing: float, s: NewCube, which: Rows, rows: Table,
+    ego_at: float, v: float, top: float, accelerations: Vector, times: Vector, touch: float, bins: int,
+    line: Table, course: Vector, length: float, width: float,
+    position: Table, heading: Vector, velocity: Table, acceleration: Vector, size: Table, path: Rows,
+) -> NewVector:  # fmt: skip
+    """(4 A + bins + 2,): `gap_features` and `occupied` of an ego at `ego_at` m and v m/s, and of others
+    `which` (K,), with futures s (K, 2, T) m and `entries` (K, 6), and of those without a path.
+    """
+    ours, count = ego_s(ego_at, v, top, accelerations, times), 4 * len(accelerations)
+    least = np.full((len(accelerations), 2, len(times)), FARTHEST)
+    table_gaps(table, entries, spacing, ours, s, least)
+    stray_gaps(
+        line, course, spacing, ours, length, width, times,
+        path, position, heading, velocity, acceleration, size, least,
+    )  # fmt: skip
+    found = np.empty(count + bins + 2)
+    found[:count] = gap_features(least, touch)
+    found[count:] = occupied(which, rows, path, size, s, bins)
+    return found
 
 
 # ---- the paper's observation

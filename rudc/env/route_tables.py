@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rudc.arrays import Array, Index
-from rudc.env.kernels import FARTHEST, UNIT, looked_up, seen_from_line, stray_gaps, table_gaps
+from rudc.env.kernels import FARTHEST, UNIT, seen_from_line
 from rudc.network.kernels import gaps_at
 from rudc.network.network import Network, Route
 from rudc.network.paths import SPACING
 from rudc.vehicle import EgoVehicle
-from rudc.world.scene import Scene
 
 
 class RouteTables:
@@ -32,7 +31,7 @@ class RouteTables:
         self.rows: Array = np.column_stack([conflict[:, 1], conflict[:, 3], in_zone, paths.speed_limit])
         """(P, 5) for each way through the junction: arc lengths (m) on the ego's path and on it where their
         conflict ends, where it enters and leaves the ego's conflict zone (nan: never); speed limit, m/s"""
-        self._per_row = paths.heading.shape[1]
+        self.per_row = paths.heading.shape[1]
         self._lines: Array = np.zeros((paths.heading.size, 4))
         """(P * M, 4) for each station of each way: arc length on the ego's path (m), offset to its left (m),
         cosine and sine of the angle to it; of ways that somebody was seen on"""
@@ -41,51 +40,32 @@ class RouteTables:
         self._entries: dict[EgoVehicle, dict[int, tuple[int, ...]]] = {}
         self._gaps = np.zeros(0, dtype=np.uint8)
 
-    def relative(self, scene: Scene) -> Array:
-        """(N, 4) of the others: arc length on the ego's path (m), offset to its left (m), cosine and sine of
-        the angle to it.
+    def lines(self, path: Index) -> Array:
+        """(P * M, 4) for each station of the ways that others are on, `path` (N,), -1 for none: arc length on
+        the ego's path (m), offset to its left (m), cosine and sine of the angle to it.
         """
-        for row in set(scene.path.tolist()) - self._lined:
-            paths, first = self.network.paths, row * self._per_row
-            self._lines[first : first + self._per_row] = self._seen(paths.xy[row], paths.heading[row])
+        ours = self.route.path
+        for row in set(path.tolist()) - self._lined:
+            paths, first = self.network.paths, row * self.per_row
+            self._lines[first : first + self.per_row] = seen_from_line(
+                ours.xy, ours.heading, SPACING, paths.xy[row], paths.heading[row]
+            )
             self._lined.add(row)
-        seen = looked_up(self._lines, self._per_row, self.ds, scene.path, scene.path_s)
-        stray = scene.path < 0
-        if stray.any():
-            seen[stray] = self._seen(scene.position[stray], scene.heading[stray])
-        return seen
+        return self._lines
 
-    def _seen(self, xy: Array, heading: Array) -> Array:
-        path = self.route.path
-        return seen_from_line(path.xy, path.heading, SPACING, xy, heading)
-
-    def least(self, scene: Scene, which: Index, ego_s: Array, s: Array, times: Array) -> Array:
-        """(A, H, T) m, least gap to any of the others `which` (K,) or without a path, at most `FARTHEST`.
-
-        For A futures `ego_s` (A, T) m of the ego, and H futures s (K, H, T) m of those with a path.
+    def find(self, body: EgoVehicle, codes: Index) -> tuple[NDArray[np.uint8], Index]:
+        """The gap tables, and (K, 6) where in them each vehicle's is (`_add`), by codes (K,) of path and size
+        (`kernels.code`).
         """
-        least = np.full((len(ego_s), *s.shape[1:]), FARTHEST)
-        if len(which):
-            entries = np.array(self._find(scene.vehicle, scene.path[which], scene.size[which]))
-            table_gaps(self._gaps, entries, self.ds, ego_s, s, least)
-        path, body = self.route.path, scene.vehicle
-        stray_gaps(
-            path.xy, path.heading, SPACING, ego_s, body.length, body.width, times,
-            scene.path, scene.position, scene.heading, scene.velocity, scene.acceleration, scene.size, least,
-        )  # fmt: skip
-        return least
-
-    def _find(self, body: EgoVehicle, rows: Index, size: Array) -> list[tuple[int, ...]]:
-        """Where in the gap tables each vehicle's is, see `_add`."""
-        codes = (rows * 1_000_000 + np.rint(size @ (10_000.0, 10.0)).astype(np.int64)).tolist()
-        known = self._entries.setdefault(body, {})
-        for code in codes:
+        known, wanted = self._entries.setdefault(body, {}), codes.tolist()
+        for code in wanted:
             if code not in known:
                 known[code] = self._add(body, code)
-        return [known[code] for code in codes]
+        entries = np.array([known[code] for code in wanted], dtype=np.int64).reshape(-1, 6)
+        return self._gaps, entries
 
     def _add(self, body: EgoVehicle, code: int) -> tuple[int, ...]:
-        """Make the table for a path and a size, coded in decimetres, and say where it is.
+        """Make the table for a path and a size and say where it is.
 
         Its base in `_gaps`, the ego's first and last station in it, the other's, and how many the other has.
         """

@@ -19,6 +19,7 @@ KERNELS = (
     "rudc.safety.barrier_kernels",
     "rudc.safety.plant_kernels",
     "rudc.safety.residual_kernels",
+    "rudc.agents.kernels",
 )
 """all modules of kernels; those that they import with them"""
 

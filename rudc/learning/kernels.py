@@ -122,13 +122,14 @@ def decoded(
 
 
 @kernel
-def tail_moments(quantiles: Cube, weights: Vector) -> NewTable:
-    """(2, B): variance over members of the tail's mean, and mean over members of the tail's variance.
+def tail_deviations(quantiles: Cube, weights: Vector) -> NewTable:
+    """(3, B), roots of: the variance over members of the tail's mean, the mean over members of the tail's
+    variance, and the sum of both.
 
     `quantiles` (N, B, Q) in any order; the tail is the lowest of them, with `weights`, which sum to 1.
     """
     members, count = len(quantiles), len(weights)
-    result, means = np.zeros((2, quantiles.shape[1])), np.empty(members)
+    result, means = np.zeros((3, quantiles.shape[1])), np.empty(members)
     for b in range(quantiles.shape[1]):
         for n in range(members):
             z = quantiles[n, b].copy()
@@ -146,4 +147,7 @@ def tail_moments(quantiles: Cube, weights: Vector) -> NewTable:
         mean = means.sum() / members
         for n in range(members):
             result[0, b] += (means[n] - mean) ** 2 / members
+        result[2, b] = result[0, b] + result[1, b]
+        for part in range(3):
+            result[part, b] = math.sqrt(result[part, b])
     return result

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rudc.arrays import Array, Arrays
 from rudc.learning.distortion import make_distortion
-from rudc.learning.kernels import tail_moments
+from rudc.learning.kernels import tail_deviations
 
 PERCENTILES = (95.0, 97.5)
 """of sigma_total, that are called sigma_l and sigma_h"""
@@ -53,9 +53,8 @@ def uncertainty(quantiles: ArrayLike, beta: float) -> Uncertainty:
     """Uncertainty of returns with quantiles (N, ..., N_q), one set a member; result of shape (...)."""
     z = np.asarray(quantiles, dtype=float)
     shape = z.shape[1:-1]
-    epistemic, aleatoric = tail_moments(z.reshape(len(z), -1, z.shape[-1]), _tail(z.shape[-1], beta))
-    parts = epistemic, aleatoric, epistemic + aleatoric
-    return Uncertainty(*(np.sqrt(part).reshape(shape)[()] for part in parts))
+    parts = tail_deviations(z.reshape(len(z), -1, z.shape[-1]), _tail(z.shape[-1], beta))
+    return Uncertainty(*parts.reshape(3, *shape))
 
 
 class RunningPercentiles:

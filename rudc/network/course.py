@@ -22,7 +22,7 @@ from rudc.arrays import Array
 from rudc.geometry import Rectangles, rectangle_corners
 from rudc.network.conflicts import waiting_bumper
 from rudc.network.depths import Depths
-from rudc.network.kernels import gaps_at
+from rudc.network.kernels import any_beside, gaps_at
 from rudc.network.lattice import STEP, Lattice
 from rudc.network.network import Network
 from rudc.network.paths import SPACING
@@ -74,6 +74,10 @@ def gaps_along(
     s = np.arange(max(first, 0.0), min(last, path.length), spacing)
     gap = np.full(len(s), np.inf)
     if not len(s) or not others.number:
+        return s, gap
+    reach = NEAR + 0.5 * math.hypot(body.length, body.width) + spacing
+    stations = int(s[0] / spacing), int(s[-1] / spacing) + 1
+    if not any_beside(path.xy, *stations, reach, others.position, others.size):
         return s, gap
     xy, psi = path.body_pose(s, body)
     gap = gaps_at(xy, psi, body.length, body.width, *others, NEAR).min(axis=1)

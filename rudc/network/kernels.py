@@ -40,6 +40,19 @@ def gaps_at(
 
 
 @kernel
+def any_beside(line: Table, first: int, last: int, reach: float, position: Table, size: Table) -> bool:
+    """Whether a circle round any of M rectangles with centres (M, 2) m and sizes (M, 2) m comes within
+    `reach` m of a station of a line (K, 2) m between two."""
+    for j in range(len(position)):
+        near = reach + 0.5 * math.hypot(size[j, 0], size[j, 1])
+        for i in range(max(first, 0), min(last + 1, len(line))):
+            away_x, away_y = position[j, 0] - line[i, 0], position[j, 1] - line[i, 1]
+            if away_x * away_x + away_y * away_y < near * near:
+                return True
+    return False
+
+
+@kernel
 def cheapest_way(
     price: Cube, resting: Table, bend: Vector, offset: Vector, start: int, turned: int, tightest: float,
     change_bend: Vector, change_price: Vector, straightest: float,

@@ -24,6 +24,22 @@ def _radius(r: complex, squared: float, short: float, stretch: float) -> tuple[f
 
 
 @kernel
+def ellipses(
+    size: Table, half_length: float, half_width: float, margin: float, epsilon: float
+) -> tuple[NewTable, NewTable]:
+    """B^2 + eps0 and A^2 - B^2, (2, N) m2 each: of the ego in the first row, of others of `size` (N, 2) m in
+    the second, whose B is `margin` m more than half their width.
+    """
+    short, stretch = np.empty((2, len(size))), np.empty((2, len(size)))
+    for i in range(len(size)):
+        half, across = 0.5 * size[i, 0], 0.5 * size[i, 1] + margin
+        short[0, i] = half_width * half_width + epsilon
+        stretch[0, i] = half_length * half_length - half_width * half_width
+        short[1, i], stretch[1, i] = across * across + epsilon, half * half - across * across
+    return short, stretch
+
+
+@kernel
 def clearance(
     position: complex, heading: complex, v: float, wheelbase: float, places: Places, velocities: Places,
     directions: Places, offset: Vector, mode: Vector, margin: Vector, short: Table, stretch: Table,

@@ -85,7 +85,9 @@ class Bodies(NamedTuple):
         return cls(position, velocity, direction, np.zeros(k), np.zeros(k), np.empty(k), short, stretch)
 
     def part(self, rows: slice) -> Bodies:
-        """Some of them, as views."""
+        """Some of them, as views; itself where they are all."""
+        if rows == slice(0, len(self.offset)):
+            return self
         return Bodies(
             self.position[rows], self.velocity[rows], self.direction[rows], self.offset[rows],
             self.mode[rows], self.margin[rows], self.short[:, rows], self.stretch[:, rows],

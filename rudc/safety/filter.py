@@ -186,14 +186,16 @@ class SafetyFilter:
         excess = rows @ bounds.nominal - b
         if not math.isfinite(excess.dot(excess)):
             _refuse_unknown_rows(rows, b, constraints.names)
-        if excess.min() < 0.0:
+        least = excess.min()
+        if least < 0.0:
             conditions = conditions.sparing(scene, constraints, bounds)
             rows, b = conditions.rows(bounds.nominal)
             excess = rows @ bounds.nominal - b
+            least = excess.min()
         h = conditions.terms.h
         q = -self._prices * bounds.nominal
         problem = self.last_problem = Problem(self._cost, q, rows, b, bounds.lower, bounds.upper)
-        if excess.min() >= 0.0:
+        if least >= 0.0:
             return self._passed(scene, proposed, h, constraints.names)
         status, solution, kept = self._solve(scene, constraints, problem, conditions)
         u, violation = self._action(status, scene.vehicle, proposed, bounds, solution)

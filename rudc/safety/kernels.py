@@ -8,10 +8,12 @@ import math
 import numpy as np
 
 from rudc.kernels import (
+    Marks,
     NewFlags,
     NewPlaces,
     NewPlaceTable,
     NewRows,
+    NewTable,
     NewVector,
     Places,
     PlaceTable,
@@ -235,10 +237,10 @@ def in_reach(
     acceleration: Vector,
     poses: Table, stations: int, ego: complex, reach: float,
     times: Vector, changing: float, speeds_up: float,
-    line: Table, ego_s: float, lane: float, along: float, hardest: float,
-) -> tuple[NewRows, NewPlaceTable, NewPlaceTable]:  # fmt: skip
-    """Others (m,) whom the ego might meet within `reach` m of it, and their places (m, T) m and directions
-    (m, T).
+    line: Table, ego_s: float, lane: float, along: float, hardest: float, slowest: float,
+) -> tuple[NewRows, NewPlaceTable, NewPlaceTable, NewTable, NewFlags]:  # fmt: skip
+    """Others (m,) whom the ego might meet within `reach` m of it, their places (m, T) m, directions (m, T)
+    and half sizes (m, 2) m, and whether (m,) they stand: drive less than `slowest` m/s.
 
     Then once more those whose speed changes by more than `changing` m/s2: braking on, or speeding up for
     another `speeds_up` s. Then once more those who lead the ego (`leads`), braking with `hardest` m/s2.
@@ -266,10 +268,11 @@ def in_reach(
             who[m], rate[m] = i, hardest
             m += 1
     there, turned = np.empty((m, len(times)), np.complex128), np.empty((m, len(times)), np.complex128)
-    way = np.empty(len(times))
+    half, still, way = np.empty((m, 2)), np.empty(m, np.bool_), np.empty(len(times))
     for k in range(m):
         i = who[k]
         speed = math.hypot(velocity[i, 0], velocity[i, 1])
+        half[k, 0], half[k, 1], still[k] = 0.5 * size[i, 0], 0.5 * size[i, 1], speed < slowest
         for t in range(len(times)):
             way[t] = speed * times[t]
             if k >= near:
@@ -280,18 +283,19 @@ def in_reach(
         there[k], turned[k] = other_ahead(
             position, heading, velocity, size, path, path_s, poses, stations, i, way
         )
-    return who[:m].copy(), there, turned
+    return who[:m].copy(), there, turned, half, still
 
 
 @kernel
 def room_left(
-    others: PlaceTable, others_facing: PlaceTable, half: Table, margin: Vector, place: Places, facing: Places,
-    length: float, width: float, near: float,
+    others: PlaceTable, others_facing: PlaceTable, half: Table, still: Marks, place: Places, facing: Places,
+    length: float, width: float, margin: float, still_margin: float,
 ) -> NewVector:  # fmt: skip
-    """(m,) m, least separation - min(margin, separation now) towards each of m others.
+    """(m,) m, least separation - min(margin, separation now) towards each of m others; `still_margin`
+    towards those who stand `still` (m,).
 
-    Others at (m, T) m with half sizes (m, 2) m and margins (m,) m, the ego (T,) with half sizes `length` and
-    `width` m; inf where centres stay farther apart than the sum of half sizes and `near` m.
+    Others at (m, T) m with half sizes (m, 2) m, the ego (T,) with half sizes `length` and `width` m; inf
+    where centres stay farther apart than the sum of half sizes and `margin` m.
     """
     room = np.full(len(half), np.inf)
     for k in range(len(half)):
@@ -299,9 +303,9 @@ def room_left(
         for t in range(len(place)):
             r = others[k, t] - place[t]
             least = min(least, r.real * r.real + r.imag * r.imag)
-        if math.sqrt(least) >= half[k, 0] + half[k, 1] + length + width + near:
+        if math.sqrt(least) >= half[k, 0] + half[k, 1] + length + width + margin:
             continue
-        allowed = margin[k]
+        allowed = min(margin, still_margin) if still[k] else margin
         for t in range(len(place)):
             r = others[k, t] - place[t]
             apart = separation(r, facing[t], others_facing[k, t], length, width, half[k, 0], half[k, 1])
@@ -323,3 +327,37 @@ def on_arc(
         place[t] = here + chord * cmath.exp(1j * (psi + slip + turn))
         facing[t] = cmath.exp(1j * (psi + 2.0 * turn))
     return place, facing
+
+
+@kernel
+def way_of_stopping(times: Vector, step: float, first: float, v: float, braking: float) -> NewVector:
+    """(T,) m at `times` (T,) s: `first` m in a step of `step` s, to v m/s, and then braking, in m/s2."""
+    way = np.zeros(len(times))
+    for t in range(len(times)):
+        if times[t] > 0.0:
+            held = min(max(times[t] - step, 0.0), v / braking)
+            way[t] = first + v * held - 0.5 * braking * held * held
+    return way
+
+
+@kernel
+def room_to_stop(
+    position: Table, heading: Vector, velocity: Table, size: Table, path: Rows, path_s: Vector,
+    acceleration: Vector, poses: Table, stations: int, ego: complex, reach: float, times: Vector,
+    changing: float, speeds_up: float, line: Table, ego_s: float, lane: float, along: float, hardest: float,
+    slowest: float, psi: float, step: float, first: float, v: float, braking: float, slip: float,
+    cg_to_rear: float, length: float, width: float, margin: float, still_margin: float,
+) -> float:  # fmt: skip
+    """m, the least `room_left` to an ego that stops (`way_of_stopping`) on an arc (`on_arc`), towards those
+    `in_reach`; inf for plenty.
+    """
+    who, there, turned, half, still = in_reach(
+        position, heading, velocity, size, path, path_s, acceleration, poses, stations, ego, reach,
+        times, changing, speeds_up, line, ego_s, lane, along, hardest, slowest,
+    )  # fmt: skip
+    place, facing = on_arc(ego, psi, way_of_stopping(times, step, first, v, braking), slip, cg_to_rear)
+    room = room_left(there, turned, half, still, place, facing, length, width, margin, still_margin)
+    least = math.inf
+    for k in range(len(who)):
+        least = min(least, room[k])
+    return least

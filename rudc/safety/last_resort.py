@@ -40,7 +40,7 @@ from __future__ import annotations
 import cmath
 import math
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -48,8 +48,9 @@ from rudc.arrays import Array, Complex, Flags, Index
 from rudc.env.tracking import steering
 from rudc.network.paths import SPACING
 from rudc.safety.config import FilterConfig
-from rudc.safety.kernels import in_reach, on_arc, room_left
+from rudc.safety.kernels import in_reach, on_arc, room_left, room_to_stop, way_of_stopping
 from rudc.safety.prediction import ALONG, GO_ACCELERATION, GO_SPEED, LANE, bodies, ego_ahead, following, lines
+from rudc.vehicle import EgoVehicle
 from rudc.world.scene import STILL, Scene
 
 HORIZON = 2.5
@@ -108,9 +109,7 @@ class LastResort:
         better. None if `u` may be taken.
         """
         first, v = self._first(scene.ego.v, float(u[0]))
-        stop = self._stop(scene, u)
-        others = self._others(scene, first + v * v / (-2.0 * scene.vehicle.a_min))
-        if self._room(scene, others, *stop).min(initial=np.inf) >= -CREEPING:
+        if self._room_to_stop(scene, first, v, u) >= -CREEPING:
             return None
         way = self._go(scene, first, v)
         others = self._others(scene, float(way[-1]))
@@ -182,42 +181,41 @@ class LastResort:
 
     def _others(self, scene: Scene, way: float) -> _Others:
         """Those whom the ego might meet on a way of so many m."""
+        return _Others(*in_reach(*self._around(scene, way)))
+
+    def _around(self, scene: Scene, way: float) -> tuple[Any, ...]:
+        """What `in_reach` takes, for a way of so many m."""
         body, ego = scene.vehicle, scene.ego
         reach = way + 0.5 * (body.length + body.width) + self._margin
-        who, place, facing = in_reach(
+        return (
             *bodies(scene), scene.acceleration, *lines(scene),
             complex(ego.x, ego.y), reach, self._times, CHANGING, SPEEDS_UP_S,
-            scene.route.path.poses, scene.ego_s, LANE, ALONG, HARDEST,
+            scene.route.path.poses, scene.ego_s, LANE, ALONG, HARDEST, STILL,
         )  # fmt: skip
-        velocity = scene.velocity[who]
-        still: Flags = np.hypot(velocity[:, 0], velocity[:, 1]) < STILL
-        return _Others(who, place, facing, 0.5 * scene.size[who], still)
+
+    def _room_to_stop(self, scene: Scene, first: float, v: float, u: Array) -> float:
+        """m, least room of `_stop`, `first` m in a step, to v m/s; inf if plenty."""
+        body = scene.vehicle
+        return room_to_stop(
+            *self._around(scene, first + v * v / (-2.0 * body.a_min)),
+            scene.ego.psi, self._dt, first, v, -body.a_min, _slip(body, float(u[1])), body.cg_to_rear,
+            0.5 * body.length, 0.5 * body.width, self._margin, STILL_MARGIN,
+        )  # fmt: skip
 
     def _room(self, scene: Scene, others: _Others, place: Complex, facing: Complex) -> Array:
         """(m,) m, room towards each of an ego at `place` (T,) m facing `facing` (T,); inf if plenty."""
-        body, margin = scene.vehicle, self._margin
-        margins = np.where(others.still, min(margin, STILL_MARGIN), margin)
+        body = scene.vehicle
         return room_left(
-            others.place,
-            others.facing,
-            others.half,
-            margins,
-            place,
-            facing,
-            0.5 * body.length,
-            0.5 * body.width,
-            margin,
-        )
+            others.place, others.facing, others.half, others.still, place, facing,
+            0.5 * body.length, 0.5 * body.width, self._margin, STILL_MARGIN,
+        )  # fmt: skip
 
     def _stop(self, scene: Scene, u: Array) -> tuple[Complex, Complex]:
         """(T,) m and (T,): the ego on an arc, under `u` for a step and then braking."""
         ego, body = scene.ego, scene.vehicle
         first, v = self._first(ego.v, float(u[0]))
-        braking = -body.a_min
-        held = np.minimum(np.maximum(self._times - self._dt, 0.0), v / braking)
-        way = np.where(self._times > 0.0, first + v * held - 0.5 * braking * held * held, 0.0)
-        slip = math.atan(body.cg_to_rear / body.wheelbase * math.tan(float(u[1])))
-        return on_arc(complex(ego.x, ego.y), ego.psi, way, slip, body.cg_to_rear)
+        way = way_of_stopping(self._times, self._dt, first, v, -body.a_min)
+        return on_arc(complex(ego.x, ego.y), ego.psi, way, _slip(body, float(u[1])), body.cg_to_rear)
 
     def _stop_along(self, scene: Scene, stop: tuple[Complex, Complex], v: float) -> tuple[Complex, Complex]:
         """(T,) m and (T,): the first step of `stop`, to v m/s, and then braking while steering along the
@@ -232,7 +230,7 @@ class LastResort:
                 s, offset = path.project(here.real, here.imag, s)
                 ego = replace(scene.ego, x=here.real, y=here.imag, psi=heading, v=v, slip=0.0)
                 delta = steering(replace(scene, ego=ego, ego_s=s, ego_offset=offset))
-                slip = math.atan(body.cg_to_rear / body.wheelbase * math.tan(delta))
+                slip = _slip(body, delta)
                 turn = way * math.sin(slip) / body.cg_to_rear
                 here += way * cmath.exp(1j * (heading + slip + 0.5 * turn))
                 heading += turn
@@ -268,3 +266,8 @@ class LastResort:
         if after < 0.0:
             return v * v / (-2.0 * a), 0.0
         return 0.5 * (v + after) * self._dt, after
+
+
+def _slip(body: EgoVehicle, delta: float) -> float:
+    """rad, slip with the front wheels at `delta` rad."""
+    return math.atan(body.cg_to_rear / body.wheelbase * math.tan(delta))

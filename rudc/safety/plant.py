@@ -140,10 +140,9 @@ class PlantMonitor:
         )  # fmt: skip
 
     def _best(self) -> PlantEstimate:
-        least = float(self._cost.min())
-        if self._cost[self._believed] < least + (SURE if self._believed == self._nominal else BETTER):
+        if self._cost.item(self._believed) < (SURE if self._believed == self._nominal else BETTER):
             return self.estimate
-        alike = np.flatnonzero(self._cost < least + SAME)
+        alike = np.flatnonzero(self._cost < SAME)  # the least is 0
         i = self._believed = int(alike[self._plainness[alike].argmin()])
         if i == self._nominal:
             return ORDINARY

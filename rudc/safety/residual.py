@@ -81,13 +81,13 @@ def features(scene: Scene, constraints: Constraints, u_rl: Array) -> dict[str, A
     for barrier, seen, rows in constraints.parts:
         if not barrier.inputs:
             continue
+        inputs = len(COMMON) + len(barrier.inputs)
+        if not seen.names:
+            found[barrier.name] = np.empty((0, inputs))
+            continue
         part = to.part(rows)
-        xi = common_features(
-            own, part.position, part.offset, here, ego.psi, len(COMMON) + len(barrier.inputs)
-        )
-        if len(xi):
-            barrier.features(scene, seen, part, xi)
-        found[barrier.name] = xi
+        xi = found[barrier.name] = common_features(own, part.position, part.offset, here, ego.psi, inputs)
+        barrier.features(scene, seen, part, xi)
     return found
 
 
@@ -139,13 +139,13 @@ class ResidualPredictor:
             return w
         xi = features(scene, constraints, u_rl)
         for barrier, _, rows in constraints.parts:
-            if barrier.name in self._heads:
+            if barrier.name in self._heads and len(xi[barrier.name]):
                 w[rows] = self.of(barrier.name, xi[barrier.name])
         return counts * w
 
     def of(self, head: str, xi: Array) -> Array:
         """(n,) m2 per step, w from features (n, F) of one head."""
-        return self._heads[head](xi) * np.minimum(xi[:, SPEED] * (10 / FADING), 1.0)
+        return self._heads[head](xi)
 
 
 _PARTS = ("mean", "spread", "low", "high", "scale", "w1", "b1", "w2", "b2", "w3", "b3")
@@ -182,7 +182,7 @@ class _Head:
         self._arrays = *map(np.ascontiguousarray, layers), np.float32(arrays[f"{head}/b3"][0]) * scale
 
     def __call__(self, xi: Array) -> Array:
-        return network(xi, *self._arrays)
+        return network(xi, *self._arrays, SPEED, 10 / FADING)
 
 
 def load_predictor(path: Path) -> ResidualPredictor:

@@ -63,8 +63,12 @@ def network(
     b2: Single,
     w3: Single,
     b3: Number,
+    speed: int,
+    per_speed: float,
 ) -> NewVector:
-    """(k,): gelu(gelu(xi W1 + b1) W2 + b2) w3 + b3 with xi (k, F) between `low` and `high`."""
+    """(k,): gelu(gelu(xi W1 + b1) W2 + b2) w3 + b3 with xi (k, F) between `low` and `high`, times
+    min(xi_s per_speed, 1) of its column s = `speed`.
+    """
     w, x = np.empty(len(xi)), np.empty(len(low), np.float32)
     for i in range(len(xi)):
         for n in range(len(low)):
@@ -76,5 +80,5 @@ def network(
         total = b3
         for n in range(len(w3)):
             total += second[n] * w3[n]
-        w[i] = total
+        w[i] = total * min(xi[i, speed] * per_speed, 1.0)
     return w

@@ -54,8 +54,10 @@ class RoadBarrier(Clearance):
     def find(self, scene: Scene) -> Found:
         """See `Barrier`: six points, left edge first."""
         points = self._points
-        if points is None or points.route is not scene.route or points.vehicle != scene.vehicle:
-            points = self._points = RoadPoints(scene.route, scene.vehicle)
+        route, body = scene.route, scene.vehicle
+        same = points is not None and (points.vehicle is body or points.vehicle == body)
+        if points is None or points.route is not route or not same:
+            points = self._points = RoadPoints(route, body)
         return Found(NAMES, data=points)
 
     def fill(self, scene: Scene, found: Found, to: Bodies) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from rudc.arrays import Array, Flags, Index
 from rudc.network.paths import SPACING
 from rudc.safety.barrier import BarrierSettings, Found, as_complex
+from rudc.safety.barrier_kernels import ellipses
 from rudc.safety.clearance import EPSILON, Bodies, Clearance
 from rudc.safety.gating import Gate
 from rudc.safety.residual_kernels import vehicle_features
@@ -110,15 +111,8 @@ class VehicleBarrier(Clearance):
 
     def _ellipses(self, scene: Scene) -> tuple[Array, Array]:
         """B^2 + eps0 and A^2 - B^2, (2, N) m2 each: ego in the first row, the others in the second."""
-        settings, n = self.settings, scene.count
-        half = 0.5 * scene.size
-        across = (half[:, 1] + settings.width_margin) ** 2
-        short, stretch = np.empty((2, n)), np.empty((2, n))
-        short[0] = settings.half_width**2 + EPSILON
-        stretch[0] = settings.half_length**2 - settings.half_width**2
-        short[1] = across + EPSILON
-        stretch[1] = half[:, 0] ** 2 - across
-        return short, stretch
+        settings = self.settings
+        return ellipses(scene.size, settings.half_length, settings.half_width, settings.width_margin, EPSILON)
 
     def _chosen(self, scene: Scene, short: Array, stretch: Array) -> Index:
         """Indices of the others to be constrained, nearest first."""

@@ -2,24 +2,14 @@
 
 from __future__ import annotations
 
-import cmath
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
-from rudc.kernels import rectangle_gap
+from rudc.arrays import Array
 from rudc.vehicle import EgoVehicle
 from rudc.world.kernels import around
 from rudc.world.scene import EgoState, Scene
-
-
-class Body(NamedTuple):
-    """A rectangle: centre in m, direction of its length, half sizes in m."""
-
-    name: str
-    place: complex
-    facing: complex
-    half_length: float
-    half_width: float
 
 
 class Nearest(NamedTuple):
@@ -34,37 +24,20 @@ class Nearest(NamedTuple):
 NOTHING = Nearest(math.inf, None)
 
 
-def ego_body(state: EgoState, vehicle: EgoVehicle) -> Body:
-    """The ego's rectangle."""
-    facing = cmath.rect(1.0, state.psi)
-    return Body("", complex(state.x, state.y), facing, 0.5 * vehicle.length, 0.5 * vehicle.width)
+def nearest_of(
+    ego: EgoState, body: EgoVehicle, names: Sequence[str], position: Array, heading: Array, size: Array,
+    reach: float = 0.0,
+) -> tuple[Nearest, int]:  # fmt: skip
+    """What of rectangles with centres (N, 2) m, headings (N,) rad and sizes (N, 2) m is nearest to the ego's.
 
-
-def survey(scene: Scene, reach: float) -> tuple[Nearest, list[Body]]:
-    """What is nearest in a scene, and the bodies whose gap to the ego is at most `reach` m, and perhaps some
-    more."""
-    ego, body = scene.ego, scene.vehicle
+    And how many of the first of them hold all whose gap is at most `reach` m, and perhaps some more.
+    """
     gap, nearest, close = around(
-        ego.x, ego.y, ego.psi, body.length, body.width, scene.position, scene.heading, scene.size, reach
+        ego.x, ego.y, ego.psi, body.length, body.width, position, heading, size, reach
     )
-    bodies = [_row(scene, i) for i in range(close)]
-    return Nearest(gap, scene.ids[nearest] if gap == 0.0 else None), bodies
+    return Nearest(gap, names[nearest] if gap == 0.0 else None), close
 
 
-def _row(scene: Scene, i: int) -> Body:
-    (x, y), (length, width) = scene.position[i].tolist(), scene.size[i].tolist()
-    facing = cmath.rect(1.0, scene.heading.item(i))
-    return Body(scene.ids[i], complex(x, y), facing, 0.5 * length, 0.5 * width)
-
-
-def nearer(best: Nearest, ego: Body, other: Body) -> Nearest:
-    """The nearest so far, or the other body if that is nearer to the ego."""
-    gap = gap_between(ego, other)
-    return best if gap >= best.gap else Nearest(gap, other.name if gap == 0.0 else None)
-
-
-def gap_between(a: Body, b: Body) -> float:
-    """Gap (m) between two rectangles, 0 where they overlap or touch."""
-    return rectangle_gap(
-        b.place - a.place, a.facing, b.facing, a.half_length, a.half_width, b.half_length, b.half_width
-    )
+def survey(scene: Scene, reach: float) -> tuple[Nearest, int]:
+    """`nearest_of` a scene."""
+    return nearest_of(scene.ego, scene.vehicle, scene.ids, scene.position, scene.heading, scene.size, reach)

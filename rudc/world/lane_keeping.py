@@ -35,6 +35,8 @@ class LaneKeeping:
             ego.x, ego.y, NEAR, abs(scene.ego_offset) < BETWEEN,
             scene.position, scene.size, scene.path, scene.path_s, paths.stop_s, paths.exit_s,
         )  # fmt: skip
+        if not len(near) and not self._modes:
+            return
         held = {scene.ids[i] for i in near.tolist()}
         for name in self._modes.keys() - held:
             mode = self._modes.pop(name)

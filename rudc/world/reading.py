@@ -49,14 +49,18 @@ class Reader:
         self._network = network
         self._traffic = traffic
         self._met: set[tuple[str, ...]] = set()
-        self._list(())
+        self._name(())
 
-    def read(self) -> Motion:
-        """Where all SVs are now; those who have left are forgotten."""
+    def meet(self) -> None:
+        """See who is on the road now; those who have left are forgotten."""
         active = self._sumo.vehicles()
         if active != self.active:
             self._traffic.forget(active)
-            self._list(active)
+            self._name(active)
+
+    def read(self) -> Motion:
+        """Where all SVs are now, who is on the road being seen first."""
+        self.meet()
         self.motion = self._sumo.motion(self.names, self.lengths)
         if self.motion.lane != self._lanes:
             self._locate()
@@ -66,7 +70,7 @@ class Reader:
         """Find anew along which path each SV drives: the next time, for one has been sent another way."""
         self._lanes = []
 
-    def _list(self, active: tuple[str, ...]) -> None:
+    def _name(self, active: tuple[str, ...]) -> None:
         drivers = self._traffic.drivers
         self.active = active
         """names of all that SUMO moves, the ego and obstacles' stand-ins included"""

@@ -119,9 +119,11 @@ class Scene:
 
     def __post_init__(self) -> None:
         """Its arrays are read-only: agents are handed those that the world goes on with."""
-        for name in OF_OTHERS:
-            getattr(self, name).setflags(write=False)
-        self.last_u.setflags(write=False)
+        for array in (
+            self.position, self.heading, self.velocity, self.acceleration, self.size, self.kind, self.path,
+            self.path_s, self.last_u,
+        ):  # fmt: skip
+            array.setflags(write=False)
         if self.hidden_by is not None:
             self.hidden_by.setflags(write=False)
 

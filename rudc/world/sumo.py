@@ -57,14 +57,15 @@ wider"""
 _owner: int | None = None
 
 
-def _getter(name: str) -> Callable[[str], Any]:
-    """A getter of libsumo.vehicle, without its Python wrapper where libsumo shows it: a third faster."""
+def _function(name: str) -> Callable[..., Any]:
+    """A function of libsumo.vehicle, without its Python wrapper where libsumo shows it: a third faster."""
     inner = getattr(libsumo, "_libsumo", None)
     return getattr(inner, f"vehicle_{name}", getattr(libsumo.vehicle, name))
 
 
-_place, _lane = _getter("getPosition"), _getter("getLaneID")
-_GETTERS = [_getter(name) for name in ("getAngle", "getSpeed", "getAcceleration", "getLanePosition")]
+_place, _lane, _angle = _function("getPosition"), _function("getLaneID"), _function("getAngle")
+_NUMBERS = [_angle, *map(_function, ("getSpeed", "getAcceleration", "getLanePosition"))]
+_move, _set_speed = _function("moveToXY"), _function("setSpeed")
 
 
 class Motion(NamedTuple):
@@ -245,8 +246,8 @@ class Sumo:
         count = len(vehicles)
         position = np.array(list(map(_place, vehicles))).reshape(count, 2)
         angle, speed, acceleration, along = np.array(
-            [x for get in _GETTERS for x in map(get, vehicles)]
-        ).reshape(len(_GETTERS), count)
+            [x for get in _NUMBERS for x in map(get, vehicles)]
+        ).reshape(len(_NUMBERS), count)
         heading = _QUARTER - angle * _RADIAN
         course = np.empty((count, 2))
         course[:, 0], course[:, 1] = np.cos(heading), np.sin(heading)
@@ -256,8 +257,8 @@ class Sumo:
     @_to("say where a vehicle is")
     def pose(self, vehicle: str, length: float) -> tuple[float, float, float]:
         """Centre (m, m) and heading (rad) of a vehicle `length` m long."""
-        x, y = libsumo.vehicle.getPosition(vehicle)
-        psi = _QUARTER - libsumo.vehicle.getAngle(vehicle) * _RADIAN
+        x, y = _place(vehicle)
+        psi = _QUARTER - _angle(vehicle) * _RADIAN
         return x - 0.5 * length * math.cos(psi), y - 0.5 * length * math.sin(psi), psi
 
     @_to("say how fast a vehicle is")
@@ -274,8 +275,8 @@ class Sumo:
     def place(self, vehicle: str, x: float, y: float, psi: float, v: float, length: float) -> None:
         """Put a vehicle's centre at (x, y) m, heading psi rad, speed v m/s, whatever its lane."""
         front_x, front_y, angle = sumo_pose(x, y, psi, length)
-        libsumo.vehicle.moveToXY(vehicle, "", -1, front_x, front_y, angle, 2, MATCH_M)
-        libsumo.vehicle.setSpeed(vehicle, v)
+        _move(vehicle, "", -1, front_x, front_y, angle, 2, MATCH_M)
+        _set_speed(vehicle, v)
 
     @_to("block a lane")
     def block(self, vehicle: str, edge: str, lane: int, start: float, end: float) -> None:

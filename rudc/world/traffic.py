@@ -147,9 +147,14 @@ class Traffic:
         """How many SVs the density asks for."""
         return round(self.density * self._network.road_km)
 
+    @property
+    def missing(self) -> int:
+        """How many SVs fewer there are than that; a surplus counts below 0."""
+        return self.target - len(self.drivers)
+
     def refill(self, motion: Motion, lengths: np.ndarray) -> None:
         """Let new SVs enter where there is room, up to the target."""
-        missing = self.target - len(self.drivers)
+        missing = self.missing
         if missing <= 0:
             return
         entry: dict[str, tuple[float, float]] = {}

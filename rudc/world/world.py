@@ -13,7 +13,6 @@ brakes SVs.
 
 from __future__ import annotations
 
-import cmath
 import math
 from types import TracebackType
 from typing import TYPE_CHECKING, Literal, NamedTuple
@@ -26,7 +25,7 @@ from rudc.world.borders import Borders
 from rudc.world.brakes import Brakes
 from rudc.world.casting import cast
 from rudc.world.config import WorldConfig
-from rudc.world.contact import NOTHING, Body, Nearest, ego_body, nearer, survey
+from rudc.world.contact import NOTHING, Nearest, nearest_of, survey
 from rudc.world.detours import Detours
 from rudc.world.ego import EgoPlant, realised
 from rudc.world.events import Happening, Script, WorldStage
@@ -240,11 +239,14 @@ class World:
         self._plant.reset(x, y, psi, min(plan.speed_mps, limit))
 
     def _warm_up(self, duration_s: float) -> None:
-        for _ in range(max(round(duration_s / self.config.decision_s), 1)):
+        last = max(round(duration_s / self.config.decision_s), 1) - 1
+        for decision in range(last + 1):
             for _ in range(self.config.substeps):
                 self._sumo.step()
                 self._move_props()
-            self._refill()
+            self._reader.meet()
+            if decision == last or self.stage.props or self.traffic.missing > 0:
+                self._refill()
             if self.stage.props:  # only they are looked at, and look out, before the ego enters
                 scene = self._look()
                 self._brake(scene, self.config.decision_s)
@@ -285,9 +287,7 @@ class World:
         for step in range(last + 1):
             self._move(a, delta)
             if step < last and self._close:
-                ego = ego_body(self._plant.state, self.vehicle)
-                for body in self._bodies_now(self._close):
-                    reached = nearer(reached, ego, body)
+                reached = min(reached, self._nearest_now(scene), key=lambda found: found.gap)
                 if reached.touched is not None:
                     break
         return reached
@@ -320,20 +320,22 @@ class World:
         turned = (psi - self._plant.state.psi + math.pi) % (2 * math.pi) - math.pi
         self._plant.state = EgoState(x, y, psi, v, 0.0, turned / self.config.substep_s, a, 0.0)
 
-    def _bodies_now(self, then: list[Body]) -> list[Body]:
-        """The same bodies where they are now, without those that have left the road."""
+    def _nearest_now(self, scene: Scene) -> Nearest:
+        """What is nearest now of the bodies that were close to the ego in the scene, and have not left the
+        road."""
         props = {prop.name: prop for prop in self.stage.props}
         present = self._sumo.vehicles()
-        now = []
-        for body in then:
-            if body.name in props:
-                x, y, psi = props[body.name].pose()
-            elif body.name in present:
-                x, y, psi = self._sumo.pose(body.name, 2 * body.half_length)
-            else:
-                continue
-            now.append(body._replace(place=complex(x, y), facing=cmath.rect(1.0, psi)))
-        return now
+        rows, poses = list[int](), list[tuple[float, float, float]]()
+        for i, name in enumerate(scene.ids[: self._close]):
+            if name in props or name in present:
+                rows.append(i)
+                known = props.get(name)
+                poses.append(known.pose() if known else self._sumo.pose(name, scene.size.item(i, 0)))
+        if not rows:
+            return NOTHING
+        pose, names = np.array(poses), [scene.ids[i] for i in rows]
+        ego, body = self._plant.state, self.vehicle
+        return nearest_of(ego, body, names, pose[:, :2], pose[:, 2], scene.size[rows])[0]
 
     def _collision(self, hit: str, scene: Scene, before: Scene) -> Collision:
         """Judged in the scene after the contact, or in the one before it should the other have left since."""
@@ -365,7 +367,7 @@ class World:
         )  # fmt: skip
         scene = self._scene = self._reader.scene(ego, self.stage.props)
         self._perceived = None
-        self._nearest, self._close = NOTHING, []
+        self._nearest, self._close = NOTHING, 0
         if self._ego_inside:
             fastest = state.v + 1.5 * float(np.abs(scene.velocity).max(initial=0.0)) + 1.0
             reach = CLOSE_M + fastest * self.config.decision_s

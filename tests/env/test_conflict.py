@@ -9,9 +9,10 @@ from scipy.integrate import solve_ivp
 
 from rudc.env import conflict, kernels
 from rudc.env.conflict import ACCELERATIONS, FEATURES, conflict_features, idm
-from rudc.env.kernels import FARTHEST, UNIT
+from rudc.env.kernels import FARTHEST, UNIT, code, table_gaps
 from rudc.env.route_tables import RouteTables
 from rudc.geometry import rectangle_gaps
+from rudc.vehicle import EgoVehicle
 from rudc.world.scene import Kind
 
 TIMES = np.arange(0.25, 5.01, 0.25)
@@ -66,9 +67,10 @@ def test_braking_keeps_the_deceleration_until_standstill(v, a):
 @pytest.mark.parametrize("v", [0.0, 3.0, 9.5, 12.0])
 def test_the_egos_futures(make_scene, v):
     scene = make_scene(v=v)
-    ways = conflict._ego_s(scene) - scene.ego_s
+    limit = scene.route.speed_limit
+    ways = kernels.ego_s(scene.ego_s, v, max(limit, v), np.array(ACCELERATIONS), TIMES) - scene.ego_s
     for k, a in enumerate(ACCELERATIONS):
-        np.testing.assert_allclose(ways[k], ego_way(v, a, scene.route.speed_limit), atol=0.02)
+        np.testing.assert_allclose(ways[k], ego_way(v, a, limit), atol=0.02)
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -107,7 +109,7 @@ def test_gaps_are_those_of_a_direct_simulation(make_scene, network, seed):
                 assert time == 5.0
 
 
-def test_route_tables_hold_the_gaps(make_scene, network):
+def test_route_tables_hold_the_gaps(network):
     route, paths = network.route("south", "left"), network.paths
     tables = RouteTables(network, route)
     rows = np.flatnonzero(np.isfinite(network.conflict(route)[:, 0]))
@@ -116,8 +118,9 @@ def test_route_tables_hold_the_gaps(make_scene, network):
         ours = np.rint(rng.uniform(80, 160, 50) * 2) / 2
         theirs = np.rint(rng.uniform(80, 160, 50) * 2) / 2
         size = np.array([[12.0, 2.5]])
-        scene = make_scene(others=[(int(row), 100.0, 0.0, 0.0)], size=(12.0, 2.5))
-        looked_up = tables.least(scene, np.array([0]), ours[None], theirs[None, None], np.zeros(50))
+        gaps, entries = tables.find(EgoVehicle(), np.array([code(int(row), 12.0, 2.5)]))
+        looked_up = np.full((1, 1, 50), FARTHEST)
+        table_gaps(gaps, entries, tables.ds, ours[None], theirs[None, None], looked_up)
         x, y, psi = route.path.pose(ours)
         px, py, heading = paths.pose(np.full(50, row), theirs)
         for k in range(50):

@@ -47,10 +47,12 @@ def test_a_head_is_two_maps_with_gelus_before_them():
     assert kernels.decoded(latent, weight, bias, last, last_bias) == pytest.approx(wanted, abs=1e-4)
 
 
-def test_moments_of_the_tail():
+def test_deviations_of_the_tail():
     z, weights = RNG.normal(size=(4, 6, 32)), np.array([0.3, 0.3, 0.3, 0.1])
-    got = kernels.tail_moments(z, weights)
+    got = kernels.tail_deviations(z, weights)
     tail = np.sort(z, axis=-1)[..., :4]
     mean = tail @ weights
-    assert got[0] == pytest.approx(mean.var(axis=0), abs=1e-12)
-    assert got[1] == pytest.approx((((tail - mean[..., None]) ** 2) @ weights).mean(axis=0), abs=1e-12)
+    within = (((tail - mean[..., None]) ** 2) @ weights).mean(axis=0)
+    assert got[0] == pytest.approx(mean.std(axis=0), abs=1e-12)
+    assert got[1] == pytest.approx(np.sqrt(within), abs=1e-12)
+    assert got[2] == pytest.approx(np.sqrt(mean.var(axis=0) + within), abs=1e-12)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rudc.geometry import rectangle_gaps
-from rudc.network.kernels import cheapest_way, gaps_at
+from rudc.network.kernels import any_beside, cheapest_way, gaps_at
 
 
 def test_gaps_are_those_of_rectangles_where_they_may_be_near():
@@ -52,3 +52,18 @@ def test_the_cheapest_way_is_that_of_trying_all(seed):
     assert len(best)
     found = cheapest_way(price, resting, bend, offset, 2, 1, tightest, bends, prices, 0.2)
     np.testing.assert_array_equal(found, best)
+
+
+def test_somebody_is_beside_a_stretch_of_line_whose_circle_reaches_it():
+    rng, found = np.random.default_rng(2), []
+    line = np.stack([np.arange(0, 40, 0.5), 0.01 * np.arange(0, 40, 0.5) ** 2], axis=1)
+    for _ in range(200):
+        count = int(rng.integers(0, 4))
+        first, last = np.sort(rng.integers(-3, 90, 2)).tolist()
+        position, size = rng.uniform((-5, -8), (45, 20), (count, 2)), rng.uniform(1, 6, (count, 2))
+        stretch = line[max(first, 0) : last + 1]
+        away = np.linalg.norm(position[:, None] - stretch, axis=-1)
+        wanted = bool((away < 2.0 + 0.5 * np.linalg.norm(size, axis=1)[:, None]).any())
+        assert any_beside(line, first, last, 2.0, position, size) == wanted
+        found.append(wanted)
+    assert 20 < sum(found) < 180

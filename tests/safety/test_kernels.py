@@ -93,10 +93,12 @@ def test_room_is_the_least_separation_less_what_is_allowed():
     acceleration = rng.uniform(-3, 1, 60)
     line = tracks[0][: tracks[1]]  # northwards through the origin, which is at 100 m
     bodies[0][:6], bodies[1][:6] = [[0.3 * k - 0.8, 5.0 * k - 5] for k in range(6)], np.pi / 2
-    who, place, facing = kernels.in_reach(
-        *bodies, acceleration, *tracks, -10 + 0j, 15.0, times, 0.5, 1.0, line, 97.0, 1.5, 0.7, -9.0
-    )
+    reached = *bodies, acceleration, *tracks, -10 + 0j, 15.0, times, 0.5, 1.0, line, 97.0, 1.5, 0.7, -9.0, 2.0
+    who, place, facing, half, still = kernels.in_reach(*reached)
     speed = np.hypot(*bodies[2].T)
+    assert half.tolist() == (0.5 * size[who]).tolist()
+    assert still.tolist() == (speed[who] < 2.0).tolist()
+    assert 0 < still.sum() < len(still)
     fastest = speed + np.where(acceleration > 0.5, acceleration, 0.0)
     near = np.hypot(*(bodies[0] - [-10, 0]).T) < fastest * 2.5 + 15 + 0.5 * size.sum(axis=1)
     first = np.flatnonzero(near)
@@ -114,13 +116,18 @@ def test_room_is_the_least_separation_less_what_is_allowed():
     wanted = predicted(bodies, tracks, who, way)
     assert place == pytest.approx(wanted[0], abs=1e-3)
     assert facing == pytest.approx(wanted[1], abs=1e-3)
-    ego, towards = kernels.on_arc(-10 + 0j, 0.2, 5 * times, 0.1, 1.4)
-    half, margin = 0.5 * size[who], rng.uniform(0.1, 0.5, len(who))
+    after = np.maximum(times - 0.1, 0.0)  # 0.5 m in the first 0.1 s, then braking from 5 m/s with 6 m/s2
+    way = np.where(times > 0, 0.5 + np.where(after < 5 / 6, 5 * after - 3 * after**2, 25 / 12), 0.0)
+    assert kernels.way_of_stopping(times, 0.1, 0.5, 5.0, 6.0) == pytest.approx(way, abs=1e-12)
+    ego, towards = kernels.on_arc(-10 + 0j, 0.2, way, 0.1, 1.4)
+    margin = np.where(still, 0.1, 0.3)
     apart = separation(place - ego, towards, facing, np.array([2.5, 0.9]), half[:, None])
     room = (apart - np.minimum(margin[:, None], apart[:, :1])).min(axis=1)
     room[np.abs(place - ego).min(axis=1) >= half.sum(axis=1) + 2.5 + 0.9 + 0.3] = np.inf
-    got = kernels.room_left(place, facing, half, margin, ego, towards, 2.5, 0.9, 0.3)
+    got = kernels.room_left(place, facing, half, still, ego, towards, 2.5, 0.9, 0.3, 0.1)
     assert got == pytest.approx(room, abs=1e-9)
+    least = kernels.room_to_stop(*reached, 0.2, 0.1, 0.5, 5.0, 6.0, 0.1, 1.4, 2.5, 0.9, 0.3, 0.1)
+    assert least == got.min()
     assert (got < 0).any()
     assert np.isinf(got).any()
 
@@ -228,5 +235,16 @@ def test_the_residuals_network_is_its_formula():
 
     w1, b1, w2, b2, w3 = layers
     wanted = gelu(gelu(np.clip(xi, low, high) @ w1 + b1) @ w2 + b2) @ w3 + 0.25
-    got = residual_kernels.network(xi, low, high, *layers, np.float32(0.25))
+    wanted = wanted * np.minimum(3.0 * xi[:, 2], 1.0)
+    got = residual_kernels.network(xi, low, high, *layers, np.float32(0.25), 2, 3.0)
     assert got == pytest.approx(wanted, abs=2e-4)
+
+
+def test_ellipses_are_those_of_half_sizes_and_a_margin():
+    size = RNG(7).uniform(1, 12, (30, 2))
+    short, stretch = barrier_kernels.ellipses(size, 2.5, 1.0, 0.1, 1e-6)
+    across = 0.5 * size[:, 1] + 0.1
+    assert (short[0] == 1.0 + 1e-6).all()
+    assert (stretch[0] == 2.5**2 - 1.0).all()
+    assert np.sqrt(short[1] - 1e-6) == pytest.approx(across, rel=1e-12)
+    assert np.sqrt(stretch[1] + across**2) == pytest.approx(0.5 * size[:, 0], rel=1e-12)

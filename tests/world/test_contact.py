@@ -1,14 +1,14 @@
 """Gaps between single rectangles against the vectorised ones, and who counts as near."""
 
-import cmath
-
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from rudc.geometry import rectangle_gaps
-from rudc.world.contact import NOTHING, Body, gap_between, nearer, survey
+from rudc.vehicle import EgoVehicle
+from rudc.world.contact import nearest_of, survey
+from rudc.world.scene import EgoState
 
 coordinate = st.floats(-8, 8)
 angle = st.floats(-7, 7)
@@ -16,8 +16,12 @@ length = st.floats(0.3, 12)
 rectangle = st.tuples(coordinate, coordinate, angle, length, length)
 
 
-def body(x, y, psi, length, width, name="it"):
-    return Body(name, complex(x, y), cmath.rect(1.0, psi), length / 2, width / 2)
+def nearest(ego, *others):
+    """Of rectangles (x, y, psi, length, width) named after their places in the list."""
+    x, y, psi, length, width = map(float, ego)
+    state, body = EgoState(x, y, psi, 0, 0, 0, 0, 0), EgoVehicle(length=length, width=width)
+    rows, names = np.array(others, dtype=float), [f"other{i}" for i in range(len(others))]
+    return nearest_of(state, body, names, rows[:, :2], rows[:, 2], rows[:, 3:])[0]
 
 
 @settings(max_examples=300, deadline=None)
@@ -26,8 +30,8 @@ def body(x, y, psi, length, width, name="it"):
 @example((0, 0, 0, 5, 2), (0, 0, 1, 0.3, 0.3))  # one lies in the other
 def test_gap_is_the_vectorised_one(a, b):
     expected = rectangle_gaps(*a, np.array([b[:2]]), np.array([b[2]]), np.array([b[3:]]))[0]
-    assert gap_between(body(*a), body(*b)) == pytest.approx(expected, abs=1e-9)
-    assert gap_between(body(*b), body(*a)) == pytest.approx(expected, abs=1e-9)
+    assert nearest(a, b).gap == pytest.approx(expected, abs=1e-9)
+    assert nearest(b, a).gap == pytest.approx(expected, abs=1e-9)
 
 
 @settings(max_examples=100, deadline=None)
@@ -44,20 +48,13 @@ def test_survey_finds_the_nearest_and_all_that_are_close(make_scene, four_way, o
     found, close = survey(scene, reach)
     assert found.gap == pytest.approx(gaps.min(initial=np.inf), abs=1e-9)
     assert (found.touched is not None) == bool((gaps == 0).any())
-    assert {scene.ids[i] for i in np.flatnonzero(gaps < reach)} <= {near.name for near in close}
+    assert {scene.ids[i] for i in np.flatnonzero(gaps < reach)} <= set(scene.ids[:close])
 
 
-def test_nearer_keeps_the_better_of_two():
-    ego = body(0, 0, 0, 5, 2)
-    near, far, touching = (
-        body(7, 0, 0, 2, 2, "near"),
-        body(12, 0, 0, 2, 2, "far"),
-        body(2, 0, 0, 2, 2, "touching"),
-    )
-    best = nearer(NOTHING, ego, far)
-    assert best.gap == pytest.approx(8.5)
-    best = nearer(best, ego, near)
-    assert best.gap == pytest.approx(3.5)
-    assert nearer(best, ego, far) == best
-    assert best.touched is None
-    assert nearer(best, ego, touching) == (0.0, "touching")
+def test_the_nearest_of_several():
+    ego = 0, 0, 0, 5, 2
+    near, far, touching = (7, 0, 0, 2, 2), (12, 0, 0, 2, 2), (2, 0, 0, 2, 2)
+    assert nearest(ego, far).gap == pytest.approx(8.5)
+    assert nearest(ego, far, near).gap == nearest(ego, near, far).gap == pytest.approx(3.5)
+    assert nearest(ego, far, near).touched is None
+    assert nearest(ego, near, touching, far) == (0.0, "other1")
