@@ -271,7 +271,7 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         """As `step`, with u (2,) in physical units: acceleration m/s2, front-wheel angle rad."""
         result = self.episode.step(u)
         self._scene = result.scene
-        ended = result.outcome
+        ended, frozen = result.outcome, False
         info: dict[str, Any] = {
             "scene": result.scene,
             "seed": self.episode.world.plan.seed,
@@ -281,11 +281,12 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         }
         if ended:
             info["metrics"] = asdict(self.episode.metrics())
+            frozen = ended is Outcome.FROZEN
         if self.render_mode == "human":
             self._show()
-        terminated = ended is not None and ended is not Outcome.FROZEN
+        terminated = ended is not None and not frozen
         observation = self._observe(result.scene, result.distances)
-        return observation, result.reward, terminated, ended is Outcome.FROZEN, info
+        return observation, result.reward, terminated, frozen, info
 
     def render(self) -> Any:
         """The frame, (600, 600, 3) uint8, in render mode `rgb_array`; in `human` None: the window has it."""

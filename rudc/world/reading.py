@@ -49,6 +49,7 @@ class Reader:
         self._network = network
         self._traffic = traffic
         self._met: set[tuple[str, ...]] = set()
+        self._places: dict[tuple[str, str, str], tuple[int, float, float]] = {}
         self._name(())
 
     def meet(self) -> None:
@@ -86,17 +87,25 @@ class Reader:
 
     def _locate(self) -> None:
         """Row of `network.paths` of each SV, and how its position on its lane becomes an arc length there."""
-        locate, drivers = self._network.paths.locate, self._traffic.drivers
-        self._lanes = self.motion.lane
-        rows, starts, scales = [], [], []
-        for name, lane in zip(self.names, self._lanes, strict=True):
-            driver = drivers[name]
-            row, start = locate(driver.origin, driver.destination, lane, 0.0)
-            rows.append(row)
-            starts.append(start)
-            scales.append(locate(driver.origin, driver.destination, lane, 1.0)[1] - start)
-        self._path = np.array(rows, dtype=np.int64)
-        self._start, self._scale = np.array(starts), np.array(scales)
+        drivers, self._lanes = self._traffic.drivers, self.motion.lane
+        places = [
+            self._place(drivers[name].origin, drivers[name].destination, lane)
+            for name, lane in zip(self.names, self._lanes, strict=True)
+        ]
+        self._path = np.array([row for row, _, _ in places], dtype=np.int64)
+        self._start = np.array([start for _, start, _ in places])
+        self._scale = np.array([scale for _, _, scale in places])
+
+    def _place(self, origin: str, destination: str, lane: str) -> tuple[int, float, float]:
+        """Row of `network.paths` of somebody on a lane between two arms, m there where the lane begins, and
+        m along it for each m on the lane; what was found is kept."""
+        known = self._places.get((origin, destination, lane))
+        if known is None:
+            locate = self._network.paths.locate
+            row, start = locate(origin, destination, lane, 0.0)
+            scale = locate(origin, destination, lane, 1.0)[1] - start
+            known = self._places[origin, destination, lane] = row, start, scale
+        return known
 
     def scene(self, ego: EgoView, props: Sequence[Prop]) -> Scene:
         """The world as last read: SVs and props, nearest to the ego first."""
