@@ -42,8 +42,8 @@ from rudc.hints import there_are
 from rudc.learning.parameters import fingerprint
 from rudc.safety.residual import shipped_predictor
 
-OUTLOOKS = {"planner": OutlookSettings(course=True)}
-"""outlook of drivers that have one by their name"""
+OUTLOOKS = {"planner": OutlookSettings(course=True, approach=False)}
+"""outlook of drivers that have one by their name; the planner sees to the gaps itself"""
 
 
 def agent_names() -> tuple[str, ...]:

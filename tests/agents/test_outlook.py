@@ -218,7 +218,7 @@ def test_residuals_do_not_count_where_more_is_asked_than_ice_is_known_to_give(
 
 
 def test_settings_are_those_of_the_one_tree():
-    assert agent_settings("planner")["outlook"] == {"course": True, "approach": True, "plant": "off"}
+    assert agent_settings("planner")["outlook"] == {"course": True, "approach": False, "plant": "off"}
     assert agent_settings("planner:outlook.course=false")["outlook"] == {"course": False, "plant": "off"}
     assert OutlookSettings(plant="known", course=True).make() is not None
     assert OutlookSettings().make() is None
