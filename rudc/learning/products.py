@@ -18,11 +18,26 @@ def widest_products() -> Iterator[None]:
     Processors with matrix units for that do so; others compute in single precision all the same, and without
     AVX-512 nothing changes.
     """
+    with _precision("bf16"):
+        yield
+
+
+@contextmanager
+def tiny_products() -> Iterator[None]:
+    """In the block, within one of those, products are torch's own choice again: for a vector each, oneDNN
+    takes longer.
+    """
+    with _precision("none"):
+        yield
+
+
+@contextmanager
+def _precision(name: str) -> Iterator[None]:
     matmul: Any = getattr(mkldnn, "matmul", None)  # since torch 2.9
     if matmul is None:
         yield
         return
-    before, matmul.fp32_precision = matmul.fp32_precision, "bf16"
+    before, matmul.fp32_precision = matmul.fp32_precision, name
     try:
         yield
     finally:
