@@ -26,7 +26,7 @@ def test_every_algorithm_has_every_preset(algorithm: str, preset: str):
     config = TrainConfig.of(algorithm, {"training.seed": 3, "training.steps": 20_000}, preset)
     assert config.algorithm == algorithm
     assert type(config.learner) is ALGORITHMS[algorithm].config
-    assert (config.given.seed, config.given.updates) == (3, 5_000)
+    assert (config.given.seed, config.given.updates) == (3, 20_000 if preset == "paper" else 5_000)
     assert TrainConfig.model_validate_json(config.model_dump_json()) == config
     assert config.agent.model_dump() == {k: v for k, v in config.model_dump().items() if k != "training"}
 
@@ -169,7 +169,7 @@ def test_the_papers_preset_is_as_written(rule):
         "vehicle": VehicleSettings(constrained="all", max_vehicles=None),
         "road": RoadSettings(points="fixed", d_safe=0.5),
     }
-    assert correction.max_steering_correction == correction.max_added_acceleration == math.inf
+    assert (correction.max_steering_correction, correction.max_added_acceleration) == (0.05, math.inf)
     assert not correction.last_resort
     assert isinstance(learner, EnsembleConfig)
     assert (learner.members, learner.n_step, learner.critic.encoder, learner.critic.hidden) == (
@@ -180,7 +180,8 @@ def test_the_papers_preset_is_as_written(rule):
     )
     training = config.training
     assert (training.curriculum, training.seed_steps, training.collision_reward) == (None, 0, -50.0)
-    assert correction.max_added_acceleration == math.inf
+    assert (training.update_every, training.filtered_share) == (1, 1.0)
+    assert (learner.learns_from, learner.temperature, learner.target_rate) == ("proposed", 0.05, 0.005)
 
 
 def test_a_preset_of_ones_own(tmp_path):
