@@ -23,6 +23,7 @@ from torch.autograd import Function
 from torch.autograd.function import once_differentiable
 
 from rudc.learning.parameters import SCORE_BOUND
+from rudc.learning.products import tiny_products
 
 
 def attend(query: Tensor, x: Tensor, valid: Tensor, scale: float = 1.0) -> Tensor:
@@ -32,6 +33,7 @@ def attend(query: Tensor, x: Tensor, valid: Tensor, scale: float = 1.0) -> Tenso
 
 class _Attend(Function):
     @staticmethod
+    @tiny_products()
     def forward(ctx: Any, query: Tensor, x: Tensor, valid: Tensor, scale: float) -> Tensor:
         share = torch.bmm(query, x.transpose(1, 2)).mul_(scale).clamp_(max=SCORE_BOUND).exp_().mul_(valid)
         share.div_(share.sum(dim=2, keepdim=True).add_(1.0))
@@ -41,6 +43,7 @@ class _Attend(Function):
 
     @staticmethod
     @once_differentiable
+    @tiny_products()
     def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, Tensor, None, None]:  # pyright: ignore[reportIncompatibleMethodOverride] -- torch's own is variadic
         query, x, share = ctx.saved_tensors
         to_share = torch.bmm(gradient, x.transpose(1, 2))

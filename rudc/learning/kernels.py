@@ -18,6 +18,7 @@ Singles = Annotated[Floats, Layout("float32", 2, readonly=True)]
 SingleCube = Annotated[Floats, Layout("float32", 3, readonly=True)]
 NewSingle = Annotated[Floats, Layout("float32", 1)]
 NewSingles = Annotated[Floats, Layout("float32", 2)]
+NewSingleCube = Annotated[Floats, Layout("float32", 3)]
 
 _P, *_A = (
     np.float32(v) for v in (0.3275911, 1.061405429, -1.453152027, 1.421413741, -0.284496736, 0.254829592)
@@ -119,6 +120,35 @@ def decoded(
     for n in range(len(y)):
         gelu_of(y[n])
     return mapped_each(y, last, last_bias)
+
+
+@kernel
+def huber_slopes(
+    predicted: SingleCube, target: Singles, tau: Single, kappa: float, slope: NewSingleCube, loss: NewSingles
+) -> int:
+    """Put sums over targets in `slope` (N, B, Q) and, over predictions too, in `loss` (N, B). Answers 0.
+
+    `predicted` (N, B, Q), `target` (B, M), `tau` (Q,): see rudc/learning/quantiles.py.
+    """
+    bound = np.float32(kappa)
+    below, step = _ONE - tau, _TWICE * tau - _ONE
+    parts = np.empty(len(tau), np.float32)
+    for n in range(len(predicted)):
+        for b in range(predicted.shape[1]):
+            z, s = predicted[n, b], slope[n, b]
+            for j in range(len(tau)):
+                s[j] = _ZERO
+                parts[j] = _ZERO
+            for i in range(target.shape[1]):
+                y = target[b, i]
+                for j in range(len(tau)):
+                    delta = y - z[j]
+                    c = min(max(delta, -bound), bound)
+                    share = below[j] * c + step[j] * max(c, _ZERO)
+                    s[j] += share
+                    parts[j] += share * (delta - _HALF * c)
+            loss[n, b] = parts.sum()
+    return 0
 
 
 @kernel

@@ -61,10 +61,10 @@ class Stack:
             return _shared(weights, "fuse", observation)
         layout = self.layout
         ego = torch.cat([observation[:, : layout.ego], observation[:, layout.task_at]], dim=1)
-        seen = self._attend(weights, gelu(_shared(weights, "ego", ego)), observation[:, layout.vehicles_at])
+        seen = self._attend(weights, _gelu(_shared(weights, "ego", ego)), observation[:, layout.vehicles_at])
         parts = [seen, self._waypoints(weights, observation[:, layout.waypoints_at])]
         if layout.conflict:
-            parts.append(gelu(_shared(weights, "conflict", observation[:, layout.conflict_at])))
+            parts.append(_gelu(_shared(weights, "conflict", observation[:, layout.conflict_at])))
         return _linear(weights, "fuse", torch.cat(parts, dim=2))
 
     def _attend(self, weights: Weights, ego: Tensor, rows: Tensor) -> Tensor:
@@ -72,15 +72,15 @@ class Stack:
         members, batch, width = ego.shape
         count, heads = self.layout.vehicles, self.network.heads
         vehicle = rows.reshape(batch * count, self.layout.vehicle)
-        x = gelu(_shared(weights, "vehicle0", vehicle))
+        x = _gelu(_shared(weights, "vehicle0", vehicle))
         for layer in range(1, self.network.vehicle_layers):
-            x = gelu(_linear(weights, f"vehicle{layer}", x))
+            x = _gelu(_linear(weights, f"vehicle{layer}", x))
         x = x.view(members * batch, count, width)
         valid = (vehicle[:, 0] >= 0.5).to(x.dtype).view(batch, 1, count).repeat(members, 1, 1)
         for hop in range(self.network.hops):
             query = torch.bmm(ego, weights[f"look{hop}.weight"]).view(members * batch, heads, width)
             taken = attend(query, x, valid, 1 / math.sqrt(width)).view(members, batch, heads * width)
-            ego = ego + gelu(_linear(weights, f"take{hop}", taken))
+            ego = ego + _gelu(_linear(weights, f"take{hop}", taken))
         return ego
 
     def _waypoints(self, weights: Weights, rows: Tensor) -> Tensor:
@@ -93,15 +93,22 @@ class Stack:
         shift = (importance * (weights["waypoint.bias"] + self._positions.to(rows.device))).sum(
             1, keepdim=True
         )
-        return gelu(torch.baddbmm(shift, rows.expand(weight.shape[0], *rows.shape), placed))
+        return _gelu(torch.baddbmm(shift, rows.expand(weight.shape[0], *rows.shape), placed))
 
     @staticmethod
     def decode(weights: Weights, latent: Tensor, action: Tensor | None = None) -> Tensor:
         """Outputs (N, B, outputs) from latents (N, B, hidden) and, for a critic, actions (B, actions)."""
-        if action is not None:
+        if action is None:
+            first = gelu(latent)
+        else:
             weight = weights["action.weight"]
-            latent = torch.baddbmm(latent, action.expand(weight.shape[0], *action.shape), weight)
-        return _linear(weights, "out", gelu(_linear(weights, "hidden", gelu(latent))))
+            first = _gelu(torch.baddbmm(latent, action.expand(weight.shape[0], *action.shape), weight))
+        return _linear(weights, "out", _gelu(_linear(weights, "hidden", first)))
+
+
+def _gelu(x: Tensor) -> Tensor:
+    """GELU of a product that nothing else uses; in its place, where no gradient will be asked for."""
+    return gelu(x) if x.requires_grad else torch.ops.aten.gelu_(x)
 
 
 def _linear(weights: Weights, name: str, x: Tensor) -> Tensor:

@@ -5,8 +5,8 @@ prefix: `ttcbf_rate` is the rule's, `road_d_safe` the road's; those towards vehi
 Only the settings of what is at work have an effect; others are refused.
 
 Defaults are the paper's (Tab. "Hyper-Parameters") where a docstring does not say "ours". The paper's filter
-as written is in the preset `paper.yaml`. It gives neither d_safe, dbar nor the weights of the QP: these are
-ours.
+as written is in the preset `paper.yaml`. It gives neither d_safe, dbar, the bounds of the steering nor the
+weights of the QP: these are ours.
 """
 
 from __future__ import annotations

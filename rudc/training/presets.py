@@ -43,14 +43,14 @@ def read_preset(name: str) -> dict[str, Any]:
 
 def with_preset(algorithm: Algorithm, preset: Mapping[str, Any]) -> dict[str, Any]:
     """The tree that an algorithm's training starts from: its own defaults, and over them what of the preset
-    is for it: sections of a `kind` that it has otherwise are left out, and so is what its learner does not
-    have.
+    is for it: sections of a `kind` that it has otherwise are left out, with the correction `learns_from`, and
+    so is what its learner does not have.
     """
     own, tree = algorithm.defaults, dict(preset)
-    correction = tree.get("correction")
+    correction, known = tree.get("correction"), set(algorithm.config.model_fields)
     if isinstance(correction, Mapping) and correction.get("kind") != own.get("correction", {}).get("kind"):
         del tree["correction"]
+        known.discard("learns_from")
     if isinstance(tree.get("learner"), Mapping):
-        known = algorithm.config.model_fields
         tree["learner"] = {key: value for key, value in tree["learner"].items() if key in known}
     return merged(own, tree)

@@ -41,6 +41,7 @@ from rudc.files import aside_of, make_folder, replace_folder, write_atomically
 from rudc.learning.checkpoint import load_state, save_state
 from rudc.learning.learner import Statistics
 from rudc.learning.nstep import Transition
+from rudc.learning.products import widest_products
 from rudc.learning.replay import Replay
 from rudc.learning.uncertainty import RunningPercentiles
 from rudc.scenario import load_scenario
@@ -113,7 +114,8 @@ class Trainer:
         seeding = self._round < config.seed_rounds
         self._pool.load(self._learner.weights(), self._percentiles())
         self._pool.start(self._round, "reference" if seeding else "policy", drop=self._breaks(1))
-        self._learn()
+        with widest_products():
+            self._learn()
         collected = self._pool.finish()
         for part in collected:
             for transition in part.transitions:

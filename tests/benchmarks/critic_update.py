@@ -20,6 +20,7 @@ import torch
 
 from rudc.evaluation.memory import keep_freed_blocks
 from rudc.learning.config import EnsembleConfig, Problem
+from rudc.learning.products import widest_products
 from rudc.learning.rudc import RudcLearner
 from tests.benchmarks.loop_learner import LoopLearner
 from tests.learning.helpers import Case, quick_case, random_batch
@@ -39,8 +40,9 @@ def configurations(members: int) -> dict[str, Case]:
 def contestants(case: Case) -> dict[str, Callable[..., object]]:
     """Updates by name, ours first."""
     result: dict[str, Callable[..., object]] = {
-        "stack": RudcLearner(*case).update,
+        "stack": widest_products()(RudcLearner(*case).update),
         "loop": LoopLearner(*case).update,
+        "loop, our products": widest_products()(LoopLearner(*case).update),
         "lean loop": LoopLearner(*case, lean=True).update,
     }
     if case.config.critic.encoder == "attention":

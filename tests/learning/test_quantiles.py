@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rudc.learning.distortion import midpoints
-from rudc.learning.quantiles import ROWS, quantile_huber
+from rudc.learning.quantiles import quantile_huber
 
 
 def by_pairs(predicted: np.ndarray, target: np.ndarray, kappa: float) -> np.ndarray:
@@ -41,16 +41,19 @@ def test_gradient_is_that_of_the_loss() -> None:
     assert torch.autograd.gradcheck(lambda z: quantile_huber(z, target, 1.0), [predicted])
 
 
-def test_more_rows_than_a_piece_has() -> None:
+@pytest.mark.parametrize("kappa", [0.3, 5.0])
+def test_the_kernel_gives_the_same(kappa: float) -> None:
+    """Of single precision, which it is for."""
     rng = np.random.default_rng(1)
-    predicted = torch.tensor(rng.normal(size=(2, ROWS + 5, 4)), requires_grad=True)
-    target = torch.tensor(rng.normal(size=(ROWS + 5, 4)))
-    quantile_huber(predicted, target).sum().backward()
-    assert predicted.grad is not None
-    for rows in (slice(0, 3), slice(ROWS, None)):
-        part = predicted.detach()[:, rows].requires_grad_()
-        quantile_huber(part, target[rows]).sum().backward()
-        assert torch.equal(part.grad, predicted.grad[:, rows])  # pyright: ignore[reportArgumentType] -- set by backward
+    predicted, target = (3 * rng.normal(size=size) for size in ((2, 70, 32), (70, 24)))
+    results = []
+    for precision in (torch.float64, torch.float32):
+        z = torch.tensor(predicted, dtype=precision, requires_grad=True)
+        loss = quantile_huber(z, torch.tensor(target, dtype=precision), kappa)
+        results.append((loss.detach().numpy(), torch.autograd.grad(loss.sum(), z)[0].numpy()))
+    (loss, gradient), (loss_found, gradient_found) = results
+    assert loss_found == pytest.approx(loss, rel=1e-5)
+    assert gradient_found == pytest.approx(gradient, abs=1e-5)
 
 
 def test_minimised_by_the_quantiles() -> None:

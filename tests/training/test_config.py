@@ -169,7 +169,7 @@ def test_the_papers_preset_is_as_written(rule):
         "vehicle": VehicleSettings(constrained="all", max_vehicles=None),
         "road": RoadSettings(points="fixed", d_safe=0.5),
     }
-    assert correction.max_steering_correction == correction.max_added_acceleration == math.inf
+    assert (correction.max_steering_correction, correction.max_added_acceleration) == (0.05, math.inf)
     assert not correction.last_resort
     assert isinstance(learner, EnsembleConfig)
     assert (learner.members, learner.n_step, learner.critic.encoder, learner.critic.hidden) == (
@@ -180,7 +180,8 @@ def test_the_papers_preset_is_as_written(rule):
     )
     training = config.training
     assert (training.curriculum, training.seed_steps, training.collision_reward) == (None, 0, -50.0)
-    assert correction.max_added_acceleration == math.inf
+    assert training.filtered_share == 1.0
+    assert (learner.learns_from, learner.temperature, learner.target_rate) == ("proposed", 0.05, 0.005)
 
 
 def test_a_preset_of_ones_own(tmp_path):
