@@ -39,7 +39,7 @@ class Sb3Agent:
 
 
 def train(steps: int, out: Path, every: int, episodes: int, scenario: str = "dense_left_turn") -> Path:
-    """Train SAC, and keep the model that did best in evaluations; its file."""
+    """Train SAC, and keep the model that did best in evaluations, without any the last; its file."""
     from stable_baselines3 import SAC
     from stable_baselines3.common.callbacks import EvalCallback
     from stable_baselines3.common.monitor import Monitor
@@ -52,9 +52,12 @@ def train(steps: int, out: Path, every: int, episodes: int, scenario: str = "den
     )
     model = SAC("MlpPolicy", make(), learning_starts=min(500, steps // 2), train_freq=4, seed=0, device="cpu")
     model.learn(steps, callback=judge)
+    best = out / "best_model.zip"
+    if not best.is_file():  # it ended before the first evaluation
+        model.save(best)
     judge.eval_env.close()
     model.get_env().close()
-    return out / "best_model.zip"
+    return best
 
 
 if __name__ == "__main__":

@@ -208,7 +208,9 @@ def _arrived(sources: tuple[str, ...], pickled: bytes) -> Any:
 
 
 def in_words(error: BaseException) -> str:
-    """`ValueError: what it says (file.py:12)`, the place being where it was raised."""
+    """`ValueError: what it says (file.py:12)`, where it was raised, or what does not parse."""
+    if isinstance(error, SyntaxError) and error.filename:
+        return f"{type(error).__name__}: {error.msg} ({Path(error.filename).name}:{error.lineno})"
     frames = traceback.extract_tb(error.__traceback__)
     place = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
     return f"{type(error).__name__}: {error}{place}"

@@ -137,13 +137,14 @@ def known_keys(settings: BaseModel, before: str = "") -> Iterator[str]:
 
 
 def meant(key: str, known: Iterable[str]) -> str:
-    """` (did you mean 'x'?)`: a key with the same last part, or else one whose last part is like it, of the
-    same section where that is known.
+    """` (did you mean 'x'?)`: a key with the same last part, of several the one most like it as a whole; or
+    else one whose last part is like it, of the same section where that is known.
     """
     keys = list(known)
     section, _, last = key.rpartition(".")
     ends = (f".{last}", f".{last.replace('_', '.')}")
-    near = next((k for k in keys if f".{k}".endswith(ends)), None)
+    same = [k for k in keys if f".{k}".endswith(ends)]
+    near = nearest(key, same) or next(iter(same), None)
     if near is None:
         beside = [k for k in keys if section and k.rpartition(".")[0] == section]
         parts = {k.rpartition(".")[2]: k for k in beside or keys}

@@ -56,6 +56,7 @@ def test_what_loses_its_effect_by_a_change_is_forgotten_unless_it_is_given():
         ("power", r"there is no setting 'power' \(did you mean 'engine\.power'\?\)"),
         ("old.engine.power", r"there is no setting 'old\.engine\.power' \(did you mean 'engine\.power'\?\)"),
         ("powr", r"there is no setting 'powr' \(did you mean 'engine\.power'\?\)"),
+        ("egine.kind", r"there is no setting 'egine\.kind' \(did you mean 'engine\.kind'\?\)"),
         ("engine.wheel_count", r"there is no setting 'engine\.wheel_count' with engine\.kind=petrol$"),
         ("wheels.front", "'wheels' is 4, which has no parts"),
         ("engine..power", "expected a dotted key"),

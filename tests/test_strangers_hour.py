@@ -94,3 +94,10 @@ def test_an_agent_trained_elsewhere(desk):
     assert all(outcome for _, outcome in outcomes(desk, "out/sb3"))
     manifest = json.loads((desk / "out/sb3/manifest.json").read_text())
     assert manifest["configuration"]["agents"][agent]["files"].keys() == {"path"}
+
+
+@pytest.mark.slow
+def test_a_model_that_was_never_evaluated_is_kept(desk):
+    pytest.importorskip("stable_baselines3")
+    model = run(desk, "examples/sb3_agent.py", "--steps", 20, "--every", 1000, "--episodes", 1).strip()
+    assert (desk / model).is_file()

@@ -129,7 +129,11 @@ def _parts(name: str) -> tuple[str, str, Changes]:
     if base == "sumo":
         raise AgentError(f"agent {name!r}: SUMO itself drives, and nothing that {text!r} could set")
     if is_driver(base) and not suffix and outlook_changes(parse(text))[1]:
-        raise AgentError(f"{base!r} has no filter, and nothing that {text!r} could set")
+        raise AgentError(
+            f"{base!r} has no filter, and nothing that {text!r} could set; there are "
+            f"{', '.join(f'outlook.{key}' for key in OutlookSettings.model_fields)}; arguments of a class of "
+            "your own stand in brackets: FILE.py:Class(speed=3)"
+        )
     return base, suffix, parse(text)
 
 
@@ -172,8 +176,11 @@ def _checked(name: str) -> str:
     base, _, suffix = name.partition("+")
     if base == "sumo" and suffix:
         raise AgentError(f"no agent {name!r}: no filter can be put behind `sumo`, which SUMO itself drives")
+    if suffix and base in known and not any(f"{base}+{kind}" in known for kind in FILTERS):
+        _suffix(f"+{suffix}", name)
     if os.path.isdir(name):
         raise AgentError(f"no agent in {name}: it holds no {DESCRIPTION}")
-    if name.endswith(".py"):
-        raise AgentError(f"{name} is a file; name the class in it, too: {name}:Class")
+    if name.endswith((".py", ".py:")):
+        file = name.removesuffix(":")
+        raise AgentError(f"{file} is a file; name the class in it, too: {file}:Class")
     raise AgentError(f"no agent {name!r}{there_are(name, known)}")

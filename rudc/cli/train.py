@@ -127,6 +127,11 @@ def _config(
         )
     given = changes | settings
     other = [key for key in given if stored.changed({key: given[key]}) != stored]
+    if other == ["training.steps"]:
+        raise InputError(
+            f"{out} holds a training of {stored.training.steps} steps: resume it as it is (without --steps), "
+            "or train anew in another folder"
+        )
     if other:
         raise InputError(f"{out} holds a training with another {', '.join(other)}: resume it as it is")
     if preset is not None:

@@ -21,6 +21,7 @@ import rudc
 from rudc.errors import SweepError
 from rudc.evaluation.code import code_digest
 from rudc.evaluation.tasks import SweepPlan
+from rudc.hints import listed
 from rudc.imports import sources_digests
 from rudc.settings import problems
 
@@ -193,8 +194,14 @@ def version_changes(content: Mapping[str, Any]) -> list[str]:
     return [f"{name} {first[name]} -> {now}" for name, now in last.items() if first.get(name, now) != now]
 
 
+_NAMED = ("scenarios", "agents")
+"""the parts of a sweep's configuration that are mappings by name"""
+
+
 def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:
-    """One line for each thing that differs, in words."""
+    """One line for each thing that differs, in words; what is there or here only is named whole."""
+    yield from _on_one_side(old, new)
+    old, new = _shared(old, new), _shared(new, old)
     flat_old, flat_new = dict(_flat(old)), dict(_flat(new))
     for key in dict.fromkeys([*flat_old, *flat_new]):
         was, now = flat_old.get(key, "absent"), flat_new.get(key, "absent")
@@ -205,6 +212,24 @@ def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str
     ):
         changed = [key for key in flat_new if flat_old[key] != flat_new[key]]
         yield from (f"{key}: a file that the scenario names has changed" for key in changed)
+
+
+def _on_one_side(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:
+    """A line for the scenarios, and one for the agents, that only one of two sweeps has."""
+    for part in _NAMED:
+        there, here = old.get(part, {}), new.get(part, {})
+        for names, others, where in ((there, here, "there"), (here, there, "here")):
+            if only := [name for name in names if name not in others]:
+                yield f"{part}: {listed(only)} only {where}"
+
+
+def _shared(one: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
+    """A configuration, of scenarios and agents with those alone that the other has, too."""
+    parts = {part: one[part] for part in _NAMED if part in one}
+    both = {
+        part: {n: v for n, v in named.items() if n in other.get(part, {})} for part, named in parts.items()
+    }
+    return {**one, **both}
 
 
 def _flat(value: Any, prefix: str = "") -> Iterator[tuple[str, str]]:

@@ -127,7 +127,12 @@ def table_blocks(path: Path) -> tuple[list[str], Iterator[Cells]]:
     SweepError if there is no file, and, with its number, where a line is no row.
     """
     if not path.is_file():
-        raise SweepError(f"no {path.name} in {path.parent}; is it the folder of a sweep?")
+        folder = path.parent
+        if folder.is_file():
+            raise SweepError(f"{folder} is a file; give the folder of a sweep, such as {folder.parent}")
+        if (folder / "evaluations.csv").is_file():
+            raise SweepError(f"{folder} is the folder of a search, not of a sweep; read its failures.csv")
+        raise SweepError(f"no {path.name} in {folder}; is it the folder of a sweep?")
     header: list[str] = []
     with path.open("rb") as file:
         first = file.readline()

@@ -31,11 +31,11 @@ def find_file(source: str | Path) -> Path:
         raise ScenarioError(
             f"{source}: is a folder; a scenario is a file ({path / '*.yaml'} would take all of them)"
         )
+    beside = [other.name for other in path.parent.glob("*") if other.suffix in SUFFIXES]
     if _is_path(source):
-        beside = [other.name for other in path.parent.glob("*") if other.suffix in SUFFIXES]
         near = did_you_mean(path.name, beside) or did_you_mean(path.stem, list(shipped))
         raise ScenarioError(f"{source}: no such file{near}")
-    near = did_you_mean(source, list(shipped)) or f"; shipped ones: {', '.join(shipped)}"
+    near = did_you_mean(source, [*shipped, *beside]) or f"; shipped ones: {', '.join(shipped)}"
     raise ScenarioError(f"{source}: no shipped scenario of this name, and no such file{near}")
 
 

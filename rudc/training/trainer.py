@@ -236,7 +236,7 @@ class Trainer:
 
     def _kept(self) -> str:
         if not (self._latest / COUNTERS).is_file():
-            return "there is no checkpoint yet"
+            return "there is no checkpoint yet, so --resume begins anew"
         return f"the last checkpoint is kept in {self._latest}"
 
     def _save(self) -> None:

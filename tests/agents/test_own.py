@@ -187,12 +187,17 @@ def test_settings_change_with_the_source_and_with_files_in_arguments(folder):
         ("mine.py:Costly", "cannot be made: FileNotFoundError: no weights (mine.py:"),
         ("mine.py:Steady+tcbf", "no filter 'tcbf' (did you mean 'ttcbf'?)"),
         ("mine.py:Steady:d_safe=3", "has no filter, and nothing that 'd_safe=3' could set"),
+        ("mine.py:Steady:speed=3", "there are outlook.course, "),
+        ("mine.py:Steady:speed=3", "arguments of a class of your own stand in brackets"),
+        ("mine.py:", "mine.py is a file; name the class in it, too: mine.py:Class"),
+        ("garbled.py:Steady", "cannot be imported: SyntaxError: invalid syntax (garbled.py:2)"),
         ("minne:Steady", "there is no module 'minne'"),
         ("broken.py:Steady", "cannot be imported: ZeroDivisionError: division by zero (broken.py:2)"),
     ],
 )
 def test_what_is_wrong_is_said(folder, name, told):
     (folder / "broken.py").write_text("x = 1\nx / 0\n", encoding="utf-8")
+    (folder / "garbled.py").write_text("x = 1\ndef y(:\n", encoding="utf-8")
     with pytest.raises(InputError) as caught:
         make_agent(name)
     assert told in str(caught.value)

@@ -51,6 +51,11 @@ def test_a_typo_is_answered_with_what_was_meant(wrong, meant):
     assert "there are: sumo, follower" in str(caught.value)
 
 
+def test_a_typo_in_the_filter_behind_a_learnt_agent():
+    with pytest.raises(AgentError, match=r"no filter 'ttcb' \(did you mean 'ttcbf'\?\)"):
+        make_agent("rudc-t+ttcb")
+
+
 def test_no_filter_behind_sumo():
     with pytest.raises(AgentError, match="SUMO itself drives"):
         make_agent("sumo+ttcbf")

@@ -129,3 +129,15 @@ def test_rows_are_flushed_now_and_then_and_at_the_end(file, monkeypatch):
     assert 2 <= len(flushed) <= 4
     file.close()
     assert 3 <= len(flushed) <= 5
+
+
+def test_what_is_no_folder_of_a_sweep_is_named(tmp_path):
+    (tmp_path / "episodes.csv").write_text("a\n")
+    with pytest.raises(SweepError, match="is a file; give the folder of a sweep"):
+        read_table(tmp_path / "episodes.csv" / "episodes.csv")
+    (tmp_path / "search").mkdir()
+    (tmp_path / "search" / "evaluations.csv").write_text("a\n")
+    with pytest.raises(SweepError, match="folder of a search, not of a sweep"):
+        read_table(tmp_path / "search" / "episodes.csv")
+    with pytest.raises(SweepError, match="is it the folder of a sweep"):
+        read_table(tmp_path / "nowhere" / "episodes.csv")

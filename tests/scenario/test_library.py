@@ -47,6 +47,7 @@ def test_patterns_each_once_in_order(folder):
         ("dense_left_tunr", "no shipped scenario ..., and no such file (did you mean 'dense_left_turn'?)"),
         ("zzz", "no shipped scenario ..., and no such file; shipped ones: blind_corner, "),
         ("sub/d.yml", "sub/d.yml: no such file (did you mean 'c.yml'?)"),
+        ("b.yam", "b.yam: no shipped scenario ..., and no such file (did you mean 'b.yaml'?)"),
         ("dense_left_tun.yaml", "dense_left_tun.yaml: no such file (did you mean 'dense_left_turn'?)"),
         ("sub", "sub: is a folder; a scenario is a file (sub/*.yaml would take all of them)"),
     ],

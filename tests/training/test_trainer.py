@@ -88,7 +88,7 @@ def test_stopped_and_resumed_twice_gives_the_same_numbers(trained: Path, tmp_pat
     folder = tmp_path / "stopped"
     early, late = Watcher(stop_at=50), Watcher(stop_at=250)
     assert not train(_config(), folder, early)
-    assert early.notes[-1] == "interrupted; there is no checkpoint yet"
+    assert early.notes[-1] == "interrupted; there is no checkpoint yet, so --resume begins anew"
     assert not train(_config(), folder, late, resume=True)  # between two checkpoints
     assert late.notes[-1] == f"interrupted; the last checkpoint is kept in {folder / 'checkpoint'}"
     assert json.loads((folder / "checkpoint" / "training.json").read_text())["round"] == 4
