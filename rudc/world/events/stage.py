@@ -11,7 +11,7 @@ import numpy as np
 from rudc.arrays import Array
 from rudc.errors import SimulationError
 from rudc.geometry import rectangle_corners, rectangle_gaps
-from rudc.network.polyline import beside
+from rudc.network.polyline import arc_length, beside
 from rudc.scenario.events.stage import Body, XYHeading
 from rudc.world.ego import GRAVITY
 from rudc.world.events.places import (
@@ -40,6 +40,8 @@ BLOCK = "block"
 """how the names of SUMO's stand-ins for obstacles begin"""
 SQUEEZE_M = 0.4
 """m that an obstacle may reach into a lane without closing it"""
+ROUNDED_M = 0.1
+"""m by which the length that a file states for a lane may differ from the drawn one by rounding"""
 
 
 @dataclass(slots=True)
@@ -138,14 +140,13 @@ class WorldStage(NetworkStage):
             self.sudden.add(name)
         corners = rectangle_corners(np.array([x, y]), np.array(heading), np.array([length, width]))
         for arm in self.network.arms:
-            for lane_id in (*arm.in_lanes, *arm.out_lanes):
-                lane = self.network.lanes[lane_id]
+            for lane in self.network.lanes_of(arm):
                 span = _obstructed(lane, corners)
                 if span is not None:
                     stand_in = f"{BLOCK}{self._blocks}:{name}"
                     self._blocks += 1
                     self.sumo.block(stand_in, lane.edge, lane.index, *span)
-                    self.traffic.reserve(lane_id, *span)
+                    self.traffic.reserve(lane.id, *span)
 
     def _too_near(self, place: XYHeading, size: tuple[float, float]) -> bool:
         """Whether the ego could not stop before what is put there, braking fully on a dry road."""
@@ -201,9 +202,12 @@ def _as_standing(prop: Prop) -> Standing:
 
 
 def _obstructed(lane: Lane, corners: Array) -> tuple[float, float] | None:
-    """Stretch (m, m) of a lane that a rectangle with these corners (4, 2) leaves too narrow to drive, if
-    any."""
+    """Stretch (m, m, as SUMO counts it) of a lane that a rectangle with these corners (4, 2) leaves too
+    narrow to drive, if any."""
     s, aside = beside(lane.xy, corners)
+    drawn = float(arc_length(lane.xy)[-1])
+    if abs(drawn - lane.length) > ROUNDED_M:  # in bends, SUMO has all lanes of an edge be as long
+        s = s * (lane.length / drawn)
     free = 0.5 * lane.width - SQUEEZE_M
     if aside.max() < -free or aside.min() > free or s.max() < 1.0 or s.min() > lane.length - 1.0:
         return None
