@@ -2,13 +2,16 @@
 
 from dataclasses import replace
 
+import libsumo
 import numpy as np
 import pytest
 
 from rudc.geometry import rectangle_corners
+from rudc.network.build import build_network
 from rudc.network.network import load_network
 from rudc.network.polyline import beside
 from rudc.world.events.places import against_lane
+from rudc.world.fitting import _misplaced
 from rudc.world.world import World
 from tests.plans import PlanSource, event
 from tests.world.networks import bent, in_pieces
@@ -63,3 +66,30 @@ def test_the_way_against_a_lane_that_winds_leaves_out_nothing(tmp_path):
     s, aside = beside(lane.xy, way)
     assert (np.diff(s) < 0.0).all()
     assert np.abs(aside).max() < 0.1
+
+
+def test_outbound_traffic_drives_to_the_outer_end_of_its_arm(tmp_path):
+    network = load_network(in_pieces(tmp_path))
+    with World(network) as world:
+        world.reset(EMPTY.plan(0))
+        for arm in network.arms:
+            assert libsumo.route.getEdges(f"leave:{arm.name}") == arm.out_edges
+
+
+def test_a_crossing_far_out_needs_the_lanes_at_both_sides_of_its_arm_only(tmp_path):
+    text = "".join(
+        f'<edge id="{a}_{b}" from="{a}" to="{b}" speed="10" numLanes="{lanes}"/>'
+        for a, b, lanes in (
+            ("c", "m", 3), ("m", "e", 1), ("e", "m", 1), ("m", "c", 1), ("c", "w", 1), ("w", "c", 1),
+            ("c", "s", 1), ("s", "c", 1),
+        )
+    )  # fmt: skip
+    nodes = {"c": (0, 0), "m": (40, 0), "e": (150, 0), "w": (-100, 0), "s": (0, -100)}
+    rows = "".join(f'<node id="{k}" x="{x}" y="{y}" type="priority"/>' for k, (x, y) in nodes.items())
+    (tmp_path / "own.nod.xml").write_text(f"<nodes>{rows}</nodes>")
+    (tmp_path / "own.edg.xml").write_text(f"<edges>{text}</edges>")
+    network = load_network(build_network(tmp_path))
+    crossing = event("pedestrian_crossing", arm="east", at=80)
+    reach = [network.stretch(f"east_out_{k}").reach for k in range(3)]
+    assert min(reach) < 40.0 < 80.0 < reach[0], "a lane leads nowhere"
+    assert _misplaced(network, list(network.movements), ("events", 0), crossing) == []
