@@ -26,6 +26,8 @@ def test_a_closure_follows_its_lane_round_a_bend(tmp_path):
     with World(network) as world:
         world.reset(replace(EMPTY, events=(closure,)).plan(0))
         scene = world.scene()
+        blocks = [name for name in world._sumo.vehicles() if name.startswith("block")]
+        assert sum(libsumo.vehicle.getLength(name) for name in blocks) == pytest.approx(40.0, abs=2.0)
     corners = rectangle_corners(scene.position, scene.heading, scene.size).reshape(-1, 2)
     aside = beside(lane.xy, corners)[1]
     assert np.abs(aside).max() < 0.5 * lane.width + 0.4

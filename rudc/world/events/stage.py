@@ -40,6 +40,8 @@ BLOCK = "block"
 """how the names of SUMO's stand-ins for obstacles begin"""
 SQUEEZE_M = 0.4
 """m that an obstacle may reach into a lane without closing it"""
+JOINED_M = 0.5
+"""m between pieces of an event that close a lane as one"""
 ROUNDED_M = 0.1
 """m by which the length that a file states for a lane may differ from the drawn one by rounding"""
 
@@ -65,6 +67,8 @@ class WorldStage(NetworkStage):
     sudden: set[str] = field(default_factory=set)
     """what was put nearer to the ego than it could stop"""
     _blocks: int = 0
+    _closed: dict[tuple[str, str], tuple[str, float, float]] = field(default_factory=dict)
+    """by event and lane: the stand-in put there last, and from where to where (m) it closes the lane"""
 
     # ---- time and vehicles
 
@@ -143,10 +147,24 @@ class WorldStage(NetworkStage):
             for lane in self.network.lanes_of(arm):
                 span = _obstructed(lane, corners)
                 if span is not None:
-                    stand_in = f"{BLOCK}{self._blocks}:{name}"
-                    self._blocks += 1
-                    self.sumo.block(stand_in, lane.edge, lane.index, *span)
-                    self.traffic.reserve(lane.id, *span)
+                    self._block(name, lane, *span)
+
+    def _block(self, name: str, lane: Lane, start: float, end: float) -> None:
+        """Close a lane from start to end m for SUMO's traffic.
+
+        A piece upstream of another of the same event makes that longer, since SUMO lets nobody in so near.
+        """
+        self.traffic.reserve(lane.id, start, end)
+        key = name.partition(":")[0], lane.id
+        before, first, last = self._closed.get(key, ("", math.inf, math.inf))
+        if start < first <= end + JOINED_M:
+            self.sumo.lengthen(before, last - start)
+            self._closed[key] = before, start, last
+            return
+        stand_in = f"{BLOCK}{self._blocks}:{name}"
+        self._blocks += 1
+        self.sumo.block(stand_in, lane.edge, lane.index, start, end)
+        self._closed[key] = stand_in, start, end
 
     def _too_near(self, place: XYHeading, size: tuple[float, float]) -> bool:
         """Whether the ego could not stop before what is put there, braking fully on a dry road."""
