@@ -111,6 +111,11 @@ class Layout:
             "the id of one of its edges names an arm, too"
         )
 
+    def lanes_of(self, arm: Arm) -> list[Lane]:
+        """All lanes of an arm's edges, inbound first, outermost edge first."""
+        edges = (*arm.in_edges, *arm.out_edges)
+        return [lane for edge in edges for lane in self.lanes.values() if lane.edge == edge]
+
     def speed_limit(self, edge: str) -> float:
         """m/s, the lowest limit among the lanes of an edge."""
         return min(lane.speed for lane in self.lanes.values() if lane.edge == edge)

@@ -25,9 +25,15 @@ from rudc.errors import NetworkError
 from rudc.hints import listed
 from rudc.network.paths import PathSource
 from rudc.network.plausible import refuse_implausible
+from rudc.network.polyline import arc_length, resample, without_repeats
 
 VEHICLE_CLASS = "passenger"
 """SUMO's class of cars: a lane that refuses them is no part of the carriageway"""
+
+TURNS_BACK = ("t", "T")
+"""SUMO's directions of connections that lead back where one came from"""
+ALIKE, ALIKE_M = 0.87, 20.0
+"""cosine of the angle between two roads from which on they may be one, m of them over which it is taken"""
 
 UNEXPECTED = (
     LookupError, ValueError, ArithmeticError, AttributeError, TypeError, AssertionError, RecursionError,
@@ -230,7 +236,32 @@ def find_arms(junction: Junction) -> list[RawArm]:
             before = _extend(inbound, junction, back=True) if inbound is not None else ()
             after = _extend(outbound, junction, back=False) if outbound is not None else ()
             arms.append(RawArm(before, after))
-    return arms
+    return _paired(arms)
+
+
+def _paired(arms: list[RawArm]) -> list[RawArm]:
+    """The arms, two one-way roads that lead off alike and share a node being one: where a turn lane begins,
+    one side of a road may have a node that the other has not."""
+    found = list(arms)
+    for arm in arms:
+        nodes = {edge.getFromNode().getID() for edge in arm.inbound}
+        for other in [] if arm.outbound else found:
+            shared = nodes.intersection(edge.getToNode().getID() for edge in other.outbound)
+            if not other.inbound and shared and _lead_off_alike(arm.inbound[-1], other.outbound[0]):
+                found[found.index(arm)] = RawArm(arm.inbound, other.outbound)
+                found.remove(other)
+                break
+    return found
+
+
+def _lead_off_alike(inbound: Any, outbound: Any) -> bool:
+    """Whether two edges lead away from the junction in about the same direction."""
+    ways = []
+    for line in (shape_of(inbound)[::-1], shape_of(outbound)):
+        line = without_repeats(line)
+        here, there = resample(line, np.array([0.0, min(ALIKE_M, arc_length(line)[-1])]))
+        ways.append((there - here) / np.hypot(*(there - here)))
+    return float(ways[0] @ ways[1]) > ALIKE
 
 
 def _extend(edge: Any, junction: Junction, *, back: bool) -> tuple[Any, ...]:
@@ -243,11 +274,20 @@ def _extend(edge: Any, junction: Junction, *, back: bool) -> tuple[Any, ...]:
         inner = chain[-1].getToNode() if back else chain[-1].getFromNode()
         own = junction.node_ids | {inner.getID()}
         further = usable(node.getIncoming() if back else node.getOutgoing())
-        ends = [e for e in further if (e.getFromNode() if back else e.getToNode()).getID() not in own]
+        ends = [
+            e for e in further
+            if (e.getFromNode() if back else e.getToNode()).getID() not in own
+            and (_goes_on(e, chain[-1]) if back else _goes_on(chain[-1], e))
+        ]  # fmt: skip
         if len(ends) != 1 or ends[0] in chain:
             break
         chain.append(ends[0])
     return tuple(reversed(chain)) if back else tuple(chain)
+
+
+def _goes_on(edge: Any, following: Any) -> bool:
+    """Whether an edge leads on to another, and not back where one came from."""
+    return any(link.getDirection() not in TURNS_BACK for link in edge.getOutgoing().get(following, ()))
 
 
 def find_ways(junction: Junction, arms: list[RawArm]) -> list[Way]:

@@ -24,6 +24,7 @@ import numpy as np
 from rudc.arrays import Array
 from rudc.errors import NetworkError
 from rudc.network.layout import Layout
+from rudc.network.polyline import arc_length
 from rudc.network.road import Arm, Lane
 from rudc.network.route import ReferencePath, Route
 
@@ -34,6 +35,10 @@ EGO_ARMS = (EGO_IN, EGO_OUT)
 """names of arms relative to the ego: the one it comes from, the one it leaves by"""
 PIECE = 0.2
 """rad, change of heading over one straight piece of a bend"""
+TOUCHES = 1e-3
+"""m, places nearer to each other are one"""
+STRAIGHT_M, SHORTEST_M = 0.2, 1.0
+"""m, by which a lane may leave the middle of a straight piece, m, shortest piece that is made for that"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,24 +89,48 @@ class Stretch:
         return x - lateral * math.sin(psi), y + lateral * math.cos(psi), psi + heading_offset
 
     def pieces(self, begin: float, end: float) -> int:
-        """How many straight pieces follow its bend from one place on it to another."""
-        if isinstance(self.line, ReferencePath) or not self.inside:
-            return 1
-        network, row = self.line
-        s = self.start + self.sign * np.linspace(begin, end, 50)
-        heading = network.paths.pose(np.full(50, row), s)[2]
-        return max(1, math.ceil(float(np.ptp(heading)) / PIECE))
+        """How many straight pieces follow its bends from one place on it to another."""
+        _, heading = self._line_at(np.linspace(begin, end, 50))
+        number = max(1, math.ceil(float(np.ptp(heading)) / PIECE))
+        while (end - begin) / number > SHORTEST_M and self._aside(begin, end, number) > STRAIGHT_M:
+            number += 1
+        return number
+
+    def _aside(self, begin: float, end: float, number: int) -> float:
+        """m, farthest that it lies off the middle line of straight pieces of equal length."""
+        cuts = np.linspace(begin, end, number + 1)
+        middle, heading = self._line_at(0.5 * (cuts[:-1] + cuts[1:]))
+        points, _ = self._line_at(np.linspace(cuts[:-1], cuts[1:], 9))
+        away = points - middle
+        return float(np.abs(away[..., 1] * np.cos(heading) - away[..., 0] * np.sin(heading)).max())
+
+    def _line_at(self, at: Array) -> tuple[Array, Array]:
+        """(..., 2) m and (...) rad, its centre line and its heading `at` m (...) along."""
+        s = self.start + self.sign * at
+        if isinstance(self.line, ReferencePath):
+            x, y, heading = self.line.pose(s)
+        else:
+            network, row = self.line
+            x, y, heading = network.paths.pose(np.full(s.shape, row), s)
+        return np.stack([x, y], axis=-1), heading
 
     def against(self, at: float) -> Array:
         """(K, 2) m, the way from `at` against the driving direction: to the lane's beginning; from inside the
-        junction on to the outer end of the arm where the way begins."""
-        here = np.array(self.place(at)[:2])
-        if isinstance(self.line, ReferencePath) or not self.inside:
-            back = self.lane.xy[::-1]
-            return np.vstack([here, back[(back - here) @ (back[-1] - back[0]) > 0]])
-        network, row = self.line
-        before = int((self.start + self.sign * at) / network.paths.ds)
-        return np.vstack([here, network.paths.xy[row, before::-1]])
+        junction, and on the way to it, on to the outer end of the arm where the way begins."""
+        x, y, psi = self.place(at)
+        here, s = np.array([x, y]), self.start + self.sign * at
+        if self.inside and not isinstance(self.line, ReferencePath):
+            network, row = self.line
+            return np.vstack([here, network.paths.xy[row, int(s / network.paths.ds) :: -1]])
+        line = (
+            self.lane.xy if isinstance(self.line, ReferencePath) else self.line[0].centre_line(self.line[1])
+        )
+        first = 0.0 if self.sign < 0 else self.start
+        along = arc_length(line)
+        back = line[(along > first - TOUCHES) & (along < s - TOUCHES)][::-1]
+        if not len(back):
+            back = here - np.array([[math.cos(psi), math.sin(psi)]])
+        return np.vstack([here, back])
 
 
 def arm_stretches(network: Layout) -> dict[str, Stretch]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from rudc.errors import NetworkError
 from rudc.network.network import Network, Route, load_network
-from rudc.network.road import Movement
+from rudc.network.road import Arm, Movement
 from rudc.network.stretches import EGO_ARMS, EGO_LANES
 from rudc.scenario.base import FileModel
 from rudc.scenario.distributions import Distribution, Normal
@@ -117,14 +117,24 @@ def _misplaced_on(network: Network, route: Route | None, path: Path, part: Any) 
             stretches = [network.stretch(name, route)]
         else:
             arm = network.arm(name, route)
-            stretches = [network.stretch(lane) for lane in (*arm.in_lanes, *arm.out_lanes)]
+            stretches = [network.stretch(lane) for lane in _sides(arm)]
     except NetworkError as error:
         return [Problem((*path, key), str(error))]
     reach = min(stretch.reach for stretch in stretches)
     far = 0.0 if at is None else likely(at)[1]
-    # What closes a lane of an arm may reach beyond the arm's outer end, not with its middle.
-    end = 0.0 if length is None else likely(length)[1] * (1.0 if stretches[0].inside else 0.5)
+    # What closes a lane of an arm may reach beyond the arm's outer end, not with its middle nor in a bend.
+    end = 0.0 if length is None else likely(length)[1]
+    if not stretches[0].inside and stretches[0].pieces(far, far + end) == 1:
+        end *= 0.5
     if far + end <= reach:
         return []
     text = f"{far + end:g} m lies beyond {name!r} of network {network.name}, which has {reach:.1f} m"
     return [Problem((*path, "at" if far > reach else "length"), text)]
+
+
+def _sides(arm: Arm) -> tuple[str, ...]:
+    """The lanes at an arm's two sides, from which ways across it are counted."""
+    if arm.in_lanes and arm.out_lanes:
+        return arm.in_lanes[0], arm.out_lanes[0]
+    lanes = arm.in_lanes or arm.out_lanes
+    return lanes[0], lanes[-1]

@@ -287,6 +287,11 @@ class Sumo:
         libsumo.vehicle.setLaneChangeMode(vehicle, 0)
         libsumo.vehicle.setStop(vehicle, edge, end, lane, 1e6)
 
+    @_to("lengthen what blocks a lane")
+    def lengthen(self, vehicle: str, length: float) -> None:
+        """Have a vehicle be so many m long, its front where it is."""
+        libsumo.vehicle.setLength(vehicle, length)
+
     @_to("hand a vehicle over")
     def take_over(self, vehicle: str) -> None:
         """From now on `place` alone moves this vehicle."""

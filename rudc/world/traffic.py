@@ -130,8 +130,8 @@ class Traffic:
             for movement in movements:
                 self._sumo.add_route(_route(movement), movement.edges)
         for arm in self._arms.values():
-            if arm.out_edge is not None:
-                self._sumo.add_route(f"leave:{arm.name}", [arm.out_edge])
+            if arm.out_edges:
+                self._sumo.add_route(f"leave:{arm.name}", arm.out_edges)
 
     def reserve(self, lane: str, start: float, end: float) -> None:
         """Keep a stretch (m, m) of a lane free when the roads are populated."""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rudc.errors import NetworkError
-from rudc.network.build import build_network
+from rudc.network.build import OPTIONS, build_network
 from rudc.network.network import load_network
 
 needs_netconvert = pytest.mark.skipif(
@@ -209,3 +209,31 @@ def test_a_compressed_network_is_the_same(tmp_path):
     path.write_bytes(gzip.compress(original.path.read_bytes()))
     assert load_network(path).name == "packed"
     assert load_network(path).movements == original.movements
+
+
+POCKET = [("w", "wm", 'numLanes="1"'), ("wm", "c", 'numLanes="2"'), ("c", "w", 'numLanes="1"')]
+
+
+@needs_netconvert
+@pytest.mark.parametrize("options", [[], ["--no-turnarounds"]])
+def test_a_turn_lane_that_begins_on_one_side_of_a_road_makes_no_second_arm(tmp_path, monkeypatch, options):
+    others = [o for o in OPTIONS if o != "--no-turnarounds"]
+    monkeypatch.setattr("rudc.network.build.OPTIONS", (*others, *options))
+    edges = [edge for arm in "nes" for edge in both_ways("c", arm)]
+    edges += [(f"{a}_{b}", a, b, more) for a, b, more in POCKET]
+    network = load_network(build(tmp_path, {**CROSS, "wm": (-45, 0)}, edges))
+    west = network.arm("west")
+    assert len(network.arms) == 4
+    assert (west.in_edges, west.out_edges) == (("w_wm", "wm_c"), ("c_w",))
+    assert network.movement("west", "straight").edges == ("w_wm", "wm_c", "c_e")
+
+
+@needs_netconvert
+def test_one_way_roads_that_meet_only_far_away_stay_two_arms(tmp_path):
+    nodes = {**CROSS, "far": (100, 100)}
+    edges = [edge for arm in "ws" for edge in both_ways("c", arm)]
+    edges += [(f"{a}_{b}", a, b, "") for a, b in (("c", "n"), ("n", "far"), ("far", "e"), ("e", "c"))]
+    network = load_network(build(tmp_path, nodes, edges))
+    assert {arm.name for arm in network.arms} == {"north", "east", "west", "south"}
+    assert not network.arm("north").in_edges
+    assert not network.arm("east").out_edges

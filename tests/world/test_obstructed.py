@@ -29,3 +29,11 @@ def test_what_stands_in_a_lane_leaves_the_lane_beside_it_free(s):
     assert first == pytest.approx(s - 2.5, abs=0.3)
     assert last == pytest.approx(s + 2.5, abs=0.3)
     assert _obstructed(left, corners) is None
+
+
+def test_in_bends_stretches_are_counted_as_the_file_states_lengths():
+    """SUMO has all lanes of an edge be as long; those on the inside of a bend are drawn shorter."""
+    drawn = lane(-1.5 * WIDTH)
+    stated = SimpleNamespace(xy=drawn.xy, width=WIDTH, length=1.1 * drawn.length)
+    corners = rectangle_corners(resample(drawn.xy, np.array([100.0]))[0], np.array(0.1), np.array([5.0, 1.8]))
+    assert _obstructed(stated, corners) == pytest.approx([1.1 * s for s in _obstructed(drawn, corners)])

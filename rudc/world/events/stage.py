@@ -11,7 +11,7 @@ import numpy as np
 from rudc.arrays import Array
 from rudc.errors import SimulationError
 from rudc.geometry import rectangle_corners, rectangle_gaps
-from rudc.network.polyline import beside
+from rudc.network.polyline import arc_length, beside
 from rudc.scenario.events.stage import Body, XYHeading
 from rudc.world.ego import GRAVITY
 from rudc.world.events.places import (
@@ -40,6 +40,10 @@ BLOCK = "block"
 """how the names of SUMO's stand-ins for obstacles begin"""
 SQUEEZE_M = 0.4
 """m that an obstacle may reach into a lane without closing it"""
+JOINED_M = 0.5
+"""m between pieces of an event that close a lane as one"""
+ROUNDED_M = 0.1
+"""m by which the length that a file states for a lane may differ from the drawn one by rounding"""
 
 
 @dataclass(slots=True)
@@ -63,6 +67,8 @@ class WorldStage(NetworkStage):
     sudden: set[str] = field(default_factory=set)
     """what was put nearer to the ego than it could stop"""
     _blocks: int = 0
+    _closed: dict[tuple[str, str], tuple[str, float, float]] = field(default_factory=dict)
+    """by event and lane: the stand-in put there last, and from where to where (m) it closes the lane"""
 
     # ---- time and vehicles
 
@@ -138,14 +144,27 @@ class WorldStage(NetworkStage):
             self.sudden.add(name)
         corners = rectangle_corners(np.array([x, y]), np.array(heading), np.array([length, width]))
         for arm in self.network.arms:
-            for lane_id in (*arm.in_lanes, *arm.out_lanes):
-                lane = self.network.lanes[lane_id]
+            for lane in self.network.lanes_of(arm):
                 span = _obstructed(lane, corners)
                 if span is not None:
-                    stand_in = f"{BLOCK}{self._blocks}:{name}"
-                    self._blocks += 1
-                    self.sumo.block(stand_in, lane.edge, lane.index, *span)
-                    self.traffic.reserve(lane_id, *span)
+                    self._block(name, lane, *span)
+
+    def _block(self, name: str, lane: Lane, start: float, end: float) -> None:
+        """Close a lane from start to end m for SUMO's traffic.
+
+        A piece upstream of another of the same event makes that longer, since SUMO lets nobody in so near.
+        """
+        self.traffic.reserve(lane.id, start, end)
+        key = name.partition(":")[0], lane.id
+        before, first, last = self._closed.get(key, ("", math.inf, math.inf))
+        if start < first <= end + JOINED_M:
+            self.sumo.lengthen(before, last - start)
+            self._closed[key] = before, start, last
+            return
+        stand_in = f"{BLOCK}{self._blocks}:{name}"
+        self._blocks += 1
+        self.sumo.block(stand_in, lane.edge, lane.index, start, end)
+        self._closed[key] = stand_in, start, end
 
     def _too_near(self, place: XYHeading, size: tuple[float, float]) -> bool:
         """Whether the ego could not stop before what is put there, braking fully on a dry road."""
@@ -201,9 +220,12 @@ def _as_standing(prop: Prop) -> Standing:
 
 
 def _obstructed(lane: Lane, corners: Array) -> tuple[float, float] | None:
-    """Stretch (m, m) of a lane that a rectangle with these corners (4, 2) leaves too narrow to drive, if
-    any."""
+    """Stretch (m, m, as SUMO counts it) of a lane that a rectangle with these corners (4, 2) leaves too
+    narrow to drive, if any."""
     s, aside = beside(lane.xy, corners)
+    drawn = float(arc_length(lane.xy)[-1])
+    if abs(drawn - lane.length) > ROUNDED_M:  # in bends, SUMO has all lanes of an edge be as long
+        s = s * (lane.length / drawn)
     free = 0.5 * lane.width - SQUEEZE_M
     if aside.max() < -free or aside.min() > free or s.max() < 1.0 or s.min() > lane.length - 1.0:
         return None
