@@ -1,29 +1,27 @@
 """How fast an ego that has to give way comes to its waiting point.
 
-While the gaps in the traffic that goes first do not suffice (rudc/agents/gaps.py), it comes no faster than it
-can stop there, braking at PLANNED. Else it would stop beyond, in the way of somebody who slowed for a turn of
-his own and then sped up. Gaps that are too short by less than CLOSE are the driver's affair.
+While a gap in the traffic that has priority is too short (rudc/agents/gaps.py) by CLOSE or more, the ego
+comes no faster than it can stop at its waiting point, braking at PLANNED. Without that it would stop beyond,
+in the way of somebody who slowed down for a turn of his own and then sped up.
 
-A gap may not suffice for an ego that speeds up, and do so for one that comes later: the command is bounded by
-the first of ACCELERATIONS with which all gaps suffice; if that is the first of all, not at all. Where even
-HARDEST would not stop the ego at the waiting point, it is left to the driver.
+A gap that is too short for an ego that speeds up may be long enough for one that comes later. So the command
+is bounded by the first of ACCELERATIONS with which all gaps are long enough. If the first of them will do,
+the command stays as it is; also where even HARDEST would not stop the ego at its waiting point.
 """
 
 from __future__ import annotations
 
-import numpy as np
-
 from rudc.agents.gaps import ACCELERATION, crossing, suffices
 from rudc.arrays import Array
-from rudc.env.tracking import slowing, speeds_in_bends
+from rudc.env.tracking import at_most, slowing, speeds_in_bends
 from rudc.world.scene import Scene
 
 PLANNED, HARDEST = 5.0, 6.0
-"""m/s2, m/s2"""
+"""m/s2, m/s2: how hard it brakes for the waiting point, and how hard it could"""
 ACCELERATIONS = (ACCELERATION, 0.0, -2.0)
-"""m/s2"""
+"""m/s2, tried in this order"""
 CLOSE = 1.0
-"""s"""
+"""s by which a gap must be too short to count here"""
 AT_POINT = 0.3
 """m, kept before the waiting point"""
 
@@ -46,10 +44,5 @@ def ready_to_wait(scene: Scene, u: Array) -> Array:
             break
         going = suffices(scene, found, profile, margin=-CLOSE, acceleration=tried)
         if not (found.yields & ~going).any():
-            return u if tried == ACCELERATION else _bounded(u, tried)
-    return _bounded(u, a)
-
-
-def _bounded(u: Array, a: float) -> Array:
-    """(2,) the command with at most `a` m/s2."""
-    return u if u[0] <= a else np.array([a, u[1]])
+            return u if tried == ACCELERATION else at_most(u, tried)
+    return at_most(u, a)

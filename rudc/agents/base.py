@@ -51,6 +51,11 @@ class Decision(NamedTuple):
         return np.zeros(2) if self.corrected is None else self.u - self.corrected.u
 
     @property
+    def onwards(self) -> bool:
+        """Whether a correction has the ego go on, since stopping would be worse."""
+        return self.corrected is not None and self.corrected.onwards
+
+    @property
     def sigma(self) -> float:
         """sigma_total, or that by route; nan for drivers that state no uncertainty."""
         stated = self.by_route if self.states == "route" else self.uncertainty

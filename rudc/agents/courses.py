@@ -27,7 +27,7 @@ from rudc.agents.gaps import entering, suffices
 from rudc.agents.standoff import Standoff
 from rudc.arrays import Array
 from rudc.env.remembered import Remembered
-from rudc.env.tracking import COMFORT, RESPONSE_S, slowing, speeds_in_bends, steering
+from rudc.env.tracking import COMFORT, RESPONSE_S, at_most, slowing, speeds_in_bends, steering
 from rudc.geometry import rectangle_gaps
 from rudc.network.course import CoursePlanner, gaps_along
 from rudc.network.paths import SPACING
@@ -210,7 +210,7 @@ def _limited(scene: Scene, u: Array) -> Array:
     a = slowing(scene, way, TOLERATED * route.speed_limit_after, COMFORT)
     if way > 0.0:
         a = min(a, slowing(scene, 0.0, TOLERATED * route.speed_limit, COMFORT))
-    return u if u[0] <= a else np.array([a, u[1]])
+    return at_most(u, a)
 
 
 def _kept_short(scene: Scene, blocks: Blocks, u: Array) -> Array:
@@ -224,7 +224,7 @@ def _kept_short(scene: Scene, blocks: Blocks, u: Array) -> Array:
     if not len(hit):
         return u
     a = slowing(scene, float(s[hit[0]]) - scene.ego_s - PULL_OUT, 0.0, HARDEST)
-    return u if u[0] <= a else np.array([a, u[1]])
+    return at_most(u, a)
 
 
 def _clear(scene: Scene, blocks: Blocks) -> float:

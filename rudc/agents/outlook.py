@@ -32,7 +32,7 @@ class OutlookSettings(Settings):
     course: bool = False
     """whether the driver is led round what blocks its path"""
     approach: bool = True
-    """whether it comes to where it must give way no faster than it can stop there, unless the gaps suffice;
+    """whether it comes to where it must give way no faster than it can stop there, while gaps are too short;
     with `course` only"""
     plant: Knowledge = "off"
     """what is known of the car: nothing (`off`), what the history of commands tells (`estimated`), or the
@@ -114,8 +114,7 @@ class OutlookAgent:
         clock.append(time.perf_counter())
         decision = self.inner.act(shown)
         clock.append(time.perf_counter())
-        onwards = decision.corrected is not None and decision.corrected.onwards
-        u = self.outlook.govern(shown, decision.u, onwards=onwards)
+        u = self.outlook.govern(shown, decision.u, onwards=decision.onwards)
         spent = clock[1] - clock[0] + time.perf_counter() - clock[2]
         timing, car = {**decision.timing_ms, "outlook": 1000.0 * spent}, self.outlook.adaptation
         if car is None:

@@ -63,6 +63,11 @@ def slowing(scene: Scene, room: float, speed: float, deceleration: float) -> flo
     return max((wanted - v) / RESPONSE_S, scene.vehicle.a_min)
 
 
+def at_most(u: Array, acceleration: float) -> Array:
+    """(2,) the command u (2,), m/s2 and rad, with at most that acceleration (m/s2)."""
+    return u if u[0] <= acceleration else np.array([acceleration, u[1]])
+
+
 def close_to_path(scene: Scene, within: float) -> Scene:
     """The scene with an ego that, following the path by `steering`, gets no farther than `within` m from it.
 

@@ -8,8 +8,8 @@ transitions are of one and the same decision process, the uncorrected one, and c
 leads to where the filter would have corrected it. With the filter in every episode nobody learns
 that, whichever action is replayed: the policy drives on and leaves braking to the filter.
 
-With `training.outlook` whoever drives is shown the world by the agent's outlook, as it will be later on. What
-that bounds it bounds where the correction is at work, too, and leaves alone in the other episodes.
+With `training.outlook` whoever drives sees the world as the agent's outlook shows it. The outlook also bounds
+the commands, in the episodes that are corrected and in no others.
 """
 
 from __future__ import annotations
@@ -178,8 +178,7 @@ class Collector:
         if self._outlook is None:
             return chosen
         decision = chosen.decision
-        onwards = decision.corrected is not None and decision.corrected.onwards
-        u = self._outlook.govern(scene, decision.u, onwards=onwards)
+        u = self._outlook.govern(scene, decision.u, onwards=decision.onwards)
         if np.array_equal(u, decision.u):
             return chosen
         executed = self._config.action.normalised(u, scene).astype(np.float32)

@@ -42,8 +42,8 @@ class Training(Settings):
     filtered_share: float = Field(default=0.5, ge=0, le=1)
     """share of training episodes that are driven behind the filter, from the first on; the paper's is 1"""
     outlook: bool = False
-    """whether training episodes are driven with the agent's outlook, too: it is shown the world as it will be
-    later on, and bounded in the `filtered_share`. Evaluations always are"""
+    """whether training episodes are driven with the agent's outlook, as evaluations always are; it bounds
+    commands in the `filtered_share` only"""
     steps: int = Field(default=100_000, ge=1)
     """decisions taken by the policy, rounded up to whole rounds like all that counts decisions below"""
     seed_steps: int = Field(default=8_000, ge=0)
@@ -102,10 +102,10 @@ class TrainConfig(AgentConfig):
         stated there is nothing to calibrate.
         """
         idle = dict(super().without_effect())
-        bounded = self.training.outlook and self.outlook.make() is not None
-        if self.outlook.make() is None:
+        none = self.outlook.make() is None
+        if none:
             idle["training.outlook"] = "with outlook.course=false and outlook.plant=off"
-        if isinstance(self.correction, NoCorrection) and not bounded:
+        if isinstance(self.correction, NoCorrection) and (none or not self.training.outlook):
             idle["training.filtered_share"] = "with correction.kind=none"
         if "sigma" not in self.learner.offers:
             idle["training.calibration_episodes"] = f"with {self.algorithm}, which states no sigma"

@@ -7,10 +7,9 @@ from rudc.training.collect import Collector
 from rudc.training.config import TrainConfig
 
 
-def _driven_on(filtered_share: float) -> list:
-    """Transitions of 300 decisions of RUDC-T with a policy that drives on, the filter fixed."""
-    changes = {"learner.n_step": 1, "correction.slack.gain": 0.0, "training.filtered_share": filtered_share}
-    config = TrainConfig.of("rudc-t", changes)
+def driven(algorithm: str, changes: dict) -> list:
+    """Transitions of 300 decisions with a policy that drives on."""
+    config = TrainConfig.of(algorithm, {"learner.n_step": 1, **changes})
     collector = Collector(config, 0)
     arrays = policy_arrays(config.learner, config.given)
     arrays["out.bias"][..., 0] = 1.0
@@ -20,13 +19,19 @@ def _driven_on(filtered_share: float) -> list:
     return list(new)
 
 
-def _corrected(new: list) -> list[bool]:
-    return [not np.array_equal(transition.executed, transition.proposed) for transition in new]
+def changed(new: list) -> int:
+    """How many of them did not execute what was proposed."""
+    return sum(not np.array_equal(transition.executed, transition.proposed) for transition in new)
+
+
+def _driven_on(filtered_share: float) -> list:
+    """RUDC-T's, the filter fixed."""
+    return driven("rudc-t", {"correction.slack.gain": 0.0, "training.filtered_share": filtered_share})
 
 
 def test_the_replay_gets_what_was_executed_and_what_was_proposed():
-    assert sum(_corrected(_driven_on(1.0))) > 5
+    assert changed(_driven_on(1.0)) > 5
 
 
 def test_a_share_of_the_episodes_is_driven_without_the_filter():
-    assert not any(_corrected(_driven_on(0.0)))
+    assert changed(_driven_on(0.0)) == 0
