@@ -43,9 +43,8 @@ OBEDIENT = 0
 """no check at all: the speed that is set is the speed that is driven"""
 
 _OPTIONS = (
-    "--no-step-log", "--no-warnings", "--time-to-teleport", "-1", "--collision.check-junctions",
-    "--collision.action", "warn", "--collision.stoptime", "0", "--insertion-checks", "collision",
-    "--default.speeddev", "0",
+    "--no-step-log", "--no-warnings", "--time-to-teleport", "-1", "--collision.action", "none",
+    "--insertion-checks", "collision", "--default.speeddev", "0",
 )  # fmt: skip
 
 _QUARTER = math.pi / 2
