@@ -4,7 +4,7 @@ is there.
     see      what the sensors show -> without their noise (smoothing.py) -> with those who are missing
              (memory.py) -> as the plant makes of it (adaptation.py) -> along the course (courses.py)
     govern   what the driver asks for -> as fast as who must give way may come (approach.py) -> as fast as
-             course and grip allow
+             who follows may come (following.py) -> as fast as course and grip allow
 
 So that whoever drives, by rules or by a policy, and whatever corrects it, goes round what blocks and copes
 with a car that is not the one it was made for, without knowing of either.
@@ -19,6 +19,7 @@ from rudc.agents.adaptation import Adaptation, Knowledge
 from rudc.agents.approach import ready_to_wait
 from rudc.agents.base import Agent, Decision, EgoDriver
 from rudc.agents.courses import Courses
+from rudc.agents.following import ready_to_follow
 from rudc.agents.memory import Memory
 from rudc.agents.smoothing import Smoothing
 from rudc.arrays import Array
@@ -32,8 +33,8 @@ class OutlookSettings(Settings):
     course: bool = False
     """whether the driver is led round what blocks its path"""
     approach: bool = True
-    """whether it comes to where it must give way no faster than it can stop there, while gaps are too short;
-    with `course` only"""
+    """whether it comes no faster than it can stop to where it must give way, while gaps are too short, and to
+    its leader; with `course` only"""
     plant: Knowledge = "off"
     """what is known of the car: nothing (`off`), what the history of commands tells (`estimated`), or the
     truth (`known`, for ablations)"""
@@ -87,7 +88,7 @@ class Outlook:
         `onwards`: only the road bounds it, since stopping would be worse (`Corrected.onwards`).
         """
         if self._approach and not onwards:
-            u = ready_to_wait(scene, u)
+            u = ready_to_follow(scene, ready_to_wait(scene, u))
         if self.courses is not None:
             u = self.courses.govern(scene, u, onwards=onwards)
         return u if self.adaptation is None else self.adaptation.govern(scene, u, onwards=onwards)

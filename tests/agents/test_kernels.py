@@ -1,9 +1,11 @@
 """The agents' kernels against numpy."""
 
+import math
+
 import numpy as np
 import pytest
 
-from rudc.agents.kernels import two_way
+from rudc.agents.kernels import two_way, who_leads
 
 
 def test_functions_of_two_places_are_added_between_their_knots():
@@ -16,3 +18,28 @@ def test_functions_of_two_places_are_added_between_their_knots():
             for f, g in zip(values, other_values, strict=True)
         ]
         assert two_way(x, y, knots, values, other_knots, other_values) == pytest.approx(wanted, abs=1e-12)
+
+
+def test_who_leads_is_the_nearest_rear_of_those_who_move_that_way():
+    rng, found = np.random.default_rng(1), 0
+    s = np.arange(0.0, 120.0, 0.5)
+    straight, course = np.stack([s, np.zeros_like(s)], axis=1), np.zeros_like(s)
+    for _ in range(300):
+        position = rng.uniform([0, -4], [110, 4], (6, 2))
+        heading, speed = rng.normal(0.0, 0.5, 6), rng.uniform(0, 9, 6)
+        velocity = speed[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=1)
+        size, ego_s = rng.uniform([2, 0.6], [12, 2.5], (6, 2)), rng.uniform(0, 100)
+        along, across = np.cos(heading), abs(np.sin(heading))
+        rear = position[:, 0] - 0.5 * (size[:, 0] * along + size[:, 1] * across)
+        side = 0.5 * (size[:, 0] * across + size[:, 1] * along + 1.8)
+        ahead = (position[:, 0] > ego_s) & (abs(position[:, 1]) < side) & (speed > 0.5) & (along > 0.7)
+        gap, towards = who_leads(
+            straight, course, 0.5, position, heading, velocity, size, ego_s, 5.0, 1.8, 0.5, 0.7, 50.0
+        )
+        assert math.isinf(gap) is not ahead.any()
+        if ahead.any():
+            first = np.flatnonzero(ahead)[rear[ahead].argmin()]
+            assert gap == pytest.approx(rear[first] - ego_s - 2.5)
+            assert towards == pytest.approx(speed[first] * along[first])
+            found += 1
+    assert found > 100
