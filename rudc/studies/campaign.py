@@ -35,8 +35,10 @@ class Row(Settings):
     """in tables; the paper's name of the algorithm if left out"""
     paper: bool = True
     """whether the paper has this row, under the name of its algorithm"""
+    configuration: str = "default"
+    """preset of its training"""
     train: dict[str, Any] = Field(default_factory=dict)
-    """settings of its training otherwise than its algorithm's, by dotted keys"""
+    """settings of its training otherwise than in that, by dotted keys"""
     drive: dict[str, Any] = Field(default_factory=dict)
     """settings that the trained agent drives with otherwise, by dotted keys"""
 
@@ -53,7 +55,9 @@ class Row(Settings):
     @property
     def wanted(self) -> Wanted:
         """Its training: one of its own, or that of its algorithm if it only drives otherwise."""
-        return Wanted(self.name if self.train else self.algorithm, self.algorithm, self.train)
+        own = bool(self.train) or self.configuration != "default"
+        name = self.name if own else self.algorithm
+        return Wanted(name, self.algorithm, self.train, self.configuration)
 
     def agent(self, trained: str) -> str:
         """The trained agent's name, with the settings that it drives with."""

@@ -3,8 +3,8 @@
 A training is called NAME-seedN, N its training seed, and is looked for in this order:
 
 1. in the folder of trainings (`--trainings DIR`; else `trainings` in the study's own folder),
-2. among the agents that are shipped (NAME, NAME-seedN), if it changes nothing of its algorithm's settings
-   and the shipped one learnt with those that are the default now,
+2. among the agents that are shipped (NAME, NAME-seedN), if it learnt with the settings that are wanted, as
+   presets are now,
 3. where no folder of trainings was named, it is trained, for as long as the budget says. One that was cut off
    goes on from its checkpoint.
 
@@ -21,7 +21,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from rudc.agents.checkpoint import LATEST, find_checkpoint, load_learnt, shipped_checkpoints
+from rudc.agents.checkpoint import LATEST, Learnt, find_checkpoint, load_learnt, shipped_checkpoints
 from rudc.errors import InputError
 from rudc.files import make_folder, past_links
 from rudc.hints import install_command
@@ -39,10 +39,16 @@ class Wanted:
     """of its folder, before `-seedN`"""
     algorithm: str
     changes: Mapping[str, Any] = field(default_factory=dict)
-    """settings of the training otherwise than by default, by dotted keys"""
+    """settings of the training otherwise than in its configuration, by dotted keys"""
+    configuration: str = "default"
+    """preset"""
 
     def __str__(self) -> str:
         return self.name
+
+    def config(self, settings: Mapping[str, Any] | None = None) -> TrainConfig:
+        """Of the training, with further settings by dotted keys, which its own come before."""
+        return TrainConfig.of(self.algorithm, {**(settings or {}), **self.changes}, self.configuration)
 
 
 @dataclass(frozen=True)
@@ -98,7 +104,7 @@ def trainings_for(
     for want in wanted:
         for seed in seeds:
             training = _made(folder, want, seed)
-            if isinstance(training, str) and not want.changes:
+            if isinstance(training, str):
                 training = _shipped(want, seed, None if order.trainings else steps) or training
             if isinstance(training, str) and order.trainings is None:
                 _train(folder, want, seed, settings, order.resume, tell)
@@ -122,15 +128,21 @@ def _made(folder: Path, want: Wanted, seed: int) -> Trained | str:
             f"{folder / name} was trained by {learnt.config.algorithm} with seed {learnt.training['seed']}, "
             f"not by {want.algorithm} with seed {seed}"
         )
-    stored = {**learnt.config.model_dump(mode="json"), "training": learnt.training}
-    for key, value in want.changes.items():
-        if (there := _at(stored, key)) != value:
-            raise InputError(f"{folder / name} was trained with {key}={there}, not {value}")
+    for key, there, value in _otherwise(learnt, want):
+        raise InputError(f"{folder / name} was trained with {key}={there}, not {value}")
     done, planned = int(learnt.trained["steps"]), int(learnt.training["steps"])
     if done < planned:
         return f"trained for {done} of {planned} steps so far"
     logs = checkpoint.parent if checkpoint.name == LATEST else checkpoint
     return Trained(want.name, seed, f"./{name}", logs, done)
+
+
+def _otherwise(learnt: Learnt, want: Wanted) -> Iterator[tuple[str, Any, Any]]:
+    """Settings that a row is about with which it did not learn: key, its value, the value wanted."""
+    stored = {**learnt.config.model_dump(mode="json"), "training": learnt.training}
+    for key, value in want.changes.items():
+        if (there := _at(stored, key)) != value:
+            yield key, there, value
 
 
 def _at(tree: Any, key: str) -> Any:
@@ -150,7 +162,7 @@ def _shipped(want: Wanted, seed: int, steps: int | None) -> Trained | str | None
         done = int(learnt.trained["steps"])
         if (learnt.config.algorithm, learnt.training["seed"]) != (want.algorithm, seed):
             continue
-        if learnt.config.learner != TrainConfig.of(want.algorithm).learner:
+        if learnt.config.learner != want.config().learner or any(_otherwise(learnt, want)):
             return f"no training, and the shipped {name} learnt with settings that are no longer the default"
         if steps is None or steps == done:
             return Trained(want.name, seed, name, folder, done)
@@ -167,8 +179,7 @@ def _train(
         )
     from rudc.training.trainer import train
 
-    changes = {**settings, **want.changes, "training.seed": seed}
-    config = TrainConfig.of(want.algorithm, fitting(changes, want))
+    config = want.config(fitting({**settings, "training.seed": seed}, want))
     name = f"{want.name}-seed{seed}"
     watcher = _Watcher(name, config.rounds * config.round_steps, tell)
     if not train(config, folder / name, watcher, resume=resume):
@@ -177,7 +188,7 @@ def _train(
 
 def fitting(settings: Mapping[str, Any], want: Wanted) -> dict[str, Any]:
     """Without what has no effect on learners that state no sigma."""
-    states = "sigma" in TrainConfig.of(want.algorithm, want.changes).learner.offers
+    states = "sigma" in want.config().learner.offers
     return {k: v for k, v in settings.items() if states or k != "training.calibration_episodes"}
 
 

@@ -2,8 +2,9 @@
 
 A prop stands, or follows a polyline. A vehicle that does stops short of what stands in its way and of
 surrounding vehicles (SVs), and goes on when the way is free, but it does not stop for a moving ego: that it
-is a hazard is the point. A pedestrian stops only for what is already before its feet. The yielding layer
-makes SVs see all props.
+is a hazard is the point. A pedestrian stops only for what is already before its feet; who has been held up
+there steps back, and waits until its way is free: else it and a vehicle that lets it pass stand for good. The
+yielding layer makes SVs see all props.
 """
 
 from __future__ import annotations
@@ -22,6 +23,10 @@ ACCELERATION = 2.0
 """m/s2, with which it goes on"""
 CLEARANCE_M = 0.8
 """m, it stops short by at least this"""
+PATIENCE_S, BACK_M, BACK_SPEED = 3.0, 1.0, 0.5
+"""s, m, m/s: a pedestrian that has been held up for so long steps back so far, so fast"""
+MORE_M = 0.1
+"""m more than before that must be free for it to go on"""
 
 
 class Prop:
@@ -49,7 +54,8 @@ class Prop:
         """m along the way"""
         legs = np.diff(way, axis=0)
         self._way = way
-        self._free = True
+        self._free, self._back_is_free = True, False
+        self._held_s, self._stepped_back = 0.0, 0.0
         self._ends = np.cumsum(np.hypot(legs[:, 0], legs[:, 1]))
         self._headings = np.arctan2(legs[:, 1], legs[:, 0]) if wanted > 0 else np.array([heading])
 
@@ -65,16 +71,28 @@ class Prop:
 
     def look_out(self, scene: Scene) -> None:
         """Decide by what is around whether to go on or to stop."""
-        self._free = not self.moves or self._way_is_free(scene)
+        self._free = not self.moves or self._is_free(scene, *self._ahead())
+        if self._is_held_up:
+            room = BACK_M - self._stepped_back
+            self._back_is_free = room > 0.0 and self._is_free(scene, -0.5 * (self.length + room), room)
 
     def step(self, dt: float) -> None:
         """Move on by dt s."""
         if not self.moves:
             return
-        brakes = -math.inf if self.kind == Kind.PEDESTRIAN else -BRAKING
-        change = (ACCELERATION if self._free else brakes) * dt
-        self.speed = min(max(self.speed + change, 0.0), self.wanted)
+        walks = self.kind == Kind.PEDESTRIAN
+        self._held_s = 0.0 if self._free else self._held_s + dt
+        if self._is_held_up and self._back_is_free:
+            self.speed = -BACK_SPEED
+        else:
+            change = (ACCELERATION if self._free else -math.inf if walks else -BRAKING) * dt
+            self.speed = min(max(self.speed + change, 0.0), self.wanted)
         self.travelled += self.speed * dt
+        self._stepped_back = max(self._stepped_back - self.speed * dt, 0.0)
+
+    @property
+    def _is_held_up(self) -> bool:
+        return self.kind == Kind.PEDESTRIAN and self._held_s > PATIENCE_S and self.travelled > 0.0
 
     def pose(self, ahead: float = 0.0) -> tuple[float, float, float]:
         """Its centre (m, m) and heading (rad), now or `ahead` m along its way."""
@@ -87,12 +105,23 @@ class Prop:
         x, y = self._way[leg + 1]
         return float(x) - back * math.cos(psi), float(y) - back * math.sin(psi), psi
 
-    def _way_is_free(self, scene: Scene) -> bool:
-        """Whether the stretch in which it can stop is clear of what stands, and of where SVs come to stand if
-        they brake."""
+    def _ahead(self) -> tuple[float, float]:
+        """m along its way to the middle of the stretch that must be free, and that one's length: in which it
+        can stop, and of who has stepped back to where it ended before, and more.
+        """
+        reach = CLEARANCE_M
+        if self.kind != Kind.PEDESTRIAN:
+            reach += self.speed**2 / (2 * BRAKING)
+        elif self._stepped_back > 0.0:
+            reach += self._stepped_back + MORE_M
+        return 0.5 * (self.length + reach), reach
+
+    def _is_free(self, scene: Scene, middle: float, reach: float) -> bool:
+        """Whether a stretch of its way, `reach` m long around `middle` m ahead, is clear of what stands, and
+        of where SVs come to stand if they brake.
+        """
         walks = self.kind == Kind.PEDESTRIAN
-        reach = CLEARANCE_M + (0.0 if walks else self.speed**2 / (2 * BRAKING))
-        box = (*self.pose(0.5 * (self.length + reach)), reach, self.width)
+        box = (*self.pose(middle), reach, self.width)
         ego, body = scene.ego, scene.vehicle
         if walks or ego.v < STANDING:
             here, facing = np.array([[ego.x, ego.y]]), np.array([ego.psi])

@@ -83,7 +83,7 @@ def test_every_row_can_be_trained_and_driven_as_it_says(name):
     found = read_campaign(name)
     for row in found.rows:
         for effort in found.budgets.values():
-            TrainConfig.of(row.algorithm, fitting({**effort.settings, **row.train}, row.wanted))
+            row.wanted.config(fitting(effort.settings, row.wanted))
         TrainConfig.of(row.algorithm, row.drive)
 
 

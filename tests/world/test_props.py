@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rudc.world.props import Prop, standing
+from rudc.world.props import BACK_M, PATIENCE_S, Prop, standing
 from rudc.world.scene import Kind
 
 BEND = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 20.0]])
@@ -44,8 +44,8 @@ def test_a_standing_prop_stands():
     assert prop.speed == 0.0
 
 
-def drive_towards(prop, scene_at):
-    for i in range(200):
+def drive_towards(prop, scene_at, steps=200):
+    for i in range(steps):
         prop.look_out(scene_at(i))
         prop.step(0.05)
     return prop.pose()
@@ -88,8 +88,38 @@ def test_a_pedestrian_waits_for_what_is_before_its_feet_only(make_scene):
     passing = make_scene({"row": 0, "s": 10.0, "v": 8.0})
     passing = replace(passing, position=np.array([[0.0, 100.0]]), heading=np.zeros(1))
     prop = walker()
-    _, y, _ = drive_towards(prop, lambda i: passing)
+    _, y, _ = drive_towards(prop, lambda i: passing, steps=100)
     assert 97.5 < y < 99.0
     away = make_scene({"at": (30.0, 100.0, 0.0)})
     prop = walker()
     assert drive_towards(prop, lambda i: away)[1] > 105.0
+
+
+def test_a_pedestrian_who_is_held_up_steps_back_and_goes_on_once_its_way_is_free(make_scene):
+    prop = Prop("walker", Kind.PEDESTRIAN, (0.5, 0.5), np.array([[0.0, 90.0], [0.0, 110.0]]), wanted=1.4)
+    before_it = {"at": (0.0, 100.0, 0.0)}
+    seen = []
+    for i in range(400):
+        gone = i * 0.05 > 15.0
+        prop.look_out(make_scene(*([] if gone else [before_it])))
+        prop.step(0.05)
+        seen.append((prop.pose()[1], prop.speed))
+    y, speed = np.array(seen).T
+    stopped = np.flatnonzero(speed == 0.0)[0]
+    patient = int(PATIENCE_S / 0.05)
+    assert (y[stopped : stopped + patient] == y[stopped]).all(), "it waits first"
+    assert y[stopped] - y[300] == pytest.approx(BACK_M, abs=0.05), "then it is back so far, and no farther"
+    assert (speed[stopped + patient + 50 : 300] == 0.0).all(), "and stays there while the way is not free"
+    assert y[-1] > y[stopped] + 2.0
+
+
+def test_a_pedestrian_does_not_step_back_into_somebody_nor_off_its_way(make_scene):
+    way = np.array([[0.0, 98.2], [0.0, 110.0]])
+    before_it, behind = {"at": (0.0, 100.0, 0.0)}, {"at": (0.0, 96.5, 0.0)}
+    for others, travelled in (([before_it, behind], 0.1), ([before_it], 0.0)):
+        prop = Prop("walker", Kind.PEDESTRIAN, (0.5, 0.5), way, wanted=1.4)
+        prop.travelled = travelled
+        for _ in range(200):
+            prop.look_out(make_scene(*others))
+            prop.step(0.05)
+        assert prop.travelled == travelled
