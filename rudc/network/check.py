@@ -38,9 +38,9 @@ class ArmReport:
     out_lanes: int
     """lanes away from it"""
     lane_width_m: float
-    """m, narrowest lane next to the junction"""
+    """m, its narrowest lane"""
     speed_mps: float
-    """m/s, highest limit next to the junction"""
+    """m/s, highest limit on it"""
     major: bool
     """whether it has priority"""
 
@@ -115,7 +115,7 @@ def check_network(source: str | Path, junction: str | None = None) -> NetworkRep
 
 
 def _arm_report(network: Network, arm: Arm) -> ArmReport:
-    lanes = [network.lanes[lane] for lane in (*arm.in_lanes, *arm.out_lanes)]
+    lanes = network.lanes_of(arm)
     return ArmReport(
         name=arm.name,
         bearing_deg=float(np.degrees(arm.bearing)),

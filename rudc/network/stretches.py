@@ -154,10 +154,9 @@ def inner_stretches(network: Layout) -> dict[str, Stretch]:
         for k, row in enumerate(ordered):
             name = f"{movement.origin}_to_{movement.destination}_{k}"
             start, end = float(network.paths.stop_s[row]), float(network.paths.exit_s[row])
-            inside = next(
-                (i for i in network.paths.lane_ids[row] if i in network.lanes and network.lanes[i].internal),
-                None,
-            )
+            after = list(network.paths.lane_ids[row])
+            del after[: after.index(network.inbound_lane(row).id)]  # of several edges: joints before it, too
+            inside = next((i for i in after if i in network.lanes and network.lanes[i].internal), None)
             if inside is not None:
                 found[name] = Stretch(
                     name, network.lanes[inside], end - start, start, 1.0, (network, row), True

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import pytest
 
+from rudc.data import data_folder
 from rudc.network.check import check_network, waiting_warnings
 from rudc.network.network import load_network, shipped_networks
 
@@ -27,6 +28,12 @@ def test_a_report_says_what_was_understood():
     assert left.least_radius_m == pytest.approx(10.5, rel=0.03)
     assert left.waiting_m > 7.0
     assert check_network("roundabout").kind == "roundabout"
+
+
+def test_an_arm_is_as_narrow_as_its_narrowest_part():
+    report = check_network(data_folder("results") / "held-out-10" / "hump_bridge" / "hump_bridge.net.xml")
+    north = next(arm for arm in report.arms if arm.name == "north")
+    assert (north.lane_width_m, north.speed_mps) == (2.6, pytest.approx(13.9, abs=0.01))
 
 
 def changed(tmp_path, *replacements, name="four_way"):

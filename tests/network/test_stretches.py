@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rudc.data import data_folder
 from rudc.errors import NetworkError
 from rudc.network.network import Network, load_network, shipped_networks
 from rudc.network.stretches import EGO_LANES
@@ -56,6 +57,14 @@ def test_several_ways_from_arm_to_arm_are_counted_from_the_right():
     right, left = (network.place_on_lane(f"south_to_north_{k}", 5.0) for k in (0, 1))
     assert right[0] > left[0]
     assert network.lane("south_to_west_0").id == ":centre_11_0"
+
+
+def test_ways_lie_in_the_junction_also_where_an_arm_is_of_several_edges():
+    network = load_network(data_folder("results") / "held-out-10" / "hump_bridge" / "hump_bridge.net.xml")
+    ways = {name: lane for name, lane in inner_lanes(network).items() if "_to_" in name}
+    assert len(network.arm("north").in_edges) == 3
+    assert ways["north_to_west_0"] != ways["north_to_east_0"]
+    assert all(lane.startswith(":foot_") for lane in ways.values()), "that is the junction's name"
 
 
 def test_a_ring_runs_from_arm_to_arm():

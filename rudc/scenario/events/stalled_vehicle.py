@@ -35,7 +35,7 @@ class StalledVehicle(VehicleEvent, frozen=True):
     vehicle: Selector | None = None
     """surrounding vehicle that stops, instead of `lane`"""
     duration: Duration | None = None
-    """s it stands; by default for good"""
+    """s it stands; by default for good. One on `lane` is then taken away, a `vehicle` drives on"""
 
     @classmethod
     def misfits(cls, given: Mapping[str, Any]) -> Iterator[tuple[str, str | None]]:
