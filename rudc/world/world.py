@@ -127,7 +127,7 @@ class World:
             if self.plan.attempt >= REDRAWS:
                 raise SimulationError(
                     f"scenario {plan.scenario}, seed {plan.seed}: no safe start for the ego "
-                    f"in {REDRAWS} draws; lower traffic.density or move ego.distance"
+                    f"in {REDRAWS} draws; lower traffic.density, or move ego.distance or what stands there"
                 )
             self.plan = self.plan.redrawn()
         return self.scene()
