@@ -10,8 +10,8 @@ import typer
 
 from rudc.cli.complete import complete_agents, complete_scenarios
 from rudc.cli.console import AsJson, Quiet, note, note_sweep, print_json
+from rudc.cli.options import Overrides, parse_overrides
 from rudc.cli.replay import MOST
-from rudc.cli.scenario import Overrides, parse_overrides
 from rudc.errors import InputError, StorageError
 
 if TYPE_CHECKING:

@@ -14,6 +14,7 @@ import typer
 
 from rudc.cli.complete import complete_scenarios
 from rudc.cli.console import AsJson, Quiet, console, note, note_sweep, print_json, print_table
+from rudc.cli.options import Overrides, parse_overrides
 from rudc.errors import InputError, ScenarioError
 
 if TYPE_CHECKING:
@@ -23,11 +24,6 @@ app = typer.Typer(no_args_is_help=True, help="Scenario files: find, write, check
 
 WATCH_S = 0.5
 """s between two looks at files that are watched"""
-
-Overrides = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Another value at a dotted key; repeat for several."),
-]
 
 
 @app.command("list")
@@ -379,21 +375,3 @@ def schema(
         try_place(out)
         make_folder_of(out)
         write_atomically(out, text)
-
-
-def parse_overrides(given: list[str] | None, option: str = "--set") -> dict[str, object]:
-    """`KEY=VALUE` texts of an option as a dictionary; values are read as in a scenario file. Raises
-    InputError.
-    """
-    from rudc.scenario.yaml_text import read_value
-
-    found: dict[str, object] = {}
-    for text in given or []:
-        key, equals, value = text.partition("=")
-        if not equals or not key.strip():
-            raise InputError(f"{option} {text!r}: expected KEY=VALUE")
-        try:
-            found[key.strip()] = read_value(value)
-        except ValueError as error:
-            raise InputError(f"{option} {text!r}: {error}") from None
-    return found

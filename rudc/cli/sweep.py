@@ -11,8 +11,7 @@ import typer
 
 from rudc.cli.complete import complete_agents, complete_scenarios
 from rudc.cli.console import Quiet, SweepBar, SweepLines, note, resumable, sweep_progress, warn
-from rudc.cli.options import LiveReport, ResultsFolder, Workers, cores
-from rudc.cli.scenario import parse_overrides
+from rudc.cli.options import LiveReport, ResultsFolder, Workers, cores, parse_overrides
 from rudc.cli.verify import verify_folder
 from rudc.errors import InputError
 from rudc.evaluation.limits import EPISODE_LIMIT_S

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rudc.cli.console import Quiet, note, progress_bar, shows_bars, warn
-from rudc.cli.options import LiveReport
-from rudc.cli.scenario import parse_overrides
+from rudc.cli.options import LiveReport, parse_overrides
 from rudc.errors import InputError
 from rudc.hints import install_command
 
