@@ -188,9 +188,9 @@ def validate(
 
     Of a sweep of many points every value is checked, and some points are set up; the answer says how many.
 
-    A line for each file; every problem reads `FILE:LINE:COLUMN: key.path: what is wrong`, all at once. With
-    `--seeds`, the first so many episodes are driven by `gap-acceptance`, and how often each event happens is
-    said.
+    A line for each file; every problem reads `FILE:LINE:COLUMN: key.path: what is wrong`, all at once. An
+    event that waits for a time beyond the episode's limit is warned of. With `--seeds`, the first so many
+    episodes are driven by `gap-acceptance`, and how often each event happens is said.
 
     **Examples**
 
@@ -214,7 +214,7 @@ def validate(
 
 def _problems(files: list[str], seeds: int, tell: Callable[[dict[str, Any]], None]) -> list[str]:
     """What is wrong with all files; `tell` is told of each file what was found."""
-    from rudc.evaluation.preflight import tried_points, validated
+    from rudc.evaluation.preflight import never_happening, tried_points, validated
     from rudc.scenario.library import existing_files, shipped_scenarios, shown
 
     shipped = {path: name for name, path in shipped_scenarios().items()}
@@ -228,6 +228,7 @@ def _problems(files: list[str], seeds: int, tell: Callable[[dict[str, Any]], Non
                 "events": len(scenario.events),
                 "swept_points": len(scenario.points()) if scenario.sweep else 0,
                 "set_up": len(tried_points(scenario)),
+                "warnings": never_happening(scenario),
             }
             firings, unset = _firings(scenario, seeds)
             problems += (wrong := [f"{shown(path)}: {text}" for text in unset])
@@ -238,7 +239,7 @@ def _problems(files: list[str], seeds: int, tell: Callable[[dict[str, Any]], Non
 
 
 def _say(found: dict[str, Any]) -> None:
-    """Whether a file is fine, and how often its events happen."""
+    """Whether a file is fine, what it probably does not mean, and how often its events happen."""
     from rudc.scenario.dotted import value_text
 
     name, wrong = found["scenario"], len(found["problems"])
@@ -250,6 +251,8 @@ def _say(found: dict[str, Any]) -> None:
     swept += f", of which {tried} were set up" if tried < points else ""
     state = f"{wrong} problem{'s' * (wrong != 1)}" if wrong else "ok"
     typer.echo(f"{name}: {state} ({count} event{'s' * (count != 1)}{swept})")
+    for warning in found["warnings"]:
+        typer.echo(f"  warning: {warning}")
     for firing in found["firings"]:
         values = "".join(f"{key}={value_text(value)}, " for key, value in firing["swept"].items())
         typer.echo(f"  {values}{firing['text']}")

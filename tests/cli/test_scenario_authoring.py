@@ -1,5 +1,6 @@
 """What helps while a scenario is written: validated as it changes, and shown moving."""
 
+import json
 import re
 
 import pytest
@@ -57,6 +58,19 @@ def test_it_is_said_how_many_points_of_a_large_sweep_were_set_up(rudc, tmp_path)
     )
     assert line, answer.out
     assert 6 <= int(line[1]) <= 16
+
+
+def test_an_event_that_comes_too_late_is_a_warning_and_no_problem(rudc, tmp_path):
+    (tmp_path / "late.yaml").write_text(
+        "name: late\nevents: [{kind: low_friction, friction: 0.5, when: {simulation_time: {above: 100}}}]\n"
+    )
+    answer = rudc("scenario", "validate", "late.yaml")
+    assert answer.status == 0, answer.err
+    first, second = answer.out.splitlines()
+    assert first == "late.yaml: ok (1 event)"
+    assert second.startswith("  warning: event 1 (events.0) low_friction can never happen")
+    (told,) = json.loads(rudc("scenario", "validate", "late.yaml", "--json").out)
+    assert (told["problems"], told["warnings"]) == ([], [second.removeprefix("  warning: ")])
 
 
 @pytest.mark.parametrize(
