@@ -35,7 +35,7 @@ def train(
         typer.Option(metavar="SCENARIO", help="Train on this as it is, instead of on the curriculum."),
     ] = None,
     steps: Annotated[
-        int | None, typer.Option(min=1, help="Decisions of the policy. Default: 100000.")
+        int | None, typer.Option(min=1, help="Decisions of the policy, in whole rounds. Default: 100000.")
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed of everything random. Default: 0.")] = None,
     device: Annotated[
@@ -86,6 +86,7 @@ def train(
     if scenario is not None:
         changes["training.curriculum"] = None
     config = _config(algorithm, changes, configuration, parse_overrides(settings), out, resume)
+    _note_rounding(config)
     watcher = TrainBar(config) if shows_bars() else TrainLines(config)
     if report:
         watcher = Reported(watcher, out)
@@ -142,6 +143,13 @@ def _config(
                 "resume it as it is"
             )
     return stored
+
+
+def _note_rounding(config: TrainConfig) -> None:
+    """Say how many steps will be made, where that is not the number given."""
+    asked, made = config.training.steps, _Count(config).total
+    if made != asked:
+        note(f"{made} steps instead of {asked}: whole rounds of {config.round_steps} are made")
 
 
 def _otherwise(preset: Mapping[str, Any], wanted: Any, there: Any, before: str = "") -> Iterator[str]:
