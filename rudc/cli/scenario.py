@@ -368,13 +368,13 @@ def schema(
     **Example**: `rudc scenario schema --out scenario.schema.json`, and as a file's first line
     `# yaml-language-server: $schema=scenario.schema.json`
     """
-    from rudc.files import make_folder_of, try_place, write_atomically
+    from rudc.files import check_place, make_folder_of, write_atomically
     from rudc.scenario import json_schema
 
     text = json.dumps(json_schema(), indent=2) + "\n"
     if out is None:
         typer.echo(text, nl=False)
     else:
-        try_place(out)
+        check_place(out, "a JSON Schema", ".json")
         make_folder_of(out)
         write_atomically(out, text)
