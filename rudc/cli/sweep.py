@@ -217,7 +217,10 @@ def _plan(
     for name in agents:
         make_agent(name)
     found = tuple(find_scenarios(scenarios, misfits, overrides=overrides))
-    return SweepPlan(found, tuple(dict.fromkeys(agents)), episodes, seed)
+    each = tuple(dict.fromkeys(agents))
+    if twice := [name for name in each if agents.count(name) > 1]:
+        warn(f"warning: --agent names {', '.join(twice)} more than once; each counts once")
+    return SweepPlan(found, each, episodes, seed)
 
 
 def _report(result: SweepResult, as_json: bool) -> None:
