@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from rudc.cli.complete import complete_scenarios
-from rudc.cli.console import AsJson, Quiet, console, note, note_sweep, print_json, print_table
+from rudc.cli.console import AsJson, Quiet, console, note, note_sweep, print_json, print_table, warn
 from rudc.cli.options import Overrides, parse_overrides
 from rudc.errors import InputError, ScenarioError
 
@@ -132,7 +132,7 @@ def new(
     **Example**: `rudc scenario new my_junction`, then edit `my_junction.yaml`
     """
     from rudc.files import make_folder, write_atomically
-    from rudc.scenario import json_schema, load_scenario, scenario_template
+    from rudc.scenario import json_schema, load_scenario, scenario_template, shipped_scenarios
 
     name, path = _new_file(name, folder)
     if path.exists():
@@ -147,6 +147,8 @@ def new(
         path.unlink()
         raise
     note(f"{path} written; next: rudc scenario preview {path}, and rudc run {path} --agent gap-acceptance")
+    if name in shipped_scenarios():
+        warn(f"warning: `{name}` alone is the shipped scenario; this one is named by its file, {path}")
 
 
 def _new_file(given: str, folder: Path) -> tuple[str, Path]:

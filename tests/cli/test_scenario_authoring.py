@@ -7,6 +7,7 @@ import pytest
 from PIL import Image
 
 from rudc.cli import scenario as commands
+from rudc.scenario import load_scenario, shipped_scenarios
 
 
 def test_a_preview_moves(rudc, tmp_path):
@@ -71,6 +72,18 @@ def test_an_event_that_comes_too_late_is_a_warning_and_no_problem(rudc, tmp_path
     assert second.startswith("  warning: event 1 (events.0) low_friction can never happen")
     (told,) = json.loads(rudc("scenario", "validate", "late.yaml", "--json").out)
     assert (told["problems"], told["warnings"]) == ([], [second.removeprefix("  warning: ")])
+
+
+def test_a_new_file_with_a_shipped_name_is_named_by_its_file(rudc, tmp_path):
+    answer = rudc("scenario", "new", "sudden_brake", "--in", "mine", "--quiet")
+    assert answer.status == 0
+    assert answer.err == (
+        "warning: `sudden_brake` alone is the shipped scenario; this one is named by its file, "
+        "mine/sudden_brake.yaml\n"
+    )
+    assert load_scenario("sudden_brake").path == shipped_scenarios()["sudden_brake"]
+    assert load_scenario("mine/sudden_brake.yaml").path == tmp_path / "mine" / "sudden_brake.yaml"
+    assert rudc("scenario", "new", "mine", "--quiet").err == ""
 
 
 @pytest.mark.parametrize(
