@@ -75,6 +75,16 @@ def try_place(path: Path) -> None:
                 folder.rmdir()
 
 
+def check_place(path: Path, what: str, *endings: str) -> None:
+    """As `try_place`, for a file whose kind its ending says; `what`: it is. A name without an ending, such as
+    a device's, promises nothing. Raises InputError for another ending.
+    """
+    if path.suffix and not path.name.endswith(endings):
+        kinds = " or ".join(filter(None, (", ".join(endings[:-1]), endings[-1])))
+        raise InputError(f"{what} is a {kinds} file, not {path.name!r}")
+    try_place(path)
+
+
 def write_atomically(path: Path, content: str | bytes) -> None:
     """Replace a file's content, text as UTF-8 with its line breaks as they are. Raises StorageError."""
     with replacing(path) as file:

@@ -3,13 +3,20 @@
 Blocks without a language are not run: set-up, long training, output.
 """
 
+import inspect
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 
+from rudc.env.action import Adjustment, Direct
+from rudc.env.intersection import IntersectionEnv
+from rudc.env.tracking import steering
+from rudc.network.network import load_network
 from rudc.scenario import load_scenario
+from rudc.world.world import World
 from tests.blocks import blocks_of, run_python, run_script
 
 README = Path(__file__).parents[1] / "README.md"
@@ -38,6 +45,16 @@ def test_yaml_is_a_valid_scenario(text, tmp_path):
     path = tmp_path / "my_scenario.yaml"
     path.write_text(text, encoding="utf-8")
     assert load_scenario(path).name == "my_scenario"
+
+
+def test_zero_of_an_action_means_what_it_says():
+    (told,) = re.findall(r"`0, 0` brakes at (\S+) m/s2", README.read_text(encoding="utf-8"))
+    with World(load_network("four_way")) as world:
+        world.reset(load_scenario("random_destination").plan(0))
+        scene, zero = world.scene(), np.zeros(2)
+    assert Direct().physical(zero, scene).tolist() == [-float(told), 0.0]
+    assert Adjustment().physical(zero, scene).tolist() == [0.0, steering(scene)]
+    assert inspect.signature(IntersectionEnv).parameters["action"].default == "direct"
 
 
 def test_links_lead_somewhere_and_the_picture_moves():

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 from pydantic import ValidationError
 
+import rudc
 from rudc.agents.config import AgentConfig
 from rudc.agents.variation import vary
 from rudc.arrays import Arrays
@@ -88,13 +89,24 @@ def load_learnt(folder: Path) -> Learnt:
     try:
         config = AgentConfig.model_validate(settings)
     except ValidationError as error:
-        raise AgentError(problems(error, str(folder / DESCRIPTION), ())) from error
+        raise AgentError(
+            problems(error, str(folder / DESCRIPTION), ()) + _from_where(error, stored)
+        ) from error
     problem = config.problem(_seed(folder, training, stored))
     _check(folder, config, problem, stored)
     frozen = frozen_arrays(config.learner, problem, stored.arrays)
     if stored.prior != fingerprint(group(frozen, "prior")):
         raise AgentError(f"{folder}: the prior networks cannot be rebuilt as they were in training")
     return Learnt(config, stored.arrays | frozen, stored.sigma, training, stored.trained)
+
+
+def _from_where(error: ValidationError, stored: Checkpoint) -> str:
+    """Where a setting that there is not may come from."""
+    if all(e["type"] != "extra_forbidden" for e in error.errors()):
+        return ""
+    other = stored.code != rudc.__version__
+    which = f": it says {stored.code!r}, and this is {rudc.__version__}" if other else ""
+    return f"; the checkpoint may be from another version of RUDC{which}"
 
 
 def _seed(folder: Path, training: Any, stored: Checkpoint) -> int:

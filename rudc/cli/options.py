@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from rudc.errors import InputError
+
 Workers = Annotated[
     int | None, typer.Option("--workers", "-w", min=1, help="Processes, a world each. Default: one a core.")
 ]
@@ -17,8 +19,30 @@ ResultsFolder = Annotated[
 LiveReport = Annotated[
     bool, typer.Option("--report", help="Keep DIR/report.html fresh meanwhile: `rudc report`, live.")
 ]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Another value at a dotted key; repeat for several."),
+]
 
 
 def cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def parse_overrides(given: list[str] | None, option: str = "--set") -> dict[str, object]:
+    """`KEY=VALUE` texts of an option as a dictionary; values are read as in a scenario file. Raises
+    InputError.
+    """
+    from rudc.scenario.yaml_text import read_value
+
+    found: dict[str, object] = {}
+    for text in given or []:
+        key, equals, value = text.partition("=")
+        if not equals or not key.strip():
+            raise InputError(f"{option} {text!r}: expected KEY=VALUE")
+        try:
+            found[key.strip()] = read_value(value)
+        except ValueError as error:
+            raise InputError(f"{option} {text!r}: {error}") from None
+    return found

@@ -40,14 +40,14 @@ def collect(
     """
     from rudc.agents.registry import make_agent
     from rudc.env.action import ActionKind, read_action
-    from rudc.files import make_folder_of, try_place
+    from rudc.files import check_place, make_folder_of
     from rudc.training.residual_data import collect as run
     from rudc.training.residual_data import save_dataset
 
     driver = read_action(action) if agent is None else make_agent(agent)
     if not isinstance(driver, ActionKind) and driver.ego_driver == "sumo":
         raise InputError("SUMO's own driver takes no actions: nothing can be predicted of them")
-    try_place(out)
+    check_place(out, "a set of samples", ".safetensors")
     make_folder_of(out)
     said = 0
 
@@ -76,7 +76,7 @@ def fit(
         raise InputError(f"fitting needs torch: {install_command('train')}")
     from safetensors.numpy import save
 
-    from rudc.files import make_folder_of, try_place, write_atomically
+    from rudc.files import check_place, make_folder_of, write_atomically
     from rudc.training.residual_data import load_dataset
     from rudc.training.residual_fit import EPOCHS
     from rudc.training.residual_fit import fit as run
@@ -86,7 +86,7 @@ def fit(
             note(f"{head}, epoch {epoch}/{EPOCHS}: loss {loss:.4f}")
 
     dataset = load_dataset(data)
-    try_place(out)
+    check_place(out, "a predictor", ".safetensors")
     make_folder_of(out)
     predictor = run(dataset, seed, progress=progress)
     write_atomically(out, save(predictor.arrays))

@@ -10,8 +10,8 @@ import typer
 
 from rudc.cli.complete import complete_agents, complete_scenarios
 from rudc.cli.console import AsJson, Quiet, note, note_sweep, print_json
+from rudc.cli.options import Overrides, parse_overrides
 from rudc.cli.replay import MOST
-from rudc.cli.scenario import Overrides, parse_overrides
 from rudc.errors import InputError, StorageError
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def run(
     """
     from rudc.agents.registry import make_agent
     from rudc.drawing.picture_file import check_film
-    from rudc.files import try_place
+    from rudc.files import check_place
     from rudc.reporting.html.page import check_page
     from rudc.reporting.replay.page import WHAT, save_replay
     from rudc.scenario import load_scenario
@@ -95,9 +95,10 @@ def run(
         check_film(video)
     if replay is not None:
         check_page(replay, WHAT)
-    for table in (steps, fcd):
-        if table is not None:
-            try_place(table)
+    if steps is not None:
+        check_place(steps, "a table of decisions", ".csv")
+    if fcd is not None:
+        check_place(fcd, "SUMO's floating car data", ".xml", ".xml.gz", ".csv", ".parquet")
     files = _Files(video, steps, fcd, gui, replay is not None)
     driven = [_drive(scenario, seed, driver, files) for driver in drivers]
     if as_json:

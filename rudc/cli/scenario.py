@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from rudc.cli.complete import complete_scenarios
-from rudc.cli.console import AsJson, Quiet, console, note, note_sweep, print_json, print_table
+from rudc.cli.console import AsJson, Quiet, console, note, note_sweep, print_json, print_table, warn
+from rudc.cli.options import Overrides, parse_overrides
 from rudc.errors import InputError, ScenarioError
 
 if TYPE_CHECKING:
@@ -23,11 +24,6 @@ app = typer.Typer(no_args_is_help=True, help="Scenario files: find, write, check
 
 WATCH_S = 0.5
 """s between two looks at files that are watched"""
-
-Overrides = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Another value at a dotted key; repeat for several."),
-]
 
 
 @app.command("list")
@@ -136,7 +132,7 @@ def new(
     **Example**: `rudc scenario new my_junction`, then edit `my_junction.yaml`
     """
     from rudc.files import make_folder, write_atomically
-    from rudc.scenario import json_schema, load_scenario, scenario_template
+    from rudc.scenario import json_schema, load_scenario, scenario_template, shipped_scenarios
 
     name, path = _new_file(name, folder)
     if path.exists():
@@ -151,6 +147,8 @@ def new(
         path.unlink()
         raise
     note(f"{path} written; next: rudc scenario preview {path}, and rudc run {path} --agent gap-acceptance")
+    if name in shipped_scenarios():
+        warn(f"warning: `{name}` alone is the shipped scenario; this one is named by its file, {path}")
 
 
 def _new_file(given: str, folder: Path) -> tuple[str, Path]:
@@ -192,9 +190,9 @@ def validate(
 
     Of a sweep of many points every value is checked, and some points are set up; the answer says how many.
 
-    A line for each file; every problem reads `FILE:LINE:COLUMN: key.path: what is wrong`, all at once. With
-    `--seeds`, the first so many episodes are driven by `gap-acceptance`, and how often each event happens is
-    said.
+    A line for each file; every problem reads `FILE:LINE:COLUMN: key.path: what is wrong`, all at once. An
+    event that waits for a time beyond the episode's limit is warned of. With `--seeds`, the first so many
+    episodes are driven by `gap-acceptance`, and how often each event happens is said.
 
     **Examples**
 
@@ -218,7 +216,7 @@ def validate(
 
 def _problems(files: list[str], seeds: int, tell: Callable[[dict[str, Any]], None]) -> list[str]:
     """What is wrong with all files; `tell` is told of each file what was found."""
-    from rudc.evaluation.preflight import tried_points, validated
+    from rudc.evaluation.preflight import never_happening, tried_points, validated
     from rudc.scenario.library import existing_files, shipped_scenarios, shown
 
     shipped = {path: name for name, path in shipped_scenarios().items()}
@@ -232,6 +230,7 @@ def _problems(files: list[str], seeds: int, tell: Callable[[dict[str, Any]], Non
                 "events": len(scenario.events),
                 "swept_points": len(scenario.points()) if scenario.sweep else 0,
                 "set_up": len(tried_points(scenario)),
+                "warnings": never_happening(scenario),
             }
             firings, unset = _firings(scenario, seeds)
             problems += (wrong := [f"{shown(path)}: {text}" for text in unset])
@@ -242,7 +241,7 @@ def _problems(files: list[str], seeds: int, tell: Callable[[dict[str, Any]], Non
 
 
 def _say(found: dict[str, Any]) -> None:
-    """Whether a file is fine, and how often its events happen."""
+    """Whether a file is fine, what it probably does not mean, and how often its events happen."""
     from rudc.scenario.dotted import value_text
 
     name, wrong = found["scenario"], len(found["problems"])
@@ -254,6 +253,8 @@ def _say(found: dict[str, Any]) -> None:
     swept += f", of which {tried} were set up" if tried < points else ""
     state = f"{wrong} problem{'s' * (wrong != 1)}" if wrong else "ok"
     typer.echo(f"{name}: {state} ({count} event{'s' * (count != 1)}{swept})")
+    for warning in found["warnings"]:
+        typer.echo(f"  warning: {warning}")
     for firing in found["firings"]:
         values = "".join(f"{key}={value_text(value)}, " for key, value in firing["swept"].items())
         typer.echo(f"  {values}{firing['text']}")
@@ -369,31 +370,13 @@ def schema(
     **Example**: `rudc scenario schema --out scenario.schema.json`, and as a file's first line
     `# yaml-language-server: $schema=scenario.schema.json`
     """
-    from rudc.files import make_folder_of, try_place, write_atomically
+    from rudc.files import check_place, make_folder_of, write_atomically
     from rudc.scenario import json_schema
 
     text = json.dumps(json_schema(), indent=2) + "\n"
     if out is None:
         typer.echo(text, nl=False)
     else:
-        try_place(out)
+        check_place(out, "a JSON Schema", ".json")
         make_folder_of(out)
         write_atomically(out, text)
-
-
-def parse_overrides(given: list[str] | None, option: str = "--set") -> dict[str, object]:
-    """`KEY=VALUE` texts of an option as a dictionary; values are read as in a scenario file. Raises
-    InputError.
-    """
-    from rudc.scenario.yaml_text import read_value
-
-    found: dict[str, object] = {}
-    for text in given or []:
-        key, equals, value = text.partition("=")
-        if not equals or not key.strip():
-            raise InputError(f"{option} {text!r}: expected KEY=VALUE")
-        try:
-            found[key.strip()] = read_value(value)
-        except ValueError as error:
-            raise InputError(f"{option} {text!r}: {error}") from None
-    return found

@@ -12,7 +12,7 @@ import typer
 
 from rudc.cli.complete import complete_agents, complete_scenarios
 from rudc.cli.console import Quiet, note, resumable, sweep_progress, warn
-from rudc.cli.options import ResultsFolder, Workers, cores
+from rudc.cli.options import ResultsFolder, Workers, cores, parse_overrides
 from rudc.errors import InputError
 
 if TYPE_CHECKING:
@@ -70,7 +70,6 @@ def search(
     `rudc search dense_left_turn --agent planner --over 'traffic.density=[10, 40]' --out out/density`
     """
     from rudc.agents.registry import make_agent
-    from rudc.cli.scenario import parse_overrides
     from rudc.evaluation.limits import EPISODE_LIMIT_S
     from rudc.evaluation.runner import EpisodeRunner
     from rudc.evaluation.search.folder import SearchPlan

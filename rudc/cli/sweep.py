@@ -11,8 +11,7 @@ import typer
 
 from rudc.cli.complete import complete_agents, complete_scenarios
 from rudc.cli.console import Quiet, SweepBar, SweepLines, note, resumable, sweep_progress, warn
-from rudc.cli.options import LiveReport, ResultsFolder, Workers, cores
-from rudc.cli.scenario import parse_overrides
+from rudc.cli.options import LiveReport, ResultsFolder, Workers, cores, parse_overrides
 from rudc.cli.verify import verify_folder
 from rudc.errors import InputError
 from rudc.evaluation.limits import EPISODE_LIMIT_S
@@ -218,7 +217,10 @@ def _plan(
     for name in agents:
         make_agent(name)
     found = tuple(find_scenarios(scenarios, misfits, overrides=overrides))
-    return SweepPlan(found, tuple(dict.fromkeys(agents)), episodes, seed)
+    each = tuple(dict.fromkeys(agents))
+    if twice := [name for name in each if agents.count(name) > 1]:
+        warn(f"warning: --agent names {', '.join(twice)} more than once; each counts once")
+    return SweepPlan(found, each, episodes, seed)
 
 
 def _report(result: SweepResult, as_json: bool) -> None:

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rudc.cli.console import Quiet, note, progress_bar, shows_bars, warn
-from rudc.cli.options import LiveReport
-from rudc.cli.scenario import parse_overrides
+from rudc.cli.options import LiveReport, parse_overrides
 from rudc.errors import InputError
 from rudc.hints import install_command
 
@@ -36,7 +35,7 @@ def train(
         typer.Option(metavar="SCENARIO", help="Train on this as it is, instead of on the curriculum."),
     ] = None,
     steps: Annotated[
-        int | None, typer.Option(min=1, help="Decisions of the policy. Default: 100000.")
+        int | None, typer.Option(min=1, help="Decisions of the policy, in whole rounds. Default: 100000.")
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed of everything random. Default: 0.")] = None,
     device: Annotated[
@@ -87,6 +86,7 @@ def train(
     if scenario is not None:
         changes["training.curriculum"] = None
     config = _config(algorithm, changes, configuration, parse_overrides(settings), out, resume)
+    _note_rounding(config)
     watcher = TrainBar(config) if shows_bars() else TrainLines(config)
     if report:
         watcher = Reported(watcher, out)
@@ -143,6 +143,13 @@ def _config(
                 "resume it as it is"
             )
     return stored
+
+
+def _note_rounding(config: TrainConfig) -> None:
+    """Say how many steps will be made, where that is not the number given."""
+    asked, made = config.training.steps, _Count(config).total
+    if made != asked:
+        note(f"{made} steps instead of {asked}: whole rounds of {config.round_steps} are made")
 
 
 def _otherwise(preset: Mapping[str, Any], wanted: Any, there: Any, before: str = "") -> Iterator[str]:

@@ -62,6 +62,9 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
     | 0   | longitudinal acceleration           | a_min (-6) | a_max (3) | m/s2 |
     | 1   | front-wheel angle, left is positive | -0.6       | 0.6       | rad  |
 
+    As braking is harder than acceleration, 0 on the first axis is the middle of the two: -1.5 m/s2, a light
+    braking.
+
     With `action="adjustment"`, as the shipped agents have it, relative to a driver who coasts along the path:
     0 on the first axis is 0 m/s2 (a_min and a_max at its ends), and the second adds up to 0.1 rad to the
     steering that follows the path. `action={"kind": "adjustment", "adjustment": 0.2}` gives settings; kinds

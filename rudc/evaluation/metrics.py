@@ -131,6 +131,22 @@ def group_metrics(
     return tally.groups()
 
 
+def in_order(groups: Sequence[Group]) -> list[Group]:
+    """The groups by their columns in turn: a column of numbers by value, empty cells last; any other in order
+    of first appearance.
+    """
+    ranks = [_ranks(column) for column in zip(*(group.key for group in groups), strict=True)]
+    return sorted(groups, key=lambda g: [rank[cell] for rank, cell in zip(ranks, g.key, strict=True)])
+
+
+def _ranks(cells: Sequence[str]) -> dict[str, float]:
+    """Each cell of a column -> what it is sorted by."""
+    try:
+        return {cell: float(cell or "inf") for cell in cells}
+    except ValueError:
+        return {cell: place for place, cell in enumerate(dict.fromkeys(cells))}
+
+
 def measure(metric: Metric, rows: Sequence[Row]) -> Summary:
     """A metric of episodes that ran to an end."""
     (group,) = group_metrics(rows, (), [metric])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ from rudc.scenario.dotted import value_text
 from rudc.scenario.library import shown
 from rudc.scenario.loader import load_scenario
 from rudc.scenario.spread import spread
+from rudc.world.events import numbered
 from rudc.world.fitting import misfits
 
 if TYPE_CHECKING:
@@ -42,9 +44,35 @@ def try_out(scenario: Scenario, seed: int = 0) -> list[str]:
             with as_written(), World(load_network(point.network, point.junction)) as world:
                 world.reset(point.plan(seed))
         except RudcError as error:
-            values = ", ".join(f"{key}={value_text(value)}" for key, value in swept.items())
-            found.setdefault(str(error), f"with {values}: " if values else "")
+            found.setdefault(str(error), _where(swept))
     return [where + text for text, where in found.items()]
+
+
+def never_happening(scenario: Scenario) -> list[str]:
+    """Which events can never happen, since they wait for a time beyond the episode's limit, a line each; of a
+    sweep those of the points that `tried_points` chooses."""
+    found: dict[str, str] = {}
+    for swept in tried_points(scenario):
+        for text in _too_late(scenario.varied(swept) if swept else scenario):
+            found.setdefault(text, _where(swept))
+    return [where + text for text, where in found.items()]
+
+
+def _too_late(scenario: Scenario) -> Iterator[str]:
+    limit = scenario.episode.timeout.support[1]
+    for number, event in enumerate(scenario.events, start=1):
+        after = event.when and event.when.simulation_time and event.when.simulation_time.above
+        if after and after.support[0] >= limit:
+            yield (
+                f"event {numbered(number, event.kind)} can never happen: it waits for simulation_time above "
+                f"{after.support[0]:g} s, and episodes end at {limit:g} s (episode.timeout)"
+            )
+
+
+def _where(swept: dict[str, Scalar]) -> str:
+    """`with traffic.density=10: `, or nothing where nothing is swept."""
+    values = ", ".join(f"{key}={value_text(value)}" for key, value in swept.items())
+    return f"with {values}: " if values else ""
 
 
 def tried_points(scenario: Scenario) -> list[dict[str, Scalar]]:

@@ -13,7 +13,7 @@ from typing import Literal
 from rudc.errors import InputError
 from rudc.evaluation.columns import COLUMNS, DECISION_MS, METRICS, Metric, metric_names, metric_of
 from rudc.evaluation.folder import metrics_csv
-from rudc.evaluation.metrics import Group, group_metrics
+from rudc.evaluation.metrics import Group, group_metrics, in_order
 from rudc.evaluation.paper import beside, is_from_paper, paper_groups
 from rudc.evaluation.rows import Row, SweepRows
 from rudc.evaluation.statistics import Summary
@@ -67,7 +67,9 @@ def measured(
     against: str | None = None,
     metrics: Sequence[Metric] = (*METRICS, DECISION_MS),
 ) -> list[Group]:
-    """The groups of a table; those of the paper beside ours of the same name and scenario, or after them."""
+    """The groups of a table, `in_order`; those of the paper beside ours of the same name and scenario, or
+    after them.
+    """
     names = rows.names if isinstance(rows, SweepRows) else tuple(rows[0]) if rows else ()
     if not names:
         raise InputError("there is no finished episode to make a table of")
@@ -75,7 +77,7 @@ def measured(
     if unknown or not by:
         hint = did_you_mean(unknown[0], names) if unknown else ""
         raise InputError(f"no column {', '.join(unknown)!r} to group by{hint}; there are: {', '.join(names)}")
-    groups = group_metrics(rows, by, metrics)
+    groups = in_order(group_metrics(rows, by, metrics))
     if against is None:
         return groups
     if not {"scenario", "agent"} <= set(by):

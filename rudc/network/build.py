@@ -13,7 +13,7 @@ import tempfile
 from pathlib import Path
 
 from rudc.errors import NetworkError
-from rudc.files import make_folder_of, try_place, write_atomically
+from rudc.files import check_place, make_folder_of, write_atomically
 from rudc.hints import install_command
 
 SOURCES = {".nod.xml": "--node-files", ".edg.xml": "--edge-files"}
@@ -50,7 +50,7 @@ def build_network(folder: str | Path, out: str | Path | None = None) -> Path:
     source = Path(folder)
     name, arguments = _arguments(source)
     target = Path(out) if out is not None else source / f"{name}.net.xml"
-    try_place(target)
+    check_place(target, "a network", ".net.xml")
     with tempfile.TemporaryDirectory() as scratch:
         built = Path(scratch) / "net.xml"
         command = [str(find_netconvert()), *arguments, *OPTIONS, f"--output-file={built}"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path as File
 from typing import Any
 
@@ -10,13 +11,13 @@ from pydantic import ValidationError
 
 from rudc.errors import ScenarioError
 from rudc.hints import did_you_mean
-from rudc.scenario.dotted import DottedKeyError, Path, with_value
+from rudc.scenario.dotted import DottedKeyError, Path, dotted, with_value
 from rudc.scenario.fit import Fit, fit_reports
 from rudc.scenario.inheritance import inherit
 from rudc.scenario.library import find_file, find_files, find_parent, parents_known, shown
 from rudc.scenario.model import Scenario
 from rudc.scenario.networks import is_network_path
-from rudc.scenario.problems import describe
+from rudc.scenario.problems import describe, got
 from rudc.scenario.sweep_check import sweep_reports
 from rudc.scenario.yaml_text import LONGEST, Mark, Report, Sheet, read_yaml
 
@@ -47,7 +48,7 @@ def load_scenario(
     if fit is not None:
         reports += fit_reports(sheet, _without_empty(sheet.data), fit)
     if reports or scenario is None:
-        raise _error(reports, path)
+        raise _error([_with_hint(report, overrides or {}) for report in reports], path)
     return scenario.read_from(path.absolute(), overridden)
 
 
@@ -148,6 +149,14 @@ def _override(sheet: Sheet, key: str, value: object) -> list[Report]:
     if isinstance(swept, dict):
         swept.pop(key, None)  # or the file's own values would take the place of the one given
     return []
+
+
+def _with_hint(report: Report, overrides: Mapping[str, object]) -> Report:
+    """A report, of a list in the place of a value with the command that takes it."""
+    value = overrides.get(dotted(report.path))
+    if report.file != "override" or not isinstance(value, list) or not report.text.endswith(got(value)):
+        return report
+    return replace(report, text=f"{report.text} (`rudc sweep` takes one, and runs each of its values)")
 
 
 def _sweep(sheet: Sheet, key: str, values: Sequence[object]) -> None:

@@ -1,12 +1,14 @@
 """Settings and checkpoints are looked at before anything is built of them."""
 
 import json
+import re
 import shutil
 
 import numpy as np
 import pytest
 from safetensors.numpy import load_file, save_file
 
+import rudc
 from rudc.agents.checkpoint import shipped_checkpoints
 from rudc.agents.learned import load_learned
 from rudc.agents.registry import make_agent
@@ -106,6 +108,23 @@ def test_weights_are_compared_with_what_the_settings_need(damaged, name, change,
 def test_a_description_is_compared_too(damaged, described):
     with pytest.raises(AgentError, match="agent"):
         damaged(**described)
+
+
+@pytest.mark.parametrize(
+    ("code", "which"),
+    [
+        ("0.0.9", rf": it says '0\.0\.9', and this is {re.escape(rudc.__version__)}$"),
+        (rudc.__version__, "$"),
+    ],
+)
+def test_an_unknown_setting_may_be_another_versions(damaged, code, which):
+    told = (
+        r"agent\.json: there is no setting 'action\.pace'; the checkpoint may be from another version of RUDC"
+    )
+    with pytest.raises(AgentError, match=told + which):
+        damaged(action={"kind": "adjustment", "pace": 2}, code=code)
+    with pytest.raises(AgentError, match=r"action\.adjustment: Input should be [^;]*$"):
+        damaged(action={"kind": "adjustment", "adjustment": 9})
 
 
 def test_the_solver_that_it_names_is_installed(damaged):

@@ -140,6 +140,13 @@ def test_a_folder_that_is_not_empty_is_refused_with_advice(rudc):
     assert "seed: 0 there, 4 here" in other.err
 
 
+def test_an_agent_that_is_named_twice_counts_once_and_that_is_said(rudc):
+    more = ("--agent", "sumo", "--agent", "follower", "--quiet")
+    answer = rudc(*SWEEP, *more)
+    assert answer.status == 0
+    assert answer.err == "warning: --agent names follower more than once; each counts once\n"
+
+
 def test_a_folder_that_cannot_be_is_wrong_input_whatever_it_is_for(rudc, tmp_path):
     (tmp_path / "file").write_text("")
     for command in (

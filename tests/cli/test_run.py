@@ -83,6 +83,46 @@ def test_a_place_that_cannot_be_written_is_wrong_input_and_nothing_is_driven(
         assert sorted(tmp_path.iterdir()) == before
 
 
+@pytest.mark.parametrize(
+    ("command", "wrong", "said"),
+    [
+        ((*RUN, "--steps"), "s.xls", "a table of decisions is a .csv file, not 's.xls'"),
+        (
+            (*RUN, "--fcd"),
+            "f.json",
+            "SUMO's floating car data is a .xml, .xml.gz, .csv or .parquet file, not 'f.json'",
+        ),
+        (("scenario", "schema", "--out"), "s.yaml", "a JSON Schema is a .json file, not 's.yaml'"),
+        (
+            ("network", "build", data_folder("sumo_networks") / "four_way", "--out"),
+            "n.xml",
+            "a network is a .net.xml file, not 'n.xml'",
+        ),
+        (("residual", "collect", "--out"), "d.npz", "a set of samples is a .safetensors file, not 'd.npz'"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_an_ending_that_promises_what_is_not_written_is_refused(rudc, tmp_path, command, wrong, said):
+    answer = rudc(*command, wrong)
+    assert answer.status == 2
+    assert answer.err == f"error: {said}\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_name_without_an_ending_promises_nothing(rudc, tmp_path):
+    assert rudc(*RUN, *SHORT, "--steps", "steps", "--fcd", "/dev/null").status == 0
+    assert (tmp_path / "steps").is_file()
+
+
+@pytest.mark.parametrize(
+    ("ending", "begins"),
+    [("xml", b"<?xml"), ("xml.gz", b"\x1f\x8b"), ("csv", b"timestep"), ("parquet", b"PAR1")],
+)
+def test_sumo_writes_the_kinds_that_are_allowed(rudc, tmp_path, ending, begins):
+    assert rudc(*RUN, *SHORT, "--fcd", f"fcd.{ending}").status == 0
+    assert (tmp_path / f"fcd.{ending}").read_bytes().startswith(begins)
+
+
 def test_a_disk_that_is_full_while_sumo_writes_is_a_failure_of_the_work(tmp_path):
     limited = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (20_000, 20_000))
     answer = subprocess.run(

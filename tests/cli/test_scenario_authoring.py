@@ -1,11 +1,13 @@
 """What helps while a scenario is written: validated as it changes, and shown moving."""
 
+import json
 import re
 
 import pytest
 from PIL import Image
 
 from rudc.cli import scenario as commands
+from rudc.scenario import load_scenario, shipped_scenarios
 
 
 def test_a_preview_moves(rudc, tmp_path):
@@ -57,6 +59,31 @@ def test_it_is_said_how_many_points_of_a_large_sweep_were_set_up(rudc, tmp_path)
     )
     assert line, answer.out
     assert 6 <= int(line[1]) <= 16
+
+
+def test_an_event_that_comes_too_late_is_a_warning_and_no_problem(rudc, tmp_path):
+    (tmp_path / "late.yaml").write_text(
+        "name: late\nevents: [{kind: low_friction, friction: 0.5, when: {simulation_time: {above: 100}}}]\n"
+    )
+    answer = rudc("scenario", "validate", "late.yaml")
+    assert answer.status == 0, answer.err
+    first, second = answer.out.splitlines()
+    assert first == "late.yaml: ok (1 event)"
+    assert second.startswith("  warning: event 1 (events.0) low_friction can never happen")
+    (told,) = json.loads(rudc("scenario", "validate", "late.yaml", "--json").out)
+    assert (told["problems"], told["warnings"]) == ([], [second.removeprefix("  warning: ")])
+
+
+def test_a_new_file_with_a_shipped_name_is_named_by_its_file(rudc, tmp_path):
+    answer = rudc("scenario", "new", "sudden_brake", "--in", "mine", "--quiet")
+    assert answer.status == 0
+    assert answer.err == (
+        "warning: `sudden_brake` alone is the shipped scenario; this one is named by its file, "
+        "mine/sudden_brake.yaml\n"
+    )
+    assert load_scenario("sudden_brake").path == shipped_scenarios()["sudden_brake"]
+    assert load_scenario("mine/sudden_brake.yaml").path == tmp_path / "mine" / "sudden_brake.yaml"
+    assert rudc("scenario", "new", "mine", "--quiet").err == ""
 
 
 @pytest.mark.parametrize(

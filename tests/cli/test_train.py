@@ -73,6 +73,12 @@ def test_options_reach_the_configuration(rudc, calls):
     assert "--agent x" in answer.err
 
 
+def test_steps_that_are_rounded_are_said_once(rudc, calls):
+    answer = rudc("train", "rudc-t", "--steps", 1, "--out", "x")
+    assert answer.err.count("200 steps instead of 1: whole rounds of 200 are made\n") == 1
+    assert "instead" not in rudc("train", "rudc-t", "--steps", 400, "--out", "y").err
+
+
 def test_a_scenario_is_trained_on_as_it_is(rudc, calls):
     rudc("train", "rudc-wo-cbf", "--scenario", "dense_left_turn", "--out", "x")
     assert (calls[0][0].training.scenario, calls[0][0].training.curriculum) == ("dense_left_turn", None)

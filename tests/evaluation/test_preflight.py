@@ -2,8 +2,8 @@
 
 import pytest
 
-from rudc.evaluation.preflight import TRIED, tried_points, validated
-from rudc.scenario import load_scenario
+from rudc.evaluation.preflight import TRIED, never_happening, tried_points, validated
+from rudc.scenario import load_scenario, shipped_scenarios
 from rudc.world.world import World
 
 LARGE = """
@@ -77,3 +77,35 @@ def test_only_those_points_cost_an_episode(written, monkeypatch):
     assert scenario is not None
     assert problems == []
     assert len(set_up) == len(tried_points(scenario))
+
+
+LATE = """
+name: late
+extends: random_destination
+events:
+  - {kind: low_friction, friction: 0.5, when: {simulation_time: {above: 39}}}
+  - {kind: low_friction, friction: 0.4, when: {simulation_time: {above: {uniform: [60, 90]}}}}
+  - {kind: low_friction, friction: 0.3, when: {simulation_time: {above: {uniform: [50, 90]}}}}
+  - {kind: low_friction, friction: 0.2, when: {simulation_time: {below: 99}}}
+  - {kind: low_friction, friction: 0.1}
+"""
+
+
+def test_an_event_that_waits_for_a_time_beyond_the_limit_never_happens(written):
+    scenario = load_scenario(written(LATE + "episode: {timeout: {choice: [40, 60]}}\n"))
+    assert never_happening(scenario) == [
+        "event 2 (events.1) low_friction can never happen: it waits for simulation_time above 60 s, and "
+        "episodes end at 60 s (episode.timeout)"
+    ]
+    assert never_happening(load_scenario(written(LATE + "episode: {timeout: 61}\n"))) == []
+
+
+def test_of_a_sweep_it_is_said_with_which_values(written):
+    told = never_happening(load_scenario(written(LATE + "sweep: {episode.timeout: [20, 70, 80]}\n")))
+    assert [text.partition(" can never")[0] for text in told] == [
+        f"with episode.timeout=20: event {k} (events.{k - 1}) low_friction" for k in (1, 2, 3)
+    ]
+
+
+def test_no_shipped_event_waits_too_long():
+    assert [text for name in shipped_scenarios() for text in never_happening(load_scenario(name))] == []

@@ -126,6 +126,18 @@ def test_any_column_can_be_grouped_by(rows):
         measured([], BY)
 
 
+def test_columns_of_numbers_are_in_order_of_value_and_others_as_they_come(rows):
+    densities = ["20", "5", "", "10.5", "100"]
+    swept = [{**row, "traffic.density": densities[k % 5]} for k, row in enumerate(rows)]
+    ordered = ["5", "10.5", "20", "100", ""]
+    assert [g.key for g in measured(swept, ["traffic.density"])] == [(text,) for text in ordered]
+    assert [g.key for g in measured(swept, ["agent", "traffic.density"])] == [
+        (agent, text) for agent in ("good_one", "bad&ugly") for text in ordered
+    ]
+    swept[0]["traffic.density"] = "dense"
+    assert [g.key[0] for g in measured(swept, ["traffic.density"])][:3] == ["dense", "5", ""]
+
+
 def test_the_papers_rows_stand_beside_ours_of_the_same_algorithm():
     def group(agent: str) -> Group:
         return Group(("fog", agent), 1, 0, {})

@@ -5,7 +5,7 @@ import tracemalloc
 
 import pytest
 
-from rudc.cli.scenario import parse_overrides
+from rudc.cli.options import parse_overrides
 from rudc.errors import InputError, ScenarioError
 from rudc.scenario import load_scenario
 

@@ -282,6 +282,15 @@ class TestOverrides:
             "override: traffic.densty: unknown key (did you mean 'density'?)",
         )
 
+    def test_that_are_lists_are_for_a_sweep(self, problems):
+        given = {"traffic.density": [10, 20], "ego.route.turn": ["left", "right"], "ego.speed": "fast"}
+        check(
+            problems("name: a\n", **given),
+            "override: ego.route.turn: expected one of ...; got a list (`rudc sweep` takes one, ...)",
+            "override: ego.speed: expected a number, ...; got the text 'fast'",
+            "override: traffic.density: expected a number, ...; got a list (`rudc sweep` takes one, ...)",
+        )
+
     def test_leave_positions_of_the_rest_alone(self, problems):
         found = problems("name: a\nego: {speed: -3, distance: -1}\n", **{"ego.distance": 40})
         check(found, "2:14: ego.speed: -3 m/s is not between 0 and 40 m/s")

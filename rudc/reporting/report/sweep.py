@@ -13,7 +13,7 @@ from rudc.errors import SweepError
 from rudc.evaluation.columns import COLUMNS, DECISION_MS, METRICS, Metric
 from rudc.evaluation.folder import read_sweep
 from rudc.evaluation.manifest import read_manifest, version_changes
-from rudc.evaluation.metrics import Group, group_metrics
+from rudc.evaluation.metrics import Group, group_metrics, in_order
 from rudc.evaluation.statistics import NORMAL_FROM
 from rudc.evaluation.tables import best_of, cell, heading
 from rudc.reporting.report.densities import densities
@@ -107,7 +107,7 @@ def _table(
     folder: Path, rows: Sequence[dict[str, str]], by: tuple[str, ...]
 ) -> tuple[dict[str, Any], list[Group]]:
     """The same texts as `rudc table`, and which of them are best."""
-    groups = group_metrics(rows, by, SHOWN)
+    groups = in_order(group_metrics(rows, by, SHOWN))
     best = best_of(groups, by, SHOWN)
     lines = [
         [

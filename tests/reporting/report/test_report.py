@@ -59,6 +59,18 @@ def test_the_numbers_are_those_of_rudc_table(folder, data):
         assert table["command"] == f"rudc table {folder} --by {','.join(table['by'])}"
 
 
+def test_swept_numbers_are_in_order_of_value(tmp_path):
+    swept = made_up_sweep(tmp_path / "swept", 24, scenarios=1, agents=1)
+    file = swept / "episodes.csv"
+    header, *lines = file.read_text().splitlines()
+    values = [(20, 5, 100)[k % 3] for k in range(len(lines))]
+    more = [f"{line},{value}" for line, value in zip(lines, values, strict=True)]
+    file.write_text("\n".join([f"{header},traffic.density", *more, ""]))
+    tables = json.loads(parsed(report_page(swept, swept / "report.html")).data["data"])["tables"]
+    (table,) = [table for table in tables if table["by"] == ["agent", "traffic.density"]]
+    assert [key for key, *_ in table["lines"]] == [["sumo", "5"], ["sumo", "20"], ["sumo", "100"]]
+
+
 def test_the_heat_map_has_the_means_of_the_table(data):
     for key, _, _, cells, _ in data["tables"][0]["lines"]:
         at = data["scenarios"].index(key[0]), data["agents"].index(key[1])
