@@ -38,6 +38,8 @@ SHORTEST = 12.0
 RETURN = 8.0, 20.0
 """m, m behind the ego: there the line is as far off as the ego, and goes back to the path within the
 second"""
+HOMEWARDS = 0.15
+"""slope with which the line goes back to the path behind the end of what is planned"""
 SMOOTHING = 2.0
 """m, window of the moving averages over offsets and line"""
 FINE = 0.05
@@ -209,10 +211,12 @@ class CoursePlanner:
         return bool((self._network.surface.signed_distance(corners) >= 0.0).all())
 
     def _line(self, before: NDArray[np.floating], profile: Array) -> Array:
-        """(K, 2) m: the offsets `before` (first,) m, the profile, and on from its end at the offset there."""
+        """(K, 2) m: the offsets `before` (first,) m, the profile, and from its end back to the route."""
         stations, first = self._lattice.s, len(before)
-        offsets = np.full(len(stations), profile[-1])
-        offsets[:first], offsets[first : first + len(profile)] = before, profile
+        end = first + len(profile) - 1
+        back = np.maximum(np.abs(profile[-1]) - HOMEWARDS * (stations - stations[end]), 0.0)
+        offsets = np.copysign(back, profile[-1])
+        offsets[:first], offsets[first : end + 1] = before, profile
         fine = np.arange(0.0, stations[-1], FINE)
         x, y, psi = self._route.path.pose(fine)
         window = 2 * round(SMOOTHING / FINE / 2) + 1

@@ -7,6 +7,8 @@ atan(slope), its body turned out of the path's own bend by its slip (`ReferenceP
 programming finds the profile with the least
 
     sum over stations   OFFSET l^2 + SLOPE l'^2 + BEND l''^2 + CLOSE max(0, COMFORTABLE - gap)^2
+    and at the last     END l^2, as if that offset were kept for a while: a profile that ends soon behind a
+                        body is back on the path if it can be
 
 among those that keep to nodes where the car may be, with curvature
 
@@ -44,6 +46,8 @@ COMFORTABLE = 1.2
 """m, gap that costs nothing"""
 OFFSET, SLOPE, BEND, CLOSE = 0.04, 1.0, 40.0, 6.0
 """weights of the cost at each station: 1/m2, 1, m2, 1/m2"""
+END = 20.0 * OFFSET
+"""1/m2"""
 STRAIGHTEST = 0.2
 """least 1 - k l: beyond it the offset line turns about a point"""
 _OUTLINE = [(a, b) for a in (-0.5, 0.0, 0.5) for b in (-0.5, 0.5)]
@@ -90,6 +94,7 @@ class Lattice:
         gap = self._nodes(first, last, bodies, road_margin)
         price = CLOSE * np.maximum(COMFORTABLE - gap, 0.0) ** 2
         price[gap < least_gap] = np.inf
+        price[-1] += END * self._offsets[:, None] ** 2
         rows = cheapest_way(
             price, OFFSET * self._offsets[:, None] ** 2 + SLOPE * SLOPES[None] ** 2,
             self._bend[first : last + 1], self._offsets,

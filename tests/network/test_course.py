@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from rudc.geometry import Rectangles, rectangle_corners, rectangle_gaps
-from rudc.network.course import CoursePlanner, gaps_along
+from rudc.network.course import REACH, CoursePlanner, gaps_along
 from rudc.network.network import load_network
 from rudc.vehicle import EgoVehicle
 
@@ -129,8 +129,27 @@ def test_who_comes_the_wrong_way_counts_where_it_is_said_to(left):
     beyond = bodies(beside(route, route.exit_s + 20.0, 0.0), size=(40.0, 1.8))
     course = planner.plan(90.0, 0.0, 0.0, NOBODY, beyond, NOBODY)
     assert course is not None
-    _, gap = gaps_along(course.path, course.exit_s, course.length, BODY, beyond)
+    _, gap = gaps_along(course.path, course.exit_s, 90.0 + REACH - BODY.length, BODY, beyond)
     assert gap.min() > 0.25
+
+
+@pytest.mark.parametrize("before_the_end", [30.0, 16.0, 10.0, 6.0])
+def test_a_course_comes_back_to_its_route_wherever_what_is_planned_ends(before_the_end):
+    network = load_network("four_way")
+    route = network.route("south", "left")
+    planner = CoursePlanner(network, route, BODY, may_cross_centre=True)
+    wall = route.exit_s + 10.0
+    standing = bodies(beside(route, wall, -1.0), size=(8.0, 4.0))
+    start = wall + before_the_end - REACH
+    course = planner.plan(start, 0.0, 0.0, standing, NOBODY, NOBODY)
+    assert course is not None
+    x, y, _ = route.path.pose(wall)
+    assert abs(course.path.project(float(x), float(y))[1]) > 2.0, "it goes round"
+    for s in np.arange(wall + 30.0, route.length - 1.0):
+        x, y, _ = route.path.pose(s)
+        assert abs(course.path.project(float(x), float(y))[1]) < 0.3
+    assert least_gap(course, standing) > 0.2
+    assert on_the_road(network, course, start, course.length - BODY.length)
 
 
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
