@@ -38,7 +38,7 @@ SHORTEST = 12.0
 RETURN = 8.0, 20.0
 """m, m behind the ego: there the line is as far off as the ego, and goes back to the path within the
 second"""
-HOMEWARDS = 0.15
+HOMEWARDS = 0.1
 """slope with which the line goes back to the path behind the end of what is planned"""
 SMOOTHING = 2.0
 """m, window of the moving averages over offsets and line"""

@@ -46,7 +46,7 @@ COMFORTABLE = 1.2
 """m, gap that costs nothing"""
 OFFSET, SLOPE, BEND, CLOSE = 0.04, 1.0, 40.0, 6.0
 """weights of the cost at each station: 1/m2, 1, m2, 1/m2"""
-END = 20.0 * OFFSET
+END = 2.0 * OFFSET
 """1/m2"""
 STRAIGHTEST = 0.2
 """least 1 - k l: beyond it the offset line turns about a point"""
