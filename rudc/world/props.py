@@ -2,9 +2,9 @@
 
 A prop stands, or follows a polyline. A vehicle that does stops short of what stands in its way and of
 surrounding vehicles (SVs), and goes on when the way is free, but it does not stop for a moving ego: that it
-is a hazard is the point. A pedestrian stops only for what is already before its feet; who has been held up
-there steps back, and waits until its way is free: else it and a vehicle that lets it pass stand for good. The
-yielding layer makes SVs see all props.
+is a hazard is the point. A pedestrian stops only for what is already before its feet. If it has to stand
+there for long, it steps back and waits until its way is free: without that, it and a vehicle that lets it
+pass would stand for good. The yielding layer makes SVs see all props.
 """
 
 from __future__ import annotations
