@@ -19,6 +19,8 @@ from rudc.agents.checkpoint import load_learnt
 from rudc.agents.correction import CbfSettings
 from rudc.agents.registry import agent_settings, agent_summary, make_agent
 from rudc.errors import AgentError, InputError, TrainingError
+from rudc.learning.algorithms import ALGORITHMS
+from rudc.learning.config import EnsembleConfig
 from rudc.learning.sac_lagrangian import LagrangianStatistics
 from rudc.safety.residual import shipped_predictor
 from rudc.training.calibration import calibrate
@@ -44,7 +46,7 @@ def _config(algorithm: str = "rudc-wo-cbf", **changes: Any) -> TrainConfig:
         "evaluate_on": ("random_destination",),
     }
     learner = {"policy.hidden": 8, "critic.hidden": 8, "batch_size": 16}
-    if algorithm.startswith("rudc"):
+    if ALGORITHMS[algorithm].config is EnsembleConfig:
         learner |= {"members": 2, "quantiles": 4}
         small |= {"calibration_episodes": 1}
     settings = {f"training.{k}": v for k, v in (small | changes).items()}
@@ -77,6 +79,22 @@ def _curves(folder: Path) -> dict[str, list[dict[str, str]]]:
     return curves
 
 
+def _round(folder: Path) -> int:
+    """How far the checkpoint of a training is."""
+    return json.loads((folder / "checkpoint" / "training.json").read_text(encoding="utf-8"))["round"]
+
+
+def _assert_the_same(a: Path, b: Path) -> None:
+    """Two trainings wrote the same rows, weights, state of the learner and replay, bit by bit."""
+    assert _curves(a) == _curves(b)
+    for name in ("agent.safetensors", "training.safetensors", "replay.npz"):
+        load = np.load if name.endswith(".npz") else load_file
+        one, other = (dict(load(folder / "checkpoint" / name)) for folder in (a, b))
+        assert one.keys() == other.keys()
+        for key, array in one.items():
+            np.testing.assert_array_equal(array, other[key], err_msg=f"{name}: {key}", strict=True)
+
+
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("training") / "whole"
@@ -91,16 +109,10 @@ def test_stopped_and_resumed_twice_gives_the_same_numbers(trained: Path, tmp_pat
     assert early.notes[-1] == "interrupted; there is no checkpoint yet, so --resume begins anew"
     assert not train(_config(), folder, late, resume=True)  # between two checkpoints
     assert late.notes[-1] == f"interrupted; the last checkpoint is kept in {folder / 'checkpoint'}"
-    assert json.loads((folder / "checkpoint" / "training.json").read_text())["round"] == 4
+    assert _round(folder) == 4
     assert train(_config(), folder, Watcher(), resume=True)
-    curves = _curves(trained)
-    assert curves == _curves(folder)
-    assert [row["steps"] for row in curves["progress"]] == ["100", "200", "300"]
-    for name in ("agent.safetensors", "training.safetensors"):
-        whole, stopped = (load_file(f / "checkpoint" / name) for f in (trained, folder))
-        assert whole.keys() == stopped.keys()
-        for key, array in whole.items():
-            np.testing.assert_array_equal(array, stopped[key], err_msg=key)
+    _assert_the_same(trained, folder)
+    assert [row["steps"] for row in _curves(trained)["progress"]] == ["100", "200", "300"]
 
 
 def test_cut_off_in_an_evaluation_and_resumed_gives_the_same_numbers(
@@ -194,46 +206,46 @@ def test_a_worker_that_dies_ends_the_training(tmp_path: Path):
         train(_config(envs=1), tmp_path / "dead", Saboteur())
 
 
-def test_the_filter_in_the_loop_resumes_too_and_the_agent_takes_its_residual_predictor_along(tmp_path: Path):
-    """RUDC with residual and slack, whose percentiles change as it learns."""
-    config = _config("rudc-e", steps=200, evaluate_every=200)
-    assert isinstance(config.correction, CbfSettings)
-    assert config.correction.residual
-    assert config.correction.slack.gain > 0
-    assert train(config, tmp_path / "whole", Watcher())
-    assert not train(config, tmp_path / "stopped", Watcher(stop_at=150))
-    assert train(config, tmp_path / "stopped", Watcher(), resume=True)
-    assert _curves(tmp_path / "whole") == _curves(tmp_path / "stopped")
-    whole, stopped = (load_learnt(tmp_path / name / "checkpoint") for name in ("whole", "stopped"))
-    assert whole.percentiles == stopped.percentiles
-    shipped = shipped_predictor().arrays
-    for name, array in shipped.items():
-        np.testing.assert_array_equal(whole.arrays[f"residual/{name}"], array)
-    assert {k for k in whole.arrays if k.startswith("residual/")} == {f"residual/{k}" for k in shipped}
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_each_algorithm_trains_2000_steps_the_same_twice_and_drives(tmp_path: Path, algorithm: str):
+    """The second time stopped and resumed. The replay holds half of the steps."""
+    config = _config(
+        algorithm, envs=1, steps=2000, round_decisions=100, update_every=25, replay_size=1000,
+        checkpoint_every=1000, evaluate_every=2000, log_every=500,
+    )  # fmt: skip
+    whole, stopped = tmp_path / "whole", tmp_path / "stopped"
+    assert train(config, whole, Watcher())
+    assert not train(config, stopped, Watcher(stop_at=1200))  # a round after the checkpoint
+    assert _round(stopped) == config.seed_rounds + 10
+    assert train(config, stopped, Watcher(), resume=True)
+    _assert_the_same(whole, stopped)
+    rows = _curves(whole)["progress"]
+    assert [row["steps"] for row in rows] == ["500", "1000", "1500", "2000"]
+    assert rows[-1]["updates"] == "80"
+    assert ("multiplier" in rows[-1]) is (algorithm in ("sac-lagrangian", "fac"))
+    _assert_a_whole_agent(whole, config)
 
 
-@pytest.mark.parametrize("algorithm", ["sac", "dsac", "sac-lagrangian", "fac", "usl", "recovery-rl", "qpsl"])
-def test_algorithms_without_filter_train_resume_and_drive(tmp_path: Path, algorithm: str):
-    """The same numbers twice, stopped in between; progress.csv has the learner's own columns."""
-    config = _config(algorithm, envs=1, steps=100, evaluate_every=100, checkpoint_every=50, log_every=50)
-    assert train(config, tmp_path / "whole", Watcher())
-    assert not train(config, tmp_path / "stopped", Watcher(stop_at=175))  # 75 after the seeding
-    assert train(config, tmp_path / "stopped", Watcher(), resume=True)
-    curves = _curves(tmp_path / "whole")
-    assert curves == _curves(tmp_path / "stopped")
-    last = curves["progress"][-1]
-    assert float(last["episode_cost"] or 0) >= 0
-    assert ("multiplier" in last) is (algorithm in ("sac-lagrangian", "fac"))
-    assert last["sigma_l"] == ""
-    for name in ("agent.safetensors", "training.safetensors"):
-        whole, stopped = (load_file(tmp_path / f / "checkpoint" / name) for f in ("whole", "stopped"))
-        for key, array in whole.items():
-            np.testing.assert_array_equal(array, stopped[key], err_msg=key)
-    learnt = load_learnt(tmp_path / "whole" / "checkpoint")
-    assert (learnt.config.algorithm, learnt.percentiles) == (algorithm, None)
-    assert make_agent(str(tmp_path / "whole")).name == str(tmp_path / "whole")
-    with pytest.raises(AgentError, match="states no sigma"):
-        calibrate(tmp_path / "whole" / "checkpoint", ("random_destination",), 1, write=False, advance=int)
+def _assert_a_whole_agent(folder: Path, config: TrainConfig) -> None:
+    """It drives, its weights are learnt, and it has what its critics and its correction need."""
+    learnt = load_learnt(folder / "checkpoint")
+    assert learnt.config == config.agent
+    assert make_agent(str(folder)).name == str(folder)
+    first = config.entry.make(config.learner, config.given).weights()
+    assert any(not np.array_equal(learnt.arrays[name], first[name]) for name in first if "policy/" in name)
+    states = "sigma" in config.learner.offers
+    assert (learnt.percentiles is not None) is states
+    assert all((row["sigma_l"] != "") is states for row in _curves(folder)["progress"])
+    if not states:
+        with pytest.raises(AgentError, match="states no sigma"):
+            calibrate(folder / "checkpoint", ("random_destination",), 1, write=False, advance=int)
+    residual = isinstance(config.correction, CbfSettings) and bool(config.correction.residual)
+    shipped = {f"residual/{name}": array for name, array in shipped_predictor().arrays.items()}
+    assert {name for name in learnt.arrays if name.startswith("residual/")} == (
+        shipped.keys() if residual else set()
+    )
+    for name, array in shipped.items() if residual else ():
+        np.testing.assert_array_equal(learnt.arrays[name], array)
 
 
 def test_the_final_policy_is_calibrated_as_it_drives(trained: Path, tmp_path: Path):
