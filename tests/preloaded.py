@@ -1,13 +1,14 @@
-"""What the server of worker processes imports where a process of tests starts it: as usual, and the network
-that most tests drive on, with its routes.
+"""What the server of worker processes imports where a process of tests starts it: as usual, what workers of
+trainings need besides, and the network that most tests drive on, with its routes.
 
-A worker is a fork of it, and need not build them for the one or two episodes that it drives. Commands that
-tests start as users do, in processes of their own, know nothing of this.
+A worker is a fork of it, and need not import or build them for the one or two episodes that it drives.
+Commands that tests start as users do, in processes of their own, know nothing of this.
 """
 
 import gc
 
-import rudc.evaluation.preloaded  # noqa: F401
+import rudc.evaluation.preloaded
+import rudc.training.collect  # noqa: F401
 from rudc.network.network import load_network
 
 _network = load_network("four_way")
