@@ -161,18 +161,18 @@ def test_driver_barrier_solver_and_engine(house):
 
 
 LEARN = """
-import sys
-from pathlib import Path
-from rudc.agents.registry import make_agent
-from rudc.training.config import TrainConfig
-from rudc.training.trainer import train
-
 class Watcher:
     def advance(self, steps): pass
     def progress(self, row): pass
     def note(self, text): pass
 
 if __name__ == "__main__":
+    import sys
+    from pathlib import Path
+    from rudc.agents.registry import make_agent
+    from rudc.training.config import TrainConfig
+    from rudc.training.trainer import train
+
     small = {
         "training.steps": 50, "training.seed_steps": 50, "training.learning_starts": 16, "training.envs": 1,
         "training.round_decisions": 25, "training.evaluation_episodes": 0, "learner.batch_size": 16,
@@ -185,6 +185,7 @@ if __name__ == "__main__":
 
 
 def test_learners(house):
+    """Workers read learn.py, too: what needs torch stands where they do not import it."""
     (house / "learn.py").write_text(LEARN, encoding="utf-8")
     said = run(house, "learn.py", "plain", "limited", "recovering")
     assert said.splitlines() == ["plain none", "limited none", "recovering hand_over"]

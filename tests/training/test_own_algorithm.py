@@ -1,4 +1,6 @@
-"""An algorithm of somebody else's, settings, learner and correction in one file: trained, saved, driven."""
+"""An algorithm of somebody else's, trained, saved, driven: settings, learner and correction in one file, or
+the learner, which imports torch, in a file beside it.
+"""
 
 import csv
 import os
@@ -17,15 +19,10 @@ from rudc.agents.of_actions import OfActions
 from rudc.agents.seat import ADJUSTMENT, CorrectionKind
 from rudc.learning.algorithms import Algorithm
 from rudc.learning.config import LearnerConfig
-from rudc.learning.sac import SacLearner
 
 
 class CalmConfig(LearnerConfig):
     bonus: float = 0.5
-
-
-class CalmLearner(SacLearner):
-    pass
 
 
 class Calm(CorrectionKind):
@@ -48,9 +45,15 @@ class Calmed(OfActions):
 
 here = f"{__name__}:"
 register_algorithm("calm-sac", Algorithm(
-    "Mine.", here + "CalmLearner", CalmConfig, {"correction": {"kind": "calm"}},
-    corrections={"calm": here + "Calm"},
+    "Mine.", LEARNER, CalmConfig, {"correction": {"kind": "calm"}}, corrections={"calm": here + "Calm"},
 ))
+"""
+LEARNER = """
+from rudc.learning.sac import SacLearner
+
+
+class CalmLearner(SacLearner):
+    pass
 """
 SMALL = (
     "training.steps=50", "training.seed_steps=50", "training.learning_starts=16", "training.envs=1",
@@ -61,9 +64,13 @@ SMALL = (
 
 @pytest.mark.parametrize("brought", ["by a file", "by a package"])
 def test_an_algorithm_of_somebody_else_trains_and_drives(tmp_path, brought):
-    (tmp_path / "own.py").write_text(OWN, encoding="utf-8")
     if brought == "by a package":
         offer(tmp_path, "[rudc.algorithms]\nmine = own\n")
+        (tmp_path / "own_learner.py").write_text(LEARNER, encoding="utf-8")
+        own = OWN.replace("LEARNER", '"own_learner:CalmLearner"')
+    else:
+        own = LEARNER + OWN.replace("LEARNER", 'f"{__name__}:CalmLearner"')
+    (tmp_path / "own.py").write_text(own, encoding="utf-8")
 
     rudc = ("rudc", *(("--import", "own.py") if brought == "by a file" else ()))
     changes = (*SMALL, "learner.bonus=1", "correction.most=-0.9")

@@ -64,7 +64,7 @@ def _known(rng: np.random.Generator, features_: int, rows: int = 4000) -> Sample
 def test_a_known_residual_is_learnt_and_the_fit_is_deterministic():
     rng = np.random.default_rng(0)
     known = {head: _known(rng, len(names)) for head, names in heads().items()}
-    predictor = fit(known, seed=0, epochs=600)
+    predictor = fit(known, seed=0, epochs=400)
     for found in evaluate(known, predictor, only_held_out=True):
         assert found.samples == 400
         assert found.explained > 0.8
