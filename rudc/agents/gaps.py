@@ -59,7 +59,7 @@ class Conflicts(NamedTuple):
     limit: Array
     """(K,) m/s, what the other may come to drive"""
     yields: Flags
-    """(K,) whether the ego must yield to it"""
+    """(K,) whether the ego gives way to it"""
     merges: Flags
     """(K,) whether both leave by the same lane"""
 
@@ -73,7 +73,7 @@ def crossing(scene: Scene) -> Conflicts | None:
     rows = scene.path[known]
     table = scene.network.conflict(scene.route)[rows]
     merges = table[:, 3] > paths.exit_s[rows] + MERGED
-    return _open(scene, known, table, merges, paths.yields[own, rows])
+    return _open(scene, known, table, merges, scene.network.gives_way(scene.route, own)[rows])
 
 
 def entering(scene: Scene, route: Route) -> Conflicts | None:

@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.spatial import KDTree
 
-from rudc.arrays import Array, Flags
+from rudc.arrays import Array, Flags, Index
 from rudc.network.paths import SPACING, PathTable
 from rudc.network.route import ReferencePath
 
@@ -52,6 +52,16 @@ def departure_table(course: ReferencePath, route: ReferencePath, paths: PathTabl
     return conflict_table(course, paths, gap > DEPARTS)
 
 
+def silent(paths: PathTable, row: int, table: Array) -> Flags:
+    """(P,) the rows from other arms that a path of `row` with this conflict table (P, 4) meets in the
+    junction, beyond its stop line, although the right of way says of neither that it yields. Ways straight on
+    towards each other are such where a junction is so skewed or narrow that bodies on them overlap.
+    """
+    unsaid = ~(paths.yields[row] | paths.yields[:, row]) & (paths.origin != paths.origin[row])
+    inside = (table[:, 2] < paths.exit_s) & (table[:, 3] > paths.stop_s)  # false where nan
+    return unsaid & inside & (table[:, 0] > paths.stop_s[row])
+
+
 @lru_cache(maxsize=4096)
 def meeting(paths: PathTable, row: int, other: int) -> tuple[float, float, float, float] | None:
     """m, m, m, m: where a row meets another, from and to along it, then along the other; None if nowhere."""
@@ -63,11 +73,10 @@ def meeting(paths: PathTable, row: int, other: int) -> tuple[float, float, float
 
 
 def waiting_bumper(
-    path: ReferencePath, paths: PathTable, row: int, stop: float, exit_s: float, width: float
+    path: ReferencePath, paths: PathTable, rivals: Index, stop: float, exit_s: float, width: float
 ) -> float:
-    """m, farthest arc length of the front bumper, `width` m wide, clear of the swept paths of the rows to
-    which `row` yields."""
-    rivals = np.flatnonzero(paths.yields[row] & (paths.origin != paths.origin[row]))
+    """m, farthest arc length of the front bumper, `width` m wide, clear of the swept paths of the rows
+    `rivals` (n,)."""
     if not len(rivals):
         return stop
     step = SPACING / 2

@@ -16,11 +16,11 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from rudc.arrays import Array
+from rudc.arrays import Array, Flags
 from rudc.errors import NetworkError
 from rudc.hints import there_are
 from rudc.network import assembly, reader
-from rudc.network.conflicts import conflict_table, departure_table
+from rudc.network.conflicts import conflict_table, departure_table, silent
 from rudc.network.paths import PathTable, lane_spans
 from rudc.network.polyline import without_repeats
 from rudc.network.road import Arm, Lane, Movement
@@ -81,6 +81,7 @@ class Layout:
         self.surface = Surface(assembly.drivable_polygons(chosen, raw_arms, self.lanes), directed)
         """the drivable area"""
         self._conflicts: WeakKeyDictionary[ReferencePath, Array] = WeakKeyDictionary()
+        self._giving_way: WeakKeyDictionary[ReferencePath, Flags] = WeakKeyDictionary()
         self._departures: WeakKeyDictionary[ReferencePath, Array] = WeakKeyDictionary()
         self.center.flags.writeable = False
 
@@ -152,6 +153,17 @@ class Layout:
             table.flags.writeable = False
             self._conflicts[line] = table
         return self._conflicts[line]
+
+    def gives_way(self, path: ReferencePath | Route, row: int) -> Flags:
+        """(P,) to which rows of `paths` an ego gives way that follows the path over `row`: those to which the
+        right of way says so, and those from other arms of whom it says nothing (`conflicts.silent`).
+        """
+        line = path.path if isinstance(path, Route) else path
+        if line not in self._giving_way:
+            rows = self.paths.yields[row] | silent(self.paths, row, self.conflict(line))
+            rows.flags.writeable = False
+            self._giving_way[line] = rows
+        return self._giving_way[line]
 
     def departure(self, course: Route, route: Route) -> Array:
         """(P, 4) m, as `conflict`, of those stretches of a course that lie off its route."""

@@ -11,11 +11,13 @@ All lines are smoothed by a moving average of SMOOTHING m, so that curvature is 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from rudc.arrays import Array
 from rudc.geometry import rectangle_corners
-from rudc.network.conflicts import waiting_bumper
+from rudc.network.conflicts import silent, waiting_bumper
 from rudc.network.layout import Layout
 from rudc.network.polyline import arc_length, resample, smooth, union_boundary, without_repeats, wrap
 from rudc.network.road import Movement
@@ -47,8 +49,9 @@ def build_route(network: Layout, movement: Movement, lane: int | None, vehicle: 
     arm = network.arm(movement.origin)
     line = network.centre_line(row)
     stop, exit_s = float(paths.stop_s[row]), float(paths.exit_s[row])
-    path = _reference(network, line, stop, exit_s, movement, vehicle)
+    path = _reference(network, row, stop, exit_s, movement, vehicle)
     table = network.conflict(path)
+    rivals = np.flatnonzero(network.gives_way(path, row) & (paths.origin != paths.origin[row]))
     stop_line_s = _station_of(path, resample(line, np.array([stop]))[0], stop)
     exit_line_s = _station_of(path, resample(line, np.array([exit_s]))[0], exit_s)
     crossing = table[(paths.origin != paths.origin[row]) & np.isfinite(table[:, 0])]
@@ -64,7 +67,7 @@ def build_route(network: Layout, movement: Movement, lane: int | None, vehicle: 
         path=path,
         alternatives=_alternatives(network, movement, row, vehicle),
         stop_line_s=stop_line_s,
-        waiting_s=waiting_bumper(path, paths, row, stop_line_s, exit_line_s, vehicle.width),
+        waiting_s=waiting_bumper(path, paths, rivals, stop_line_s, exit_line_s, vehicle.width),
         zone_start_s=float(crossing[:, 0].min()) if len(crossing) else stop_line_s,
         zone_end_s=min(float(crossing[:, 1].max()), exit_line_s) if len(crossing) else stop_line_s,
         exit_s=exit_line_s,
@@ -119,20 +122,35 @@ def _other_exits(network: Layout, movement: Movement, row: int) -> list[int]:
 
 
 def _reference(
-    network: Layout, line: Array, stop: float, exit_s: float, movement: Movement, vehicle: EgoVehicle
+    network: Layout, row: int, stop: float, exit_s: float, movement: Movement, vehicle: EgoVehicle
 ) -> ReferencePath:
-    """The path over a row: with a fillet if one fits and stays on the road, else along the lanes if a car can
-    drive that, else wider."""
+    """The path over a row: the first of `_lines` that keeps out of the way of those of whom the right of way
+    says nothing; if none does, the first.
+    """
+    first = None
+    for path in _lines(network, network.centre_line(row), stop, exit_s, movement, vehicle):
+        first = first or path
+        if not silent(network.paths, row, network.conflict(path)).any():
+            return path
+    assert first is not None, "there is always a line"
+    return first
+
+
+def _lines(
+    network: Layout, line: Array, stop: float, exit_s: float, movement: Movement, vehicle: EgoVehicle
+) -> Iterator[ReferencePath]:
+    """A fillet if one fits and stays on the road; along the lanes if a car can drive that, else wider."""
     if abs(movement.angle) > STRAIGHT_ON and not network.is_roundabout:
         joined = _join(line, stop, line, exit_s, movement.angle)
         if joined is not None and fits(network, path := ReferencePath(joined), vehicle):
-            return path
+            yield path
     fine = resample(line, np.arange(0.0, arc_length(line)[-1], FINE))
     lanes = ReferencePath(smooth(fine, FINE, SMOOTHING))
     if np.abs(lanes.curvature).max() <= vehicle.tightest and fits(network, lanes, vehicle, margin=0.0):
-        return lanes
+        yield lanes
+        return
     wider = widened(network.surface, network.carriageway(movement), line, (stop, exit_s), vehicle)
-    return wider if fits(network, wider, vehicle, margin=0.0) else lanes
+    yield wider if fits(network, wider, vehicle, margin=0.0) else lanes
 
 
 def _join(before: Array, stop: float, after: Array, exit_s: float, angle: float) -> Array | None:

@@ -1,0 +1,124 @@
+"""To whom an ego gives way where the right of way is silent: junctions so skewed that bodies on ways straight
+on towards each other overlap, as netconvert makes them."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rudc.agents.approach import ready_to_wait
+from rudc.agents.gaps import crossing
+from rudc.geometry import rectangle_gaps
+from rudc.network.build import build_network
+from rudc.network.conflicts import silent
+from rudc.network.network import load_network, shipped_networks
+from rudc.network.route_builder import _lines
+from rudc.vehicle import EgoVehicle
+from rudc.world.scene import EgoState, Kind, Scene
+
+ANGLES = (0.0, 100.0, 148.0, 255.0)
+"""deg, directions of the arms"""
+
+
+@pytest.fixture(scope="module")
+def skewed(tmp_path_factory):
+    """Four arms of one lane each way; the main road, the first and the third of them, bends by 32 degrees in a
+    junction with small corners.
+    """
+    folder = tmp_path_factory.mktemp("skewed")
+    nodes = ['<node id="centre" x="0" y="0" type="priority" radius="3"/>']
+    edges = []
+    for k, angle in enumerate(ANGLES):
+        x, y = 120 * math.cos(math.radians(angle)), 120 * math.sin(math.radians(angle))
+        nodes.append(f'<node id="end{k}" x="{x:.1f}" y="{y:.1f}"/>')
+        for way, start, end in (("in", f"end{k}", "centre"), ("out", "centre", f"end{k}")):
+            edges.append(
+                f'<edge id="{way}{k}" from="{start}" to="{end}" numLanes="1" speed="11" width="2.8" '
+                f'priority="{1 if k % 2 else 2}"/>'
+            )
+    (folder / "skewed.nod.xml").write_text(f"<nodes>{''.join(nodes)}</nodes>")
+    (folder / "skewed.edg.xml").write_text(f"<edges>{''.join(edges)}</edges>")
+    return load_network(str(build_network(folder)))
+
+
+def routes(network):
+    return [network.route(movement.origin, movement.destination) for movement in network.movements]
+
+
+def bodies_overlap(network, route, row):
+    """Whether two cars, one on the route and one on the row, can overlap in the junction."""
+    paths, body = network.paths, EgoVehicle()
+    ours = np.arange(route.stop_line_s, route.exit_s, 0.5)
+    theirs = np.arange(paths.stop_s[row], paths.exit_s[row], 0.5)
+    x, y, psi = paths.pose(np.full(len(theirs), row), theirs)
+    place, size = np.column_stack([x, y]), np.tile([body.length, body.width], (len(theirs), 1))
+    return any(
+        (
+            rectangle_gaps(*map(float, route.path.pose(s)), body.length, body.width, place, psi, size) <= 0
+        ).any()
+        for s in ours
+    )
+
+
+@pytest.mark.parametrize("name", sorted(shipped_networks()))
+def test_in_shipped_networks_the_right_of_way_says_it_all(name):
+    network = load_network(name)
+    for route in routes(network):
+        np.testing.assert_array_equal(network.gives_way(route, route.row), network.paths.yields[route.row])
+
+
+def test_who_meets_the_ego_with_nothing_said_is_given_way_to(skewed):
+    paths, found = skewed.paths, 0
+    for route in routes(skewed):
+        unsaid = np.flatnonzero(silent(paths, route.row, skewed.conflict(route)))
+        for row in unsaid:
+            assert not paths.yields[route.row, row]
+            assert not paths.yields[row, route.row]
+            assert skewed.gives_way(route, route.row)[row]
+            assert bodies_overlap(skewed, route, row)
+        assert skewed.gives_way(route, route.row)[paths.yields[route.row]].all()
+        found += len(unsaid)
+    assert found >= 4
+
+
+def test_a_line_that_keeps_out_of_their_way_is_taken_before_a_wider_arc(skewed):
+    better = 0
+    for movement in skewed.movements:
+        route = skewed.route(movement.origin, movement.destination)
+        row, paths = route.row, skewed.paths
+        ends = float(paths.stop_s[row]), float(paths.exit_s[row])
+        lines = list(_lines(skewed, skewed.centre_line(row), *ends, movement, EgoVehicle()))
+        met = [bool(silent(paths, row, skewed.conflict(line)).any()) for line in lines]
+        chosen = met.index(False) if False in met else 0
+        np.testing.assert_array_equal(route.path.xy, lines[chosen].xy)
+        better += chosen > 0
+    assert better >= 1
+
+
+def test_an_ego_comes_ready_to_stop_before_somebody_of_whom_nothing_is_said(skewed):
+    """And does not slow down where nobody comes."""
+    paths, u = skewed.paths, np.array([2.0, 0.0])
+    for route in routes(skewed):
+        table = skewed.conflict(route)
+        for row in np.flatnonzero(silent(paths, route.row, table)):
+            near = scene(skewed, route, int(row), float(table[row, 2]) - 25.0)
+            found = crossing(near)
+            assert found is not None
+            assert found.yields.all()
+            assert ready_to_wait(near, u)[0] < 1.0
+            assert ready_to_wait(scene(skewed, route, int(row), paths.length[row] - 1.0), u)[0] == 2.0
+
+
+def scene(network, route, row, s):
+    """An ego at 9 m/s, 12 m before its waiting point, and a car at 9 m/s on the row."""
+    ego_s = route.waiting_s - 14.5
+    x, y, psi = (float(value) for value in route.path.pose(ego_s))
+    pose = [float(value) for value in network.paths.pose(row, s)]
+    return Scene(
+        time_s=3.0, timeout_s=40.0, ego=EgoState(x, y, psi, 9.0, 0.0, 0.0, 0.0, 0.0), vehicle=EgoVehicle(),
+        route=route, ego_s=ego_s, ego_offset=0.0, waited_s=0.0, last_u=np.zeros(2), network=network,
+        ids=("other",), position=np.array([pose[:2]]), heading=np.array([pose[2]]),
+        velocity=9.0 * np.array([[math.cos(pose[2]), math.sin(pose[2])]]), acceleration=np.zeros(1),
+        size=np.array([[5.0, 1.8]]), kind=np.array([int(Kind.CAR)]), path=np.array([row]),
+        path_s=np.array([s]),
+    )  # fmt: skip
