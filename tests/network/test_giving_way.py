@@ -22,8 +22,8 @@ ANGLES = (0.0, 100.0, 148.0, 255.0)
 
 @pytest.fixture(scope="module")
 def skewed(tmp_path_factory):
-    """Four arms of one lane each way; the main road, the first and the third of them, bends by 32 degrees in a
-    junction with small corners.
+    """Four arms of one lane each way, with small corners; the first and the third are the main road, which
+    bends by 32 degrees.
     """
     folder = tmp_path_factory.mktemp("skewed")
     nodes = ['<node id="centre" x="0" y="0" type="priority" radius="3"/>']
@@ -50,14 +50,13 @@ def bodies_overlap(network, route, row):
     paths, body = network.paths, EgoVehicle()
     ours = np.arange(route.stop_line_s, route.exit_s, 0.5)
     theirs = np.arange(paths.stop_s[row], paths.exit_s[row], 0.5)
-    x, y, psi = paths.pose(np.full(len(theirs), row), theirs)
+    x, y, psi_of = paths.pose(np.full(len(theirs), row), theirs)
     place, size = np.column_stack([x, y]), np.tile([body.length, body.width], (len(theirs), 1))
-    return any(
-        (
-            rectangle_gaps(*map(float, route.path.pose(s)), body.length, body.width, place, psi, size) <= 0
-        ).any()
-        for s in ours
-    )
+    for s in ours:
+        x, y, psi = (float(value) for value in route.path.pose(s))
+        if (rectangle_gaps(x, y, psi, body.length, body.width, place, psi_of, size) <= 0.0).any():
+            return True
+    return False
 
 
 @pytest.mark.parametrize("name", sorted(shipped_networks()))
