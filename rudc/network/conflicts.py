@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.spatial import KDTree
 
-from rudc.arrays import Array, Flags, Index
+from rudc.arrays import Array, Flags
 from rudc.network.paths import SPACING, PathTable
 from rudc.network.route import ReferencePath
 
@@ -73,11 +73,11 @@ def meeting(paths: PathTable, row: int, other: int) -> tuple[float, float, float
 
 
 def waiting_bumper(
-    path: ReferencePath, paths: PathTable, rivals: Index, stop: float, exit_s: float, width: float
+    path: ReferencePath, paths: PathTable, rivals: Flags, stop: float, exit_s: float, width: float
 ) -> float:
     """m, farthest arc length of the front bumper, `width` m wide, clear of the swept paths of the rows
-    `rivals` (n,)."""
-    if not len(rivals):
+    `rivals` (P,)."""
+    if not rivals.any():
         return stop
     step = SPACING / 2
     bumper = np.arange(stop, exit_s, step)
@@ -85,7 +85,7 @@ def waiting_bumper(
     normal = np.stack([-np.sin(psi), np.cos(psi)], axis=-1)
     sides = np.array([-width / 2, 0.0, width / 2])[:, None, None]
     corners = np.stack([x, y], axis=-1)[None] + sides * normal
-    tree = KDTree(np.concatenate([_beyond_stop(paths, int(rival)) for rival in rivals]))
+    tree = KDTree(np.concatenate([_beyond_stop(paths, int(rival)) for rival in np.flatnonzero(rivals)]))
     gap, _ = tree.query(corners)
     clear = gap.min(axis=0) >= SWEPT_HALF_WIDTH + WAITING_GAP
     blocked = np.flatnonzero(~clear)

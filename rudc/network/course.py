@@ -231,7 +231,6 @@ class CoursePlanner:
         paths, row = network.paths, old.row
         stop, exit_s = (self._same_place(path, s) for s in (old.stop_line_s, old.exit_s))
         table = network.conflict(path)
-        rivals = np.flatnonzero(network.gives_way(path, row) & (paths.origin != paths.origin[row]))
         crossing = table[(paths.origin != paths.origin[row]) & np.isfinite(table[:, 0])]
         left, right = edge_widths(self._boundary, path, self._body)
         normal = np.column_stack([-np.sin(path.heading), np.cos(path.heading)])
@@ -239,7 +238,9 @@ class CoursePlanner:
             old,
             path=path,
             stop_line_s=stop,
-            waiting_s=waiting_bumper(path, paths, rivals, stop, exit_s, self._body.width),
+            waiting_s=waiting_bumper(
+                path, paths, network.gives_way(path, row), stop, exit_s, self._body.width
+            ),
             zone_start_s=float(crossing[:, 0].min()) if len(crossing) else stop,
             zone_end_s=min(float(crossing[:, 1].max()), exit_s) if len(crossing) else stop,
             exit_s=exit_s,

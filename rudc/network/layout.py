@@ -155,12 +155,14 @@ class Layout:
         return self._conflicts[line]
 
     def gives_way(self, path: ReferencePath | Route, row: int) -> Flags:
-        """(P,) to which rows of `paths` an ego gives way that follows the path over `row`: those to which the
-        right of way says so, and those from other arms of whom it says nothing (`conflicts.silent`).
+        """(P,) the rows of `paths`, from other arms, to which an ego on a path over `row` gives way: those to
+        which it has to yield, and those that it meets with nothing said (`conflicts.silent`).
         """
         line = path.path if isinstance(path, Route) else path
         if line not in self._giving_way:
-            rows = self.paths.yields[row] | silent(self.paths, row, self.conflict(line))
+            paths = self.paths
+            must = paths.yields[row] & (paths.origin != paths.origin[row])
+            rows = must | silent(paths, row, self.conflict(line))
             rows.flags.writeable = False
             self._giving_way[line] = rows
         return self._giving_way[line]

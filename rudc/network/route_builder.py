@@ -12,6 +12,7 @@ All lines are smoothed by a moving average of SMOOTHING m, so that curvature is 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import chain
 
 import numpy as np
 
@@ -51,7 +52,6 @@ def build_route(network: Layout, movement: Movement, lane: int | None, vehicle: 
     stop, exit_s = float(paths.stop_s[row]), float(paths.exit_s[row])
     path = _reference(network, row, stop, exit_s, movement, vehicle)
     table = network.conflict(path)
-    rivals = np.flatnonzero(network.gives_way(path, row) & (paths.origin != paths.origin[row]))
     stop_line_s = _station_of(path, resample(line, np.array([stop]))[0], stop)
     exit_line_s = _station_of(path, resample(line, np.array([exit_s]))[0], exit_s)
     crossing = table[(paths.origin != paths.origin[row]) & np.isfinite(table[:, 0])]
@@ -67,7 +67,9 @@ def build_route(network: Layout, movement: Movement, lane: int | None, vehicle: 
         path=path,
         alternatives=_alternatives(network, movement, row, vehicle),
         stop_line_s=stop_line_s,
-        waiting_s=waiting_bumper(path, paths, rivals, stop_line_s, exit_line_s, vehicle.width),
+        waiting_s=waiting_bumper(
+            path, paths, network.gives_way(path, row), stop_line_s, exit_line_s, vehicle.width
+        ),
         zone_start_s=float(crossing[:, 0].min()) if len(crossing) else stop_line_s,
         zone_end_s=min(float(crossing[:, 1].max()), exit_line_s) if len(crossing) else stop_line_s,
         exit_s=exit_line_s,
@@ -127,13 +129,13 @@ def _reference(
     """The path over a row: the first of `_lines` that keeps out of the way of those of whom the right of way
     says nothing; if none does, the first.
     """
-    first = None
-    for path in _lines(network, network.centre_line(row), stop, exit_s, movement, vehicle):
-        first = first or path
-        if not silent(network.paths, row, network.conflict(path)).any():
-            return path
-    assert first is not None, "there is always a line"
-    return first
+    lines = _lines(network, network.centre_line(row), stop, exit_s, movement, vehicle)
+    first = next(lines)
+    clear = (
+        line for line in chain((first,), lines)
+        if not silent(network.paths, row, network.conflict(line)).any()
+    )  # fmt: skip
+    return next(clear, first)
 
 
 def _lines(

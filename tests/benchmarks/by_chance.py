@@ -24,6 +24,7 @@ from typing import Any
 
 import yaml
 
+from rudc.errors import RudcError
 from rudc.evaluation.preflight import validated
 from rudc.network.build import build_network
 
@@ -253,15 +254,18 @@ def write(folder: Path, numbers: range) -> Iterator[tuple[Path, list[str]]]:
 
 
 def main() -> int:
-    """Write them; 0."""
+    """Write them; the exit status."""
     parser = argparse.ArgumentParser(description="Networks and scenarios made by chance.")
     parser.add_argument("folder", type=Path, metavar="DIR")
     parser.add_argument("--networks", type=int, default=100)
     parser.add_argument("--first", type=int, default=0, help="number of the first")
     asked = parser.parse_args()
     written = refused = 0
-    for _, wrong in write(asked.folder, range(asked.first, asked.first + asked.networks)):
-        written, refused = written + (not wrong), refused + bool(wrong)
+    try:
+        for _, wrong in write(asked.folder, range(asked.first, asked.first + asked.networks)):
+            written, refused = written + (not wrong), refused + bool(wrong)
+    except (RudcError, OSError) as error:
+        parser.exit(2, f"{error}\n")
     print(f"{written} scenarios on {asked.networks} networks in {asked.folder}; {refused} refused")
     return 0
 

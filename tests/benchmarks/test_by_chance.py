@@ -2,11 +2,7 @@
 
 from pathlib import Path
 
-import pytest
-
-from rudc.errors import NetworkError
 from rudc.evaluation.preflight import validated
-from rudc.network.build import find_netconvert
 from tests.benchmarks.by_chance import EACH, write
 
 
@@ -15,10 +11,6 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 def test_what_is_written_can_be_driven_and_comes_from_the_number_alone(tmp_path: Path):
-    try:
-        find_netconvert()
-    except NetworkError:
-        pytest.skip("netconvert is not installed")
     made = list(write(tmp_path / "several", range(2)))
     assert len(made) == 2 * EACH
     assert all(path.is_file() is not bool(wrong) for path, wrong in made)
