@@ -22,10 +22,13 @@ import time
 import traceback
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from functools import cache
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import NamedTuple
+
+import typer.main
 
 import rudc.agents.learned
 import rudc.evaluation.runner
@@ -33,6 +36,7 @@ import rudc.evaluation.sweep
 import rudc.reporting.replay.page
 import rudc.reporting.report.page  # noqa: F401 - so that each fork has what commands import when they run
 from rudc.cli.main import main
+from rudc.kernels import load_kernels
 from tests.fuzz.fuzzer import Case, Command, Fuzzer
 
 TOOK = "took"
@@ -48,6 +52,7 @@ TOLD = 4000
 WORK_S = 20.0
 """s of wall time after which a command that works is interrupted, as by Ctrl-C"""
 Make = Callable[..., Case]
+typer.main.get_command = cache(typer.main.get_command)  # half of the time of an input that is refused at once
 
 
 class Attempt(NamedTuple):
@@ -80,6 +85,7 @@ def attempts(
     fuzzer: Fuzzer, numbers: Sequence[int], seed: int, folder: Path, workers: int = 1
 ) -> Iterator[Attempt]:
     """Try the inputs of these numbers, and yield what came of each as it is known. `folder` is for files."""
+    load_kernels()
     make = fuzzer.prepare(folder)
     lanes = [_Lane(fuzzer, make, seed, folder / f"lane{k}", numbers[k::workers]) for k in range(workers)]
     lanes = [lane for lane in lanes if lane.waiting]
