@@ -4,7 +4,8 @@ is there.
     see      what the sensors show -> without their noise (smoothing.py) -> with those who are missing
              (memory.py) -> as the plant makes of it (adaptation.py) -> along the course (courses.py)
     govern   what the driver asks for -> as fast as who must give way may come (approach.py) -> as fast as
-             who follows may come (following.py) -> as fast as course and grip allow
+             who follows may come (following.py) -> as fast as the course allows (courses.py) -> on the
+             road (kerb.py) -> as fast as grip allows
 
 So that whoever drives, by rules or by a policy, and whatever corrects it, goes round what blocks and copes
 with a car that is not the one it was made for, without knowing of either.
@@ -20,6 +21,7 @@ from rudc.agents.approach import ready_to_wait
 from rudc.agents.base import Agent, Decision, EgoDriver
 from rudc.agents.courses import Courses
 from rudc.agents.following import ready_to_follow
+from rudc.agents.kerb import kept_on_road
 from rudc.agents.memory import Memory
 from rudc.agents.smoothing import Smoothing
 from rudc.arrays import Array
@@ -90,7 +92,7 @@ class Outlook:
         if self._approach and not onwards:
             u = ready_to_follow(scene, ready_to_wait(scene, u))
         if self.courses is not None:
-            u = self.courses.govern(scene, u, onwards=onwards)
+            u = kept_on_road(scene, self.courses.govern(scene, u, onwards=onwards))
         return u if self.adaptation is None else self.adaptation.govern(scene, u, onwards=onwards)
 
 

@@ -1,0 +1,71 @@
+"""Near the road's edge the path is followed; elsewhere the command stays what it is."""
+
+# ruff: noqa: F811 -- fixtures come by import
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rudc.agents.kerb import OFF, kept_on_road
+from rudc.env.tracking import steering
+from rudc.vehicle import Actuation
+from rudc.world.borders import Borders
+from rudc.world.ego import EgoPlant
+from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
+
+PUSH = -0.12
+"""rad to the right of what follows the path: 1.5 m beside it in the end"""
+
+
+def drive(scene, bound):
+    """The scenes of 8 s in which the wheels are always turned to the right of what follows the path."""
+    plant, path = EgoPlant(scene.vehicle), scene.route.path
+    plant.resume(scene.ego, Actuation())
+    scenes = [scene]
+    for _ in range(80):
+        u = np.array([0.0, steering(scene) + PUSH])
+        a, delta = kept_on_road(scene, u) if bound else u
+        ego = plant.step(float(a), float(delta), 0.1)
+        s, offset = path.project(ego.x, ego.y, scene.ego_s)
+        scene = replace(scene, ego=ego, ego_s=s, ego_offset=offset)
+        scenes.append(scene)
+    return scenes
+
+
+def leaves_road(scene):
+    borders = Borders(scene.network.surface, scene.vehicle, may_cross_centre=True)
+    return borders.left(scene.ego)[0]
+
+
+@pytest.mark.parametrize("v", [2.0, 5.0, 9.0])
+def test_an_ego_that_is_pushed_towards_the_edge_stays_on_the_road(make_scene, v):
+    scene = make_scene(front=-40.0, v=v)
+    assert any(map(leaves_road, drive(scene, bound=False)))
+    assert not any(map(leaves_road, drive(scene, bound=True)))
+
+
+def beside_the_path(scene, offset):
+    """The scene with an ego that far to the left of its path, along it."""
+    ego = scene.ego
+    x, y = ego.x - offset * math.sin(ego.psi), ego.y + offset * math.cos(ego.psi)
+    return replace(scene, ego=replace(ego, x=x, y=y), ego_offset=offset)
+
+
+def test_who_steers_back_already_is_let_and_so_is_who_has_room(make_scene):
+    scene = make_scene(front=-40.0)
+    near = beside_the_path(scene, -1.2)
+    back = np.array([1.0, steering(near) + 0.05])
+    out = np.array([1.0, steering(near) - 0.05])
+    assert kept_on_road(near, back) is back
+    np.testing.assert_allclose(kept_on_road(near, out), [1.0, steering(near)])
+    for offset in (-0.5, -0.5 * OFF, 0.5 * OFF, 0.5):
+        roomy = beside_the_path(scene, offset)
+        assert kept_on_road(roomy, out) is out
+
+
+def test_beyond_the_centre_line_is_no_edge(make_scene):
+    """Going round on the other side of the road is not hindered."""
+    scene = beside_the_path(make_scene(front=-40.0), 3.0)
+    out = np.array([1.0, steering(scene) + 0.05])
+    assert kept_on_road(scene, out) is out
