@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rudc.agents.conduct import Conduct
 from rudc.evaluation.record import as_text
 from rudc.evaluation.store import format_row
 from rudc.files import make_folder_of, write_atomically
@@ -24,11 +25,13 @@ class Trace:
 
     def __init__(self) -> None:
         self._rows: list[dict[str, object]] = []
+        self._conduct = Conduct()
 
     def watch(self, scene: Scene, decision: Decision, result: StepResult) -> None:
         """Keep a decision: the scene it was taken in, and what came of it."""
         ego, corrected = scene.ego, decision.corrected
         unsure, by_route = decision.uncertainty, decision.by_route
+        unusual = np.flatnonzero(self._conduct.look(scene)).tolist()
         row: dict[str, object] = {
             "time_s": scene.time_s,
             "x_m": ego.x,
@@ -56,6 +59,7 @@ class Trace:
             **_car("", decision.plant.actuation if decision.plant else None),
             **_car("true_", scene.actuation),
             "asks_grip": decision.asks_grip,
+            "unusual": " ".join(scene.ids[i] for i in unusual),
             "gap_m": result.advance.min_dtc_m,
             "reward": result.reward,
             "cost": result.cost,

@@ -37,6 +37,8 @@ STRAIGHT_ON = np.radians(15.0)
 """rad, a movement that turns less follows the lanes' own shapes"""
 SMOOTHING = 4.0
 """m, window of the moving average"""
+LONGEST = 150.0
+"""m through the junction, up to which a line is made wider: the time that this takes grows with the square"""
 FINE = 0.05
 """m, spacing at which lines are drawn before they are sampled"""
 TASKS = {"left": 0, "u_turn": 0, "straight": 1, "right": 2}
@@ -141,7 +143,9 @@ def _reference(
 def _lines(
     network: Layout, line: Array, stop: float, exit_s: float, movement: Movement, vehicle: EgoVehicle
 ) -> Iterator[ReferencePath]:
-    """A fillet if one fits and stays on the road; along the lanes if a car can drive that, else wider."""
+    """A fillet if one fits and stays on the road; along the lanes if a car can drive that, else wider, or if
+    the way through the junction is too long for that.
+    """
     if abs(movement.angle) > STRAIGHT_ON and not network.is_roundabout:
         joined = _join(line, stop, line, exit_s, movement.angle)
         if joined is not None and fits(network, path := ReferencePath(joined), vehicle):
@@ -151,8 +155,12 @@ def _lines(
     if np.abs(lanes.curvature).max() <= vehicle.tightest and fits(network, lanes, vehicle, margin=0.0):
         yield lanes
         return
-    wider = widened(network.surface, network.carriageway(movement), line, (stop, exit_s), vehicle)
-    yield wider if fits(network, wider, vehicle, margin=0.0) else lanes
+    if exit_s - stop <= LONGEST:
+        wider = widened(network.surface, network.carriageway(movement), line, (stop, exit_s), vehicle)
+        if fits(network, wider, vehicle, margin=0.0):
+            yield wider
+            return
+    yield lanes
 
 
 def _join(before: Array, stop: float, after: Array, exit_s: float, angle: float) -> Array | None:

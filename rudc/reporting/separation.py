@@ -18,9 +18,10 @@ TITLES = {
 _LABELS = {
     "total": r"$\sigma_{total}$", "route": r"$\sigma$ by route",
     "route_or_mismatch": "by route, and plant monitor",
+    "route_or_monitors": "by route, and both monitors",
 }  # fmt: skip
-_COLOURS: dict[str, str] = dict(zip(_LABELS, (PALETTE[0], PALETTE[4], PALETTE[1]), strict=True))
-_SHIFT: dict[str, float] = dict(zip(_LABELS, (-0.22, 0.0, 0.22), strict=True))
+_COLOURS: dict[str, str] = dict(zip(_LABELS, (PALETTE[k] for k in (0, 4, 1, 2)), strict=True))
+_SHIFT: dict[str, float] = dict(zip(_LABELS, (-0.3, -0.1, 0.1, 0.3), strict=True))
 
 
 class Mark(NamedTuple):

@@ -16,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rudc.agents.base import Agent, Decision
-from rudc.arrays import Array
+from rudc.agents.conduct import Conduct
+from rudc.arrays import Array, Flags
 from rudc.env.episode import Episode, StepResult
 from rudc.safety.plant import PlantEstimate
 from rudc.vehicle import Actuation
@@ -40,6 +41,8 @@ class Seen(NamedTuple):
     """names of whom those events put on the road or have taken hold of"""
     estimate: PlantEstimate | None
     """what the agent knows of the car; None without an outlook on it"""
+    unusual: Flags
+    """(N,) which of the others behave unlike ordinary traffic (rudc/agents/conduct.py)"""
 
 
 @dataclass(frozen=True)
@@ -60,11 +63,18 @@ def _stated(kind: str, part: str) -> Callable[[Seen], float]:
 
 
 def _exposed(seen: Seen) -> float:
-    scene, ego = seen.scene, seen.scene.ego
-    rows = [i for i, name in enumerate(scene.ids) if name in seen.bodies]
-    offset = scene.position[rows] - (ego.x, ego.y)
-    ahead = offset @ (math.cos(ego.psi), math.sin(ego.psi)) > 0.0
-    return float(seen.begun and bool((ahead & (np.hypot(*offset.T) <= NEAR_M)).any()))
+    bodies = np.array([name in seen.bodies for name in seen.scene.ids], dtype=np.bool_)
+    return float(seen.begun and bool((bodies & _ahead(seen.scene)).any()))
+
+
+def _unusual(seen: Seen) -> float:
+    return float(np.count_nonzero(seen.unusual & _ahead(seen.scene)))
+
+
+def _ahead(scene: Scene) -> Flags:
+    """(N,) who is ahead of the ego and near."""
+    ego, offset = scene.ego, scene.position - scene.ego_position
+    return (offset @ (math.cos(ego.psi), math.sin(ego.psi)) > 0.0) & (np.hypot(*offset.T) <= NEAR_M)
 
 
 def mismatch(estimate: PlantEstimate | None) -> float:
@@ -94,6 +104,9 @@ COLUMNS = (
     StepColumn(
         "mismatch", "how far the identified car is from an ordinary one", lambda s: mismatch(s.estimate)
     ),
+    StepColumn(
+        "unusual", f"how many who behave unlike ordinary traffic are ahead within {NEAR_M:g} m", _unusual
+    ),
     StepColumn("slack", "delta of the filter; nan without one", _relaxed),
     StepColumn("disturbed", "1 once an event has begun and was shown", lambda seen: float(seen.begun)),
     StepColumn("exposed", f"1 while one is shown ahead within {NEAR_M:g} m", _exposed),
@@ -109,6 +122,7 @@ class SigmaLog:
 
     def __init__(self, episode: Episode, agent: Agent) -> None:
         self._episode = episode
+        self._conduct = Conduct()
         self._adaptation = getattr(getattr(agent, "outlook", None), "adaptation", None)
         self._rows: list[list[float]] = []
         self._shown: list[frozenset[str]] = []
@@ -123,7 +137,7 @@ class SigmaLog:
         ]
         bodies = frozenset[str]().union(*(event.bodies for event in now))
         estimate = None if self._adaptation is None else self._adaptation.estimate
-        seen = Seen(scene, decision, bool(now), bodies, estimate)
+        seen = Seen(scene, decision, bool(now), bodies, estimate, self._conduct.look(scene))
         self._rows.append([column.read(seen) for column in COLUMNS])
         self._shown.append(frozenset(scene.ids))
         self._last = result

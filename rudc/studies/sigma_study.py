@@ -10,10 +10,11 @@ Of decisions, by AUROC (rudc/studies/auroc.py):
 
 Negatives are undisturbed decisions of the same scenarios: no event has begun and been shown yet, and no
 violation follows within HORIZON. Asked of sigma_epi, sigma_ale and sigma_total as in the paper and by route
-(rudc/agents/route_sigma.py), of what the plant monitor finds wrong with the car, and of sigma by route with
-the monitor beside it, where a car that is not ordinary comes before all sigma. Agent by agent, since critics
-of different agents have scales of their own, and as the mean of the agents that differ only in their training
-seed.
+(rudc/agents/route_sigma.py), of what the plant monitor finds wrong with the car, of sigma by route with that
+monitor beside it, where a car that is not ordinary comes before all sigma, and with the monitor of others'
+conduct (rudc/agents/conduct.py) beside both, where somebody unusual ahead within 40 m comes before it, too.
+Agent by agent, since critics of different agents have scales of their own, and as the mean of the agents that
+differ only in their training seed.
 
 And of the slack, by either kind of sigma: the share of decisions in distribution above sigma_l, 5 % if it
 holds, and the share of the decisions within HORIZON before a violation in which sigma was below sigma_l, so
@@ -62,9 +63,9 @@ EPISODES = {"quick": 10, "full": 100}
 """for each scenario and agent, by budget"""
 SCORES = (
     "epistemic", "aleatoric", "total", "route_epistemic", "route_aleatoric", "route", "mismatch",
-    "route_or_mismatch",
+    "route_or_mismatch", "route_or_monitors",
 )  # fmt: skip
-SHOWN = ("total", "route", "route_or_mismatch")
+SHOWN = ("total", "route", "route_or_mismatch", "route_or_monitors")
 """of those, in the table and the figure"""
 INSIDE, OUTSIDE, ALL = "in distribution", "all out of distribution", "all scenarios"
 
@@ -84,8 +85,10 @@ class Drive(NamedTuple):
 
     def scores(self) -> Array:
         """(steps, scores) of `SCORES`."""
-        both = np.where(self.of("mismatch") > 0, FIRST + self.of("mismatch"), self.of("route"))
-        return np.column_stack([*(self.of(name) for name in SCORES[:-1]), both])
+        route, wrong, odd = self.of("route"), self.of("mismatch"), self.of("unusual")
+        car = np.where(wrong > 0, FIRST + wrong, route)
+        monitors = np.where((wrong > 0) | (odd > 0), FIRST + route, route)
+        return np.column_stack([*(self.of(name) for name in SCORES[:-2]), car, monitors])
 
     def before_violation(self) -> Flags:
         """(steps,) whether a violation follows within HORIZON."""

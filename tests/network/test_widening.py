@@ -5,7 +5,7 @@ import pytest
 
 from rudc.geometry import rectangle_corners
 from rudc.network.build import build_network
-from rudc.network.network import load_network
+from rudc.network.network import load_network, shipped_networks
 from rudc.network.route_builder import fits
 from rudc.vehicle import EgoVehicle
 
@@ -38,6 +38,19 @@ def test_every_turn_can_be_driven_and_keeps_the_car_on_the_road(five):
         path = route.path
         assert fits(five, path, BODY, margin=0.0), movement
         assert np.abs(path.curvature).max() < 1.15 * BODY.tightest, movement
+
+
+def test_a_lane_that_runs_far_away_in_the_junction_stays_as_it_is(tmp_path):
+    """A point of its shape lost its decimal point, as in the fuzzer's network 907, over which `network
+    check` hung.
+    """
+    text = shipped_networks()["four_way"].read_text(encoding="utf-8")
+    assert "-5.25,-14.25" in text
+    (tmp_path / "far.net.xml").write_text(text.replace("-5.25,-14.25", "-5.25,-1425"), encoding="utf-8")
+    network = load_network(str(tmp_path / "far.net.xml"))
+    straight = network.route("north", "straight")
+    assert straight.exit_s - straight.stop_line_s > 1000.0
+    assert np.abs(straight.path.curvature).max() > BODY.tightest, "nor is it mended"
 
 
 def test_the_car_lies_between_the_edges_of_its_route(five):

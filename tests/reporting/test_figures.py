@@ -37,7 +37,7 @@ MARKS = [
         ("exposed", "fog", (0.9, math.nan, math.nan)),
         ("violation", "fog", NOTHING),
     )
-    for sigma in ("total", "route", "route_or_mismatch")
+    for sigma in ("total", "route", "route_or_mismatch", "route_or_monitors")
 ]
 STEPS = np.arange(1.0, 5.0) * 1e4
 CURVES = [

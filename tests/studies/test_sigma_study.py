@@ -39,7 +39,7 @@ def made(
     table = np.full((steps, len(COLUMNS)), math.nan)
     for name in SCORES[:6]:
         table[:, AT[name]] = level + 0.1 * rng.normal(size=steps)
-    table[:, AT["mismatch"]] = 0.0
+    table[:, AT["mismatch"]] = table[:, AT["unusual"]] = 0.0
     table[:, AT["disturbed"]] = table[:, AT["exposed"]] = np.arange(steps) >= event_at
     table[:, AT["seen"]] = seen
     violated = not math.isnan(seen)
@@ -78,9 +78,19 @@ def test_a_car_that_is_not_ordinary_comes_before_all_sigma():
     both = drive.scores()[:, SCORES.index("route_or_mismatch")]
     assert both[30:].min() > both[:30].max()
     assert np.all(np.diff(both[30:]) > 0)
+    monitors = drive.scores()[:, SCORES.index("route_or_monitors")]
+    assert monitors[30:].min() > monitors[:30].max()
     assert mismatch(ORDINARY) == mismatch(None) == 0.0
     icy = PlantEstimate(Actuation(0.2, 0.1, 0.15), unusual=True)
     assert mismatch(icy) == pytest.approx(0.85 + 0.3)
+
+
+def test_so_does_who_behaves_unlike_ordinary_traffic():
+    drive = made("ghost", 5.0)
+    drive.steps[:10, AT["unusual"]] = 1.0
+    monitors = drive.scores()[:, SCORES.index("route_or_monitors")]
+    assert monitors[:10].min() > monitors[10:].max()
+    np.testing.assert_array_equal(monitors[10:], drive.of("route")[10:])
 
 
 def test_shares_of_the_slack():
@@ -149,6 +159,7 @@ def test_what_an_event_does_is_in_the_steps(tmp_path):
     assert steps[-1, AT["exposed"]] == 0  # past it
     assert np.all(steps[:, AT["disturbed"]] >= steps[:, AT["exposed"]])
     assert not steps[:, AT["mismatch"]].any()
+    np.testing.assert_array_equal(steps[:, AT["unusual"]] > 0, steps[:, AT["exposed"]] > 0)
 
 
 def _only(name: str):

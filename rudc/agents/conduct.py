@@ -1,0 +1,84 @@
+"""Who in sight does not behave as ordinary traffic does: what no driver who keeps to the rules prepares for.
+
+    off the lanes   drives, walks or stands where no lane leads it through the junction, or against a lane
+    fast            faster than TOLERATED times the limit, by more than SPARE
+    brakes          by more than BRAKES, at two looks, one after the other
+    slow            for LASTS_S, at less than SLOW times the limit and not about to be faster, with nobody and
+                    no stop line within ROOM before it; bicycles are not
+    stands          for LASTS_S, with nobody and no stop line within NEXT before it
+
+Whoever has done so once counts for as long as it is seen. SUMO's ordinary drivers do none of these, but for
+an emergency now and then. A monitor for studies and records: no agent acts on it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rudc.arrays import Array, Flags
+from rudc.world.scene import STANDING, Kind, Scene
+
+TOLERATED, SPARE = 1.2, 1.0
+"""times the limit, m/s; the first is what SUMO's fastest ordinary drivers drive"""
+BRAKES = 5.0
+"""m/s2; ordinary drivers brake at 4.5"""
+SLOW, SETTING_OFF = 0.5, 0.3
+"""times the limit; m/s2, from where on one who is slow is about to be faster"""
+LASTS_S = 2.0
+"""s"""
+ROOM, NEXT = 25.0, 6.0
+"""m before the front bumper"""
+BESIDE = 2.5
+"""m to each side, within which somebody is before it"""
+
+
+class Conduct:
+    """Watches one episode."""
+
+    def __init__(self) -> None:
+        self._unusual = set[str]()
+        self._braked = set[str]()
+        self._dawdles: dict[str, float] = {}
+        """since when (s)"""
+
+    def look(self, scene: Scene) -> Flags:
+        """(N,) who of the others has been seen to behave unlike ordinary traffic; called once a decision."""
+        on, limit = scene.path >= 0, scene.network.paths.speed_limit[scene.path]
+        speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
+        brakes = scene.acceleration < -BRAKES
+        slow = (speed < SLOW * limit) & (scene.acceleration < SETTING_OFF) & (scene.kind != Kind.BICYCLE)
+        room = self._room(scene, on & slow)
+        dawdles = on & ((slow & (room > ROOM)) | ((speed < STANDING) & (room > NEXT)))
+        since = self._dawdles
+        self._dawdles = {name: since.get(name, scene.time_s) for name in _named(scene, dawdles)}
+        lasting = {name for name, then in self._dawdles.items() if scene.time_s - then >= LASTS_S}
+        braked, self._braked = self._braked, _named(scene, brakes)
+        new = _named(scene, ~on | (speed > TOLERATED * limit + SPARE)) | lasting | (braked & self._braked)
+        self._unusual = (self._unusual & set(scene.ids)) | new
+        return np.array([name in self._unusual for name in scene.ids], dtype=np.bool_)
+
+    def _room(self, scene: Scene, who: Flags) -> Array:
+        """(N,) m that each of `who` (N,) has before it, up to its stop line or somebody else; 0 of the others
+        and of those in the junction.
+        """
+        paths, room, ego = scene.network.paths, np.zeros(scene.count), scene.ego
+        place = np.vstack([scene.position, (ego.x, ego.y)])
+        half = 0.5 * np.append(scene.size[:, 0], scene.vehicle.length)
+        for i in np.flatnonzero(who).tolist():
+            front, row = float(scene.path_s[i]) + half[i], scene.path[i]
+            if paths.stop_s[row] < front < paths.exit_s[row]:
+                continue
+            away, psi = place - scene.position[i], float(scene.heading[i])
+            ahead = away @ (math.cos(psi), math.sin(psi))
+            beside = np.abs(away @ (-math.sin(psi), math.cos(psi)))
+            before = (ahead > 0.0) & (beside < BESIDE)
+            gap = float((ahead - half)[before].min(initial=math.inf)) - half[i]
+            to_stop = float(paths.stop_s[row]) - front
+            room[i] = min(gap, to_stop) if to_stop >= 0.0 else gap
+        return room
+
+
+def _named(scene: Scene, who: Flags) -> set[str]:
+    return {scene.ids[i] for i in np.flatnonzero(who).tolist()}

@@ -1,0 +1,113 @@
+"""Who behaves unlike ordinary traffic: scenes made by hand, and SUMO's own drivers."""
+
+# ruff: noqa: F811 -- fixtures come by import
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rudc.agents.conduct import BRAKES, LASTS_S, SPARE, TOLERATED, Conduct
+from rudc.agents.registry import make_agent
+from rudc.env.episode import Episode
+from rudc.evaluation.rollout import run_episode
+from rudc.network.network import load_network
+from rudc.scenario import load_scenario
+from rudc.world.scene import Kind
+from rudc.world.world import World
+from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
+
+
+@pytest.fixture(scope="module")
+def oncoming(four_way):
+    """A row of theirs."""
+    return four_way.movement("north", "straight").rows[0]
+
+
+def looks(scene, seconds=0.0, **changes):
+    """What is found at the last of looks 0.1 s apart."""
+    conduct = Conduct()
+    for k in range(round(10 * seconds) + 1):
+        found = conduct.look(replace(scene, time_s=0.1 * k, **changes))
+    return found.tolist()
+
+
+def test_who_is_off_the_lanes(make_scene, oncoming):
+    walks = {"at": (0.0, -20.0, 0.0), "v": 1.2, "kind": Kind.PEDESTRIAN}
+    scene = make_scene({"row": oncoming, "s": 60.0, "v": 9.0}, walks)
+    assert looks(scene) == [False, True]
+
+
+def test_who_is_fast(make_scene, four_way, oncoming):
+    limit = float(four_way.paths.speed_limit[oncoming])
+    speeds = limit, TOLERATED * limit + 0.9 * SPARE, TOLERATED * limit + 1.1 * SPARE
+    scene = make_scene(*({"row": oncoming, "s": 20.0 + 30.0 * k, "v": v} for k, v in enumerate(speeds)))
+    assert looks(scene) == [False, False, True]
+
+
+def test_who_brakes_hard_is_not_trusted_again_while_it_is_seen(make_scene, oncoming):
+    conduct, scene = Conduct(), make_scene({"row": oncoming, "s": 60.0, "v": 9.0})
+    hard = np.array([-BRAKES - 0.5])
+    assert not conduct.look(replace(scene, acceleration=hard)).any()  # may be noise
+    assert conduct.look(replace(scene, acceleration=hard)).all()
+    assert conduct.look(scene).all()
+    assert not conduct.look(make_scene()).any()
+    assert not conduct.look(scene).any()
+
+
+@pytest.mark.parametrize(
+    ("s", "v", "ahead", "kind", "odd"),
+    [
+        (40.0, 3.0, None, Kind.CAR, True),
+        (40.0, 3.0, None, Kind.BICYCLE, False),
+        (40.0, 3.0, 60.0, Kind.CAR, False),  # behind somebody
+        (110.0, 3.0, None, Kind.CAR, False),  # about to stop at its line
+        (100.0, 0.0, None, Kind.CAR, True),  # stands before its line, for nobody
+        (116.0, 0.0, None, Kind.CAR, False),  # at its line
+        (125.0, 0.0, None, Kind.CAR, False),  # in the junction
+        (100.0, 0.0, 107.0, Kind.CAR, False),
+    ],
+)
+def test_who_is_slow_without_cause(make_scene, oncoming, s, v, ahead, kind, odd):
+    others = [{"row": oncoming, "s": s, "v": v, "kind": kind}]
+    if ahead is not None:
+        others.append({"row": oncoming, "s": ahead, "v": 9.0})
+    scene = make_scene(*others)
+    assert looks(scene, LASTS_S - 0.3)[0] is False
+    assert looks(scene, LASTS_S + 0.1)[0] is odd
+    assert looks(scene, LASTS_S + 0.1, acceleration=np.full(len(others), 1.0))[0] is False
+
+
+def drive(name, seed=0):
+    """Names of those found in an episode of `planner`, and of those of whom its events took hold."""
+    scenario, conduct, found, bodies = load_scenario(name), Conduct(), set(), set()
+    with World(load_network(scenario.network, scenario.junction)) as world:
+
+        def watch(scene, _decision, _result):
+            found.update(scene.ids[i] for i in np.flatnonzero(conduct.look(scene)))
+            bodies.update(*(event.bodies for event in world.happenings()))
+
+        run_episode(Episode(world), scenario.plan(seed), make_agent("planner"), watch=watch)
+    return found, bodies
+
+
+@pytest.mark.parametrize("name", ["dense_left_turn", "random_destination", "roundabout_crossing"])
+def test_ordinary_traffic_is_ordinary(name):
+    for seed in range(3):
+        assert drive(name, seed)[0] == set()
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "sudden_brake",
+        "crawling_leader",
+        "wrong_way_driver",
+        "crossing_cyclists",
+        "stalled_truck",
+        "jaywalkers",
+    ],
+)
+def test_whom_events_take_hold_of_is_found(name):
+    found, bodies = drive(name)
+    assert bodies
+    assert bodies <= found
