@@ -37,6 +37,8 @@ STATIONS = 1.0
 """m between the places that are judged"""
 ROUNDS, ENOUGH = 15, 1e-2
 """of least squares, at most; relative gain of a round with which it ends"""
+DIFFERENCE = 1.5e-8
+"""m, for knots below a metre"""
 
 
 def widened(
@@ -66,26 +68,39 @@ def widened(
     splines = make_interp_spline(knots, np.eye(len(knots))[:, 1:-1], k=3, bc_type="clamped")(s)
 
     def faults(free: Array) -> Array:
-        aside = splines @ free
-        xy = np.column_stack([x, y]) + aside[:, None] * normal
-        step = np.gradient(xy, axis=0)
-        spacing = np.hypot(*step.T)
-        heading = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
-        bend = np.gradient(heading) / spacing
+        """(..., F) of lines with free knots (..., K) m."""
+        aside = free @ splines.T
+        xy = np.column_stack([x, y]) + aside[..., None] * normal
+        step = np.gradient(xy, axis=-2)
+        spacing = np.hypot(step[..., 0], step[..., 1])
+        heading = np.unwrap(np.arctan2(step[..., 1], step[..., 0]))
+        bend = np.gradient(heading, axis=-1) / spacing
         turned = heading - np.arcsin(np.clip(body.cg_to_rear * bend, -0.9, 0.9))
-        depth = surface.signed_distance(rectangle_corners(xy, turned, size)).ravel()
+        depth = surface.signed_distance(rectangle_corners(xy, turned, size)).reshape(*bend.shape[:-1], -1)
         return np.concatenate(
             [
                 TIGHT * np.maximum(np.abs(bend) - EASIER * body.tightest, 0.0),
                 BENT * bend,
-                JERKY * np.gradient(bend) / spacing,
+                JERKY * np.gradient(bend, axis=-1) / spacing,
                 OUTSIDE * np.maximum(MARGIN - depth, 0.0),
                 ACROSS * np.maximum(OWN - own.at(s, aside), 0.0),
                 ASIDE * aside,
-            ]
+            ],
+            axis=-1,
         )
 
-    found = least_squares(faults, np.zeros(len(knots) - 2), max_nfev=ROUNDS, ftol=ENOUGH).x.round(3)
+    def slopes(free: Array) -> Array:
+        """(F, K) of `faults` by forward differences, all knots at once."""
+        moved = free + np.diag(np.copysign(DIFFERENCE * np.maximum(np.abs(free), 1.0), free))
+        return ((faults(moved) - faults(free)) / np.diag(moved - free)[:, None]).T
+
+    found = least_squares(
+        faults,
+        np.zeros(len(knots) - 2),
+        slopes,  # pyright: ignore[reportArgumentType] - a function, which scipy does not say
+        max_nfev=ROUNDS,
+        ftol=ENOUGH,
+    ).x.round(3)
     stations = np.arange(0.0, base.length, FINE)
     x_all, y_all, psi_all = base.pose(stations)
     aside = np.interp(stations, s, splines @ found, left=0.0, right=0.0)
