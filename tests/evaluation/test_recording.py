@@ -156,6 +156,18 @@ def test_steps_say_what_was_known_of_the_car(storm, tmp_path):
     assert float(rows[-1]["delay_s"]) == pytest.approx(truth.delay_s, abs=0.1)
 
 
+def test_steps_name_who_behaves_unlike_ordinary_traffic(tmp_path):
+    _, seen, _ = recorded("jaywalkers", "follower", 0)
+    trace = Trace()
+    for view, decision, result in seen:
+        trace.watch(view.truth, decision, result)
+    trace.save(tmp_path / "steps.csv")
+    with (tmp_path / "steps.csv").open(newline="") as file:
+        named = {name for row in csv.DictReader(file) for name in row["unusual"].split()}
+    assert named
+    assert all(name.startswith("pedestrian") for name in named)
+
+
 def test_a_driver_without_filter_and_sigma_has_none_of_their_numbers():
     data, _, _ = recorded("random_destination", "follower", 0)
     for name in ("sigma", "least_h_m2", "friction", "delay_s"):
