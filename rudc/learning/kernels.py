@@ -100,9 +100,14 @@ def mapped(x: Single, weight: Singles, bias: Single) -> NewSingle:
 @kernel
 def mapped_each(x: Singles, weight: SingleCube, bias: Singles) -> NewSingles:
     """(N, O), the same for each of N members: x (N, I), W (N, I, O), b (N, O)."""
-    y = bias.copy()
+    y, whole = bias.copy(), x.shape[1] - x.shape[1] % 4
     for n in range(len(x)):
-        for i in range(x.shape[1]):
+        for i in range(0, whole, 4):  # four terms at a time, one after the other: y is written less often
+            a, b, c, d = x[n, i], x[n, i + 1], x[n, i + 2], x[n, i + 3]
+            for j in range(y.shape[1]):
+                first = y[n, j] + a * weight[n, i, j] + b * weight[n, i + 1, j]
+                y[n, j] = first + c * weight[n, i + 2, j] + d * weight[n, i + 3, j]
+        for i in range(whole, x.shape[1]):
             for j in range(y.shape[1]):
                 y[n, j] += x[n, i] * weight[n, i, j]
     return y
@@ -120,6 +125,16 @@ def decoded(
     for n in range(len(y)):
         gelu_of(y[n])
     return mapped_each(y, last, last_bias)
+
+
+@kernel
+def decoded_with(
+    action: Single, action_weight: Singles, action_bias: Single,
+    latent: Singles, weight: SingleCube, bias: Singles, last: SingleCube, last_bias: Singles,
+) -> NewSingles:  # fmt: skip
+    """(N, O), `decoded` of latents (N, I) and all members' maps of an action (A,), (A, N I) and (N I,)."""
+    own = mapped(action, action_weight, action_bias).reshape(latent.shape)
+    return decoded(latent + own, weight, bias, last, last_bias)
 
 
 @kernel
