@@ -89,3 +89,24 @@ def unexplained(now: Table, before: Table, rows: Rows, acceleration: Vector, dt:
         found[count, 3] = one[5] - last[5] - bend
         count += 1
     return found[:count].copy()
+
+
+# ---- who stands
+
+
+@kernel
+def any_slower(velocity: Table, speed: float) -> bool:
+    """Whether one of the velocities (N, 2) m/s is slower than `speed` m/s."""
+    found = False
+    for i in range(len(velocity)):
+        found = found or math.hypot(velocity[i, 0], velocity[i, 1]) < speed
+    return found
+
+
+@kernel
+def all_have_ways(path: Rows, kind: Rows, walker: int) -> bool:
+    """Whether all with a path (N,) of -1, for none, are of the kind (N,) `walker`."""
+    found = True
+    for i in range(len(path)):
+        found = found and (path[i] >= 0 or kind[i] == walker)
+    return found
