@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from rudc.arrays import Floats
-from rudc.kernels import Cube, Layout, NewTable, Vector, kernel
+from rudc.kernels import Cube, Layout, NewSingle, NewTable, Vector, kernel
 
 Number = Annotated[np.float32, Layout("float32")]
 """of single precision"""
@@ -16,7 +16,6 @@ Single = Annotated[Floats, Layout("float32", 1, readonly=True)]
 """(n,) of single precision, read; the others likewise"""
 Singles = Annotated[Floats, Layout("float32", 2, readonly=True)]
 SingleCube = Annotated[Floats, Layout("float32", 3, readonly=True)]
-NewSingle = Annotated[Floats, Layout("float32", 1)]
 NewSingles = Annotated[Floats, Layout("float32", 2)]
 NewSingleCube = Annotated[Floats, Layout("float32", 3)]
 
