@@ -15,6 +15,7 @@ import os
 import tempfile
 import weakref
 from collections.abc import Callable, Iterator, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar, cast
 
@@ -243,10 +244,12 @@ class Sumo:
     def motion(self, vehicles: Sequence[str], lengths: Array) -> Motion:
         """Read n vehicles at once; lengths is (n,) m."""
         count = len(vehicles)
-        position = np.array(list(map(_place, vehicles))).reshape(count, 2)
-        angle, speed, acceleration, along = np.array(
-            [x for get in _NUMBERS for x in map(get, vehicles)]
-        ).reshape(len(_NUMBERS), count)
+        numbers = [*chain.from_iterable(map(_place, vehicles))]
+        for get in _NUMBERS:
+            numbers += map(get, vehicles)
+        table = np.array(numbers)
+        position = table[: 2 * count].reshape(count, 2)
+        angle, speed, acceleration, along = table[2 * count :].reshape(len(_NUMBERS), count)
         heading = _QUARTER - angle * _RADIAN
         course = np.empty((count, 2))
         course[:, 0], course[:, 1] = np.cos(heading), np.sin(heading)
