@@ -116,3 +116,12 @@ def nearest_first(
         headings[k], accelerations[k], along[k] = heading[i], acceleration[i], path_s[i]
         kinds[k], paths[k] = kind[i], path[i]
     return order, places, headings, velocity, accelerations, sizes, kinds, paths, along
+
+
+@kernel
+def largest(table: Table) -> float:
+    """The largest magnitude in a table (N, 2), 0 in an empty one."""
+    found = 0.0
+    for i in range(len(table)):
+        found = max(found, abs(table[i, 0]), abs(table[i, 1]))
+    return found

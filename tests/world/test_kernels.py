@@ -66,3 +66,4 @@ def test_a_scene_has_the_nearest_first(n):
     given = position, heading, speed[:, None] * course, acceleration, size, kind, path, path_s
     for got, of in zip(others, given, strict=True):
         assert got.tolist() == of[wanted].tolist()
+    assert kernels.largest(position) == abs(position).max(initial=0.0)
