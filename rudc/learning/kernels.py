@@ -173,16 +173,17 @@ def tail_deviations(quantiles: Cube, weights: Vector) -> NewTable:
     `quantiles` (N, B, Q) in any order; the tail is the lowest of them, with `weights`, which sum to 1.
     """
     members, count = len(quantiles), len(weights)
-    result, means = np.zeros((3, quantiles.shape[1])), np.empty(members)
+    result, means, z = np.zeros((3, quantiles.shape[1])), np.empty(members), np.empty(count)
     for b in range(quantiles.shape[1]):
         for n in range(members):
-            z = quantiles[n, b].copy()
-            for i in range(1, len(z)):  # insertion sort
-                new, k = z[i], i
+            for i in range(quantiles.shape[2]):  # insertion sort of the lowest
+                new, k = quantiles[n, b, i], min(i, count)
                 while k > 0 and z[k - 1] > new:
-                    z[k] = z[k - 1]
+                    if k < count:
+                        z[k] = z[k - 1]
                     k -= 1
-                z[k] = new
+                if k < count:
+                    z[k] = new
             means[n] = 0.0
             for k in range(count):
                 means[n] += weights[k] * z[k]

@@ -81,8 +81,9 @@ class Bodies(NamedTuple):
     def empty(cls, k: int) -> Self:
         """K bare distances that are to be filled in."""
         position, velocity, direction = np.empty((3, k), dtype=np.complex128)
-        short, stretch = np.ones((2, k)), np.zeros((2, k))
-        return cls(position, velocity, direction, np.zeros(k), np.zeros(k), np.empty(k), short, stretch)
+        numbers = np.zeros((7, k))
+        numbers[3:5] = 1.0
+        return cls(position, velocity, direction, *numbers[:3], numbers[3:5], numbers[5:])
 
     def part(self, rows: slice) -> Bodies:
         """Some of them, as views; itself where they are all."""

@@ -89,13 +89,13 @@ class ConstraintBuilder:
             parts.append(Part(barrier, found, slice(len(names), len(names) + len(found.names))))
             names += found.names
         near = sum(len(part.found.names) for part in parts[: len(self._clearances)])
-        bodies, mode = Bodies.empty(near), np.ones(len(names))
+        bodies, mode = Bodies.empty(near), np.zeros(len(names))
         for barrier, (_, found, rows) in zip(self._clearances, parts, strict=False):
             if found.names:
                 barrier.fill(scene, found, bodies.part(rows))
         for barrier, _, rows in parts:
-            if barrier.as_road:
-                mode[rows] = 0.0
+            if not barrier.as_road:
+                mode[rows] = 1.0
         return Constraints(names, tuple(parts), bodies, mode)
 
 
