@@ -72,7 +72,7 @@ class Motion(NamedTuple):
     """Where n vehicles are and how they move."""
 
     position: Array
-    """(n, 2) m, centres"""
+    """(n, 2) m, centres of front bumpers"""
     heading: Array
     """(n,) rad"""
     course: Array
@@ -241,8 +241,8 @@ class Sumo:
         return libsumo.vehicle.getIDList()
 
     @_to("say where vehicles are")
-    def motion(self, vehicles: Sequence[str], lengths: Array) -> Motion:
-        """Read n vehicles at once; lengths is (n,) m."""
+    def motion(self, vehicles: Sequence[str]) -> Motion:
+        """Read n vehicles at once."""
         count = len(vehicles)
         numbers = [*chain.from_iterable(map(_place, vehicles))]
         for get in _NUMBERS:
@@ -253,7 +253,6 @@ class Sumo:
         heading = _QUARTER - angle * _RADIAN
         course = np.empty((count, 2))
         course[:, 0], course[:, 1] = np.cos(heading), np.sin(heading)
-        position -= (0.5 * lengths)[:, None] * course
         return Motion(position, heading, course, speed, acceleration, list(map(_lane, vehicles)), along)
 
     @_to("say where a vehicle is")
