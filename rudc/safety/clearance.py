@@ -81,9 +81,10 @@ class Bodies(NamedTuple):
     def empty(cls, k: int) -> Self:
         """K bare distances that are to be filled in."""
         position, velocity, direction = np.empty((3, k), dtype=np.complex128)
-        numbers = np.zeros((7, k))
-        numbers[3:5] = 1.0
-        return cls(position, velocity, direction, *numbers[:3], numbers[3:5], numbers[5:])
+        offset, mode, margin = np.zeros((3, k))
+        ellipses = np.zeros((2, 2, k))
+        ellipses[0] = 1.0
+        return cls(position, velocity, direction, offset, mode, margin, *ellipses)
 
     def part(self, rows: slice) -> Bodies:
         """Some of them, as views; itself where they are all."""
