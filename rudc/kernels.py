@@ -22,7 +22,7 @@ from functools import cache, update_wrapper
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
-from rudc.arrays import Array, Complex, Flags, Index
+from rudc.arrays import Array, Complex, Flags, Floats, Index
 
 Result = TypeVar("Result")
 
@@ -59,6 +59,8 @@ NewPlaceTable = Annotated[Complex, Layout("complex128", 2)]
 NewRows = Annotated[Index, Layout("int64", 1)]
 NewRowTable = Annotated[Index, Layout("int64", 2)]
 NewFlags = Annotated[Flags, Layout("boolean", 1)]
+NewSingle = Annotated[Floats, Layout("float32", 1)]
+"""of single precision"""
 
 _PLAIN = {float: "float64", int: "int64", bool: "boolean", complex: "complex128"}
 

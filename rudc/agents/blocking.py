@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rudc.agents.coming import LANE_S, NOBODY, Lanes, lanes_of, strays, swept
+from rudc.agents.kernels import all_have_ways
 from rudc.agents.standing import Standing
 from rudc.arrays import Array, Flags, Index
 from rudc.geometry import NO_RECTANGLES, Rectangles, rectangle_gaps
@@ -82,7 +83,10 @@ class Blocking:
 
     def look(self, scene: Scene) -> Blocks:
         """What blocks now; called once a decision."""
-        scene = self._standing.look(scene)
+        seen, scene = scene, self._standing.look(scene)
+        if scene is seen and all_have_ways(scene.path, scene.kind, PEDESTRIAN):  # nobody stands
+            self._since = {}
+            return NOTHING
         speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
         still = speed < STILL
         self._since = {

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from rudc.env.kernels import interpolated, leader, seen_from_line
-from rudc.kernels import Table, Vector, kernel
+from rudc.kernels import NewTable, Rows, Table, Vector, kernel
 
 
 @kernel
@@ -44,3 +46,67 @@ def who_leads(
     if rear == math.inf:
         return math.inf, 0.0
     return rear - front - 0.5 * ego_length, math.hypot(velocity[who, 0], velocity[who, 1]) * seen[who, 2]
+
+
+# ---- what sensors show
+
+
+@kernel
+def sighted(position: Table, velocity: Table, heading: Vector, most: int, slowest: float) -> NewTable:
+    """(N, 6) of the first others, `most` at most: place (m, m), speed (m/s, negative backwards), its
+    direction, and heading (rad); that of the body where somebody is no faster than `slowest` m/s.
+    """
+    seen = np.empty((min(len(heading), most), 6))
+    for i in range(len(seen)):
+        cos, sin = math.cos(heading[i]), math.sin(heading[i])
+        speed = math.hypot(velocity[i, 0], velocity[i, 1])
+        x, y = cos, sin
+        if speed > slowest:
+            x, y = velocity[i, 0] / speed, velocity[i, 1] / speed
+        if x * cos + y * sin < 0.0:
+            speed, x, y = -speed, -x, -y
+        seen[i, 0], seen[i, 1], seen[i, 2] = position[i, 0], position[i, 1], speed
+        seen[i, 3], seen[i, 4], seen[i, 5] = x, y, heading[i]
+    return seen
+
+
+@kernel
+def unexplained(now: Table, before: Table, rows: Rows, acceleration: Vector, dt: float) -> NewTable:
+    """(K, 4) of those seen `now` (N, 6) that were in some row of `before` (M, 6), dt s ago, -1 for none: what
+    motion does not explain of their x and y (m), speed (m/s), and heading (rad, with full turns).
+    """
+    count = 0
+    found = np.empty((len(now), 4))
+    for i in range(len(now)):
+        if rows[i] < 0:
+            continue
+        one, last = now[i], before[rows[i]]
+        for axis in range(2):
+            way = 0.5 * dt * (last[2] * last[3 + axis] + one[2] * one[3 + axis])
+            found[count, axis] = abs(one[axis] - last[axis] - way)
+        found[count, 2] = abs(one[2] - last[2] - dt * acceleration[i])
+        bend = math.atan2(one[4] * last[3] - one[3] * last[4], one[3] * last[3] + one[4] * last[4])
+        found[count, 3] = one[5] - last[5] - bend
+        count += 1
+    return found[:count].copy()
+
+
+# ---- who stands
+
+
+@kernel
+def any_slower(velocity: Table, speed: float) -> bool:
+    """Whether one of the velocities (N, 2) m/s is slower than `speed` m/s."""
+    found = False
+    for i in range(len(velocity)):
+        found = found or math.hypot(velocity[i, 0], velocity[i, 1]) < speed
+    return found
+
+
+@kernel
+def all_have_ways(path: Rows, kind: Rows, walker: int) -> bool:
+    """Whether all with a path (N,) of -1, for none, are of the kind (N,) `walker`."""
+    found = True
+    for i in range(len(path)):
+        found = found and (path[i] >= 0 or kind[i] == walker)
+    return found

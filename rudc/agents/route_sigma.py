@@ -99,15 +99,19 @@ class RouteSigma:
         own = group(arrays, ROUTE)
         return cls(own) if own else None
 
-    def excess(self, place: Place) -> tuple[float, ...]:
+    def excess(self, place: Place) -> tuple[float, float, float]:
         """(3,) f - mean f of a place, of log sigma_epi, sigma_ale and sigma_total."""
         stop, go, task, major = place
         return two_way(float(stop), float(go), STOP, self._stop[:, task, major], GO, self._go)
 
     def of(self, scene: Scene, unsure: Uncertainty) -> Uncertainty:
         """What is stated in a scene, by route; reward units."""
-        excess = self.excess(place_of(scene))
-        return Uncertainty(*(value * math.exp(-e) for value, e in zip(unsure, excess, strict=True)))
+        epistemic, aleatoric, total = self.excess(place_of(scene))
+        return Uncertainty(
+            unsure.epistemic * math.exp(-epistemic),
+            unsure.aleatoric * math.exp(-aleatoric),
+            unsure.total * math.exp(-total),
+        )
 
     def of_heard(self, heard: Heard) -> Array:
         """(n, 3) the same of an episode's decisions."""

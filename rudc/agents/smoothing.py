@@ -26,6 +26,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rudc.agents.kernels import sighted, unexplained
+from rudc.arrays import Array
 from rudc.world.scene import Scene
 
 LISTENED, KEPT, FEWEST = 4, 120, 12
@@ -106,7 +108,9 @@ class Smoothing:
     """Of one episode."""
 
     def __init__(self) -> None:
-        self._seen: dict[str, _Other] = {}
+        self._names: tuple[str, ...] = ()
+        self._seen: Array = np.zeros((0, 6))
+        """the nearest others a decision ago, as `sighted` has them"""
         self._known: dict[str, tuple[_Other, _Spread]] = {}
         self._time_s = -math.inf
         self._place, self._speed, self._heading = map(_Level, LEAST)
@@ -131,17 +135,16 @@ class Smoothing:
 
     def _listen(self, scene: Scene, dt: float) -> None:
         """Take note of what motion does not explain since the last decision."""
-        now = dict(zip(scene.ids, _sightings(scene, LISTENED), strict=False))
+        before, names = self._names, scene.ids[:LISTENED]
+        rows = np.array([before.index(name) if name in before else -1 for name in names], dtype=np.int64)
+        seen = sighted(scene.position, scene.velocity, scene.heading, LISTENED, EXACT)
+        found = unexplained(seen, self._seen, rows, scene.acceleration, dt)
+        self._names, self._seen = names, seen
         places, speeds, headings = list[float](), list[float](), list[float]()
-        for i, (name, one) in enumerate(now.items()):
-            last = self._seen.get(name)
-            if last is None:
-                continue
-            moved = one.place - last.place - 0.5 * dt * (last.speed * last.course + one.speed * one.course)
-            places += abs(moved.real), abs(moved.imag)
-            speeds.append(abs(one.speed - last.speed - dt * float(scene.acceleration[i])))
-            headings.append(abs(_turn(one.heading - last.heading - _bend(last.course, one.course))))
-        self._seen = now
+        for x, y, faster, turned in found.tolist():
+            places += x, y
+            speeds.append(faster)
+            headings.append(abs(_turn(turned)))
         for level, heard in ((self._place, places), (self._speed, speeds), (self._heading, headings)):
             level.hear(heard)
 
@@ -150,9 +153,7 @@ class Smoothing:
         self._known = {n: k for n, k in self._known.items() if scene.time_s - k[0].time_s <= LOST_S}
         shown = [
             self._follow(name, seen, a, place, speed, heading)
-            for name, seen, a in zip(
-                scene.ids, _sightings(scene, scene.count), scene.acceleration.tolist(), strict=True
-            )
+            for name, seen, a in zip(scene.ids, _sightings(scene), scene.acceleration.tolist(), strict=True)
         ]
         position = np.array([(one.place.real, one.place.imag) for one in shown]).reshape(-1, 2)
         velocity = np.array([(v.real, v.imag) for v in (one.speed * one.course for one in shown)])
@@ -182,18 +183,13 @@ class Smoothing:
         return known[0]
 
 
-def _sightings(scene: Scene, most: int) -> list[_Other]:
-    """What is seen of the first others, `most` at most."""
-    rows = scene.position[:most].tolist(), scene.velocity[:most].tolist(), scene.heading[:most].tolist()
-    found = []
-    for (x, y), (vx, vy), heading in zip(*rows, strict=True):
-        facing, velocity = cmath.rect(1.0, heading), complex(vx, vy)
-        speed = abs(velocity)
-        course = velocity / speed if speed > EXACT else facing
-        if (course * facing.conjugate()).real < 0.0:
-            course, speed = -course, -speed
-        found.append(_Other(scene.time_s, complex(x, y), speed, course, heading))
-    return found
+def _sightings(scene: Scene) -> list[_Other]:
+    """What is seen of the others."""
+    rows = sighted(scene.position, scene.velocity, scene.heading, scene.count, EXACT).tolist()
+    return [
+        _Other(scene.time_s, complex(x, y), speed, complex(cos, sin), heading)
+        for x, y, speed, cos, sin, heading in rows
+    ]
 
 
 def _move(one: _Other, spread: _Spread, seen: _Other, acceleration: float) -> bool:

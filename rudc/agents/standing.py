@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rudc.agents.kernels import any_slower
 from rudc.world.scene import STILL, Scene
 
 MOVES, SETTLE_S = 0.5, 1.0
@@ -52,8 +53,12 @@ class Standing:
         self._seen_s = -math.inf
 
     def look(self, scene: Scene) -> Scene:
-        """The scene with those who stand at rest where they stand; called once a decision."""
+        """The scene with those who stand at rest where they stand, itself where nobody does; called once a
+        decision.
+        """
         passed, self._seen_s = scene.time_s - self._seen_s, scene.time_s
+        if not self._known and not any_slower(scene.velocity, STILL):
+            return scene
         speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
         for i, (name, now) in enumerate(zip(scene.ids, speed.tolist(), strict=True)):
             if now < STILL or name in self._known:

@@ -122,5 +122,5 @@ ActionSettings = Annotated[
 
 
 def _cut(action: Action | tuple[float, float]) -> tuple[float, float]:
-    x, y = (min(max(float(value), -1.0), 1.0) for value in action)
-    return x, y
+    x, y = float(action[0]), float(action[1])
+    return min(max(x, -1.0), 1.0), min(max(y, -1.0), 1.0)

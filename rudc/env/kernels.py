@@ -13,6 +13,7 @@ from rudc.kernels import (
     Layout,
     NewCube,
     NewRows,
+    NewSingle,
     NewTable,
     NewVector,
     Rows,
@@ -29,6 +30,7 @@ UNIT = 0.04
 
 Gaps = Annotated[NDArray[np.uint8], Layout("uint8", 1, "A", readonly=True)]
 Entries = Annotated[NDArray[np.int64], Layout("int64", 2, "A", readonly=True)]
+Ten = tuple[float, float, float, float, float, float, float, float, float, float]
 
 # ---- who is where
 
@@ -367,3 +369,31 @@ def waypoints(
         result[2 * k] = (away_x * cos + away_y * sin) * per_m
         result[2 * k + 1] = (away_y * cos - away_x * sin) * per_m
     return result
+
+
+@kernel
+def observed(
+    ego: Ten, x: float, y: float, psi: float, velocity_x: float, velocity_y: float,
+    most: int, position: Table, heading: Vector, velocity: Table, per_m: float, per_speed: float, cut: float,
+    line: Table, station: float, stride: int, count: int, per_waypoint: float,
+    task: int, tasks: int, conflict: Vector, limit: float,
+) -> NewSingle:  # fmt: skip
+    """The whole observation, parts one after another: of the ego, `others_features`, `waypoints`, the task as
+    one-hot of `tasks`, and of conflicts; each cut to [-limit, limit].
+    """
+    result = np.zeros(len(ego) + 6 * most + 2 * count + tasks + len(conflict))
+    for k in range(len(ego)):
+        result[k] = ego[k]
+    at, end = len(ego), len(ego) + 6 * most
+    result[at:end] = others_features(
+        x, y, psi, velocity_x, velocity_y, most, position, heading, velocity, per_m, per_speed, cut
+    )
+    at, end = end, end + 2 * count
+    result[at:end] = waypoints(line, station, stride, count, x, y, psi, per_waypoint)
+    result[end + task] = 1.0
+    result[end + tasks :] = conflict
+    flat = np.empty(len(result), np.float32)
+    for k in range(len(result)):
+        value = result[k]
+        flat[k] = limit if value > limit else -limit if value < -limit else value
+    return flat

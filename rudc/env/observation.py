@@ -37,7 +37,7 @@ from rudc.arrays import Array, Floats
 from rudc.env.conflict import FEATURES as CONFLICT_FEATURES
 from rudc.env.conflict import conflict_features
 from rudc.env.distances import Distances, measure
-from rudc.env.kernels import others_features, waypoints
+from rudc.env.kernels import Ten, observed
 from rudc.env.remembered import Remembered
 from rudc.errors import InputError
 from rudc.hints import there_are
@@ -51,6 +51,8 @@ OTHERS = 12
 """N_SV, surrounding vehicles observed"""
 WAYPOINTS = 10
 """N_wp, reference points observed"""
+TASKS = 3
+"""left, straight, right"""
 SPACING = 3.0
 """m between two reference points"""
 LIMIT = 3.0
@@ -66,7 +68,7 @@ PARTS: dict[str, tuple[int, ...]] = {
     "ego": (10,),
     "others": (OTHERS, 6),
     "waypoints": (WAYPOINTS, 2),
-    "task": (3,),
+    "task": (TASKS,),
     "conflict": (len(CONFLICT_FEATURES),),
 }
 """shape of each part, in the order of the flat observation"""
@@ -74,6 +76,7 @@ PARTS: dict[str, tuple[int, ...]] = {
 _STRIDE = round(SPACING / STATION)
 _SPAN = WAYPOINTS * _STRIDE + 1
 
+_NO_CONFLICT: Array = np.zeros(0)
 _lines: Remembered[ReferencePath, Array] = Remembered()
 
 
@@ -101,15 +104,16 @@ def observe_flat(scene: Scene, kind: ObservationKind, distances: Distances | Non
     """The observation as one array of float32, the parts one after another, freshly allocated. `distances`:
     those of this scene, where they are known already.
     """
-    result = np.zeros(observation_size(kind))
-    at = 10 + 6 * OTHERS
-    result[0:10] = _ego(scene, distances or measure(scene))
-    result[10:at] = _others(scene)
-    result[at : at + 2 * WAYPOINTS] = _waypoints(scene)
-    result[at + 2 * WAYPOINTS + scene.route.task] = 1.0
-    if kind == "conflict":
-        result[-len(CONFLICT_FEATURES) :] = conflict_features(scene)
-    return np.minimum(np.maximum(result, -LIMIT), LIMIT).astype(np.float32)
+    path, ego = scene.route.path, scene.ego
+    course, line = ego.psi + ego.slip, _lines.get(path, lambda: _prolonged(path))
+    return observed(
+        _ego(scene, distances or measure(scene)),
+        ego.x, ego.y, ego.psi, ego.v * math.cos(course), ego.v * math.sin(course),
+        OTHERS, scene.position, scene.heading, scene.velocity, 1.0 / POSITION, 1.0 / VELOCITY, OTHERS_CUT,
+        line, min(max(scene.ego_s / STATION, 0.0), len(line) - _SPAN - 1.0), _STRIDE, WAYPOINTS,
+        1.0 / TO_WAYPOINT, scene.route.task, TASKS,
+        conflict_features(scene) if kind == "conflict" else _NO_CONFLICT, LIMIT,
+    )  # fmt: skip
 
 
 def unflatten(flat: Floats, kind: ObservationKind) -> dict[str, Floats]:
@@ -122,7 +126,7 @@ def unflatten(flat: Floats, kind: ObservationKind) -> dict[str, Floats]:
     return result
 
 
-def _ego(scene: Scene, distances: Distances) -> tuple[float, ...]:
+def _ego(scene: Scene, distances: Distances) -> Ten:
     ego, centre = scene.ego, scene.network.center
     turn = scene.route.canonical_angle
     cos, sin = math.cos(turn), math.sin(turn)
@@ -140,24 +144,6 @@ def _ego(scene: Scene, distances: Distances) -> tuple[float, ...]:
         distances.road_m / TO_ROAD,
         distances.destination_m / POSITION,
     )
-
-
-def _others(scene: Scene) -> Array:
-    """(6 OTHERS,) the nearest others' rows."""
-    ego = scene.ego
-    course = ego.psi + ego.slip
-    return others_features(
-        ego.x, ego.y, ego.psi, ego.v * math.cos(course), ego.v * math.sin(course), OTHERS,
-        scene.position, scene.heading, scene.velocity, 1.0 / POSITION, 1.0 / VELOCITY, OTHERS_CUT,
-    )  # fmt: skip
-
-
-def _waypoints(scene: Scene) -> Array:
-    """(2 WAYPOINTS,) dx, dy of the reference points ahead."""
-    path, ego = scene.route.path, scene.ego
-    line = _lines.get(path, lambda: _prolonged(path))
-    at = min(max(scene.ego_s / STATION, 0.0), len(line) - _SPAN - 1.0)
-    return waypoints(line, at, _STRIDE, WAYPOINTS, ego.x, ego.y, ego.psi, 1.0 / TO_WAYPOINT)
 
 
 def _prolonged(path: ReferencePath) -> Array:

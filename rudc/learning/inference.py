@@ -23,7 +23,7 @@ from rudc.learning.config import (
     NetworkConfig,
     ObservationLayout,
 )
-from rudc.learning.kernels import decoded, gelu_of, gelu_slope, mapped, mapped_each
+from rudc.learning.kernels import decoded, decoded_with, gelu_of, gelu_slope, mapped, mapped_each
 from rudc.learning.parameters import SCORE_BOUND, group, waypoint_positions
 from rudc.learning.uncertainty import Uncertainty, uncertainty
 
@@ -107,9 +107,11 @@ class NeuralNetwork:
 
     def decode(self, latent: Floats, action: Floats | None = None) -> Floats:
         """Outputs (N, outputs) from latents (N, hidden) and, for a critic, an action."""
-        if action is not None:
-            latent = latent + self._map_common("action", action)
-        return decoded(np.ascontiguousarray(latent), *self._head)
+        latent = np.ascontiguousarray(latent)
+        if action is None:
+            return decoded(latent, *self._head)
+        action = np.ascontiguousarray(action, np.float32)
+        return decoded_with(action, *self._common["action"], latent, *self._head)
 
     def sloped(self, latent: Floats, action: Floats) -> tuple[Floats, Floats]:
         """First output (N,) of each network, and its gradient (N, actions) with respect to the action."""
@@ -134,6 +136,8 @@ class Decider:
         """Take over weights named as in `Learner.weights`: `policy/...`, and what critics there are."""
         config, layout = self.config, self._layout
         self._prior_share = np.float32(getattr(config, "prior_share", 0.0))
+        self._ensemble = config if isinstance(config, EnsembleConfig) else None
+        """None where critics are no ensemble of distributions"""
         self._actions = group(arrays, "policy")["out.bias"].shape[-1] // 2
         self._observers: dict[str, NeuralNetwork] = {}
         for name, (network, _) in config.observers(self._actions).items():
@@ -164,11 +168,10 @@ class Decider:
         """What the critics of returns say of an action, (N, outputs) reward units: Z_n of Eq. (fpn) of an
         ensemble's members, or one number of each critic.
         """
-        config, outputs = self.config, self._outputs("critic", observation, action)
-        z = np.float32(config.value_scale) * outputs
-        if isinstance(config, EnsembleConfig) and len(outputs) > config.members:
-            z = z[: config.members] + self._prior_share * outputs[config.members :]
-        return z
+        outputs, ensemble = self._outputs("critic", observation, action), self._ensemble
+        scale, members = np.float32(self.config.value_scale), ensemble.members if ensemble else len(outputs)
+        z = scale * outputs[:members]
+        return z if len(outputs) == members else z + self._prior_share * outputs[members:]
 
     def cost(self, observation: Floats, action: Floats) -> float:
         """The larger of the costs that two cost critics expect after an action."""
@@ -215,9 +218,9 @@ class Decider:
         """Of the return that follows from an action, reward units; None where critics are no ensemble of
         distributions, or left out.
         """
-        if not isinstance(self.config, EnsembleConfig) or "critic" not in self._critics:
+        if self._ensemble is None or "critic" not in self._critics:
             return None
-        return uncertainty(self.quantiles(observation, action), self.config.beta)
+        return uncertainty(self.quantiles(observation, action), self._ensemble.beta)
 
 
 def gelu(x: Floats) -> Floats:

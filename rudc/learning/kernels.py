@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from rudc.arrays import Floats
-from rudc.kernels import Cube, Layout, NewTable, Vector, kernel
+from rudc.kernels import Cube, Layout, NewSingle, NewTable, Vector, kernel
 
 Number = Annotated[np.float32, Layout("float32")]
 """of single precision"""
@@ -16,7 +16,6 @@ Single = Annotated[Floats, Layout("float32", 1, readonly=True)]
 """(n,) of single precision, read; the others likewise"""
 Singles = Annotated[Floats, Layout("float32", 2, readonly=True)]
 SingleCube = Annotated[Floats, Layout("float32", 3, readonly=True)]
-NewSingle = Annotated[Floats, Layout("float32", 1)]
 NewSingles = Annotated[Floats, Layout("float32", 2)]
 NewSingleCube = Annotated[Floats, Layout("float32", 3)]
 
@@ -100,9 +99,14 @@ def mapped(x: Single, weight: Singles, bias: Single) -> NewSingle:
 @kernel
 def mapped_each(x: Singles, weight: SingleCube, bias: Singles) -> NewSingles:
     """(N, O), the same for each of N members: x (N, I), W (N, I, O), b (N, O)."""
-    y = bias.copy()
+    y, whole = bias.copy(), x.shape[1] - x.shape[1] % 4
     for n in range(len(x)):
-        for i in range(x.shape[1]):
+        for i in range(0, whole, 4):  # four terms at a time, one after the other: y is written less often
+            a, b, c, d = x[n, i], x[n, i + 1], x[n, i + 2], x[n, i + 3]
+            for j in range(y.shape[1]):
+                first = y[n, j] + a * weight[n, i, j] + b * weight[n, i + 1, j]
+                y[n, j] = first + c * weight[n, i + 2, j] + d * weight[n, i + 3, j]
+        for i in range(whole, x.shape[1]):
             for j in range(y.shape[1]):
                 y[n, j] += x[n, i] * weight[n, i, j]
     return y
@@ -120,6 +124,16 @@ def decoded(
     for n in range(len(y)):
         gelu_of(y[n])
     return mapped_each(y, last, last_bias)
+
+
+@kernel
+def decoded_with(
+    action: Single, action_weight: Singles, action_bias: Single,
+    latent: Singles, weight: SingleCube, bias: Singles, last: SingleCube, last_bias: Singles,
+) -> NewSingles:  # fmt: skip
+    """(N, O), `decoded` of latents (N, I) and all members' maps of an action (A,), (A, N I) and (N I,)."""
+    own = mapped(action, action_weight, action_bias).reshape(latent.shape)
+    return decoded(latent + own, weight, bias, last, last_bias)
 
 
 @kernel
@@ -159,16 +173,17 @@ def tail_deviations(quantiles: Cube, weights: Vector) -> NewTable:
     `quantiles` (N, B, Q) in any order; the tail is the lowest of them, with `weights`, which sum to 1.
     """
     members, count = len(quantiles), len(weights)
-    result, means = np.zeros((3, quantiles.shape[1])), np.empty(members)
+    result, means, z = np.zeros((3, quantiles.shape[1])), np.empty(members), np.empty(count)
     for b in range(quantiles.shape[1]):
         for n in range(members):
-            z = quantiles[n, b].copy()
-            for i in range(1, len(z)):  # insertion sort
-                new, k = z[i], i
+            for i in range(quantiles.shape[2]):  # insertion sort of the lowest
+                new, k = quantiles[n, b, i], min(i, count)
                 while k > 0 and z[k - 1] > new:
-                    z[k] = z[k - 1]
+                    if k < count:
+                        z[k] = z[k - 1]
                     k -= 1
-                z[k] = new
+                if k < count:
+                    z[k] = new
             means[n] = 0.0
             for k in range(count):
                 means[n] += weights[k] * z[k]

@@ -19,6 +19,9 @@ def gaps_at(
     (M,) rad and sizes (M, 2) m; inf where the circles round both are `near` m apart or farther.
     """
     half, its_half = (0.5 * length, 0.5 * width), 0.5 * their_size
+    facing = np.empty(len(heading), np.complex128)
+    for i in range(len(heading)):
+        facing[i] = complex(math.cos(heading[i]), math.sin(heading[i]))
     found = np.full((len(heading), len(their_heading)), math.inf)
     for j in range(len(their_heading)):
         other = complex(math.cos(their_heading[j]), math.sin(their_heading[j]))
@@ -26,10 +29,9 @@ def gaps_at(
         for i in range(len(heading)):
             r = complex(others[j, 0] - place[i, 0], others[j, 1] - place[i, 1])
             if r.real * r.real + r.imag * r.imag < reach * reach:
-                facing = complex(math.cos(heading[i]), math.sin(heading[i]))
                 found[i, j] = rectangle_gap(
                     r,
-                    facing,
+                    facing[i],
                     other,
                     0.5 * length,
                     0.5 * width,

@@ -122,3 +122,20 @@ def to_edges(
                 if r.real**2 + r.imag**2 < least:
                     least, away[e * len(ahead) + n] = r.real**2 + r.imag**2, r
     return away
+
+
+@kernel
+def on_edges(
+    away: Places, rate: Vector, offset: Vector, position: complex, heading: complex, motion: complex,
+    places: NewPlaces, velocities: NewPlaces,
+) -> int:  # fmt: skip
+    """Write where projections are, m, and how they slide, m/s, of n points `offset` (n,) m ahead of
+    `position` m in the direction `heading`, which are `away` (n,) m from them and move by `motion` m/s.
+
+    `rate` (n,) m2/s is away . motion. Answers 0.
+    """
+    for i in range(len(away)):
+        r = away[i]
+        share = rate[i] / max(r.real * r.real + r.imag * r.imag, CLOSEST)
+        places[i], velocities[i] = position + offset[i] * heading - r, motion - share * r
+    return 0

@@ -81,8 +81,10 @@ class Bodies(NamedTuple):
     def empty(cls, k: int) -> Self:
         """K bare distances that are to be filled in."""
         position, velocity, direction = np.empty((3, k), dtype=np.complex128)
-        short, stretch = np.ones((2, k)), np.zeros((2, k))
-        return cls(position, velocity, direction, np.zeros(k), np.zeros(k), np.empty(k), short, stretch)
+        offset, mode, margin = np.zeros((3, k))
+        ellipses = np.zeros((2, 2, k))
+        ellipses[0] = 1.0
+        return cls(position, velocity, direction, offset, mode, margin, *ellipses)
 
     def part(self, rows: slice) -> Bodies:
         """Some of them, as views; itself where they are all."""

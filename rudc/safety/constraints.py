@@ -47,9 +47,9 @@ class Constraints:
 
     def terms(self, scene: Scene) -> Terms:
         """h and derivatives (K,) of all."""
-        terms = clearance_terms(*ego_pose(scene), self.bodies)
-        for barrier, found, _ in self.parts:
-            if not isinstance(barrier, Clearance):
+        terms, near = clearance_terms(*ego_pose(scene), self.bodies), len(self.bodies.offset)
+        for barrier, found, rows in self.parts:
+            if rows.stop > near:
                 terms = _joined(terms, barrier.terms(scene, found))
         return terms
 
@@ -77,24 +77,25 @@ class ConstraintBuilder:
 
     def __init__(self, config: FilterConfig) -> None:
         barriers = [BARRIERS[name](settings) for name, settings in config.barriers.items()]
-        self._barriers = sorted(barriers, key=lambda barrier: not isinstance(barrier, Clearance))
+        self._clearances = [barrier for barrier in barriers if isinstance(barrier, Clearance)]
+        self._others = [barrier for barrier in barriers if not isinstance(barrier, Clearance)]
 
     def build(self, scene: Scene) -> Constraints:
         """The constraints of this scene."""
         names: tuple[str, ...] = ()
-        parts, near = [], 0
-        for barrier in self._barriers:
+        parts = list[Part]()
+        for barrier in (*self._clearances, *self._others):
             found = barrier.find(scene)
             parts.append(Part(barrier, found, slice(len(names), len(names) + len(found.names))))
             names += found.names
-            if isinstance(barrier, Clearance):
-                near = len(names)
-        bodies, mode = Bodies.empty(near), np.ones(len(names))
-        for barrier, found, rows in parts:
-            if barrier.as_road:
-                mode[rows] = 0.0
-            if isinstance(barrier, Clearance) and found.names:
+        near = sum(len(part.found.names) for part in parts[: len(self._clearances)])
+        bodies, mode = Bodies.empty(near), np.zeros(len(names))
+        for barrier, (_, found, rows) in zip(self._clearances, parts, strict=False):
+            if found.names:
                 barrier.fill(scene, found, bodies.part(rows))
+        for barrier, _, rows in parts:
+            if not barrier.as_road:
+                mode[rows] = 1.0
         return Constraints(names, tuple(parts), bodies, mode)
 
 

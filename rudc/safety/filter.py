@@ -155,8 +155,9 @@ class SafetyFilter:
         minus the model's, in the order of `constraints(scene)`. Both as in `rows`, whichever kind of barrier.
         Raises SolverError if anything is not finite.
         """
-        proposed = np.array([float(u_rl[0]), float(u_rl[1])])
-        if not all(map(math.isfinite, (*proposed, slack, rate))):
+        a, delta = float(u_rl[0]), float(u_rl[1])
+        proposed = np.array([a, delta])
+        if not math.isfinite(a + delta + slack + rate):
             raise SolverError(
                 f"the filter was given an action or slack that is not finite: {proposed}, {slack}, {rate}"
             )
@@ -186,12 +187,12 @@ class SafetyFilter:
         excess = rows @ bounds.nominal - b
         if not math.isfinite(excess.dot(excess)):
             _refuse_unknown_rows(rows, b, constraints.names)
-        least = excess.min()
+        least = min(excess.tolist())
         if least < 0.0:
             conditions = conditions.sparing(scene, constraints, bounds)
             rows, b = conditions.rows(bounds.nominal)
             excess = rows @ bounds.nominal - b
-            least = excess.min()
+            least = min(excess.tolist())
         h = conditions.terms.h
         q = -self._prices * bounds.nominal
         problem = self.last_problem = Problem(self._cost, q, rows, b, bounds.lower, bounds.upper)
@@ -217,11 +218,12 @@ class SafetyFilter:
 
     def _bounds(self, scene: Scene, proposed: Array) -> _Bounds:
         body, most = scene.vehicle, self.config.max_steering_correction
+        a_proposed, delta = proposed.tolist()
         a_low = min(max(body.a_min, -scene.ego.v / self.config.dt), body.a_max)
         z_max = math.tan(body.delta_max)
-        a = min(max(proposed[0], a_low), body.a_max)
+        a = min(max(a_proposed, a_low), body.a_max)
         a_high = max(a + self.config.max_added_acceleration, a_low + LEAST_ROOM)
-        z = math.tan(min(max(proposed[1], -body.delta_max), body.delta_max))
+        z = math.tan(min(max(delta, -body.delta_max), body.delta_max))
         return _Bounds(
             nominal=np.array([a, z]),
             lower=np.array([a_low, max(z - most, -z_max)]),
@@ -375,8 +377,8 @@ def _refuse_unknown_rows(rows: Array, b: Array, names: tuple[str, ...]) -> None:
 
 def _within(body: EgoVehicle, u: Array) -> Array:
     """(2,) the action (m/s2, rad) clipped to the vehicle's limits."""
-    a = min(max(u[0], body.a_min), body.a_max)
-    return np.array([a, min(max(u[1], -body.delta_max), body.delta_max)])
+    a, delta = u.tolist()
+    return np.array([min(max(a, body.a_min), body.a_max), min(max(delta, -body.delta_max), body.delta_max)])
 
 
 def _refuse_unknown_world(scene: Scene) -> None:

@@ -60,11 +60,12 @@ def drive_bank(
         here = v + (v_after - v) * i / substeps
         widest, widest_tangent = widest_angles(limit, here, cg_to_rear, ratio)
         for d in range(delays):
-            tangent = math.tan(given[d, 1])
-            for f in range(frictions):
-                turned = min(max(tangent, -widest_tangent[f]), widest_tangent[f])
-                wanted_delta[f] = min(max(given[d, 1], -widest[f]), widest[f])
-                wanted_a[f] = within_friction(given[d, 0], turned, limit[f], here, cg_to_rear, ratio)
+            if d == 0 or given[d, 0] != given[d - 1, 0] or given[d, 1] != given[d - 1, 1]:  # else as before
+                tangent = math.tan(given[d, 1])
+                for f in range(frictions):
+                    turned = min(max(tangent, -widest_tangent[f]), widest_tangent[f])
+                    wanted_delta[f] = min(max(given[d, 1], -widest[f]), widest[f])
+                    wanted_a[f] = within_friction(given[d, 0], turned, limit[f], here, cg_to_rear, ratio)
             for k in range(lags):
                 for f in range(frictions):
                     a[d, k, f] = wanted_a[f] + (a[d, k, f] - wanted_a[f]) * keep[k]
@@ -74,18 +75,17 @@ def drive_bank(
 
 @kernel
 def score_bank(
-    cost: NewVector, a: Vector, delta: Vector, acceleration: float, steering: float, counts: float,
+    cost: NewVector, a: NewVector, delta: NewVector, acceleration: float, steering: float, counts: float,
     forget: float, a_std: float, delta_std: float, cut: float, worst: float,
 ) -> int:  # fmt: skip
     """J of the M models after a reading, the least 0, the largest `worst`. Answers 0.
 
-    `counts`: 1 if the acceleration does, else 0.
+    `counts`: 1 if the acceleration does, else 0. Arrays without gaps are worked through several at a time.
     """
-    least = math.inf
     for m in range(len(cost)):
         off_a, off_delta = (a[m] - acceleration) / a_std, (delta[m] - steering) / delta_std
         cost[m] = forget * cost[m] + counts * min(off_a * off_a, cut) + min(off_delta * off_delta, cut)
-        least = min(least, cost[m])
+    least = cost.min()
     for m in range(len(cost)):
         cost[m] = min(cost[m] - least, worst)
     return 0

@@ -13,8 +13,9 @@ from rudc.env.tracking import close_to_path
 from rudc.network.paths import SPACING
 from rudc.network.road_edges import BESIDE
 from rudc.safety.barrier import STEP, BarrierSettings, Found
+from rudc.safety.barrier_kernels import on_edges
 from rudc.safety.clearance import Bodies, Clearance
-from rudc.safety.road_points import NAMES, RoadPoints, sliding
+from rudc.safety.road_points import NAMES, RoadPoints
 from rudc.safety.rules import NotNegative
 from rudc.settings import within
 from rudc.world.scene import Scene
@@ -65,8 +66,9 @@ class RoadBarrier(Clearance):
         ego, points = scene.ego, found.data
         position, heading = complex(ego.x, ego.y), cmath.exp(1j * ego.psi)
         away = points.away(position, heading, scene.ego_s)
-        to.position[:] = position + points.offset * heading - away
-        to.velocity[:] = 0.0 if self.settings.points == "fixed" else sliding(away, ego.v * heading)
+        motion = 0j if self.settings.points == "fixed" else ego.v * heading
+        rate = (away.conj() * motion).real
+        on_edges(away, rate, points.offset, position, heading, motion, to.position, to.velocity)
         to.direction[:] = 1.0
         to.offset[:] = points.offset
         to.margin[:] = 0.5 * scene.vehicle.width + self.settings.d_safe

@@ -7,7 +7,7 @@ would not be a distance to the edge.
 A projection slides along the edge as the ego drives. The paper lets it stand (v_o = 0), and then driving
 along the edge counts as driving away from it: h'' gains 2 v^2, at 10 m/s 1 m2 a step, more than any drift
 towards the edge takes. Measured on the four-way junction, with a driver that drifts sideways: such rows
-change nothing. With `sliding`, v_o is the reference point's velocity without its part along r, so that r
+change nothing. Where they slide, v_o is the reference point's velocity without its part along r, so that r
 keeps square to the edge: exact for a straight edge, on the safe side where it bends away from the road.
 
 |r| has no sign: a reference point beyond the edge is pushed away from it, outwards. With half the
@@ -20,7 +20,7 @@ import numpy as np
 
 from rudc.arrays import Array, Complex
 from rudc.network.route import Route
-from rudc.safety.barrier_kernels import CLOSEST, to_edges
+from rudc.safety.barrier_kernels import to_edges
 from rudc.vehicle import EgoVehicle
 
 REACH = 8.0
@@ -50,9 +50,3 @@ class RoadPoints:
         `position` m and `heading` e^(i psi) of the centre of gravity, `s` m its arc length on the route.
         """
         return to_edges(self._edges, self._spacing, REACH, position, heading, self._ahead, s)
-
-
-def sliding(away: Complex, motion: complex) -> Complex:
-    """(n,) m/s, how projections move when the reference points, `away` (n,) m off, move by `motion` m/s."""
-    squared = np.maximum(away.real**2 + away.imag**2, CLOSEST)
-    return motion - ((away.conj() * motion).real / squared) * away

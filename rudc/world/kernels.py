@@ -90,17 +90,23 @@ def near_on_paths(
 @kernel
 def nearest_first(
     x: float, y: float, position: Table, heading: Vector, speed: Vector, course: Table,
-    acceleration: Vector, size: Table, kind: Rows, path: Rows, path_s: Vector,
+    acceleration: Vector, size: Table, kind: Rows, path: Rows,
+    half: Vector, start: Vector, scale: Vector, lane_pos: Vector,
 ) -> tuple[
     NewRows, NewTable, NewVector, NewTable, NewVector, NewTable, NewRows, NewRows, NewVector
 ]:  # fmt: skip
     """Order (N,) of others by the distance of their centres from (x, y) m, and what a scene says of them in
     it; velocities are speed (N,) m/s along course (N, 2).
+
+    Centres are `half` (N,) m behind `position` (N, 2) m and `lane_pos` (N,) m. Arc lengths count `scale` (N,)
+    for each m of a lane, from `start` (N,) m.
     """
     n = len(heading)
-    order, away = np.empty(n, np.int64), np.empty(n)
+    order, away, centre = np.empty(n, np.int64), np.empty(n), np.empty((n, 2))
     for i in range(n):
-        new, k = math.hypot(position[i, 0] - x, position[i, 1] - y), i
+        for axis in range(2):
+            centre[i, axis] = position[i, axis] - half[i] * course[i, axis]
+        new, k = math.hypot(centre[i, 0] - x, centre[i, 1] - y), i
         while k > 0 and away[k - 1] > new:
             away[k], order[k] = away[k - 1], order[k - 1]
             k -= 1
@@ -111,8 +117,18 @@ def nearest_first(
     for k in range(n):
         i = order[k]
         for axis in range(2):
-            places[k, axis], sizes[k, axis] = position[i, axis], size[i, axis]
+            places[k, axis], sizes[k, axis] = centre[i, axis], size[i, axis]
             velocity[k, axis] = speed[i] * course[i, axis]
-        headings[k], accelerations[k], along[k] = heading[i], acceleration[i], path_s[i]
+        headings[k], accelerations[k] = heading[i], acceleration[i]
+        along[k] = start[i] + scale[i] * lane_pos[i] - half[i]
         kinds[k], paths[k] = kind[i], path[i]
     return order, places, headings, velocity, accelerations, sizes, kinds, paths, along
+
+
+@kernel
+def largest(table: Table) -> float:
+    """The largest magnitude in a table (N, 2), 0 in an empty one."""
+    found = 0.0
+    for i in range(len(table)):
+        found = max(found, abs(table[i, 0]), abs(table[i, 1]))
+    return found

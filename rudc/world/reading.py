@@ -62,7 +62,7 @@ class Reader:
     def read(self) -> Motion:
         """Where all SVs are now, who is on the road being seen first."""
         self.meet()
-        self.motion = self._sumo.motion(self.names, self.lengths)
+        self.motion = self._sumo.motion(self.names)
         if self.motion.lane != self._lanes:
             self._locate()
         return self.motion
@@ -81,6 +81,7 @@ class Reader:
         self._sizes = np.array([(t.length, t.width) for t in types]).reshape(-1, 2)
         self.lengths = np.ascontiguousarray(self._sizes[:, 0])
         """(n,) m"""
+        self._halves = 0.5 * self.lengths
         self._kinds = np.array([int(t.kind) for t in types], dtype=np.int64)
         self._lanes: list[str] = []
         self._path, self._start, self._scale = np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0)
@@ -111,7 +112,7 @@ class Reader:
         """The world as last read: SVs and props, nearest to the ego first."""
         ids, (position, heading, course, speed, acceleration, _, lane_pos) = self.names, self.motion
         size, kind, path = self._sizes, self._kinds, self._path
-        path_s = self._start + self._scale * lane_pos - 0.5 * self.lengths
+        half, start, scale = self._halves, self._start, self._scale
         if props:
             ids = ids + [prop.name for prop in props]
             poses = np.array([prop.pose() for prop in props])
@@ -124,10 +125,13 @@ class Reader:
             size = np.concatenate([size, [(prop.length, prop.width) for prop in props]])
             kind = np.concatenate([kind, [int(prop.kind) for prop in props]])
             path = np.concatenate([path, np.full(len(props), -1)])
-            path_s = np.concatenate([path_s, none])
+            half, start, scale, lane_pos = (
+                np.concatenate([part, none]) for part in (half, start, scale, lane_pos)
+            )
         order, position, heading, velocity, acceleration, size, kind, path, path_s = nearest_first(
-            ego.state.x, ego.state.y, position, heading, speed, course, acceleration, size, kind, path, path_s
-        )
+            ego.state.x, ego.state.y, position, heading, speed, course, acceleration, size, kind,
+            path, half, start, scale, lane_pos,
+        )  # fmt: skip
         return Scene(
             *ego[:-3],
             self._network,

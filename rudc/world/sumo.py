@@ -15,6 +15,7 @@ import os
 import tempfile
 import weakref
 from collections.abc import Callable, Iterator, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar, cast
 
@@ -71,7 +72,7 @@ class Motion(NamedTuple):
     """Where n vehicles are and how they move."""
 
     position: Array
-    """(n, 2) m, centres"""
+    """(n, 2) m, centres of front bumpers"""
     heading: Array
     """(n,) rad"""
     course: Array
@@ -240,17 +241,18 @@ class Sumo:
         return libsumo.vehicle.getIDList()
 
     @_to("say where vehicles are")
-    def motion(self, vehicles: Sequence[str], lengths: Array) -> Motion:
-        """Read n vehicles at once; lengths is (n,) m."""
+    def motion(self, vehicles: Sequence[str]) -> Motion:
+        """Read n vehicles at once."""
         count = len(vehicles)
-        position = np.array(list(map(_place, vehicles))).reshape(count, 2)
-        angle, speed, acceleration, along = np.array(
-            [x for get in _NUMBERS for x in map(get, vehicles)]
-        ).reshape(len(_NUMBERS), count)
+        numbers = [*chain.from_iterable(map(_place, vehicles))]
+        for get in _NUMBERS:
+            numbers += map(get, vehicles)
+        table = np.array(numbers)
+        position = table[: 2 * count].reshape(count, 2)
+        angle, speed, acceleration, along = table[2 * count :].reshape(len(_NUMBERS), count)
         heading = _QUARTER - angle * _RADIAN
         course = np.empty((count, 2))
         course[:, 0], course[:, 1] = np.cos(heading), np.sin(heading)
-        position -= (0.5 * lengths)[:, None] * course
         return Motion(position, heading, course, speed, acceleration, list(map(_lane, vehicles)), along)
 
     @_to("say where a vehicle is")

@@ -8,6 +8,7 @@ round(density * road_km) while there is room.
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -108,6 +109,19 @@ class Traffic:
             if movement.turn != "u_turn":
                 self._movements.setdefault(movement.origin, []).append(movement)
         self._arms = {arm.name: arm for arm in network.arms}
+        self._origins = sorted(self._movements)
+        """names of the arms that SVs come from, in proportion to their lanes"""
+        lanes = np.array([len(self._arms[name].in_lanes) for name in self._origins], dtype=float)
+        shares = np.cumsum(lanes / lanes.sum())
+        self._shares: list[float] = (shares / shares[-1]).tolist()
+        """of each of them and those before it, as `Generator.choice` reckons"""
+        self._entry_lanes = {
+            (movement.origin, movement.destination): sorted(
+                {network.paths.lane_ids[row][0] for row in movement.rows}
+            )
+            for movement in network.movements
+        }
+        """ids of the lanes on which each movement enters"""
         self.drivers: dict[str, Driver] = {}
         self._waiting: set[str] = set()
 
@@ -209,10 +223,7 @@ class Traffic:
             del self.drivers[name]
 
     def _draw_movement(self) -> Movement:
-        arms = sorted(self._movements)
-        lanes = np.array([len(self._arms[name].in_lanes) for name in arms], dtype=float)
-        arm = arms[self._rng.choice(len(arms), p=lanes / lanes.sum())]
-        choices = self._movements[arm]
+        choices = self._movements[self._origins[bisect_right(self._shares, self._rng.random())]]
         if self._closed:
             free = [m for m in choices if (m.origin, m.destination) not in self._closed]
             choices = free or choices
@@ -262,7 +273,7 @@ class Traffic:
             movement, kind = self._draw_movement(), self.draw_type()
             inbound = self._rng.random() < 0.5
             arm = self._arms[movement.origin if inbound else movement.destination]
-            lanes = self._entry_lanes(movement) if inbound else arm.out_lanes
+            lanes = self._entry_lanes[movement.origin, movement.destination] if inbound else arm.out_lanes
             lane = self._network.lanes[lanes[self._rng.integers(len(lanes))]]
             length = VEHICLE_TYPES[kind].length
             front = self._rng.uniform(length + 1.0, max(lane.length - 1.0, length + 1.5))
@@ -280,13 +291,10 @@ class Traffic:
                 self._add(movement, route, kind, lane, front, speed)
                 return
 
-    def _entry_lanes(self, movement: Movement) -> list[str]:
-        return sorted({self._network.paths.lane_ids[row][0] for row in movement.rows})
-
     def _enter(self, entry: dict[str, tuple[float, float]]) -> None:
         for _ in range(8):
             movement, kind = self._draw_movement(), self.draw_type()
-            lanes = self._entry_lanes(movement)
+            lanes = self._entry_lanes[movement.origin, movement.destination]
             lane = self._network.lanes[lanes[self._rng.integers(len(lanes))]]
             length = VEHICLE_TYPES[kind].length
             rear, leader_speed = entry.get(lane.id, (math.inf, 0.0))

@@ -30,6 +30,7 @@ from rudc.world.detours import Detours
 from rudc.world.ego import EgoPlant, realised
 from rudc.world.events import Happening, Script, WorldStage
 from rudc.world.fault import Collision, judge
+from rudc.world.kernels import largest
 from rudc.world.lane_keeping import LaneKeeping
 from rudc.world.perception import Sensors
 from rudc.world.reading import EgoView, Reader
@@ -369,7 +370,7 @@ class World:
         self._perceived = None
         self._nearest, self._close = NOTHING, 0
         if self._ego_inside:
-            fastest = state.v + 1.5 * float(np.abs(scene.velocity).max(initial=0.0)) + 1.0
+            fastest = state.v + 1.5 * largest(scene.velocity) + 1.0
             reach = CLOSE_M + fastest * self.config.decision_s
             self._nearest, self._close = survey(scene, reach)
         return scene

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from rudc.agents.kernels import two_way, who_leads
+from rudc.agents.kernels import sighted, two_way, unexplained, who_leads
 
 
 def test_functions_of_two_places_are_added_between_their_knots():
@@ -43,3 +43,23 @@ def test_who_leads_is_the_nearest_rear_of_those_who_move_that_way():
             assert towards == pytest.approx(speed[first] * along[first])
             found += 1
     assert found > 100
+
+
+def test_what_motion_explains_is_not_unexplained():
+    rng, dt = np.random.default_rng(2), 0.1
+    heading, speed, acceleration = rng.uniform(-3, 3, 5), rng.uniform(-2, 9, 5), rng.normal(size=5)
+    turned, later = rng.normal(0.0, 0.1, 5), speed + dt * acceleration
+    course, after = (np.stack([np.cos(h), np.sin(h)], axis=1) for h in (heading, heading + turned))
+    before, moved = speed[:, None] * course, later[:, None] * after
+    position = rng.uniform(-40, 40, (5, 2))
+    off = 0.2 * rng.normal(size=(5, 4))
+    there = position + 0.5 * dt * (before + moved) + off[:, :2]
+    last = sighted(position, before, heading, 9, 1e-4)
+    assert last[:, 2] == pytest.approx(speed)
+    assert last[:, 3:5] == pytest.approx(course)
+    now = sighted(there, moved, heading + turned + off[:, 3], 4, 1e-4)
+    rows = np.array([0, -1, 2, 3])
+    found = unexplained(now, last, rows, acceleration - off[:, 2] / dt, dt)
+    kept = off[:4][rows >= 0]
+    assert found[:, :3] == pytest.approx(abs(kept[:, :3]))
+    assert found[:, 3] == pytest.approx(kept[:, 3])

@@ -8,9 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rudc.network.network import load_network
+from rudc.safety.barrier_kernels import on_edges
 from rudc.safety.constraints import ConstraintBuilder, Constraints
 from rudc.safety.filter import FilterConfig
-from rudc.safety.road_points import RoadPoints, sliding
+from rudc.safety.road_points import RoadPoints
 from rudc.vehicle import EgoVehicle
 from rudc.world.scene import Scene
 from tests.safety.scenes import Other, make_scene, straight_road
@@ -125,7 +126,9 @@ def test_road_points_of_a_straight_road(x: float, y: float, psi: float, v: float
 
 def test_sliding_keeps_square() -> None:
     away = np.array([1 + 2j, -3j, 2.0])
-    velocity = sliding(away, 5 + 1j)
+    place, velocity = np.empty((2, 3), dtype=np.complex128)
+    on_edges(away, (away.conj() * (5 + 1j)).real, np.zeros(3), 1j, 1 + 0j, 5 + 1j, place, velocity)
+    assert place == pytest.approx(1j - away)
     relative = (5 + 1j) - velocity
     assert np.abs((relative * away.conj()).imag).max() < 1e-12, "what is left is along r"
     assert np.abs((velocity * away.conj()).real).max() < 1e-12, "the projection moves square to r"

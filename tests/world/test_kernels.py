@@ -56,13 +56,28 @@ def test_who_is_near_on_a_path_and_in_the_junction():
 def test_a_scene_has_the_nearest_first(n):
     rng = np.random.default_rng(n)
     position, course, size = rng.normal(size=(3, n, 2))
-    heading, speed, acceleration, path_s = rng.normal(size=(4, n))
+    heading, speed, acceleration, half, start, scale, lane_pos = rng.normal(size=(7, n))
     kind, path = rng.integers(0, 9, (2, n))
     order, *others = kernels.nearest_first(
-        0.3, -0.2, position, heading, speed, course, acceleration, size, kind, path, path_s
+        0.3,
+        -0.2,
+        position,
+        heading,
+        speed,
+        course,
+        acceleration,
+        size,
+        kind,
+        path,
+        half,
+        start,
+        scale,
+        lane_pos,
     )
+    position, path_s = position - half[:, None] * course, start + scale * lane_pos - half
     wanted = np.hypot(*(position - [0.3, -0.2]).T).argsort(kind="stable")
     assert order.tolist() == wanted.tolist()
     given = position, heading, speed[:, None] * course, acceleration, size, kind, path, path_s
     for got, of in zip(others, given, strict=True):
         assert got.tolist() == of[wanted].tolist()
+    assert kernels.largest(position) == abs(position).max(initial=0.0)
