@@ -7,17 +7,21 @@ in the way of somebody who slowed down for a turn of his own and then sped up.
 A gap that is too short for an ego that speeds up may be long enough for one that comes later. So the command
 is bounded by the first of ACCELERATIONS with which all gaps are long enough. If the first of them will do,
 the command stays as it is; also where even HARDEST would not stop the ego at its waiting point.
+
+On a poor road (rudc/agents/adaptation.py) all of them, and the speed in bends, are what that road gives.
 """
 
 from __future__ import annotations
 
+import math
+
 from rudc.agents.gaps import ACCELERATION, crossing, suffices
 from rudc.arrays import Array
-from rudc.env.tracking import at_most, slowing, speeds_in_bends
+from rudc.env.tracking import LATERAL, at_most, slowing, speeds_in_bends
 from rudc.world.scene import Scene
 
 PLANNED, HARDEST = 5.0, 6.0
-"""m/s2, m/s2: how hard it brakes for the waiting point, and how hard it could"""
+"""m/s2, m/s2: how hard it brakes for the waiting point, and how hard it could, on a dry road"""
 ACCELERATIONS = (ACCELERATION, 0.0, -2.0)
 """m/s2, tried in this order"""
 CLOSE = 1.0
@@ -28,21 +32,22 @@ AT_POINT = 0.3
 
 def ready_to_wait(scene: Scene, u: Array) -> Array:
     """(2,) what of the command u (2,), m/s2 and rad, leaves the ego able to stop at its waiting point."""
-    v = scene.ego.v
+    v, grip = scene.ego.v, min(-scene.vehicle.a_min, HARDEST)
+    planned = PLANNED / HARDEST * grip
     room = scene.route.waiting_s - scene.ego_s - 0.5 * scene.vehicle.length
-    if room < v**2 / (2 * HARDEST):
+    if room < v**2 / (2 * grip):
         return u
-    a = slowing(scene, room - AT_POINT, 0.0, PLANNED)
+    a = slowing(scene, room - AT_POINT, 0.0, planned)
     if u[0] <= a:
         return u
     found = crossing(scene)
     if found is None or not found.yields.any():
         return u
-    profile = speeds_in_bends(scene.route.path)
+    profile = speeds_in_bends(scene.route.path) * math.sqrt(min(planned / LATERAL, 1.0))
     for tried in ACCELERATIONS:
         if tried <= a:
             break
-        going = suffices(scene, found, profile, margin=-CLOSE, acceleration=tried)
+        going = suffices(scene, found, profile, margin=-CLOSE, acceleration=min(tried, grip))
         if not (found.yields & ~going).any():
             return u if tried == ACCELERATION else at_most(u, tried)
     return at_most(u, a)

@@ -65,8 +65,8 @@ BENDS = 0.8
 """share of what brakes may use that bends may where the road is poor (rudc/agents/adaptation.py)"""
 HARDEST = -9.0
 """m/s2, with which who leads the ego may brake: what a good car can on a dry road"""
-SPEEDS_UP_S = 1.0
-"""s"""
+SPEEDS_UP_S = 2.0
+"""s; who sets off may speed up for that long yet"""
 CHANGING = 0.5
 """m/s2, who brakes or speeds up by more is taken to go on doing so, too"""
 

@@ -44,14 +44,17 @@ def drive(scene, seconds=6.0):
     return np.array(seen)
 
 
-@pytest.mark.parametrize("v", [7.0, 12.0])
-def test_it_can_stop_where_it_waits_while_somebody_who_goes_first_is_near(make_scene, four_way, first, v):
+@pytest.mark.parametrize(("v", "grip"), [(7.0, HARDEST), (12.0, HARDEST), (7.0, 1.5), (9.0, 3.0)])
+def test_it_can_stop_where_it_waits_while_somebody_who_goes_first_is_near(
+    make_scene, four_way, first, v, grip
+):
     other = coming(
         four_way, first[0], -10.0, 1.5
     )  # creeps where the ways meet and, in this test, stays there
-    room, speed = drive(make_scene(other, turn="left", front=-40.0, v=v)).T
+    car = replace(four_way.vehicle, a_min=-grip)
+    room, speed = drive(make_scene(other, turn="left", front=-40.0, v=v, vehicle=car), seconds=12.0).T
     assert speed[-1] < STANDING
-    assert (speed**2 / (2 * HARDEST) < room).all(), "it could always still stop before the waiting point"
+    assert (speed**2 / (2 * grip) < room).all(), "it could always still stop before the waiting point"
     assert 0.0 < room[-1] < AT_POINT + 1.0, "and it is used"
 
 
