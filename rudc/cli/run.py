@@ -166,7 +166,9 @@ def _drive(scenario: Scenario, seed: int, driver: Agent, files: _Files) -> _Driv
         episode = Episode(world)
         trace, recording = Trace(), Recording(episode, driver)
         film = Film(episode, driver.name)
-        watchers: list[Watcher] = [trace.watch]
+        watchers: list[Watcher] = []
+        if files.steps is not None:
+            watchers.append(trace.watch)
         if files.video is not None:
             watchers.append(film.watch)
         if files.gui:
