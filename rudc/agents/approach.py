@@ -2,7 +2,8 @@
 
 While a gap in the traffic that has priority is too short (rudc/agents/gaps.py) by CLOSE or more, the ego
 comes no faster than it can stop at its waiting point, braking at PLANNED. Without that it would stop beyond,
-in the way of somebody who slowed down for a turn of his own and then sped up.
+in the way of somebody who slowed down for a turn of his own and then sped up. Who is faster than SLOW has
+less speed to gain, so a gap before him counts only from CLOSE_TO_FAST.
 
 A gap that is too short for an ego that speeds up may be long enough for one that comes later. So the command
 is bounded by the first of ACCELERATIONS with which all gaps are long enough. If the first of them will do,
@@ -15,6 +16,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from rudc.agents.gaps import ACCELERATION, crossing, suffices
 from rudc.arrays import Array
 from rudc.env.tracking import LATERAL, at_most, slowing, speeds_in_bends
@@ -24,8 +27,10 @@ PLANNED, HARDEST = 5.0, 6.0
 """m/s2, m/s2: how hard it brakes for the waiting point, and how hard it could, on a dry road"""
 ACCELERATIONS = (ACCELERATION, 0.0, -2.0)
 """m/s2, tried in this order"""
-CLOSE = 1.0
-"""s by which a gap must be too short to count here"""
+CLOSE, CLOSE_TO_FAST = 1.0, 2.0
+"""s, s by which a gap must be too short to count here: before who is slow, and before who is not"""
+SLOW = 0.5
+"""of the speed that somebody may come to drive, below which he is"""
 AT_POINT = 0.3
 """m, kept before the waiting point"""
 
@@ -44,10 +49,11 @@ def ready_to_wait(scene: Scene, u: Array) -> Array:
     if found is None or not found.yields.any():
         return u
     profile = speeds_in_bends(scene.route.path) * math.sqrt(min(planned / LATERAL, 1.0))
+    close = np.where(found.speed < SLOW * found.limit, CLOSE, CLOSE_TO_FAST)
     for tried in ACCELERATIONS:
         if tried <= a:
             break
-        going = suffices(scene, found, profile, margin=-CLOSE, acceleration=min(tried, grip))
+        going = suffices(scene, found, profile, margin=-close, acceleration=min(tried, grip))
         if not (found.yields & ~going).any():
             return u if tried == ACCELERATION else at_most(u, tried)
     return at_most(u, a)

@@ -128,13 +128,13 @@ def suffices(
     found: Conflicts,
     profile: Array,
     *,
-    margin: float | None = None,
+    margin: Array | float | None = None,
     acceleration: float = ACCELERATION,
 ) -> Flags:
     """(K,) whether the ego may go as far as each of the others is concerned.
 
-    `profile`: m/s that it may drive at each station of its path; `margin`: s, None: less the longer it waits;
-    `acceleration`: the ego's, m/s2, which may be negative.
+    `profile`: m/s that it may drive at each station of its path; `margin`: s, for all or (K,), None: less the
+    longer it waits; `acceleration`: the ego's, m/s2, which may be negative.
     """
     if margin is None:
         margin = max(MARGIN - (MARGIN - LEAST_MARGIN) * scene.waited_s / PATIENCE, LEAST_MARGIN)

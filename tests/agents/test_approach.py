@@ -6,9 +6,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rudc.agents.approach import ACCELERATIONS, AT_POINT, HARDEST, ready_to_wait
+from rudc.agents.approach import (
+    ACCELERATIONS,
+    AT_POINT,
+    CLOSE,
+    CLOSE_TO_FAST,
+    HARDEST,
+    SLOW,
+    ready_to_wait,
+)
+from rudc.agents.gaps import crossing, suffices
 from rudc.agents.outlook import OutlookSettings
 from rudc.agents.registry import make_agent
+from rudc.env.tracking import speeds_in_bends
 from rudc.world.ego import EgoPlant
 from rudc.world.scene import STANDING
 from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
@@ -75,7 +85,7 @@ def test_it_is_free_where_the_other_gives_way(make_scene, four_way):
 
 
 def test_it_comes_later_rather_than_stopping_where_that_will_do(make_scene, four_way, first):
-    soon_gone = coming(four_way, first[1], -10.0, 10.0)
+    soon_gone = coming(four_way, first[1], -16.0, 6.0)
     commands = [
         float(ready_to_wait(make_scene(soon_gone, front=front, v=9.0), FULL)[0])
         for front in np.arange(-20.0, 0.0, 0.5)
@@ -83,6 +93,23 @@ def test_it_comes_later_rather_than_stopping_where_that_will_do(make_scene, four
     assert ACCELERATIONS[-1] in commands, "somewhere braking a little is enough"
     assert min(commands) < ACCELERATIONS[-1], "and somewhere not"
     assert commands[0] == FULL[0], "and far enough away it is free"
+
+
+def test_it_is_held_back_sooner_for_somebody_slow_who_may_speed_up(make_scene, four_way, first):
+    def gap_short_by(margin, scene):
+        found = crossing(scene)
+        return not suffices(scene, found, speeds_in_bends(scene.route.path), margin=-margin).all()
+
+    held = {True: 0, False: 0}
+    for v in (4.0, 12.0):
+        slow = v < SLOW * four_way.paths.speed_limit[first[0]]
+        for metres in np.arange(-8.0, 80.0, 1.0):
+            scene = make_scene(coming(four_way, first[0], metres, v), turn="left", front=-1.0, v=8.0)
+            free = ready_to_wait(scene, FULL) is FULL
+            assert not free or not gap_short_by(CLOSE if slow else CLOSE_TO_FAST, scene)
+            held[slow] += not free and not gap_short_by(CLOSE_TO_FAST, scene)
+    assert held[True] > 0, "by gaps that are short by a little"
+    assert held[False] == 0
 
 
 def test_steering_stays_and_harder_braking_too(make_scene, four_way, first):
