@@ -18,7 +18,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import islice
 
 import numpy as np
 
@@ -149,13 +148,17 @@ class Courses:
 
     def _candidates(self, scene: Scene, blocks: Blocks, clear: float) -> Iterator[tuple[Route | None, float]]:
         """Once in AGAIN_S s the route itself where the ego is on it still, and courses round the bodies: on
-        its own carriageway, and on the lanes of oncoming traffic where these may be used. In between, if it
-        stands, those on which it pulls out, one a decision. Each with the gap (m) that it must have.
+        its own carriageway, and on the lanes of oncoming traffic where these may be used. After that, if it
+        stands, those on which it pulls out, one a decision, until all have been tried. Each with the gap (m)
+        that it must have.
         """
         stands = scene.ego.v < STANDING
-        if scene.time_s < self._again_s:
-            if stands:
-                yield from islice(self._outs, 1)
+        if not stands:
+            self._outs = iter(())
+        out = next(self._outs, None)
+        if out is not None:
+            yield out
+        if out is not None or scene.time_s < self._again_s:
             return
         self._again_s = scene.time_s + AGAIN_S
         if self.course is not None and abs(scene.ego_offset) < CLEAR:

@@ -1,8 +1,10 @@
-"""How fast to come to a junction of which the ego does not see all.
+"""How fast to drive where the ego does not see all.
 
-Behind every box and beyond the sensors' reach a vehicle may come at its road's limit, whoever has priority.
-For each row of `network.paths` from another arm that meets the ego's path, the nearest hidden place upstream
-of the conflict is looked for. A vehicle there reaches the conflict after
+On its own path it can stop within what it sees, at CREEP at the latest, braking at PLANNED.
+
+At a junction, behind every box and beyond the sensors' reach a vehicle may come at its road's limit, whoever
+has priority. For each row of `network.paths` from another arm that meets the ego's path, the nearest hidden
+place upstream of the conflict is looked for. A vehicle there reaches the conflict after
 
     t = (way from there to the conflict) / (the row's limit)
 
@@ -17,14 +19,16 @@ import math
 
 import numpy as np
 
-from rudc.arrays import Array, Index
+from rudc.arrays import Array, Flags, Index
+from rudc.env.tracking import at_most, slowing
+from rudc.network.paths import SPACING
 from rudc.world.perception import in_sight
 from rudc.world.scene import Scene
 
 UPSTREAM, EVERY = 60.0, 2.0
 """m of each row before the conflict that are looked at, m between the places"""
 AHEAD = 40.0
-"""m of the ego's path, conflicts beyond which do not count yet"""
+"""m of the ego's path, conflicts and hidden places beyond which do not count yet"""
 SPARE = 0.5
 """s"""
 CREEP = 2.0
@@ -33,6 +37,23 @@ BEFORE = 0.5
 """m before a conflict where the ego stops"""
 GOING = 2.0
 """m/s2, with which the ego goes through"""
+PLANNED = 0.8
+"""of the ego's brakes"""
+
+
+def ready_for_unseen(scene: Scene, u: Array) -> Array:
+    """(2,) what of the command u (2,), m/s2 and rad, leaves the ego able to stop within what it sees of its
+    path.
+    """
+    if scene.hidden_by is None and scene.sight_m > AHEAD + scene.vehicle.length:
+        return u
+    front = scene.ego_s + 0.5 * scene.vehicle.length
+    first, last = math.ceil(front / SPACING), int((front + AHEAD) / SPACING)
+    hidden = np.flatnonzero(~_seen(scene, scene.route.path.xy[first:last]))
+    if not len(hidden):
+        return u
+    room = (first + float(hidden[0])) * SPACING - front - BEFORE
+    return at_most(u, slowing(scene, room, CREEP, PLANNED * -scene.vehicle.a_min))
 
 
 def speed_by_sight(scene: Scene, braking: float) -> float:
@@ -68,12 +89,15 @@ def _hidden_way(scene: Scene, rows: Index, conflict: Array) -> Array:
     """
     back = np.arange(0.0, UPSTREAM, EVERY)
     x, y, _ = scene.network.paths.pose(rows[:, None], np.maximum(conflict[:, None] - back, 0.0))
-    eye = scene.ego.x, scene.ego.y
-    points = np.stack([x, y], axis=-1)
-    seen = np.hypot(x - eye[0], y - eye[1]) < scene.sight_m
-    if scene.hidden_by is not None:
-        seen &= in_sight(eye, points, scene.hidden_by)
+    seen = _seen(scene, np.stack([x, y], axis=-1))
     return np.where(seen.all(axis=1), np.inf, back[seen.argmin(axis=1)])
+
+
+def _seen(scene: Scene, points: Array) -> Flags:
+    """(...) which of the points (..., 2), m, the ego's sensors reach."""
+    eye = scene.ego.x, scene.ego.y
+    seen = np.hypot(points[..., 0] - eye[0], points[..., 1] - eye[1]) < scene.sight_m
+    return seen if scene.hidden_by is None else seen & in_sight(eye, points, scene.hidden_by)
 
 
 def _time(v: float, way: Array, a: float) -> Array:

@@ -4,8 +4,8 @@ is there.
     see      what the sensors show -> without their noise (smoothing.py) -> with those who are missing
              (memory.py) -> as the plant makes of it (adaptation.py) -> along the course (courses.py)
     govern   what the driver asks for -> as fast as who must give way may come (approach.py) -> as fast as
-             who follows may come (following.py) -> as fast as the course allows (courses.py) -> on the
-             road (kerb.py) -> as fast as grip allows
+             who follows may come (following.py) -> as fast as it sees far (hidden.py) -> as fast as the
+             course allows (courses.py) -> on the road (kerb.py) -> as fast as grip allows
 
 So that whoever drives, by rules or by a policy, and whatever corrects it, goes round what blocks and copes
 with a car that is not the one it was made for, without knowing of either.
@@ -21,6 +21,7 @@ from rudc.agents.approach import ready_to_wait
 from rudc.agents.base import Agent, Decision, EgoDriver
 from rudc.agents.courses import Courses
 from rudc.agents.following import ready_to_follow
+from rudc.agents.hidden import ready_for_unseen
 from rudc.agents.kerb import kept_on_road
 from rudc.agents.memory import Memory
 from rudc.agents.smoothing import Smoothing
@@ -35,8 +36,8 @@ class OutlookSettings(Settings):
     course: bool = False
     """whether the driver is led round what blocks its path"""
     approach: bool = True
-    """whether it comes no faster than it can stop to where it must give way, while gaps are too short, and to
-    its leader; with `course` only"""
+    """whether it comes no faster than it can stop to where it must give way, while gaps are too short, to its
+    leader, and to the end of what it sees; with `course` only"""
     plant: Knowledge = "off"
     """what is known of the car: nothing (`off`), what the history of commands tells (`estimated`), or the
     truth (`known`, for ablations)"""
@@ -90,7 +91,7 @@ class Outlook:
         `onwards`: only the road bounds it, since stopping would be worse (`Corrected.onwards`).
         """
         if self._approach and not onwards:
-            u = ready_to_follow(scene, ready_to_wait(scene, u))
+            u = ready_for_unseen(scene, ready_to_follow(scene, ready_to_wait(scene, u)))
         if self.courses is not None:
             u = kept_on_road(scene, self.courses.govern(scene, u, onwards=onwards))
         return u if self.adaptation is None else self.adaptation.govern(scene, u, onwards=onwards)

@@ -2,9 +2,12 @@
 
 A prop stands, or follows a polyline. A vehicle that does stops short of what stands in its way and of
 surrounding vehicles (SVs), and goes on when the way is free, but it does not stop for a moving ego: that it
-is a hazard is the point. A pedestrian stops only for what is already before its feet. If it has to stand
-there for long, it steps back and waits until its way is free: without that, it and a vehicle that lets it
-pass would stand for good. The yielding layer makes SVs see all props.
+is a hazard is the point. A pedestrian stops only for what is already before its feet. The yielding layer
+makes SVs see all props.
+
+Who has to stand there for long goes back and waits until its way is free, a pedestrian a step, a driver as
+far as leaves room to pull out; and a driver who has gone back stops for a moving ego, too. Without that, two
+who let each other pass would stand for good.
 """
 
 from __future__ import annotations
@@ -25,6 +28,8 @@ CLEARANCE_M = 0.8
 """m, it stops short by at least this"""
 PATIENCE_S, BACK_M, BACK_SPEED = 3.0, 1.0, 0.5
 """s, m, m/s: a pedestrian that has been held up for so long steps back so far, so fast"""
+DRIVER_BACK_M, DRIVER_BACK_SPEED = 8.0, 1.5
+"""m, m/s: the same of who drives"""
 MORE_M = 0.1
 """m more than before that must be free for it to go on"""
 
@@ -70,29 +75,33 @@ class Prop:
         return self.moves and self.travelled >= self._ends[-1]
 
     def look_out(self, scene: Scene) -> None:
-        """Decide by what is around whether to go on or to stop."""
+        """Decide by what is around whether to go on, to stop, or to go back."""
         self._free = not self.moves or self._is_free(scene, *self._ahead())
         if self._is_held_up:
-            room = BACK_M - self._stepped_back
-            self._back_is_free = room > 0.0 and self._is_free(scene, -0.5 * (self.length + room), room)
+            room = BACK_M - self._stepped_back if self._walks else CLEARANCE_M
+            wanted = room > 0.0 if self._walks else not self._is_free(scene, *self._before(DRIVER_BACK_M))
+            self._back_is_free = wanted and self._is_free(scene, *self._before(-room))
 
     def step(self, dt: float) -> None:
         """Move on by dt s."""
         if not self.moves:
             return
-        walks = self.kind == Kind.PEDESTRIAN
-        self._held_s = 0.0 if self._free else self._held_s + dt
-        if self._is_held_up and self._back_is_free:
-            self.speed = -BACK_SPEED
+        self._held_s = min(max(self._held_s + (-dt if self._free else dt), 0.0), PATIENCE_S + dt)
+        if self._is_held_up and self._back_is_free and not self._free:
+            self.speed = -BACK_SPEED if self._walks else -DRIVER_BACK_SPEED
         else:
-            change = (ACCELERATION if self._free else -math.inf if walks else -BRAKING) * dt
+            change = (ACCELERATION if self._free else -math.inf if self._walks else -BRAKING) * dt
             self.speed = min(max(self.speed + change, 0.0), self.wanted)
         self.travelled += self.speed * dt
         self._stepped_back = max(self._stepped_back - self.speed * dt, 0.0)
 
     @property
+    def _walks(self) -> bool:
+        return self.kind == Kind.PEDESTRIAN
+
+    @property
     def _is_held_up(self) -> bool:
-        return self.kind == Kind.PEDESTRIAN and self._held_s > PATIENCE_S and self.travelled > 0.0
+        return self._held_s > PATIENCE_S and self.travelled > 0.0
 
     def pose(self, ahead: float = 0.0) -> tuple[float, float, float]:
         """Its centre (m, m) and heading (rad), now or `ahead` m along its way."""
@@ -106,24 +115,29 @@ class Prop:
         return float(x) - back * math.cos(psi), float(y) - back * math.sin(psi), psi
 
     def _ahead(self) -> tuple[float, float]:
-        """m along its way to the middle of the stretch that must be free, and that one's length: in which it
-        can stop, and of who has stepped back to where it ended before, and more.
+        """The stretch that must be free, as of `_before`: in which it can stop, and of a pedestrian that has
+        gone back to where that ended before, and more; of a driver, the room that it has made, and more.
         """
-        reach = CLEARANCE_M
-        if self.kind != Kind.PEDESTRIAN:
-            reach += self.speed**2 / (2 * BRAKING)
-        elif self._stepped_back > 0.0:
-            reach += self._stepped_back + MORE_M
-        return 0.5 * (self.length + reach), reach
+        back = self._stepped_back > 0.0
+        if self._walks:
+            return self._before(CLEARANCE_M + (self._stepped_back + MORE_M if back else 0.0))
+        reach = CLEARANCE_M + self.speed**2 / (2 * BRAKING)
+        return self._before(max(reach, DRIVER_BACK_M + MORE_M) if back else reach)
+
+    def _before(self, reach: float) -> tuple[float, float]:
+        """m along its way to the middle of the stretch from its front on, or from its rear back where `reach`
+        (m) is negative, and the stretch's length.
+        """
+        return 0.5 * (math.copysign(self.length, reach) + reach), abs(reach)
 
     def _is_free(self, scene: Scene, middle: float, reach: float) -> bool:
         """Whether a stretch of its way, `reach` m long around `middle` m ahead, is clear of what stands, and
         of where SVs come to stand if they brake.
         """
-        walks = self.kind == Kind.PEDESTRIAN
+        walks = self._walks
         box = (*self.pose(middle), reach, self.width)
         ego, body = scene.ego, scene.vehicle
-        if walks or ego.v < STANDING:
+        if walks or ego.v < STANDING or self._stepped_back > 0.0:
             here, facing = np.array([[ego.x, ego.y]]), np.array([ego.psi])
             if (rectangle_gaps(*box, here, facing, np.array([[body.length, body.width]])) == 0.0).any():
                 return False

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rudc.agents.hidden import CREEP, speed_by_sight
+from rudc.agents.hidden import BEFORE, CREEP, ready_for_unseen, speed_by_sight
 from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
 
 CORNERS = np.array([[sx * 16.5, sy * 16.5, 0.0, 13.0, 13.0] for sx in (-1, 1) for sy in (-1, 1)])
@@ -34,3 +34,28 @@ def test_short_sight_hides_as_boxes_do(make_scene):
     scene = make_scene(turn="left", front=-10.0)
     assert speed_by_sight(replace(scene, sight_m=20.0), 3.0) < 12.0
     assert speed_by_sight(replace(scene, sight_m=200.0), 3.0) == math.inf
+
+
+@pytest.mark.parametrize("sight", [3.0, 9.0, 20.0])
+def test_on_its_path_it_can_stop_within_what_it_sees(make_scene, sight):
+    full = np.array([3.0, 0.0])
+    for v in np.arange(0.0, 14.0, 0.5):
+        scene = replace(make_scene(turn="straight", front=-40.0, v=float(v)), sight_m=sight)
+        room = sight - 0.5 * scene.vehicle.length - BEFORE
+        a = float(ready_for_unseen(scene, full)[0])
+        later = v + 0.1 * a
+        hardest = -scene.vehicle.a_min
+        assert later**2 / (2 * hardest) <= max(room, 0.0) + CREEP**2 or a == -hardest
+        assert a > 0.0 or v >= CREEP, "it never stands for that"
+    assert ready_for_unseen(replace(scene, sight_m=60.0), full) is full
+
+
+def test_a_wall_beside_a_bend_hides_the_path_behind_it(make_scene):
+    full = np.array([3.0, 0.0])
+    scene = make_scene(turn="right", front=-5.0, v=8.0)
+    x, y, _ = scene.route.path.pose(scene.ego_s + 12.0)
+    wall = np.array([[0.5 * (scene.ego.x + x), 0.5 * (scene.ego.y + y), 0.0, 1.0, 1.0]])
+    assert ready_for_unseen(scene, full) is full
+    assert ready_for_unseen(replace(scene, hidden_by=wall), full)[0] < 0.0
+    away = np.array([[scene.ego.x - 30.0, scene.ego.y, 0.0, 5.0, 5.0]])
+    assert ready_for_unseen(replace(scene, hidden_by=away), full) is full

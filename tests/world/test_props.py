@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rudc.world.props import BACK_M, PATIENCE_S, Prop, standing
+from rudc.world.props import BACK_M, DRIVER_BACK_M, PATIENCE_S, Prop, standing
 from rudc.world.scene import Kind
 
 BEND = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 20.0]])
@@ -76,9 +76,38 @@ def test_a_car_stops_for_an_oncoming_one_that_brakes(make_scene):
         return replace(them, position=at, velocity=np.array([[-v, 0.0]]), heading=np.array([math.pi]))
 
     seen: list[float] = []
-    x, _, _ = drive_towards(prop, oncoming)
+    x, _, _ = drive_towards(prop, oncoming, steps=140)
     assert prop.speed == 0.0
     assert x + 2.5 < seen[-1] - 2.5
+
+
+def test_a_driver_who_is_held_up_makes_room_and_keeps_it(make_scene):
+    prop = car(np.array([[-60.0, 100.0], [60.0, 100.0]]))
+    for x in (0.0, -6.0):  # who stands before it, and comes nearer
+        before_it = make_scene({"at": (x, 100.0, math.pi)})
+        drive_towards(prop, lambda i, scene=before_it: scene, steps=600)
+        assert x - 2.5 - (prop.pose()[0] + 2.5) == pytest.approx(DRIVER_BACK_M, abs=0.1)
+        assert prop.speed == 0.0
+    assert drive_towards(prop, lambda i: make_scene(), steps=600)[0] > 30.0, "it goes on once its way is free"
+
+
+def test_a_driver_who_has_gone_back_stops_for_an_ego_that_moves(make_scene):
+    ego = make_scene(v=1.0)
+    psi, place = ego.ego.psi, np.array([ego.ego.x, ego.ego.y])
+    way = place + np.outer([40.0, -40.0], [math.cos(psi), math.sin(psi)])
+    for room, stops in ((0.0, False), (1.0, True)):
+        prop = car(way, wanted=2.0)
+        prop.travelled, prop._stepped_back = 33.0, room
+        drive_towards(prop, lambda i: ego, steps=40)
+        assert (prop.travelled < 33.5) is stops
+
+
+def test_a_driver_does_not_go_back_into_somebody(make_scene):
+    prop = car(np.array([[-60.0, 100.0], [60.0, 100.0]]))
+    both = make_scene({"at": (0.0, 100.0, math.pi)}, {"at": (-14.0, 100.0, 0.0)})
+    prop.travelled = 52.0
+    x, _, _ = drive_towards(prop, lambda i: both, steps=600)
+    assert -14.0 + 2.5 < x - 2.5 < -10.0
 
 
 def test_a_pedestrian_waits_for_what_is_before_its_feet_only(make_scene):
