@@ -182,7 +182,7 @@ def _arm_warnings(network: Network, arm: Arm) -> Iterator[str]:
         if lane.refuses:
             yield f"lane {name} refuses {', '.join(lane.refuses)}; such traffic cannot appear on it"
         if lane_id in arm.in_lanes and lane_id not in used:
-            yield f"lane {name} leads nowhere: no connection leaves it"
+            yield f"lane {name} leads nowhere: no way from it reaches another arm"
     for speed, names in fast.items():
         have = f"lanes {', '.join(names)} have" if len(names) > 1 else f"lane {names[0]} has"
         yield f"{have} a limit of {speed:.1f} m/s; the ego drives at most {FAST:.0f} m/s"
