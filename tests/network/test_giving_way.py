@@ -103,7 +103,7 @@ def test_an_ego_comes_ready_to_stop_before_somebody_of_whom_nothing_is_said(skew
     for route in routes(skewed):
         table = skewed.conflict(route)
         for row in np.flatnonzero(silent(paths, route.row, table)):
-            near = scene(skewed, route, int(row), float(table[row, 2]) - 25.0)
+            near = scene(skewed, route, int(row), float(table[row, 2]) - 16.0)
             found = crossing(near)
             assert found is not None
             assert found.yields.all()
@@ -112,7 +112,7 @@ def test_an_ego_comes_ready_to_stop_before_somebody_of_whom_nothing_is_said(skew
 
 
 def scene(network, route, row, s):
-    """An ego at 9 m/s, 12 m before its waiting point, and a car at 9 m/s on the row."""
+    """An ego at 9 m/s, 12 m before its waiting point, and a car at 6 m/s on the row."""
     ego_s = route.waiting_s - 14.5
     x, y, psi = (float(value) for value in route.path.pose(ego_s))
     pose = [float(value) for value in network.paths.pose(row, s)]
@@ -120,7 +120,7 @@ def scene(network, route, row, s):
         time_s=3.0, timeout_s=40.0, ego=EgoState(x, y, psi, 9.0, 0.0, 0.0, 0.0, 0.0), vehicle=EgoVehicle(),
         route=route, ego_s=ego_s, ego_offset=0.0, waited_s=0.0, last_u=np.zeros(2), network=network,
         ids=("other",), position=np.array([pose[:2]]), heading=np.array([pose[2]]),
-        velocity=9.0 * np.array([[math.cos(pose[2]), math.sin(pose[2])]]), acceleration=np.zeros(1),
+        velocity=6.0 * np.array([[math.cos(pose[2]), math.sin(pose[2])]]), acceleration=np.zeros(1),
         size=np.array([[5.0, 1.8]]), kind=np.array([int(Kind.CAR)]), path=np.array([row]),
         path_s=np.array([s]),
     )  # fmt: skip
