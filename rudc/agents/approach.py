@@ -2,8 +2,8 @@
 
 While a gap in the traffic that has priority is too short (rudc/agents/gaps.py) by CLOSE or more, the ego
 comes no faster than it can stop at its waiting point, braking at PLANNED. Without that it would stop beyond,
-in the way of somebody who slowed down for a turn of his own and then sped up. Who is faster than SLOW has
-less speed to gain, so a gap before him counts only from CLOSE_TO_FAST.
+in the way of somebody who slowed down for a turn of his own and then sped up. Somebody fast has less speed
+to gain: a gap before him counts only if it is too short by CLOSE_TO_FAST.
 
 A gap that is too short for an ego that speeds up may be long enough for one that comes later. So the command
 is bounded by the first of ACCELERATIONS with which all gaps are long enough. If the first of them will do,
@@ -28,9 +28,9 @@ PLANNED, HARDEST = 5.0, 6.0
 ACCELERATIONS = (ACCELERATION, 0.0, -2.0)
 """m/s2, tried in this order"""
 CLOSE, CLOSE_TO_FAST = 1.0, 2.0
-"""s, s by which a gap must be too short to count here: before who is slow, and before who is not"""
+"""s, s: a gap counts here if it is too short by so much, before somebody slow and before somebody fast"""
 SLOW = 0.5
-"""of the speed that somebody may come to drive, below which he is"""
+"""who drives at less than this share of what he may is slow"""
 AT_POINT = 0.3
 """m, kept before the waiting point"""
 

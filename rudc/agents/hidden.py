@@ -1,6 +1,7 @@
 """How fast to drive where the ego does not see all.
 
-On its own path it can stop within what it sees, at CREEP at the latest, braking at PLANNED.
+On its own path the ego drives no faster than it can stop, braking at PLANNED, within what it sees; CREEP is
+always allowed.
 
 At a junction, behind every box and beyond the sensors' reach a vehicle may come at its road's limit, whoever
 has priority. For each row of `network.paths` from another arm that meets the ego's path, the nearest hidden
@@ -34,11 +35,11 @@ SPARE = 0.5
 CREEP = 2.0
 """m/s, always allowed: who creeps stops within a step of where it sees"""
 BEFORE = 0.5
-"""m before a conflict where the ego stops"""
+"""m before a conflict, or the end of what it sees, where the ego stops"""
 GOING = 2.0
 """m/s2, with which the ego goes through"""
 PLANNED = 0.8
-"""of the ego's brakes"""
+"""share of its hardest braking that the ego plans with"""
 
 
 def ready_for_unseen(scene: Scene, u: Array) -> Array:

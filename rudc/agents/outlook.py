@@ -4,8 +4,9 @@ is there.
     see      what the sensors show -> without their noise (smoothing.py) -> with those who are missing
              (memory.py) -> as the plant makes of it (adaptation.py) -> along the course (courses.py)
     govern   what the driver asks for -> as fast as who must give way may come (approach.py) -> as fast as
-             who follows may come (following.py) -> as fast as it sees far (hidden.py) -> as fast as the
-             course allows (courses.py) -> on the road (kerb.py) -> as fast as grip allows
+             who follows may come (following.py) -> as fast as it can stop within what it sees
+             (hidden.py) -> as fast as the course allows (courses.py) -> on the road (kerb.py) -> as fast as
+             grip allows
 
 So that whoever drives, by rules or by a policy, and whatever corrects it, goes round what blocks and copes
 with a car that is not the one it was made for, without knowing of either.

@@ -5,9 +5,9 @@ surrounding vehicles (SVs), and goes on when the way is free, but it does not st
 is a hazard is the point. A pedestrian stops only for what is already before its feet. The yielding layer
 makes SVs see all props.
 
-Who has to stand there for long goes back and waits until its way is free, a pedestrian a step, a driver as
-far as leaves room to pull out; and a driver who has gone back stops for a moving ego, too. Without that, two
-who let each other pass would stand for good.
+Who has to stand for long goes back and waits until its way is free. A pedestrian goes back a step; a driver
+goes back until the other has room to pull out, and then stops for a moving ego, too. Without that, two who
+let each other pass would stand for good.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ CLEARANCE_M = 0.8
 PATIENCE_S, BACK_M, BACK_SPEED = 3.0, 1.0, 0.5
 """s, m, m/s: a pedestrian that has been held up for so long steps back so far, so fast"""
 DRIVER_BACK_M, DRIVER_BACK_SPEED = 8.0, 1.5
-"""m, m/s: the same of who drives"""
+"""m, m/s: a driver goes back until so much before it is free, so fast"""
 MORE_M = 0.1
 """m more than before that must be free for it to go on"""
 
@@ -76,11 +76,11 @@ class Prop:
 
     def look_out(self, scene: Scene) -> None:
         """Decide by what is around whether to go on, to stop, or to go back."""
-        self._free = not self.moves or self._is_free(scene, *self._ahead())
+        self._free = not self.moves or self._is_free(scene, self._needed())
         if self._is_held_up:
             room = BACK_M - self._stepped_back if self._walks else CLEARANCE_M
-            wanted = room > 0.0 if self._walks else not self._is_free(scene, *self._before(DRIVER_BACK_M))
-            self._back_is_free = wanted and self._is_free(scene, *self._before(-room))
+            wanted = room > 0.0 if self._walks else not self._is_free(scene, DRIVER_BACK_M)
+            self._back_is_free = wanted and self._is_free(scene, -room)
 
     def step(self, dt: float) -> None:
         """Move on by dt s."""
@@ -114,27 +114,22 @@ class Prop:
         x, y = self._way[leg + 1]
         return float(x) - back * math.cos(psi), float(y) - back * math.sin(psi), psi
 
-    def _ahead(self) -> tuple[float, float]:
-        """The stretch that must be free, as of `_before`: in which it can stop, and of a pedestrian that has
-        gone back to where that ended before, and more; of a driver, the room that it has made, and more.
+    def _needed(self) -> float:
+        """m before it that must be free: what it stops in; more for who has gone back, a pedestrian as far as
+        it was, a driver the room that it has made.
         """
         back = self._stepped_back > 0.0
         if self._walks:
-            return self._before(CLEARANCE_M + (self._stepped_back + MORE_M if back else 0.0))
+            return CLEARANCE_M + (self._stepped_back + MORE_M if back else 0.0)
         reach = CLEARANCE_M + self.speed**2 / (2 * BRAKING)
-        return self._before(max(reach, DRIVER_BACK_M + MORE_M) if back else reach)
+        return max(reach, DRIVER_BACK_M + MORE_M) if back else reach
 
-    def _before(self, reach: float) -> tuple[float, float]:
-        """m along its way to the middle of the stretch from its front on, or from its rear back where `reach`
-        (m) is negative, and the stretch's length.
-        """
-        return 0.5 * (math.copysign(self.length, reach) + reach), abs(reach)
-
-    def _is_free(self, scene: Scene, middle: float, reach: float) -> bool:
-        """Whether a stretch of its way, `reach` m long around `middle` m ahead, is clear of what stands, and
-        of where SVs come to stand if they brake.
+    def _is_free(self, scene: Scene, reach: float) -> bool:
+        """Whether `reach` m of its way from its front on, or from its rear back where that is negative, are
+        clear of what stands, and of where SVs come to stand if they brake.
         """
         walks = self._walks
+        middle, reach = 0.5 * (math.copysign(self.length, reach) + reach), abs(reach)
         box = (*self.pose(middle), reach, self.width)
         ego, body = scene.ego, scene.vehicle
         if walks or ego.v < STANDING or self._stepped_back > 0.0:
