@@ -22,6 +22,7 @@ from dataclasses import replace
 import numpy as np
 
 from rudc.agents.blocking import Blocking, Blocks
+from rudc.agents.following import PULL_OUT
 from rudc.agents.gaps import entering, suffices
 from rudc.agents.standoff import Standoff
 from rudc.arrays import Array
@@ -45,8 +46,8 @@ HERE = 1.0
 """m of its way over which the ego is where it is, whatever course it takes"""
 SHORT = 7.0
 """m"""
-PULL_OUT, LEADER = 3.0, 20.0
-"""m kept behind who stands for now, m ahead within which it is looked for"""
+LEADER = 20.0
+"""m ahead within which who stands for now is looked for"""
 AGAIN_S, OUTS_S = 1.0, 1.5
 """s, s, the latter more if the ego stands and may have to pull out"""
 SLOW, PER_METRE = 2.5, 4.0

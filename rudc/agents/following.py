@@ -2,12 +2,13 @@
 
 That the road has turned poor an ego learns only when it brakes. So at v m/s it keeps
 
-    v^2 / (2 PLANNED) <= gap - STANDSTILL + v_leader^2 / (2 LEADER)
+    v^2 / (2 PLANNED) <= gap - PULL_OUT + v_leader^2 / (2 LEADER)
 
 and can stop by braking at PLANNED behind a leader that brakes at LEADER until it stands. This is the safe
 distance of Shalev-Shwartz et al., "On a formal model of safe and scalable self-driving cars", 2017, with a
-follower that brakes less hard. The leader is the first of those who move the ego's way in the band that the
-ego is about to sweep. Who stands there is left to courses (courses.py): they may lead round it.
+follower that brakes less hard. The leader is the first of those who move the ego's way, however slowly, in
+the band that the ego is about to sweep. Who stands still there is left to courses (courses.py): they may lead
+round it, and need PULL_OUT m for that.
 """
 
 from __future__ import annotations
@@ -20,12 +21,12 @@ from rudc.env.conflict import REACH
 from rudc.env.tracking import at_most, slowing
 from rudc.network.paths import SPACING
 from rudc.safety.prediction import ALONG
-from rudc.world.scene import STANDING, Scene
+from rudc.world.scene import STILL, Scene
 
 PLANNED, LEADER = 3.0, 4.5
 """m/s2, m/s2: how hard the ego plans to brake, about what ice gives, and how hard its leader may"""
-STANDSTILL = 1.0
-"""m"""
+PULL_OUT = 3.0
+"""m kept behind who stands: nearer, the ego cannot pull out"""
 
 
 def ready_to_follow(scene: Scene, u: Array) -> Array:
@@ -33,8 +34,8 @@ def ready_to_follow(scene: Scene, u: Array) -> Array:
     line, body = scene.route.path, scene.vehicle
     gap, along = who_leads(
         line.xy, line.heading, SPACING, scene.position, scene.heading, scene.velocity, scene.size,
-        scene.ego_s, body.length, body.width, STANDING, ALONG, REACH,
+        scene.ego_s, body.length, body.width, STILL, ALONG, REACH,
     )  # fmt: skip
     if not 0.0 < gap < math.inf:
         return u
-    return at_most(u, slowing(scene, gap - STANDSTILL + along**2 / (2 * LEADER), 0.0, PLANNED))
+    return at_most(u, slowing(scene, gap - PULL_OUT + along**2 / (2 * LEADER), 0.0, PLANNED))

@@ -8,6 +8,8 @@ layer looks only at pairs of an SV and
     the ego where it stands in the SV's way now, whoever has priority;
     the ego's predicted path, if the SV has the lower priority, or if the ego has left its lane or heading, or
         if it is committed: its front is past the point where it could still wait;
+    the ego that faces it in its lane, going round something: it stops FACED_M short, so that the ego can
+        return to its own lane;
     an SV that drives through the junction, by one from another arm that creeps in it: SUMO lets vehicles
         wait in places that others, long ones above all, sweep over.
 
@@ -73,7 +75,8 @@ def must_yield(scene: Scene, *, ego_present: bool = True, brake_most: float = BR
     rows, deceleration = yielding(
         scene.position, scene.heading, scene.velocity, scene.size, scene.path, scene.path_s,
         paths.poses, paths.stations, paths.stop_s, paths.exit_s, paths.origin,
-        heeding, *_predicted(scene, stray), body.length, body.width, ego.v >= LINGERS, brake_most,
+        heeding, *_predicted(scene, stray), body.length, body.width, ego.v >= LINGERS, stray and ego_present,
+        brake_most,
     )  # fmt: skip
     return Yielding(rows.tolist(), deceleration.tolist())
 

@@ -20,7 +20,7 @@ from rudc.kernels import (
     kernel,
     separation,
 )
-from rudc.network.line_kernels import body_along_line, body_on_line
+from rudc.network.line_kernels import body_along_line, body_on_line, on_line
 from rudc.world.scene import STANDING
 
 STEP_S = 0.25
@@ -42,6 +42,14 @@ LINGERS = 1.0
 for the next 2 s all the same"""
 CREEPS = 3.0
 """m/s, up to which an SV in the junction looks out for faster ones"""
+FACED_M = 20.0
+"""m that an SV keeps to an ego that faces it in its lane, for that to return to its own"""
+FACED_AHEAD = 60
+"""m of its way on which an SV looks for such an ego"""
+FACING = -math.cos(math.pi / 6)
+"""cosine of the angle between an SV's lane and the ego, below which the ego faces it"""
+STEADY = 4.5
+"""m/s2, with which it stops nearer than FACED_M"""
 SWEPT_M = 2.5
 """m between the places ahead of those, INSTANTS in number, that they will sweep over"""
 NEAR_M = 10.0
@@ -131,6 +139,29 @@ def braking(hits: NewFlags, speed: float, passed: bool, most: float) -> float:
 
 
 @kernel
+def room_before(
+    poses: Table, stations: int, row: int, s: float, width: float, ego: complex, facing: complex
+) -> float:
+    """m along its row from s m on to an ego at `ego` m that faces an SV there and leaves it no way past:
+    nearer to the middle of its lane than `width` m. inf where there is none within FACED_AHEAD m.
+    """
+    for m in range(FACED_AHEAD):
+        here, heading = on_line(poses, stations, row, s + m)
+        r = (ego - here) * cmath.exp(-1j * heading)
+        if 0.0 <= r.real < 1.0:
+            faces = (facing * cmath.exp(-1j * heading)).real < FACING
+            return m + r.real if faces and abs(r.imag) < width else math.inf
+    return math.inf
+
+
+@kernel
+def braking_before(room: float, speed: float, most: float) -> float:
+    """m/s2, how hard somebody brakes at `speed` m/s that shall stop within `room` m; negative for not."""
+    need = STEADY if room <= 0.3 else speed**2 / (2.0 * room)
+    return min(need, most) if need > BRAKE_FROM else -1.0
+
+
+@kernel
 def in_junction(size: Table, path: Rows, path_s: Vector, stop_s: Vector, exit_s: Vector) -> NewFlags:
     """(N,) who is on a path and in the junction, from stop_s to exit_s (P,) m."""
     found = np.zeros(len(path), np.bool_)
@@ -179,12 +210,13 @@ def braking_for_others(
 def yielding(
     position: Table, heading: Vector, velocity: Table, size: Table, path: Rows, path_s: Vector,
     poses: Table, stations: int, stop_s: Vector, exit_s: Vector, origin: Rows,
-    heeding: NewFlags, ego: Places, ego_facing: Places, length: float, width: float, moves: bool, most: float,
+    heeding: NewFlags, ego: Places, ego_facing: Places, length: float, width: float, moves: bool,
+    astray: bool, most: float,
 ) -> tuple[NewRows, NewVector]:  # fmt: skip
     """(m,) rows of the SVs that must brake or go no faster, and how hard (m,) m/s2.
 
     Who looks out for the ego (`heeding` (N,)), where that will be, m, and its directions (INSTANTS,), its
-    length and width, m, and whether it `moves`.
+    length and width, m, and whether it `moves` and has gone `astray`, off its path.
     """
     n, count, obstacles = len(path), 0, False
     rows, needs, speed = np.empty(n, np.int64), np.empty(n), np.empty(n)
@@ -193,7 +225,7 @@ def yielding(
         speed[i] = math.hypot(velocity[i, 0], velocity[i, 1])
         obstacles = obstacles or path[i] < 0
     for i in range(n):
-        if path[i] < 0 or not (heeding[i] or obstacles or (inside[i] and speed[i] <= CREEPS)):
+        if path[i] < 0 or not (heeding[i] or astray or obstacles or (inside[i] and speed[i] <= CREEPS)):
             continue
         sets_off, need = max(speed[i], CREEP), -1.0
         half = 0.5 * (size[i, 0] + GROW_LENGTH), 0.5 * (size[i, 1] + GROW_WIDTH)
@@ -204,6 +236,11 @@ def yielding(
             hits = np.zeros(INSTANTS, np.bool_)
             mark_overlaps(hits, place, facing, half[0], beside, ego, ego_facing, 0.5 * length, 0.5 * width)
             need = braking(hits, sets_off, hits[0] and moves and speed[i] < STANDING, most)
+        if astray:
+            beyond = 0.5 * (size[i, 0] + length) + FACED_M
+            clear = 0.5 * (size[i, 1] + width + SQUEEZED)
+            room = room_before(poses, stations, path[i], path_s[i], clear, ego[0], ego_facing[0])
+            need = max(need, braking_before(room - beyond, speed[i], most))
         others = braking_for_others(
             place, facing, half[0], half[1], sets_off, most, i, speed, inside,
             position, heading, velocity, size, path, path_s, poses, stations, origin,

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rudc.agents.following import LEADER, PLANNED, STANDSTILL, ready_to_follow
+from rudc.agents.following import LEADER, PLANNED, PULL_OUT, ready_to_follow
 from rudc.agents.outlook import OutlookSettings
 from rudc.world.ego import EgoPlant
-from rudc.world.scene import STANDING
+from rudc.world.scene import STANDING, STILL
 from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
 
 FULL = np.array([3.0, 0.0])
@@ -40,7 +40,7 @@ def follow(make_scene, four_way, row, gap, v, leads):
         other = leader(four_way, row, gap + went, leads)
         x, y, psi = map(float, four_way.route("south", "straight").path.pose(s))
         ego = replace(plant.state, x=x, y=y, psi=psi)
-        asked = FULL if leads > STANDING else np.array([-6.0, 0.0])
+        asked = FULL if leads > STILL else np.array([-6.0, 0.0])
         u = ready_to_follow(replace(make_scene(other), ego=ego, ego_s=s), asked)
         before, after = leads, max(leads - LEADER * 0.1, 0.0)
         s += 0.05 * (ego.v + plant.step(float(u[0]), 0.0, 0.1).v)
@@ -55,8 +55,8 @@ def test_it_can_stop_behind_a_leader_that_brakes_until_it_stands(
     make_scene, four_way, straight, v, leads, gap
 ):
     gaps = follow(make_scene, four_way, straight, gap, v, leads)
-    assert gaps.min() > 0.5 * STANDSTILL
-    assert gaps.min() < STANDSTILL + 4.0, "and does not stay farther behind than it must"
+    assert gaps.min() > 0.5 * PULL_OUT
+    assert gaps.min() < PULL_OUT + 4.0, "and does not stay farther behind than it must"
 
 
 def test_it_is_free_where_nobody_leads(make_scene, four_way, straight):
@@ -78,8 +78,16 @@ def test_it_is_free_where_nobody_leads(make_scene, four_way, straight):
 
 
 def test_who_stands_is_gone_round_by_a_course(make_scene, four_way, straight):
-    standing = leader(four_way, straight, 5.0, 0.9 * STANDING)
+    standing = leader(four_way, straight, 5.0, 0.9 * STILL)
     assert ready_to_follow(make_scene(standing, front=FRONT, v=6.0), FULL) is FULL
+
+
+@pytest.mark.parametrize("creeps", [1.1 * STILL, 0.9 * STANDING])
+def test_behind_who_creeps_it_keeps_what_it_needs_to_pull_out(make_scene, four_way, straight, creeps):
+    """A leader that comes to rest slowly was followed by nobody's rule from STANDING on: the ego stood 1 m
+    behind it, and could not go round."""
+    gaps = follow(make_scene, four_way, straight, 10.0, 5.0, creeps)
+    assert gaps.min() > PULL_OUT - 0.5
 
 
 def test_the_nearest_counts_and_steering_stays(make_scene, four_way, straight):

@@ -9,13 +9,13 @@ import pytest
 from rudc.world.config import WorldConfig
 from rudc.world.scene import EgoState, Kind
 from rudc.world.yielding import must_yield
-from tests.benchmarks.yielding import awkward_poses, stand, waiting
+from rudc.world.yielding_kernels import FACED_M, STEADY
+from tests.benchmarks.yielding import awkward_poses, fair_moment, stand, waiting
 from tests.plans import PlanSource, event
 
 
 def row_of(network, origin, turn):
-    movement = network.movement(origin, turn)
-    return movement.rows[0]
+    return network.movement(origin, turn).rows[0]
 
 
 def before(network, row, place, away):
@@ -254,3 +254,64 @@ def test_who_creeps_passes_closer_to_an_ego_that_stands(make_scene, four_way):
     assert not held(0.0)
     assert held(2.0), "faster, it keeps its distance"
     assert held(0.0, beside=-0.8), "and where there is no room it stands"
+
+
+@pytest.fixture
+def face_to_face(make_scene, four_way):
+    """Scene of an ego that drives left of its lane, in that of an SV which comes from the north; `gap` m
+    between their fronts."""
+    row = max(four_way.movement("north", "straight").rows, key=lambda row: four_way.paths.xy[row, -1, 0])
+
+    def make(gap, v, *, beside=3.5, turned=0.0):
+        scene = make_scene(front=-40.0, v=3.0, turn="left")
+        ego = replace(scene.ego, x=scene.ego.x - beside, psi=scene.ego.psi + turned)
+        s = before(four_way, row, (ego.x, ego.y + 2.5), gap)
+        scene = make_scene({"row": row, "s": s, "v": v}, front=-40.0, v=3.0, turn="left")
+        return replace(scene, ego=ego, ego_offset=beside)
+
+    return make
+
+
+def test_stops_early_for_an_ego_that_comes_in_its_lane(face_to_face):
+    """Who goes round something comes back only if the other leaves it room before it."""
+    early = must_yield(face_to_face(FACED_M + 10.0, 8.0))
+    assert early.rows == [0]
+    assert early.deceleration[0] == pytest.approx(8.0**2 / (2 * 10.0), rel=0.1)
+    assert must_yield(face_to_face(FACED_M + 30.0, 8.0)).rows == [], "not before it must"
+    near = must_yield(face_to_face(FACED_M - 5.0, 1.0))
+    assert near.rows == [0], "and does not come nearer"
+    assert near.deceleration[0] == STEADY
+
+
+def test_does_not_stop_early_for_an_ego_that_leaves_it_its_lane(face_to_face):
+    assert must_yield(face_to_face(FACED_M, 8.0)).rows == [0]
+    assert must_yield(face_to_face(FACED_M, 8.0, beside=1.2)).rows == []
+    assert must_yield(face_to_face(FACED_M + 2.0, 4.0, turned=0.5 * math.pi)).rows == [], "nor who crosses"
+
+
+def test_in_traffic_too_an_ego_in_the_oncoming_lane_keeps_room_before_it(four_way, world):
+    """It stands there for 20 s: nobody who comes in that lane comes nearer than half of FACED_M."""
+    source, met = PlanSource(density=30.0, speed=(0.0, 0.0)), 0
+    for seed in range(4):
+        origin = world.reset(source.plan(seed)).route.origin
+        pose = awkward_poses(four_way, origin)["in the oncoming lane"]
+        assert fair_moment(world, pose)
+        assert not len(rooms_before(world.scene(), pose)), "whoever is there already cannot"
+        world.put_ego(*pose)
+        least = math.inf
+        for _ in range(200):
+            world.advance(np.zeros(2))
+            least = min(least, rooms_before(world.scene(), pose).min(initial=math.inf))
+        assert least > 0.5 * FACED_M
+        met += least < FACED_M + 10.0
+    assert met > 1, "somebody did come"
+
+
+def rooms_before(scene, pose):
+    """(K,) m between the front of an ego at a pose and of those who face it in its lane, up to 40 m away."""
+    psi, away = pose[2], scene.position - pose[:2]
+    before = away[:, 0] * math.cos(psi) + away[:, 1] * math.sin(psi)
+    beside = away[:, 1] * math.cos(psi) - away[:, 0] * math.sin(psi)
+    facing = np.cos(scene.heading - psi) < -0.7
+    room = before - 0.5 * (scene.size[:, 0] + scene.vehicle.length)
+    return room[(before > 0.0) & (room < 40.0) & (np.abs(beside) < 2.5) & facing]
