@@ -67,6 +67,17 @@ def make_lanes(junction: Junction, arms: Sequence[RawArm], ways: Sequence[Way]) 
     return {lane_id: make_lane(lane) for lane_id, lane in drawn.items()}
 
 
+def lanes_without_cars(arms: Sequence[RawArm]) -> dict[str, tuple[str, ...]]:
+    """Lanes of the arms that refuse cars, but not all that drives: id -> who may use it."""
+    lanes = [lane for arm in arms for edge in (*arm.inbound, *arm.outbound) for lane in edge.getLanes()]
+    users = {
+        lane.getID(): tuple(user for user in ROAD_USERS if lane.allows(user))
+        for lane in lanes
+        if not lane.allows(VEHICLE_CLASS)
+    }
+    return {name: allowed for name, allowed in users.items() if allowed}
+
+
 def centre_of(junction: Junction) -> Array:
     """(2,) m, the node's place, or the mean of the nodes' of a roundabout."""
     return np.mean([node.getCoord() for node in junction.nodes], axis=0)

@@ -154,6 +154,12 @@ def _node_warnings(network: Network) -> Iterator[str]:
         )
     if network.lights:
         yield "the junction has traffic lights, to which the ego pays no attention: no scenario can use it"
+    reserved: dict[tuple[str, ...], list[str]] = {}
+    for lane, users in network.left_out.items():
+        reserved.setdefault(users, []).append(lane)
+    for users, lanes in reserved.items():
+        what = f"lanes {', '.join(lanes)} are" if len(lanes) > 1 else f"lane {lanes[0]} is"
+        yield f"{what} closed to cars (for {', '.join(users)} only) and left out: nobody drives there"
 
 
 def _arm_warnings(network: Network, arm: Arm) -> Iterator[str]:
@@ -191,10 +197,13 @@ def _arm_warnings(network: Network, arm: Arm) -> Iterator[str]:
 def _movement_warnings(network: Network) -> Iterator[str]:
     there = {(m.origin, m.destination) for m in network.movements}
     for origin in network.arms:
-        for destination in network.arms:
-            wanted = origin is not destination and origin.in_lanes and destination.out_lanes
-            if wanted and (origin.name, destination.name) not in there:
-                yield f"no movement leads from arm {origin.name} to arm {destination.name}"
+        lacking = [
+            arm.name for arm in network.arms
+            if arm is not origin and arm.out_lanes and (origin.name, arm.name) not in there
+        ]  # fmt: skip
+        if origin.in_lanes and lacking:
+            arms = f"arm{'s' if len(lacking) > 1 else ''} {', '.join(lacking)}"
+            yield f"no movement leads from arm {origin.name} to {arms}"
 
 
 def _route_warnings(network: Network, route: Route) -> Iterator[str]:

@@ -30,7 +30,7 @@ class EgoRoute(FileModel, frozen=True):
     origin: Identifier = Field(default="random", alias="from")
     """arm (compass name) or edge it comes from, or random"""
     turn: Literal["left", "straight", "right", "random"] = "random"
-    """where it turns"""
+    """where it turns; to the left it starts on the leftmost lane that leads there, else on the rightmost"""
     to: Identifier | None = None
     """arm or edge it leaves by, instead of `turn`"""
 

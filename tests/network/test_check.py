@@ -73,6 +73,23 @@ def test_each_trouble_is_named(tmp_path):
     way = '<connection from="south_in" to="west_out"'
     lost = changed(tmp_path, (way, f'{way} allow="bus"'))
     assert lost == ("no movement leads from arm south to arm west",)
+    also = way.replace("west_out", "east_out")
+    more = changed(tmp_path, (way, f'{way} allow="bus"'), (also, f'{also} allow="bus"'))
+    assert more == ("no movement leads from arm south to arms east, west",)
+
+
+def test_lanes_for_buses_are_named_as_left_out(tmp_path):
+    """They were missing from the table of arms, without a word."""
+    lanes = [(f'id="{arm}_{k}" index="{k}"', f'id="{arm}_{k}" index="{k}" allow="{who}"')
+             for arm, k, who in (("west_in", 0, "bus bicycle"), ("south_out", 0, "bicycle bus"),
+                                 ("north_out", 0, "pedestrian"))]  # fmt: skip
+    warnings = changed(tmp_path, *lanes)
+    left_out = [warning for warning in warnings if "left out" in warning]
+    assert left_out == [
+        "lanes west_in_0, south_out_0 are closed to cars (for bus, bicycle only) and left out: nobody drives "
+        "there"
+    ]
+    assert not any("north_out_0" in warning for warning in warnings), "a pavement is no part of the road"
 
 
 def test_waiting_cars_that_overlap_are_named():
