@@ -24,6 +24,7 @@ import numpy as np
 from rudc.agents.blocking import Blocking, Blocks
 from rudc.agents.following import PULL_OUT
 from rudc.agents.gaps import entering, suffices
+from rudc.agents.patience import Patience
 from rudc.agents.standoff import Standoff
 from rudc.arrays import Array
 from rudc.env.remembered import Remembered
@@ -84,8 +85,9 @@ class Courses:
     def reset(self, scene: Scene) -> None:
         """Begin a new episode on the route itself."""
         self._blocking = Blocking()
-        self._standoff = Standoff()
+        self._standoff, self._patience = Standoff(), Patience()
         self._standoff.reset()
+        self._patience.reset()
         self.course: Route | None = None
         """the course driven at present; None for the route itself"""
         self._round_stray = False
@@ -118,6 +120,10 @@ class Courses:
                 return tried
         self._stop = min(hit - SHORT, wait)
         return shown
+
+    def urge(self, scene: Scene, u: Array) -> Array:
+        """(2,) what a policy proposes, m/s2 and rad; on a course it stands no longer than rules would."""
+        return u if self.course is None else self._patience.urge(scene, u)
 
     def govern(self, scene: Scene, u: Array, *, onwards: bool = False) -> Array:
         """(2,) the command, no faster than course and bodies allow; close beside bodies the course is

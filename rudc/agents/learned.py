@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -25,7 +25,7 @@ from rudc.agents.config import AgentConfig
 from rudc.agents.correction import Proposal
 from rudc.agents.route_sigma import RouteSigma
 from rudc.agents.variation import vary
-from rudc.arrays import Floats
+from rudc.arrays import Array, Floats
 from rudc.env.observation import observe_flat
 from rudc.errors import AgentError
 from rudc.learning.inference import Decider
@@ -62,6 +62,8 @@ class LearnedAgent:
         """
         self.name = name
         self.config = config
+        self.urge: Callable[[Scene, Array], Array] | None = None
+        """see `rudc.agents.outlook.Urged`"""
         self._decider = Decider(config.learner, config.problem().layout, arrays)
         self.correction = config.correction.make(arrays, percentiles, config.action)
         self.load(arrays, percentiles)
@@ -105,6 +107,8 @@ class LearnedAgent:
         clock.append(time.perf_counter())
         proposed = self._decider.action(observation, rng)
         u_rl = self.config.action.physical(proposed, scene)
+        if self.urge is not None:
+            u_rl = self.urge(scene, u_rl)
         clock.append(time.perf_counter())
         unsure = self._decider.uncertainty(observation, proposed)
         by_route = None if unsure is None or self._route is None else self._route.of(scene, unsure)

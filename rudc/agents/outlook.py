@@ -3,6 +3,8 @@ is there.
 
     see      what the sensors show -> without their noise (smoothing.py) -> with those who are missing
              (memory.py) -> as the plant makes of it (adaptation.py) -> along the course (courses.py)
+    urge     what a policy proposes -> on a course, no longer at rest than rules (patience.py), before it is
+             corrected
     govern   what the driver asks for -> as fast as who must give way may come (approach.py) -> as fast as
              who follows may come (following.py) -> as fast as it can stop within what it sees
              (hidden.py) -> as fast as the course allows (courses.py) -> on the road (kerb.py) -> as fast as
@@ -15,11 +17,12 @@ with a car that is not the one it was made for, without knowing of either.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import Protocol, runtime_checkable
 
 from rudc.agents.adaptation import Adaptation, Knowledge
 from rudc.agents.approach import ready_to_wait
-from rudc.agents.base import Agent, Decision, EgoDriver
+from rudc.agents.base import Agent, Decision, EgoDriver, layers
 from rudc.agents.courses import Courses
 from rudc.agents.following import ready_to_follow
 from rudc.agents.hidden import ready_for_unseen
@@ -98,6 +101,14 @@ class Outlook:
         return u if self.adaptation is None else self.adaptation.govern(scene, u, onwards=onwards)
 
 
+@runtime_checkable
+class Urged(Protocol):
+    """A driver whose proposals can be changed before they are corrected."""
+
+    urge: Callable[[Scene, Array], Array] | None
+    """(2,) proposal, m/s2 and rad, in a scene -> the one to be corrected; None for itself"""
+
+
 class OutlookAgent:
     """Any driver with an outlook, and what corrects it."""
 
@@ -106,6 +117,10 @@ class OutlookAgent:
     def __init__(self, driver: Agent, name: str, outlook: Outlook) -> None:
         self.name = name
         self.inner, self.outlook = driver, outlook
+        if outlook.courses is not None:
+            for layer in layers(driver):
+                if isinstance(layer, Urged):
+                    layer.urge = outlook.courses.urge
 
     def reset(self, scene: Scene, seed: int) -> None:
         """Reset outlook and driver."""
