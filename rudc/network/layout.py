@@ -63,7 +63,7 @@ class Layout:
         self.lanes: dict[str, Lane] = assembly.make_lanes(chosen, raw_arms, ways)
         """all lanes by SUMO's id: of the arms, of the ring, and inside the nodes"""
         self.left_out = assembly.lanes_without_cars(raw_arms)
-        """lanes of the arms that refuse cars, and so are no part of the road, by SUMO's id -> who may use them"""
+        """arms' lanes without cars, which are no part of the road, by SUMO's id -> who may use them"""
         arms = assembly.make_arms(raw_arms, self.lanes, self.center)
         self.arms: tuple[Arm, ...] = tuple(assembly.decide_major(arms, ways, yields))
         """counter-clockwise from the east"""
