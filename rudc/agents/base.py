@@ -26,7 +26,8 @@ class Decision(NamedTuple):
     u: Array
     """(2,) what is applied: acceleration m/s2, front-wheel angle rad"""
     u_rl: Array
-    """(2,) what the driver itself proposed, before any correction, in the same units"""
+    """(2,) what the driver itself proposed (rudc/agents/patience.py included), before any correction, in the
+    same units"""
     uncertainty: Uncertainty | None = None
     """of the return that follows the proposal, reward units; None for drivers that state none"""
     corrected: Corrected | None = None

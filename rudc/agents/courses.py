@@ -122,7 +122,7 @@ class Courses:
         return shown
 
     def urge(self, scene: Scene, u: Array) -> Array:
-        """(2,) what a policy proposes, m/s2 and rad; on a course it stands no longer than rules would."""
+        """(2,) a policy's proposal u (2,), m/s2 and rad, which on a course sets off where rules would."""
         return u if self.course is None else self._patience.urge(scene, u)
 
     def govern(self, scene: Scene, u: Array, *, onwards: bool = False) -> Array:

@@ -1,8 +1,9 @@
-"""Where a course leads round something, a policy can be somewhere it has never been, and stand for good.
+"""Ends the waiting of a policy that stands on a course for good; in training it never met one.
 
-An ego that has stood on a course for PATIENCE s, although a driver by rules (rudc/agents/gap_acceptance.py)
-would go, goes as that driver would, at PACE m/s at most, until the policy goes by itself, or the rules stop
-it. What corrects the policy corrects that, too.
+Once the ego has stood on a course for PATIENCE s and gap acceptance (rudc/agents/gap_acceptance.py) would go,
+its acceleration takes the policy's place, up to PACE m/s, until the policy goes by itself or gap acceptance
+stops. Steering stays the policy's. A correction treats the result as any proposal; it counts as one, not as
+an intervention.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ class Patience:
         self._going = False
 
     def urge(self, scene: Scene, u: Array) -> Array:
-        """(2,) what the policy proposes on a course, m/s2 and rad, or that with the acceleration of rules."""
+        """(2,) m/s2 and rad: the policy's proposal u (2,), or that with the rules' acceleration."""
         if not self._going and scene.waited_s < PATIENCE:
             return u
         a = float(self._rules.act(scene).u[0])

@@ -8,8 +8,8 @@ layer looks only at pairs of an SV and
     the ego where it stands in the SV's way now, whoever has priority;
     the ego's predicted path, if the SV has the lower priority, or if the ego has left its lane or heading, or
         if it is committed: its front is past the point where it could still wait;
-    the ego that faces it in its lane, going round something: it stops FACED_M short, so that the ego can
-        return to its own lane;
+    an ego that comes towards the SV in the SV's own lane, since it goes round something: the SV stops FACED_M
+        before it, so that the ego can return to its lane;
     an SV that drives through the junction, by one from another arm that creeps in it: SUMO lets vehicles
         wait in places that others, long ones above all, sweep over.
 

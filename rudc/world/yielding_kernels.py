@@ -43,7 +43,7 @@ for the next 2 s all the same"""
 CREEPS = 3.0
 """m/s, up to which an SV in the junction looks out for faster ones"""
 FACED_M = 20.0
-"""m that an SV keeps to an ego that faces it in its lane, for that to return to its own"""
+"""m that an SV leaves before an ego that faces it in its lane, to return to its own"""
 FACED_AHEAD = 60
 """m of its way on which an SV looks for such an ego"""
 FACING = -math.cos(math.pi / 6)
@@ -142,8 +142,9 @@ def braking(hits: NewFlags, speed: float, passed: bool, most: float) -> float:
 def room_before(
     poses: Table, stations: int, row: int, s: float, width: float, ego: complex, facing: complex
 ) -> float:
-    """m along its row from s m on to an ego at `ego` m that faces an SV there and leaves it no way past:
-    nearer to the middle of its lane than `width` m. inf where there is none within FACED_AHEAD m.
+    """m along an SV's row, from s m on, to an ego at `ego` m with direction `facing`, if that faces the SV
+    and is less than `width` m beside the row, so that there is no way past. inf otherwise, and beyond
+    FACED_AHEAD m.
     """
     for m in range(FACED_AHEAD):
         here, heading = on_line(poses, stations, row, s + m)
