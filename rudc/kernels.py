@@ -51,6 +51,8 @@ Marks = Annotated[Flags, _read("boolean", 1)]
 NewVector = Annotated[Array, Layout("float64", 1)]
 """(n,), made by a kernel or written to; the others likewise"""
 NewTable = Annotated[Array, Layout("float64", 2)]
+WrittenTable = Annotated[Array, Layout("float64", 2, "A")]
+"""a table written to, whatever its strides"""
 NewCube = Annotated[Array, Layout("float64", 3)]
 NewColumns = Annotated[Array, Layout("float64", 2, "F")]
 """a table, one column after the other"""

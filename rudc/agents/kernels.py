@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from rudc.env.kernels import interpolated, leader, seen_from_line
-from rudc.kernels import NewTable, Rows, Table, Vector, kernel
+from rudc.kernels import NewRowTable, NewTable, Rows, Table, Vector, kernel
 
 
 @kernel
@@ -89,6 +89,28 @@ def unexplained(now: Table, before: Table, rows: Rows, acceleration: Vector, dt:
         found[count, 3] = one[5] - last[5] - bend
         count += 1
     return found[:count].copy()
+
+
+@kernel
+def keep(found: Table, least: Vector, kept: NewTable, counts: NewRowTable) -> int:
+    """Keep what was `found` (K, 4), see `unexplained`, in rings `kept` (3, M): of places, speeds, headings.
+
+    `counts` (3, 2): how many were ever kept, and how many of those that are there exceed `least` (3,).
+    Answers 0.
+    """
+    for i in range(len(found)):
+        for column in range(4):
+            kind, difference = max(column - 1, 0), found[i, column]
+            if kind == 2:
+                difference = abs(difference - 2.0 * math.pi * np.rint(difference / (2.0 * math.pi)))
+            place = counts[kind, 0] % kept.shape[1]
+            if counts[kind, 0] >= kept.shape[1] and kept[kind, place] > least[kind]:
+                counts[kind, 1] -= 1
+            if difference > least[kind]:
+                counts[kind, 1] += 1
+            kept[kind, place] = difference
+            counts[kind, 0] += 1
+    return 0
 
 
 # ---- who stands

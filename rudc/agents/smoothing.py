@@ -21,13 +21,12 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections import deque
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rudc.agents.kernels import sighted, unexplained
-from rudc.arrays import Array
+from rudc.agents.kernels import keep, sighted, unexplained
+from rudc.arrays import Array, Index
 from rudc.world.scene import Scene
 
 LISTENED, KEPT, FEWEST = 4, 120, 12
@@ -35,8 +34,12 @@ LISTENED, KEPT, FEWEST = 4, 120, 12
 said"""
 NORMAL = 0.6745
 """median of |x| for a standard normal x"""
+DIFFERING = NORMAL * math.sqrt(2.0)
+"""the same of a difference of two of them"""
 LEAST = 0.06, 0.06, 0.02
 """m, m/s and rad, standard deviations below which sensors count as without noise"""
+_LEAST: Array = DIFFERING * np.array(LEAST)
+"""the differences that these cause, by median"""
 UNKNOWN, ASIDE, TURNING = 1.0, 0.5, 0.1
 """m/s2, m/s and rad/s, standard deviations of what moves the others apart from what is seen"""
 JUMP = 5.0
@@ -78,32 +81,6 @@ class _Spread:
     """rad2"""
 
 
-class _Level:
-    """Standard deviation of one kind of error."""
-
-    def __init__(self, least: float) -> None:
-        """`least`: below it there is none."""
-        self._kept, self._least = deque[float](maxlen=KEPT), least * NORMAL * math.sqrt(2.0)
-        self._above = 0
-        """how many of the kept are above `_least`: the median only where half of them are"""
-        self.std = 0.0
-
-    def hear(self, differences: list[float]) -> None:
-        """Take in more of them."""
-        kept, least = self._kept, self._least
-        if self._above or max(differences, default=0.0) > least:
-            for difference in differences:
-                self._above += (difference > least) - (len(kept) == KEPT and kept[0] > least)
-                kept.append(difference)
-        else:
-            kept.extend(differences)
-        count = len(kept)
-        if count < FEWEST:
-            return
-        median = sorted(kept)[count // 2] if self._above >= count - count // 2 else 0.0
-        self.std = median / (NORMAL * math.sqrt(2.0))
-
-
 class Smoothing:
     """Of one episode."""
 
@@ -113,12 +90,12 @@ class Smoothing:
         """the nearest others a decision ago, as `sighted` has them"""
         self._known: dict[str, tuple[_Other, _Spread]] = {}
         self._time_s = -math.inf
-        self._place, self._speed, self._heading = map(_Level, LEAST)
-
-    @property
-    def noise(self) -> tuple[float, float, float]:
-        """m, m/s, rad: standard deviations of the errors of places, speeds and headings, 0 for none."""
-        return self._place.std, self._speed.std, self._heading.std
+        self._kept: Array = np.zeros((3, KEPT))
+        """differences of places, speeds and headings"""
+        self._counts: Index = np.zeros((3, 2), dtype=np.int64)
+        """how many were ever kept, how many of those that are there exceed what LEAST causes"""
+        self.noise: tuple[float, ...] = 0.0, 0.0, 0.0
+        """m, m/s, rad: standard deviations of the errors of places, speeds and headings, 0 for none"""
 
     def see(self, scene: Scene) -> Scene:
         """The scene with the others as they are known, the same where sensors have no noise; called once a
@@ -138,15 +115,20 @@ class Smoothing:
         before, names = self._names, scene.ids[:LISTENED]
         rows = np.array([before.index(name) if name in before else -1 for name in names], dtype=np.int64)
         seen = sighted(scene.position, scene.velocity, scene.heading, LISTENED, EXACT)
-        found = unexplained(seen, self._seen, rows, scene.acceleration, dt)
+        keep(unexplained(seen, self._seen, rows, scene.acceleration, dt), _LEAST, self._kept, self._counts)
         self._names, self._seen = names, seen
-        places, speeds, headings = list[float](), list[float](), list[float]()
-        for x, y, faster, turned in found.tolist():
-            places += x, y
-            speeds.append(faster)
-            headings.append(abs(_turn(turned)))
-        for level, heard in ((self._place, places), (self._speed, speeds), (self._heading, headings)):
-            level.hear(heard)
+        self.noise = tuple(
+            self._noise(kind, min(number, KEPT), above)
+            for kind, (number, above) in enumerate(self._counts.tolist())
+        )
+
+    def _noise(self, kind: int, count: int, above: int) -> float:
+        """The standard deviation of errors that causes the median of `count` differences, `above` of which
+        exceed the least; 0 below that.
+        """
+        if count < FEWEST or above < count - count // 2:
+            return 0.0
+        return sorted(self._kept[kind, :count].tolist())[count // 2] / DIFFERING
 
     def _smoothed(self, scene: Scene) -> Scene:
         place, speed, heading = (max(std, EXACT) ** 2 for std in self.noise)

@@ -22,6 +22,7 @@ from dataclasses import replace
 import numpy as np
 
 from rudc.arrays import Array
+from rudc.env.kernels import deviation, front_wheels
 from rudc.env.remembered import Remembered
 from rudc.network.paths import SPACING
 from rudc.network.route import ReferencePath
@@ -43,13 +44,11 @@ _bends: Remembered[ReferencePath, Array] = Remembered()
 
 def steering(scene: Scene) -> float:
     """rad, front-wheel angle that follows `scene.route.path`."""
-    body = scene.vehicle
-    bend, _, astray = _deviation(scene)
-    astray = min(max(astray, -1.0), 1.0)
-    offset = min(max(scene.ego_offset, -2.0), 2.0)
-    wanted = bend - 2.0 * astray / RETURN_M - offset / RETURN_M**2
-    delta = math.atan(body.wheelbase / body.cg_to_rear * math.tan(_slip(scene, wanted)))
-    return min(max(delta, -body.delta_max), body.delta_max)
+    ego, path, body = scene.ego, scene.route.path, scene.vehicle
+    return front_wheels(
+        path.poses, path.curvature, scene.ego_s, scene.ego_offset, ego.psi, ego.v, PREVIEW_S, RETURN_M,
+        body.wheelbase, body.cg_to_rear, body.delta_max,
+    )  # fmt: skip
 
 
 def slowing(scene: Scene, room: float, speed: float, deceleration: float) -> float:
@@ -76,7 +75,10 @@ def close_to_path(scene: Scene, within: float) -> Scene:
     Followed without delay, e(s) = (e + b s) exp(-s / L) with b = theta + e / L, largest at s = L - e / b.
     """
     path, offset = scene.route.path, scene.ego_offset
-    _, slip, astray = _deviation(scene)
+    _, slip, astray = deviation(
+        path.poses, path.curvature, scene.ego_s, scene.ego.psi, scene.ego.v, PREVIEW_S,
+        scene.vehicle.cg_to_rear,
+    )  # fmt: skip
     farthest, b = abs(offset), astray + offset / RETURN_M
     if b != 0.0 and (there := 1.0 - offset / (b * RETURN_M)) > 0.0:
         farthest = max(farthest, abs(b) * RETURN_M * math.exp(-there))
@@ -87,21 +89,6 @@ def close_to_path(scene: Scene, within: float) -> Scene:
     x, y = x - offset * math.sin(heading), y + offset * math.cos(heading)
     ego = replace(scene.ego, x=x, y=y, psi=heading + share * astray - slip)
     return replace(scene, ego=ego, ego_offset=offset)
-
-
-def _deviation(scene: Scene) -> tuple[float, float, float]:
-    """The path's curvature (1/m), the slip (rad) that it takes, the angle (rad) from the path to the
-    direction of travel.
-    """
-    ego, path = scene.ego, scene.route.path
-    bend = path.curvature_at(scene.ego_s + PREVIEW_S * ego.v)
-    slip = _slip(scene, bend)
-    return bend, slip, math.remainder(ego.psi + slip - path.heading_at(scene.ego_s), 2 * math.pi)
-
-
-def _slip(scene: Scene, bend: float) -> float:
-    """rad, slip that takes the ego round a bend (1/m)."""
-    return math.asin(min(max(scene.vehicle.cg_to_rear * bend, -0.9), 0.9))
 
 
 def speeds_in_bends(path: ReferencePath) -> Array:

@@ -66,3 +66,35 @@ def along_line(
         along = cmath.exp(1j * heading)
         place[t], facing[t] = here + beside * along, turned * along
     return place, facing
+
+
+@kernel
+def between(values: Vector, s: float) -> float:
+    """The value at s m of a line between those (M,) of its stations; an end's beyond it."""
+    at = min(max(s / SPACING, 0.0), len(values) - 1.0)
+    i = min(int(at), len(values) - 2)
+    return values[i] + (at - i) * (values[i + 1] - values[i])
+
+
+@kernel
+def projected(poses: Table, x: float, y: float, i: int) -> tuple[float, float]:
+    """Arc length m of the nearest place to (x, y) m on a line (M, 3), found downhill from station i, and the
+    offset m to the line's left; see `ReferencePath.project`.
+    """
+    last = len(poses) - 2
+    i, came_from = min(max(i, 0), last), -1
+    while True:
+        x0, y0 = poses[i, 0], poses[i, 1]
+        dx, dy = poses[i + 1, 0] - x0, poses[i + 1, 1] - y0
+        squared = dx * dx + dy * dy
+        t = ((x - x0) * dx + (y - y0) * dy) / squared
+        following = i + 1 if t > 1.0 and i < last else i - 1 if t < 0.0 and i > 0 else i
+        if following in (i, came_from):
+            break
+        came_from, i = i, following
+    offset = (dx * (y - y0) - dy * (x - x0)) / squared**0.5
+    if following != i:  # outside of a bend, beyond this piece's end and before the next one's start
+        t = min(max(t, 0.0), 1.0)
+        gap = ((x - x0 - t * dx) ** 2 + (y - y0 - t * dy) ** 2) ** 0.5
+        offset = gap if offset > 0.0 else -gap
+    return (i + t) * SPACING, offset

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from rudc.arrays import Array
+from rudc.network.line_kernels import between, projected
 from rudc.network.paths import SPACING
 from rudc.network.polyline import arc_length, headings, resample, without_repeats
 from rudc.vehicle import EgoVehicle
@@ -35,15 +35,11 @@ class ReferencePath:
         """(M, 3) x m, y m and heading rad of the stations"""
         for array in (self.s, self.xy, self.heading, self.curvature, self.poses):
             array.flags.writeable = False
-        self._x: list[float] = self.xy[:, 0].tolist()
-        self._y: list[float] = self.xy[:, 1].tolist()
-        self._heading: list[float] = self.heading.tolist()
-        self._curvature: list[float] = self.curvature.tolist()
 
     def pose(self, s: Array | float) -> tuple[Array, Array, Array]:
         """x m, y m and heading rad, each (...), at arc length s (...) m; straight on beyond both ends."""
         at = np.asarray(s, dtype=float) * (1.0 / SPACING)
-        i = np.minimum(np.maximum(at, 0.0), len(self._x) - 2.0).astype(np.int64)
+        i = np.minimum(np.maximum(at, 0.0), len(self.s) - 2.0).astype(np.int64)
         t = at - i
         low = self.poses[i]
         step = self.poses[i + 1] - low
@@ -61,12 +57,12 @@ class ReferencePath:
         return np.stack([x, y], axis=-1), heading - np.arcsin(turn)
 
     def heading_at(self, s: float) -> float:
-        """`pose`'s heading (rad) at one arc length (m), in plain arithmetic."""
-        return _between(self._heading, s)
+        """`pose`'s heading (rad) at one arc length (m), faster."""
+        return between(self.heading, s)
 
     def curvature_at(self, s: float) -> float:
         """1/m, at one arc length (m); an end's beyond it."""
-        return _between(self._curvature, s)
+        return between(self.curvature, s)
 
     def project(self, x: float, y: float, near: float | None = None) -> tuple[float, float]:
         """Arc length (m) of the nearest point of the path to (x, y) and the offset (m) to the path's left.
@@ -75,31 +71,11 @@ class ReferencePath:
         microseconds); without, all stations are looked at. Negative, or above `length`, before or beyond the
         path's ends.
         """
-        x, y = float(x), float(y)
-        last = len(self._x) - 2
         if near is None:
             i = int(np.argmin((self.xy[:, 0] - x) ** 2 + (self.xy[:, 1] - y) ** 2))
         else:
             i = int(near / SPACING)
-        i = min(max(i, 0), last)
-        came_from = -1
-        while True:
-            x0, y0 = self._x[i], self._y[i]
-            dx, dy = self._x[i + 1] - x0, self._y[i + 1] - y0
-            squared = dx * dx + dy * dy
-            t = ((x - x0) * dx + (y - y0) * dy) / squared
-            following = i + 1 if t > 1.0 and i < last else i - 1 if t < 0.0 and i > 0 else i
-            if following in (i, came_from):
-                break
-            came_from, i = i, following
-        offset = (dx * (y - y0) - dy * (x - x0)) / squared**0.5
-        if (
-            following != i
-        ):  # outside of a bend, beyond this piece's end and before the next one's start: the corner
-            t = min(max(t, 0.0), 1.0)
-            gap = ((x - x0 - t * dx) ** 2 + (y - y0 - t * dy) ** 2) ** 0.5
-            offset = gap if offset > 0.0 else -gap
-        return (i + t) * SPACING, offset
+        return projected(self.poses, float(x), float(y), i)
 
 
 @dataclass(frozen=True)
@@ -175,10 +151,3 @@ class Route:
     north)"""
     key: RouteKey
     """what it can be found again by"""
-
-
-def _between(values: Sequence[float], s: float) -> float:
-    """The value at arc length s (m) between those of stations; an end's beyond it."""
-    at = min(max(s / SPACING, 0.0), len(values) - 1.0)
-    i = min(int(at), len(values) - 2)
-    return values[i] + (at - i) * (values[i + 1] - values[i])

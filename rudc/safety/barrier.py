@@ -15,7 +15,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from rudc.arrays import Array, Complex, Flags, Index
+from rudc.arrays import Array, Flags, Index
 from rudc.world.scene import Scene
 
 STEP = 0.1
@@ -131,8 +131,3 @@ COMMON = (
 )
 """what the residual predictor looks at of every constraint: SI units, in the ego's frame, divided as stated
 """
-
-
-def as_complex(xy: Array) -> Complex:
-    """(N,) of (N, 2)."""
-    return np.ascontiguousarray(xy).view(np.complex128)[:, 0]

@@ -8,7 +8,19 @@ import math
 
 import numpy as np
 
-from rudc.kernels import NewColumns, NewPlaces, NewTable, NewVector, Places, PlaceTable, Table, Vector, kernel
+from rudc.kernels import (
+    NewColumns,
+    NewPlaces,
+    NewTable,
+    NewVector,
+    Places,
+    PlaceTable,
+    Rows,
+    Table,
+    Vector,
+    WrittenTable,
+    kernel,
+)
 
 CLOSEST = 1e-6
 """m2, |r|^2 below which a bearing means nothing; taken as this"""
@@ -37,6 +49,24 @@ def ellipses(
         stretch[0, i] = half_length * half_length - half_width * half_width
         short[1, i], stretch[1, i] = across * across + epsilon, half * half - across * across
     return short, stretch
+
+
+@kernel
+def some_bodies(
+    position: Table, velocity: Table, heading: Vector, short: Table, stretch: Table, who: Rows,
+    buffer: float, places: NewPlaces, velocities: NewPlaces, directions: NewPlaces, mode: NewVector,
+    margin: NewVector, its_short: WrittenTable, its_stretch: WrittenTable,
+) -> int:  # fmt: skip
+    """Write those of the others `who` (n,) as `Bodies` have them, kept `buffer` m clear of. Answers 0."""
+    for k in range(len(who)):
+        i = who[k]
+        places[k] = complex(position[i, 0], position[i, 1])
+        velocities[k] = complex(velocity[i, 0], velocity[i, 1])
+        directions[k] = complex(math.cos(heading[i]), math.sin(heading[i]))
+        mode[k], margin[k] = 1.0, buffer
+        for row in range(2):
+            its_short[row, k], its_stretch[row, k] = short[row, i], stretch[row, i]
+    return 0
 
 
 @kernel

@@ -49,6 +49,7 @@ from rudc.safety.corrected import Corrected
 from rudc.safety.kernels import all_finite
 from rudc.safety.last_resort import Instead, LastResort
 from rudc.safety.qp import TOLERANCE, Problem, Solution, make_solver
+from rudc.safety.qp_kernels import on_the_road, some_rows, undecided, with_violations
 from rudc.safety.rows import RowWeights, affine_rows, per_row
 from rudc.safety.slack import rate_factor
 from rudc.vehicle import EgoVehicle
@@ -98,7 +99,7 @@ class _Conditions(NamedTuple):
 
     def sparing(self, scene: Scene, constraints: Constraints, bounds: _Bounds) -> _Conditions:
         """The same, asking no more of the ego than of one that follows its path."""
-        relief = np.broadcast_to(self.relief, (constraints.count,))
+        relief = self.relief + np.zeros(constraints.count)
         a = float(bounds.lower[0]), float(bounds.nominal[0])
         return self._replace(relief=relief + constraints.lacking(scene, self.weights, relief, a))
 
@@ -301,19 +302,11 @@ class SafetyFilter:
         The whole cost is scaled to the middle of its weights: piqp diverges now and then on the bare numbers.
         """
         road, vehicle = self.config.road_violation_weight, self.config.vehicle_violation_weight
-        soft = np.flatnonzero(~hard)
-        k, n = len(hard), 2 + len(soft)
-        scale = 1.0 / math.sqrt(road * vehicle)
-        prices = np.empty(n)
-        prices[:2], prices[2:] = self._prices, road + mode[soft] * (vehicle - road)
-        cost, q, rows = np.zeros((n, n)), np.zeros(n), np.zeros((k, n), order="F")
-        lower, upper = np.full(n, -np.inf), np.full(n, np.inf)
-        cost.ravel()[:: n + 1] = scale * prices
-        q[:2] = scale * problem.q
-        rows[:, :2] = problem.A
-        rows[soft, np.arange(2, n)] = 1.0
-        lower[:2], upper[:2] = problem.lower, problem.upper
-        return Problem(cost, q, rows, problem.b, lower, upper)
+        _, q, rows, b, lower, upper = problem
+        cost, q, rows, lower, upper = with_violations(
+            q, rows, lower, upper, self._prices, mode, hard, road, vehicle
+        )
+        return Problem(cost, q, rows, b, lower, upper)
 
     def _passed(self, scene: Scene, proposed: Array, h: Array, names: tuple[str, ...]) -> Corrected:
         """The nominal action itself."""
@@ -326,45 +319,30 @@ class SafetyFilter:
         """The action (m/s2, rad) that a solution stands for, and the largest violation (m2 per step)."""
         if status == "braking":  # whatever the solver left is not looked at
             return np.array([body.a_min, _within(body, proposed)[1]]), math.inf
-        a, z = np.clip(solution.x[:2], bounds.lower, bounds.upper)
-        if a <= bounds.lower[0] + 1e-6:  # as good as standing still: brake as hard as was proposed
-            a = min(a, max(proposed[0], body.a_min))
+        (a, z), (a_low, z_low), (a_high, z_high) = (
+            part.tolist() for part in (solution.x[:2], bounds.lower, bounds.upper)
+        )
+        a, z = min(max(a, a_low), a_high), min(max(z, z_low), z_high)
+        if a <= a_low + 1e-6:  # as good as standing still: brake as hard as was proposed
+            a = min(a, max(float(proposed[0]), body.a_min))
         violation = float(solution.x[2:].max(initial=0.0)) if status == "relaxed" else 0.0
         return _within(body, np.array([a, math.atan(z)])), violation
 
 
 def _undecided(problem: Problem) -> tuple[Index, bool]:
     """Indices (k,) of the rows that do not hold everywhere between the bounds; whether any holds nowhere."""
-    _, _, rows, b, lower, upper = problem
-    middle = rows @ (0.5 * (lower + upper)) - b
-    reach = np.abs(rows) @ (0.5 * (upper - lower))
-    return np.flatnonzero(middle < reach), bool((middle + reach).min() < 0.0)
+    return undecided(problem.A, problem.b, problem.lower, problem.upper)
 
 
 def _part(problem: Problem, kept: Index) -> Problem:
     """The problem with some of its rows only."""
-    return problem._replace(A=np.asfortranarray(problem.A[kept]), b=problem.b[kept])
+    A, b = some_rows(problem.A, problem.b, kept)
+    return problem._replace(A=A, b=b)
 
 
 def _on_the_road(x: Array, problem: Problem, mode: Array) -> Array:
-    """A relaxed solution (a, z, violations) with the steering that the road's rows (mode 0) want at its
-    acceleration.
-
-    The ego brakes for the vehicles already; leaving the road for them as well would gain nothing.
-    """
-    road = np.flatnonzero((mode == 0) & (np.abs(problem.A[:, 1]) > LEAST_LEVER))
-    if not len(road):
-        return x
-    lever = problem.A[road, 1]
-    wanted = (problem.b[road] - problem.A[road, 0] * x[0]) / lever
-    low, high = wanted[lever > 0].max(initial=-np.inf), wanted[lever < 0].min(initial=np.inf)
-    if low > high:  # from both edges: the solution's own
-        return x
-    z = min(max(x[1], low, problem.lower[1]), high, problem.upper[1])
-    if z == x[1]:
-        return x
-    u = np.array([x[0], z])
-    return np.concatenate([u, np.maximum(problem.b - problem.A @ u, 0.0)])
+    """A relaxed solution (a, z, violations) that stays on the road (see the kernel)."""
+    return on_the_road(x, *problem[2:], mode, LEAST_LEVER)
 
 
 def _refuse_unknown_rows(rows: Array, b: Array, names: tuple[str, ...]) -> None:

@@ -29,19 +29,8 @@ import math
 import numpy as np
 
 from rudc.arrays import Array, Flags, Index
-from rudc.safety.barrier import as_complex
-from rudc.safety.kernels import let_through, meeting
-from rudc.safety.prediction import (
-    ALONG,
-    GO_ACCELERATION,
-    GO_SPEED,
-    LANE,
-    TAIL,
-    bodies,
-    ego_ahead,
-    following,
-    lines,
-)
+from rudc.safety.kernels import in_conflict, let_through
+from rudc.safety.prediction import ALONG, GO_ACCELERATION, GO_SPEED, LANE, TAIL, bodies, lines
 from rudc.world.scene import STILL, Scene
 
 CONFLICT_TIMES: Array = np.linspace(0.0, 3.0, 16)
@@ -82,20 +71,9 @@ class Gate:
         """(n,) which of the others `who` (n,) are in conflict with the ego; `short` and `stretch` (2, N) as
         for `meeting`.
         """
-        times, v = CONFLICT_TIMES, scene.ego.v
-        rising = np.minimum(times, max(GO_SPEED - v, 0.0) / GO_ACCELERATION)
-        going = v * times + GO_ACCELERATION * rising * (times - 0.5 * rising)
-        met = self._meet(scene, (v * times, going), times, 0.0, short, stretch)[who]
-        here = as_complex(scene.position)[who]
-        return met & ~following(scene, here, np.exp(1j * scene.heading[who]))
-
-    def _meet(
-        self, scene: Scene, ways: tuple[Array, ...], times: Array, gap: float, short: Array, stretch: Array
-    ) -> Flags:
-        """(N,) whose ellipses come closer than `gap` m to the ego's at any of the `times` (T,) s if the ego
-        is one of `ways` (T,) m along its route then.
-        """
-        poses = [ego_ahead(scene, way) for way in ways]
-        place, facing = np.stack([pose[0] for pose in poses]), np.stack([pose[1] for pose in poses])
-        reach = max(float(way[-1]) for way in ways)
-        return meeting(*bodies(scene), *lines(scene), place, facing, times, reach, gap, short, stretch)
+        ego = scene.ego
+        return in_conflict(
+            *bodies(scene), *lines(scene), scene.route.path.poses, scene.ego_s,
+            complex(ego.x, ego.y), cmath.exp(1j * ego.psi), ego.v, GO_ACCELERATION, GO_SPEED,
+            CONFLICT_TIMES, short, stretch, who, TAIL, LANE, ALONG,
+        )  # fmt: skip

@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 
+from rudc.env.kernels import front_wheels
 from rudc.kernels import (
     Marks,
     NewFlags,
@@ -23,7 +24,7 @@ from rudc.kernels import (
     kernel,
     separation,
 )
-from rudc.network.line_kernels import along_line, body_along_line, body_on_line, on_line
+from rudc.network.line_kernels import along_line, body_along_line, body_on_line, on_line, projected
 from rudc.network.paths import SPACING
 from rudc.safety.barrier_kernels import CLOSEST
 
@@ -102,6 +103,19 @@ def drives_behind(
     at = int(s / SPACING)
     first, end = max(at - int(tail / SPACING), 0), max(at - int(2.0 / SPACING), 1)
     return drives_on(poses, first, end, lane, along_it, here, heading)
+
+
+@kernel
+def driving_behind(
+    poses: Table, s: float, tail: float, lane: float, along_it: float, position: Table, heading: Vector,
+    who: Rows,
+) -> NewFlags:  # fmt: skip
+    """(n,) whether each of the others `who` (n,) drives behind the ego (`drives_behind`)."""
+    behind = np.empty(len(who), np.bool_)
+    for k in range(len(who)):
+        here = complex(position[who[k], 0], position[who[k], 1])
+        behind[k] = drives_behind(poses, s, tail, lane, along_it, here, cmath.exp(1j * heading[who[k]]))
+    return behind
 
 
 # ---- the gate
@@ -206,6 +220,28 @@ def let_through(
         found[count] = i
         count += 1
     return found[:count].copy()
+
+
+@kernel
+def in_conflict(
+    position: Table, heading: Vector, velocity: Table, size: Table, path: Rows, path_s: Vector,
+    poses: Table, stations: int, line: Table, ego_s: float, ego: complex, ego_heading: complex,
+    speed: float, acceleration: float, top: float, times: Vector, short: Table, stretch: Table, who: Rows,
+    tail: float, lane: float, along: float,
+) -> NewFlags:  # fmt: skip
+    """(n,) which of the others `who` (n,) meet an ego that goes on along its line at `speed` m/s, or at
+    `acceleration` m/s2 up to `top` m/s, at any of `times` (T,) s, and do not drive behind it.
+    """
+    there, turned = np.empty((2, len(times)), np.complex128), np.empty((2, len(times)), np.complex128)
+    rising = np.minimum(times, max(top - speed, 0.0) / acceleration)
+    going = speed * times + acceleration * rising * (times - 0.5 * rising)
+    there[0], turned[0] = follow(line, len(line), 0, ego_s, ego, ego_heading, speed * times)
+    there[1], turned[1] = follow(line, len(line), 0, ego_s, ego, ego_heading, going)
+    met = meeting(
+        position, heading, velocity, size, path, path_s, poses, stations, there, turned, times, going[-1],
+        0.0, short, stretch,
+    )  # fmt: skip
+    return met[who] & ~driving_behind(line, ego_s, tail, lane, along, position, heading, who)
 
 
 @kernel
@@ -338,6 +374,46 @@ def way_of_stopping(times: Vector, step: float, first: float, v: float, braking:
             held = min(max(times[t] - step, 0.0), v / braking)
             way[t] = first + v * held - 0.5 * braking * held * held
     return way
+
+
+@kernel
+def step_onwards(v: float, a: float, step: float) -> tuple[float, float]:
+    """m travelled in a step of `step` s from v m/s at a m/s2, and m/s after it; nobody drives backwards."""
+    after = v + a * step
+    if after < 0.0:
+        return v * v / (-2.0 * a), 0.0
+    return 0.5 * (v + after) * step, after
+
+
+@kernel
+def slip_of(delta: float, wheelbase: float, cg_to_rear: float) -> float:
+    """rad, slip with the front wheels at `delta` rad."""
+    return math.atan(cg_to_rear / wheelbase * math.tan(delta))
+
+
+@kernel
+def stop_along(
+    line: Table, curvature: Vector, s: float, place: Places, facing: Places, v: float, braking: float,
+    step: float, preview: float, way_back: float, wheelbase: float, cg_to_rear: float, delta_max: float,
+) -> tuple[NewPlaces, NewPlaces]:  # fmt: skip
+    """(T,) m and (T,): the first step of an ego at `place` (T,) m facing `facing` (T,), after which it drives
+    v m/s, and then braking, in m/s2, while steering along a line on which it was s m.
+    """
+    places, directions = place.copy(), facing.copy()
+    here, heading = place[1], cmath.phase(facing[1])
+    for t in range(2, len(place)):
+        way, v = step_onwards(v, -braking, step)
+        if way > 0.0:
+            s, offset = projected(line, here.real, here.imag, int(s / SPACING))
+            delta = front_wheels(
+                line, curvature, s, offset, heading, v, preview, way_back, wheelbase, cg_to_rear, delta_max
+            )
+            slip = slip_of(delta, wheelbase, cg_to_rear)
+            turn = way * math.sin(slip) / cg_to_rear
+            here += way * cmath.exp(1j * (heading + slip + 0.5 * turn))
+            heading += turn
+        places[t], directions[t] = here, cmath.exp(1j * heading)
+    return places, directions
 
 
 @kernel

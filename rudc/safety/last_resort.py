@@ -37,18 +37,25 @@ behind the ego on its path is not looked at.
 
 from __future__ import annotations
 
-import cmath
 import math
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from rudc.arrays import Array, Complex, Flags, Index
-from rudc.env.tracking import steering
+from rudc.env.tracking import PREVIEW_S, RETURN_M, steering
 from rudc.network.paths import SPACING
 from rudc.safety.config import FilterConfig
-from rudc.safety.kernels import in_reach, on_arc, room_left, room_to_stop, way_of_stopping
+from rudc.safety.kernels import (
+    in_reach,
+    on_arc,
+    room_left,
+    room_to_stop,
+    slip_of,
+    step_onwards,
+    stop_along,
+    way_of_stopping,
+)
 from rudc.safety.prediction import ALONG, GO_ACCELERATION, GO_SPEED, LANE, bodies, ego_ahead, following, lines
 from rudc.vehicle import EgoVehicle
 from rudc.world.scene import STILL, Scene
@@ -176,8 +183,7 @@ class LastResort:
 
     def _behind(self, scene: Scene, who: Index) -> Index:
         """Those of `who` that drive behind the ego."""
-        here: Complex = scene.position[who, 0] + 1j * scene.position[who, 1]
-        return who[following(scene, here, np.exp(1j * scene.heading[who]))]
+        return who[following(scene, who)]
 
     def _others(self, scene: Scene, way: float) -> _Others:
         """Those whom the ego might meet on a way of so many m."""
@@ -221,21 +227,11 @@ class LastResort:
         """(T,) m and (T,): the first step of `stop`, to v m/s, and then braking while steering along the
         route.
         """
-        place, facing = stop[0].copy(), stop[1].copy()
         body, path = scene.vehicle, scene.route.path
-        here, heading, s = complex(place[1]), cmath.phase(complex(facing[1])), scene.ego_s
-        for t in range(2, len(place)):
-            way, v = self._first(v, body.a_min)
-            if way > 0.0:
-                s, offset = path.project(here.real, here.imag, s)
-                ego = replace(scene.ego, x=here.real, y=here.imag, psi=heading, v=v, slip=0.0)
-                delta = steering(replace(scene, ego=ego, ego_s=s, ego_offset=offset))
-                slip = _slip(body, delta)
-                turn = way * math.sin(slip) / body.cg_to_rear
-                here += way * cmath.exp(1j * (heading + slip + 0.5 * turn))
-                heading += turn
-            place[t], facing[t] = here, cmath.exp(1j * heading)
-        return place, facing
+        return stop_along(
+            path.poses, path.curvature, scene.ego_s, *stop, v, -body.a_min, self._dt, PREVIEW_S, RETURN_M,
+            body.wheelbase, body.cg_to_rear, body.delta_max,
+        )  # fmt: skip
 
     def _go(self, scene: Scene, first: float, v: float, a: float = GO_ACCELERATION) -> Array:
         """(T,) m along the route: `first` m in a step, then from `v` m/s on at `a` m/s2, on a poor road no
@@ -262,12 +258,9 @@ class LastResort:
 
     def _first(self, v: float, a: float) -> tuple[float, float]:
         """m travelled in the first step, and m/s after it."""
-        after = v + a * self._dt
-        if after < 0.0:
-            return v * v / (-2.0 * a), 0.0
-        return 0.5 * (v + after) * self._dt, after
+        return step_onwards(v, a, self._dt)
 
 
 def _slip(body: EgoVehicle, delta: float) -> float:
     """rad, slip with the front wheels at `delta` rad."""
-    return math.atan(body.cg_to_rear / body.wheelbase * math.tan(delta))
+    return slip_of(delta, body.wheelbase, body.cg_to_rear)

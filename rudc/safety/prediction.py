@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from rudc.arrays import Array, Complex, Flags, Index
-from rudc.safety.kernels import drives_behind, follow, others_ahead
+from rudc.safety.kernels import driving_behind, follow, others_ahead
 from rudc.world.scene import Scene
 
 GO_ACCELERATION = 2.0
@@ -55,13 +55,10 @@ def those_ahead(scene: Scene, who: Index, way: Array) -> tuple[Complex, Complex]
     return others_ahead(*bodies(scene), *lines(scene), who, way)
 
 
-def following(scene: Scene, place: Complex, facing: Complex) -> Flags:
-    """(n,) whether someone at `place` (n,) m, facing `facing` (n,), drives behind the ego on its path."""
-    behind = [
-        drives_behind(scene.route.path.poses, scene.ego_s, TAIL, LANE, ALONG, here, heading)
-        for here, heading in zip(place.tolist(), facing.tolist(), strict=True)
-    ]
-    return np.array(behind, dtype=np.bool_)
+def following(scene: Scene, who: Index) -> Flags:
+    """(n,) which of the others `who` (n,) drive behind the ego on its path."""
+    poses, s = scene.route.path.poses, scene.ego_s
+    return driving_behind(poses, s, TAIL, LANE, ALONG, scene.position, scene.heading, who)
 
 
 def others_later(scene: Scene, later: float) -> Scene:

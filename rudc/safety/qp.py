@@ -27,6 +27,7 @@ from pydantic import AfterValidator
 
 from rudc.arrays import Array
 from rudc.errors import SolverError
+from rudc.safety.qp_kernels import optimality_gap
 
 TOLERANCE = 1e-6
 """largest violation of an optimality condition that is accepted"""
@@ -169,25 +170,9 @@ def certified(
     problem: Problem, x: Array, y: Array, y_lower: Array, y_upper: Array, spent_ms: float
 ) -> Solution:
     """`x` with its optimality gap, given the multipliers of rows and bounds."""
-    P, q, A, b, lower, upper = problem
-    excess = A @ x - b
-    above, below = np.minimum(x - lower, UNBOUNDED), np.minimum(upper - x, UNBOUNDED)
-    y = np.maximum(y, 0.0)
-    m, n = len(y), len(x)
-    scale = 1.0 / (1.0 + max(float(np.abs(q).max()), float(y.max(initial=0.0))))
-    optimality = np.empty(m + 3 * n)
-    optimality[:n] = P @ x + q - y @ A - y_lower + y_upper
-    optimality[n : n + m] = y * excess
-    optimality[n + m : m + 2 * n] = y_lower * above
-    optimality[m + 2 * n :] = y_upper * below
-    gap = max(
-        float(np.abs(optimality).max()) * scale,
-        -float(excess.min(initial=0.0)),
-        -float(above.min()),
-        -float(below.min()),
-    )
+    gap, multipliers = optimality_gap(*problem, x, y, y_lower, y_upper, UNBOUNDED)
     found = gap <= TOLERANCE
-    return Solution(x, found, gap, y if found else np.zeros(len(b)), spent_ms)
+    return Solution(x, found, gap, multipliers if found else np.zeros(len(multipliers)), spent_ms)
 
 
 def _nothing(problem: Problem, spent_ms: float) -> Solution:

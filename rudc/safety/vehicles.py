@@ -12,8 +12,8 @@ import numpy as np
 
 from rudc.arrays import Array, Flags, Index
 from rudc.network.paths import SPACING
-from rudc.safety.barrier import BarrierSettings, Found, as_complex
-from rudc.safety.barrier_kernels import ellipses
+from rudc.safety.barrier import BarrierSettings, Found
+from rudc.safety.barrier_kernels import ellipses, some_bodies
 from rudc.safety.clearance import EPSILON, Bodies, Clearance
 from rudc.safety.gating import Gate
 from rudc.safety.residual_kernels import vehicle_features
@@ -87,15 +87,10 @@ class VehicleBarrier(Clearance):
 
     def fill(self, scene: Scene, found: Found, to: Bodies) -> None:
         """See `Clearance`."""
-        chosen, (short, stretch) = found.others, found.data
-        heading = scene.heading[chosen]
-        to.position[:], to.velocity[:] = (
-            as_complex(scene.position)[chosen],
-            as_complex(scene.velocity)[chosen],
-        )
-        to.direction.real[:], to.direction.imag[:] = np.cos(heading), np.sin(heading)
-        to.short[:], to.stretch[:] = short[:, chosen], stretch[:, chosen]
-        to.mode[:], to.margin[:] = 1.0, self.settings.d_safe
+        some_bodies(
+            scene.position, scene.velocity, scene.heading, *found.data, found.others, self.settings.d_safe,
+            to.position, to.velocity, to.direction, to.mode, to.margin, to.short, to.stretch,
+        )  # fmt: skip
 
     def in_conflict(self, scene: Scene, found: Found) -> Flags:
         """Those that the ego would meet, see `gating`."""

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from rudc.env.tracking import PREVIEW_S, RETURN_M, steering
 from rudc.geometry import separation
+from rudc.network.route import ReferencePath
 from rudc.safety import barrier_kernels, kernels, residual_kernels
-from tests.safety.scenes import SPACING, crossing_paths
+from rudc.vehicle import EgoVehicle
+from rudc.world.ego import EgoPlant
+from tests.safety.scenes import SPACING, crossing_paths, make_scene
 
 RNG = np.random.default_rng
 
@@ -142,6 +148,62 @@ def test_an_arc_is_what_small_steps_make_of_it():
     assert place[0] == 1 + 2j
     assert place[-1] == pytest.approx(here, abs=1e-3)
     assert facing[-1] == pytest.approx(np.exp(1j * psi), abs=1e-9)
+
+
+@pytest.mark.parametrize("delta", [-0.3, 0.0, 0.25])
+def test_a_stop_along_a_path_is_the_plants_that_follows_it(delta):
+    """Of an ego that was turned away from its path for a step, and brakes at 6 m/s2."""
+    angle = np.linspace(0, 1.6, 400)
+    path, body, dt = (
+        ReferencePath(12 * np.column_stack([np.sin(angle), 1 - np.cos(angle)])),
+        EgoVehicle(),
+        0.1,
+    )
+    plant = EgoPlant(body)
+    plant.reset(0.0, 0.0, 0.0, 8.0)
+    states, s, offset = [plant.state, plant.step(0.0, delta, dt)], 0.0, 0.0
+    scene = make_scene([])
+    for _ in range(20):
+        ego = replace(states[-1], slip=0.0)
+        s, offset = path.project(ego.x, ego.y, s)
+        now = replace(
+            scene, ego=ego, ego_s=s, ego_offset=offset, route=replace(scene.route, path=path), vehicle=body
+        )
+        after = replace(now, ego=replace(ego, v=max(ego.v - 6.0 * dt, 0.0)))  # steers at the speed after it
+        states.append(plant.step(-6.0, steering(after), dt))
+    place = np.array([ego.x + 1j * ego.y for ego in states])
+    facing = np.exp(1j * np.array([ego.psi for ego in states]))
+    got = kernels.stop_along(
+        path.poses, path.curvature, 0.0, place, facing, 8.0, 6.0, dt, PREVIEW_S, RETURN_M, body.wheelbase,
+        body.cg_to_rear, body.delta_max,
+    )  # fmt: skip
+    assert got[0] == pytest.approx(place, abs=0.02)
+    assert np.angle(got[1] / facing) == pytest.approx(np.zeros(22), abs=0.01)
+
+
+def test_in_conflict_is_who_meets_at_speed_or_speeding_up_and_does_not_follow():
+    rng, tracks, times = RNG(8), lines(), np.linspace(0, 3, 16)
+    bodies = others(rng, 400)
+    bodies[0][:9] = np.stack([np.full(9, 0.5), np.linspace(-27, -23, 9)], axis=1)  # some are behind
+    bodies[1][:9], bodies[2][:9] = 1.5, [0.7, 10.0]
+    line, s, ego = tracks[0][: tracks[1]], 80.0, (0.5 - 20j, np.exp(1.5j))
+    half, who = np.full((2, 400), 1.5), np.arange(400)[::-3].copy()
+    rising = np.minimum(times, (9.0 - 7.0) / 2.0)
+    ways = 7.0 * times, 7.0 * times + 2.0 * rising * (times - 0.5 * rising)
+    met = [
+        kernels.meeting(
+            *bodies, *tracks, *(a[None] for a in kernels.follow(line, len(line), 0, s, *ego, way)), times,
+            40.0, 0.0, half, half,
+        )
+        for way in ways
+    ]  # fmt: skip
+    behind = kernels.driving_behind(line, s, 45.0, 1.5, 0.7, *bodies[:2], who)
+    got = kernels.in_conflict(
+        *bodies, *tracks, line, s, *ego, 7.0, 2.0, 9.0, times, half, half, who, 45.0, 1.5, 0.7
+    )
+    assert (met[1] & ~met[0]).any()
+    assert ((met[0] | met[1])[who] & behind).any()
+    assert got.tolist() == ((met[0] | met[1])[who] & ~behind).tolist()
 
 
 def test_behind_is_who_follows_on_the_line_within_the_tail():

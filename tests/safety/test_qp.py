@@ -5,7 +5,7 @@ import pytest
 from pydantic import ValidationError
 
 from rudc.errors import SolverError
-from rudc.safety import qp
+from rudc.safety import qp, qp_kernels
 from rudc.safety.filter import FilterConfig, SafetyFilter
 from rudc.safety.qp import NamedSolver, PiqpSolver, Problem, certified, make_solver
 from tests.safety.scenes import Other, make_scene
@@ -138,6 +138,68 @@ def test_relaxed_problems_are_always_solved() -> None:
         assert solution.found
         assert other.found
         assert solution.x[:2] == pytest.approx(other.x[:2], abs=1e-3)
+
+
+def test_rows_that_are_left_out_hold_everywhere_and_hopeless_is_what_holds_nowhere() -> None:
+    rng, kinds = np.random.default_rng(13), set()
+    for _ in range(300):
+        problem = like_real(rng)
+        problem = problem._replace(b=problem.b + rng.choice([-2.0, 0.0, 1.0]))
+        corners = np.array(
+            [
+                [a, z]
+                for a in (problem.lower[0], problem.upper[0])
+                for z in (problem.lower[1], problem.upper[1])
+            ]
+        )
+        excess = corners @ problem.A.T - problem.b
+        kept, hopeless = qp_kernels.undecided(problem.A, problem.b, problem.lower, problem.upper)
+        assert kept.tolist() == np.flatnonzero(excess.min(axis=0) < 0.0).tolist()
+        assert hopeless == (excess.max(axis=0) < 0.0).any()
+        kinds.add((len(kept) == len(problem.b), hopeless))
+        A, b = qp_kernels.some_rows(problem.A, problem.b, kept)
+        assert np.array_equal(A, problem.A[kept])
+        assert np.array_equal(b, problem.b[kept])
+    assert len(kinds) == 4
+
+
+def test_the_gap_is_the_largest_violation_of_the_conditions() -> None:
+    rng = np.random.default_rng(17)
+    for _ in range(300):
+        problem = like_real(rng)
+        P, q, A, b, lower, upper = problem
+        if rng.random() < 0.3:
+            upper = np.full(2, np.inf)
+        x, y = rng.uniform(-1, 1, 2), rng.normal(0, 1, len(b))
+        y_lower, y_upper = rng.exponential(1, (2, 2)) * [1.0, rng.choice([0.0, 1.0])]
+        gap, multipliers = qp_kernels.optimality_gap(P, q, A, b, lower, upper, x, y, y_lower, y_upper, 1e30)
+        y = np.maximum(y, 0.0)
+        scale = 1.0 + max(np.abs(q).max(), y.max())
+        above = np.minimum(upper - x, 1e30)
+        wanted = [
+            (b - A @ x).max(), (lower - x).max(), (x - upper).max(),
+            np.abs(P @ x + q - A.T @ y - y_lower + y_upper).max() / scale,
+            np.abs(y * (A @ x - b)).max() / scale,
+            np.abs(y_lower * (x - lower)).max() / scale, np.abs(y_upper * above).max() / scale,
+        ]  # fmt: skip
+        assert gap == pytest.approx(max(wanted), rel=1e-12)
+        assert np.array_equal(multipliers, y)
+
+
+def test_steering_goes_where_the_roads_rows_want_it_but_not_beyond_the_bounds() -> None:
+    lower, upper, mode = np.array([-6.0, -0.05]), np.array([3.0, 0.05]), np.array([1.0, 0.0, 0.0])
+    A, b = np.array([[0.0, -9.0], [0.5, 2.0], [0.0, -1.0]]), np.array([0.0, -1.96, -0.045])
+    x = np.array([-4.0, -0.01, 0.2, 0.3, 0.4])
+
+    def moved(second: float, third: float = 0.0) -> list[float]:
+        more = np.array([0.0, second, third])
+        return qp_kernels.on_the_road(x, A, b + more, lower, upper, mode, 1e-6).tolist()
+
+    assert moved(0.0) == pytest.approx([-4.0, 0.02, 0.18, 0.0, 0.0]), "just so far that the road's row holds"
+    assert moved(0.04) == pytest.approx([-4.0, 0.04, 0.36, 0.0, 0.0])
+    assert moved(-1.0) == x.tolist(), "the row holds"
+    assert moved(0.06) == x.tolist(), "pushed from both edges"
+    assert moved(1.0, -1.0)[:2] == [-4.0, 0.05], "no farther than the bounds"
 
 
 def test_a_wrong_answer_is_not_found() -> None:
