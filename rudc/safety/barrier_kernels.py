@@ -156,16 +156,17 @@ def to_edges(
 
 @kernel
 def on_edges(
-    away: Places, rate: Vector, offset: Vector, position: complex, heading: complex, motion: complex,
-    places: NewPlaces, velocities: NewPlaces,
+    away: Places, offset: Vector, position: complex, heading: complex, motion: complex, buffer: float,
+    places: NewPlaces, velocities: NewPlaces, directions: NewPlaces, offsets: NewVector, margin: NewVector,
 ) -> int:  # fmt: skip
-    """Write where projections are, m, and how they slide, m/s, of n points `offset` (n,) m ahead of
-    `position` m in the direction `heading`, which are `away` (n,) m from them and move by `motion` m/s.
-
-    `rate` (n,) m2/s is away . motion. Answers 0.
+    """Write the projections of n points as `Bodies` have them, kept `buffer` m clear of: of points `offset`
+    (n,) m ahead of `position` m in the direction `heading`, which are `away` (n,) m from them and move by
+    `motion` m/s. Answers 0.
     """
     for i in range(len(away)):
         r = away[i]
-        share = rate[i] / max(r.real * r.real + r.imag * r.imag, CLOSEST)
+        rate = r.real * motion.real + r.imag * motion.imag
+        share = rate / max(r.real * r.real + r.imag * r.imag, CLOSEST)
         places[i], velocities[i] = position + offset[i] * heading - r, motion - share * r
+        directions[i], offsets[i], margin[i] = 1.0, offset[i], buffer
     return 0

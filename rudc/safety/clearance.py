@@ -80,11 +80,10 @@ class Bodies(NamedTuple):
     @classmethod
     def empty(cls, k: int) -> Self:
         """K bare distances that are to be filled in."""
-        position, velocity, direction = np.empty((3, k), dtype=np.complex128)
-        offset, mode, margin = np.zeros((3, k))
-        ellipses = np.zeros((2, 2, k))
-        ellipses[0] = 1.0
-        return cls(position, velocity, direction, offset, mode, margin, *ellipses)
+        places, numbers = np.empty((3, k), dtype=np.complex128), np.zeros((7, k))
+        short, stretch = numbers[3:5], numbers[5:7]
+        short.fill(1.0)
+        return cls(places[0], places[1], places[2], numbers[0], numbers[1], numbers[2], short, stretch)
 
     def part(self, rows: slice) -> Bodies:
         """Some of them, as views; itself where they are all."""

@@ -27,6 +27,7 @@ from rudc.kernels import (
 from rudc.network.line_kernels import along_line, body_along_line, body_on_line, on_line, projected
 from rudc.network.paths import SPACING
 from rudc.safety.barrier_kernels import CLOSEST
+from rudc.world.kernels import slip_of
 
 # ---- prediction
 
@@ -383,12 +384,6 @@ def step_onwards(v: float, a: float, step: float) -> tuple[float, float]:
     if after < 0.0:
         return v * v / (-2.0 * a), 0.0
     return 0.5 * (v + after) * step, after
-
-
-@kernel
-def slip_of(delta: float, wheelbase: float, cg_to_rear: float) -> float:
-    """rad, slip with the front wheels at `delta` rad."""
-    return math.atan(cg_to_rear / wheelbase * math.tan(delta))
 
 
 @kernel

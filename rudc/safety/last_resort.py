@@ -51,13 +51,13 @@ from rudc.safety.kernels import (
     on_arc,
     room_left,
     room_to_stop,
-    slip_of,
     step_onwards,
     stop_along,
     way_of_stopping,
 )
 from rudc.safety.prediction import ALONG, GO_ACCELERATION, GO_SPEED, LANE, bodies, ego_ahead, following, lines
 from rudc.vehicle import EgoVehicle
+from rudc.world.kernels import slip_of
 from rudc.world.scene import STILL, Scene
 
 HORIZON = 2.5

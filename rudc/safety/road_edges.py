@@ -67,11 +67,11 @@ class RoadBarrier(Clearance):
         position, heading = complex(ego.x, ego.y), cmath.exp(1j * ego.psi)
         away = points.away(position, heading, scene.ego_s)
         motion = 0j if self.settings.points == "fixed" else ego.v * heading
-        rate = (away.conj() * motion).real
-        on_edges(away, rate, points.offset, position, heading, motion, to.position, to.velocity)
-        to.direction[:] = 1.0
-        to.offset[:] = points.offset
-        to.margin[:] = 0.5 * scene.vehicle.width + self.settings.d_safe
+        on_edges(
+            away, points.offset, position, heading, motion,
+            0.5 * scene.vehicle.width + self.settings.d_safe,
+            to.position, to.velocity, to.direction, to.offset, to.margin,
+        )  # fmt: skip
 
     def on_path(self, scene: Scene) -> Scene | None:
         """See `Barrier`: whoever follows the path stays off its edges (rudc/network/road_edges.py), also

@@ -27,6 +27,7 @@ import math
 from collections import deque
 
 from rudc.vehicle import Actuation, EgoVehicle
+from rudc.world.kernels import on_an_arc, slip_of, widest, within_friction
 from rudc.world.scene import EgoState
 
 GRAVITY = 9.81
@@ -41,10 +42,7 @@ PIECES_PER_LAG = 4.0
 
 def widest_steering(body: EgoVehicle, v: float, lateral: float) -> float:
     """rad, front-wheel angle that takes a lateral acceleration (m/s2) at v m/s; at a stand the largest."""
-    if v <= 0.1:
-        return body.delta_max
-    sin_slip = min(lateral * body.cg_to_rear / v**2, 0.999)
-    return math.atan(body.wheelbase / body.cg_to_rear * math.tan(math.asin(sin_slip)))
+    return widest(v, lateral, body.delta_max, body.wheelbase, body.cg_to_rear)
 
 
 class EgoPlant:
@@ -77,9 +75,13 @@ class EgoPlant:
         a = min(max(a, body.a_min), body.a_max)
         delta = min(max(delta, -body.delta_max), body.delta_max)
         a, delta = self._delayed(a, delta, dt)
-        mu = DRY if self.actuation.friction is None else self.actuation.friction
-        a, delta = self._within_friction(a, delta, mu)
-        self.state = self._lagging(a, delta, dt) if self.actuation.lag_s > 0 else self._promptly(a, delta, dt)
+        mu, old = DRY if self.actuation.friction is None else self.actuation.friction, self.state
+        shape = body.wheelbase, body.cg_to_rear
+        a, delta = within_friction(a, delta, old.v, mu * GRAVITY, body.delta_max, *shape)
+        if self.actuation.lag_s > 0:
+            self.state = self._lagging(a, delta, dt)
+        else:
+            self.state = EgoState(*on_an_arc(old.x, old.y, old.psi, old.v, a, delta, dt, body.v_max, *shape))
         return self.state
 
     def _delayed(self, a: float, delta: float, dt: float) -> tuple[float, float]:
@@ -96,33 +98,6 @@ class EgoPlant:
             self._pending.popleft()
         return self._pending.popleft()
 
-    def _within_friction(self, a: float, delta: float, mu: float) -> tuple[float, float]:
-        body, v = self.vehicle, self.state.v
-        limit = mu * GRAVITY
-        widest = widest_steering(body, v, limit)
-        delta = min(max(delta, -widest), widest)
-        slip = math.atan(body.cg_to_rear / body.wheelbase * math.tan(delta))
-        lateral = v**2 * math.sin(slip) / body.cg_to_rear
-        left = math.sqrt(max(limit**2 - lateral**2, 0.0))
-        return min(max(a, -left), left), delta
-
-    def _promptly(self, a: float, delta: float, dt: float) -> EgoState:
-        """The state after dt s at constant acceleration and steering."""
-        old, body = self.state, self.vehicle
-        v = old.v + a * dt
-        way = old.v * dt + 0.5 * a * dt * dt
-        if v < 0:
-            v, way = 0.0, old.v * old.v / (-2 * a)
-        elif v > body.v_max:
-            v, way = body.v_max, body.v_max * dt - (body.v_max - old.v) ** 2 / (2 * a)
-        slip = math.atan(body.cg_to_rear / body.wheelbase * math.tan(delta))
-        bend = math.sin(slip) / body.cg_to_rear
-        half = 0.5 * way * bend
-        chord = way * (math.sin(half) / half) if abs(half) > 1e-6 else way
-        middle = old.psi + slip + half
-        x, y = old.x + chord * math.cos(middle), old.y + chord * math.sin(middle)
-        return EgoState(x, y, old.psi + 2 * half, v, slip, v * bend, (v - old.v) / dt, delta)
-
     def _lagging(self, a: float, delta: float, dt: float) -> EgoState:
         """The state after dt s in which acceleration and steering follow their commands with a lag."""
         old, body, lag = self.state, self.vehicle, self.actuation.lag_s
@@ -131,7 +106,7 @@ class EgoPlant:
         x, y, psi = self._integrate(a, delta, a0, delta0, moving)
         v = 0.0 if moving < dt else min(_speed(old.v, a, a0, lag, dt), body.v_max)
         steering = _lagged(delta, delta0, lag, dt)
-        slip = math.atan(body.cg_to_rear / body.wheelbase * math.tan(steering))
+        slip = slip_of(steering, body.wheelbase, body.cg_to_rear)
         yaw_rate = v * math.sin(slip) / body.cg_to_rear
         return EgoState(x, y, psi, v, slip, yaw_rate, _lagged(a, a0, lag, dt), steering)
 

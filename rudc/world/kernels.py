@@ -19,6 +19,61 @@ from rudc.kernels import (
     separation,
 )
 
+State = tuple[float, float, float, float, float, float, float, float]
+
+
+# ---- the ego's plant
+
+
+@kernel
+def slip_of(delta: float, wheelbase: float, cg_to_rear: float) -> float:
+    """rad, slip with the front wheels at `delta` rad."""
+    return math.atan(cg_to_rear / wheelbase * math.tan(delta))
+
+
+@kernel
+def widest(v: float, lateral: float, delta_max: float, wheelbase: float, cg_to_rear: float) -> float:
+    """rad, front-wheel angle that takes a lateral acceleration (m/s2) at v m/s; at a stand the largest."""
+    if v <= 0.1:
+        return delta_max
+    sin_slip = min(lateral * cg_to_rear / (v * v), 0.999)
+    return math.atan(wheelbase / cg_to_rear * math.tan(math.asin(sin_slip)))
+
+
+@kernel
+def within_friction(
+    a: float, delta: float, v: float, limit: float, delta_max: float, wheelbase: float, cg_to_rear: float
+) -> tuple[float, float]:
+    """What tyres that give `limit` m/s2 leave of the commands a (m/s2) and delta (rad) at v m/s."""
+    most = widest(v, limit, delta_max, wheelbase, cg_to_rear)
+    delta = min(max(delta, -most), most)
+    lateral = v * v * math.sin(slip_of(delta, wheelbase, cg_to_rear)) / cg_to_rear
+    left = math.sqrt(max(limit * limit - lateral * lateral, 0.0))
+    return min(max(a, -left), left), delta
+
+
+@kernel
+def on_an_arc(
+    x: float, y: float, psi: float, v: float, a: float, delta: float, dt: float, v_max: float,
+    wheelbase: float, cg_to_rear: float,
+) -> State:  # fmt: skip
+    """The numbers of the `EgoState` after dt s at constant acceleration a (m/s2) and steering delta (rad)."""
+    after, way = v + a * dt, v * dt + 0.5 * a * dt * dt
+    if after < 0.0:
+        after, way = 0.0, v * v / (-2.0 * a)
+    elif after > v_max:
+        after, way = v_max, v_max * dt - (v_max - v) * (v_max - v) / (2.0 * a)
+    slip = slip_of(delta, wheelbase, cg_to_rear)
+    bend = math.sin(slip) / cg_to_rear
+    half = 0.5 * way * bend
+    chord = way * (math.sin(half) / half) if abs(half) > 1e-6 else way
+    middle = psi + slip + half
+    there = x + chord * math.cos(middle), y + chord * math.sin(middle)
+    return there[0], there[1], psi + 2.0 * half, after, slip, after * bend, (after - v) / dt, delta
+
+
+# ---- who is near, and who touches
+
 
 @kernel
 def around(

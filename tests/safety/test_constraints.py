@@ -126,8 +126,9 @@ def test_road_points_of_a_straight_road(x: float, y: float, psi: float, v: float
 
 def test_sliding_keeps_square() -> None:
     away = np.array([1 + 2j, -3j, 2.0])
-    place, velocity = np.empty((2, 3), dtype=np.complex128)
-    on_edges(away, (away.conj() * (5 + 1j)).real, np.zeros(3), 1j, 1 + 0j, 5 + 1j, place, velocity)
+    place, velocity, direction = np.empty((3, 3), dtype=np.complex128)
+    offset, margin = np.empty((2, 3))
+    on_edges(away, np.zeros(3), 1j, 1 + 0j, 5 + 1j, 1.2, place, velocity, direction, offset, margin)
     assert place == pytest.approx(1j - away)
     relative = (5 + 1j) - velocity
     assert np.abs((relative * away.conj()).imag).max() < 1e-12, "what is left is along r"
