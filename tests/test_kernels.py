@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import rudc
 from rudc.data import data_folder
 from rudc.geometry import gaps_between
 from rudc.geometry import separation as numpys
@@ -79,6 +81,24 @@ with as_written():
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False", "True", "True", "True", "True", "True", "True"]
+
+
+def test_setting_up_compiles_every_module_of_kernels():
+    code = """
+import sys
+from rudc.evaluation.compiled import KERNELS
+from importlib import import_module
+for name in KERNELS:
+    import_module(name)
+print(*sys.modules)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    root = Path(rudc.__file__).parent
+    modules = {
+        ".".join(file.relative_to(root.parent).with_suffix("").parts) for file in root.rglob("*kernels.py")
+    }
+    assert len(modules) > 10
+    assert modules <= set(done.stdout.split())
 
 
 def test_a_folder_for_compiled_code_is_found_where_nothing_can_be_written(tmp_path):

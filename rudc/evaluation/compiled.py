@@ -17,7 +17,9 @@ KERNELS = (
     "rudc.env.kernels",
     "rudc.safety.kernels",
     "rudc.safety.barrier_kernels",
+    "rudc.safety.last_resort_kernels",
     "rudc.safety.plant_kernels",
+    "rudc.safety.qp_kernels",
     "rudc.safety.residual_kernels",
     "rudc.agents.kernels",
 )

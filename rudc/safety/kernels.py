@@ -1,4 +1,4 @@
-"""Prediction, gate and last resort as kernels; formulas stand at the heads of the modules that call them."""
+"""Prediction and gate as kernels; formulas stand at the heads of the modules that call them."""
 
 from __future__ import annotations
 
@@ -7,15 +7,11 @@ import math
 
 import numpy as np
 
-from rudc.env.kernels import front_wheels
 from rudc.kernels import (
-    Marks,
     NewFlags,
     NewPlaces,
     NewPlaceTable,
     NewRows,
-    NewTable,
-    NewVector,
     Places,
     PlaceTable,
     Rows,
@@ -24,10 +20,9 @@ from rudc.kernels import (
     kernel,
     separation,
 )
-from rudc.network.line_kernels import along_line, body_along_line, body_on_line, on_line, projected
+from rudc.network.line_kernels import along_line, body_along_line, body_on_line, on_line
 from rudc.network.paths import SPACING
 from rudc.safety.barrier_kernels import CLOSEST
-from rudc.world.kernels import slip_of
 
 # ---- prediction
 
@@ -253,182 +248,3 @@ def all_finite(position: Table, heading: Vector, velocity: Table, path_s: Vector
         total += position[i, 0] * 0.0 + position[i, 1] * 0.0 + velocity[i, 0] * 0.0 + velocity[i, 1] * 0.0
         total += size[i, 0] * 0.0 + size[i, 1] * 0.0 + heading[i] * 0.0 + path_s[i] * 0.0
     return total == 0.0
-
-
-# ---- the last resort
-
-
-@kernel
-def leads(
-    poses: Table, s: float, ahead: float, lane: float, along_it: float, here: complex, heading: complex
-) -> bool:
-    """Whether somebody drives on the line, 1 to `ahead` m before an ego at s m; else as `drives_on`."""
-    first = min(max(int((s + 1.0) / SPACING), 0), len(poses) - 1)
-    end = min(first + int(ahead / SPACING), len(poses))
-    return drives_on(poses, first, end, lane, along_it, here, heading)
-
-
-@kernel
-def in_reach(
-    position: Table, heading: Vector, velocity: Table, size: Table, path: Rows, path_s: Vector,
-    acceleration: Vector,
-    poses: Table, stations: int, ego: complex, reach: float,
-    times: Vector, changing: float, speeds_up: float,
-    line: Table, ego_s: float, lane: float, along: float, hardest: float, slowest: float,
-) -> tuple[NewRows, NewPlaceTable, NewPlaceTable, NewTable, NewFlags]:  # fmt: skip
-    """Others (m,) whom the ego might meet within `reach` m of it, their places (m, T) m, directions (m, T)
-    and half sizes (m, 2) m, and whether (m,) they stand: drive less than `slowest` m/s.
-
-    Then once more those whose speed changes by more than `changing` m/s2: braking on, or speeding up for
-    another `speeds_up` s. Then once more those who lead the ego (`leads`), braking with `hardest` m/s2.
-    """
-    n, horizon = len(heading), times[-1]
-    who, rate = np.empty(3 * n, np.int64), np.zeros(3 * n)
-    m = 0
-    for i in range(n):
-        speed = math.hypot(velocity[i, 0], velocity[i, 1])
-        away = math.hypot(position[i, 0] - ego.real, position[i, 1] - ego.imag)
-        if acceleration[i] > changing:
-            speed += acceleration[i] * speeds_up
-        if away < speed * horizon + reach + 0.5 * (size[i, 0] + size[i, 1]):
-            who[m] = i
-            m += 1
-    near = m
-    for k in range(near):
-        if abs(acceleration[who[k]]) > changing:
-            who[m], rate[m] = who[k], acceleration[who[k]]
-            m += 1
-    for k in range(near):
-        i = who[k]
-        here, direction = complex(position[i, 0], position[i, 1]), cmath.exp(1j * heading[i])
-        if acceleration[i] > hardest and leads(line, ego_s, reach, lane, along, here, direction):
-            who[m], rate[m] = i, hardest
-            m += 1
-    there, turned = np.empty((m, len(times)), np.complex128), np.empty((m, len(times)), np.complex128)
-    half, still, way = np.empty((m, 2)), np.empty(m, np.bool_), np.empty(len(times))
-    for k in range(m):
-        i = who[k]
-        speed = math.hypot(velocity[i, 0], velocity[i, 1])
-        half[k, 0], half[k, 1], still[k] = 0.5 * size[i, 0], 0.5 * size[i, 1], speed < slowest
-        for t in range(len(times)):
-            way[t] = speed * times[t]
-            if k >= near:
-                a = rate[k]
-                held = min(times[t], speed / -a if a < 0.0 else speeds_up)
-                rest = times[t] - held if a > 0.0 else 0.0
-                way[t] = speed * held + 0.5 * a * held * held + (speed + a * held) * rest
-        there[k], turned[k] = other_ahead(
-            position, heading, velocity, size, path, path_s, poses, stations, i, way
-        )
-    return who[:m].copy(), there, turned, half, still
-
-
-@kernel
-def room_left(
-    others: PlaceTable, others_facing: PlaceTable, half: Table, still: Marks, place: Places, facing: Places,
-    length: float, width: float, margin: float, still_margin: float,
-) -> NewVector:  # fmt: skip
-    """(m,) m, least separation - min(margin, separation now) towards each of m others; `still_margin`
-    towards those who stand `still` (m,).
-
-    Others at (m, T) m with half sizes (m, 2) m, the ego (T,) with half sizes `length` and `width` m; inf
-    where centres stay farther apart than the sum of half sizes and `margin` m.
-    """
-    room = np.full(len(half), np.inf)
-    for k in range(len(half)):
-        least = 1e300
-        for t in range(len(place)):
-            r = others[k, t] - place[t]
-            least = min(least, r.real * r.real + r.imag * r.imag)
-        if math.sqrt(least) >= half[k, 0] + half[k, 1] + length + width + margin:
-            continue
-        allowed = min(margin, still_margin) if still[k] else margin
-        for t in range(len(place)):
-            r = others[k, t] - place[t]
-            apart = separation(r, facing[t], others_facing[k, t], length, width, half[k, 0], half[k, 1])
-            if t == 0:
-                allowed = min(allowed, apart)
-            room[k] = min(room[k], apart - allowed)
-    return room
-
-
-@kernel
-def on_arc(
-    here: complex, psi: float, way: Vector, slip: float, cg_to_rear: float
-) -> tuple[NewPlaces, NewPlaces]:
-    """(T,) m and (T,): an ego at `here` m, heading psi rad, after `way` (T,) m with that slip (rad) held."""
-    place, facing = np.empty(len(way), np.complex128), np.empty(len(way), np.complex128)
-    for t in range(len(way)):
-        turn = 0.5 * way[t] * (math.sin(slip) / cg_to_rear)
-        chord = way[t] * (math.sin(turn) / turn if turn != 0.0 else 1.0)
-        place[t] = here + chord * cmath.exp(1j * (psi + slip + turn))
-        facing[t] = cmath.exp(1j * (psi + 2.0 * turn))
-    return place, facing
-
-
-@kernel
-def way_of_stopping(times: Vector, step: float, first: float, v: float, braking: float) -> NewVector:
-    """(T,) m at `times` (T,) s: `first` m in a step of `step` s, to v m/s, and then braking, in m/s2."""
-    way = np.zeros(len(times))
-    for t in range(len(times)):
-        if times[t] > 0.0:
-            held = min(max(times[t] - step, 0.0), v / braking)
-            way[t] = first + v * held - 0.5 * braking * held * held
-    return way
-
-
-@kernel
-def step_onwards(v: float, a: float, step: float) -> tuple[float, float]:
-    """m travelled in a step of `step` s from v m/s at a m/s2, and m/s after it; nobody drives backwards."""
-    after = v + a * step
-    if after < 0.0:
-        return v * v / (-2.0 * a), 0.0
-    return 0.5 * (v + after) * step, after
-
-
-@kernel
-def stop_along(
-    line: Table, curvature: Vector, s: float, place: Places, facing: Places, v: float, braking: float,
-    step: float, preview: float, way_back: float, wheelbase: float, cg_to_rear: float, delta_max: float,
-) -> tuple[NewPlaces, NewPlaces]:  # fmt: skip
-    """(T,) m and (T,): the first step of an ego at `place` (T,) m facing `facing` (T,), after which it drives
-    v m/s, and then braking, in m/s2, while steering along a line on which it was s m.
-    """
-    places, directions = place.copy(), facing.copy()
-    here, heading = place[1], cmath.phase(facing[1])
-    for t in range(2, len(place)):
-        way, v = step_onwards(v, -braking, step)
-        if way > 0.0:
-            s, offset = projected(line, here.real, here.imag, int(s / SPACING))
-            delta = front_wheels(
-                line, curvature, s, offset, heading, v, preview, way_back, wheelbase, cg_to_rear, delta_max
-            )
-            slip = slip_of(delta, wheelbase, cg_to_rear)
-            turn = way * math.sin(slip) / cg_to_rear
-            here += way * cmath.exp(1j * (heading + slip + 0.5 * turn))
-            heading += turn
-        places[t], directions[t] = here, cmath.exp(1j * heading)
-    return places, directions
-
-
-@kernel
-def room_to_stop(
-    position: Table, heading: Vector, velocity: Table, size: Table, path: Rows, path_s: Vector,
-    acceleration: Vector, poses: Table, stations: int, ego: complex, reach: float, times: Vector,
-    changing: float, speeds_up: float, line: Table, ego_s: float, lane: float, along: float, hardest: float,
-    slowest: float, psi: float, step: float, first: float, v: float, braking: float, slip: float,
-    cg_to_rear: float, length: float, width: float, margin: float, still_margin: float,
-) -> float:  # fmt: skip
-    """m, the least `room_left` to an ego that stops (`way_of_stopping`) on an arc (`on_arc`), towards those
-    `in_reach`; inf for plenty.
-    """
-    who, there, turned, half, still = in_reach(
-        position, heading, velocity, size, path, path_s, acceleration, poses, stations, ego, reach,
-        times, changing, speeds_up, line, ego_s, lane, along, hardest, slowest,
-    )  # fmt: skip
-    place, facing = on_arc(ego, psi, way_of_stopping(times, step, first, v, braking), slip, cg_to_rear)
-    room = room_left(there, turned, half, still, place, facing, length, width, margin, still_margin)
-    least = math.inf
-    for k in range(len(who)):
-        least = min(least, room[k])
-    return least

@@ -46,7 +46,7 @@ from rudc.arrays import Array, Complex, Flags, Index
 from rudc.env.tracking import PREVIEW_S, RETURN_M, steering
 from rudc.network.paths import SPACING
 from rudc.safety.config import FilterConfig
-from rudc.safety.kernels import (
+from rudc.safety.last_resort_kernels import (
     in_reach,
     on_arc,
     room_left,

@@ -10,7 +10,7 @@ import pytest
 from rudc.env.tracking import PREVIEW_S, RETURN_M, steering
 from rudc.geometry import separation
 from rudc.network.route import ReferencePath
-from rudc.safety import barrier_kernels, kernels, residual_kernels
+from rudc.safety import barrier_kernels, kernels, last_resort_kernels, residual_kernels
 from rudc.vehicle import EgoVehicle
 from rudc.world.ego import EgoPlant
 from tests.safety.scenes import SPACING, crossing_paths, make_scene
@@ -100,7 +100,7 @@ def test_room_is_the_least_separation_less_what_is_allowed():
     line = tracks[0][: tracks[1]]  # northwards through the origin, which is at 100 m
     bodies[0][:6], bodies[1][:6] = [[0.3 * k - 0.8, 5.0 * k - 5] for k in range(6)], np.pi / 2
     reached = *bodies, acceleration, *tracks, -10 + 0j, 15.0, times, 0.5, 1.0, line, 97.0, 1.5, 0.7, -9.0, 2.0
-    who, place, facing, half, still = kernels.in_reach(*reached)
+    who, place, facing, half, still = last_resort_kernels.in_reach(*reached)
     speed = np.hypot(*bodies[2].T)
     assert half.tolist() == (0.5 * size[who]).tolist()
     assert still.tolist() == (speed[who] < 2.0).tolist()
@@ -124,15 +124,15 @@ def test_room_is_the_least_separation_less_what_is_allowed():
     assert facing == pytest.approx(wanted[1], abs=1e-3)
     after = np.maximum(times - 0.1, 0.0)  # 0.5 m in the first 0.1 s, then braking from 5 m/s with 6 m/s2
     way = np.where(times > 0, 0.5 + np.where(after < 5 / 6, 5 * after - 3 * after**2, 25 / 12), 0.0)
-    assert kernels.way_of_stopping(times, 0.1, 0.5, 5.0, 6.0) == pytest.approx(way, abs=1e-12)
-    ego, towards = kernels.on_arc(-10 + 0j, 0.2, way, 0.1, 1.4)
+    assert last_resort_kernels.way_of_stopping(times, 0.1, 0.5, 5.0, 6.0) == pytest.approx(way, abs=1e-12)
+    ego, towards = last_resort_kernels.on_arc(-10 + 0j, 0.2, way, 0.1, 1.4)
     margin = np.where(still, 0.1, 0.3)
     apart = separation(place - ego, towards, facing, np.array([2.5, 0.9]), half[:, None])
     room = (apart - np.minimum(margin[:, None], apart[:, :1])).min(axis=1)
     room[np.abs(place - ego).min(axis=1) >= half.sum(axis=1) + 2.5 + 0.9 + 0.3] = np.inf
-    got = kernels.room_left(place, facing, half, still, ego, towards, 2.5, 0.9, 0.3, 0.1)
+    got = last_resort_kernels.room_left(place, facing, half, still, ego, towards, 2.5, 0.9, 0.3, 0.1)
     assert got == pytest.approx(room, abs=1e-9)
-    least = kernels.room_to_stop(*reached, 0.2, 0.1, 0.5, 5.0, 6.0, 0.1, 1.4, 2.5, 0.9, 0.3, 0.1)
+    least = last_resort_kernels.room_to_stop(*reached, 0.2, 0.1, 0.5, 5.0, 6.0, 0.1, 1.4, 2.5, 0.9, 0.3, 0.1)
     assert least == got.min()
     assert (got < 0).any()
     assert np.isinf(got).any()
@@ -140,7 +140,7 @@ def test_room_is_the_least_separation_less_what_is_allowed():
 
 def test_an_arc_is_what_small_steps_make_of_it():
     slip, back, way = 0.12, 1.4, np.linspace(0, 12, 13)
-    place, facing = kernels.on_arc(1 + 2j, 0.7, way, slip, back)
+    place, facing = last_resort_kernels.on_arc(1 + 2j, 0.7, way, slip, back)
     psi, here, step = 0.7, 1 + 2j, 12 / 120_000
     for _ in range(120_000):
         here += step * np.exp(1j * (psi + slip))
@@ -173,7 +173,7 @@ def test_a_stop_along_a_path_is_the_plants_that_follows_it(delta):
         states.append(plant.step(-6.0, steering(after), dt))
     place = np.array([ego.x + 1j * ego.y for ego in states])
     facing = np.exp(1j * np.array([ego.psi for ego in states]))
-    got = kernels.stop_along(
+    got = last_resort_kernels.stop_along(
         path.poses, path.curvature, 0.0, place, facing, 8.0, 6.0, dt, PREVIEW_S, RETURN_M, body.wheelbase,
         body.cg_to_rear, body.delta_max,
     )  # fmt: skip
