@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from rudc.geometry import rectangle_gaps
-from rudc.kernels import as_written
 from rudc.network.network import Network, load_network
 from rudc.network.road import Arm, Movement
 from rudc.network.route import Route
@@ -93,10 +92,7 @@ class NetworkReport:
 def check_network(source: str | Path, junction: str | None = None) -> NetworkReport:
     """Reads a network (shipped name or .net.xml) and looks at everything the simulation will need of it."""
     network = load_network(source, junction)
-    with as_written():
-        routes = {
-            (m.origin, m.destination): network.route(m.origin, m.destination) for m in network.movements
-        }
+    routes = {(m.origin, m.destination): network.route(m.origin, m.destination) for m in network.movements}
     warnings = [
         *_node_warnings(network),
         *(text for arm in network.arms for text in _arm_warnings(network, arm)),

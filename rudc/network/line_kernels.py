@@ -7,6 +7,7 @@ Lines are poses (P * M, 3): x m, y m and heading rad at P * M stations, SPACING 
 from __future__ import annotations
 
 import cmath
+import math
 
 import numpy as np
 
@@ -92,9 +93,9 @@ def projected(poses: Table, x: float, y: float, i: int) -> tuple[float, float]:
         if following in (i, came_from):
             break
         came_from, i = i, following
-    offset = (dx * (y - y0) - dy * (x - x0)) / squared**0.5
+    offset = (dx * (y - y0) - dy * (x - x0)) / math.sqrt(squared)
     if following != i:  # outside of a bend, beyond this piece's end and before the next one's start
         t = min(max(t, 0.0), 1.0)
-        gap = ((x - x0 - t * dx) ** 2 + (y - y0 - t * dy) ** 2) ** 0.5
+        gap = math.sqrt((x - x0 - t * dx) ** 2 + (y - y0 - t * dy) ** 2)
         offset = gap if offset > 0.0 else -gap
     return (i + t) * SPACING, offset

@@ -18,6 +18,7 @@ from typing import Any
 from rudc.data import data_folder
 from rudc.errors import NetworkError
 from rudc.hints import did_you_mean, there_are
+from rudc.kernels import as_written
 from rudc.network.layout import Layout
 from rudc.network.reader import understood
 from rudc.network.road import Arm, Lane, Movement, Turn
@@ -141,7 +142,7 @@ class Network(Layout):
                     f"network {self.name}: {movement.turn} from {movement.origin!r} is not permitted from "
                     f"lane {lane}, only from {', '.join(map(str, allowed))}"
                 )
-            with understood(self.path):
+            with understood(self.path), as_written():  # a dozen projections
                 self._routes[key] = build_route(self, movement, lane, self.vehicle)
         return self._routes[key]
 
