@@ -22,8 +22,8 @@ from dataclasses import replace
 import numpy as np
 
 from rudc.arrays import Array
-from rudc.env.kernels import deviation, front_wheels
 from rudc.env.remembered import Remembered
+from rudc.env.tracking_kernels import deviation, front_wheels
 from rudc.network.paths import SPACING
 from rudc.network.route import ReferencePath
 from rudc.world.scene import Scene

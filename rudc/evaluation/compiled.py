@@ -15,6 +15,7 @@ KERNELS = (
     "rudc.world.kernels",
     "rudc.world.yielding_kernels",
     "rudc.env.kernels",
+    "rudc.env.tracking_kernels",
     "rudc.safety.kernels",
     "rudc.safety.barrier_kernels",
     "rudc.safety.last_resort_kernels",

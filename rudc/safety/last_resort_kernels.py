@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from rudc.env.kernels import front_wheels
+from rudc.env.tracking_kernels import front_wheels
 from rudc.kernels import (
     Marks,
     NewFlags,

@@ -1,0 +1,44 @@
+"""Path following as kernels; formulas stand at the head of tracking.py."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rudc.kernels import Table, Vector, kernel
+from rudc.network.line_kernels import between, on_line
+
+
+@kernel
+def slip_in_bend(bend: float, cg_to_rear: float) -> float:
+    """rad, slip that takes the ego round a bend (1/m)."""
+    return math.asin(min(max(cg_to_rear * bend, -0.9), 0.9))
+
+
+@kernel
+def deviation(
+    poses: Table, curvature: Vector, s: float, psi: float, v: float, preview: float, cg_to_rear: float
+) -> tuple[float, float, float]:
+    """Of an ego s m along a line, heading psi rad at v m/s: the line's curvature (1/m) `preview` s on, the
+    slip (rad) that it takes, the angle (rad) from the line to the direction of travel.
+    """
+    bend = between(curvature, s + preview * v)
+    slip = slip_in_bend(bend, cg_to_rear)
+    astray = psi + slip - on_line(poses, len(poses), 0, s)[1]
+    return bend, slip, astray - 2.0 * math.pi * np.rint(astray / (2.0 * math.pi))
+
+
+@kernel
+def front_wheels(
+    poses: Table, curvature: Vector, s: float, offset: float, psi: float, v: float, preview: float,
+    way_back: float, wheelbase: float, cg_to_rear: float, delta_max: float,
+) -> float:  # fmt: skip
+    """rad, front-wheel angle of an ego `offset` m left of a line that it follows: rudc/env/tracking.py, where
+    `way_back` m is L.
+    """
+    bend, _, astray = deviation(poses, curvature, s, psi, v, preview, cg_to_rear)
+    astray, offset = min(max(astray, -1.0), 1.0), min(max(offset, -2.0), 2.0)
+    wanted = bend - 2.0 * astray / way_back - offset / (way_back * way_back)
+    delta = math.atan(wheelbase / cg_to_rear * math.tan(slip_in_bend(wanted, cg_to_rear)))
+    return min(max(delta, -delta_max), delta_max)
