@@ -49,7 +49,7 @@ from rudc.safety.corrected import Corrected
 from rudc.safety.kernels import all_finite
 from rudc.safety.last_resort import Instead, LastResort
 from rudc.safety.qp import TOLERANCE, Problem, Solution, make_solver
-from rudc.safety.qp_kernels import on_the_road, some_rows, undecided, with_violations
+from rudc.safety.qp_kernels import on_the_road, pulls, some_rows, undecided, with_violations
 from rudc.safety.rows import RowWeights, affine_rows, per_row
 from rudc.safety.slack import rate_factor
 from rudc.vehicle import EgoVehicle
@@ -67,6 +67,7 @@ LEAST_LEVER = 1e-6
 """m2 per unit of tan(steering) below which a row says nothing about steering"""
 PUSHING = 1e-6
 """multiplier (cost per m2) above which a row counts as active"""
+_NOBODY: Flags = np.zeros(1, dtype=np.bool_)
 
 
 class _Bounds(NamedTuple):
@@ -276,15 +277,13 @@ class SafetyFilter:
     ) -> tuple[Solution, Index]:
         """What violates the rows `kept` least, those in conflict first; the rows it has multipliers of."""
         part, mode = _part(problem, kept), constraints.mode[kept]
-        pull, conflict = part.A[mode > 0, 0], np.zeros(len(kept), dtype=np.bool_)
-        if pull.min(initial=0.0) < 0.0 < pull.max(initial=0.0):
-            conflict = constraints.in_conflict(scene)[kept]
-        if pull.min(initial=0.0) < 0.0:  # towards somebody the ego does not accelerate
+        (brakes, hastens), spent_ms = pulls(part.A, mode), 0.0
+        if brakes < 0.0:  # towards somebody the ego does not accelerate
             most = min(part.upper[0], max(0.0, part.lower[0] + LEAST_ROOM))
             part = part._replace(upper=np.array([most, part.upper[1]]))
-        passing = (mode > 0) & ~conflict
-        spent_ms = 0.0
-        if passing.any() and conflict.any():
+        conflict = constraints.in_conflict(scene)[kept] if brakes < 0.0 < hastens else _NOBODY
+        passing = (mode > 0) & ~conflict if conflict.any() else _NOBODY
+        if passing.any():
             solution = self._solver.solve(self._relaxed(part, mode, conflict))
             if solution.found:
                 return solution._replace(x=_on_the_road(solution.x, part, mode)), kept

@@ -72,6 +72,16 @@ def some_rows(A: Table, b: Vector, kept: Rows) -> tuple[NewColumns, NewVector]:
 
 
 @kernel
+def pulls(A: Table, mode: Vector) -> tuple[float, float]:
+    """Least and largest of what rows of mode 1 have before the acceleration, and 0."""
+    least, most = 0.0, 0.0
+    for i in range(len(mode)):
+        if mode[i] > 0.0:
+            least, most = min(least, A[i, 0]), max(most, A[i, 0])
+    return least, most
+
+
+@kernel
 def with_violations(
     q: Vector, A: Table, lower: Vector, upper: Vector, prices: Vector, mode: Vector, hard: Marks, road: float,
     vehicle: float,
