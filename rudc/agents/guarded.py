@@ -33,7 +33,7 @@ class GuardedAgent:
         self._call("reset", scene, lambda: self.inner.reset(scene, seed))
 
     def act(self, scene: Scene) -> Decision:
-        """Its own, checked."""
+        """Its own, checked, and cut to what the vehicle can."""
         answer: Any = self._call("act", scene, lambda: self.inner.act(scene))
         if not isinstance(answer, Decision):
             u = self._action(answer, scene)
@@ -46,7 +46,8 @@ class GuardedAgent:
         except (TypeError, ValueError):
             u = np.zeros(0)
         if u.shape == (2,) and np.isfinite(u).all():
-            return u
+            body = scene.network.vehicle
+            return np.clip(u, [body.a_min, -body.delta_max], [body.a_max, body.delta_max])
         raise AgentFailedError(
             f"agent {self.name} at {scene.time_s:.1f} s: act answered {_short(answer)}, where two finite "
             "numbers were expected (acceleration m/s2, front-wheel angle rad), or a Decision of them"

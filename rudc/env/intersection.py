@@ -256,22 +256,15 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         """Apply an action for one decision (0.1 s). Raises InputError where it is not of `action_space`'s
         shape, or not finite.
         """
-        wanted = self.action_space.shape
-        try:
-            given = numbers_of(action)
-        except (TypeError, ValueError):
-            raise InputError(
-                f"action {action!r} is no array of numbers; give one of shape {wanted}"
-            ) from None
-        if given.shape != wanted:
-            raise InputError(f"action {action!r} has the shape {given.shape}, not {wanted}")
-        if not np.isfinite(given).all():
-            raise InputError(f"action {action!r} is not finite")
+        _refuse_no_action(action, self.action_space.shape)
         u = self.action.physical(action, self.scene)
         return self.step_physical(u if self.correct is None else self.correct(self.scene, action, u))
 
     def step_physical(self, u: Array) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """As `step`, with u (2,) in physical units: acceleration m/s2, front-wheel angle rad."""
+        """As `step`, with u (2,) in physical units: acceleration m/s2, front-wheel angle rad; cut to what the
+        vehicle can.
+        """
+        _refuse_no_action(u, (2,))
         result = self.episode.step(u)
         self._scene = result.scene
         ended, frozen = result.outcome, False
@@ -348,3 +341,15 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         if self._window is None:
             self._window = Window("RUDC", self.metadata["render_fps"])
         self._window.show(self._frame())
+
+
+def _refuse_no_action(action: Any, wanted: tuple[int, ...] | None) -> None:
+    """Raise InputError where an action is not of the shape `wanted`, or not finite."""
+    try:
+        given = numbers_of(action)
+    except (TypeError, ValueError):
+        raise InputError(f"action {action!r} is no array of numbers; give one of shape {wanted}") from None
+    if given.shape != wanted:
+        raise InputError(f"action {action!r} has the shape {given.shape}, not {wanted}")
+    if not np.isfinite(given).all():
+        raise InputError(f"action {action!r} is not finite")

@@ -158,8 +158,9 @@ class World:
         return self.stage.sensors
 
     def advance(self, u: Array) -> Advance:
-        """Apply u = (acceleration m/s2, front-wheel angle rad) for one decision, or up to the first
-        violation."""
+        """Apply u = (acceleration m/s2, front-wheel angle rad), cut to what the vehicle can, for one
+        decision, or up to the first violation.
+        """
         scene = self.scene()
         began = self._script.step(scene)
         every = LAYER_EVERY_MOVING if any(prop.moves for prop in self.stage.props) else LAYER_EVERY
@@ -167,8 +168,10 @@ class World:
             self._brake(scene, every * self.config.decision_s)
         self._lane_keeping.step(scene)
         self._decisions += 1
-        self._last_u = np.array(u, dtype=float)
-        reached = self._drive(scene, float(u[0]), float(u[1]))
+        body, (a, delta) = self.vehicle, map(float, u)
+        a, delta = min(max(a, body.a_min), body.a_max), min(max(delta, -body.delta_max), body.delta_max)
+        self._last_u = np.array([a, delta])
+        reached = self._drive(scene, a, delta)
         if self._driven_by_sumo:
             passed_s = self._sumo.time() - self._time0 - scene.time_s
             self._last_u = np.array(realised(scene.ego, self._plant.state, passed_s, self.vehicle))

@@ -9,6 +9,7 @@ from rudc.agents.base import layers
 from rudc.agents.checkpoint import load_learnt, shipped_checkpoints
 from rudc.agents.correction import RESIDUAL
 from rudc.agents.filtered import FILTERS, FilteredAgent
+from rudc.agents.guarded import GuardedAgent
 from rudc.agents.registry import agent_names, agent_settings, agent_summary, make_agent
 from rudc.errors import AgentError
 from rudc.network.network import load_network
@@ -115,3 +116,19 @@ def test_shipped_agents_carry_the_residual_predictor_of_their_own_actions(name):
 )
 def test_whoever_is_put_round_another_says_round_whom(name, there):
     assert [type(layer).__name__ for layer in layers(make_agent(name))] == there
+
+
+def test_what_an_agent_of_ones_own_asks_beyond_the_vehicle_is_no_correction(scene_on):
+    """Cut before a filter stands behind it: only what the filter changes counts."""
+    scene = scene_on("south", "straight", 60.0, 5.0)
+
+    class Wild:
+        def reset(self, scene, seed):
+            pass
+
+        def act(self, scene):
+            return 1e300, -30.0
+
+    decision = GuardedAgent(Wild(), "wild").act(scene)
+    body = scene.vehicle
+    assert decision.u.tolist() == decision.u_rl.tolist() == [body.a_max, -body.delta_max]

@@ -291,6 +291,18 @@ def test_a_driver_that_has_left_the_road_collides_with_nobody(world):
     assert not any(advance.collision for advance in advances)
 
 
+def test_what_the_vehicle_cannot_do_is_cut_in_the_scene_too(world):
+    """`last_u` is what reward and observation look at."""
+    world.reset(PlanSource(density=0.0, turn="left", speed=(7.0, 7.0)).plan(1))
+    body = world.vehicle
+    for u, cut in (
+        ([-1e300, 30.0], [body.a_min, body.delta_max]),
+        ([1e300, -30.0], [body.a_max, -body.delta_max]),
+    ):
+        world.advance(np.array(u))
+        assert world.scene().last_u.tolist() == cut
+
+
 def test_what_sumos_driver_does_is_the_action_of_its_scene(world):
     scene = world.reset(PlanSource(density=0.0, turn="left", speed=(7.0, 7.0)).plan(1), ego_driver="sumo")
     actions = []
