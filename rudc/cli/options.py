@@ -41,8 +41,10 @@ def parse_overrides(given: list[str] | None, option: str = "--set") -> dict[str,
         key, equals, value = text.partition("=")
         if not equals or not key.strip():
             raise InputError(f"{option} {text!r}: expected KEY=VALUE")
+        if (key := key.strip()) in found:
+            raise InputError(f"{option} {text!r}: given twice; a sweep takes a list of values")
         try:
-            found[key.strip()] = read_value(value)
+            found[key] = read_value(value)
         except ValueError as error:
             raise InputError(f"{option} {text!r}: {error}") from None
     return found

@@ -50,6 +50,8 @@ def verify_folder(
     finally:
         progress.close()
     sample = f"{found.again} of {found.of} episodes of {folder} run again"
+    if found.failed:
+        sample += f" ({found.failed} that failed left out)"
     if not found.other:
         typer.echo(f"{sample}: every row came out the same (timing columns apart)")
         return

@@ -43,8 +43,10 @@ class Verification:
 
     of: int
     """episodes of the sweep that can be run again: those without an error"""
+    failed: int
+    """those with one, which are left out"""
     again: int
-    """of these that were"""
+    """of the first that were run again"""
     other: Sequence[tuple[Rerun, Sequence[Difference]]]
     """those that came out otherwise"""
     changes: tuple[str, ...]
@@ -94,7 +96,8 @@ def verify_sweep(
             if found := differences(rerun.row, record):
                 other.append((rerun, found))
     changes = tuple(dict.fromkeys(change for rerun in reruns.values() for change in rerun.changes))
-    return Verification(drawn.of, len(reruns), sorted(other, key=lambda one: one[0].number), changes)
+    failed = len(sweep.rows) - drawn.of
+    return Verification(drawn.of, failed, len(reruns), sorted(other, key=lambda one: one[0].number), changes)
 
 
 class _Drawn(NamedTuple):

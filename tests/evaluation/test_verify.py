@@ -136,3 +136,9 @@ def test_a_folder_without_finished_episodes_is_refused(copied):
     rows.write_text(rows.read_text().split("\n")[0] + "\n")
     with pytest.raises(SweepError, match="no finished episode"):
         verify_sweep(copied, EpisodeRunner)
+
+
+def test_rows_that_failed_are_left_out_and_counted(copied):
+    _edit(copied, 3, "error", "broke")
+    found = verify_sweep(copied, EpisodeRunner, share=1.0)
+    assert (found.of, found.failed, found.again, list(found.other)) == (11, 1, 11, [])

@@ -49,6 +49,11 @@ def test_values_on_the_command_line_are_bounded_too():
         parse_overrides(["traffic.density=" + "1" * 300_000])
 
 
+def test_a_key_that_is_given_twice_is_refused():
+    with pytest.raises(InputError, match=r"'traffic.density=30': given twice; a sweep takes a list"):
+        parse_overrides(["traffic.density=10", "traffic.density=30"])
+
+
 def test_a_few_aliases_are_welcome(tmp_path):
     path = tmp_path / "own.yaml"
     path.write_text(

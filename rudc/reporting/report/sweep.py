@@ -154,11 +154,8 @@ def _setup(
     if not known:
         return {}
     configuration = known["configuration"]
-    names = [shlex.quote(name) for name in scenarios]
-    agents = [f"--agent {shlex.quote(name)}" for name in configuration["agents"]]
-    numbers = f"--episodes {configuration['episodes']} --seed {configuration['seed']}"
     return {
-        "command": f"rudc sweep {' '.join(names)} {' '.join(agents)} {numbers} --out DIR",
+        "command": "rudc sweep --verify DIR --share 1",
         "versions": known["versions"],
         "changes": version_changes(known),
         "scenarios": [
