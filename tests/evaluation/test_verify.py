@@ -140,5 +140,6 @@ def test_a_folder_without_finished_episodes_is_refused(copied):
 
 def test_rows_that_failed_are_left_out_and_counted(copied):
     _edit(copied, 3, "error", "broke")
+    _edit(copied, 3, "outcome", "")
     found = verify_sweep(copied, EpisodeRunner, share=1.0)
     assert (found.of, found.failed, found.again, list(found.other)) == (11, 1, 11, [])
