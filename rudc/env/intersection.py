@@ -258,13 +258,16 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         """
         _refuse_no_action(action, self.action_space.shape)
         u = self.action.physical(action, self.scene)
-        return self.step_physical(u if self.correct is None else self.correct(self.scene, action, u))
+        return self._apply(u if self.correct is None else self.correct(self.scene, action, u))
 
     def step_physical(self, u: Array) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """As `step`, with u (2,) in physical units: acceleration m/s2, front-wheel angle rad; cut to what the
         vehicle can.
         """
         _refuse_no_action(u, (2,))
+        return self._apply(u)
+
+    def _apply(self, u: Array) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         result = self.episode.step(u)
         self._scene = result.scene
         ended, frozen = result.outcome, False
@@ -345,6 +348,9 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
 
 def _refuse_no_action(action: Any, wanted: tuple[int, ...] | None) -> None:
     """Raise InputError where an action is not of the shape `wanted`, or not finite."""
+    numbers = isinstance(action, np.ndarray) and action.shape == wanted and action.dtype.kind == "f"
+    if numbers and math.isfinite(action.dot(action)):  # what nearly all are
+        return
     try:
         given = numbers_of(action)
     except (TypeError, ValueError):

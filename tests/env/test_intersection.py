@@ -169,6 +169,10 @@ def test_arguments_and_options(make):
         env.reset(options={"colour": 1})
     with pytest.raises(InputError, match="finite"):
         env.step(np.array([np.nan, 0.0]))
+    with pytest.raises(InputError, match="finite"):
+        env.step_physical(np.array([0.0, np.nan]))
+    with pytest.raises(InputError, match=r"shape \(3,\)"):
+        env.step_physical([1.0, 0.0, 9.0])
     with pytest.raises(InputError, match="no array of numbers"):
         env.step(["0.5", "0.0"])
 
