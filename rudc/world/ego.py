@@ -45,6 +45,11 @@ def widest_steering(body: EgoVehicle, v: float, lateral: float) -> float:
     return widest(v, lateral, body.delta_max, body.wheelbase, body.cg_to_rear)
 
 
+def within_limits(body: EgoVehicle, a: float, delta: float) -> tuple[float, float]:
+    """The commands a (m/s2) and delta (rad), cut to what the vehicle can."""
+    return min(max(a, body.a_min), body.a_max), min(max(delta, -body.delta_max), body.delta_max)
+
+
 class EgoPlant:
     """Integrates the ego's motion from one simulation step to the next."""
 
@@ -72,9 +77,7 @@ class EgoPlant:
         """Advance by dt (s) under the commands a (m/s2) and delta (rad), each clipped to the vehicle's
         limits."""
         body = self.vehicle
-        a = min(max(a, body.a_min), body.a_max)
-        delta = min(max(delta, -body.delta_max), body.delta_max)
-        a, delta = self._delayed(a, delta, dt)
+        a, delta = self._delayed(*within_limits(body, a, delta), dt)
         mu, old = DRY if self.actuation.friction is None else self.actuation.friction, self.state
         shape = body.wheelbase, body.cg_to_rear
         a, delta = within_friction(a, delta, old.v, mu * GRAVITY, body.delta_max, *shape)

@@ -27,7 +27,7 @@ from rudc.world.casting import cast
 from rudc.world.config import WorldConfig
 from rudc.world.contact import NOTHING, Nearest, nearest_of, survey
 from rudc.world.detours import Detours
-from rudc.world.ego import EgoPlant, realised
+from rudc.world.ego import EgoPlant, realised, within_limits
 from rudc.world.events import Happening, Script, WorldStage
 from rudc.world.fault import Collision, judge
 from rudc.world.kernels import largest
@@ -158,9 +158,8 @@ class World:
         return self.stage.sensors
 
     def advance(self, u: Array) -> Advance:
-        """Apply u = (acceleration m/s2, front-wheel angle rad), cut to what the vehicle can, for one
-        decision, or up to the first violation.
-        """
+        """Apply u = (acceleration m/s2, front-wheel angle rad; cut to the vehicle's limits) for one decision,
+        or up to the first violation."""
         scene = self.scene()
         began = self._script.step(scene)
         every = LAYER_EVERY_MOVING if any(prop.moves for prop in self.stage.props) else LAYER_EVERY
@@ -168,10 +167,8 @@ class World:
             self._brake(scene, every * self.config.decision_s)
         self._lane_keeping.step(scene)
         self._decisions += 1
-        body, (a, delta) = self.vehicle, map(float, u)
-        a, delta = min(max(a, body.a_min), body.a_max), min(max(delta, -body.delta_max), body.delta_max)
-        self._last_u = np.array([a, delta])
-        reached = self._drive(scene, a, delta)
+        self._last_u = np.array(within_limits(self.vehicle, float(u[0]), float(u[1])))
+        reached = self._drive(scene, *self._last_u.tolist())
         if self._driven_by_sumo:
             passed_s = self._sumo.time() - self._time0 - scene.time_s
             self._last_u = np.array(realised(scene.ego, self._plant.state, passed_s, self.vehicle))
