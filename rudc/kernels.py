@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import math
 import os
 import sys
 import tempfile
@@ -21,6 +22,8 @@ from collections.abc import Callable, Iterator
 from functools import cache, update_wrapper
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
+
+import numpy as np
 
 from rudc.arrays import Array, Complex, Flags, Floats, Index
 
@@ -192,6 +195,12 @@ def _folder() -> str:
         if os.access(folder, os.W_OK | os.X_OK):
             return str(folder)
     return tempfile.mkdtemp(prefix="rudc-kernels-")
+
+
+@kernel
+def half_turn(angle: float) -> float:
+    """rad, the same angle within [-pi, pi]."""
+    return angle - 2.0 * math.pi * np.rint(angle / (2.0 * math.pi))
 
 
 @kernel

@@ -15,6 +15,7 @@ from rudc.arrays import Array
 from rudc.env.action import numbers_of
 from rudc.errors import AgentFailedError
 from rudc.imports import in_words
+from rudc.world.ego import within_limits
 from rudc.world.scene import Scene
 
 T = TypeVar("T")
@@ -46,8 +47,7 @@ class GuardedAgent:
         except (TypeError, ValueError):
             u = np.zeros(0)
         if u.shape == (2,) and np.isfinite(u).all():
-            body = scene.network.vehicle
-            return np.clip(u, [body.a_min, -body.delta_max], [body.a_max, body.delta_max])
+            return np.array(within_limits(scene.network.vehicle, *u.tolist()))
         raise AgentFailedError(
             f"agent {self.name} at {scene.time_s:.1f} s: act answered {_short(answer)}, where two finite "
             "numbers were expected (acceleration m/s2, front-wheel angle rad), or a Decision of them"

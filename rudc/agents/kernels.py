@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from rudc.env.kernels import interpolated, leader, seen_from_line
-from rudc.kernels import NewRowTable, NewTable, Rows, Table, Vector, kernel
+from rudc.kernels import NewRowTable, NewTable, Rows, Table, Vector, half_turn, kernel
 
 
 @kernel
@@ -102,7 +102,7 @@ def keep(found: Table, least: Vector, kept: NewTable, counts: NewRowTable) -> in
         for column in range(4):
             kind, difference = max(column - 1, 0), found[i, column]
             if kind == 2:
-                difference = abs(difference - 2.0 * math.pi * np.rint(difference / (2.0 * math.pi)))
+                difference = abs(half_turn(difference))
             place = counts[kind, 0] % kept.shape[1]
             if counts[kind, 0] >= kept.shape[1] and kept[kind, place] > least[kind]:
                 counts[kind, 1] -= 1

@@ -42,7 +42,7 @@ def parse_overrides(given: list[str] | None, option: str = "--set") -> dict[str,
         if not equals or not key.strip():
             raise InputError(f"{option} {text!r}: expected KEY=VALUE")
         if (key := key.strip()) in found:
-            raise InputError(f"{option} {text!r}: given twice; a sweep takes a list of values")
+            raise InputError(f"{option} {text!r}: {key} is given twice; a sweep takes a list")
         try:
             found[key] = read_value(value)
         except ValueError as error:

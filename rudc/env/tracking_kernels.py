@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from rudc.kernels import Table, Vector, kernel
+from rudc.kernels import Table, Vector, half_turn, kernel
 from rudc.network.line_kernels import between, on_line
 
 
@@ -26,7 +24,7 @@ def deviation(
     bend = between(curvature, s + preview * v)
     slip = slip_in_bend(bend, cg_to_rear)
     astray = psi + slip - on_line(poses, len(poses), 0, s)[1]
-    return bend, slip, astray - 2.0 * math.pi * np.rint(astray / (2.0 * math.pi))
+    return bend, slip, half_turn(astray)
 
 
 @kernel

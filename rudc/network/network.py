@@ -142,7 +142,7 @@ class Network(Layout):
                     f"network {self.name}: {movement.turn} from {movement.origin!r} is not permitted from "
                     f"lane {lane}, only from {', '.join(map(str, allowed))}"
                 )
-            with understood(self.path), as_written():  # a dozen projections
+            with understood(self.path), as_written():  # a few calls, by commands that never drive, too
                 self._routes[key] = build_route(self, movement, lane, self.vehicle)
         return self._routes[key]
 

@@ -53,6 +53,7 @@ from rudc.safety.qp_kernels import on_the_road, pulls, some_rows, undecided, wit
 from rudc.safety.rows import RowWeights, affine_rows, per_row
 from rudc.safety.slack import rate_factor
 from rudc.vehicle import EgoVehicle
+from rudc.world.ego import within_limits
 from rudc.world.scene import Scene
 
 __all__ = ["Corrected", "FilterConfig", "SafetyFilter", "Status"]
@@ -354,8 +355,7 @@ def _refuse_unknown_rows(rows: Array, b: Array, names: tuple[str, ...]) -> None:
 
 def _within(body: EgoVehicle, u: Array) -> Array:
     """(2,) the action (m/s2, rad) clipped to the vehicle's limits."""
-    a, delta = u.tolist()
-    return np.array([min(max(a, body.a_min), body.a_max), min(max(delta, -body.delta_max), body.delta_max)])
+    return np.array(within_limits(body, *u.tolist()))
 
 
 def _refuse_unknown_world(scene: Scene) -> None:

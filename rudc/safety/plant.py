@@ -26,7 +26,7 @@ import numpy as np
 from rudc.arrays import Array, Index
 from rudc.safety.plant_kernels import drive_bank, score_bank
 from rudc.vehicle import Actuation, EgoVehicle
-from rudc.world.ego import DRY, GRAVITY
+from rudc.world.ego import DRY, GRAVITY, within_limits
 from rudc.world.scene import EgoState
 
 DECISION_S = 0.1
@@ -124,9 +124,7 @@ class PlantMonitor:
     def _drive(self, a: float, delta: float, v_after: float) -> None:
         """Let all models take the command for one decision."""
         body = self._vehicle
-        command = complex(
-            min(max(a, body.a_min), body.a_max), min(max(delta, -body.delta_max), body.delta_max)
-        )
+        command = complex(*within_limits(body, a, delta))
         drive_bank(
             self._a, self._delta, self._given, self._keep, _LIMITS, command, self._substeps,
             self._v or 0.0, v_after, body.cg_to_rear, body.cg_to_rear / body.wheelbase,
