@@ -102,13 +102,22 @@ class Tally:
             for metric in self._metrics
         }
         return [
-            summarise_rate(ends[metric.name][whole.outcome[rows]]) if metric.outcomes else next(summaries)
+            summarise_rate(ends[metric.name][whole.outcome[rows]])
+            if metric.outcomes
+            else _possible(metric, next(summaries))
             for metric, rows in wanted
         ]
 
     def _sample(self, metric: Metric, whole: _Part, rows: Index) -> Sample:
         totals, parts = _weighted(metric, lambda name: whole.numbers[name][rows])
         return totals, None if metric.average == "episodes" else parts
+
+
+def _possible(metric: Metric, value: Summary) -> Summary:
+    """With an interval that holds nothing but percentages, if the metric is one."""
+    if metric.unit != "%" or math.isnan(value.low):
+        return value
+    return value._replace(low=max(value.low, 0.0), high=min(value.high, 100.0))
 
 
 class _Part(NamedTuple):

@@ -31,7 +31,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rudc.arrays import Array, Flags
-from rudc.evaluation.statistics import SEED, bootstrap, mcnemar, paired_change, wilson
+from rudc.evaluation.statistics import SEED, mcnemar, mean_interval, paired_change, wilson
 
 RESAMPLES = 2_000
 Cells = Mapping[tuple[int, str], Array]
@@ -126,7 +126,7 @@ def paired_mean(new: Array, old: Array) -> Paired:
     change = new - old
     change = change[~np.isnan(change)]
     mean = float(change.mean()) if len(change) else math.nan
-    return Paired(len(change), mean, *bootstrap(change), 0, 0, math.nan)
+    return Paired(len(change), mean, *mean_interval(change), 0, 0, math.nan)
 
 
 def _mean(values: Array | None) -> float:

@@ -1,4 +1,4 @@
-"""95 % intervals: Wilson's for rates, the seeded percentile bootstrap for means.
+"""95 % intervals: Wilson's for rates; for means Student's of few values, else the seeded percentile bootstrap.
 
 Wilson. With p = k / n and z the normal quantile, the interval holds all true rates whose score test does not
 refuse k:
@@ -11,6 +11,11 @@ Bootstrap. The mean of n values drawn with replacement, RESAMPLES times; the int
 they come from. From NORMAL_FROM values on it is mean +- z s / sqrt(n), which differs from it by less than two
 choices of the draws do.
 
+Student. The bootstrap of n values is too narrow by a factor of about sqrt((n - 1) / n) z / t: of three values
+its interval holds the true mean in 70 of 100 cases, of five in 80, of ten in 90. Below STUDENT_BELOW values
+the interval is therefore mean +- t s / sqrt(n), t the 0.975 quantile of Student's distribution with n - 1 degrees
+of freedom; few values that are all the same have none.
+
 Differences of rates in the same episodes: the interval of Bonett and Price (J. Educ. Behav. Stat. 37, 2012),
 Wald's with one more pair of each kind, and McNemar's exact test.
 """
@@ -22,7 +27,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import bdtr
+from scipy.special import bdtr, stdtrit
 
 from rudc.arrays import Array, Flags
 
@@ -33,6 +38,8 @@ SEED = 20_250
 """of the bootstrap's draws"""
 NORMAL_FROM = 2_000
 """values from which on the normal interval stands for the bootstrap's"""
+STUDENT_BELOW = 20
+"""values below which Student's does"""
 _CHUNK = 2_000_000
 """draws held in memory at once"""
 
@@ -63,16 +70,16 @@ Sample = tuple[Array, Array | None]
 """values (n,), of whose mean something is to be said, or of their sum divided by that of others (n,)"""
 
 
-def bootstrap(
+def mean_interval(
     values: Array, resamples: int = RESAMPLES, seed: int = SEED, *, over: Array | None = None
 ) -> tuple[float, float]:
-    """Ends of the 95 % percentile bootstrap interval of the mean of values (n,), or of their sum divided by
-    that of `over` (n,); (nan, nan) if n < 2.
+    """Ends of the 95 % interval of the mean of values (n,), or of their sum divided by that of `over` (n,);
+    (nan, nan) where there are too few to tell.
     """
-    return bootstraps([(values, over)], resamples, seed)[0]
+    return mean_intervals([(values, over)], resamples, seed)[0]
 
 
-def bootstraps(
+def mean_intervals(
     samples: Sequence[Sample], resamples: int = RESAMPLES, seed: int = SEED
 ) -> list[tuple[float, float]]:
     """The same of many samples; those of one size share their draws, as they would alone."""
@@ -82,11 +89,25 @@ def bootstraps(
         sizes.setdefault(len(values), []).append(k)
     for n, members in sizes.items():
         alike = [samples[k] for k in members]
-        if n >= 2:
-            ends = map(_normal, alike) if n >= NORMAL_FROM else _percentiles(alike, n, resamples, seed)
-            for k, interval in zip(members, ends, strict=True):
-                found[k] = interval
+        if n < STUDENT_BELOW:
+            ends = [student(*sample) for sample in alike]
+        elif n < NORMAL_FROM:
+            ends = _percentiles(alike, n, resamples, seed)
+        else:
+            ends = [_around_mean(*sample, Z) for sample in alike]
+        for k, interval in zip(members, ends, strict=True):
+            found[k] = interval
     return found
+
+
+def student(values: Array, over: Array | None = None) -> tuple[float, float]:
+    """Ends of Student's 95 % interval of the mean of values (n,), or of their sum divided by that of `over`
+    (n,); (nan, nan) of fewer than two, and where all are the same.
+    """
+    n = len(values)
+    if n < 2 or (values == values[0]).all() and (over is None or (over == over[0]).all()):
+        return math.nan, math.nan
+    return _around_mean(values, over, float(stdtrit(n - 1, 0.975)))
 
 
 def _percentiles(samples: Sequence[Sample], n: int, resamples: int, seed: int) -> list[tuple[float, float]]:
@@ -112,16 +133,15 @@ def _percentiles(samples: Sequence[Sample], n: int, resamples: int, seed: int) -
     return [(round(float(a), 9), round(float(b), 9)) for a, b in zip(low, high, strict=True)]
 
 
-def _normal(sample: Sample) -> tuple[float, float]:
-    """The normal interval; of a ratio by its first-order error."""
-    values, over = sample
+def _around_mean(values: Array, over: Array | None, quantile: float) -> tuple[float, float]:
+    """The mean +- so many of its standard errors; a ratio's error is its first-order one."""
     n = len(values)
     if over is None:
         centre, errors = values.mean(), values - values.mean()
     else:
         centre = values.sum() / over.sum()
         errors = (values - centre * over) / over.mean()
-    half = Z * errors.std(ddof=1) / math.sqrt(n)
+    half = quantile * errors.std(ddof=1) / math.sqrt(n)
     return float(centre - half), float(centre + half)
 
 
@@ -156,14 +176,14 @@ def summarise_rate(happened: Flags) -> Summary:
 
 
 def summarise_all(samples: Sequence[Sample]) -> list[Summary]:
-    """Mean, spread and bootstrap interval of each sample: of its values (n,), or, where a second array (n,)
+    """Mean, spread and interval of each sample: of its values (n,), or, where a second array (n,)
     of positive numbers comes along, of sum(first) / sum(second) with the spread of their ratios. Values or
     pairs with a nan count as not there.
     """
     known = [_known(sample) for sample in samples]
     return [
         _summary(sample, ends) if len(sample[0]) else Summary(math.nan, math.nan, math.nan, math.nan)
-        for sample, ends in zip(known, bootstraps(known), strict=True)
+        for sample, ends in zip(known, mean_intervals(known), strict=True)
     ]
 
 

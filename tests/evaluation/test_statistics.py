@@ -11,11 +11,13 @@ from scipy import stats
 from rudc.evaluation.statistics import (
     NORMAL_FROM,
     RESAMPLES,
+    STUDENT_BELOW,
     Z,
-    bootstrap,
-    bootstraps,
+    mean_interval,
+    mean_intervals,
     mcnemar,
     paired_change,
+    student,
     summarise_all,
     summarise_rate,
     wilson,
@@ -57,32 +59,62 @@ def test_bootstrap_agrees_with_scipy():
     values = np.random.default_rng(3).gamma(2.0, 3.0, size=80)
     theirs = stats.bootstrap((values,), np.mean, n_resamples=20_000, method="percentile", rng=5)
     width = theirs.confidence_interval.high - theirs.confidence_interval.low
-    np.testing.assert_allclose(bootstrap(values), tuple(theirs.confidence_interval), atol=0.04 * width)
+    np.testing.assert_allclose(mean_interval(values), tuple(theirs.confidence_interval), atol=0.04 * width)
 
 
 def test_bootstrap_of_many_values_is_the_normal_interval():
     values = np.random.default_rng(4).normal(5.0, 2.0, size=3000)
     half = Z * values.std(ddof=1) / math.sqrt(len(values))
     np.testing.assert_allclose(
-        bootstrap(values), (values.mean() - half, values.mean() + half), atol=0.1 * half
+        mean_interval(values), (values.mean() - half, values.mean() + half), atol=0.1 * half
     )
 
 
 def test_bootstrap_is_the_same_every_time_and_however_it_is_cut_into_chunks(monkeypatch):
     values = np.random.default_rng(5).normal(size=50)
-    whole = bootstrap(values)
-    assert bootstrap(values) == whole
+    whole = mean_interval(values)
+    assert mean_interval(values) == whole
     monkeypatch.setattr("rudc.evaluation.statistics._CHUNK", 50 * RESAMPLES // 7)
-    np.testing.assert_allclose(bootstrap(values), whole)
-    assert bootstrap(values, seed=1) != whole
+    np.testing.assert_allclose(mean_interval(values), whole)
+    assert mean_interval(values, seed=1) != whole
+
+
+@pytest.mark.parametrize("n", [2, 5, STUDENT_BELOW - 1])
+def test_interval_of_few_values_is_students(n):
+    values = np.random.default_rng(n).gamma(2.0, size=n)
+    theirs = stats.ttest_1samp(values, 0.0).confidence_interval(0.95)
+    np.testing.assert_allclose(mean_interval(values), tuple(theirs))
+    assert student(values) == mean_interval(values)
+
+
+def test_interval_of_few_ratios_is_that_of_what_is_left_of_them():
+    """Where all parts are alike, a ratio is a mean."""
+    values = np.random.default_rng(11).gamma(2.0, size=6)
+    np.testing.assert_allclose(mean_interval(values, over=np.full(6, 4.0)), np.array(student(values)) / 4.0)
+
+
+@pytest.mark.parametrize("n", [3, 5, 10])
+def test_intervals_of_few_values_hold_the_true_mean_as_often_as_they_say(n):
+    rng = np.random.default_rng(12)
+    samples = rng.normal(5.0, 2.0, size=(4_000, n))
+    ends = np.array(mean_intervals([(values, None) for values in samples]))
+    held = np.mean((ends[:, 0] <= 5.0) & (ends[:, 1] >= 5.0))
+    assert held == pytest.approx(0.95, abs=4 * math.sqrt(0.95 * 0.05 / 4_000))
+
+
+def test_few_values_that_are_all_the_same_have_no_interval():
+    assert all(math.isnan(end) for end in mean_interval(np.full(5, 100.0)))
+    assert mean_interval(np.full(STUDENT_BELOW, 100.0)) == (100.0, 100.0)
 
 
 @settings(max_examples=25)
 @given(st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=40))
-def test_a_mean_lies_within_its_values_and_its_interval_too(values):
+def test_a_mean_lies_within_its_values_and_its_interval_around_it(values):
     summary = summarise_all([(np.array(values), None)])[0]
     tolerance = 1e-9 * (1 + max(map(abs, values)))
-    assert min(values) - tolerance <= summary.low <= summary.high <= max(values) + tolerance
+    assert min(values) - tolerance <= summary.mean <= max(values) + tolerance
+    assert not summary.low > summary.mean + tolerance
+    assert not summary.high < summary.mean - tolerance
     assert summary.std == pytest.approx(np.std(values, ddof=1), abs=1e-9)
 
 
@@ -108,23 +140,23 @@ def test_bootstrap_is_of_the_means_of_what_is_drawn():
     values, over = np.random.default_rng(6).gamma(2.0, size=(2, 30))
     draws = np.random.default_rng(9).integers(30, size=(500, 30))
     means, ratios = values[draws].mean(axis=1), values[draws].sum(axis=1) / over[draws].sum(axis=1)
-    np.testing.assert_allclose(bootstrap(values, 500, 9), np.quantile(means, [0.025, 0.975]))
-    np.testing.assert_allclose(bootstrap(values, 500, 9, over=over), np.quantile(ratios, [0.025, 0.975]))
+    np.testing.assert_allclose(mean_interval(values, 500, 9), np.quantile(means, [0.025, 0.975]))
+    np.testing.assert_allclose(mean_interval(values, 500, 9, over=over), np.quantile(ratios, [0.025, 0.975]))
 
 
 def test_many_samples_have_the_intervals_that_each_has_alone():
     rng = np.random.default_rng(7)
     samples = [(rng.normal(size=n), None) for n in (40, 7, 40, 1, 0)] + [(rng.random(40), np.ones(40))]
-    for together, (values, over) in zip(bootstraps(samples), samples, strict=True):
-        np.testing.assert_allclose(together, bootstrap(values, over=over))
+    for together, (values, over) in zip(mean_intervals(samples), samples, strict=True):
+        np.testing.assert_allclose(together, mean_interval(values, over=over))
 
 
 @pytest.mark.parametrize("ratio", [False, True])
 def test_of_very_many_values_the_bootstrap_gives_the_normal_interval(ratio, monkeypatch):
     values, over = np.random.default_rng(8).gamma(2.0, size=(2, NORMAL_FROM))
-    quick = bootstrap(values, over=over if ratio else None)
+    quick = mean_interval(values, over=over if ratio else None)
     monkeypatch.setattr("rudc.evaluation.statistics.NORMAL_FROM", NORMAL_FROM + 1)
-    drawn = bootstrap(values, 2_000, over=over if ratio else None)
+    drawn = mean_interval(values, 2_000, over=over if ratio else None)
     np.testing.assert_allclose(quick, drawn, atol=0.08 * (drawn[1] - drawn[0]))
 
 

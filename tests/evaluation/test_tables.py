@@ -28,8 +28,8 @@ def rows():
             {
                 "scenario": scenario, "agent": agent, "seed": i, "outcome": outcome, "steps": 100,
                 "duration_s": 10.0, "route_completion": 1.0 if good else 0.4,
-                "mean_speed_mps": 6.0 if good else 9.0, "episode_reward": 100.0 + i if good else -20.0,
-                "min_dtc_m": 2.5 if good else 0.5 + 0.01 * i, "interventions": 0, "mean_correction": 0.0,
+                "mean_speed_mps": (6.0 if good else 9.0) + 0.1 * (i % 2), "episode_reward": 100.0 + i if good else -20.0,
+                "min_dtc_m": (2.5 if good else 0.5) + 0.01 * i, "interventions": 0, "mean_correction": 0.0,
                 "infeasible_steps": 0, "decision_ms_mean": 0.5, "decision_ms_max": 1.0, "events_fired": i % 3,
                 "priority": "minor" if i % 2 else "major",
             }
@@ -69,7 +69,8 @@ def test_markdown_shows_intervals_and_bolds_what_is_best_beyond_chance(rows):
     assert good[3].strip() == "**90.0 [59.6, 98.2]**"
     assert bad[3].strip() == "0.0 [0.0, 27.8]"
     assert "**" in bad[6], "the faster one is better in speed"
-    assert good[9].strip(" |") == "**2.50 [2.50, 2.50]**"
+    assert good[9].strip(" |") == "**2.54 [2.52, 2.57]**"
+    assert bad[7].strip() == "-20.0 (0.0)", "few that are all alike have no interval"
 
 
 def test_nothing_is_bold_that_may_be_chance(rows):
@@ -107,7 +108,7 @@ def test_latex_compiles_in_its_head(rows):
     assert "\\textbf{90.0} {\\scriptsize [59.6, 98.2]}" in text
     assert "SR\\,$\\uparrow$" in lines[3]
     assert "& (\\%) &" in lines[4]
-    assert "$-$20.0 {\\scriptsize [$-$20.0, $-$20.0]}" in text
+    assert "$-$20.0 {\\scriptsize (0.0)}" in text
 
 
 def test_nothing_is_best_without_a_competitor(rows):

@@ -11,11 +11,10 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from scipy.special import stdtrit
 
 from rudc.arrays import Array, Index
 from rudc.evaluation.columns import METRICS, Metric
-from rudc.evaluation.statistics import mcnemar, paired_change
+from rudc.evaluation.statistics import mcnemar, paired_change, student
 from rudc.reporting.report.episodes import Episodes
 
 MOST = 12_000
@@ -75,12 +74,9 @@ def _difference(metric: Metric, a: Array, b: Array) -> list[float | None]:
         return [*(_rounded(v) for v in ends), more, less, float(f"{mcnemar(more, less):.3g}")]
     known = ~(np.isnan(a) | np.isnan(b))
     a, b = a[known], b[known]
-    n = len(a)
-    if n == 0:
+    if not len(a):
         return [None] * 5
-    change = float((b - a).mean())
-    half = float(stdtrit(n - 1, 0.975)) * float((b - a).std(ddof=1)) / math.sqrt(n) if n > 1 else math.nan
-    return [_rounded(v) for v in (float(a.mean()), float(b.mean()), change, change - half, change + half)]
+    return [_rounded(float(v)) for v in (a.mean(), b.mean(), (b - a).mean(), *student(b - a))]
 
 
 def _rounded(value: float) -> float | None:

@@ -14,7 +14,7 @@ from rudc.evaluation.columns import COLUMNS, DECISION_MS, METRICS, Metric
 from rudc.evaluation.folder import read_sweep
 from rudc.evaluation.manifest import read_manifest, version_changes
 from rudc.evaluation.metrics import Group, group_metrics, in_order
-from rudc.evaluation.statistics import NORMAL_FROM
+from rudc.evaluation.statistics import NORMAL_FROM, STUDENT_BELOW
 from rudc.evaluation.tables import best_of, cell, heading
 from rudc.reporting.report.densities import densities
 from rudc.reporting.report.episodes import (
@@ -77,6 +77,7 @@ def sweep_content(folder: Path, page: Path) -> dict[str, Any]:
         "has_events": bool(data["events"]),
         "columns": list(COLUMNS.values()),
         "metrics": SHOWN,
+        "student_below": STUDENT_BELOW,
         "normal_from": NORMAL_FROM,
         "errors": error_kinds(episodes),
         "setup": _setup(folder, known, scenarios),
