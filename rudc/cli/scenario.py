@@ -191,7 +191,7 @@ def validate(
     Of a sweep of many points every value is checked, and some points are set up; the answer says how many.
 
     A line for each file; every problem reads `FILE:LINE:COLUMN: key.path: what is wrong`, all at once. An
-    event that waits for a time beyond the episode's limit is warned of. With `--seeds`, the first so many
+    event that waits for what no episode comes to is warned of. With `--seeds`, the first so many
     episodes are driven by `gap-acceptance`, and how often each event happens is said.
 
     **Examples**

@@ -201,6 +201,7 @@ def _plan(
     overrides: dict[str, object],
 ) -> SweepPlan:
     from rudc.agents.registry import make_agent
+    from rudc.evaluation.preflight import never_happening
     from rudc.evaluation.tasks import SweepPlan
     from rudc.scenario import find_scenarios, shipped_scenarios
     from rudc.world.fitting import misfits
@@ -217,6 +218,9 @@ def _plan(
     for name in agents:
         make_agent(name)
     found = tuple(find_scenarios(scenarios, misfits, overrides=overrides))
+    for scenario in found:
+        for text in never_happening(scenario):
+            warn(f"warning: {scenario.name}: {text}")
     each = tuple(dict.fromkeys(agents))
     if twice := [name for name in each if agents.count(name) > 1]:
         warn(f"warning: --agent names {', '.join(twice)} more than once; each counts once")

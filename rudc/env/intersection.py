@@ -301,17 +301,30 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
             self._window = None
 
     def _find(self, scenario: str | Path | Scenario) -> Scenario:
-        if isinstance(scenario, Scenario) and not self._changes:
-            return scenario
-        if isinstance(scenario, Scenario):
+        if isinstance(scenario, Scenario) and self._changes:
             raise InputError("network and overrides change a scenario read by name or path, not a `Scenario`")
-        return load_scenario(scenario, self._changes)
+        if not isinstance(scenario, str | Path | Scenario):
+            raise InputError(f"a scenario is a name, a path or a `Scenario`, not {scenario!r}")
+        found = scenario if isinstance(scenario, Scenario) else load_scenario(scenario, self._changes)
+        if found.sweep:
+            key = next(iter(found.sweep))
+            gymnasium.logger.warn(
+                f"scenario {found.name} sweeps {', '.join(found.sweep)}; an environment plays one value of "
+                f"each, that which the rest of the file gives: overrides={{{key!r}: VALUE}} chooses another"
+            )
+        return found
 
-    def _plan(self, seed: int | None, options: dict[str, Any]) -> EpisodePlan:
-        unknown = sorted(set(options) - set(OPTIONS))
+    def _plan(self, seed: int | None, options: Any) -> EpisodePlan:
+        if not isinstance(options, Mapping):
+            raise InputError(f"reset(options) takes a mapping with {' or '.join(OPTIONS)}, not {options!r}")
+        unknown = sorted(map(str, set(options) - set(OPTIONS)))
         if unknown:
             raise InputError(f"reset(options) knows {', '.join(OPTIONS)}, not {', '.join(unknown)}")
         if "plan" in options:
+            if not isinstance(options["plan"], EpisodePlan):
+                raise InputError(
+                    f"plan is an `EpisodePlan`, as `Scenario.plan` gives, not {options['plan']!r}"
+                )
             return options["plan"]
         drawn = seed if seed is not None else int(self.np_random.integers(2**31 - 1))
         scenario = self._find(options["scenario"]) if "scenario" in options else self._scenario

@@ -13,6 +13,7 @@ from rudc.scenario.dotted import value_text
 from rudc.scenario.library import shown
 from rudc.scenario.loader import load_scenario
 from rudc.scenario.spread import spread
+from rudc.vehicle import EgoVehicle
 from rudc.world.events import numbered
 from rudc.world.fitting import misfits
 
@@ -49,24 +50,32 @@ def try_out(scenario: Scenario, seed: int = 0) -> list[str]:
 
 
 def never_happening(scenario: Scenario) -> list[str]:
-    """Which events can never happen, since they wait for a time beyond the episode's limit, a line each; of a
-    sweep those of the points that `tried_points` chooses."""
+    """Which events can never happen, since they wait for what no episode comes to, a line each; of a sweep
+    those of the points that `tried_points` chooses."""
     found: dict[str, str] = {}
     for swept in tried_points(scenario):
-        for text in _too_late(scenario.varied(swept) if swept else scenario):
+        for text in _in_vain(scenario.varied(swept) if swept else scenario):
             found.setdefault(text, _where(swept))
     return [where + text for text, where in found.items()]
 
 
-def _too_late(scenario: Scenario) -> Iterator[str]:
-    limit = scenario.episode.timeout.support[1]
+def _in_vain(scenario: Scenario) -> Iterator[str]:
+    end, fastest = scenario.episode.timeout.support[1], EgoVehicle().v_max
+    ends, drives = f"episodes end at {end:g} s (episode.timeout)", f"the ego drives at most {fastest:g} m/s"
     for number, event in enumerate(scenario.events, start=1):
-        after = event.when and event.when.simulation_time and event.when.simulation_time.above
-        if after and after.support[0] >= limit:
-            yield (
-                f"event {numbered(number, event.kind)} can never happen: it waits for simulation_time above "
-                f"{after.support[0]:g} s, and episodes end at {limit:g} s (episode.timeout)"
-            )
+        if event.when is None:
+            continue
+        when = event.when
+        for name, threshold, most, unit, why in (
+            ("simulation_time", when.simulation_time, end, "s", ends),
+            ("traveled_distance", when.traveled_distance, fastest * end, "m", f"{drives}, and {ends}"),
+            ("speed", when.speed, fastest, "m/s", drives),
+        ):
+            if threshold and threshold.above and threshold.above.support[0] >= most:
+                yield (
+                    f"event {numbered(number, event.kind)} can never happen: it waits for {name} above "
+                    f"{threshold.above.support[0]:g} {unit}, and {why}"
+                )
 
 
 def _where(swept: dict[str, Scalar]) -> str:

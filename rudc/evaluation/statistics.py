@@ -1,4 +1,4 @@
-"""95 % intervals: Wilson's for rates; for means Student's of few values, else the seeded percentile bootstrap.
+"""95 % intervals: Wilson's for rates; for means Student's of few values, else a seeded percentile bootstrap.
 
 Wilson. With p = k / n and z the normal quantile, the interval holds all true rates whose score test does not
 refuse k:
@@ -13,8 +13,8 @@ choices of the draws do.
 
 Student. The bootstrap of n values is too narrow by a factor of about sqrt((n - 1) / n) z / t: of three values
 its interval holds the true mean in 70 of 100 cases, of five in 80, of ten in 90. Below STUDENT_BELOW values
-the interval is therefore mean +- t s / sqrt(n), t the 0.975 quantile of Student's distribution with n - 1 degrees
-of freedom; few values that are all the same have none.
+the interval is therefore mean +- t s / sqrt(n), t the 0.975 quantile of Student's distribution with n - 1
+degrees of freedom; few values that are all the same have none.
 
 Differences of rates in the same episodes: the interval of Bonett and Price (J. Educ. Behav. Stat. 37, 2012),
 Wald's with one more pair of each kind, and McNemar's exact test.
@@ -105,7 +105,7 @@ def student(values: Array, over: Array | None = None) -> tuple[float, float]:
     (n,); (nan, nan) of fewer than two, and where all are the same.
     """
     n = len(values)
-    if n < 2 or (values == values[0]).all() and (over is None or (over == over[0]).all()):
+    if n < 2 or ((values == values[0]).all() and (over is None or (over == over[0]).all())):
         return math.nan, math.nan
     return _around_mean(values, over, float(stdtrit(n - 1, 0.975)))
 

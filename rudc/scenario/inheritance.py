@@ -1,8 +1,8 @@
 """`extends`: what a file says on top of what its parent says.
 
 Sections are merged key by key; every other value (list, route, mix, distribution, sweep) is replaced whole.
-An empty value (`sweep:` or `junction: null`) takes back what the parent says. A scenario's name and remarks
-are its own.
+A value that the child gives to a key that the parent sweeps ends that sweep. An empty value (`sweep:` or
+`junction: null`) takes back what the parent says. A scenario's name and remarks are its own.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 from copy import deepcopy
 from typing import Any
 
-from rudc.scenario.dotted import Path, dotted
+from rudc.scenario.dotted import Path, dotted, value_at
 from rudc.scenario.yaml_text import Mark, Sheet
 
 SECTIONS: frozenset[Path] = frozenset({(), ("ego",), ("traffic",), ("traffic", "idm"), ("episode",)})
@@ -26,6 +26,9 @@ def inherit(child: Sheet, parent: Sheet) -> tuple[Sheet, tuple[str, ...]]:
     merged = Sheet(deepcopy(kept), {**marks, (): child.marks[()]})
     differing: list[str] = []
     _merge(child.data, child.marks, merged.data, merged.marks, (), differing)
+    if "sweep" not in child.data and isinstance(merged.data.get("sweep"), dict):
+        for key in [key for key in merged.data["sweep"] if value_at(child.data, str(key)) is not None]:
+            del merged.data["sweep"][key]
     return merged, tuple(differing)
 
 

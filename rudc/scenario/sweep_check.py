@@ -20,17 +20,24 @@ FIXED = ("name", "description", "out_of_distribution", "extends", "sweep")
 
 def sweep_reports(sheet: Sheet, data: dict[str, Any], known: set[tuple[Path, str]]) -> list[Report]:
     """Problems of the sweep that are not problems (`known`) of the scenario itself."""
-    sweep = data.get("sweep")
-    if not isinstance(sweep, dict) or any(path[:1] == ("sweep",) for path, _ in known):
+    given = data.get("sweep")
+    if not isinstance(given, dict):
         return []
+    reported = {path[1] for path, _ in known if path[:1] == ("sweep",) and len(path) > 1}
     base = {key: value for key, value in data.items() if key != "sweep"}
-    reports = [report for key, values in sweep.items() for report in _axis_reports(sheet, base, key, values)]
-    size = math.prod(len(values) for values in sweep.values())
+    reports: list[Report] = []
+    sweep: dict[str, list[Any]] = {}
+    for key, values in given.items():
+        if key in reported or not isinstance(values, list):
+            continue
+        found = _axis_reports(sheet, base, key, values)
+        reports += found
+        if not found:
+            sweep[key] = values
+    size = math.prod(map(len, sweep.values()))
     if size > GRID_LIMIT:
         reports.append(sheet.report(("sweep",), f"has {size} combinations; {GRID_LIMIT} at most are allowed"))
-    if reports:
-        return reports
-    for keys in _by_part(sweep):
+    for keys in _by_part(sweep) if size <= GRID_LIMIT else [[key] for key in sweep]:
         part = {name: base[name] for name in ("name", keys[0].split(".")[0]) if name in base}
         for choice in itertools.product(*(range(len(sweep[key])) for key in keys)):
             reports += _point_reports(sheet, part, sweep, dict(zip(keys, choice, strict=True)), known)

@@ -6,6 +6,7 @@ Where the ego's route is random, every route that may be drawn is looked at.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from typing import Any
 
@@ -28,6 +29,8 @@ TOLERANCE_M = 0.05
 """m by which the ego's path may be shorter than its lanes"""
 SURE = 5.0
 """standard deviations of a normal distribution beyond which its values are taken not to be drawn"""
+ASTRAY_M = 50.0
+"""m from any road beyond which nothing is put on purpose"""
 
 
 def misfits(parts: Parts) -> list[Problem]:
@@ -89,24 +92,44 @@ def likely(value: Distribution) -> tuple[float, float]:
 
 
 def _placed(value: Any, path: Path) -> Iterator[tuple[Path, FileModel]]:
-    """Every part of an event that names a lane or an arm, and where it stands in the file."""
+    """Every part of an event that names a place, a lane or an arm, and where it stands in the file."""
     if isinstance(value, tuple):
         for i, item in enumerate(value):
             yield from _placed(item, (*path, i))
     elif isinstance(value, FileModel) and not isinstance(value, Distribution):
-        if getattr(value, "lane", None) is not None or getattr(value, "arm", None) is not None:
+        lane_or_arm = getattr(value, "lane", None) or getattr(value, "arm", None)
+        if lane_or_arm is not None or isinstance(getattr(value, "position", None), tuple):
             yield path, value
         for name in type(value).model_fields:
             yield from _placed(getattr(value, name), (*path, name))
 
 
 def _misplaced(network: Network, movements: list[Movement], path: Path, part: Any) -> list[Problem]:
-    """What is wrong with a part's lane or arm; relative to the ego, on the first route it is wrong for."""
+    """What is wrong with a part's place, lane or arm; relative to the ego, on the first route it is wrong
+    for.
+    """
+    if isinstance(getattr(part, "position", None), tuple):
+        return _astray(network, (*path, "position"), part.position)
     names = (getattr(part, "lane", None), getattr(part, "arm", None))
     if not set(names) & {*EGO_LANES, *EGO_ARMS}:
         return _misplaced_on(network, None, path, part)
     wrong = (_misplaced_on(network, network.route(m.origin, m.destination), path, part) for m in movements)
     return next(filter(None, wrong), [])
+
+
+def _astray(network: Network, path: Path, position: tuple[Distribution, Distribution]) -> list[Problem]:
+    """Whether a position is far from any road, wherever in its range it is drawn."""
+    (west, east), (south, north) = map(likely, position)
+    middle = 0.5 * (west + east), 0.5 * (south + north)
+    places = network.center + np.array([middle, *itertools.product((west, east), (south, north))])
+    away = np.linalg.norm(places - network.surface.project(places), axis=1)
+    if away.min() <= ASTRAY_M:
+        return []
+    text = (
+        f"[{middle[0]:g}, {middle[1]:g}] lies {away[0]:.0f} m from any road of network {network.name}; "
+        "positions are m east and north of the junction's centre"
+    )
+    return [Problem(path, text)]
 
 
 def _misplaced_on(network: Network, route: Route | None, path: Path, part: Any) -> list[Problem]:

@@ -162,11 +162,16 @@ def test_arguments_and_options(make):
     plan = load_scenario("random_destination", {"ego.route": {"from": "east", "turn": "right"}}).plan(7)
     _, info = env.reset(options={"plan": plan})
     assert (info["scene"].route.origin, info["scene"].route.turn, info["seed"]) == ("east", "right", 7)
-    _, info = env.reset(seed=3, options={"scenario": "density_sweep"})
+    with pytest.warns(UserWarning, match=r"density_sweep sweeps traffic.density; .*overrides={'traffic"):
+        _, info = env.reset(seed=3, options={"scenario": "density_sweep"})
     assert info["seed"] == 3
     assert env.reset(seed=0)[1]["scene"].route.turn == "left"
     with pytest.raises(InputError, match="colour"):
         env.reset(options={"colour": 1})
+    with pytest.raises(InputError, match=r"takes a mapping with scenario or plan, not \[1\]"):
+        env.reset(options=[1])
+    with pytest.raises(InputError, match=r"plan is an `EpisodePlan`.*not 3"):
+        env.reset(options={"plan": 3})
     with pytest.raises(InputError, match="finite"):
         env.step(np.array([np.nan, 0.0]))
     with pytest.raises(InputError, match="finite"):
@@ -185,7 +190,13 @@ def test_another_network(make):
 
 
 @pytest.mark.parametrize(
-    "arguments", [{"observation": "papers"}, {"render_mode": "ansi"}, {"scenario": "no_such_scenario"}]
+    "arguments",
+    [
+        {"observation": "papers"},
+        {"render_mode": "ansi"},
+        {"scenario": "no_such_scenario"},
+        {"scenario": 42},
+    ],
 )
 def test_wrong_arguments_are_refused(arguments):
     with pytest.raises(InputError):

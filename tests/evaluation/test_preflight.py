@@ -100,6 +100,24 @@ def test_an_event_that_waits_for_a_time_beyond_the_limit_never_happens(written):
     assert never_happening(load_scenario(written(LATE + "episode: {timeout: 61}\n"))) == []
 
 
+def test_an_event_that_waits_for_what_the_ego_cannot_do_never_happens(written):
+    text = """
+name: vain
+extends: random_destination
+episode: {timeout: 40}
+events:
+  - {kind: low_friction, friction: 0.5, when: {speed: {above: 14.9}, traveled_distance: {above: 590}}}
+  - {kind: low_friction, friction: 0.4, when: {speed: {above: 15}}}
+  - {kind: low_friction, friction: 0.3, when: {traveled_distance: {above: 600}, probability: 0.5}}
+"""
+    assert [told.partition(" can never happen: it waits for ")[2] for told in
+            never_happening(load_scenario(written(text)))] == [
+        "speed above 15 m/s, and the ego drives at most 15 m/s",
+        "traveled_distance above 600 m, and the ego drives at most 15 m/s, and episodes end at 40 s "
+        "(episode.timeout)",
+    ]  # fmt: skip
+
+
 def test_of_a_sweep_it_is_said_with_which_values(written):
     told = never_happening(load_scenario(written(LATE + "sweep: {episode.timeout: [20, 70, 80]}\n")))
     assert [text.partition(" can never")[0] for text in told] == [

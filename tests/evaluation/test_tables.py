@@ -28,7 +28,8 @@ def rows():
             {
                 "scenario": scenario, "agent": agent, "seed": i, "outcome": outcome, "steps": 100,
                 "duration_s": 10.0, "route_completion": 1.0 if good else 0.4,
-                "mean_speed_mps": (6.0 if good else 9.0) + 0.1 * (i % 2), "episode_reward": 100.0 + i if good else -20.0,
+                "mean_speed_mps": (6.0 if good else 9.0) + 0.1 * (i % 2),
+                "episode_reward": 100.0 + i if good else -20.0,
                 "min_dtc_m": (2.5 if good else 0.5) + 0.01 * i, "interventions": 0, "mean_correction": 0.0,
                 "infeasible_steps": 0, "decision_ms_mean": 0.5, "decision_ms_max": 1.0, "events_fired": i % 3,
                 "priority": "minor" if i % 2 else "major",

@@ -96,6 +96,17 @@ def test_an_empty_value_takes_back_the_parents(write):
     assert child.overridden == ("sweep", "events", "traffic.density")
 
 
+def test_a_value_for_what_the_parent_sweeps_ends_that_sweep(write):
+    write("wide.yaml", "name: wide\nsweep: {traffic.density: [10, 20], ego.speed: [5, 6]}\n")
+    scenario = load_scenario(write("child.yaml", "name: child\nextends: wide\ntraffic: {density: 33}\n"))
+    assert [(point, varied.traffic.density.support[0]) for point, varied in scenario.grid()] == [
+        ({"ego.speed": 5}, 33),
+        ({"ego.speed": 6}, 33),
+    ]
+    own = "name: own\nextends: wide\ntraffic: {density: 33}\nsweep: {traffic.density: [40]}\n"
+    assert load_scenario(write("own.yaml", own)).points() == [{"traffic.density": 40}]
+
+
 def test_generations(write):
     write("child.yaml", "name: child\nextends: parent\ntraffic: {density: 40}\n")
     grandchild = load_scenario(
@@ -145,7 +156,7 @@ def test_a_parent_that_cannot_be_read_hides_no_problem_of_the_child(write):
     [
         ("parnt", "child.yaml:2:10: extends: no scenario 'parnt' beside ... (did you mean 'parent'?)"),
         ("dense_left_tunr", "child.yaml:2:10: extends: ... none shipped (did you mean 'dense_left_turn'?)"),
-        ("child", "child.yaml:2:10: extends: no scenario 'child' beside this file, and none shipped"),
+        ("child", "child.yaml:2:10: extends: no scenario 'child' but this file itself, and none shipped"),
         ("one", "two.yaml:2:10: extends: goes round in a circle: one.yaml -> two.yaml -> one.yaml"),
         ("[a]", "child.yaml:2:10: extends: expected text, got a list"),
     ],

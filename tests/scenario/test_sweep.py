@@ -168,6 +168,20 @@ def test_every_wrong_value_is_reported_once_though_it_has_many_points(tmp_path):
     ]
 
 
+def test_a_mistake_in_one_key_hides_none_in_another(tmp_path):
+    sweep = (
+        "{traffic.densty: [1], ego.speed: [], network: [five_way], traffic.density: [-1], episode.timeout: 5}"
+    )
+    found = problems(tmp_path, f"name: a\nsweep: {sweep}\n")
+    assert sorted(line.split(": ")[1] for line in found) == [
+        "sweep.ego.speed",
+        "sweep.episode.timeout",
+        "sweep.network.0",
+        "sweep.traffic.density.0",
+        "sweep.traffic.densty",
+    ]
+
+
 def test_only_a_combination_may_be_wrong(tmp_path):
     found = problems(
         tmp_path,

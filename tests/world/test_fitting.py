@@ -140,6 +140,21 @@ def test_a_network_or_junction_that_cannot_be_read_is_said_where_it_is_named(pro
     check(problems("name: a\njunction: J7\n"), "2:11: junction: ...no junction 'J7'...")
 
 
+def test_a_position_far_from_any_road_is_a_mistake(problems):
+    found = problems("""
+        name: astray
+        events:
+          - {kind: accident, vehicles: [{position: [500, 0]}, {position: [30, 30]}]}
+          - {kind: accident, vehicles: [{position: [{uniform: [0, 500]}, 40]}]}
+          - {kind: low_friction, friction: 0.3, when: {reach_position: {position: [0, -600], tolerance: 5}}}
+        """)
+    check(
+        found,
+        "3:44: events.0.vehicles.0.position: [500, 0] lies 3... m from any road of network four_way; ...",
+        "5:75: events.2.when.reach_position.position: [0, -600] lies 4...",
+    )
+
+
 def test_the_ego_must_have_room_on_its_arm(problems):
     check(
         problems("name: a\nego: {distance: {uniform: [30, 300]}}\n"),
