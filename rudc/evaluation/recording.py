@@ -89,6 +89,11 @@ class Recording:
         self._note_events(view, k)
         self._note_sensors(view, k)
 
+    @property
+    def frames(self) -> int:
+        """Decisions kept so far."""
+        return len(self._steps)
+
     def data(self, record: EpisodeRecord) -> dict[str, Any]:
         """Everything, of what can be written as JSON. `record`: what became of the episode."""
         world, center = self._episode.world, self._episode.world.network.center
@@ -99,7 +104,7 @@ class Recording:
             "scenario": record.scenario,
             "agent": record.agent,
             "seed": record.seed,
-            "outcome": record.outcome,
+            "outcome": record.outcome or "failed",
             "row": {name: record.text(name) for name in record.values if record.text(name)},
             "decision_s": world.config.decision_s,
             "timeout_s": _number(world.scene().timeout_s),
@@ -107,7 +112,7 @@ class Recording:
             "arms": [_arm(world.network, arm) for arm in world.network.arms],
             "vehicle": [body.length, body.width],
             "limits": {"a": [body.a_min, body.a_max], "delta": body.delta_max},
-            "frames": len(self._steps),
+            "frames": self.frames,
             "ego": _poses(self._ego),
             "route": {
                 "path": _flat(route.path.xy[::2] - center),

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from rudc.agents.registry import agent_settings
 from rudc.errors import SweepError
 from rudc.evaluation.columns import COLUMNS, TIMING
-from rudc.evaluation.folder import read_sweep
+from rudc.evaluation.folder import TRACEBACK, read_sweep
 from rudc.evaluation.manifest import read_manifest, versions
 from rudc.evaluation.own_networks import kept_scenario
 from rudc.evaluation.record import EpisodeRecord, as_text
@@ -124,7 +124,8 @@ def differences(row: Mapping[str, str], record: EpisodeRecord) -> list[Differenc
     """Columns in which an episode came out otherwise than its row says; timing is left out, and so is what
     the row does not say.
     """
-    pairs = (Difference(name, row[name], record.text(name)) for name in COLUMNS if name not in TIMING)
+    said = {**row, "error": row["error"].partition(TRACEBACK)[0]}
+    pairs = (Difference(name, said[name], record.text(name)) for name in COLUMNS if name not in TIMING)
     return [d for d in pairs if d.then != d.now and (d.then or d.column in ("error", "fault"))]
 
 

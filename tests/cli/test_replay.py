@@ -55,6 +55,31 @@ def test_what_cannot_be_beside_each_other_is_refused(rudc, tmp_path, more, says)
     assert list(tmp_path.iterdir()) == []
 
 
+FAILS = """
+class Fails:
+    def reset(self, scene, seed):
+        self.late = seed == 1
+
+    def act(self, scene):
+        if not self.late or scene.time_s > 0.95:
+            raise ValueError("enough")
+        return 0.0, 0.0
+"""
+
+
+def test_what_came_before_an_agent_failed_is_shown(rudc, tmp_path):
+    (tmp_path / "fails.py").write_text(FAILS)
+    rudc("sweep", "random_destination", "-a", "fails.py:Fails", "-n", 2, "-w", 1, "-o", "failed")
+    answer = rudc("replay", "failed", "--episode", 2, "--out", "late.html")
+    assert answer.status == 0, answer.err
+    assert "raised ValueError: enough (fails.py:8); came out the same as row 2" in answer.err
+    assert '"frames":10,' in (tmp_path / "late.html").read_text(encoding="utf-8")
+    answer = rudc("replay", "failed", "--episode", 1, "--out", "early.html")
+    assert answer.status == 1
+    assert "fails.py:Fails at 0.0 s: act raised ValueError: enough" in answer.err
+    assert not (tmp_path / "early.html").exists()
+
+
 def test_an_episode_of_a_sweep_comes_out_the_same(rudc, swept, tmp_path):
     answer = rudc("replay", "swept", "--episode", WHICH, "-e", 2, "--out", "both.html")
     assert answer.status == 0, answer.err

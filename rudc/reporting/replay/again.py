@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode
+from rudc.errors import AgentFailedError
 from rudc.evaluation.film import Film
+from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.recording import Recording
 from rudc.evaluation.rerun import differences, find_episode
 from rudc.evaluation.rollout import run_episode
@@ -18,7 +20,6 @@ from rudc.world.world import World
 if TYPE_CHECKING:
     from rudc.agents.base import Agent, Decision
     from rudc.env.episode import StepResult
-    from rudc.evaluation.record import EpisodeRecord
     from rudc.scenario.model import Scenario
     from rudc.world.scene import Scene
 
@@ -46,13 +47,15 @@ def replayed(folder: Path, which: str, clip: Path | None = None) -> Replayed:
     record, page = recorded(found.task.scenario, found.task.seed, make_agent(found.task.agent), clip)
     other = [str(difference) for difference in differences(found.row, record)]
     check = _check(folder, found.number, other, found.changes)
-    return Replayed(page, check, not other, f"{found.task}: {record.outcome}; {check}")
+    return Replayed(page, check, not other, f"{found.task}: {record.outcome or record.error}; {check}")
 
 
 def recorded(
     scenario: Scenario, seed: int, driver: Agent, clip: Path | None = None
 ) -> tuple[EpisodeRecord, dict[str, Any]]:
-    """An episode driven, and its recording; `clip` as for `replayed`."""
+    """An episode driven, and its recording; `clip` as for `replayed`. Where an agent of a user's own fails on
+    the way, what came before: raises AgentFailedError if nothing did.
+    """
     with World(load_network(scenario.network, scenario.junction)) as world:
         episode = Episode(world)
         recording = Recording(episode, driver)
@@ -63,7 +66,12 @@ def recorded(
             if film is not None:
                 film.watch(scene, decision, result)
 
-        record = run_episode(episode, scenario.plan(seed), driver, watch=watch)
+        try:
+            record = run_episode(episode, scenario.plan(seed), driver, watch=watch)
+        except AgentFailedError as error:
+            if not recording.frames:
+                raise
+            record = EpisodeRecord.failed(scenario.name, driver.name, seed, str(error))
         page = recording.data(record)
     if film is not None and clip is not None:
         film.save(clip)
