@@ -11,11 +11,11 @@ from pydantic import ValidationError
 
 from rudc.errors import ScenarioError
 from rudc.hints import did_you_mean
-from rudc.scenario.dotted import DottedKeyError, Path, dotted, with_value
+from rudc.scenario.dotted import DottedKeyError, Path, dotted, value_at, value_text, with_value
 from rudc.scenario.fit import Fit, fit_reports
 from rudc.scenario.inheritance import inherit
 from rudc.scenario.library import find_file, find_files, find_parent, parents_known, shown
-from rudc.scenario.model import Scenario
+from rudc.scenario.model import Scalar, Scenario
 from rudc.scenario.networks import is_network_path
 from rudc.scenario.problems import describe, got
 from rudc.scenario.sweep_check import sweep_reports
@@ -48,7 +48,7 @@ def load_scenario(
     if fit is not None:
         reports += fit_reports(sheet, _without_empty(sheet.data), fit)
     if reports or scenario is None:
-        raise _error([_with_hint(report, overrides or {}) for report in reports], path)
+        raise _error([_with_hint(report, sheet.data) for report in reports], path)
     return scenario.read_from(path.absolute(), overridden)
 
 
@@ -153,12 +153,18 @@ def _override(sheet: Sheet, key: str, value: object) -> list[Report]:
     return []
 
 
-def _with_hint(report: Report, overrides: Mapping[str, object]) -> Report:
-    """A report, of a list in the place of a value with the command that takes it."""
-    value = overrides.get(dotted(report.path))
-    if report.file != "override" or not isinstance(value, list) or not report.text.endswith(got(value)):
+def _with_hint(report: Report, data: dict[str, Any]) -> Report:
+    """A report, of a list in the place of a single value with what runs each of its values."""
+    key = dotted(report.path)
+    value = value_at(data, key)
+    single = report.text.endswith(got(value)) and not report.text.startswith("expected a mapping")
+    if not (single and isinstance(value, list) and all(isinstance(each, Scalar) for each in value)):
         return report
-    return replace(report, text=f"{report.text} (`rudc sweep` takes one, and runs each of its values)")
+    if report.file == "override":
+        return replace(report, text=f"{report.text} (`rudc sweep` takes one, and runs each of its values)")
+    return replace(
+        report, text=f"{report.text} (`sweep: {{{key}: {value_text(value)}}}` runs each of its values)"
+    )
 
 
 def _sweep(sheet: Sheet, key: str, values: Sequence[object]) -> None:

@@ -122,7 +122,16 @@ def _unknown(detail: ErrorDetails, model: type[FileModel]) -> str:
     key, known = detail["loc"][-1], _known(detail, model)
     if key == "<<":
         return "YAML's merge key is not understood here; use `extends`"
-    return "unknown key" + (did_you_mean(key, known) or f"; known here: {', '.join(known)}")
+    section = _section_of(key, model)
+    meant = did_you_mean(key, known) or (f" (did you mean '{section}.{key}'?)" if section else "")
+    return "unknown key" + (meant or f"; known here: {', '.join(known)}")
+
+
+def _section_of(key: str | int, model: type[FileModel]) -> str | None:
+    """The section of a file that knows a key, if one does."""
+    inner = {name: field.annotation for name, field in model.model_fields.items()}
+    sections = ((name, part) for name, part in inner.items() if inspect.isclass(part))
+    return next((name for name, part in sections if issubclass(part, FileModel) and key in _keys(part)), None)
 
 
 def _not_a_distribution(path: Path, value: Any) -> Problem:

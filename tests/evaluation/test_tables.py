@@ -112,6 +112,13 @@ def test_latex_compiles_in_its_head(rows):
     assert "$-$20.0 {\\scriptsize (0.0)}" in text
 
 
+def test_what_an_episode_does_not_say_is_shown_as_missing(rows):
+    rows[0] = {**rows[0], "outcome": "", "priority": "", "error": "x"}
+    lines = make_table(rows, ("priority",), "markdown").splitlines()
+    assert [line.split("|")[1].strip() for line in lines[2:]] == ["–", "minor", "major"]
+    assert make_table(rows, ("priority",), "csv").splitlines()[1].startswith(",0,1,")
+
+
 def test_nothing_is_best_without_a_competitor(rows):
     assert "**" not in make_table([row for row in rows if row["agent"] == "good_one"], BY, "markdown")
 

@@ -158,6 +158,15 @@ def test_a_byte_order_mark_is_no_problem(tmp_path):
             "name: a\nevents: [{vehicle: leader}]\n",
             ["2:10: events.0.kind: is missing, and it is required; one of ..."],
         ),
+        ("name: a\ntimeout: 30\n", ["2:1: timeout: unknown key (did you mean 'episode.timeout'?)"]),
+        (
+            "name: a\nego: {density: 3}\n",
+            ["2:7: ego.density: unknown key (did you mean 'traffic.density'?)"],
+        ),
+        (
+            "name: a\ntraffic: {density: [10, 20]}\n",
+            ["2:20: traffic.density: expected ...; got a list (`sweep: {traffic.density: [10, 20]}` ..."],
+        ),
         ("name: a\nevents: [{kin: accident}]\n", ["2:11: events.0.kin: unknown key (did you mean 'kind'?)"]),
         (
             "name: a\nevents: [{kind: 3}]\n",
@@ -170,7 +179,10 @@ def test_a_byte_order_mark_is_no_problem(tmp_path):
         ),
         ("name: a\nego: {speed: .nan}\n", ["2:14: ego.speed: expected a finite number, got nan"]),
         ("name: a\nego: {speed: '7'}\n", ["2:14: ego.speed: expected a number...; got the text '7'"]),
-        ("name: a\nego: {speed: [6, 10]}\n", ["2:14: ego.speed: expected a number...; got a list"]),
+        (
+            "name: a\nego: {speed: [6, 10]}\n",
+            ["2:14: ego.speed: expected a number...; got a list (`sweep: {ego.speed: [6, 10]}` ..."],
+        ),
         (
             "name: a\nego: {speed: {uniform: [1, 2], normal: [1, 2]}}\n",
             ["2:14: ego.speed: expected a number...; got uniform and normal"],
