@@ -132,11 +132,12 @@ def _default(field: FieldInfo) -> str:
     if field.is_required():
         return "required"
     value = field.get_default(call_default_factory=True)
-    if isinstance(value, FileModel) and not isinstance(value, Distribution):
+    plain = value
+    if isinstance(value, FileModel):  # of a mapping, what is not each key's own default
+        given = not isinstance(value, Distribution)
+        plain = value.model_dump(mode="json", exclude_none=True, exclude_defaults=given)
+    if plain in (None, "", (), {}):
         return ""
-    if value in (None, "", (), {}):
-        return ""
-    plain = value.model_dump(mode="json", exclude_none=True) if isinstance(value, FileModel) else value
     return yaml.safe_dump(plain, default_flow_style=True, width=1000).removesuffix("...\n").strip()
 
 

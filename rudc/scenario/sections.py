@@ -143,7 +143,7 @@ class Traffic(FileModel, frozen=True):
     speed: Speed = Uniform(uniform=(6.0, 10.0))
     """m/s, at the start, at most the limit of its road; drawn anew for each vehicle"""
     mix: Mix = Mix(car=Constant(value=1.0))
-    """relative share of each type of vehicle"""
+    """relative share of each type of vehicle; of those not named, none"""
     impatience: Annotated[AnyDistribution, Bounds(0, 1)] = Constant(value=0.6)
     """how far they trust others to brake for them, 0 to 1 (SUMO's `impatience`, there 0)"""
     minor_gap: Annotated[AnyDistribution, Bounds(0, 20, "s")] = Constant(value=0.6)
