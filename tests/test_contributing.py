@@ -25,7 +25,7 @@ BLOCKS = [
         re.M | re.S,
     )
 ]
-TABLE = dict(re.findall(r"^\| (.*?) \|.*\| (.*?) \|$", TEXT.split("## What it took before")[1], re.M))
+TABLE = dict(re.findall(r"^\| (.*?) \| (.*?) \|$", TEXT.split("## What it takes")[1], re.M))
 """what is added -> how many files it takes"""
 RECIPES = {"an event": BLOCKS[1:2], "a metric": BLOCKS[2:3], "an action kind": BLOCKS[3:4]}
 """row of the table -> what its recipe touches"""
