@@ -52,6 +52,9 @@ def check(
 ) -> None:
     """Say what is understood of a network: arms, lanes, movements, right of way; and what may go wrong.
 
+    Of movements: `length` from stop line to exit; `radius` of the tightest bend; `waits inside`, how far
+    beyond the stop line somebody who yields may come to wait.
+
     **Example**: `rudc network check town.net.xml --junction J12 --out town.png`
     """
     from rudc.network.check import check_network
@@ -97,9 +100,11 @@ def _show(report: NetworkReport, lanes: bool) -> None:
     """Tables of arms and movements, and of lanes if wanted."""
     road = f"{report.road_km:.3f} km of two-way road"
     typer.echo(f"{report.name}: junction {report.junction} ({report.kind}), {road}\n")
+    alike = report.kind != "roundabout" and len({a.major for a in report.arms}) == 1
+    priority = {True: "equal", False: "equal"} if alike else {True: "major", False: "minor"}
     arms = [
         [a.name, f"{a.bearing_deg:.0f}", f"{a.length_m:.0f}", str(a.in_lanes), str(a.out_lanes),
-         f"{a.lane_width_m:.2f}", f"{a.speed_mps:.1f}", "major" if a.major else "minor"]
+         f"{a.lane_width_m:.2f}", f"{a.speed_mps:.1f}", priority[a.major]]
         for a in report.arms
     ]  # fmt: skip
     headings = [

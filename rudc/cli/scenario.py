@@ -192,7 +192,7 @@ def validate(
 
     A line for each file; every problem reads `FILE:LINE:COLUMN: key.path: what is wrong`, all at once. An
     event that waits for what no episode comes to is warned of. With `--seeds`, the first so many
-    episodes are driven by `gap-acceptance`, and how often each event happens is said.
+    episodes are driven by `gap-acceptance`, and how they end and how often each event happens is said.
 
     **Examples**
 
@@ -232,9 +232,9 @@ def _problems(files: list[str], seeds: int, tell: Callable[[dict[str, Any]], Non
                 "set_up": len(tried_points(scenario)),
                 "warnings": never_happening(scenario),
             }
-            firings, unset = _firings(scenario, seeds)
+            driven, unset = _driven(scenario, seeds)
             problems += (wrong := [f"{shown(path)}: {text}" for text in unset])
-            tell(found | {"problems": wrong, "firings": firings})
+            tell(found | {"problems": wrong, **driven})
         else:
             tell(found)
     return list(dict.fromkeys(problems))
@@ -255,7 +255,7 @@ def _say(found: dict[str, Any]) -> None:
     typer.echo(f"{name}: {state} ({count} event{'s' * (count != 1)}{swept})")
     for warning in found["warnings"]:
         typer.echo(f"  warning: {warning}")
-    for firing in found["firings"]:
+    for firing in [*found["ends"], *found["firings"]]:
         values = "".join(f"{key}={value_text(value)}, " for key, value in firing["swept"].items())
         typer.echo(f"  {values}{firing['text']}")
 
@@ -286,21 +286,23 @@ def _states(files: list[str]) -> dict[Path, int]:
     return found
 
 
-def _firings(scenario: Scenario, seeds: int) -> tuple[list[dict[str, Any]], list[str]]:
-    """How often the events of a scenario happen in its first episodes, for each swept value, and what is
-    wrong with those that cannot be set up.
+def _driven(scenario: Scenario, seeds: int) -> tuple[dict[str, list[Any]], list[str]]:
+    """How the first episodes of a scenario end and how often its events happen in them, for each swept value,
+    and what is wrong with those that cannot be set up.
     """
-    found: list[dict[str, Any]] = []
+    ends: list[dict[str, Any]] = []
+    firings: list[dict[str, Any]] = []
     wrong: list[str] = []
-    if not seeds or not scenario.events:
-        return found, wrong
-    from rudc.evaluation.firing import count_firings
+    if seeds:
+        from rudc.evaluation.firing import drive_and_count
 
-    for swept, point in scenario.grid():
-        firings, unset = count_firings(point, range(seeds))
-        found += [{"swept": swept, **asdict(firing), "text": str(firing)} for firing in firings]
-        wrong += unset
-    return found, wrong
+        for swept, point in scenario.grid():
+            driven = drive_and_count(point, range(seeds))
+            if driven.outcomes:
+                ends.append({"swept": swept, "outcomes": dict(driven.outcomes), "text": driven.ends})
+            firings += [{"swept": swept, **asdict(one), "text": str(one)} for one in driven.firings]
+            wrong += driven.wrong
+    return {"ends": ends, "firings": firings}, wrong
 
 
 @app.command()

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from rudc.agents.gap_acceptance import GapAcceptance
 from rudc.env.episode import Episode
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from rudc.scenario.model import Scenario
 
 EARLY = (
-    "its trigger did not come true before gap-acceptance, which drives here, arrived, or there was nobody "
-    "for it to act on"
+    "its trigger did not come true before the episode ended, with gap-acceptance driving, or there was "
+    "nobody for it to act on"
 )
 """why an event may not happen"""
 
@@ -50,10 +50,29 @@ class Firing:
         return f"event {numbered(self.number, self.kind)}: {happens}{rest}{seen}{early}"
 
 
-def count_firings(scenario: Scenario, seeds: Iterable[int]) -> tuple[list[Firing], list[str]]:
-    """Drive the seeds' episodes with `gap-acceptance` and count, for each event of the file, when it happens;
-    and what is wrong with those that cannot be set up, a line each.
+class Driven(NamedTuple):
+    """What came of some episodes of a scenario."""
+
+    firings: list[Firing]
+    """of each event of its file"""
+    outcomes: Counter[str]
+    """how many ended how"""
+    wrong: list[str]
+    """what is wrong with those that cannot be set up, a line each"""
+
+    @property
+    def ends(self) -> str:
+        """How the episodes ended, in words."""
+        plural = "s" * (self.outcomes.total() != 1)
+        ends = ", ".join(f"{count} {outcome}" for outcome, count in self.outcomes.most_common())
+        return f"gap-acceptance drives {self.outcomes.total()} episode{plural}: {ends}"
+
+
+def drive_and_count(scenario: Scenario, seeds: Iterable[int]) -> Driven:
+    """Drive the seeds' episodes with `gap-acceptance` and count how they end, and of each event how often it
+    happens.
     """
+    outcomes: Counter[str] = Counter()
     found = [Firing(number, event.kind) for number, event in enumerate(scenario.events, start=1)]
     wrong: list[str] = []
     waiting = deque(seeds)
@@ -63,12 +82,13 @@ def count_firings(scenario: Scenario, seeds: Iterable[int]) -> tuple[list[Firing
             while waiting:
                 seed = waiting.popleft()
                 try:
-                    run_episode(episode, scenario.plan(seed), agent)
+                    record = run_episode(episode, scenario.plan(seed), agent)
                 except SimulationError as error:
                     wrong.append(f"seed {seed}: {error}")
                     break
+                outcomes[record.outcome] += 1
                 _count(found, world)
-    return found, wrong
+    return Driven(found, outcomes, wrong)
 
 
 def _count(found: list[Firing], world: World) -> None:

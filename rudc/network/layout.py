@@ -111,7 +111,7 @@ class Layout:
                 return arm
         raise NetworkError(
             f"no arm {name!r} in network {self.name}{there_are(name, [arm.name for arm in self.arms])}; "
-            "the id of one of its edges names an arm, too"
+            "the id of one of its edges names an arm, too, and the ego's are ego_in and ego_out"
         )
 
     def lanes_of(self, arm: Arm) -> list[Lane]:

@@ -100,6 +100,12 @@ class Network(Layout):
                 return known[name]
         if name in self.lanes:
             return stretch_by_id(self, name)
+        if name in self.left_out:
+            users = ", ".join(self.left_out[name])
+            raise NetworkError(
+                f"lane {name!r} of network {self.name} is closed to cars (for {users} only): "
+                "nobody drives there"
+            )
         known = ", ".join([*self._outer, *list(self._inner)[:1]])
         hint = did_you_mean(name, [*self._outer, *self._inner, *EGO_LANES])
         hint = hint or f"; there are: {known} and others inside"
@@ -166,6 +172,10 @@ def load_network(
     if path is None:
         path = Path(source)
         if not path.is_file():
+            if path.is_dir():
+                raise NetworkError(
+                    f"{path} is a folder; `rudc network build` makes a .net.xml of one's sources"
+                )
             known = there_are(source, shipped)
             raise NetworkError(f"no network {str(source)!r}, neither shipped nor a file{known}")
     return _load(path.resolve(), junction, vehicle or EgoVehicle(), path.stat().st_mtime_ns)

@@ -115,7 +115,9 @@ def read_net(path: Path) -> Any:
     except (EOFError, zlib.error) as error:
         raise NetworkError(f"{path}: cannot be unpacked: {error}") from error
     except (xml.sax.SAXException, *UNEXPECTED) as error:
-        told = str(error) if isinstance(error, xml.sax.SAXException) else _in_words(error, reader.place)
+        told = _in_words(error, reader.place)
+        if isinstance(error, xml.sax.SAXException):
+            told = str(error).removeprefix(f"{path}:")
         raise NetworkError(f"{path}: {NO_NETWORK}: {told}") from error
     net = reader.getNet()
     if not net.getEdges(withInternal=False):

@@ -173,11 +173,22 @@ def stretch_by_id(network: Layout, lane_id: str) -> Stretch:
         if lane_id in (*arm.in_lanes, *arm.out_lanes):
             return _on_arm(network, lane_id, lane, inbound=lane_id in arm.in_lanes)
     if not lane.internal and lane.edge not in network.ring_edges:
-        raise NetworkError(f"lane {lane_id!r} of network {network.name} is not next to the junction")
+        raise NetworkError(
+            f"lane {lane_id!r} of network {network.name} is not next to the junction{_nearer(network, lane)}"
+        )
     rows = [row for row, lanes in enumerate(network.paths.lane_ids) if lane_id in lanes]
     row = min(rows, key=lambda row: network.paths.lane_ids[row].index(lane_id))
     start, end = network.span(row, lane_id)
     return Stretch(lane_id, lane, end - start, start, 1.0, (network, row), True)
+
+
+def _nearer(network: Layout, lane: Lane) -> str:
+    """Which lanes reach as far as one farther out on an arm, whose edges in a row are one road."""
+    for arm in network.arms:
+        if lane.edge in (*arm.in_edges, *arm.out_edges):
+            lanes = arm.in_lanes if lane.edge in arm.in_edges else arm.out_lanes
+            return f"; name one of {', '.join(lanes)}, whose `at` counts on to the end of arm {arm.name}"
+    return ""
 
 
 def lane_of_ego(network: Layout, name: str, route: Route) -> Lane:

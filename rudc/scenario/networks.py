@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 
 from rudc.data import data_folder
-from rudc.hints import nearest
+from rudc.hints import did_you_mean, nearest
 from rudc.scenario.base import refuse
 
 NETWORK_SUFFIXES = (".net.xml", ".net.xml.gz")
@@ -29,7 +29,8 @@ def existing_network(value: str) -> str:
     if is_network_path(value):
         path = Path(value)
         if not path.is_file():
-            refuse(f"no such file: {value}")
+            beside = [other.name for other in path.parent.glob("*") if is_network_path(other.name)]
+            refuse(f"no such file: {value}{did_you_mean(path.name, beside)}")
         return str(path.absolute())
     known = shipped_networks()
     if value not in known:

@@ -95,3 +95,18 @@ def test_a_new_file_tells_editors_its_schema(rudc, tmp_path, given, name):
     assert second == f"name: {name.rpartition('.')[0]}"
     assert first.startswith("# yaml-language-server: $schema=")
     assert (tmp_path / first.partition("=")[2]).is_file()
+
+
+def test_arms_of_equal_right_are_called_so(rudc):
+    told = rudc("network", "check", "four_way_equal").out
+    assert told.count("equal") >= 4
+    assert "minor" not in told
+    assert "major" in rudc("network", "check", "four_way").out
+
+
+def test_a_misspelt_network_file_is_told_of_its_neighbour(rudc, tmp_path):
+    (tmp_path / "mine.net.xml").write_text("<net/>")
+    (tmp_path / "s.yaml").write_text("name: s\nnetwork: mien.net.xml\n")
+    answer = rudc("scenario", "validate", "s.yaml")
+    assert answer.status == 2
+    assert "mien.net.xml (did you mean 'mine.net.xml'?)" in answer.err

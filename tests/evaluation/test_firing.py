@@ -4,7 +4,7 @@ import pytest
 from typer.testing import CliRunner
 
 from rudc.cli.commands import app
-from rudc.evaluation.firing import Firing, count_firings
+from rudc.evaluation.firing import Firing, drive_and_count
 from rudc.scenario import load_scenario, shipped_scenarios
 
 WAITING = [
@@ -20,8 +20,9 @@ WAITING = [
 @pytest.mark.parametrize("name", WAITING)
 def test_the_events_of_shipped_scenarios_happen(name):
     """In at least 95 % of the episodes that they are part of: here, with few episodes, in all of them."""
-    firings, wrong = count_firings(load_scenario(name), range(3))
+    firings, outcomes, wrong = drive_and_count(load_scenario(name), range(3))
     assert wrong == []
+    assert outcomes.total() == 3
     for firing in firings:
         assert firing.fired == firing.seen == firing.drawn, firing
 
@@ -36,7 +37,7 @@ def test_whom_an_event_selects_is_there_whatever_the_traffic(selector, density):
         "when": {"simulation_time": {"above": 0.5}},
     }
     scenario = load_scenario("random_destination", {"events": [slow], "traffic.density": density})
-    (firing,), _ = count_firings(scenario, range(3))
+    (firing,), _, _ = drive_and_count(scenario, range(3))
     assert firing.fired == 3
 
 
@@ -54,7 +55,7 @@ def test_a_leader_is_there_though_a_lane_beyond_the_junction_is_closed():
         "traffic.density": 10,
         "ego.route": {"from": "west", "turn": "straight"},
     }
-    firings, _ = count_firings(load_scenario("random_destination", settings), range(5))
+    firings, _, _ = drive_and_count(load_scenario("random_destination", settings), range(5))
     assert [firing.fired for firing in firings] == [5, 5]
 
 
@@ -65,8 +66,8 @@ def test_counts_say_what_probability_left_out():
     )
     assert str(Firing(1, "speeding", 20, 11, 10, 9)) == (
         "event 1 (events.0) speeding: happens in 10 of 20 episodes (its probability lets it in 11), "
-        "and the ego sees it in 9; in the others its trigger did not come true before gap-acceptance, which "
-        "drives here, arrived, or there was nobody for it to act on"
+        "and the ego sees it in 9; in the others its trigger did not come true before the episode "
+        "ended, with gap-acceptance driving, or there was nobody for it to act on"
     )
 
 
@@ -87,14 +88,22 @@ events:
 def test_seeds_that_cannot_be_set_up_are_said_and_the_others_driven(tmp_path):
     path = tmp_path / "overlap.yaml"
     path.write_text(OVERLAP, encoding="utf-8")
-    firings, wrong = count_firings(load_scenario(path), range(6))
+    firings, outcomes, wrong = drive_and_count(load_scenario(path), range(6))
     assert 0 < len(wrong) < 6
     assert all("seed " in text and "would stand in the same place" in text for text in wrong)
-    assert firings[0].episodes == 6 - len(wrong)
+    assert firings[0].episodes == outcomes.total() == 6 - len(wrong)
     files = [str(path), "sudden_brake"]
     result = CliRunner().invoke(app, ["scenario", "validate", *files, "--seeds", "6"])
     assert f"{path}: {wrong[0]}" in str(result.exception)
     assert "sudden_brake: ok (1 event)" in result.stdout
+
+
+def test_how_episodes_end_is_said():
+    driven = drive_and_count(load_scenario("blocked_left_turn", {"episode.timeout": 15}), range(2))
+    assert driven.outcomes == {"frozen": 2}
+    assert driven.ends == "gap-acceptance drives 2 episodes: 2 frozen"
+    result = CliRunner().invoke(app, ["scenario", "validate", "random_destination", "--seeds", "1"])
+    assert "random_destination: ok (0 events)\n  gap-acceptance drives 1 episode: 1 success" in result.stdout
 
 
 def test_validate_says_how_often_events_happen():
@@ -102,5 +111,6 @@ def test_validate_says_how_often_events_happen():
     assert result.exit_code == 0
     assert result.stdout.splitlines() == [
         "sudden_brake: ok (1 event)",
+        "  gap-acceptance drives 3 episodes: 3 success",
         "  event 1 (events.0) hard_brake: happens in 3 of 3 episodes",
     ]

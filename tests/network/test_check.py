@@ -3,6 +3,7 @@ from dataclasses import replace
 import pytest
 
 from rudc.data import data_folder
+from rudc.errors import NetworkError
 from rudc.network.check import check_network, waiting_warnings
 from rudc.network.network import load_network, shipped_networks
 
@@ -76,6 +77,20 @@ def test_each_trouble_is_named(tmp_path):
     also = way.replace("west_out", "east_out")
     more = changed(tmp_path, (way, f'{way} allow="bus"'), (also, f'{also} allow="bus"'))
     assert more == ("no movement leads from arm south to arms east, west",)
+
+
+def test_a_lane_that_cannot_be_named_says_what_can():
+    sets = data_folder("results")
+    tannery = load_network(sets / "held-out-13" / "networks" / "tannery.net.xml")
+    with pytest.raises(NetworkError, match=r"'south_out_0' .* is closed to cars \(for bicycle only\)"):
+        tannery.stretch("south_out_0")
+    orchard = load_network(sets / "held-out-13" / "networks" / "orchard.net.xml")
+    far = next(
+        lane for arm in orchard.arms for lane in orchard.lanes_of(arm)
+        if lane.edge in arm.in_edges and lane.edge != arm.in_edge
+    )  # fmt: skip
+    with pytest.raises(NetworkError, match=r"not next to the junction; name one of .*_in_0.*`at` counts on"):
+        orchard.stretch(far.id)
 
 
 def test_lanes_for_buses_are_named_as_left_out(tmp_path):

@@ -186,6 +186,8 @@ def test_what_is_no_network_is_refused(tmp_path):
         path.write_text(content)
         with pytest.raises(NetworkError, match=message):
             load_network(path)
+    with pytest.raises(NetworkError, match="is a folder; `rudc network build`"):
+        load_network(tmp_path)
     with pytest.raises(NetworkError, match="neither shipped nor a file"):
         load_network(tmp_path / "absent.net.xml")
 
