@@ -11,10 +11,10 @@ Bootstrap. The mean of n values drawn with replacement, RESAMPLES times; the int
 they come from. From NORMAL_FROM values on it is mean +- z s / sqrt(n), which differs from it by less than two
 choices of the draws do.
 
-Student. The bootstrap of n values is too narrow by a factor of about sqrt((n - 1) / n) z / t: of two
-normal values its interval holds the true mean in 50 of 100 cases, of five in 85, of ten in 91. Below STUDENT_BELOW values
-the interval is therefore mean +- t s / sqrt(n), t the 0.975 quantile of Student's distribution with n - 1
-degrees of freedom; few values that are all the same have none.
+Student. The bootstrap of n values is too narrow by a factor of about sqrt((n - 1) / n) z / t: of two normal
+values its interval holds the true mean in 50 of 100 cases, of five in 85, of ten in 91. Below STUDENT_BELOW
+values the interval is therefore mean +- t s / sqrt(n), t the 0.975 quantile of Student's distribution with
+n - 1 degrees of freedom; few values that are all the same have none.
 
 Differences of rates in the same episodes: the interval of Bonett and Price (J. Educ. Behav. Stat. 37, 2012),
 Wald's with one more pair of each kind, and McNemar's exact test.
