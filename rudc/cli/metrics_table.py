@@ -16,7 +16,7 @@ from rudc.cli.console import console, note
 from rudc.evaluation.columns import DECISION_MS, METRICS, Metric
 from rudc.evaluation.metrics import Group
 from rudc.evaluation.paper import is_from_paper
-from rudc.evaluation.tables import MISSING, best_of, cell, heading, in_words
+from rudc.evaluation.tables import MISSING, best_of, cell, heading, shown_key
 
 LEAST_IMPORTANT = ("decision", "AER", "RC", "AES", "min_DTC")
 """metrics that a narrow screen goes without, the first to go first"""
@@ -83,7 +83,7 @@ def _bodies(groups: Sequence[Group], layout: Layout) -> list[list[str]]:
     for group in groups:
         count = str(group.episodes) + (f"+{group.errors}!" if group.errors else "")
         cells = [_shown(metric, group) for metric in layout.metrics]
-        name = in_words(group.key[layout.above :])
+        name = shown_key(group.key[layout.above :])
         rows.append([*name, MISSING if is_from_paper(group) else count, *cells])
     return rows
 
@@ -115,7 +115,7 @@ def _lines(groups: Sequence[Group], by: Sequence[str], layout: Layout) -> Iterat
     before: tuple[str, ...] = ()
     for i, (group, body) in enumerate(zip(groups, bodies, strict=True)):
         if layout.above and group.key[: layout.above] != before[: layout.above]:
-            yield Text(", ".join(in_words(group.key[: layout.above])), style="underline")
+            yield Text(", ".join(shown_key(group.key[: layout.above])), style="underline")
         same = 0 if layout.above else _shared(group.key, before)
         cells = ["" if k < same else text for k, text in enumerate(body)]
         strong = [(i, metric.name) in best for metric in layout.metrics]

@@ -50,7 +50,7 @@ class Firing:
         return f"event {numbered(self.number, self.kind)}: {happens}{rest}{seen}{early}"
 
 
-class Driven(NamedTuple):
+class Tried(NamedTuple):
     """What came of some episodes of a scenario."""
 
     firings: list[Firing]
@@ -68,7 +68,7 @@ class Driven(NamedTuple):
         return f"gap-acceptance drives {self.outcomes.total()} episode{plural}: {ends}"
 
 
-def drive_and_count(scenario: Scenario, seeds: Iterable[int]) -> Driven:
+def drive_and_count(scenario: Scenario, seeds: Iterable[int]) -> Tried:
     """Drive the seeds' episodes with `gap-acceptance` and count how they end, and of each event how often it
     happens.
     """
@@ -88,7 +88,7 @@ def drive_and_count(scenario: Scenario, seeds: Iterable[int]) -> Driven:
                     break
                 outcomes[record.outcome] += 1
                 _count(found, world)
-    return Driven(found, outcomes, wrong)
+    return Tried(found, outcomes, wrong)
 
 
 def _count(found: list[Firing], world: World) -> None:

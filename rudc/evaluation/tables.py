@@ -103,7 +103,7 @@ def cell(metric: Metric, value: Summary) -> str:
     return f"{value.mean:.{n}f}" + ("" if math.isnan(value.std) else f" ({value.std:.{n}f})")
 
 
-def in_words(key: tuple[str, ...]) -> list[str]:
+def shown_key(key: tuple[str, ...]) -> list[str]:
     """What a group has in common, as tables show it: where an episode says nothing (one that failed has no
     outcome), `MISSING`.
     """
@@ -171,7 +171,7 @@ def _markdown(groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Metr
         bold = [
             f"**{text}**" if (i, m.name) in best else text for m, text in zip(metrics, cells, strict=True)
         ]
-        lines.append([*in_words(group.key), _count(group), *bold])
+        lines.append([*shown_key(group.key), _count(group), *bold])
     widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
     rule = ["-" * width if k < len(by) else "-" * (width - 1) + ":" for k, width in enumerate(widths)]
     padded = [
@@ -208,7 +208,7 @@ def _latex(groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Metric]
             lines.append("\\midrule")
             before = family
         cells = [_latex_cell(m, group.metrics[m.name], (i, m.name) in best) for m in metrics]
-        lines.append(" & ".join([*map(_escaped, in_words(group.key)), _count(group), *cells]) + " \\\\")
+        lines.append(" & ".join([*map(_escaped, shown_key(group.key)), _count(group), *cells]) + " \\\\")
     return "\n".join([*lines, "\\bottomrule", "\\end{tabular}", ""])
 
 

@@ -28,7 +28,7 @@ def sweep_reports(sheet: Sheet, data: dict[str, Any], known: set[tuple[Path, str
     reports: list[Report] = []
     sweep: dict[str, list[Any]] = {}
     for key, values in given.items():
-        if key in reported or not isinstance(values, list):
+        if key in reported or not isinstance(key, str) or not isinstance(values, list):
             continue
         found = _axis_reports(sheet, base, key, values)
         reports += found
@@ -37,7 +37,8 @@ def sweep_reports(sheet: Sheet, data: dict[str, Any], known: set[tuple[Path, str
     size = math.prod(map(len, sweep.values()))
     if size > GRID_LIMIT:
         reports.append(sheet.report(("sweep",), f"has {size} combinations; {GRID_LIMIT} at most are allowed"))
-    for keys in _by_part(sweep) if size <= GRID_LIMIT else [[key] for key in sweep]:
+        return reports
+    for keys in _by_part(sweep):
         part = {name: base[name] for name in ("name", keys[0].split(".")[0]) if name in base}
         for choice in itertools.product(*(range(len(sweep[key])) for key in keys)):
             reports += _point_reports(sheet, part, sweep, dict(zip(keys, choice, strict=True)), known)
