@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import PydanticCustomError
@@ -24,7 +24,10 @@ from rudc.scenario.sections import Ego
 from rudc.scenario.spread import spread
 from rudc.scenario.yaml_text import Report, Sheet
 
+Model = TypeVar("Model")
+
 _EVENT: TypeAdapter[Event] = TypeAdapter(AnyEvent)
+_EGO: TypeAdapter[Ego] = TypeAdapter(Ego)
 _NETWORK = "four_way"
 ASKED_ABOUT = ("network", "junction", "ego", "events")
 """top-level keys that a fit can depend on"""
@@ -92,18 +95,25 @@ def readable(data: dict[str, Any]) -> Parts | None:
     junction = data.get("junction")
     if junction is not None and not isinstance(junction, str | int):
         return None
-    try:
-        ego = Ego.model_validate(data.get("ego", {}))
-    except ValidationError:
-        ego = None
-    events: dict[int, Event] = {}
     given = data.get("events")
-    for i, item in enumerate(given if isinstance(given, list) else ()):
-        try:
-            events[i] = _EVENT.validate_python(item)
-        except ValidationError:
-            continue
+    read = ((i, _read(_EVENT, item)) for i, item in enumerate(given if isinstance(given, list) else ()))
+    events = {i: event for i, event in read if event is not None}
+    ego = _read(_EGO, data.get("ego", {}))
     return Parts(network, None if junction is None else str(junction), ego, events)
+
+
+def _read(adapter: TypeAdapter[Model], data: Any) -> Model | None:
+    """What a mapping says, keys left out that nobody knows; None where more is wrong."""
+    try:
+        return adapter.validate_python(data)
+    except ValidationError as error:
+        if not isinstance(data, dict):
+            return None
+        unknown = {detail["loc"][-1] for detail in error.errors() if detail["type"] == "extra_forbidden"}
+    try:
+        return adapter.validate_python({key: value for key, value in data.items() if key not in unknown})
+    except ValidationError:
+        return None
 
 
 def _axes(base: dict[str, Any], sweep: Any) -> dict[str, list[Any]]:

@@ -140,6 +140,22 @@ def test_a_network_or_junction_that_cannot_be_read_is_said_where_it_is_named(pro
     check(problems("name: a\njunction: J7\n"), "2:11: junction: ...no junction 'J7'...")
 
 
+def test_an_unknown_key_hides_nothing_beside_it(problems):
+    found = problems("""
+        name: both
+        ego: {route: {from: norht}, sped: 3}
+        events:
+          - {kind: lane_closure, lane: west_in_5, at: 5, length: 10, colour: red}
+        """)
+    check(
+        found,
+        "2:21: ego.route.from: no arm 'norht' ... (did you mean 'north'?)...",
+        "2:29: ego.sped: unknown key (did you mean 'speed'?)",
+        "4:32: events.0.lane: no lane 'west_in_5' ...",
+        "4:62: events.0.colour: unknown key; known here: ...",
+    )
+
+
 def test_a_position_far_from_any_road_is_a_mistake(problems):
     found = problems("""
         name: astray
