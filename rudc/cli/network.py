@@ -101,10 +101,9 @@ def _show(report: NetworkReport, lanes: bool) -> None:
     road = f"{report.road_km:.3f} km of two-way road"
     typer.echo(f"{report.name}: junction {report.junction} ({report.kind}), {road}\n")
     alike = report.kind != "roundabout" and len({a.major for a in report.arms}) == 1
-    priority = {True: "equal", False: "equal"} if alike else {True: "major", False: "minor"}
     arms = [
         [a.name, f"{a.bearing_deg:.0f}", f"{a.length_m:.0f}", str(a.in_lanes), str(a.out_lanes),
-         f"{a.lane_width_m:.2f}", f"{a.speed_mps:.1f}", priority[a.major]]
+         f"{a.lane_width_m:.2f}", f"{a.speed_mps:.1f}", "equal" if alike else "major" if a.major else "minor"]
         for a in report.arms
     ]  # fmt: skip
     headings = [

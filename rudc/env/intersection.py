@@ -309,8 +309,8 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         if found.sweep:
             key = next(iter(found.sweep))
             gymnasium.logger.warn(
-                f"scenario {found.name} sweeps {', '.join(found.sweep)}; an environment plays one value of "
-                f"each, that which the rest of the file gives: overrides={{{key!r}: VALUE}} chooses another"
+                f"scenario {found.name} sweeps {', '.join(found.sweep)}; an environment plays only one "
+                f"value of each, the one given outside `sweep`; overrides={{{key!r}: VALUE}} chooses another"
             )
         return found
 

@@ -114,7 +114,7 @@ class Tally:
 
 
 def _possible(metric: Metric, value: Summary) -> Summary:
-    """With an interval that holds nothing but percentages, if the metric is one."""
+    """With its interval cut to 0 to 100, if the metric is a percentage."""
     if metric.unit != "%" or math.isnan(value.low):
         return value
     return value._replace(low=max(value.low, 0.0), high=min(value.high, 100.0))

@@ -30,7 +30,7 @@ TOLERANCE_M = 0.05
 SURE = 5.0
 """standard deviations of a normal distribution beyond which its values are taken not to be drawn"""
 ASTRAY_M = 50.0
-"""m from any road beyond which nothing is put on purpose"""
+"""m; farther from every road nothing is put on purpose"""
 
 
 def misfits(parts: Parts) -> list[Problem]:
@@ -118,7 +118,7 @@ def _misplaced(network: Network, movements: list[Movement], path: Path, part: An
 
 
 def _astray(network: Network, path: Path, position: tuple[Distribution, Distribution]) -> list[Problem]:
-    """Whether a position is far from any road, wherever in its range it is drawn."""
+    """What is wrong with a position that is far from every road, wherever in its range it is drawn."""
     (west, east), (south, north) = map(likely, position)
     middle = 0.5 * (west + east), 0.5 * (south + north)
     places = network.center + np.array([middle, *itertools.product((west, east), (south, north))])
@@ -126,8 +126,8 @@ def _astray(network: Network, path: Path, position: tuple[Distribution, Distribu
     if away.min() <= ASTRAY_M:
         return []
     text = (
-        f"[{middle[0]:g}, {middle[1]:g}] lies {away[0]:.0f} m from any road of network {network.name}; "
-        "positions are m east and north of the junction's centre"
+        f"[{middle[0]:g}, {middle[1]:g}] lies {away[0]:.0f} m from the nearest road of network "
+        f"{network.name}; positions are m east and north of the junction's centre"
     )
     return [Problem(path, text)]
 

@@ -166,7 +166,7 @@ def test_a_position_far_from_any_road_is_a_mistake(problems):
         """)
     check(
         found,
-        "3:44: events.0.vehicles.0.position: [500, 0] lies 3... m from any road of network four_way; ...",
+        "3:44: events.0.vehicles.0.position: [500, 0] lies 3... m from the nearest road of network ...",
         "5:75: events.2.when.reach_position.position: [0, -600] lies 4...",
     )
 
