@@ -229,6 +229,11 @@ _TABLE = (
         "fault", "whose fault a collision was: ego, other or shared; else empty", lambda e: e.metrics.fault
     ),
     Column(
+        "hit",
+        "what the ego collided with: car, truck, bus, motorcycle, bicycle, pedestrian, obstacle; else empty",
+        lambda e: e.metrics.hit,
+    ),
+    Column(
         "events_fired",
         "how many of the scripted events happened; empty where nothing is scripted",
         lambda e: e.metrics.events_fired,

@@ -30,12 +30,13 @@ class Step(NamedTuple):
 
 
 def moments(
-    steps: Sequence[Step], events: Sequence[Mapping[str, Any]], body: EgoVehicle, fault: str = ""
-) -> list[dict[str, Any]]:
+    steps: Sequence[Step], events: Sequence[Mapping[str, Any]], body: EgoVehicle,
+    hit: str = "", fault: str = "",
+) -> list[dict[str, Any]]:  # fmt: skip
     """`frame`, `kind` and `text` of each, in the order of time.
 
     `events`: with `number`, `kind`, `begun_s`, `visible_s` (s). `body`: whose limits scale corrections.
-    `fault`: whose a collision was.
+    `hit`, `fault`: what the ego collided with, and whose fault it was.
     """
     found = [*_of_events(steps, events)]
     frame, size = _extreme(steps, lambda s: _correction(s, body), max)
@@ -57,7 +58,8 @@ def moments(
             found.append({"frame": frame, "kind": kind, "text": text.format(value)})
     if steps and steps[-1].outcome:
         blamed = f", fault: {fault}" if fault else ""
-        text = f"end: {steps[-1].outcome.replace('_', ' ')}{blamed}"
+        met = f" ({hit})" if hit else ""
+        text = f"end: {steps[-1].outcome.replace('_', ' ')}{met}{blamed}"
         found.append({"frame": len(steps) - 1, "kind": "end", "text": text})
     return sorted(found, key=lambda moment: moment["frame"])
 

@@ -134,7 +134,7 @@ class Recording:
             "event_lines": event_lines(world.plan, world.happenings()),
             "sigma_low": low,
             "sigma_high": high,
-            "moments": moments(self._steps, events, body, record.text("fault")),
+            "moments": moments(self._steps, events, body, record.text("hit"), record.text("fault")),
         }
 
     def _course(self) -> int | None:

@@ -27,7 +27,7 @@ def test_columns_are_those_of_the_contract():
     assert ",".join(COLUMNS) == (
         "scenario,agent,seed,outcome,steps,duration_s,route_completion,mean_speed_mps,episode_reward,"
         "min_dtc_m,interventions,engaged_steps,mean_correction,infeasible_steps,mean_sigma,max_sigma,"
-        "decision_ms_mean,decision_ms_max,fault,events_fired,first_event_s,first_event_visible_s,error,"
+        "decision_ms_mean,decision_ms_max,fault,hit,events_fired,first_event_s,first_event_visible_s,error,"
         "origin,destination,turn,priority,redraws,density,sv_collisions"
     )
     assert set(TIMING) < set(COLUMNS)

@@ -115,4 +115,4 @@ def test_what_is_put_nearer_than_the_ego_could_stop_is_not_its_fault(world_on, t
     for place, fault in ((30, "other"), (8, "ego")):
         plan = scenario.varied({"events.0.vehicles.0.at": place}).plan(0)
         record = run_episode(Episode(world_on(scenario.network)), plan, make_agent("follower"))
-        assert (record.values["outcome"], record.values["fault"]) == ("collision", fault)
+        assert [record.values[name] for name in ("outcome", "hit", "fault")] == ["collision", "car", fault]
