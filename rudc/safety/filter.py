@@ -49,7 +49,7 @@ from rudc.safety.corrected import Corrected
 from rudc.safety.kernels import all_finite
 from rudc.safety.last_resort import Instead, LastResort
 from rudc.safety.qp import TOLERANCE, Problem, Solution, make_solver
-from rudc.safety.qp_kernels import on_the_road, pulls, some_rows, undecided, with_violations
+from rudc.safety.qp_kernels import no_point, on_the_road, pulls, some_rows, undecided, with_violations
 from rudc.safety.rows import RowWeights, affine_rows, per_row
 from rudc.safety.slack import rate_factor
 from rudc.vehicle import EgoVehicle
@@ -258,9 +258,10 @@ class SafetyFilter:
         spent_ms = 0.0
         kept, hopeless = _undecided(problem)
         for _ in range(MOST_PASSES):
-            if hopeless:
+            part = _part(problem, kept)
+            if hopeless or _has_none(part):
                 break
-            solution = self._solver.solve(_part(problem, kept))
+            solution = self._solver.solve(part)
             spent_ms += solution.solve_ms
             if not solution.found:
                 break
@@ -285,10 +286,11 @@ class SafetyFilter:
         conflict = constraints.in_conflict(scene)[kept] if brakes < 0.0 < hastens else _NOBODY
         passing = (mode > 0) & ~conflict if conflict.any() else _NOBODY
         if passing.any():
-            solution = self._solver.solve(self._relaxed(part, mode, conflict))
-            if solution.found:
-                return solution._replace(x=_on_the_road(solution.x, part, mode)), kept
-            spent_ms = solution.solve_ms
+            if not _has_none(_part(part, np.flatnonzero(conflict))):
+                solution = self._solver.solve(self._relaxed(part, mode, conflict))
+                if solution.found:
+                    return solution._replace(x=_on_the_road(solution.x, part, mode)), kept
+                spent_ms = solution.solve_ms
             part, mode, kept = _part(part, np.flatnonzero(~passing)), mode[~passing], kept[~passing]
         solution = self._solver.solve(self._relaxed(part, mode, np.zeros(len(mode), dtype=bool)))
         if solution.found:
@@ -332,6 +334,11 @@ class SafetyFilter:
 def _undecided(problem: Problem) -> tuple[Index, bool]:
     """Indices (k,) of the rows that do not hold everywhere between the bounds; whether any holds nowhere."""
     return undecided(problem.A, problem.b, problem.lower, problem.upper)
+
+
+def _has_none(problem: Problem) -> bool:
+    """Whether no action is near enough to satisfying all rows for a solver's answer to be accepted."""
+    return no_point(problem.A, problem.b, problem.lower, problem.upper, 2.0 * TOLERANCE)
 
 
 def _part(problem: Problem, kept: Index) -> Problem:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from scipy.optimize import linprog
 
 from rudc.errors import SolverError
 from rudc.safety import qp, qp_kernels
@@ -161,6 +162,25 @@ def test_rows_that_are_left_out_hold_everywhere_and_hopeless_is_what_holds_nowhe
         assert np.array_equal(A, problem.A[kept])
         assert np.array_equal(b, problem.b[kept])
     assert len(kinds) == 4
+
+
+def test_no_point_is_near_to_all_rows_where_a_linear_programme_finds_none() -> None:
+    """It looks for the least t by which a point violates every row and bound at most."""
+    rng, answers = np.random.default_rng(19), []
+    for _ in range(400):
+        problem = like_real(rng)
+        A, b = problem.A, problem.b + rng.choice([-1.0, 0.0, 1.0, 2.0])
+        lower, upper, ease = problem.lower, problem.upper, float(rng.choice([0.0, 1e-6, 0.05, 0.3]))
+        rows = np.vstack([A, np.eye(2), -np.eye(2)])
+        right = np.concatenate([b, lower, -upper])
+        best = linprog(
+            [0.0, 0.0, 1.0], -np.column_stack([rows, np.ones(len(rows))]), -right, bounds=(None, None)
+        )
+        assert abs(best.fun - ease) > 1e-9, "too near to tell"
+        answers.append(best.fun > ease)
+        assert qp_kernels.no_point(A, b, lower, upper, ease) == answers[-1]
+        assert not qp_kernels.no_point(A, b, lower, np.array([upper[0], np.inf]), ease)
+    assert 100 < sum(answers) < 300
 
 
 def test_the_gap_is_the_largest_violation_of_the_conditions() -> None:
