@@ -50,9 +50,9 @@ def ticks(reach_m: float) -> list[float]:
 
 def name_arms(canvas: Canvas, network: Network, reach_m: float) -> None:
     """Write each arm's name beside its road."""
-    height = TEXT_PX * FINE
+    height, differ = TEXT_PX * FINE, len({arm.major for arm in network.arms}) > 1
     for arm in network.arms:
-        text = arm.name.replace("_", " ") + (" (major)" if arm.major else "")
+        text = arm.name.replace("_", " ") + (" (major)" if arm.major and differ else "")
         known = font(height)
         half = np.array([0.5 * known.getlength(text) + 8, 0.5 * height + 8]) / canvas.scale
         x, y = canvas.pixels(_beside(network, arm, reach_m, half)).tolist()

@@ -260,7 +260,7 @@ _TABLE = (
     Column("turn", "left, straight or right", lambda e: e.route.turn),
     Column(
         "priority",
-        "major or minor: whether the arm it came from has priority",
+        "major or minor: whether the arm it came from has priority; minor where all are equal",
         lambda e: "major" if e.route.major else "minor",
     ),
     Column(

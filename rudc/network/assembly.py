@@ -139,10 +139,15 @@ def _lane_ids(edges: Iterable[Any], lanes: dict[str, Lane]) -> tuple[str, ...]:
     return tuple(lane.getID() for edge in edges for lane in edge.getLanes() if lane.getID() in lanes)
 
 
-def decide_major(arms: Sequence[Arm], ways: Sequence[Way], yields: Flags) -> list[Arm]:
-    """The arms, each major if some way from it need not yield to any way from another arm."""
+def decide_major(
+    arms: Sequence[Arm], ways: Sequence[Way], yields: Flags, node_type: str = "priority"
+) -> list[Arm]:
+    """The arms, each major if some way from it need not yield to any way from another arm; none where who
+    comes from the right goes first, though his own turn to the right yields to nobody there."""
     free = ~_yields_to_others(ways, yields)
     major = {way.source.origin for way, is_free in zip(ways, free, strict=True) if is_free}
+    if node_type == "right_before_left":
+        major = set()
     return [replace(arm, major=k in major) for k, arm in enumerate(arms)]
 
 

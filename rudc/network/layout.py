@@ -65,7 +65,7 @@ class Layout:
         self.left_out = assembly.lanes_without_cars(raw_arms)
         """arms' lanes without cars, which are no part of the road, by SUMO's id -> who may use them"""
         arms = assembly.make_arms(raw_arms, self.lanes, self.center)
-        self.arms: tuple[Arm, ...] = tuple(assembly.decide_major(arms, ways, yields))
+        self.arms: tuple[Arm, ...] = tuple(assembly.decide_major(arms, ways, yields, self.node_type))
         """counter-clockwise from the east"""
         self.road_km = sum(arm.two_way_m for arm in self.arms) / 1000.0
         """km of two-way road on the arms: density is vehicles / road_km"""

@@ -1,9 +1,10 @@
 """Props: things on the road that SUMO does not move: accident vehicles, wrong-way drivers, pedestrians.
 
 A prop stands, or follows a polyline. A vehicle that does stops short of what stands in its way and of
-surrounding vehicles (SVs), and goes on when the way is free, but it does not stop for a moving ego: that it
-is a hazard is the point. A pedestrian stops only for what is already before its feet. The yielding layer
-makes SVs see all props.
+surrounding vehicles (SVs), and goes on when the way is free. It does not stop for an ego that drives on: that
+it is a hazard is the point. But it does for one that has come to walking pace, and who has stopped sets off
+only when no ego is before it, moving or not. A pedestrian stops only for what is already before its feet. The
+yielding layer makes SVs see all props.
 
 Who has to stand for long goes back and waits until its way is free. A pedestrian goes back a step; a driver
 goes back until the other has room to pull out, and then stops for a moving ego, too. Without that, two who
@@ -30,6 +31,8 @@ PATIENCE_S, BACK_M, BACK_SPEED = 3.0, 1.0, 0.5
 """s, m, m/s: a pedestrian that has been held up for so long steps back so far, so fast"""
 DRIVER_BACK_M, DRIVER_BACK_SPEED = 8.0, 1.5
 """m, m/s: a driver goes back until so much before it is free, so fast"""
+WALKING_PACE = 2.0
+"""m/s, an ego slower than this is about to stop: a driver comes to stand before it"""
 MORE_M = 0.1
 """m more than before that must be free for it to go on"""
 
@@ -132,7 +135,7 @@ class Prop:
         middle, reach = 0.5 * (math.copysign(self.length, reach) + reach), abs(reach)
         box = (*self.pose(middle), reach, self.width)
         ego, body = scene.ego, scene.vehicle
-        if walks or ego.v < STANDING or self._stepped_back > 0.0:
+        if walks or ego.v < WALKING_PACE or self.speed <= 0.0 or self._stepped_back > 0.0:
             here, facing = np.array([[ego.x, ego.y]]), np.array([ego.psi])
             if (rectangle_gaps(*box, here, facing, np.array([[body.length, body.width]])) == 0.0).any():
                 return False

@@ -14,7 +14,8 @@ layer looks only at pairs of an SV and
         wait in places that others, long ones above all, sweep over.
 
 An ego that waits where it should (before its stop line, or at its waiting point inside the junction) is in
-nobody's way, unless it stands beside its path there; who queues behind it is SUMO's business.
+nobody's way, unless it stands beside its path there. Who queues behind it before the stop line is SUMO's
+business; in the junction SUMO does not see the rear of one that drives another way.
 
 SVs are predicted along their own lanes at constant speed, the ego along its reference path (straight ahead
 when off it), each at 0.25 s steps, as slightly enlarged rectangles. An SV that must yield brakes with b = v^2
@@ -115,11 +116,12 @@ def _heeding(scene: Scene, stray: bool) -> Flags | None:
     if not stray:
         if scene.ego_s - half > route.exit_s + PAST_M:
             return None
-        if (
-            scene.ego_s + half <= route.waiting_s + 1.0
-        ):  # it waits: only where it stands, or who owes it its way
-            stands = ego.v < LINGERS
-            heeds = paths.origin != paths.origin[route.row] if stands else paths.yields[:, route.row]
+        front, stands = scene.ego_s + half, ego.v < LINGERS
+        if front <= route.waiting_s + 1.0:  # it waits: only where it stands, or who owes it its way
+            behind = paths.origin == paths.origin[route.row]
+            heeds = ~behind if stands else paths.yields[:, route.row]
+            if front > route.stop_line_s:
+                heeds = heeds | behind
             if not heeds.any():
                 return None
     return near_ego(

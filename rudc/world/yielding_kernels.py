@@ -121,7 +121,7 @@ def mark_overlaps(
 def braking(hits: NewFlags, speed: float, passed: bool, most: float) -> float:
     """m/s2, how hard somebody brakes at `speed` m/s that overlaps at `hits` (INSTANTS,).
 
-    0 for not going faster, negative for nothing at all. `passed`: it stands while the ego passes it.
+    0 for not going faster, negative for nothing at all. `passed`: it stands while the other passes it.
     """
     first, always = 0, hits[0]
     for t in range(INSTANTS - 1, 0, -1):
@@ -193,7 +193,8 @@ def braking_for_others(
                 hits, drift = np.zeros(INSTANTS, np.bool_), complex(velocity[j, 0], velocity[j, 1])
                 there, turned = straight_on(x, y, heading[j], drift)
                 mark_overlaps(hits, place, facing, length, width, there, turned, half[0], half[1])
-                need = max(need, braking(hits, sets_off, False, most))
+                passes = hits[0] and speed[i] < STANDING <= speed[j]
+                need = max(need, braking(hits, sets_off, passes, most))
             continue
         passes = inside[i] and inside[j] and speed[i] <= CREEPS < speed[j]
         if not passes or origin[path[i]] == origin[path[j]]:

@@ -1,4 +1,5 @@
 import pickle
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -6,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rudc.errors import NetworkError
+from rudc.network.assembly import decide_major
 from rudc.network.network import Network, load_network, shipped_networks
 
 NETWORKS = sorted(shipped_networks())
@@ -49,6 +51,14 @@ def test_the_east_west_road_is_major_on_priority_junctions_and_none_is_on_the_eq
     for name in ("four_way", "t_junction", "skewed_four_way"):
         assert {arm.name for arm in load_network(name).arms if arm.major} == {"east", "west"}
     assert not any(arm.major for arm in load_network("four_way_equal").arms)
+
+
+def test_no_arm_is_major_where_who_comes_from_the_right_goes_first():
+    arms = load_network("four_way").arms
+    ways = [SimpleNamespace(source=SimpleNamespace(origin=k)) for k in range(4)]
+    yields = np.array([[i == 3 and j == 0 for j in range(4)] for i in range(4)])
+    assert [arm.major for arm in decide_major(arms, ways, yields, "priority")] == [True, True, True, False]
+    assert not any(arm.major for arm in decide_major(arms, ways, yields, "right_before_left"))
 
 
 @pytest.mark.parametrize("name", ["four_way", "four_way_equal", "skewed_four_way"])

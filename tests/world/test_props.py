@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rudc.world.props import BACK_M, DRIVER_BACK_M, PATIENCE_S, Prop, standing
+from rudc.world.props import BACK_M, DRIVER_BACK_M, PATIENCE_S, WALKING_PACE, Prop, standing
 from rudc.world.scene import Kind
 
 BEND = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 20.0]])
@@ -100,6 +100,27 @@ def test_a_driver_who_has_gone_back_stops_for_an_ego_that_moves(make_scene):
         prop.travelled, prop._stepped_back = 33.0, room
         drive_towards(prop, lambda i: ego, steps=40)
         assert (prop.travelled < 33.5) is stops
+
+
+@pytest.mark.parametrize(("pace", "stops"), [(WALKING_PACE - 0.1, True), (WALKING_PACE + 0.1, False)])
+def test_a_driver_stops_for_an_ego_at_walking_pace_not_for_a_faster_one(make_scene, pace, stops):
+    ego = make_scene(v=pace)
+    psi, place = ego.ego.psi, np.array([ego.ego.x, ego.ego.y])
+    prop = car(place + np.outer([40.0, -40.0], [math.cos(psi), math.sin(psi)]), wanted=4.0)
+    drive_towards(prop, lambda i: ego, steps=190)
+    assert (prop.travelled < 35.0) is stops
+
+
+def test_a_driver_who_has_stopped_does_not_set_off_into_an_ego_that_pulls_out(make_scene):
+    stands, pulls_out = make_scene(v=0.0), make_scene(v=3.0)
+    psi, place = stands.ego.psi, np.array([stands.ego.x, stands.ego.y])
+    prop = car(place + np.outer([40.0, -40.0], [math.cos(psi), math.sin(psi)]), wanted=4.0)
+    drive_towards(prop, lambda i: stands, steps=190)
+    before = prop.travelled
+    drive_towards(prop, lambda i: pulls_out, steps=40)
+    assert prop.travelled <= before
+    drive_towards(prop, lambda i: make_scene(front=-60.0), steps=80)
+    assert prop.travelled > before, "and goes on once the way is free"
 
 
 def test_a_driver_does_not_go_back_into_somebody(make_scene):

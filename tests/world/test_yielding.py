@@ -141,6 +141,34 @@ def test_brakes_for_whatever_is_on_the_road(make_scene, four_way, kind):
     assert must_yield(make_scene(car, walks_into)).rows == [0]
 
 
+def test_who_stands_lets_one_who_walks_close_by_pass_first(make_scene, four_way):
+    """A group crosses right before its bumper: it does not set off between two of them."""
+    row = row_of(four_way, "north", "straight")
+    x, y, psi = (float(v) for v in four_way.paths.pose(np.int64(row), np.float64(60.0)))
+    along, beside = np.array([math.cos(psi), math.sin(psi)]), np.array([-math.sin(psi), math.cos(psi)])
+    car = {"row": row, "s": 60.0, "v": 0.0}
+    at = np.array([x, y]) + 2.9 * along
+    walker = {"kind": Kind.PEDESTRIAN, "size": (0.5, 0.5), "v": 1.2}
+    leaves = {**walker, "at": (*(at + 0.6 * beside), psi + math.pi / 2)}
+    away = {**walker, "at": (*(at + 3.0 * beside), psi + math.pi / 2)}
+    assert must_yield(make_scene(car, leaves)).rows == [0]
+    assert must_yield(make_scene(car, away)).rows == []
+
+
+def test_sees_the_rear_of_an_ego_that_stands_in_the_junction_and_goes_another_way(make_scene, four_way):
+    """SUMO does not: on a lane that branches off there it would drive into that corner."""
+    beside, behind = four_way.movement("south", "straight").rows
+
+    def braking(row, front):
+        follower = {"row": row, "s": float(four_way.paths.stop_s[row]) - 9.0, "v": 6.0}
+        return must_yield(make_scene(follower, front=front, v=0.0, turn="left"))
+
+    assert braking(behind, 3.0).rows == [0]
+    assert braking(behind, 3.0).deceleration[0] > 2.0
+    assert braking(behind, -1.0).rows == [], "before the stop line that is SUMO's business"
+    assert braking(beside, 3.0).rows == [], "the ego turns left from the other lane"
+
+
 def test_passes_an_obstacle_in_another_lane(make_scene, four_way):
     """Also when its own lane leads elsewhere and its place is told on the path of the lane beside."""
     row = row_of(four_way, "north", "straight")

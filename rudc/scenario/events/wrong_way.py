@@ -24,7 +24,7 @@ class WrongWay(Event, frozen=True):
     at: Metre
     """m along the lane, where it appears"""
     speed: MovingSpeed = Constant(value=6.0)
-    """m/s"""
+    """m/s; it stops for what stands in its way and for an ego below 2 m/s, not for a faster one"""
     type: VehicleType = "car"
     """what vehicle"""
 
