@@ -100,8 +100,8 @@ def keys(
 ) -> None:
     """What may stand in a scenario file: every key, its type, unit and default, and what it means.
 
-    Wherever a number stands, a distribution may: `{uniform: [low, high]}`, `{normal: {mean: m, std: s}}` or
-    `{choice: [a, b]}`.
+    Wherever a number stands, a distribution may: `{uniform: [low, high]}`, `{normal: {mean: m, std: s,
+    low: l, high: h}}` or `{choice: [a, b]}`.
 
     **Example**: `rudc scenario keys hard_brake`
     """

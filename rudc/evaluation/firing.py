@@ -65,7 +65,9 @@ class Tried(NamedTuple):
         """How the episodes ended, in words."""
         plural = "s" * (self.outcomes.total() != 1)
         ends = ", ".join(f"{count} {outcome}" for outcome, count in self.outcomes.most_common())
-        return f"gap-acceptance drives {self.outcomes.total()} episode{plural}: {ends}"
+        stays = self.outcomes["frozen"] > self.outcomes.total() // 2
+        round_it = "; it does not go round what blocks its lane, as `--agent planner` of `rudc run` does"
+        return f"gap-acceptance drives {self.outcomes.total()} episode{plural}: {ends}{round_it * stays}"
 
 
 def drive_and_count(scenario: Scenario, seeds: Iterable[int]) -> Tried:

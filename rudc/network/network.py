@@ -106,6 +106,9 @@ class Network(Layout):
                 f"lane {name!r} of network {self.name} is closed to cars (for {users} only): "
                 "nobody drives there"
             )
+        same = [known for known in self._outer if known.rpartition("_")[0] == name.rpartition("_")[0]]
+        if same:
+            raise NetworkError(f"no lane {name!r} in network {self.name}; cars have {', '.join(same)} there")
         known = ", ".join([*self._outer, *list(self._inner)[:1]])
         hint = did_you_mean(name, [*self._outer, *self._inner, *EGO_LANES])
         hint = hint or f"; there are: {known} and others inside"

@@ -1,7 +1,8 @@
 """Numbers in a scenario: fixed ones, and ones drawn at random.
 
-A file writes a number, `{uniform: [low, high]}`, `{normal: {mean: m, std: s}}` or `{choice: [a, b, c]}`.
-Normals are truncated, to their own `low` and `high` and else to what is physically sane where they stand.
+A file writes a number, `{uniform: [low, high]}`, `{normal: {mean: m, std: s, low: l, high: h}}` or
+`{choice: [a, b, c]}`. Normals are truncated, to their own `low` and `high` and else to what is physically
+sane where they stand.
 """
 
 from __future__ import annotations
@@ -26,7 +27,10 @@ from pydantic_core import CoreSchema, core_schema
 
 from rudc.scenario.base import FileModel, Number, refuse
 
-FORMS = "a number, {uniform: [low, high]}, {normal: {mean: m, std: s}} or {choice: [a, b, ...]}"
+FORMS = (
+    "a number, {uniform: [low, high]}, {normal: {mean: m, std: s, low: l, high: h}} (low and high may be "
+    "left out) or {choice: [a, b, ...]}"
+)
 
 
 class Distribution(FileModel, frozen=True):

@@ -36,7 +36,7 @@ class Pose(FileModel, frozen=True):
     lane: Identifier | None = None
     """lane it stands on, such as west_out_1"""
     at: Metre | None = None
-    """m from the junction along `lane`"""
+    """m from the junction along `lane`, of its centre"""
     heading_offset: Degree = Constant(value=0.0)
     """deg, counter-clockwise from the lane's direction; with `lane`"""
     lateral: Lateral = Constant(value=0.0)

@@ -101,7 +101,7 @@ def test_seeds_that_cannot_be_set_up_are_said_and_the_others_driven(tmp_path):
 def test_how_episodes_end_is_said():
     driven = drive_and_count(load_scenario("blocked_left_turn", {"episode.timeout": 15}), range(2))
     assert driven.outcomes == {"frozen": 2}
-    assert driven.ends == "gap-acceptance drives 2 episodes: 2 frozen"
+    assert driven.ends.startswith("gap-acceptance drives 2 episodes: 2 frozen; it does not go round what")
     result = CliRunner().invoke(app, ["scenario", "validate", "random_destination", "--seeds", "1"])
     assert "random_destination: ok (0 events)\n  gap-acceptance drives 1 episode: 1 success" in result.stdout
 

@@ -14,13 +14,13 @@ class LowFriction(Event, frozen=True):
     """A slippery road, from then on; a later event of this kind replaces it."""
 
     kind: Literal["low_friction"]
-    """a slippery road"""
+    """a slippery road: nobody brakes, accelerates or turns harder than mu g, not the ego, not the others"""
     friction: Annotated[AnyDistribution, Bounds(0.03, 1.2)]
     """coefficient of friction: 0.9 dry, 0.5 wet, 0.3 snow, 0.1 ice"""
 
 
 class LowFrictionEffect(Felt[LowFriction]):
-    """Nobody brakes, accelerates or turns harder than mu g, neither the ego nor the others."""
+    """The ego's tyres and the others' brakes have that grip."""
 
     from_the_start = True
 

@@ -29,7 +29,7 @@ class StalledVehicle(VehicleEvent, frozen=True):
     lane: Identifier | None = None
     """lane on which a vehicle stands"""
     at: Metre | None = None
-    """m from the junction along `lane`"""
+    """m from the junction along `lane`, of its centre"""
     type: VehicleType = "car"
     """what vehicle stands on `lane`"""
     vehicle: Selector | None = None

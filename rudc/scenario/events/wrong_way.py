@@ -22,7 +22,7 @@ class WrongWay(Event, frozen=True):
     """lane it drives along; on ARM_out_INDEX it comes towards the junction, and from inside the junction it
     drives out by the arm from which the lane comes"""
     at: Metre
-    """m along the lane, where it appears"""
+    """m from the junction along the lane, where its centre appears"""
     speed: MovingSpeed = Constant(value=6.0)
     """m/s; it stops for what stands in its way and for an ego below 2 m/s, not for a faster one"""
     type: VehicleType = "car"
