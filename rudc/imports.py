@@ -21,11 +21,13 @@ import hashlib
 import importlib
 import importlib.util
 import pickle
+import re
 import sys
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator, MutableMapping
 from functools import lru_cache
+from importlib.machinery import PathFinder
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
@@ -36,6 +38,11 @@ from rudc.hints import did_you_mean
 
 PREFIX = "rudc_own_"
 """what the names of modules made of files begin with"""
+PLUGINS = ("rudc.events", "rudc.algorithms", "rudc.barriers")
+"""groups of entry points whose modules are all imported as soon as one of their kind is asked for"""
+
+_PLACE = re.compile(r"(?P<module>[A-Za-z_][\w.]*):[A-Za-z_]\w*")
+"""as `found_at` takes it"""
 
 T = TypeVar("T")
 
@@ -73,11 +80,40 @@ def sources_digests() -> dict[str, dict[str, str]]:
     return found
 
 
-def code_beside(path: Path) -> dict[str, str]:
+def plugins() -> dict[str, dict[str, str]]:
+    """Of each installed package that offers events, algorithms or barriers, by its name: its `version`, and
+    digests of the modules that it offers, see `code_beside`. Imports none of them, so that it does not depend
+    on what somebody has asked for already.
+    """
+    found: dict[str, dict[str, str]] = {}
+    for group in PLUGINS:
+        for entry in entry_points(group=group):
+            name, version = (entry.dist.name, entry.dist.version) if entry.dist else ("?", "?")
+            path = _place(entry.module)
+            code = {entry.module: "not found"} if path is None else code_beside(path, named=True)
+            found.setdefault(name, {"version": version}).update(code)
+    return {name: dict(sorted(found[name].items())) for name in sorted(found)}
+
+
+def _place(module: str) -> Path | None:
+    """The file of a module, found without importing it; None where there is none."""
+    parts = module.split(".")
+    try:
+        spec = importlib.util.find_spec(parts[0])
+        for k in range(2, len(parts) + 1):
+            inside = None if spec is None else spec.submodule_search_locations
+            spec = None if inside is None else PathFinder.find_spec(".".join(parts[:k]), inside)
+    except (ImportError, ValueError):
+        return None
+    return Path(spec.origin) if spec is not None and spec.has_location and spec.origin else None
+
+
+def code_beside(path: Path, *, named: bool = False) -> dict[str, str]:
     """16 hexadecimal digits of a Python file and of each that it imports from its own folder or, if that is a
     package, from that package; by path. RUDC's own code is left out, and what pip installs.
 
     What is imported is told from the text: what is only named to `importlib.import_module` is not found.
+    `named`: modules of texts such as `"package.module:Class"` count as imported, as an algorithm names them.
     """
     root = home = path.resolve().parent
     while (root / "__init__.py").is_file():
@@ -94,7 +130,7 @@ def code_beside(path: Path) -> dict[str, str]:
             continue
         text = file.read_bytes()
         found[name] = hashlib.sha256(text).hexdigest()[:16]
-        waiting += _imported_by(file, text, root)
+        waiting += _imported_by(file, text, root, named)
         waiting += [package / "__init__.py" for package in file.parents if root in package.parents]
     return found
 
@@ -104,8 +140,8 @@ def _belongs(file: Path, root: Path, home: Path) -> bool:
     return file.is_relative_to(home) and file.relative_to(root).parts[0] != "rudc"
 
 
-def _imported_by(file: Path, text: bytes, root: Path) -> Iterator[Path]:
-    """The files under `root` that a Python file imports."""
+def _imported_by(file: Path, text: bytes, root: Path, named: bool) -> Iterator[Path]:
+    """The files under `root` that a Python file imports, or if `named` names as `module:Class`."""
     try:
         tree = ast.parse(text)
     except (SyntaxError, ValueError):
@@ -118,6 +154,8 @@ def _imported_by(file: Path, text: bytes, root: Path) -> Iterator[Path]:
             module = f"{node.module}." if node.module else ""
             names = [(base, module.rstrip("."))] if module else []
             names += [(base, f"{module}{alias.name}") for alias in node.names]
+        elif named and isinstance(node, ast.Constant) and (place := _PLACE.fullmatch(str(node.value))):
+            names = [(root, place["module"])]
         else:
             continue
         for base, dotted in names:

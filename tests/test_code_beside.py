@@ -1,15 +1,18 @@
 """Which files a Python file depends on; that a sweep is not resumed, nor said to be the same, with others."""
 
 import json
+import sys
 
 import pytest
 
+from rudc.agents import drivers
 from rudc.agents.registry import agent_settings
 from rudc.errors import SweepError
-from rudc.evaluation.manifest import manifest, resumed
+from rudc.evaluation.manifest import Manifest, manifest, resumed
 from rudc.evaluation.tasks import SweepPlan
-from rudc.imports import code_beside, import_first, sources_digests
+from rudc.imports import code_beside, import_first, plugins, sources_digests
 from rudc.scenario import load_scenario
+from tests.offering import offer
 
 AGENT = """
 from rudc.agents.base import Decision
@@ -111,3 +114,56 @@ def test_two_files_of_one_name_are_both_in_the_manifest(tmp_path, monkeypatch):
     assert list(before) == ["events_beside.py", "events_beside.py (2)"]
     assert sources_digests()["events_beside.py"] != before["events_beside.py"]
     assert sources_digests()["events_beside.py (2)"] == before["events_beside.py (2)"]
+
+
+@pytest.fixture
+def offered(tmp_path, monkeypatch):
+    """A folder with an installed package: an event and an algorithm in modules of it."""
+    site = tmp_path / "site-packages"
+    write(
+        site,
+        kit__events="from kit import strength\n", kit__strength="MU = 0.3\n", alone="",
+        kit__algorithms="LEARNER = 'kit.learner:Mine'\n", kit__learner="", kit__unused="",
+    )  # fmt: skip
+    (site / "kit/__init__.py").write_text("")
+    offer(site, "[rudc.events]\nmine = kit.events\n[rudc.algorithms]\nmine = kit.algorithms\nalone = alone\n")
+    monkeypatch.syspath_prepend(site)
+    drivers._installed.cache_clear()
+    yield site
+    drivers._installed.cache_clear()
+    for name in [name for name in sys.modules if name.partition(".")[0] == "kit"]:
+        del sys.modules[name]
+
+
+def test_plug_ins_are_told_by_version_and_code_and_not_imported(offered):
+    found = plugins()["brought"]
+    code = {f"kit/{name}.py" for name in ("__init__", "events", "strength", "algorithms", "learner")}
+    assert set(found) == {"version", "alone.py", *code}
+    assert found["version"] == "1.0"
+    assert not {"kit", "kit.events"} & set(sys.modules)
+    (offered / "kit/events.py").unlink()
+    assert plugins()["brought"]["kit.events"] == "not found"
+
+
+def test_a_sweep_is_not_resumed_with_another_version_of_a_plug_in(offered, tmp_path):
+    plan = SweepPlan((load_scenario("dense_left_turn"),), ("sumo",), 1, 0)
+    before = json.loads(json.dumps(manifest(plan)))
+    Manifest.model_validate(before, strict=True)
+    assert resumed(before, manifest(plan), tmp_path)["configuration"] == before["configuration"]
+    write(offered, kit__strength="MU = 0.1\n")
+    with pytest.raises(SweepError, match=r"differs in\n  plugins\.brought\.kit/strength\.py: "):
+        resumed(before, manifest(plan), tmp_path)
+    without = {k: v for k, v in before["configuration"].items() if k != "plugins"}
+    with pytest.raises(SweepError, match=r"differs in\n  plugins: brought only here\n\w"):
+        resumed({**before, "configuration": without}, manifest(plan), tmp_path)
+
+
+def test_an_agent_of_a_package_is_another_when_what_it_imports_is(offered):
+    write(offered, kit__driver=AGENT.replace("speed_beside", "kit.speed"), kit__speed="SPEED = 4.0\n")
+    entries = (offered / "brought-1.0.dist-info/entry_points.txt").read_text()
+    (offered / "brought-1.0.dist-info/entry_points.txt").write_text(
+        f"{entries}[rudc.agents]\nslow = kit.driver:Mine\n"
+    )
+    before = agent_settings("slow")
+    write(offered, kit__speed="SPEED = 9.0\n")
+    assert agent_settings("slow")["imports"]["kit/speed.py"] != before["imports"]["kit/speed.py"]

@@ -18,7 +18,7 @@ from rudc.agents.base import Agent
 from rudc.agents.follower import Follower
 from rudc.agents.gap_acceptance import GapAcceptance, Planner
 from rudc.agents.guarded import GuardedAgent
-from rudc.agents.own import OwnAgent, construct, parse_own, source_digest
+from rudc.agents.own import OwnAgent, construct, imports_beside, parse_own, source_digest
 from rudc.agents.sumo import SumoDriver
 from rudc.errors import AgentError, InputError
 from rudc.imports import load_entry
@@ -93,8 +93,11 @@ def driver_settings(name: str) -> dict[str, Any]:
     """Everything besides its name that decides what it does; of what can be written as JSON."""
     if name in SHIPPED:
         return {"driver": name}
-    own = _own(name)
-    return own.settings() if own else {"driver": name, "source": source_digest(_find(name))}
+    if own := _own(name):
+        return own.settings()
+    found = _find(name)
+    beside = {} if name in _registered else imports_beside(found)
+    return {"driver": name, "source": source_digest(found)} | ({"imports": beside} if beside else {})
 
 
 def _own(name: str) -> OwnAgent | None:

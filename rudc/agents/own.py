@@ -74,7 +74,7 @@ class OwnAgent:
         }  # fmt: skip
         found = self.find()
         known = {"driver": self.text, "source": source_digest(found), "files": files}
-        beside = _beside(found)
+        beside = imports_beside(found)
         return known | ({"imports": beside} if beside else {})
 
 
@@ -136,7 +136,7 @@ def source_digest(thing: Any) -> str:
         return "unknown"
 
 
-def _beside(thing: Any) -> dict[str, str]:
+def imports_beside(thing: Any) -> dict[str, str]:
     """Digests of the files that the source of a class or function imports from beside it."""
     try:
         path = Path(inspect.getfile(thing)).resolve()

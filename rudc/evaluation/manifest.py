@@ -22,7 +22,7 @@ from rudc.errors import SweepError
 from rudc.evaluation.code import code_digest
 from rudc.evaluation.tasks import SweepPlan
 from rudc.hints import listed
-from rudc.imports import sources_digests
+from rudc.imports import plugins, sources_digests
 from rudc.settings import problems
 
 FORMAT = 2
@@ -52,6 +52,9 @@ class Configuration(BaseModel, frozen=True):
     seed: Annotated[int, Field(ge=0)]
     imported: dict[str, dict[str, str]] = {}
     """by what `--import` named: digests of its file, and of those that it imports from beside it"""
+    plugins: dict[str, dict[str, str]] = {}
+    """by name of an installed package that offers events, algorithms or barriers: its version, and digests of
+    the modules that it offers"""
 
 
 class Manifest(BaseModel, frozen=True):
@@ -150,6 +153,7 @@ def configuration(plan: SweepPlan) -> dict[str, Any]:
         "episodes": plan.episodes,
         "seed": plan.seed,
         **({"imported": imported} if (imported := sources_digests()) else {}),
+        **({"plugins": offered} if (offered := plugins()) else {}),
     }
 
 
@@ -194,7 +198,7 @@ def version_changes(content: Mapping[str, Any]) -> list[str]:
     return [f"{name} {first[name]} -> {now}" for name, now in last.items() if first.get(name, now) != now]
 
 
-_NAMED = ("scenarios", "agents")
+_NAMED = ("scenarios", "agents", "plugins")
 """the parts of a sweep's configuration that are mappings by name"""
 
 
@@ -215,7 +219,7 @@ def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str
 
 
 def _on_one_side(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:
-    """A line for the scenarios, and one for the agents, that only one of two sweeps has."""
+    """A line each for scenarios, agents and plug-ins that only one of two sweeps has."""
     for part in _NAMED:
         there, here = old.get(part, {}), new.get(part, {})
         for names, others, where in ((there, here, "there"), (here, there, "here")):
@@ -224,8 +228,8 @@ def _on_one_side(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str
 
 
 def _shared(one: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
-    """A configuration, of scenarios and agents with those alone that the other has, too."""
-    parts = {part: one[part] for part in _NAMED if part in one}
+    """A configuration, of scenarios, agents and plug-ins with those alone that the other has, too."""
+    parts = {part: one.get(part, {}) for part in _NAMED}
     both = {
         part: {n: v for n, v in named.items() if n in other.get(part, {})} for part, named in parts.items()
     }

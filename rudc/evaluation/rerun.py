@@ -19,7 +19,7 @@ from rudc.evaluation.own_networks import kept_scenario
 from rudc.evaluation.record import EpisodeRecord, as_text
 from rudc.evaluation.tasks import Task
 from rudc.hints import did_you_mean, listed
-from rudc.imports import sources_digests
+from rudc.imports import plugins, sources_digests
 from rudc.scenario.dotted import dotted
 from rudc.scenario.model import Scalar, Scenario
 from rudc.scenario.problems import describe
@@ -78,12 +78,14 @@ class Swept:
             family = kept_scenario(said["values"], said["digest"], self._folder)
         except ValidationError as error:
             problem = describe(error, Scenario, said["values"])[0]
-            imported = self._content["configuration"].get("imported")
+            configuration = self._content["configuration"]
+            imported, offered = configuration.get("imported"), configuration.get("plugins")
             raise SweepError(
                 f"the scenario {name!r} of {self._folder} cannot be read any more: "
                 f"{dotted(problem.path)}: {problem.text}; "
                 f"the sweep ran with rudc {self._content['versions'].get('code', 'of another version')}"
                 f"{f' and --import {listed(list(imported))}' if imported else ''}"
+                f"{f' and the plug-ins of {listed(list(offered))}' if offered else ''}"
             ) from None
         points = {
             tuple(as_text(swept.get(parameter)) for parameter in self.parameters): (swept, scenario)
@@ -157,7 +159,7 @@ def _number(rows: Sequence[Mapping[str, str]], parameters: Sequence[str], which:
 
 
 def _changes(content: Mapping[str, Any], family: _Family, agent: str) -> list[str]:
-    """What is another now: scenario, agent, versions."""
+    """What is another now: scenario, agent, code of others, versions."""
     found = []
     if not family.same:
         found.append("the scenario, or a file that it names, means something else now")
@@ -166,8 +168,23 @@ def _changes(content: Mapping[str, Any], family: _Family, agent: str) -> list[st
         found.append(f"the agent {agent} has other settings now")
     if content["configuration"].get("imported", {}) != sources_digests():
         found.append("what --import names is another, or has changed since")
+    found += _plugin_changes(content["configuration"].get("plugins", {}), plugins())
     then = content["versions"]
     found += [
         f"{name} {then[name]} -> {now}" for name, now in versions().items() if then.get(name, now) != now
     ]
+    return found
+
+
+def _plugin_changes(then: Mapping[str, Mapping[str, str]], now: Mapping[str, Mapping[str, str]]) -> list[str]:
+    """A line for each package with plug-ins that is there or here only, or is another."""
+    found = []
+    for name in dict.fromkeys([*then, *now]):
+        if name not in now:
+            found.append(f"the package {name}, which offers plug-ins, is not installed here")
+        elif name not in then:
+            found.append(f"the package {name}, which offers plug-ins, is installed here only")
+        elif then[name] != now[name]:
+            files = [key for key in {**then[name], **now[name]} if then[name].get(key) != now[name].get(key)]
+            found.append(f"the package {name}, which offers plug-ins, has changed since: {listed(files)}")
     return found

@@ -1,6 +1,7 @@
 """Episodes of a sweep found by what one types, set up again from its manifest."""
 
 import json
+import shutil
 
 import pytest
 
@@ -91,3 +92,19 @@ def test_a_folder_of_something_else_is_refused(tmp_path, text):
         (tmp_path / "manifest.json").write_text(text)
     with pytest.raises(SweepError, match="not the folder of a sweep"):
         find_episode(tmp_path, "1")
+
+
+def test_a_plug_in_that_is_another_is_named(folder, tmp_path, monkeypatch):
+    swept = tmp_path / "swept"
+    shutil.copytree(folder, swept)
+    content = json.loads((swept / "manifest.json").read_text())
+    then = {"same": {"version": "1"}, "kit": {"version": "1", "kit/event.py": "a"}, "gone": {"version": "1"}}
+    content["configuration"]["plugins"] = then
+    (swept / "manifest.json").write_text(json.dumps(content))
+    now = {"same": {"version": "1"}, "kit": {"version": "1", "kit/event.py": "b"}, "new": {"version": "1"}}
+    monkeypatch.setattr("rudc.evaluation.rerun.plugins", lambda: now)
+    assert find_episode(swept, "1").changes == (
+        "the package kit, which offers plug-ins, has changed since: kit/event.py",
+        "the package gone, which offers plug-ins, is not installed here",
+        "the package new, which offers plug-ins, is installed here only",
+    )
