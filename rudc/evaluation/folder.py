@@ -241,8 +241,8 @@ def read_sweep(path: Path) -> tuple[list[dict[str, str]], tuple[str, ...]]:
 
 def sweep_rows(path: Path) -> SweepRows:
     """The rows of a sweep's folder, read as they are used, without columns where there is none. Columns that
-    were not there yet when the folder was written are empty. Raises SweepError when it is not the folder of a
-    sweep.
+    were not there yet when the folder was written are empty; those that are not known here, such as one of
+    somebody's own, stand after the known ones. Raises SweepError when it is not the folder of a sweep.
     """
     file = path / "episodes.csv"
     header, blocks = _read(path)
@@ -253,8 +253,10 @@ def sweep_rows(path: Path) -> SweepRows:
         raise SweepError(f"{file} has no column {missing[0]!r}; is it the file of a sweep?")
     renamed = {old: new for old, new in _RENAMED.items() if new not in header}
     there = [renamed.get(name, name) for name in header]
-    parameters = tuple(name for name in there if name not in COLUMNS and name not in _DROPPED)
-    names = (*COLUMNS, *parameters)
+    others = [name for name in there if name not in COLUMNS and name not in _DROPPED]
+    swept = _swept(path)
+    parameters = tuple(name for name in others if swept is None or name in swept)
+    names = (*COLUMNS, *(name for name in others if name not in parameters), *parameters)
 
     def columns() -> Iterator[Columns]:
         for cells in _read(path)[1]:
@@ -263,6 +265,21 @@ def sweep_rows(path: Path) -> SweepRows:
             yield {name: known.get(name, nothing) for name in names}
 
     return SweepRows(names, parameters, lambda: undamaged(columns(), parameters, file))
+
+
+def _swept(path: Path) -> set[str] | None:
+    """The dotted keys that a folder's scenarios sweep, as its manifest says; None without a sound one."""
+    try:
+        scenarios = read_manifest(path)["configuration"]["scenarios"]
+    except SweepError:
+        return None
+    found: set[str] = set()
+    for scenario in scenarios.values():
+        sweep = scenario["values"].get("sweep", {})
+        if not (isinstance(sweep, dict) and all(isinstance(values, list) for values in sweep.values())):
+            return None
+        found |= sweep.keys()
+    return found
 
 
 def _read(path: Path) -> tuple[list[str], Iterator[Cells]]:

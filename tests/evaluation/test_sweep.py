@@ -16,9 +16,11 @@ import pytest
 from rudc.errors import InputError, SimulationError, StorageError, SweepError
 from rudc.evaluation import folder as folder_module
 from rudc.evaluation.columns import COLUMNS, TIMING
-from rudc.evaluation.folder import read_sweep
+from rudc.evaluation.folder import read_sweep, sweep_rows
+from rudc.evaluation.rerun import find_episode
 from rudc.evaluation.store import RowFile, format_row, read_table
 from rudc.evaluation.sweep import run_sweep
+from rudc.evaluation.tables import measured
 from rudc.evaluation.tasks import SweepPlan
 
 FILES = ("manifest.json", "metrics.csv")
@@ -195,6 +197,26 @@ def test_a_folder_of_an_earlier_version_reads_and_is_not_gone_on_with(fakes, mak
     with pytest.raises(SweepError, match=r"another version of RUDC, without engaged_steps, .*another --out"):
         run_sweep(plan, tmp_path, fakes.Runner, resume=True)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_a_column_that_is_not_known_here_is_no_swept_parameter(fakes, make_plan, tmp_path):
+    """Of somebody's own, read without it; of a later version of RUDC, wherever it stands there."""
+    made = run_sweep(make_plan(("density_sweep",), ("sumo",), 2), tmp_path, fakes.Runner).rows
+    header = [*COLUMNS, "waste", "traffic.density"]
+    header.insert(5, "later")
+    lines = [{**row, "waste": str(k / 10), "later": "x"} for k, row in enumerate(made)]
+    RowFile(tmp_path / "episodes.csv", header).rewrite(
+        format_row([row[name] for name in header]) for row in lines
+    )
+    rows, parameters = read_sweep(tmp_path)
+    assert parameters == ("traffic.density",)
+    assert list(rows[0]) == [*COLUMNS, "later", "waste", "traffic.density"]
+    assert rows == lines
+    assert len(measured(sweep_rows(tmp_path), ["scenario", *parameters])) == len(rows) // 2
+    assert len(measured(sweep_rows(tmp_path), ["waste"])) == len(rows)
+    assert find_episode(tmp_path, "2").row == rows[1]
+    (tmp_path / "manifest.json").unlink()
+    assert read_sweep(tmp_path)[1] == ("later", "waste", "traffic.density")
 
 
 def test_rows_that_lack_a_column_are_never_mixed_with_others(fakes, make_plan, tmp_path):

@@ -66,6 +66,10 @@ def test_swept_numbers_are_in_order_of_value(tmp_path):
     values = [(20, 5, 100)[k % 3] for k in range(len(lines))]
     more = [f"{line},{value}" for line, value in zip(lines, values, strict=True)]
     file.write_text("\n".join([f"{header},traffic.density", *more, ""]))
+    manifest = json.loads((swept / "manifest.json").read_text())
+    for scenario in manifest["configuration"]["scenarios"].values():
+        scenario["values"]["sweep"] = {"traffic.density": [20, 5, 100]}
+    (swept / "manifest.json").write_text(json.dumps(manifest))
     tables = json.loads(parsed(report_page(swept, swept / "report.html")).data["data"])["tables"]
     (table,) = [table for table in tables if table["by"] == ["agent", "traffic.density"]]
     assert [key for key, *_ in table["lines"]] == [["sumo", "5"], ["sumo", "20"], ["sumo", "100"]]
