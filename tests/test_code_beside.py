@@ -81,7 +81,8 @@ def test_a_changed_module_that_an_agent_imports_is_another_agent(tmp_path):
     before = json.loads(json.dumps(manifest(plan)))
     assert resumed(before, manifest(plan), tmp_path)["configuration"] == before["configuration"]
     write(tmp_path, speed_beside="SPEED = 9.0\n")
-    with pytest.raises(SweepError, match=r"holds another sweep; it differs in\n.*speed_beside\.py"):
+    told = r"holds another sweep; it differs in\n.*speed_beside\.py.*\n.*; rows of old and new code would mix"
+    with pytest.raises(SweepError, match=told):
         resumed(before, manifest(plan), tmp_path)
     assert "imports" not in agent_settings("gap-acceptance")
 

@@ -28,6 +28,11 @@ if TYPE_CHECKING:
 
 FAILURES_NAMED = 5
 """failed episodes named while a sweep runs"""
+TRIED_AGAIN = (
+    "--resume tries them again; where you change code of your own to mend them, give a new --out instead: "
+    "rows of old and new code would mix"
+)
+"""what is said of episodes that failed"""
 WIDE = 200
 """columns assumed where there is no terminal: nothing is cut off in a log"""
 

@@ -8,7 +8,17 @@ from typing import Annotated, Literal
 import typer
 
 from rudc.cli.complete import complete_agents
-from rudc.cli.console import Quiet, SweepBar, SweepLines, note, print_table, resumable, sweep_progress, warn
+from rudc.cli.console import (
+    TRIED_AGAIN,
+    Quiet,
+    SweepBar,
+    SweepLines,
+    note,
+    print_table,
+    resumable,
+    sweep_progress,
+    warn,
+)
 from rudc.cli.options import ResultsFolder, Workers, cores
 from rudc.errors import InputError
 
@@ -114,7 +124,7 @@ def study(
     note(f"in {out}: {', '.join(names)}")
     if report.errors:
         warn(f"some episodes failed, in {len(report.errors)} way(s); the first: {report.errors[0]}")
-        warn("--resume tries them again")
+        warn(TRIED_AGAIN)
         raise typer.Exit(1)
 
 

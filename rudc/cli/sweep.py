@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rudc.cli.complete import complete_agents, complete_scenarios
-from rudc.cli.console import Quiet, SweepBar, SweepLines, note, resumable, sweep_progress, warn
+from rudc.cli.console import TRIED_AGAIN, Quiet, SweepBar, SweepLines, note, resumable, sweep_progress, warn
 from rudc.cli.options import LiveReport, ResultsFolder, Workers, cores, parse_overrides
 from rudc.cli.verify import verify_folder
 from rudc.errors import InputError
@@ -248,5 +248,5 @@ def _report(result: SweepResult, as_json: bool) -> None:
         kinds = dict.fromkeys(row["error"].partition(TRACEBACK)[0] for row in result.errors)
         warn(f"{len(result.errors)} of {episodes} episodes failed, in {len(kinds)} way(s); the first:")
         warn(f"  {result.errors[0]['error']}")
-        warn("--resume tries them again")
+        warn(TRIED_AGAIN)
         raise typer.Exit(1)

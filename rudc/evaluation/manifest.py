@@ -181,9 +181,10 @@ def resumed(old: Mapping[str, Any], new: Mapping[str, Any], folder: Path) -> dic
         shown = "\n".join(f"  {line}" for line in differences[:12])
         more = f"\n  and {len(differences) - 12} more" if len(differences) > 12 else ""
         what = "search" if "search" in there else "sweep"
+        mixed = "; rows of old and new code would mix" if any(map(_OF_CODE.match, differences)) else ""
         raise SweepError(
             f"{folder} holds another {what}; it differs in\n{shown}{more}\n"
-            "Give the same command as before to resume it, or another --out to start anew"
+            f"Give the same command as before to resume it, or another --out to start anew{mixed}"
         )
     result = {**old, "configuration": there}
     known = [old.get("versions"), *old.get("resumed_with", [])]
@@ -198,6 +199,8 @@ def version_changes(content: Mapping[str, Any]) -> list[str]:
     return [f"{name} {first[name]} -> {now}" for name, now in last.items() if first.get(name, now) != now]
 
 
+_OF_CODE = re.compile(r"agents\..*\.(source: |imports\.)|imported\.|plugins\.")
+"""how the line of a difference begins that is about code which is not RUDC's"""
 _NAMED = ("scenarios", "agents", "plugins")
 """the parts of a sweep's configuration that are mappings by name"""
 

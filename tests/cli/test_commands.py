@@ -299,6 +299,7 @@ def test_failed_episodes_are_named_and_end_with_1(rudc, tmp_path):
     assert answer.status == 1
     assert "failed: crowded, follower, seed 0" in answer.err
     assert "1 of 1 episodes failed" in answer.err
+    assert "tries them again; where you change code of your own to mend them, give a new --out" in answer.err
     (row,) = read_table(tmp_path / "out" / "episodes.csv")
     assert "no safe start" in row["error"]
 
