@@ -26,6 +26,7 @@ import sys
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator, MutableMapping
+from contextlib import contextmanager
 from functools import lru_cache
 from importlib.machinery import PathFinder
 from importlib.metadata import EntryPoint, entry_points
@@ -48,6 +49,10 @@ T = TypeVar("T")
 
 _asked: dict[str, None] = {}
 _groups: set[str] = set()
+_broken: set[str] = set()
+"""groups of which something was left out"""
+_tell: Callable[[str], None] | None = None
+"""is told of what is left out; None where it is refused"""
 
 
 def import_source(source: str) -> ModuleType:
@@ -183,6 +188,28 @@ def load_entry(entry: EntryPoint, error: type[InputError] = InputError) -> Any:
         ) from failed
 
 
+@contextmanager
+def leaving_out(tell: Callable[[str], None]) -> Iterator[None]:
+    """In the block, what installed packages offer and cannot be imported is left out, and `tell` is told why
+    in a line: for lists of what there is. Afterwards it is refused, as before.
+    """
+    global _tell
+    before, _tell = _tell, tell
+    try:
+        yield
+    finally:
+        _tell = before
+        _groups.difference_update(_broken)
+        _broken.clear()
+
+
+def leave_out(error: InputError) -> None:
+    """Say that something is left out, and why, in a block of `leaving_out`; anywhere else raise the error."""
+    if _tell is None:
+        raise error
+    _tell(" ".join(str(error).split()))
+
+
 def import_offered(group: str) -> None:
     """Import, once, all that installed packages offer in a group of entry points. Raises InputError."""
     if group in _groups:
@@ -190,7 +217,11 @@ def import_offered(group: str) -> None:
     _groups.add(group)  # before, as what is imported may ask for the same
     try:
         for entry in entry_points(group=group):
-            load_entry(entry)
+            try:
+                load_entry(entry)
+            except InputError as error:
+                leave_out(error)
+                _broken.add(group)
     except BaseException:
         _groups.remove(group)
         raise

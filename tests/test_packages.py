@@ -82,7 +82,7 @@ def test_events_algorithms_and_barriers_of_a_package_are_as_ours(installed, tmp_
 @pytest.mark.parametrize(
     ("kind", "order"),
     [
-        ("event", ("scenario", "keys")),
+        ("event", ("scenario", "schema")),
         ("algorithm", ("train", "sac", "--out", "out")),
         ("barrier", ("agent", "show", "follower+ttcbf")),
     ],
@@ -95,3 +95,38 @@ def test_a_package_that_cannot_be_imported_is_named(installed, kind, order):
     said = " ".join(ended.stderr.split())
     assert f"package brought: its entry point `mine = own_{kind}` of rudc.{kind}s cannot be" in said
     assert "No module named 'nothing_of_that_name'" in said
+
+
+def test_lists_go_without_what_cannot_be_imported(installed):
+    for kind in ("event", "algorithm"):
+        (installed.site / f"own_{kind}.py").write_text("import nothing_of_that_name\n", encoding="utf-8")
+    offer(
+        installed.site,
+        f"{OFFERS}[rudc.agents]\ngone = own_barrier:Gone\nfollower = own_barrier:Mine\n",
+        "other",
+    )
+    ended = installed("-m", "rudc", "agent", "list", "--json")
+    assert ended.returncode == 0, ended.stderr
+    listed = [entry["name"] for entry in json.loads(ended.stdout)]
+    assert {"follower", "rudc-t", "sac"} < set(listed)
+    assert not {"gone", "brought-sac"} & set(listed)
+    warnings = sorted(ended.stderr.splitlines())
+    assert [w.partition(":")[0] for w in warnings] == ["warning"] * 4
+    assert warnings[0].startswith(
+        "warning: left out: the installed package brought: its entry point `mine = "
+    )
+    assert "other: its entry point `gone = own_barrier:Gone` of rudc.agents cannot be imported" in warnings[1]
+    assert (
+        warnings[3]
+        == "warning: the agent 'follower' of the installed package other is not used: it is RUDC's own"
+    )
+    for order, there in ((("list",), "sudden_brake"), (("keys", "hard_brake"), "deceleration")):
+        ended = installed("-m", "rudc", "scenario", *order)
+        assert ended.returncode == 0, ended.stderr
+        assert there in ended.stdout
+        assert (
+            ended.stderr.count("warning: left out: the installed package ")
+            == len(ended.stderr.splitlines())
+            == 2
+        )
+    assert installed("-m", "rudc", "run", "sudden_brake", "--agent", "sumo").returncode == 2

@@ -113,6 +113,25 @@ def _find(name: str) -> MakeAgent:
     return load_entry(_installed()[name], AgentError)
 
 
+def offered_in_vain() -> list[str]:
+    """A line for each agent of an installed package whose name means another agent: RUDC's own, or one of a
+    package that is found after it.
+    """
+    found = []
+    for entry in entry_points(group=GROUP):
+        package, used = _package(entry), _package(_installed()[entry.name])
+        what = f"the agent {entry.name!r} of the installed package {package} is not used"
+        if entry.name in SHIPPED:
+            found.append(f"{what}: it is RUDC's own")
+        elif used != package:
+            found.append(f"{what}: {used} offers one, too")
+    return found
+
+
+def _package(entry: EntryPoint) -> str:
+    return entry.dist.name if entry.dist else "?"
+
+
 @cache
 def _installed() -> dict[str, EntryPoint]:
     """Those that installed packages bring, by name."""

@@ -14,6 +14,8 @@ from typing import Any, Literal
 
 from rudc.agents.checkpoint import load_learnt, shipped_checkpoints
 from rudc.agents.drivers import SHIPPED, driver_names, driver_summary
+from rudc.errors import AgentError
+from rudc.imports import leave_out
 from rudc.learning.algorithms import ALGORITHMS, Algorithm
 
 REFERENCE = "rudc-t"
@@ -54,10 +56,12 @@ class Entry:
 
 
 def entries() -> list[Entry]:
-    """Drivers, then for each algorithm its shipped agents, or itself where none is shipped."""
+    """Drivers, then for each algorithm its shipped agents, or itself where none is shipped. In a block of
+    `leaving_out` without what cannot be imported; elsewhere raises InputError.
+    """
     shipped = [_shipped(name, folder) for name, folder in shipped_checkpoints().items()]
     return [
-        *(_driver(name) for name in driver_names()),
+        *_drivers(),
         *(
             entry
             for name, algorithm in ALGORITHMS.items()
@@ -66,8 +70,12 @@ def entries() -> list[Entry]:
     ]
 
 
-def _driver(name: str) -> Entry:
-    return Entry(name, "rule-based" if name in SHIPPED else "added", driver_summary(name))
+def _drivers() -> Iterator[Entry]:
+    for name in driver_names():
+        try:
+            yield Entry(name, "rule-based" if name in SHIPPED else "added", driver_summary(name))
+        except AgentError as error:
+            leave_out(error)
 
 
 def _trainable(name: str, algorithm: Algorithm) -> Entry:

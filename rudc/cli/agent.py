@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rudc.cli.complete import complete_agents
-from rudc.cli.console import AsJson, Quiet, note, print_json, print_table
+from rudc.cli.console import AsJson, Quiet, broken_left_out, note, print_json, print_table, warn
 
 if TYPE_CHECKING:
     from rudc.training.calibration import Limits
@@ -28,10 +28,14 @@ def list_(
 
     **Example**: `rudc agent list --json | jq -r '.[] | select(.status == "trainable") | .name'`
     """
+    from rudc.agents.drivers import offered_in_vain
     from rudc.agents.filtered import FILTERS
     from rudc.agents.listing import entries
 
-    found = entries()
+    with broken_left_out():
+        found = entries()
+    for text in offered_in_vain():
+        warn(f"warning: {text}")
     if as_json:
         print_json([asdict(entry) for entry in found])
         return

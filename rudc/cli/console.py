@@ -75,6 +75,17 @@ def warn(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
+@contextlib.contextmanager
+def broken_left_out() -> Iterator[None]:
+    """A list of what there is: without what installed packages offer and cannot be imported, which is warned
+    of.
+    """
+    from rudc.imports import leaving_out
+
+    with leaving_out(lambda text: warn(f"warning: left out: {text}")):
+        yield
+
+
 def note_sweep(scenario: Scenario) -> None:
     """Say of a scenario that sweeps what a single episode of it makes of that."""
     from rudc.hints import listed

@@ -13,7 +13,17 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from rudc.cli.complete import complete_scenarios
-from rudc.cli.console import AsJson, Quiet, console, note, note_sweep, print_json, print_table, warn
+from rudc.cli.console import (
+    AsJson,
+    Quiet,
+    broken_left_out,
+    console,
+    note,
+    note_sweep,
+    print_json,
+    print_table,
+    warn,
+)
 from rudc.cli.options import Overrides, parse_overrides
 from rudc.errors import InputError, ScenarioError
 
@@ -41,7 +51,8 @@ def list_(
     from rudc.scenario import find_scenarios, shipped_scenarios
     from rudc.scenario.dotted import value_text
 
-    found = find_scenarios(patterns or list(shipped_scenarios()))
+    with broken_left_out():
+        found = find_scenarios(patterns or list(shipped_scenarios()))
     if as_json:
         print_json([_listed(scenario) for scenario in found])
         return
@@ -109,10 +120,12 @@ def keys(
 
     from rudc.scenario.keys import sections
 
+    with broken_left_out():
+        found = sections(topic)
     if as_json:
-        print_json([asdict(section) for section in sections(topic)])
+        print_json([asdict(section) for section in found])
         return
-    for k, section in enumerate(sections(topic)):
+    for k, section in enumerate(found):
         console().print(f"{chr(10) * bool(k)}{section.name}: {section.text}", markup=False)
         rows = [
             [escape(text) for text in (key.name, key.type, key.unit, key.default, key.text)]

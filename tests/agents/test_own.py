@@ -1,5 +1,6 @@
 """Agents of other people: by the place of their class, registered, of packages; and what they answer."""
 
+import re
 import sys
 
 import numpy as np
@@ -273,3 +274,15 @@ def test_public_names():
     assert all(callable(getattr(rudc, name)) for name in rudc.PUBLIC)
     with pytest.raises(AttributeError, match="no_such_thing"):
         _ = rudc.no_such_thing
+
+
+def test_agents_of_packages_whose_name_means_another_are_told(tmp_path, monkeypatch):
+    for name in ("one", "two"):
+        offer(tmp_path, "[rudc.agents]\nsteady = mine:Steady\n", name)
+    monkeypatch.syspath_prepend(tmp_path)
+    drivers._installed.cache_clear()
+    (told,) = drivers.offered_in_vain()
+    drivers._installed.cache_clear()
+    assert re.fullmatch(
+        r"the agent 'steady' of the installed package (one|two) is not used: (one|two) offers one, too", told
+    )

@@ -72,14 +72,18 @@ class EventKinds(Mapping[str, type[Event]]):
 EVENT_KINDS = EventKinds()
 
 
-@cache
 def _discover() -> None:
     """Import the files of this package, and what installed packages offer."""
+    _import_own()
+    import_offered(PLUGINS)
+
+
+@cache
+def _import_own() -> None:
     package = importlib.import_module(__package__ or "")
     for module in pkgutil.iter_modules(package.__path__):
         if module.name not in _NOT_KINDS:
             importlib.import_module(f"{package.__name__}.{module.name}")
-    import_offered(PLUGINS)
 
 
 class _ByKind:
