@@ -28,7 +28,13 @@ class AgentError(InputError):
     """No such agent or checkpoint, or it does not fit."""
 
 
-class AgentFailedError(RudcError):
+class PartFailedError(RudcError):
+    """A part that is not RUDC's (a barrier, a correction, an event, ...) raised an exception, or answered
+    what cannot be used; the text says which part, when, and what it was.
+    """
+
+
+class AgentFailedError(PartFailedError):
     """An agent raised an exception, or answered what is no action; the text says when, and where in it."""
 
 

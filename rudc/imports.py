@@ -34,7 +34,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Generic, TypeVar
 
-from rudc.errors import InputError
+from rudc.errors import InputError, PartFailedError, RudcError
 from rudc.hints import did_you_mean
 
 PREFIX = "rudc_own_"
@@ -283,6 +283,38 @@ def in_words(error: BaseException) -> str:
     frames = traceback.extract_tb(error.__traceback__)
     place = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
     return f"{type(error).__name__}: {error}{place}"
+
+
+def is_own(thing: Any) -> bool:
+    """Whether the class of a thing is not RUDC's, so that what it answers is looked at."""
+    return not type(thing).__module__.startswith("rudc.")
+
+
+def ask_own(who: str, time_s: float | None, method: str, call: Callable[[], T]) -> T:
+    """What code of other people answers. Raises PartFailedError, with `who` it is and the time in the episode
+    (None: in none), where that raises anything but an error of ours.
+    """
+    try:
+        return call()
+    except RudcError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise PartFailedError(f"{_at(who, time_s)}: {method} raised {in_words(error)}") from error
+
+
+def refused(who: str, time_s: float | None, method: str, told: str, wanted: str) -> PartFailedError:
+    """The error for an answer of other people's code: what is `told` of it, and what was `wanted`."""
+    return PartFailedError(f"{_at(who, time_s)}: {method} answered {told}, where {wanted} was expected")
+
+
+def shortened(answer: Any) -> str:
+    """What somebody's code answered, in one line of a message."""
+    text = " ".join(repr(answer).split())
+    return text if len(text) <= 80 else f"{text[:77]}..."
+
+
+def _at(who: str, time_s: float | None) -> str:
+    return who if time_s is None else f"{who} at {time_s:.1f} s"
 
 
 def _file(source: str) -> ModuleType:

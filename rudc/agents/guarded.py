@@ -14,7 +14,7 @@ from rudc.agents.base import Agent, Decision, EgoDriver
 from rudc.arrays import Array
 from rudc.env.action import numbers_of
 from rudc.errors import AgentFailedError
-from rudc.imports import in_words
+from rudc.imports import in_words, shortened
 from rudc.world.ego import within_limits
 from rudc.world.scene import Scene
 
@@ -49,7 +49,7 @@ class GuardedAgent:
         if u.shape == (2,) and np.isfinite(u).all():
             return np.array(within_limits(scene.network.vehicle, *u.tolist()))
         raise AgentFailedError(
-            f"agent {self.name} at {scene.time_s:.1f} s: act answered {_short(answer)}, where two finite "
+            f"agent {self.name} at {scene.time_s:.1f} s: act answered {shortened(answer)}, where two finite "
             "numbers were expected (acceleration m/s2, front-wheel angle rad), or a Decision of them"
         )
 
@@ -62,8 +62,3 @@ class GuardedAgent:
             raise AgentFailedError(
                 f"agent {self.name} at {scene.time_s:.1f} s: {method} raised {in_words(error)}"
             ) from error
-
-
-def _short(answer: Any) -> str:
-    text = " ".join(repr(answer).split())
-    return text if len(text) <= 80 else f"{text[:77]}..."

@@ -15,7 +15,7 @@ from types import FrameType
 from rudc.agents.base import Agent
 from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode
-from rudc.errors import AgentError, AgentFailedError, RudcError
+from rudc.errors import AgentError, PartFailedError, RudcError
 from rudc.evaluation.compiled import compile_kernels
 from rudc.evaluation.manifest import agent_digest
 from rudc.evaluation.record import EpisodeRecord
@@ -64,7 +64,7 @@ class EpisodeRunner:
             reason, told = f"no result within {self._limit_s:g} s; it was at {where}", _lines(error)
         except RudcError as error:
             reason, told = str(error), ""
-            if isinstance(error, AgentFailedError):
+            if isinstance(error, PartFailedError):
                 told = _lines(error.__cause__ or error)
         except Exception as error:  # a defect of ours: the other episodes go on
             reason, told = in_words(error), _lines(error)

@@ -10,10 +10,12 @@ import numpy as np
 
 from rudc.arrays import Array, Flags
 from rudc.env.tracking import steering
+from rudc.imports import is_own
 from rudc.safety.barrier import Barrier, Found, Terms
 from rudc.safety.barriers import BARRIERS
 from rudc.safety.clearance import Bodies, Clearance, clearance_terms, ego_pose
 from rudc.safety.config import FilterConfig
+from rudc.safety.guarded import GuardedBarrier, GuardedClearance, refuse_alike
 from rudc.safety.rows import RowWeights, affine_rows
 from rudc.world.scene import Scene
 
@@ -77,8 +79,15 @@ class ConstraintBuilder:
 
     def __init__(self, config: FilterConfig) -> None:
         barriers = [BARRIERS[name](settings) for name, settings in config.barriers.items()]
-        self._clearances = [barrier for barrier in barriers if isinstance(barrier, Clearance)]
-        self._others = [barrier for barrier in barriers if not isinstance(barrier, Clearance)]
+        self._clearances = [
+            GuardedClearance(barrier) if is_own(barrier) else barrier
+            for barrier in barriers if isinstance(barrier, Clearance)
+        ]  # fmt: skip
+        self._others = [
+            GuardedBarrier(barrier) if is_own(barrier) else barrier
+            for barrier in barriers if not isinstance(barrier, Clearance)
+        ]  # fmt: skip
+        self._has_own = any(map(is_own, barriers))
 
     def build(self, scene: Scene) -> Constraints:
         """The constraints of this scene."""
@@ -88,6 +97,8 @@ class ConstraintBuilder:
             found = barrier.find(scene)
             parts.append(Part(barrier, found, slice(len(names), len(names) + len(found.names))))
             names += found.names
+        if self._has_own and len({*names}) < len(names):
+            refuse_alike(scene, [part.barrier for part in parts], names)
         near = sum(len(part.found.names) for part in parts[: len(self._clearances)])
         bodies, mode = Bodies.empty(near), np.zeros(len(names))
         for barrier, (_, found, rows) in zip(self._clearances, parts, strict=False):

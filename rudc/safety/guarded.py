@@ -1,0 +1,122 @@
+"""Keeps watch over barriers that are not RUDC's: what they answer fits together, or there is an error that
+says whose answer does not, and how.
+
+The filter puts the numbers of all barriers into one table, row behind row. An array that is too long or too
+short would move the rows of the others.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from rudc.arrays import Array, Flags
+from rudc.imports import ask_own, refused, shortened
+from rudc.safety.barrier import Barrier, Found, Terms
+from rudc.safety.clearance import Bodies, Clearance
+from rudc.world.scene import Scene
+
+_FLOAT = np.dtype(np.float64)
+
+
+class GuardedBarrier(Barrier):
+    """A barrier of other people's; it fails by PartFailedError."""
+
+    def __init__(self, inner: Barrier) -> None:
+        super().__init__(inner.settings)
+        self.inner = inner
+        self._who = f"barrier {inner.name}"
+        for fixed in ("name", "as_road", "inputs"):
+            setattr(self, fixed, getattr(inner, fixed))
+
+    def find(self, scene: Scene) -> Found:
+        """Its own, with names that can be told apart."""
+        found: Any = self._ask("find", scene, lambda: self.inner.find(scene))
+        if isinstance(found, Found) and _different_texts(found.names):
+            return found
+        raise refused(
+            self._who, scene.time_s, "find", shortened(found), "a `Found` of a tuple of different names"
+        )
+
+    def terms(self, scene: Scene, found: Found) -> Terms:
+        """Its own: for each name a number of each."""
+        terms: Any = self._ask("terms", scene, lambda: self.inner.terms(scene, found))
+        if not isinstance(terms, Terms):
+            raise refused(self._who, scene.time_s, "terms", shortened(terms), "`Terms`")
+        wanted = (len(found.names),)
+        for array in terms if terms.lg_a is not None else terms[:9]:
+            if not (type(array) is np.ndarray and array.shape == wanted and array.dtype is _FLOAT):
+                return self._mended(scene, terms, wanted)
+        return terms
+
+    def in_conflict(self, scene: Scene, found: Found) -> Flags:
+        """Its own: for each name whether it is."""
+        flags: Any = self._ask("in_conflict", scene, lambda: self.inner.in_conflict(scene, found))
+        if isinstance(flags, np.ndarray) and flags.shape == (len(found.names),) and flags.dtype == np.bool_:
+            return flags
+        wanted = f"an array of {len(found.names)} truth values (one for each name that find gave)"
+        raise refused(self._who, scene.time_s, "in_conflict", shortened(flags), wanted)
+
+    def on_path(self, scene: Scene) -> Scene | None:
+        """Its own."""
+        followed: Any = self._ask("on_path", scene, lambda: self.inner.on_path(scene))
+        if followed is None or isinstance(followed, Scene):
+            return followed
+        raise refused(self._who, scene.time_s, "on_path", shortened(followed), "a `Scene` or None")
+
+    def features(self, scene: Scene, found: Found, part: Any, xi: Array) -> None:
+        """Its own."""
+        self._ask("features", scene, lambda: self.inner.features(scene, found, part, xi))
+
+    def _mended(self, scene: Scene, terms: Terms, wanted: tuple[int]) -> Terms:
+        """The same as arrays of floats. Raises PartFailedError where that changes more than their type."""
+        mended: dict[str, Array] = {}
+        for name, given in terms._asdict().items():
+            if given is None and name == "lg_a":
+                continue
+            try:
+                array = np.asarray(given)
+            except (TypeError, ValueError):
+                array = np.asarray(None)
+            if array.dtype.kind not in "biuf":
+                raise refused(
+                    self._who, scene.time_s, "terms", f"{name} = {shortened(given)}", "an array of numbers"
+                )
+            if array.shape != wanted:
+                told, asked = (
+                    f"{name} of shape {array.shape}",
+                    f"shape {wanted} (a number for each name that find gave)",
+                )
+                raise refused(self._who, scene.time_s, "terms", told, asked)
+            mended[name] = array.astype(np.float64)
+        return Terms(**mended)
+
+    def _ask(self, method: str, scene: Scene, call: Any) -> Any:
+        return ask_own(self._who, scene.time_s, method, call)
+
+
+class GuardedClearance(GuardedBarrier, Clearance):
+    """The same of the family that keeps a distance."""
+
+    def __init__(self, inner: Clearance) -> None:
+        super().__init__(inner)
+        self._fill = inner.fill
+
+    def fill(self, scene: Scene, found: Found, to: Bodies) -> None:
+        """Its own."""
+        self._ask("fill", scene, lambda: self._fill(scene, found, to))
+
+
+def refuse_alike(scene: Scene, barriers: Iterable[Barrier], names: Sequence[str]) -> None:
+    """Raise PartFailedError where two barriers give a constraint the same name."""
+    alike = sorted(name for name, times in Counter(names).items() if times > 1)
+    if alike:
+        who = f"barriers {', '.join(barrier.name for barrier in barriers)}"
+        raise refused(who, scene.time_s, "find", f"the name {alike[0]!r} twice", "a name of its own for each")
+
+
+def _different_texts(names: Any) -> bool:
+    return type(names) is tuple and {*map(type, names)} <= {str} and len({*names}) == len(names)
