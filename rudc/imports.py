@@ -304,7 +304,7 @@ def ask_own(who: str, time_s: float | None, method: str, call: Callable[[], T]) 
 
 def refused(who: str, time_s: float | None, method: str, told: str, wanted: str) -> PartFailedError:
     """The error for an answer of other people's code: what is `told` of it, and what was `wanted`."""
-    return PartFailedError(f"{_at(who, time_s)}: {method} answered {told}, where {wanted} was expected")
+    return PartFailedError(f"{_at(who, time_s)}: {method} answered {told}; expected {wanted}")
 
 
 def shortened(answer: Any) -> str:

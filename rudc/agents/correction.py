@@ -13,9 +13,11 @@ from typing import Annotated, Any, Literal
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, ConfigDict, Field, SerializeAsAny
 
+from rudc.agents.guarded import GuardedCorrection
 from rudc.agents.seat import ADJUSTMENT, Correction, CorrectionKind, Critics, Percentiles, Proposal
 from rudc.arrays import Arrays
 from rudc.env.action import ActionKind
+from rudc.imports import is_own
 from rudc.kinds import Kinds, of_kind, read_kind
 from rudc.learning.algorithms import ALGORITHMS
 from rudc.safety.config import FilterConfig
@@ -140,6 +142,19 @@ def known_corrections() -> Kinds[CorrectionKind]:
 def read_correction(value: str | Mapping[str, Any] | CorrectionKind) -> CorrectionKind:
     """The settings that a name, or a mapping of `kind` and settings, stands for. Raises InputError."""
     return read_kind(value, known_corrections(), CorrectionKind, "correction")
+
+
+def make_correction(
+    settings: CorrectionKind,
+    arrays: Mapping[str, NDArray],
+    percentiles: Percentiles = None,
+    action: ActionKind = ADJUSTMENT,
+) -> Correction | None:
+    """What `settings.make` gives, watched if it is not RUDC's."""
+    made = settings.make(arrays, percentiles, action)
+    if made is None or not is_own(made):
+        return made
+    return GuardedCorrection(made, type(settings).model_fields["kind"].default)
 
 
 CorrectionSettings = Annotated[

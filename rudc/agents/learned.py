@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from rudc.agents.base import Decision, EgoDriver
 from rudc.agents.checkpoint import load_learnt
 from rudc.agents.config import AgentConfig
-from rudc.agents.correction import Proposal
+from rudc.agents.correction import Proposal, make_correction
 from rudc.agents.route_sigma import RouteSigma
 from rudc.agents.variation import vary
 from rudc.arrays import Array, Floats
@@ -65,7 +65,7 @@ class LearnedAgent:
         self.urge: Callable[[Scene, Array], Array] | None = None
         """see `rudc.agents.outlook.Urged`"""
         self._decider = Decider(config.learner, config.problem().layout, arrays)
-        self.correction = config.correction.make(arrays, percentiles, config.action)
+        self.correction = make_correction(config.correction, arrays, percentiles, config.action)
         self.load(arrays, percentiles)
 
     def load(self, arrays: Mapping[str, NDArray], percentiles: tuple[float, float] | None = None) -> None:
@@ -106,7 +106,7 @@ class LearnedAgent:
             observation = observe_flat(scene, self.config.observation)
         clock.append(time.perf_counter())
         proposed = self._decider.action(observation, rng)
-        u_rl = self.config.action.physical(proposed, scene)
+        u_rl = self.config.action.u_of(proposed, scene)
         if self.urge is not None:
             u_rl = self.urge(scene, u_rl)
         clock.append(time.perf_counter())
@@ -123,7 +123,7 @@ class LearnedAgent:
             corrected = self.correction.correct(scene, proposal, critics)
             u = corrected.u
             same = u[0] == u_rl[0] and u[1] == u_rl[1]
-            executed = proposed if same else self.config.action.normalised(u, scene).astype(np.float32)
+            executed = proposed if same else self.config.action.action_of(u, scene).astype(np.float32)
         clock.append(time.perf_counter())
         parts = ("observation", "policy", "critic", "correction")
         timing = {part: 1000.0 * float(clock[i + 1] - clock[i]) for i, part in enumerate(parts)}

@@ -18,6 +18,7 @@ from rudc.env.action import ActionKind
 from rudc.env.reward import scene_cost
 from rudc.errors import AgentError
 from rudc.safety.corrected import Corrected
+from rudc.safety.guarded import answer_of
 from rudc.safety.qp import Problem, SolverName, make_solver
 from rudc.world.scene import Scene
 
@@ -120,7 +121,7 @@ class OfActions:
         if found is None:
             return Corrected(proposal.u, np.zeros(2), "nominal")
         action, status, infeasible = found
-        u = self._means.physical(action, scene)
+        u = self._means.u_of(action, scene)
         return Corrected(u, u - proposal.u, status, infeasible=infeasible)
 
 
@@ -169,6 +170,7 @@ class QpslCorrection(OfActions):
     def __init__(self, settings: QpslSettings, action: ActionKind = ADJUSTMENT) -> None:
         super().__init__(action)
         self._limit, self._solver = settings.cost_limit, make_solver(settings.solver)
+        self._name = settings.solver
 
     def instead(
         self, scene: Scene, observation: Floats, action: Floats, critics: Critics
@@ -184,5 +186,6 @@ class QpslCorrection(OfActions):
             return least.astype(np.float32), "projected", True
         one = np.ones(2)
         row, bound = -g[None] / length, np.array([-room / length])
-        found = self._solver.solve(Problem(np.eye(2), -action.astype(float), row, bound, -one, one))
+        problem = Problem(np.eye(2), -action.astype(float), row, bound, -one, one)
+        found = answer_of(self._solver, self._name, problem, scene.time_s)
         return (found.x if found.found else least).astype(np.float32), "projected", not found.found

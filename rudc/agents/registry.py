@@ -19,6 +19,7 @@ from rudc.agents.checkpoint import (
     learnt_summary,
     shipped_checkpoints,
 )
+from rudc.agents.correction import make_correction
 from rudc.agents.drivers import (
     driver_names,
     driver_settings,
@@ -69,7 +70,7 @@ def make_agent(name: str) -> Agent:
         driver = load_learned(name, _folder(base), {} if suffix else others)
         outlook = driver.config.outlook
     if suffix:
-        correction = filter_behind(suffix, others).make({})
+        correction = make_correction(filter_behind(suffix, others), {})
         assert correction is not None
         driver = FilteredAgent(driver, name, correction)
     return with_outlook(driver, name, outlook_with(outlook, shown))

@@ -8,7 +8,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from rudc.agents.correction import CorrectionKind, Proposal, read_correction
+from rudc.agents.correction import CorrectionKind, Proposal, make_correction, read_correction
 from rudc.arrays import Array
 from rudc.env.intersection import IntersectionEnv
 from rudc.errors import InputError
@@ -42,7 +42,7 @@ class SafetyFilterWrapper(gymnasium.Wrapper):
         if settings.asks:
             asked = " and ".join(settings.asks)
             raise InputError(f"a correction that asks the critics for {asked} needs a learnt agent")
-        made = settings.make({}, action=self.unwrapped.action)
+        made = make_correction(settings, {}, action=self.unwrapped.action)
         if made is None:
             raise InputError("SafetyFilterWrapper: correction `none` corrects nothing")
         self._env, self._correction = self.unwrapped, made
@@ -67,7 +67,7 @@ class SafetyFilterWrapper(gymnasium.Wrapper):
             "status": done.status,
             "u_rl": done.u - done.correction,
             "u": done.u,
-            "action": self._env.action.normalised(done.u, scene).astype(np.float32),
+            "action": self._env.action.action_of(done.u, scene).astype(np.float32),
             "active": done.active,
             "h": float(done.h.min(initial=np.inf)),
             "infeasible": done.infeasible,

@@ -13,8 +13,9 @@ samples all take the same kinds; a further one is a class here or elsewhere and 
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -23,6 +24,7 @@ from pydantic import BeforeValidator, Field, SerializeAsAny
 
 from rudc.arrays import Array, Floats
 from rudc.env.tracking import steering
+from rudc.imports import ask_own, is_own, refused, shortened
 from rudc.kinds import of_kind, read_kind
 from rudc.settings import Settings
 from rudc.world.scene import Scene
@@ -54,6 +56,28 @@ class ActionKind(Settings):
     @abstractmethod
     def normalised(self, u: Array, scene: Scene) -> Array:
         """(2,) the action that stands for u (2,), m/s2 and rad, or for the nearest that is reached."""
+
+    def u_of(self, action: Action, scene: Scene) -> Array:
+        """What `physical` answers. Raises PartFailedError where a kind that is not RUDC's answers anything
+        but two finite numbers.
+        """
+        if not is_own(self):
+            return self.physical(action, scene)
+        return self._looked_at("physical", scene, lambda: self.physical(action, scene))
+
+    def action_of(self, u: Array, scene: Scene) -> Array:
+        """What `normalised` answers, looked at likewise."""
+        if not is_own(self):
+            return self.normalised(u, scene)
+        return self._looked_at("normalised", scene, lambda: self.normalised(u, scene))
+
+    def _looked_at(self, method: str, scene: Scene, call: Callable[[], Any]) -> Array:
+        who = f"action kind {self.name}"
+        answer = ask_own(who, scene.time_s, method, call)
+        numbers = two_numbers(answer)
+        if numbers is None:
+            raise refused(who, scene.time_s, method, shortened(answer), "two finite numbers")
+        return numbers
 
 
 class Direct(ActionKind):
@@ -97,13 +121,30 @@ class Adjustment(ActionKind):
 
 
 def numbers_of(answer: Any) -> Array:
-    """What somebody answers for an action, as an array. Raises TypeError or ValueError for anything but
-    numbers, texts that NumPy would read as numbers included.
+    """What somebody answers for an action, as an array. Raises TypeError for anything but real numbers, texts
+    that NumPy would read as numbers included.
     """
-    given = np.asarray(answer)
-    if given.dtype.kind not in "biuf" and any(isinstance(part, str | bytes) for part in given.flat):
-        raise TypeError("a text is no number")
-    return given.astype(np.float64, copy=False)
+    try:
+        given = np.asarray(answer)
+        if given.dtype.kind not in "biuf" and any(isinstance(part, str | bytes) for part in given.flat):
+            raise TypeError("a text is no number")
+        if given.dtype.kind == "c":
+            raise TypeError("a complex number is no number of these")
+        return given.astype(np.float64, copy=False)
+    except Exception as error:  # whatever a class of somebody's raises when it is to become an array
+        raise TypeError(str(error)) from error
+
+
+def two_numbers(answer: Any) -> Array | None:
+    """(2,) what somebody answers for an action; None if that is anything but two finite numbers."""
+    if type(answer) is np.ndarray and answer.shape == (2,) and answer.dtype == np.float64:
+        numbers = answer  # what nearly all are
+    else:
+        try:
+            numbers = numbers_of(answer)
+        except TypeError:
+            return None
+    return numbers if numbers.shape == (2,) and all(map(math.isfinite, numbers.tolist())) else None
 
 
 ACTIONS: dict[str, type[ActionKind]] = {"direct": Direct, "adjustment": Adjustment}

@@ -257,7 +257,7 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         shape, or not finite.
         """
         _refuse_no_action(action, self.action_space.shape)
-        u = self.action.physical(action, self.scene)
+        u = self.action.u_of(action, self.scene)
         return self._apply(u if self.correct is None else self.correct(self.scene, action, u))
 
     def step_physical(self, u: Array) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -366,8 +366,10 @@ def _refuse_no_action(action: Any, wanted: tuple[int, ...] | None) -> None:
         return
     try:
         given = numbers_of(action)
-    except (TypeError, ValueError):
-        raise InputError(f"action {action!r} is no array of numbers; give one of shape {wanted}") from None
+    except TypeError as error:
+        raise InputError(
+            f"action {action!r} is no array of numbers ({error}); give one of shape {wanted}"
+        ) from None
     if given.shape != wanted:
         raise InputError(f"action {action!r} has the shape {given.shape}, not {wanted}")
     if not np.isfinite(given).all():

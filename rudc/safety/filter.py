@@ -46,6 +46,7 @@ from rudc.safety.barrier import Terms
 from rudc.safety.config import FilterConfig
 from rudc.safety.constraints import ConstraintBuilder, Constraints
 from rudc.safety.corrected import Corrected
+from rudc.safety.guarded import answer_of
 from rudc.safety.kernels import all_finite
 from rudc.safety.last_resort import Instead, LastResort
 from rudc.safety.qp import TOLERANCE, Problem, Solution, make_solver
@@ -261,7 +262,7 @@ class SafetyFilter:
             part = _part(problem, kept)
             if hopeless or _has_none(part):
                 break
-            solution = self._solver.solve(part)
+            solution = self._answer(scene, part)
             spent_ms += solution.solve_ms
             if not solution.found:
                 break
@@ -287,15 +288,19 @@ class SafetyFilter:
         passing = (mode > 0) & ~conflict if conflict.any() else _NOBODY
         if passing.any():
             if not _has_none(_part(part, np.flatnonzero(conflict))):
-                solution = self._solver.solve(self._relaxed(part, mode, conflict))
+                solution = self._answer(scene, self._relaxed(part, mode, conflict))
                 if solution.found:
                     return solution._replace(x=_on_the_road(solution.x, part, mode)), kept
                 spent_ms = solution.solve_ms
             part, mode, kept = _part(part, np.flatnonzero(~passing)), mode[~passing], kept[~passing]
-        solution = self._solver.solve(self._relaxed(part, mode, np.zeros(len(mode), dtype=bool)))
+        solution = self._answer(scene, self._relaxed(part, mode, np.zeros(len(mode), dtype=bool)))
         if solution.found:
             solution = solution._replace(x=_on_the_road(solution.x, part, mode))
         return solution._replace(solve_ms=solution.solve_ms + spent_ms), kept
+
+    def _answer(self, scene: Scene, problem: Problem) -> Solution:
+        """The solver's."""
+        return answer_of(self._solver, self.config.solver, problem, scene.time_s)
 
     def _relaxed(self, problem: Problem, mode: Array, hard: Flags) -> Problem:
         """The same problem with a violation of every row that is not `hard` (k,) as variable, in (a, z, s_1

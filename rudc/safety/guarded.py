@@ -1,5 +1,5 @@
-"""Keeps watch over barriers that are not RUDC's: what they answer fits together, or there is an error that
-says whose answer does not, and how.
+"""Keeps watch over barriers and solvers that are not RUDC's: what they answer fits together, or there is an
+error that says whose answer does not, and how.
 
 The filter puts the numbers of all barriers into one table, row behind row. An array that is too long or too
 short would move the rows of the others.
@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from rudc.arrays import Array, Flags
-from rudc.imports import ask_own, refused, shortened
+from rudc.imports import ask_own, is_own, refused, shortened
 from rudc.safety.barrier import Barrier, Found, Terms
 from rudc.safety.clearance import Bodies, Clearance
+from rudc.safety.qp import Problem, Solution, Solver
 from rudc.world.scene import Scene
 
 _FLOAT = np.dtype(np.float64)
@@ -110,12 +111,38 @@ class GuardedClearance(GuardedBarrier, Clearance):
         self._ask("fill", scene, lambda: self._fill(scene, found, to))
 
 
+def answer_of(solver: Solver, name: str, problem: Problem, time_s: float) -> Solution:
+    """The solver's answer at that time in the episode. Raises PartFailedError for one that is not RUDC's and
+    says that it found what is no solution.
+    """
+    if not is_own(solver):
+        return solver.solve(problem)
+    who = f"QP solver {name}"
+    answer: Any = ask_own(who, time_s, "solve", lambda: solver.solve(problem))
+    if isinstance(answer, Solution) and isinstance(answer.solve_ms, int | float):
+        fits = _is_finite(answer.x, problem.q.shape) and _is_finite(answer.multipliers, problem.b.shape)
+        if fits or not answer.found:
+            return answer
+    n, m = len(problem.q), len(problem.b)
+    wanted = f"a `Solution` with {n} finite numbers as x and {m} as multipliers, or found=False"
+    raise refused(who, time_s, "solve", shortened(answer), wanted)
+
+
 def refuse_alike(scene: Scene, barriers: Iterable[Barrier], names: Sequence[str]) -> None:
     """Raise PartFailedError where two barriers give a constraint the same name."""
     alike = sorted(name for name, times in Counter(names).items() if times > 1)
     if alike:
         who = f"barriers {', '.join(barrier.name for barrier in barriers)}"
         raise refused(who, scene.time_s, "find", f"the name {alike[0]!r} twice", "a name of its own for each")
+
+
+def _is_finite(array: Any, shape: tuple[int, ...]) -> bool:
+    return (
+        isinstance(array, np.ndarray)
+        and array.shape == shape
+        and array.dtype is _FLOAT
+        and bool(np.isfinite(array).all())
+    )
 
 
 def _different_texts(names: Any) -> bool:

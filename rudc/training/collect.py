@@ -168,9 +168,9 @@ class Collector:
             return self._bounded(scene, chosen) if self._correcting else chosen
         means = self._config.action
         proposed = self._reference.act(scene)
-        action = means.normalised(proposed.u, scene) + self._training.seed_noise * rng.standard_normal(2)
+        action = means.action_of(proposed.u, scene) + self._training.seed_noise * rng.standard_normal(2)
         action = np.clip(action, -1.0, 1.0).astype(np.float32)  # as it will be learnt from
-        decision = proposed._replace(u=means.physical(action, scene))
+        decision = proposed._replace(u=means.u_of(action, scene))
         return Chosen(decision, self._seen, action, action)
 
     def _bounded(self, scene: Scene, chosen: Chosen) -> Chosen:
@@ -181,7 +181,7 @@ class Collector:
         u = self._outlook.govern(scene, decision.u, onwards=decision.onwards)
         if np.array_equal(u, decision.u):
             return chosen
-        executed = self._config.action.normalised(u, scene).astype(np.float32)
+        executed = self._config.action.action_of(u, scene).astype(np.float32)
         return chosen._replace(decision=decision._replace(u=u), executed=executed)
 
     def _transitions(

@@ -106,7 +106,7 @@ class RandomActions:
             elif slow or self._rng.random() < STARTING:
                 self._action[0] = abs(self._action[0])
         self._left -= 1
-        u = self._kind.physical(self._action, scene)
+        u = self._kind.u_of(self._action, scene)
         if self._astray is not None:
             most = scene.vehicle.delta_max
             u[1] = min(max(steering(scene) + self._astray * self._action[1], -most), most)

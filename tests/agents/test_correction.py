@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Mapping
-from typing import Literal
+from types import SimpleNamespace
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -15,12 +16,14 @@ from rudc.agents.correction import (
     CorrectionSettings,
     NoCorrection,
     Proposal,
+    make_correction,
     read_correction,
 )
 from rudc.agents.filtered import FilteredAgent
 from rudc.agents.follower import Follower
 from rudc.agents.learned import LearnedAgent
-from rudc.errors import InputError
+from rudc.agents.seat import ADJUSTMENT
+from rudc.errors import InputError, PartFailedError
 from rudc.safety.corrected import Corrected
 from rudc.safety.rules import Ecbf
 from tests.agents.learners import arrays_of, small
@@ -100,6 +103,61 @@ class Halving:
         self.seen.append((proposal, critics))
         u = proposal.u * [self.share, 1.0]
         return Corrected(u, u - proposal.u, "halved")
+
+
+class Odd(CorrectionKind):
+    """Answers what a test says."""
+
+    kind: Literal["odd"] = "odd"
+    answer: Any = None
+    """or what is raised"""
+
+    def make(self, arrays, percentiles=None, action=ADJUSTMENT) -> Any:
+        def correct(scene, proposal, critics):
+            if isinstance(self.answer, Exception):
+                raise self.answer
+            return self.answer
+
+        return SimpleNamespace(
+            load=lambda arrays, percentiles: None, reset=lambda scene, seed: None, correct=correct
+        )
+
+
+NAN, ZERO = np.array([np.nan, 0.0]), np.zeros(2)
+
+
+@pytest.mark.parametrize(
+    ("answer", "told"),
+    [
+        (Corrected(NAN, ZERO, "x"), "answered Corrected(u=array([nan, 0.])"),
+        (Corrected(ZERO, NAN, "x"), "answered Corrected(u=array([0., 0.]), correction=array([nan, 0.])"),
+        (Corrected(np.zeros(3), ZERO, "x"), "answered Corrected(u=array([0., 0., 0.])"),
+        (Corrected(ZERO, ZERO, 3), "answered Corrected(u="),  # pyright: ignore[reportArgumentType]
+        (ZERO, "answered array([0., 0.]); expected a `Corrected` with two finite numbers"),
+        (None, "answered None; expected a `Corrected`"),
+        (ValueError("mine"), "raised ValueError: mine (test_correction.py:"),
+    ],
+)
+def test_a_correction_that_answers_no_action(monkeypatch, scene_on, answer, told):
+    """Without a check the ego drove on with nan, and the row said `collision`."""
+    monkeypatch.setitem(CORRECTIONS, "odd", Odd)
+    config = small(correction=Odd(answer=answer))
+    agent = LearnedAgent("mine", config, arrays_of(config))
+    scene = scene_on("south", "left", 50.0, 4.0)
+    agent.reset(scene, 0)
+    with pytest.raises(PartFailedError) as caught:
+        agent.act(scene)
+    assert str(caught.value).startswith(f"correction odd at {scene.time_s:.1f} s: correct {told}")
+
+
+def test_a_correction_is_cut_to_what_the_vehicle_can(scene_on):
+    scene = scene_on("south", "left", 50.0, 4.0)
+    u = np.array([1.0, 0.1])
+    for answer, able in (([99.0, -9.0], [3.0, -0.6]), ([2.5, 0.2], [2.5, 0.2])):
+        made = Odd(answer=Corrected(answer, answer - u, "x"))  # pyright: ignore[reportArgumentType]
+        done = make_correction(made, {}).correct(scene, Proposal(u), None)  # pyright: ignore
+        assert done.u.tolist() == able
+        assert done.correction == pytest.approx(able - u)
 
 
 def test_another_correction_takes_the_same_seat(monkeypatch, scene_on):

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 import rudc.env  # noqa: F401  # registers the environment
 from rudc.env.action import ACTIONS, ActionSettings, Adjustment, Direct, read_action
 from rudc.env.tracking import steering
-from rudc.errors import InputError
+from rudc.errors import InputError, PartFailedError
 
 unit = st.floats(-1, 1)
 
@@ -87,5 +87,37 @@ def test_an_environment_takes_the_same_kinds():
             _, _, _, _, info = env.step(np.zeros(2, np.float32))
             assert info["scene"].last_u == pytest.approx([0.0, wanted])
         assert abs(info["scene"].ego_offset) < 0.2
+    finally:
+        env.close()
+
+
+@pytest.mark.parametrize("method", ["physical", "normalised"])
+@pytest.mark.parametrize("answer", [np.array([np.nan, 0.0]), np.zeros(3), None, "00", [1j, 0.0]])
+def test_a_kind_of_ones_own_answers_two_numbers(make_scene, method, answer):
+    odd = type("Odd", (Direct,), {method: lambda *_: answer, "__module__": "mine"})()
+    ask = odd.u_of if method == "physical" else odd.action_of
+    with pytest.raises(PartFailedError) as caught:
+        ask(np.zeros(2), make_scene())
+    told = str(caught.value)
+    assert told.startswith(
+        f"action kind direct at 3.0 s: {method} answered {' '.join(repr(answer).split())}; "
+    )
+    assert told.endswith("expected two finite numbers")
+
+
+def test_a_kind_of_ones_own_may_answer_a_list(make_scene):
+    listed = type("Listed", (Direct,), {"physical": lambda *_: [1, 0], "__module__": "mine"})()
+    assert listed.u_of(np.zeros(2), make_scene()).tolist() == [1.0, 0.0]
+
+
+def test_the_environment_refuses_such_a_kind(monkeypatch):
+    monkeypatch.setitem(
+        ACTIONS, "direct", type("Odd", (Direct,), {"physical": lambda *_: None, "__module__": "mine"})
+    )
+    env = gymnasium.make("rudc/Intersection-v0", scenario="random_destination")
+    try:
+        env.reset(seed=0)
+        with pytest.raises(PartFailedError, match=r"action kind direct at 0\.0 s: physical answered None"):
+            env.step(np.zeros(2, np.float32))
     finally:
         env.close()

@@ -1,5 +1,6 @@
 """Barriers of other people: what does not fit together is refused, and what does drives as before."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from rudc.safety.barrier import Barrier, Found, Terms
 from rudc.safety.barriers import BARRIERS
 from rudc.safety.clearance import Clearance
 from rudc.safety.filter import FilterConfig, SafetyFilter
+from rudc.safety.qp import SOLVERS, Solution
 from tests.safety.scenes import Other, make_scene
 
 
@@ -81,22 +83,20 @@ def test_a_wrong_shape_is_refused(monkeypatch, field):
     guarded = with_barriers(monkeypatch, terms_with(**{field: SHAPES[field]}), Limit)
     with pytest.raises(PartFailedError) as caught:
         guarded.filter(make_scene(time_s=4.2), np.zeros(2))
-    assert str(caught.value) == (
-        f"barrier far at 4.2 s: terms answered {field} of shape {np.shape(SHAPES[field])}, where shape (1,) "
-        "(a number for each name that find gave) was expected"
-    )
+    told = f"barrier far at 4.2 s: terms answered {field} of shape {np.shape(SHAPES[field])}; "
+    assert str(caught.value) == f"{told}expected shape (1,) (a number for each name that find gave)"
 
 
 @pytest.mark.parametrize(
     ("barrier", "told"),
     [
-        (answered("find", Found(("a", "b"))), "terms answered h of shape (1,), where shape (2,)"),
+        (answered("find", Found(("a", "b"))), "terms answered h of shape (1,); expected shape (2,)"),
         (answered("find", Found("far")), "find answered Found(names='far'"),  # pyright: ignore[reportArgumentType]
-        (answered("find", Found(("a", "a"))), "where a `Found` of a tuple of different names was expected"),
+        (answered("find", Found(("a", "a"))), "expected a `Found` of a tuple of different names"),
         (answered("find", Found((1,))), "find answered Found(names=(1,)"),  # pyright: ignore[reportArgumentType]
         (answered("find", None), "find answered None"),
-        (answered("terms", [0.0] * 9), "where `Terms` was expected"),
-        (terms_with(lf=np.array([1j])), "lf = array([0.+1.j]), where an array of numbers was expected"),
+        (answered("terms", [0.0] * 9), "expected `Terms`"),
+        (terms_with(lf=np.array([1j])), "lf = array([0.+1.j]); expected an array of numbers"),
         (terms_with(lf=None), "terms answered lf = None"),
         (terms_with(lf=["0"]), "terms answered lf = ['0']"),
         (answered("find", Found(("limit",))), "barriers vehicle, road, far, limit at 0.0 s: find"),
@@ -138,3 +138,40 @@ def test_one_that_keeps_a_distance(monkeypatch):
     broken = type("Broken", (Pole,), {"fill": lambda self, scene, found, to: to.margin.missing})
     with pytest.raises(PartFailedError, match=r"barrier pole at 0.0 s: fill raised AttributeError: "):
         with_barriers(monkeypatch, broken).filter(make_scene(), np.zeros(2))
+
+
+def nothing(problem, **other):
+    return Solution(np.zeros(len(problem.q)), True, 0.0, np.zeros(len(problem.b)), 0.0)._replace(**other)
+
+
+@pytest.mark.parametrize(
+    ("solve", "told"),
+    [
+        (
+            lambda problem: nothing(problem, x=np.full(len(problem.q), np.nan)),
+            "answered Solution(x=array([nan",
+        ),
+        (lambda problem: nothing(problem, multipliers=np.zeros(9)), "answered Solution("),
+        (
+            lambda problem: np.zeros(2),
+            "answered array([0., 0.]); expected a `Solution` with 3 finite numbers",
+        ),
+        (lambda problem: None, "answered None; expected"),
+        (lambda problem: {}["no"], "raised KeyError: 'no' (test_guarded.py:"),
+    ],
+)
+def test_a_solver_that_answers_no_solution(monkeypatch, solve, told):
+    monkeypatch.setitem(SOLVERS, "mine", lambda: SimpleNamespace(solve=solve))
+    asked = SafetyFilter(FilterConfig.preset("ttcbf", solver="mine", last_resort=False))
+    scene = make_scene([Other(12.0, 0.0, 0.0, 0.0)], time_s=1.3)
+    with pytest.raises(PartFailedError) as caught:
+        asked.filter(scene, np.array([3.0, 0.0]))
+    assert str(caught.value).startswith(f"QP solver mine at 1.3 s: solve {told}")
+
+
+def test_a_solver_that_finds_nothing_is_believed(monkeypatch):
+    found = Solution(np.array([np.nan]), False, np.inf, np.zeros(0), 0.0)
+    monkeypatch.setitem(SOLVERS, "mine", lambda: SimpleNamespace(solve=lambda problem: found))
+    asked = SafetyFilter(FilterConfig.preset("ttcbf", solver="mine", last_resort=False))
+    scene = make_scene([Other(12.0, 0.0, 0.0, 0.0)])
+    assert asked.filter(scene, np.array([3.0, 0.0])).status == "braking"
