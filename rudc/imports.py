@@ -286,8 +286,8 @@ def in_words(error: BaseException) -> str:
 
 
 def is_own(thing: Any) -> bool:
-    """Whether the class of a thing is not RUDC's, so that what it answers is looked at."""
-    return not type(thing).__module__.startswith("rudc.")
+    """Whether a function, or the class of a thing, is not RUDC's, so that what it answers is looked at."""
+    return not (thing.__module__ or "").startswith("rudc.")
 
 
 def ask_own(who: str, time_s: float | None, method: str, call: Callable[[], T]) -> T:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rudc.agents.base import Agent, Decision, EgoDriver
 from rudc.agents.seat import Correction, Critics, Percentiles, Proposal
 from rudc.arrays import Array
-from rudc.env.action import two_numbers
+from rudc.env.action import numbers_of, two_numbers
 from rudc.errors import AgentFailedError
 from rudc.imports import ask_own, in_words, refused, shortened
 from rudc.safety.corrected import Corrected
@@ -23,6 +23,22 @@ from rudc.world.ego import within_limits
 from rudc.world.scene import Scene
 
 T = TypeVar("T")
+
+
+def _is_uncertainty(stated: Any) -> bool:
+    try:
+        return numbers_of((stated.epistemic, stated.aleatoric, stated.total)).shape == (3,)
+    except (TypeError, AttributeError):
+        return False
+
+
+_UNSURE = _is_uncertainty, "an `Uncertainty` of three numbers"
+_STATED: dict[str, tuple[Callable[[Any], bool], str]] = {
+    "uncertainty": _UNSURE,
+    "by_route": _UNSURE,
+    "corrected": (lambda stated: isinstance(stated, Corrected), "a `Corrected`"),
+}
+"""parts of a decision that an agent need not state -> whether what it states will do, and what would"""
 
 
 class GuardedAgent:
@@ -43,6 +59,13 @@ class GuardedAgent:
         if not isinstance(answer, Decision):
             u = self._action(answer, scene)
             return Decision(u, u)
+        for part, (fits, wanted) in _STATED.items():
+            stated = getattr(answer, part)
+            if stated is not None and not fits(stated):
+                raise AgentFailedError(
+                    f"agent {self.name} at {scene.time_s:.1f} s: act answered a Decision with {part} = "
+                    f"{shortened(stated)}; expected {wanted}, or None"
+                )
         return answer._replace(u=self._action(answer.u, scene), u_rl=self._action(answer.u_rl, scene))
 
     def _action(self, answer: Any, scene: Scene) -> Array:

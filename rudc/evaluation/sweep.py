@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from rudc.agents.drivers import MakeAgent, register_agent, registered_agents
-from rudc.errors import InputError, StorageError, SweepError
+from rudc.errors import InputError, PartFailedError, RudcError, StorageError, SweepError
 from rudc.evaluation.code import code_digest
 from rudc.evaluation.engine import Result, Runner, RunnerFactory, run_local
 from rudc.evaluation.folder import SweepFolder, read_sweep, sweep_rows
@@ -21,7 +21,7 @@ from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.rows import by_row
 from rudc.evaluation.tasks import SweepPlan, Task
 from rudc.hints import there_are
-from rudc.imports import PREFIX, import_first, imported_first
+from rudc.imports import PREFIX, import_first, imported_first, in_words, is_own
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,11 +132,27 @@ def _finish(
     todo = [task for task in folder.tasks if task.key(folder.parameters) not in folder.finished]
     progress.begin(len(folder.tasks), len(folder.finished), folder.warnings)
     if todo:
-        with closing(engine.run(todo, workers, limit_s, prepared(make_runner))) as results:  # pyright: ignore
+        with closing(_results(engine, todo, workers, limit_s, prepared(make_runner))) as results:
             for task, record in results:
                 progress.advance(task, folder.add(task, record))
     folder.complete()
     return SweepResult(folder.path)
+
+
+def _results(
+    engine: Engine, tasks: Sequence[Task], workers: int, limit_s: float, make_runner: RunnerFactory
+) -> Generator[Result, None, None]:
+    """What the engine yields. Raises PartFailedError where one that is not RUDC's fails."""
+    try:
+        with closing(engine.run(tasks, workers, limit_s, make_runner)) as results:  # pyright: ignore
+            yield from results
+    except Exception as error:
+        if isinstance(error, RudcError) or not is_own(engine.run):
+            raise
+        name = next((name for name, one in ENGINES.items() if one is engine), "?")
+        raise PartFailedError(
+            f"engine {name} raised {in_words(error)}; all rows written before are kept, and --resume goes on"
+        ) from error
 
 
 def prepared(make_runner: RunnerFactory) -> RunnerFactory:

@@ -20,6 +20,7 @@ from rudc.scenario.base import FileModel
 from rudc.scenario.distributions import Constant, Distribution
 from rudc.scenario.dotted import Path, dotted
 from rudc.scenario.events import Event, effect_of
+from rudc.scenario.events.registry import ask_effect
 from rudc.scenario.events.stage import Body, XYHeading
 from rudc.scenario.problems import Problem
 from rudc.scenario.triggers import Selector
@@ -173,7 +174,7 @@ def _played(network: Network, route: Route, i: int, event: Event) -> _Site | Non
         return None
     site = _Site(network, route)
     try:
-        effect_of(event, f"{event.kind}{i}").begin(site)
+        ask_effect(effect_of(event, f"{event.kind}{i}"), "begin", site)
     except NetworkError:
         return None  # said elsewhere
     return site

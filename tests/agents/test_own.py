@@ -20,6 +20,11 @@ SOURCE = '''
 from beside import GENTLE
 import numpy as np
 
+def Sure(total):
+    from rudc.learning.uncertainty import Uncertainty
+
+    return Uncertainty(0.0, 0.0, total)
+
 class Steady:
     """Holds a speed.
 
@@ -39,10 +44,26 @@ class NoReset:
     def act(self, scene):
         return 0.0, 0.0
 
+class Grad:
+    """As a torch tensor that requires grad."""
+
+    def __array__(self, *_, **__):
+        raise RuntimeError("Can't call numpy() on Tensor that requires grad.")
+
+    def __repr__(self):
+        return "tensor([1., 0.], requires_grad=True)"
+
 class Answers(Steady):
+    def decision(self, **stated):
+        from rudc.agents.base import unfiltered
+
+        return unfiltered(1.0, 0.0)._replace(**stated)
+
     def act(self, scene):
         return {
             "nan": (float("nan"), 0.0), "shape": [1.0], "text": "left", "none": None,
+            "complex": np.array([1 + 1j, 0]), "grad": Grad(), "sigma": self.decision(uncertainty=Sure("x")),
+            "sure": self.decision(by_route=3.0), "corrected": self.decision(corrected=(0.0, 0.0)),
             "texts": ["1.0", "0.0"], "half": [np.array("1.0"), 0.0], "objects": np.array(["1", 0], object),
         }[self.speed]
 
@@ -208,6 +229,7 @@ def test_what_is_wrong_is_said(folder, name, told):
     ("answer", "told"),
     [("nan", "(nan, 0.0)"), ("shape", "[1.0]"), ("text", "'left'"), ("none", "None"),
      ("texts", "['1.0', '0.0']"), ("half", "[array('1.0', dtype='<U3'), 0.0]"),
+     ("complex", "array([1.+1.j, 0.+0.j])"), ("grad", "tensor([1., 0.], requires_grad=True)"),
      ("objects", "array(['1', 0], dtype=object)")],
 )  # fmt: skip
 def test_no_action_is_an_error(folder, scene_on, answer, told):
@@ -222,8 +244,21 @@ def test_no_action_is_an_error(folder, scene_on, answer, told):
         assert name in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("answer", "told"),
+    [("sigma", "uncertainty = Uncertainty(epistemic=0.0, aleatoric=0.0, total='x'); expected an"),
+     ("sure", "by_route = 3.0; expected an `Uncertainty` of three numbers, or None"),
+     ("corrected", "corrected = (0.0, 0.0); expected a `Corrected`, or None")],
+)  # fmt: skip
+def test_what_a_decision_states_is_looked_at(folder, scene_on, answer, told):
+    scene = scene_on("south", "straight", 60.0, 7.0)
+    with pytest.raises(AgentFailedError) as caught:
+        make_agent(f"mine.py:Answers('{answer}')+ttcbf").act(scene)
+    assert f"s: act answered a Decision with {told}" in str(caught.value)
+
+
 def test_its_exception_is_an_error_of_ours(folder, scene_on):
-    with pytest.raises(AgentFailedError, match=r"act raised AttributeError: .* \(mine\.py:34\)") as caught:
+    with pytest.raises(AgentFailedError, match=r"act raised AttributeError: .* \(mine\.py:\d+\)") as caught:
         make_agent("mine.py:Raises").act(scene_on("south", "straight", 60.0, 7.0))
     assert isinstance(caught.value.__cause__, AttributeError)
 

@@ -5,6 +5,7 @@ import pickle
 import gymnasium
 import numpy as np
 import pytest
+import torch
 from gymnasium.utils.env_checker import check_env
 
 import rudc
@@ -180,6 +181,10 @@ def test_arguments_and_options(make):
         env.step_physical([1.0, 0.0, 9.0])
     with pytest.raises(InputError, match="no array of numbers"):
         env.step(["0.5", "0.0"])
+    with pytest.raises(InputError, match=r"no array of numbers \(.* requires grad"):
+        env.step(torch.zeros(2, requires_grad=True))
+    with pytest.raises(InputError, match=r"no array of numbers \(a complex number"):
+        env.step(np.array([1j, 0.0]))
 
 
 def test_another_network(make):

@@ -13,13 +13,13 @@ from pathlib import Path
 
 import pytest
 
-from rudc.errors import InputError, SimulationError, StorageError, SweepError
+from rudc.errors import InputError, PartFailedError, SimulationError, StorageError, SweepError
 from rudc.evaluation import folder as folder_module
 from rudc.evaluation.columns import COLUMNS, TIMING
 from rudc.evaluation.folder import read_sweep, sweep_rows
 from rudc.evaluation.rerun import find_episode
 from rudc.evaluation.store import RowFile, format_row, read_table
-from rudc.evaluation.sweep import run_sweep
+from rudc.evaluation.sweep import ENGINES, Engine, run_sweep
 from rudc.evaluation.tables import measured
 from rudc.evaluation.tasks import SweepPlan
 
@@ -321,6 +321,19 @@ def test_workers_that_cannot_start_leave_a_folder_that_can_be_resumed(fakes, mak
     with pytest.raises(SimulationError, match="cannot start"):
         run_sweep(make_plan(), tmp_path / "out", fakes.no_runner)
     run_sweep(make_plan(), tmp_path / "out", fakes.Runner, resume=True)
+
+
+def test_an_engine_that_raises_is_named_and_what_it_did_is_kept(make_plan, fakes, tmp_path, monkeypatch):
+    def half(tasks, workers, limit_s, make_runner):
+        yield tasks[0], make_runner()(tasks[0])
+        raise RuntimeError("no more")
+
+    monkeypatch.setitem(ENGINES, "half", Engine(half))
+    with pytest.raises(
+        PartFailedError, match=r"engine half raised RuntimeError: no more \(test_sweep.py:\d+\)"
+    ):
+        run_sweep(make_plan(), tmp_path / "out", fakes.Runner, engine="half")
+    assert len(read_sweep(tmp_path / "out")[0]) == 1
 
 
 def test_nonsense_is_refused(make_plan, fakes, tmp_path):

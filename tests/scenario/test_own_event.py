@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import numpy as np
 import pytest
 
-from rudc.errors import InputError, ScenarioError
+from rudc.errors import InputError, PartFailedError, ScenarioError
 from rudc.network.network import load_network
 from rudc.scenario import EVENT_KINDS, json_schema, load_scenario, register_event
 from rudc.scenario.distributions import AnyDistribution, Bounds
@@ -105,3 +105,21 @@ def test_a_kind_is_taken_once_and_must_be_said():
     with pytest.raises(InputError, match="must say its kind"):
         register_event(Nameless, OilSpillEffect)
     register_event(OilSpill, OilSpillEffect)
+
+
+def played(world, plan):
+    world.reset(plan)
+    for _ in range(3):
+        world.advance(np.zeros(2))
+
+
+@pytest.mark.parametrize("method", ["begin", "step", "is_over"])
+def test_one_that_raises_is_named(tmp_path, monkeypatch, method):
+    broken = type("Broken", (OilSpillEffect,), {method: lambda self, stage: {}["no"], "__module__": "mine"})
+    register_event(OilSpill, broken)
+    plan = load_scenario(written(tmp_path, "{kind: oil_spill, friction: 0.1}")).plan(0)
+    with World(load_network("four_way")) as world, pytest.raises(PartFailedError) as caught:
+        played(world, plan)
+    when = f"0.{int(method != 'begin')} s"
+    told = f"event oil_spill0 at {when}: {method} raised KeyError: 'no' (test_own_event.py:"
+    assert str(caught.value).startswith(told)

@@ -12,9 +12,10 @@ from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationError
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from rudc.errors import InputError
-from rudc.imports import import_offered
+from rudc.imports import ask_own, import_offered, is_own
 from rudc.scenario.base import again
 from rudc.scenario.events.event import Effect, Event
+from rudc.scenario.events.stage import Stage
 
 PLUGINS = "rudc.events"
 """group of entry points by which an installed package names a module that registers events"""
@@ -51,6 +52,14 @@ def effect_of(event: Event, name: str) -> Effect[Any]:
     """The effect that plays an event, under a name of its own."""
     _discover()
     return _REGISTERED[event.kind].effect(event, name)
+
+
+def ask_effect(effect: Effect[Any], method: str, stage: Stage, time_s: float | None = None) -> Any:
+    """What a method of the effect answers. Raises PartFailedError where one that is not RUDC's fails."""
+    call = getattr(effect, method)
+    if not is_own(effect):
+        return call(stage)
+    return ask_own(f"event {effect.name}", time_s, method, lambda: call(stage))
 
 
 class EventKinds(Mapping[str, type[Event]]):

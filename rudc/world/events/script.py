@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rudc.scenario.events import Effect, Event, effect_of
+from rudc.scenario.events.registry import ask_effect
 from rudc.world.events.conditions import holds
 from rudc.world.scene import Scene
 
@@ -50,11 +51,11 @@ class Script:
         stage = self._stage
         stage.scene = scene
         for effect in list(self._active):
-            if effect.is_over(stage):
-                effect.end(stage)
+            if ask_effect(effect, "is_over", stage, stage.time_s):
+                ask_effect(effect, "end", stage, stage.time_s)
                 self._active.remove(effect)
             else:
-                effect.step(stage)
+                ask_effect(effect, "step", stage, stage.time_s)
         due = [e for e in self._waiting if e.event.when is None or holds(e.event.when, scene, stage)]
         return self._begin(due)
 
@@ -79,9 +80,10 @@ class Script:
         )
 
     def _begin(self, effects: list[Effect[Any]]) -> tuple[str, ...]:
-        begun = [effect for effect in effects if effect.begin(self._stage)]
+        stage = self._stage
+        begun = [effect for effect in effects if ask_effect(effect, "begin", stage, stage.time_s)]
         for effect in begun:
-            effect.begun_s = self._begun[effect.name] = self._stage.time_s
+            effect.begun_s = self._begun[effect.name] = stage.time_s
             if effect.felt:
                 self._visible[effect.name] = effect.begun_s
             self._waiting.remove(effect)
