@@ -7,11 +7,15 @@
 
 A plain interpreter is started, not one that `multiprocessing` spawns: that would run the user's script once
 more, and a notebook has none. What crosses (plans, scenes) is pickled; networks and routes cross by name.
+Where something arrives that the script itself defines (an event), the script is imported there after all, as
+sweeps' workers do: under another name than `__main__`.
 """
 
 from __future__ import annotations
 
 import contextlib
+import io
+import multiprocessing.spawn
 import os
 import pickle
 import subprocess
@@ -20,9 +24,11 @@ import threading
 import time
 import traceback
 import weakref
+from functools import cache
 from typing import IO, TYPE_CHECKING, Any, Literal, NamedTuple
 
-from rudc.errors import RudcError, SimulationError, WorldBusyError
+from rudc.errors import InputError, RudcError, SimulationError, WorldBusyError
+from rudc.imports import import_first, imported_first, in_words
 from rudc.world.config import WorldConfig
 from rudc.world.world import World
 
@@ -35,6 +41,8 @@ if TYPE_CHECKING:
     from rudc.world.scene import Scene
     from rudc.world.world import Advance
 
+MAIN = ("__main__", "__mp_main__")
+"""modules that are the script; the latter in processes that had to import it"""
 CHANGING = ("reset", "advance", "put_ego")
 """methods after which there is another scene"""
 ORPHAN_S = 2.0
@@ -76,7 +84,14 @@ class IsolatedWorld:
         self.network = network
         self.config = config or WorldConfig()
         paths = [os.path.abspath(path) for path in sys.path]
-        code = f"import sys; sys.path[:] = {paths!r}; from rudc.world.isolated import serve; serve()"
+        if _script is not None:
+            raise InputError(
+                "the script makes environments while it is imported; put what drives under "
+                "`if __name__ == '__main__':`"
+            )
+        code = (
+            f"import sys; sys.path[:] = {paths!r}; from rudc.world.isolated import serve; serve({script()!r})"
+        )
         self._process = subprocess.Popen(
             [sys.executable, "-c", code],
             stdin=subprocess.PIPE,
@@ -85,6 +100,7 @@ class IsolatedWorld:
         )
         self._end = weakref.finalize(self, _end, self._process, os.getpid())
         self._reply = _Reply(None)
+        self._imported: tuple[str, ...] = ()
         self._ask("open", network, self.config)
 
     def close(self) -> None:
@@ -99,6 +115,9 @@ class IsolatedWorld:
         options: tuple[str, ...] = (),
     ) -> Scene:
         """As `World.reset`."""
+        if (sources := imported_first()) != self._imported:
+            self._ask("import", sources)
+            self._imported = sources
         return self._ask("reset", plan, ego_driver=ego_driver, options=options)
 
     def advance(self, u: Array) -> Advance:
@@ -140,8 +159,9 @@ class IsolatedWorld:
             raise SimulationError("this world is closed; make another")
         assert self._process.stdin is not None
         assert self._process.stdout is not None
+        request = _pickled((method, arguments, named))
         try:
-            _send(self._process.stdin, (method, arguments, named))
+            _write(self._process.stdin, request)
             reply: _Reply = _receive(self._process.stdout)
         except (OSError, EOFError):
             self._end()
@@ -174,8 +194,21 @@ def _end(process: subprocess.Popen[bytes], owner: int) -> None:
                 pipe.close()
 
 
-def serve() -> None:
-    """What the world's process does, until its pipe closes or its parent is gone."""
+def script() -> dict[str, str]:
+    """Where this process' script can be imported from, in `multiprocessing`'s words; empty for a notebook, a
+    console, or `python -c`.
+    """
+    main = sys.modules["__main__"]
+    if main.__spec__ is not None:
+        return {"init_main_from_name": main.__spec__.name}
+    file = getattr(main, "__file__", None)
+    return {"init_main_from_path": os.path.abspath(file)} if file and os.path.isfile(file) else {}
+
+
+def serve(script: dict[str, str]) -> None:
+    """What the world's process does, until its pipe closes or its parent is gone. `script`: see above."""
+    global _script
+    _script = script
     requests, answers = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what is printed goes to stderr, not among the answers
     threading.Thread(target=_leave_with, args=(os.getppid(),), daemon=True).start()
@@ -183,8 +216,12 @@ def serve() -> None:
     with contextlib.suppress(EOFError, BrokenPipeError):
         while True:
             try:
-                method, arguments, named = _receive(requests)
-                if world is None:
+                method, arguments, named = _receive(requests, _Arriving)
+                if method == "import":
+                    for source in arguments[0]:
+                        import_first(source)
+                    reply = _Reply(None)
+                elif world is None:
                     world, reply = World(*arguments), _Reply(None)
                 else:
                     reply = _Reply(getattr(world, method)(*arguments, **named))
@@ -199,6 +236,40 @@ def serve() -> None:
                 _send(answers, _Reply(error))
             except Exception as error:
                 _send(answers, _Reply(_translated(error)))
+
+
+_script: dict[str, str] | None = None
+"""in the world's process: what it can import its parent's script from; None elsewhere"""
+
+
+class _Arriving(pickle.Unpickler):
+    """Reads requests; imports the script where something in them was defined by it."""
+
+    def find_class(self, module_name: str, name: str) -> Any:
+        """See `pickle`. Raises InputError where the script cannot be imported, or was not the place."""
+        if module_name not in MAIN:
+            return super().find_class(module_name, name)
+        try:
+            _import_script()
+            return super().find_class("__main__", name)
+        except (Exception, SystemExit) as error:
+            cause = in_words(error) if _script else "a notebook or a console cannot be imported"
+            guard = "what drives under `if __name__ == '__main__':`, or " if _script else ""
+            raise InputError(
+                f"the process that SUMO runs in for a second environment must import {name}, which stands in "
+                f"the script itself: {cause}. Put {guard}{name} into a module that the script imports"
+            ) from error
+
+
+@cache
+def _import_script() -> None:
+    """Import the parent's script, once. What it starts meanwhile is refused, as in sweeps' workers."""
+    process: Any = multiprocessing.current_process()
+    process._inheriting = True  # `multiprocessing` refuses to start processes then
+    try:
+        multiprocessing.spawn.prepare(dict(_script or {}))
+    finally:
+        del process._inheriting
 
 
 def _translated(error: Exception) -> SimulationError:
@@ -219,18 +290,32 @@ def _leave_with(parent: int) -> None:
     os._exit(0)
 
 
+def _pickled(request: Any) -> bytes:
+    """Raises InputError where something of a user's cannot be pickled."""
+    try:
+        return pickle.dumps(request, pickle.HIGHEST_PROTOCOL)
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        raise InputError(
+            f"what SUMO's own process needs cannot be sent there: {error}; an event of your "
+            "own is a class at the top of a module"
+        ) from error
+
+
 def _send(pipe: IO[bytes], message: Any) -> None:
+    _write(pipe, pickle.dumps(message, pickle.HIGHEST_PROTOCOL))
+
+
+def _write(pipe: IO[bytes], data: bytes) -> None:
     """Length, then the pickled message: one that cannot be unpickled is still read to its end."""
-    data = pickle.dumps(message, pickle.HIGHEST_PROTOCOL)
     pipe.write(len(data).to_bytes(8, "big") + data)
     pipe.flush()
 
 
-def _receive(pipe: IO[bytes]) -> Any:
+def _receive(pipe: IO[bytes], unpickler: type[pickle.Unpickler] = pickle.Unpickler) -> Any:
     """The next message. Raises EOFError when there is none."""
     head = pipe.read(8)
     size = int.from_bytes(head, "big")
     data = pipe.read(size) if len(head) == 8 else b""
     if not size or len(data) < size:
         raise EOFError
-    return pickle.loads(data)
+    return unpickler(io.BytesIO(data)).load()

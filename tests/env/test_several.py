@@ -123,6 +123,75 @@ def test_a_script_needs_no_main_guard(tmp_path, kind):
     assert (run.returncode, run.stdout, run.stderr) == (0, "begins\n", "")
 
 
+OWN = """
+from typing import Literal
+import gymnasium, numpy as np, rudc
+from rudc.scenario.events import Event, Felt
+
+class Zap(Event, frozen=True):
+    kind: Literal["zap"]
+
+class ZapEffect(Felt[Zap]):
+    def begin(self, stage):
+        stage.set_friction(0.3)
+        return True
+
+rudc.register_event(Zap, ZapEffect)
+
+def drive():
+    ends = []
+    for isolated in (False, True):
+        env = gymnasium.make("rudc/Intersection-v0", scenario="zap.yaml", isolated=isolated)
+        env.reset(seed=3)
+        _, reward, *_, info = env.step(np.array([1.0, 0.0], np.float32))
+        ends.append((reward, info["scene"].ego.v, env.unwrapped.episode.metrics().events_fired))
+    print(ends[0] == ends[1], ends[0][2])
+
+"""
+
+
+@pytest.mark.parametrize(
+    ("end", "as_text", "told"),
+    [
+        ("if __name__ == '__main__': drive()", False, ""),
+        (
+            "drive()",
+            False,
+            "must import Zap, which stands in the script itself: WorldBusyError",
+        ),
+        ("drive()", False, "Put what drives under `if __name__ == '__main__':`, or Zap into a module"),
+        (
+            "drive()",
+            True,
+            "a notebook or a console cannot be imported. Put Zap into a module",
+        ),
+    ],
+)
+def test_an_event_of_the_script_itself(tmp_path, end, as_text, told):
+    (tmp_path / "zap.yaml").write_text("name: zap\nextends: dense_left_turn\nevents: [{kind: zap}]\n")
+    file = tmp_path / "mine.py"
+    file.write_text(OWN + end, encoding="utf-8")
+    run = subprocess.run(
+        [sys.executable, *(["-c", OWN + end] if as_text else [str(file)])],
+        capture_output=True, text=True, check=False, cwd=tmp_path,
+    )  # fmt: skip
+    if told:
+        assert told in run.stderr
+    else:
+        assert (run.returncode, run.stdout) == (0, "True 1\n"), run.stderr
+
+
+def test_an_event_of_a_file_that_was_imported_first(tmp_path):
+    (tmp_path / "zap.yaml").write_text("name: zap\nextends: dense_left_turn\nevents: [{kind: zap}]\n")
+    (tmp_path / "zaps.py").write_text(OWN, encoding="utf-8")
+    text = "from rudc.imports import import_first, import_source; import_first('zaps.py')"
+    run = subprocess.run(
+        [sys.executable, "-c", f"{text}; import_source('zaps.py').drive()"],
+        capture_output=True, text=True, check=False, cwd=tmp_path,
+    )  # fmt: skip
+    assert (run.returncode, run.stdout) == (0, "True 1\n"), run.stderr
+
+
 @pytest.mark.parametrize(
     "text",
     [
