@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import sys
 import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -28,21 +30,23 @@ def run_episode(
     watch: Watcher | None = None,
 ) -> EpisodeRecord:
     """Drive the plan's episode to its end. `options` go to SUMO's command line. Raises what `World.reset`
-    does, and AgentFailedError where an agent of a user's own fails.
+    does, and AgentFailedError where an agent of a user's own fails. What is printed meanwhile goes to stderr:
+    stdout is for results.
     """
-    scene = episode.reset(plan, ego_driver=agent.ego_driver, options=options)
-    agent.reset(scene, plan.seed)
     decisions: list[Decision] = []
     spent_ms: list[float] = []
-    while episode.outcome is None:
-        start = time.perf_counter()
-        decision = agent.act(scene)
-        spent_ms.append(1000.0 * (time.perf_counter() - start))
-        decisions.append(decision)
-        result = episode.step(decision.u)
-        if watch is not None:
-            watch(scene, decision, result)
-        scene = result.scene
+    with contextlib.redirect_stdout(sys.stderr):
+        scene = episode.reset(plan, ego_driver=agent.ego_driver, options=options)
+        agent.reset(scene, plan.seed)
+        while episode.outcome is None:
+            start = time.perf_counter()
+            decision = agent.act(scene)
+            spent_ms.append(1000.0 * (time.perf_counter() - start))
+            decisions.append(decision)
+            result = episode.step(decision.u)
+            if watch is not None:
+                watch(scene, decision, result)
+            scene = result.scene
     truth, metrics = episode.truth, episode.metrics()
     driven = Driven(plan, agent.name, truth.vehicle, truth.route, metrics, decisions, spent_ms)
     return EpisodeRecord(read_off(driven))

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from rudc.agents.base import Decision
+from rudc.agents.base import Decision, EgoDriver
 from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode
 from rudc.evaluation.columns import COLUMNS, TIMING, is_intervention
@@ -29,6 +29,27 @@ def episode():
 
 def comparable(record):
     return [cell for name, cell in zip(COLUMNS, record.row(), strict=True) if name not in TIMING]
+
+
+class Talks:
+    """Says what it does."""
+
+    name = "talks"
+    ego_driver: EgoDriver = "agent"
+
+    def reset(self, scene, seed):
+        print("a new episode")
+
+    def act(self, scene):
+        print("full throttle")
+        return Decision(np.array([3.0, 0.0]), np.array([3.0, 0.0]))
+
+
+def test_what_an_agent_prints_is_no_result(episode, capsys):
+    run_episode(episode, load_scenario("random_destination").plan(3), Talks())
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.startswith("a new episode\nfull throttle\n")
 
 
 @pytest.mark.parametrize("name", ["sumo", "follower", "gap-acceptance", "gap-acceptance+ttcbf"])
