@@ -130,7 +130,7 @@ CORRECTIONS: dict[str, type[CorrectionKind]] = {
     "none": NoCorrection,
     "cbf": CbfSettings,
 }
-"""name of a kind that stands behind whatever drives -> its settings"""
+"""name of a kind that a learnt agent may have (`correction.kind=NAME`) -> its settings"""
 
 
 def known_corrections() -> Kinds[CorrectionKind]:

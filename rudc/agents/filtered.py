@@ -9,13 +9,20 @@ import time
 
 from rudc.agents.base import Agent, Decision, EgoDriver
 from rudc.agents.correction import Correction, Proposal
+from rudc.safety.rules import RULES
 from rudc.world.scene import Scene
 
-FILTERS = {
-    "ttcbf": "Behind it a safety filter with truncated Taylor control barrier functions.",
-    "ecbf": "Behind it a safety filter with exponential control barrier functions.",
+_FUNCTIONS = {
+    "ttcbf": "truncated Taylor control barrier functions",
+    "ecbf": "exponential control barrier functions",
 }
-"""suffix of an agent's name -> what it puts behind the agent"""
+
+
+def filters() -> dict[str, str]:
+    """Suffix of an agent's name -> what it puts behind the agent: a filter of each rule, registered ones
+    too."""
+    functions = {name: _FUNCTIONS.get(name, f"the rule {name}") for name in RULES}
+    return {name: f"Behind it a safety filter with {text}." for name, text in functions.items()}
 
 
 class FilteredAgent:

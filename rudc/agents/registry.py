@@ -28,7 +28,7 @@ from rudc.agents.drivers import (
     is_driver,
     make_driver,
 )
-from rudc.agents.filtered import FILTERS, FilteredAgent
+from rudc.agents.filtered import FilteredAgent, filters
 from rudc.agents.outlook import OutlookSettings, with_outlook
 from rudc.agents.variation import (
     Changes,
@@ -52,7 +52,7 @@ def agent_names() -> tuple[str, ...]:
     filters or without.
     """
     drivers = driver_names()
-    filtered = (f"{name}+{suffix}" for name in drivers if name != "sumo" for suffix in FILTERS)
+    filtered = (f"{name}+{suffix}" for name in drivers if name != "sumo" for suffix in filters())
     return (*drivers, *filtered, *shipped_checkpoints())
 
 
@@ -80,7 +80,7 @@ def agent_summary(name: str) -> str:
     """What a driver does, in a sentence."""
     base, suffix, _ = _parts(name)
     summary = driver_summary(base) if is_driver(base) else learnt_summary(_folder(base))
-    return f"{summary} {FILTERS[suffix]}" if suffix else summary
+    return f"{summary} {filters()[suffix]}" if suffix else summary
 
 
 def agent_settings(name: str) -> dict[str, Any]:
@@ -153,9 +153,9 @@ def _lacks_value(name: str) -> bool:
 def _suffix(behind: str, name: str) -> str:
     """Of the filter that a text like `+ttcbf` puts behind the agent `name`; empty for none."""
     suffix = behind.removeprefix("+")
-    if behind in ("", *(f"+{known}" for known in FILTERS)):
+    if behind in ("", *(f"+{known}" for known in filters())):
         return suffix
-    raise AgentError(f"agent {name}: no filter {suffix!r}{there_are(suffix, FILTERS)}")
+    raise AgentError(f"agent {name}: no filter {suffix!r}{there_are(suffix, filters())}")
 
 
 def _base(name: str) -> tuple[str, str]:
@@ -164,7 +164,7 @@ def _base(name: str) -> tuple[str, str]:
         if find_checkpoint(name) is not None:
             return name, ""
         base, _, suffix = name.rpartition("+")
-        if suffix in FILTERS and find_checkpoint(base) is not None:
+        if suffix in filters() and find_checkpoint(base) is not None:
             return base, suffix
     base, _, suffix = _checked(name).partition("+")
     return base, suffix
@@ -177,7 +177,7 @@ def _checked(name: str) -> str:
     base, _, suffix = name.partition("+")
     if base == "sumo" and suffix:
         raise AgentError(f"no agent {name!r}: no filter can be put behind `sumo`, which SUMO itself drives")
-    if suffix and base in known and not any(f"{base}+{kind}" in known for kind in FILTERS):
+    if suffix and base in known and not any(f"{base}+{kind}" in known for kind in filters()):
         _suffix(f"+{suffix}", name)
     if os.path.isdir(name):
         raise AgentError(f"no agent in {name}: it holds no {DESCRIPTION}")

@@ -29,7 +29,7 @@ def list_(
     **Example**: `rudc agent list --json | jq -r '.[] | select(.status == "trainable") | .name'`
     """
     from rudc.agents.drivers import offered_in_vain
-    from rudc.agents.filtered import FILTERS
+    from rudc.agents.filtered import filters
     from rudc.agents.listing import entries
 
     with broken_left_out():
@@ -45,7 +45,7 @@ def list_(
     folder = next((e.checkpoint.parent for e in found if e.checkpoint is not None), None)
     if folder is not None:
         note(f"shipped: {folder}/NAME; trainable: rudc train NAME --out DIR, then --agent DIR")
-    note(f"{', '.join(f'NAME+{suffix}' for suffix in FILTERS)}: a safety filter behind any but sumo")
+    note(f"{', '.join(f'NAME+{suffix}' for suffix in filters())}: a safety filter behind any but sumo")
 
 
 @app.command()

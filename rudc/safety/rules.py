@@ -86,5 +86,5 @@ RULES: dict[str, type[Rule]] = {"ttcbf": Ttcbf, "ecbf": Ecbf}
 
 
 def register_rule(name: str, rule: type[Rule]) -> None:
-    """Make a rule known as `correction.rule=NAME`."""
+    """Make a rule known as `+NAME` behind any driver, and as `correction.rule=NAME` of a learnt agent."""
     RULES[name] = rule

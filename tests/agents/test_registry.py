@@ -8,11 +8,12 @@ import pytest
 from rudc.agents.base import layers
 from rudc.agents.checkpoint import load_learnt, shipped_checkpoints
 from rudc.agents.correction import RESIDUAL
-from rudc.agents.filtered import FILTERS, FilteredAgent
+from rudc.agents.filtered import FilteredAgent, filters
 from rudc.agents.guarded import GuardedAgent
 from rudc.agents.registry import agent_names, agent_settings, agent_summary, make_agent
 from rudc.errors import AgentError
 from rudc.network.network import load_network
+from rudc.safety.rules import RULES, Ttcbf
 from tests.agents.conftest import Other
 
 
@@ -62,7 +63,7 @@ def test_no_filter_behind_sumo():
         make_agent("sumo+ttcbf")
 
 
-@pytest.mark.parametrize("kind", FILTERS)
+@pytest.mark.parametrize("kind", filters())
 def test_a_filtered_agent_reports_proposal_and_correction(kind, scene_on):
     row = load_network("four_way").route("south", "straight").row
     scene = scene_on("south", "straight", 60.0, 8.0, (Other(row, 72.0, 0.0),))
@@ -74,6 +75,16 @@ def test_a_filtered_agent_reports_proposal_and_correction(kind, scene_on):
     np.testing.assert_allclose(decision.u - decision.u_rl, decision.corrected.correction)
     assert decision.u[0] < decision.u_rl[0] - 1.0, "the filter must brake for who stands 7 m ahead"
     assert decision.timing_ms["correction"] > 0.0
+
+
+def test_a_rule_of_ones_own_stands_behind_any_driver(monkeypatch):
+    monkeypatch.setitem(RULES, "halving", Ttcbf)
+    agent = make_agent("follower+halving")
+    assert isinstance(agent, FilteredAgent)
+    assert agent_settings("follower+halving")["correction"]["rule"] == "halving"
+    assert agent_summary("follower+halving").endswith("Behind it a safety filter with the rule halving.")
+    with pytest.raises(AgentError, match=r"did you mean 'follower\+halving'\?"):
+        make_agent("follower+halvin")
 
 
 def test_settings_have_the_correction_that_a_filter_stands_behind():
