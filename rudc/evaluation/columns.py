@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 
 from rudc.env.outcome import Outcome
+from rudc.errors import InputError
 
 if TYPE_CHECKING:
     from rudc.agents.base import Decision
@@ -71,11 +72,28 @@ class Column:
     """whether it depends on the machine: only such columns may differ between two runs of the same sweep"""
 
     def value(self, driven: Driven) -> Cell:
-        """What the column says of an episode; None for what is not finite."""
+        """What the column says of an episode; None for what is not finite. Raises InputError for what no cell
+        can say.
+        """
         found = None if self.read is None else self.read(driven)
+        if isinstance(found, np.generic):
+            found = found.item()
+        if wrong := self._wrong(found):
+            raise InputError(f"column {self.name!r}: {wrong}, got {str(found)[:40]!r}")
         if not isinstance(found, float):
             return found
         return round(float(found), self.decimals) if math.isfinite(found) else None
+
+    def _wrong(self, value: object) -> str:
+        """What a value should have been that no cell can say; empty for others."""
+        if value is None:
+            return ""
+        if self.average is not None:
+            is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+            return "" if is_number else "what has an average is a number"
+        if not isinstance(value, (str, int, float)):
+            return "a value is a number, a text, true, false or None"
+        return "a text is one line" if isinstance(value, str) and len(value.splitlines()) > 1 else ""
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,15 @@
 """The seven metrics of groups of episodes."""
 
 import math
+import re
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rudc.evaluation.columns import COLUMNS, METRICS, TIMING, metric_of
+from rudc.errors import InputError
+from rudc.evaluation.columns import COLUMNS, METRICS, TIMING, Column, metric_of
 from rudc.evaluation.metrics import Tally, average, group_metrics, measure
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.rows import by_column
@@ -111,3 +113,26 @@ def test_blocks_of_rows_say_what_all_of_them_say():
         tally.add(by_column(rows[begin : begin + 10], COLUMNS))
     assert repr(tally.groups()) == repr(group_metrics(rows, ("agent",), metrics))
     assert [g.key for g in tally.groups()] == [("a0",), ("a1",), ("a2",), ("a3",), ("sumo",)]
+
+
+@pytest.mark.parametrize(
+    ("value", "average", "says"),
+    [
+        (np.array([1.0, 2.0]), None, "a value is a number, a text, true, false or None, got '[1. 2.]'"),
+        ("a\nb", None, "a text is one line, got"),
+        ("x", "episodes", "what has an average is a number, got 'x'"),
+        (True, "episodes", "what has an average is a number, got 'True'"),
+    ],
+)
+def test_what_no_cell_can_say_is_refused_by_the_columns_name(value, average, says):
+    with pytest.raises(InputError, match=re.escape(f"column 'mine': {says}")):
+        Column("mine", "of mine", lambda _: value, average=average).value(None)
+
+
+@pytest.mark.parametrize(
+    ("value", "cell"),
+    [("a, b", "a, b"), (np.float32(1.5), 1.5), (np.bool_(True), True), (np.int64(3), 3), (math.nan, None)],
+)
+def test_numpys_numbers_and_texts_with_commas_are_cells(value, cell):
+    found = Column("mine", "of mine", lambda _: value).value(None)
+    assert (found, type(found)) == (cell, type(cell))
