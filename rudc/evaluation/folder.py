@@ -21,7 +21,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from rudc.errors import SweepError
+from rudc.errors import SimulationError, SweepError
 from rudc.evaluation.columns import COLUMNS, IDENTITY, METRICS, Metric, missing_columns
 from rudc.evaluation.manifest import (
     FORMAT,
@@ -119,11 +119,18 @@ class SweepFolder:
         return keep_traceback(self.path, name, record, about=f"{task}\n")
 
     def complete(self) -> None:
-        """Sort the rows into the canonical order, and write the metrics."""
+        """Sort the rows into the canonical order, and write the metrics. Raises SimulationError where a row
+        is missing.
+        """
         order = {task.key(self.parameters): i for i, task in enumerate(self.tasks)}
         lines = [""] * len(order)
         for row in self._episodes.rows():
             lines[order[self._key(row)]] = format_row(row)
+        if lost := [task for task, line in zip(self.tasks, lines, strict=True) if not line]:
+            raise SimulationError(
+                f"the engine ended without {len(lost)} of {len(lines)} episodes, the first: {lost[0]}; "
+                "what is finished is kept, and --resume runs the others"
+            )
         self._episodes.rewrite(lines)
         by = ("scenario", "agent", *self.parameters)
         groups = group_metrics(sweep_rows(self.path), by, METRICS)

@@ -199,6 +199,19 @@ def test_a_folder_of_an_earlier_version_reads_and_is_not_gone_on_with(fakes, mak
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
+def test_an_engine_that_loses_episodes_is_found_out(fakes, make_plan, tmp_path, monkeypatch):
+    def half(tasks, workers, limit_s, make_runner):
+        run = make_runner()
+        yield from ((task, run(task)) for task in tasks[::2])
+
+    monkeypatch.setitem(ENGINES, "half", Engine(half))
+    plan = make_plan()
+    with pytest.raises(SimulationError, match=r"without 3 of 6 episodes, the first: .*, seed 1;"):
+        run_sweep(plan, tmp_path / "out", fakes.Runner, engine="half")
+    assert len(read_sweep(tmp_path / "out")[0]) == 3
+    assert len(run_sweep(plan, tmp_path / "out", fakes.Runner, resume=True).rows) == 6
+
+
 def test_a_column_that_is_not_known_here_is_no_swept_parameter(fakes, make_plan, tmp_path):
     """Of somebody's own, read without it; of a later version of RUDC, wherever it stands there."""
     made = run_sweep(make_plan(("density_sweep",), ("sumo",), 2), tmp_path, fakes.Runner).rows
