@@ -52,12 +52,14 @@ class OwnAgent:
         found = getattr(module, self.attribute, None)
         if callable(found):
             return found
-        classes = [
-            name for name, value in vars(module).items()
-            if inspect.isclass(value) and value.__module__ == module.__name__
-        ]  # fmt: skip
-        known = there_are(self.attribute, classes) if classes else ", nor any other"
-        raise AgentError(f"{self.source}: no class {self.attribute!r} in it{known}")
+        its = {
+            name: value for name, value in vars(module).items()
+            if getattr(value, "__module__", None) == module.__name__
+        }  # fmt: skip
+        names = [name for name, value in its.items() if inspect.isclass(value)]
+        names += [name for name, value in its.items() if inspect.isfunction(value) and name[0] != "_"]
+        known = there_are(self.attribute, names) if names else ", nor any other"
+        raise AgentError(f"{self.source}: no class or function {self.attribute!r} in it{known}")
 
     def make(self) -> Agent:
         """The agent, new. Raises AgentError."""

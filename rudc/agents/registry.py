@@ -40,6 +40,8 @@ from rudc.agents.variation import (
 )
 from rudc.errors import AgentError
 from rudc.hints import there_are
+from rudc.imports import leaving_out
+from rudc.learning.algorithms import ALGORITHMS, Algorithm
 from rudc.learning.parameters import fingerprint
 from rudc.safety.residual import shipped_predictor
 
@@ -184,4 +186,15 @@ def _checked(name: str) -> str:
     if name.endswith((".py", ".py:")):
         file = name.removesuffix(":")
         raise AgentError(f"{file} is a file; name the class in it, too: {file}:Class")
+    if algorithm := _algorithm(base):
+        raise AgentError(
+            f"{base!r} is an algorithm, of which no trained agent is shipped. {algorithm.summary} "
+            f"Train one, rudc train {base} --out DIR, and give DIR"
+        )
     raise AgentError(f"no agent {name!r}{there_are(name, known)}")
+
+
+def _algorithm(name: str) -> Algorithm | None:
+    """The algorithm of that name, of those that can be imported."""
+    with leaving_out(lambda _: None):
+        return ALGORITHMS.get(name)

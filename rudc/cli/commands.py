@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 import rudc
 from rudc.cli import (
@@ -22,8 +23,23 @@ from rudc.cli import (
     train,
 )
 
+
+class _Commands(TyperGroup):
+    """Says of `--import` behind a command where it stands."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command."""
+        try:
+            return super().invoke(ctx)
+        except Exception as error:  # typer's NoSuchOption, which stands elsewhere in each of its versions
+            if getattr(error, "option_name", "") == "--import":
+                error.message += "; it stands before the command: rudc --import FILE.py COMMAND ..."  # pyright: ignore
+            raise
+
+
 app = typer.Typer(
     name="rudc",
+    cls=_Commands,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",

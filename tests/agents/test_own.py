@@ -2,6 +2,7 @@
 
 import re
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from rudc.agents.filtered import FilteredAgent
 from rudc.agents.own import parse_own
 from rudc.agents.registry import agent_names, agent_settings, agent_summary, make_agent
 from rudc.errors import AgentError, AgentFailedError, InputError
+from rudc.learning.algorithms import ALGORITHMS
 from tests.offering import offer
 
 SOURCE = '''
@@ -193,7 +195,10 @@ def test_settings_change_with_the_source_and_with_files_in_arguments(folder):
     ("name", "told"),
     [
         ("mein.py:Steady", "there is no such file (did you mean 'mine.py'?)"),
-        ("mine.py:Stedy", "no class 'Stedy' in it (did you mean 'Steady'?); there are: Steady, NoReset"),
+        (
+            "mine.py:Stedy",
+            "no class or function 'Stedy' in it (did you mean 'Steady'?); there are: Steady, NoReset",
+        ),
         ("mine.py", "name the class in it, too: mine.py:Class"),
         ("mine.py:Steady(sped=3)", "unexpected keyword argument 'sped' (did you mean 'speed'?)"),
         (
@@ -321,3 +326,21 @@ def test_agents_of_packages_whose_name_means_another_are_told(tmp_path, monkeypa
     assert re.fullmatch(
         r"the agent 'steady' of the installed package (one|two) is not used: (one|two) offers one, too", told
     )
+
+
+def test_a_function_that_is_meant_is_named(tmp_path):
+    (tmp_path / "functions.py").write_text(
+        "from os import getcwd\ndef good(): ...\ndef _hidden(): ...\n", encoding="utf-8"
+    )
+    told = r"no class or function 'goood' in it \(did you mean 'good'\?\); there are: good$"
+    with pytest.raises(AgentError, match=told):
+        make_agent(f"{tmp_path}/functions.py:goood")
+
+
+@pytest.mark.parametrize("name", ["mine-sac", "mine-sac+ttcbf"])
+def test_an_algorithm_of_which_no_agent_is_shipped_is_said_to_be_one(name, monkeypatch):
+    monkeypatch.setitem(ALGORITHMS, "mine-sac", replace(ALGORITHMS["sac"], summary="Mine."))
+    with pytest.raises(
+        AgentError, match=r"'mine-sac' is an algorithm, .* Mine. Train one, rudc train mine-sac "
+    ):
+        agent_summary(name)

@@ -176,3 +176,10 @@ def test_output_that_cannot_be_written_is_said_without_a_traceback():
     assert ended.returncode == 1
     assert ended.stderr.startswith("error: ")
     assert len(ended.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("order", [("run", "random_destination"), ("scenario", "list")])
+def test_where_import_stands_is_said(rudc, order):
+    answer = rudc(*order, "--import", "f.py")
+    assert answer.status == 2
+    assert "No such option: --import; it stands before the command: rudc --import FILE.py" in answer.err
