@@ -191,6 +191,11 @@ def _checked(name: str) -> str:
             f"{base!r} is an algorithm, of which no trained agent is shipped. {algorithm.summary} "
             f"Train one, rudc train {base} --out DIR, and give DIR"
         )
+    if name.endswith(")") and name.partition("(")[0] in known:
+        raise AgentError(
+            f"agent {name!r}: what is known by a name takes no arguments; say where its class is instead: "
+            "FILE.py:Class(speed=3) or package.module:Class(speed=3)"
+        )
     raise AgentError(f"no agent {name!r}{there_are(name, known)}")
 
 

@@ -77,6 +77,13 @@ def test_a_filtered_agent_reports_proposal_and_correction(kind, scene_on):
     assert decision.timing_ms["correction"] > 0.0
 
 
+def test_what_is_known_by_a_name_takes_no_arguments():
+    with pytest.raises(
+        AgentError, match=r"what is known by a name takes no arguments"
+    ):
+        make_agent("follower(speed=4)")
+
+
 def test_a_rule_of_ones_own_stands_behind_any_driver(monkeypatch):
     monkeypatch.setitem(RULES, "halving", Ttcbf)
     agent = make_agent("follower+halving")
