@@ -287,7 +287,8 @@ def in_words(error: BaseException) -> str:
 
 def is_own(thing: Any) -> bool:
     """Whether a function, or the class of a thing, is not RUDC's, so that what it answers is looked at."""
-    return not (thing.__module__ or "").startswith("rudc.")
+    module = getattr(thing, "__module__", None)  # instances of built-in classes have none
+    return not (module or "").startswith("rudc.")
 
 
 def ask_own(who: str, time_s: float | None, method: str, call: Callable[[], T]) -> T:

@@ -78,9 +78,7 @@ def test_a_filtered_agent_reports_proposal_and_correction(kind, scene_on):
 
 
 def test_what_is_known_by_a_name_takes_no_arguments():
-    with pytest.raises(
-        AgentError, match=r"what is known by a name takes no arguments"
-    ):
+    with pytest.raises(AgentError, match=r"what is known by a name takes no arguments"):
         make_agent("follower(speed=4)")
 
 

@@ -104,7 +104,7 @@ def test_what_does_not_fit_the_network_is_found_before_anything_runs(rudc, tmp_p
             ["misfit.yaml:5:44", "events.1.at"],
             ["misfit.yaml:6:38", "events.2.arm"],
         ]
-        assert "did you mean 'west_in_1'?" in lines[1]
+        assert "cars have west_in_0, west_in_1 there" in lines[1]
     assert not (tmp_path / "out").exists()
 
 
