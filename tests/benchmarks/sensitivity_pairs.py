@@ -18,7 +18,7 @@ from rudc.evaluation.folder import read_sweep
 from rudc.evaluation.seeds import Cells, paired
 
 TASKS = "random_destination", "dense_left_turn"
-STUDIES = {"beta": ("0.25", "1", ("0.1", "0.25", "0.5")), "members": ("10", "5", ("3", "10"))}
+STUDIES = {"beta": ("0.25", "1", ("0.1", "0.25", "0.5", "0.75")), "members": ("10", "5", ("3", "7", "10"))}
 """of each setting: its own value, the one compared with, those compared"""
 COLUMNS = "episode_reward", "mean_speed_mps", "outcome"
 
