@@ -139,9 +139,7 @@ def _lane_ids(edges: Iterable[Any], lanes: dict[str, Lane]) -> tuple[str, ...]:
     return tuple(lane.getID() for edge in edges for lane in edge.getLanes() if lane.getID() in lanes)
 
 
-def decide_major(
-    arms: Sequence[Arm], ways: Sequence[Way], yields: Flags, node_type: str = "priority"
-) -> list[Arm]:
+def decide_major(arms: Sequence[Arm], ways: Sequence[Way], yields: Flags, node_type: str) -> list[Arm]:
     """The arms, each major if some way from it need not yield to any way from another arm; none where who
     comes from the right goes first, though his own turn to the right yields to nobody there."""
     free = ~_yields_to_others(ways, yields)

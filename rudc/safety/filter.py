@@ -260,7 +260,7 @@ class SafetyFilter:
         kept, hopeless = _undecided(problem)
         for _ in range(MOST_PASSES):
             part = _part(problem, kept)
-            if hopeless or _has_none(part):
+            if hopeless or _has_no_solution(part):
                 break
             solution = self._answer(scene, part)
             spent_ms += solution.solve_ms
@@ -287,7 +287,7 @@ class SafetyFilter:
         conflict = constraints.in_conflict(scene)[kept] if brakes < 0.0 < hastens else _NOBODY
         passing = (mode > 0) & ~conflict if conflict.any() else _NOBODY
         if passing.any():
-            if not _has_none(_part(part, np.flatnonzero(conflict))):
+            if not _has_no_solution(_part(part, np.flatnonzero(conflict))):
                 solution = self._answer(scene, self._relaxed(part, mode, conflict))
                 if solution.found:
                     return solution._replace(x=_on_the_road(solution.x, part, mode)), kept
@@ -341,7 +341,7 @@ def _undecided(problem: Problem) -> tuple[Index, bool]:
     return undecided(problem.A, problem.b, problem.lower, problem.upper)
 
 
-def _has_none(problem: Problem) -> bool:
+def _has_no_solution(problem: Problem) -> bool:
     """Whether no action is near enough to satisfying all rows for a solver's answer to be accepted."""
     return no_point(problem.A, problem.b, problem.lower, problem.upper, 2.0 * TOLERANCE)
 

@@ -1,10 +1,10 @@
 """Props: things on the road that SUMO does not move: accident vehicles, wrong-way drivers, pedestrians.
 
 A prop stands, or follows a polyline. A vehicle that does stops short of what stands in its way and of
-surrounding vehicles (SVs), and goes on when the way is free. It does not stop for an ego that drives on: that
-it is a hazard is the point. But it does for one that has come to walking pace, and who has stopped sets off
-only when no ego is before it, moving or not. A pedestrian stops only for what is already before its feet. The
-yielding layer makes SVs see all props.
+surrounding vehicles (SVs), and goes on when the way is free. It stops for an ego below walking pace, not for
+a faster one: that it is a hazard is the point. Once it stands, it waits until no ego is before it, however
+fast that is. A pedestrian stops only for what is already before its feet. The yielding layer makes SVs see
+all props.
 
 Who has to stand for long goes back and waits until its way is free. A pedestrian goes back a step; a driver
 goes back until the other has room to pull out, and then stops for a moving ego, too. Without that, two who

@@ -193,8 +193,8 @@ def braking_for_others(
                 hits, drift = np.zeros(INSTANTS, np.bool_), complex(velocity[j, 0], velocity[j, 1])
                 there, turned = straight_on(x, y, heading[j], drift)
                 mark_overlaps(hits, place, facing, length, width, there, turned, half[0], half[1])
-                passes = hits[0] and speed[i] < STANDING <= speed[j]
-                need = max(need, braking(hits, sets_off, passes, most))
+                goes_by = hits[0] and speed[i] < STANDING <= speed[j]
+                need = max(need, braking(hits, sets_off, goes_by, most))
             continue
         passes = inside[i] and inside[j] and speed[i] <= CREEPS < speed[j]
         if not passes or origin[path[i]] == origin[path[j]]:
