@@ -113,10 +113,11 @@ class Creep:
 SOLVER = """
 class SparseSolver:
     def solve(self, problem):
+        import piqp
         from scipy.sparse import csc_matrix
 
         began, solver = time.perf_counter(), piqp.SparseSolver()
-        solver.settings.eps_duality_gap_abs, solver.settings.eps_duality_gap_rel = GAP
+        solver.settings.eps_duality_gap_abs, solver.settings.eps_duality_gap_rel = 1e-12, 1e-14
         P, A, above = csc_matrix(problem.P), csc_matrix(problem.A), np.full(len(problem.b), np.inf)
         solver.setup(P, problem.q, None, None, A, problem.b, above, problem.lower, problem.upper)
         solver.solve()

@@ -75,8 +75,8 @@ class QpslSettings(CorrectionKind):
     kind: Literal["qpsl"] = "qpsl"
     cost_limit: float = Field(default=0.2, ge=0)
     """d_th, of the next step-wise cost"""
-    solver: SolverName = "piqp"
-    """of the QP: piqp, or any that qpsolvers knows and that is installed"""
+    solver: SolverName = "planar"
+    """of the QP: planar, or any that qpsolvers knows and that is installed"""
 
     @property
     def asks(self) -> tuple[str, ...]:

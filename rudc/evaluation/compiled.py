@@ -20,6 +20,7 @@ KERNELS = (
     "rudc.safety.barrier_kernels",
     "rudc.safety.last_resort_kernels",
     "rudc.safety.plant_kernels",
+    "rudc.safety.planar_kernels",
     "rudc.safety.qp_kernels",
     "rudc.safety.residual_kernels",
     "rudc.agents.kernels",

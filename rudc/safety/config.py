@@ -78,8 +78,8 @@ class FilterConfig(Settings):
     """whether an action must leave the ego a way to stop, or to go on, without hitting anybody (ours)"""
     last_resort_margin: Annotated[NotNegative, within(0, 20, "farther than that nobody matters")] = 0.3
     """m, how far it stays away from others then (ours)"""
-    solver: SolverName = "piqp"
-    """QP solver: `piqp` by its own interface, any other by the name it has in qpsolvers"""
+    solver: SolverName = "planar"
+    """QP solver: `planar`, ours (rudc/safety/qp.py), or any that is installed, by its name in qpsolvers"""
 
     @field_validator("rule")
     @classmethod

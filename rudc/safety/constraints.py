@@ -55,14 +55,18 @@ class Constraints:
                 terms = _joined(terms, barrier.terms(scene, found))
         return terms
 
-    def lacking(self, scene: Scene, weights: RowWeights, relief: Array, a: tuple[float, float]) -> Array:
+    def lacking(
+        self, scene: Scene, weights: RowWeights, relief: Array, a: tuple[float, float]
+    ) -> Array | None:
         """(K,) m2 per step that rows with these weights and that relief (K,) lack of holding for an ego that
-        follows its path (see `Barrier.on_path`) at any acceleration between those `a` (2,) m/s2.
+        follows its path (see `Barrier.on_path`) at any acceleration between those `a` (2,) m/s2; None where
+        no barrier knows such an ego.
         """
-        lacks = np.zeros(self.count)
+        lacks: Array | None = None
         for barrier, found, rows in self.parts:
             followed = barrier.on_path(scene)
             if followed is not None:
+                lacks = np.zeros(self.count) if lacks is None else lacks
                 z = math.tan(steering(followed))
                 terms = barrier.terms(followed, found)
                 A, b = affine_rows(terms, weights.of(rows), a[0], z, relief[rows])  # exact in a at this z

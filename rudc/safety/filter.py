@@ -50,7 +50,7 @@ from rudc.safety.guarded import answer_of
 from rudc.safety.kernels import all_finite
 from rudc.safety.last_resort import Instead, LastResort
 from rudc.safety.qp import TOLERANCE, Problem, Solution, make_solver
-from rudc.safety.qp_kernels import no_point, on_the_road, pulls, some_rows, undecided, with_violations
+from rudc.safety.qp_kernels import least_excess, on_the_road, pulls, some_rows, undecided, with_violations
 from rudc.safety.rows import RowWeights, affine_rows, per_row
 from rudc.safety.slack import rate_factor
 from rudc.vehicle import EgoVehicle
@@ -97,14 +97,16 @@ class _Conditions(NamedTuple):
 
     terms: Terms
     weights: RowWeights
-    relief: Array | float
-    """w + delta, m2 per step"""
+    relief: Array
+    """(K,) w + delta, m2 per step"""
 
-    def sparing(self, scene: Scene, constraints: Constraints, bounds: _Bounds) -> _Conditions:
-        """The same, asking no more of the ego than of one that follows its path."""
-        relief = self.relief + np.zeros(constraints.count)
+    def sparing(self, scene: Scene, constraints: Constraints, bounds: _Bounds) -> _Conditions | None:
+        """The same, asking no more of the ego than of one that follows its path; None if that changes nothing
+        for want of a barrier that knows such an ego.
+        """
         a = float(bounds.lower[0]), float(bounds.nominal[0])
-        return self._replace(relief=relief + constraints.lacking(scene, self.weights, relief, a))
+        lacking = constraints.lacking(scene, self.weights, self.relief, a)
+        return None if lacking is None else self._replace(relief=self.relief + lacking)
 
     def rows(self, u: Array) -> tuple[Array, Array]:
         """A (K, 2) and b (K,), linearised about u (2,) and exact there."""
@@ -129,6 +131,7 @@ class SafetyFilter:
         self._cost: Array = np.diag(self._prices)
         self._per_row: dict[bytes, RowWeights] = {}
         self._seen: tuple[Scene, Constraints] | None = None
+        self._spent_ms = 0.0
         self.reset()
 
     def reset(self) -> None:
@@ -188,15 +191,14 @@ class SafetyFilter:
             return self._passed(scene, proposed, np.zeros(0), ())
         conditions = self._conditions(scene, constraints, slack, residual)
         rows, b = conditions.rows(bounds.nominal)
-        excess = rows @ bounds.nominal - b
-        if not math.isfinite(excess.dot(excess)):
+        least = least_excess(rows, b, bounds.nominal)
+        if math.isnan(least):
             _refuse_unknown_rows(rows, b, constraints.names)
-        least = min(excess.tolist())
-        if least < 0.0:
-            conditions = conditions.sparing(scene, constraints, bounds)
+        spared = conditions.sparing(scene, constraints, bounds) if least < 0.0 else None
+        if spared is not None:
+            conditions = spared
             rows, b = conditions.rows(bounds.nominal)
-            excess = rows @ bounds.nominal - b
-            least = min(excess.tolist())
+            least = least_excess(rows, b, bounds.nominal)
         h = conditions.terms.h
         q = -self._prices * bounds.nominal
         problem = self.last_problem = Problem(self._cost, q, rows, b, bounds.lower, bounds.upper)
@@ -204,9 +206,8 @@ class SafetyFilter:
             return self._passed(scene, proposed, h, constraints.names)
         status, solution, kept = self._solve(scene, constraints, problem, conditions)
         u, violation = self._action(status, scene.vehicle, proposed, bounds, solution)
-        pushing = (
-            np.flatnonzero(excess < 0.0) if status == "braking" else kept[solution.multipliers > PUSHING]
-        )
+        violated = rows @ bounds.nominal < b if status == "braking" else None
+        pushing = kept[solution.multipliers > PUSHING] if violated is None else np.flatnonzero(violated)
         return Corrected(
             u=u,
             correction=u - proposed,
@@ -216,7 +217,7 @@ class SafetyFilter:
             names=constraints.names,
             violation=violation,
             optimality_gap=solution.optimality_gap,
-            solve_ms=solution.solve_ms,
+            solve_ms=self._spent_ms,
             infeasible=status != "solved",
         )
 
@@ -242,7 +243,7 @@ class SafetyFilter:
             raise SolverError(
                 f"the filter has {constraints.count} constraints, not {np.shape(residual)} as the residuals"
             )
-        relief = slack.level if residual is None else slack.level + residual
+        relief = slack.level + (np.zeros(constraints.count) if residual is None else residual)
         modes = constraints.mode.tobytes()
         weights = self._per_row.get(modes)
         if weights is None:
@@ -256,23 +257,20 @@ class SafetyFilter:
         self, scene: Scene, constraints: Constraints, problem: Problem, conditions: _Conditions
     ) -> tuple[Status, Solution, Index]:
         """Status, solution, and the indices (k,) of the rows that the solution has multipliers of."""
-        spent_ms = 0.0
+        self._spent_ms = 0.0
         kept, hopeless = _undecided(problem)
         for _ in range(MOST_PASSES):
-            part = _part(problem, kept)
-            if hopeless or _has_no_solution(part):
+            if hopeless:
                 break
-            solution = self._answer(scene, part)
-            spent_ms += solution.solve_ms
+            solution = self._answer(scene, _part(problem, kept))
             if not solution.found:
                 break
             rows, b = conditions.rows(solution.x)
-            if (rows @ solution.x - b).min() >= -TOLERANCE:
-                return "solved", solution._replace(solve_ms=spent_ms), kept
-            problem = self.last_problem = problem._replace(A=rows, b=b)
+            if least_excess(rows, b, solution.x) >= -TOLERANCE:
+                return "solved", solution, kept
+            problem = self.last_problem = Problem(*problem[:2], rows, b, *problem[4:])
             kept, hopeless = _undecided(problem)
         relaxed, kept = self._relax(scene, constraints, problem, kept)
-        relaxed = relaxed._replace(solve_ms=relaxed.solve_ms + spent_ms)
         return ("relaxed" if relaxed.found else "braking"), relaxed, kept
 
     def _relax(
@@ -280,33 +278,34 @@ class SafetyFilter:
     ) -> tuple[Solution, Index]:
         """What violates the rows `kept` least, those in conflict first; the rows it has multipliers of."""
         part, mode = _part(problem, kept), constraints.mode[kept]
-        (brakes, hastens), spent_ms = pulls(part.A, mode), 0.0
+        brakes, hastens = pulls(part.A, mode)
         if brakes < 0.0:  # towards somebody the ego does not accelerate
             most = min(part.upper[0], max(0.0, part.lower[0] + LEAST_ROOM))
             part = part._replace(upper=np.array([most, part.upper[1]]))
         conflict = constraints.in_conflict(scene)[kept] if brakes < 0.0 < hastens else _NOBODY
         passing = (mode > 0) & ~conflict if conflict.any() else _NOBODY
         if passing.any():
-            if not _has_no_solution(_part(part, np.flatnonzero(conflict))):
-                solution = self._answer(scene, self._relaxed(part, mode, conflict))
-                if solution.found:
-                    return solution._replace(x=_on_the_road(solution.x, part, mode)), kept
-                spent_ms = solution.solve_ms
+            solution = self._answer(scene, self._relaxed(part, mode, conflict))
+            if solution.found:
+                return Solution(_on_the_road(solution.x, part, mode), *solution[1:]), kept
             part, mode, kept = _part(part, np.flatnonzero(~passing)), mode[~passing], kept[~passing]
         solution = self._answer(scene, self._relaxed(part, mode, np.zeros(len(mode), dtype=bool)))
         if solution.found:
-            solution = solution._replace(x=_on_the_road(solution.x, part, mode))
-        return solution._replace(solve_ms=solution.solve_ms + spent_ms), kept
+            solution = Solution(_on_the_road(solution.x, part, mode), *solution[1:])
+        return solution, kept
 
     def _answer(self, scene: Scene, problem: Problem) -> Solution:
-        """The solver's."""
-        return answer_of(self._solver, self.config.solver, problem, scene.time_s)
+        """The solver's; its time is added to the decision's."""
+        solution = answer_of(self._solver, self.config.solver, problem, scene.time_s)
+        self._spent_ms += solution.solve_ms
+        return solution
 
     def _relaxed(self, problem: Problem, mode: Array, hard: Flags) -> Problem:
         """The same problem with a violation of every row that is not `hard` (k,) as variable, in (a, z, s_1
         ..); s < 0 is never worth it.
 
-        The whole cost is scaled to the middle of its weights: piqp diverges now and then on the bare numbers.
+        The whole cost is scaled to the middle of its weights: interior-point solvers diverge now and then on
+        the bare numbers.
         """
         road, vehicle = self.config.road_violation_weight, self.config.vehicle_violation_weight
         _, q, rows, b, lower, upper = problem
@@ -332,7 +331,7 @@ class SafetyFilter:
         a, z = min(max(a, a_low), a_high), min(max(z, z_low), z_high)
         if a <= a_low + 1e-6:  # as good as standing still: brake as hard as was proposed
             a = min(a, max(float(proposed[0]), body.a_min))
-        violation = float(solution.x[2:].max(initial=0.0)) if status == "relaxed" else 0.0
+        violation = max(solution.x[2:].tolist(), default=0.0) if status == "relaxed" else 0.0
         return _within(body, np.array([a, math.atan(z)])), violation
 
 
@@ -341,15 +340,12 @@ def _undecided(problem: Problem) -> tuple[Index, bool]:
     return undecided(problem.A, problem.b, problem.lower, problem.upper)
 
 
-def _has_no_solution(problem: Problem) -> bool:
-    """Whether no action is near enough to satisfying all rows for a solver's answer to be accepted."""
-    return no_point(problem.A, problem.b, problem.lower, problem.upper, 2.0 * TOLERANCE)
-
-
 def _part(problem: Problem, kept: Index) -> Problem:
     """The problem with some of its rows only."""
-    A, b = some_rows(problem.A, problem.b, kept)
-    return problem._replace(A=A, b=b)
+    if len(kept) == len(problem.b):
+        return problem
+    P, q, A, b, lower, upper = problem
+    return Problem(P, q, *some_rows(A, b, kept), lower, upper)
 
 
 def _on_the_road(x: Array, problem: Problem, mode: Array) -> Array:

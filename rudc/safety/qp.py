@@ -22,22 +22,19 @@ from collections.abc import Callable
 from typing import Annotated, NamedTuple, Protocol
 
 import numpy as np
-import piqp
 from pydantic import AfterValidator
 
 from rudc.arrays import Array
 from rudc.errors import SolverError
+from rudc.safety.planar_kernels import NOT_PLANAR, NOTHING, planar_solution
 from rudc.safety.qp_kernels import optimality_gap
 
 TOLERANCE = 1e-6
 """largest violation of an optimality condition that is accepted"""
-MOST_ITERATIONS = 60
-"""of piqp; solvable problems take about ten"""
-GAP = (1e-12, 1e-14)
-"""absolute and relative duality gap at which piqp may stop; x may be off by its root, so 1e-8 will not do"""
 ACCURATE = {
     "daqp": {"primal_tol": 1e-11, "dual_tol": 1e-11},
     "osqp": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 50_000},
+    "piqp": {"eps_duality_gap_abs": 1e-12, "eps_duality_gap_rel": 1e-14, "max_iter": 60},
 }
 """settings of solvers whose own are too loose for TOLERANCE"""
 UNBOUNDED = 1e30
@@ -84,28 +81,24 @@ class Solver(Protocol):
         ...
 
 
-class PiqpSolver:
-    """piqp by its own interface. A new solver for each problem: one that is updated carries rounding over
-    from the problems before, so that an episode would depend on the episodes before it.
+class PlanarSolver:
+    """Ours (rudc/safety/planar_kernels.py): exact, for problems of two variables between finite bounds, with
+    or without violations of single rows as further variables, which is what the filter asks.
     """
 
     def solve(self, problem: Problem) -> Solution:
-        """The problem's solution."""
+        """The problem's solution. Raises SolverError for other problems."""
         began = time.perf_counter()
-        solver = piqp.DenseSolver()
-        solver.settings.max_iter = MOST_ITERATIONS
-        solver.settings.eps_duality_gap_abs, solver.settings.eps_duality_gap_rel = GAP
-        open_above = np.full(len(problem.b), np.inf)
-        solver.setup(
-            problem.P, problem.q, None, None, problem.A, problem.b, open_above, problem.lower, problem.upper
-        )
-        status = solver.solve()
+        status, x, multipliers, gap = planar_solution(*problem, UNBOUNDED)
         spent = 1e3 * (time.perf_counter() - began)
-        if status not in (piqp.PIQP_SOLVED, piqp.PIQP_MAX_ITER_REACHED):  # the latter may be accurate enough
+        if status == NOT_PLANAR:
+            raise SolverError(
+                "QP solver 'planar' solves problems of two variables between finite bounds, and such with "
+                "violations of single rows as further variables; this is another: take 'piqp'"
+            )
+        if status == NOTHING or not gap <= TOLERANCE:
             return _nothing(problem, spent)
-        result = solver.result
-        # piqp's arrays are views of memory that its next solve writes to.
-        return certified(problem, result.x.copy(), result.z_l.copy(), result.z_bl, result.z_bu, spent)
+        return Solution(x, True, gap, multipliers, spent)
 
 
 class NamedSolver:
@@ -145,7 +138,7 @@ class NamedSolver:
         return certified(problem, answer.x, y[:m], y_lower, y_upper, spent)
 
 
-SOLVERS: dict[str, Callable[[], Solver]] = {"piqp": PiqpSolver}
+SOLVERS: dict[str, Callable[[], Solver]] = {"planar": PlanarSolver}
 """name -> what makes a solver by its own interface; all others are those of qpsolvers"""
 
 
@@ -163,7 +156,7 @@ def _installed(name: str) -> str:
 
 
 SolverName = Annotated[str, AfterValidator(_installed)]
-"""name of a solver, as a setting: `piqp`, or any that qpsolvers knows and that is installed"""
+"""name of a solver, as a setting: `planar`, or any that qpsolvers knows and that is installed"""
 
 
 def certified(

@@ -45,38 +45,16 @@ def optimality_gap(
 
 
 @kernel
-def no_point(A: Table, b: Vector, lower: Vector, upper: Vector, ease: float) -> bool:
-    """Whether no x of two variables violates every row and bound by at most `ease`.
-
-    What is between the bounds is a rectangle, and each row cuts a part off what is left of it.
-    """
-    corners, cut = np.empty((len(b) + 4, 2)), np.empty((len(b) + 4, 2))
-    for j in range(2):
-        if not (math.isfinite(lower[j]) and math.isfinite(upper[j])):
-            return False
-    corners[0, 0], corners[0, 1] = lower[0] - ease, lower[1] - ease
-    corners[1, 0], corners[1, 1] = upper[0] + ease, lower[1] - ease
-    corners[2, 0], corners[2, 1] = upper[0] + ease, upper[1] + ease
-    corners[3, 0], corners[3, 1] = lower[0] - ease, upper[1] + ease
-    count = 4
+def least_excess(A: Table, b: Vector, u: Vector) -> float:
+    """The least of A u - b, nan if any is not finite."""
+    least, unknown = np.inf, 0.0
     for i in range(len(b)):
-        kept, x, y = 0, corners[count - 1, 0], corners[count - 1, 1]
-        before = A[i, 0] * x + A[i, 1] * y - b[i] + ease
-        for k in range(count):
-            x_next, y_next = corners[k, 0], corners[k, 1]
-            after = A[i, 0] * x_next + A[i, 1] * y_next - b[i] + ease
-            if (before < 0.0) != (after < 0.0):  # the side crosses the row's line
-                t = before / (before - after)
-                cut[kept, 0], cut[kept, 1] = x + t * (x_next - x), y + t * (y_next - y)
-                kept += 1
-            if after >= 0.0:
-                cut[kept, 0], cut[kept, 1] = x_next, y_next
-                kept += 1
-            x, y, before = x_next, y_next, after
-        if kept == 0:
-            return True
-        corners, cut, count = cut, corners, kept
-    return False
+        excess = -b[i]
+        for j in range(len(u)):
+            excess += A[i, j] * u[j]
+        least = min(least, excess)
+        unknown += excess * 0.0
+    return least if unknown == 0.0 else np.nan
 
 
 @kernel

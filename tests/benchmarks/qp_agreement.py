@@ -1,9 +1,9 @@
-"""The filter's QPs of real episodes, solved by piqp and by two other solvers.
+"""The filter's QPs of real episodes, solved by ours and by three other solvers.
 
     python -m tests.benchmarks.qp_agreement [--problems N]
 
 The traffic-ignoring follower drives the two tasks of the paper with each filter behind it, `gated` and `all`,
-until there are enough problems that needed solving. Prints, for each other solver, the largest difference
+until there are enough problems that needed solving. Prints, for each of those, the largest difference
 between the solutions in (a m/s2, z) and how often the two disagree on whether there is one.
 """
 
@@ -23,7 +23,7 @@ from rudc.safety.qp import Problem, Solution, make_solver
 from rudc.scenario import load_scenario
 from rudc.world.world import World
 
-OTHERS = ("daqp", "quadprog")
+OTHERS = ("piqp", "daqp", "quadprog")
 SCENARIOS = ("random_destination", "dense_left_turn")
 
 
@@ -51,10 +51,10 @@ def collect(episode: Episode, scenario: str, config: CbfSettings, wanted: int) -
 
 
 def compare(problems: list[Problem]) -> None:
-    """Print how far the other solvers' answers lie from piqp's."""
-    solutions = {name: _solve(name, problems) for name in ("piqp", *OTHERS)}
-    ours = solutions["piqp"]
-    print(f"{len(problems)} problems; piqp solves {sum(s.found for s in ours)}, the rest have no solution")
+    """Print how far the other solvers' answers lie from ours."""
+    solutions = {name: _solve(name, problems) for name in ("planar", *OTHERS)}
+    ours = solutions["planar"]
+    print(f"{len(problems)} problems; ours solves {sum(s.found for s in ours)}, the rest have no solution")
     for name in OTHERS:
         theirs = solutions[name]
         both = [(a, b) for a, b in zip(ours, theirs, strict=True) if a.found and b.found]
