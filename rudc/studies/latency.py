@@ -54,7 +54,7 @@ PLACES = {
     "rudc.safety.residual:ResidualPredictor.__call__": "residual",
     "rudc.safety.constraints:ConstraintBuilder.build": "constraints",
     "rudc.safety.filter:SafetyFilter.filter": "rows",
-    "rudc.safety.qp:PiqpSolver.solve": "QP",
+    "rudc.safety.qp:PlanarSolver.solve": "QP",
     "rudc.safety.qp:NamedSolver.solve": "QP",
     "rudc.safety.last_resort:LastResort.instead_of": "last resort",
     "rudc.agents.of_actions:OfActions.correct": "correction",

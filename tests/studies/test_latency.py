@@ -8,7 +8,7 @@ from PIL import Image
 
 from rudc.evaluation.store import read_table
 from rudc.evaluation.sweep import Silent
-from rudc.safety.qp import PiqpSolver
+from rudc.safety.qp import PlanarSolver
 from rudc.studies import latency
 from rudc.studies.base import Order
 from rudc.studies.stopwatch import Stopwatch, timing
@@ -37,10 +37,10 @@ def test_time_of_an_inner_part_is_not_the_outers():
 
 
 def test_stopwatch_is_taken_away():
-    before = PiqpSolver.solve
+    before = PlanarSolver.solve
     with timing(Stopwatch(), latency.PLACES):
-        assert PiqpSolver.solve is not before
-    assert PiqpSolver.solve is before
+        assert PlanarSolver.solve is not before
+    assert PlanarSolver.solve is before
     with (
         pytest.raises(AttributeError, match="no such function"),
         timing(Stopwatch(), {"rudc.safety.qp:X": ""}),
