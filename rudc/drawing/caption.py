@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 GAP = "      "
 """between the parts of a line"""
+EVENTS_A_LINE = 2
 UNITS = {
     "speed": "m/s", "deceleration": "m/s2", "duration": "s", "at": "m", "length": "m", "density": "veh/km",
     "range": "m", "delay": "s", "lag": "s", "position": "m", "heading": "deg", "simulation_time": "s",
@@ -79,11 +80,10 @@ def correction_line(view: View, driving: Driving) -> str:
     return "correction: " + "; ".join(part for part in (done.strip(), remark) if part)
 
 
-def events_line(events: tuple[ShownEvent, ...]) -> str:
-    """Each event's number and kind, and since when; empty if there are none."""
-    return GAP.join(
-        f"({event.number}) {event.event.kind.replace('_', ' ')}{_since(event)}" for event in events
-    )
+def events_lines(events: tuple[ShownEvent, ...]) -> list[str]:
+    """Each event's number and kind, and since when, so many on a line as fit on all."""
+    each = [f"({event.number}) {event.event.kind.replace('_', ' ')}{_since(event)}" for event in events]
+    return [GAP.join(each[i : i + EVENTS_A_LINE]) for i in range(0, len(each), EVENTS_A_LINE)]
 
 
 def _since(event: ShownEvent) -> str:
@@ -92,7 +92,7 @@ def _since(event: ShownEvent) -> str:
     if event.is_over:
         return ": over"
     since = f": since {event.begun_s:.1f} s" if event.begun_s > 0 else ""
-    return f"{since}, not seen yet" if event.bodies and event.visible_s is None else since
+    return f"{since}, unseen" if event.bodies and event.visible_s is None else since
 
 
 def _named(view: View, active: tuple[str, ...]) -> str:

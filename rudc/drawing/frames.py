@@ -13,7 +13,7 @@ from PIL import Image, ImageDraw
 
 from rudc.drawing.bodies import draw_badge, draw_badges, draw_ego, draw_others, draw_sensed
 from rudc.drawing.canvas import FINE, Canvas, cut
-from rudc.drawing.caption import correction_line, events_line, state_line, title
+from rudc.drawing.caption import correction_line, events_lines, state_line, title
 from rudc.drawing.overlays import draw_constraints, draw_path, draw_sensor_reach, draw_way
 from rudc.drawing.palette import (
     ACTIVE,
@@ -72,7 +72,7 @@ class Renderer:
         self._empty: tuple[tuple[float, float, int], Canvas] | None = None
 
     def frame(self, view: View, driving: Driving | None = None) -> Frame:
-        """(size, size, 3) picture of a view: a caption of three lines, four if there are events, and below it
+        """(size, size, 3) picture of a view: a caption of three lines, and more for events, and below it
         the road. `driving`: what the driver says of itself, if it does.
         """
         driving = driving or Driving()
@@ -129,6 +129,4 @@ def _caption(view: View, driving: Driving) -> list[Line]:
         ((state_line(view.truth, driving), TEXT),),
         ((correction_line(view, driving), ACTIVE if acts else FAINT_TEXT),),
     ]
-    if view.events:
-        lines.append(((events_line(view.events), EVENT_TEXT),))
-    return lines
+    return lines + [((line, EVENT_TEXT),) for line in events_lines(view.events)]

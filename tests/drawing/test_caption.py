@@ -3,7 +3,7 @@ from typing import get_args
 
 import pytest
 
-from rudc.drawing.caption import REMARKS, correction_line, events_line, state_line, title
+from rudc.drawing.caption import GAP, REMARKS, correction_line, events_lines, state_line, title
 from rudc.drawing.palette import TEXT
 from rudc.drawing.text import fitted, font, wrapped
 from rudc.drawing.view import Driving, ShownEvent, View
@@ -67,10 +67,20 @@ def test_events_say_whether_they_happened():
         ShownEvent(6, BRAKE, begun_s=3.1, bodies=frozenset({"v0"})),
         ShownEvent(7, BRAKE, begun_s=3.1, visible_s=3.3, bodies=frozenset({"v0"})),
     )
-    assert [part.strip() for part in events_line(shown).split("   ") if part.strip()] == [
-        "(1) hard brake: waits", "(2) hard brake: since 3.1 s", "(4) hard brake: over", "(5) hard brake",
-        "(6) hard brake: since 3.1 s, not seen yet", "(7) hard brake: since 3.1 s",
-    ]  # fmt: skip
+    assert [line.split(GAP) for line in events_lines(shown)] == [
+        ["(1) hard brake: waits", "(2) hard brake: since 3.1 s"],
+        ["(4) hard brake: over", "(5) hard brake"],
+        ["(6) hard brake: since 3.1 s, unseen", "(7) hard brake: since 3.1 s"],
+    ]
+    assert events_lines(()) == []
+
+
+def test_a_line_of_events_fits():
+    longest = event("pedestrian_crossing", arm="ego_in")
+    shown = tuple(ShownEvent(i, longest, 33.1, bodies=frozenset("v")) for i in (10, 11))
+    (line,) = events_lines(shown)
+    assert line.endswith("(11) pedestrian crossing: since 33.1 s, unseen")
+    assert fitted(line, 600.0, 600.0 / 41.0) == line
 
 
 def test_texts_fit():
