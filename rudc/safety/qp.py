@@ -109,7 +109,7 @@ class NamedSolver:
         import qpsolvers
 
         if name not in qpsolvers.available_solvers:
-            known = ", ".join(sorted(qpsolvers.available_solvers))
+            known = ", ".join([*SOLVERS, *sorted(qpsolvers.available_solvers)])
             raise SolverError(f"QP solver {name!r} is not installed; there are: {known}")
         self._name = name
         self._settings = ACCURATE.get(name, {})

@@ -281,7 +281,7 @@ def test_a_wrong_answer_is_not_found() -> None:
 
 
 def test_solver_not_installed() -> None:
-    with pytest.raises(SolverError, match=r"'gurobbi' is not installed; there are: .*daqp"):
+    with pytest.raises(SolverError, match=r"'gurobbi' is not installed; there are: planar, .*daqp"):
         make_solver("gurobbi")
     with pytest.raises(ValidationError, match="not installed"):
         FilterConfig(solver="gurobbi")
