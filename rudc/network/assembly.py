@@ -67,6 +67,13 @@ def make_lanes(junction: Junction, arms: Sequence[RawArm], ways: Sequence[Way]) 
     return {lane_id: make_lane(lane) for lane_id, lane in drawn.items()}
 
 
+def nodes_within(arms: Iterable[RawArm]) -> list[Any]:
+    """Nodes at which one edge of an arm passes into the next, once each."""
+    ends = [(e.getToNode() for arm in arms for e in arm.inbound[:-1]),
+            (e.getFromNode() for arm in arms for e in arm.outbound[1:])]  # fmt: skip
+    return list(dict.fromkeys(node for nodes in ends for node in nodes))
+
+
 def lanes_without_cars(arms: Sequence[RawArm]) -> dict[str, tuple[str, ...]]:
     """Lanes of the arms that refuse cars, but not all that drives: id -> who may use it."""
     lanes = [lane for arm in arms for edge in (*arm.inbound, *arm.outbound) for lane in edge.getLanes()]

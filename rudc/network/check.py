@@ -159,7 +159,7 @@ def _node_warnings(network: Network) -> Iterator[str]:
         reserved.setdefault(users, []).append(lane)
     for users, lanes in reserved.items():
         what = f"lanes {', '.join(lanes)} are" if len(lanes) > 1 else f"lane {lanes[0]} is"
-        yield f"{what} closed to cars (for {', '.join(users)} only) and left out: nobody drives there"
+        yield f"{what} closed to cars (for {', '.join(users)} only) and left out: no part of the ego's road"
 
 
 def _arm_warnings(network: Network, arm: Arm) -> Iterator[str]:

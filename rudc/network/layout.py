@@ -45,10 +45,6 @@ class Layout:
         """SUMO nodes of the junction: one, or all of a roundabout"""
         self.node_type = str(chosen.nodes[0].getType())
         """SUMO's type of the junction's (first) node: priority, allway_stop, ..."""
-        self.lights = tuple(
-            node.getID() for node in chosen.nodes if str(node.getType()).startswith("traffic_light")
-        )
-        """those of `nodes` that have traffic lights"""
         self.is_roundabout = chosen.is_roundabout
         """whether the junction is a whole roundabout"""
         self.ring_edges: frozenset[str] = chosen.ring
@@ -56,6 +52,12 @@ class Layout:
         self.center: Array = assembly.centre_of(chosen)
         """(2,) m, what positions in scenario files are relative to"""
         raw_arms = assembly.in_order(reader.find_arms(chosen), self.center)
+        self.lights = tuple(
+            node.getID()
+            for node in (*chosen.nodes, *assembly.nodes_within(raw_arms))
+            if str(node.getType()).startswith("traffic_light")
+        )
+        """nodes of the junction and of its arms that have traffic lights"""
         ways = reader.find_ways(chosen, raw_arms)
         if not ways:
             raise NetworkError(f"{path}: no connection leads through the junction {self.nodes[0]!r}")
@@ -105,9 +107,12 @@ class Layout:
         return float(max(np.abs(lane.xy - self.center).max() for lane in self.lanes.values()))
 
     def arm(self, name: str) -> Arm:
-        """The arm of that name; also found by the id of one of its edges."""
+        """The arm of that name; also found by the id of one of its edges, if no arm has that name."""
         for arm in self.arms:
-            if name == arm.name or name in arm.in_edges or name in arm.out_edges:
+            if name == arm.name:
+                return arm
+        for arm in self.arms:
+            if name in arm.in_edges or name in arm.out_edges:
                 return arm
         raise NetworkError(
             f"no arm {name!r} in network {self.name}{there_are(name, [arm.name for arm in self.arms])}; "

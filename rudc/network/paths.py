@@ -8,6 +8,7 @@ stated length).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -89,6 +90,9 @@ class PathTable:
         self.stations = stations
         """M"""
         self._where = _index(sources, spans, arms, edges)
+        self._rows: dict[tuple[str, str], list[int]] = {}
+        for row, source in enumerate(sources):
+            self._rows.setdefault((arms[source.origin], arms[source.destination]), []).append(row)
         for array in (self.length, self.xy, self.heading, self.origin, self.destination, self.speed_limit):
             array.flags.writeable = False
         for array in (self.stop_s, self.exit_s, self.stop_heading, self.yields, self.poses):
@@ -120,6 +124,26 @@ class PathTable:
             return -1, 0.0
         row, start, scale = found
         return row, start + lane_pos * scale
+
+    def alongside(self, origin: str, destination: str, line: Array) -> tuple[int, float, float]:
+        """Row of that movement that is nearest to a line (K, 2) m, and s (m) beside its begin and its end, on
+        beyond the row's own; (-1, 0.0, 0.0) where there is no such movement.
+
+        For those on lanes that no row has: bus and cycle lanes, and lanes that end before the arm does.
+        """
+        along = arc_length(line)
+        points = resample(line, np.linspace(0.0, along[-1], 5))
+        found = (math.inf, -1, 0.0, 0.0)
+        for row in self._rows.get((origin, destination), ()):
+            away = np.hypot(*np.moveaxis(points[:, None] - self.xy[row], -1, 0))
+            nearest = away[:, : int(self.length[row] / SPACING) + 1].argmin(axis=1)
+            heading = self.heading[row, nearest]
+            d = points - self.xy[row, nearest]
+            ahead = d[:, 0] * np.cos(heading) + d[:, 1] * np.sin(heading)
+            aside = d[:, 1] * np.cos(heading) - d[:, 0] * np.sin(heading)
+            s = nearest * SPACING + ahead
+            found = min(found, (float(np.abs(aside).mean()), row, float(s[0]), float(s[-1])))
+        return found[1:]
 
 
 def lane_spans(shapes: Sequence[Array]) -> Array:

@@ -78,7 +78,7 @@ def build_route(network: Layout, movement: Movement, lane: int | None, vehicle: 
         length=path.length,
         major=arm.major,
         speed_limit=float(paths.speed_limit[row]),
-        speed_limit_after=network.lanes[paths.lane_ids[row][-1]].speed,
+        speed_limit_after=network.outbound_lane(row).speed,
         left_edge=path.xy + left[:, None] * normal,
         right_edge=path.xy - right[:, None] * normal,
         left_width=left,

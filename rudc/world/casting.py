@@ -76,6 +76,7 @@ def _in_line(scene: Scene, stage: WorldStage, rng: np.random.Generator, ahead: b
             _keep_lane(stage, scene.ids[row])
             return []
     kind = stage.traffic.draw_type()
+    movement = stage.network.movement(route.origin, route.destination)
     length = VEHICLE_TYPES[kind].length
     most = min(APART_M + HEADWAY_S[1] * v, room - length - APART_M)
     if most < least:
@@ -83,7 +84,9 @@ def _in_line(scene: Scene, stage: WorldStage, rng: np.random.Generator, ahead: b
     gap = float(rng.uniform(least, most))
     way = 0.5 * scene.vehicle.length + gap + (length if ahead else 0.0)
     place = entry(scene.network, route, scene.ego_s + way if ahead else scene.ego_s - way)
-    name = stage.traffic.add(stage.network.movement(route.origin, route.destination), place, kind, v)
+    if not stage.traffic.may_drive(kind, movement, place.lane):
+        return []
+    name = stage.traffic.add(movement, place, kind, v)
     _keep_lane(stage, name)
     return [name]
 
@@ -94,11 +97,16 @@ def _keep_lane(stage: WorldStage, name: str) -> None:
 
 
 def _can_take_part(scene: Scene, stage: WorldStage, row: int, ahead: bool) -> bool:
-    """Whether a neighbour is before its stop line; a leader that reaches beyond cannot change its route."""
+    """Whether a neighbour is before its stop line; a leader that reaches beyond cannot change its route, nor
+    can one that may not drive where the ego does.
+    """
     to_stop = float(scene.network.paths.stop_s[scene.path[row]] - scene.path_s[row])
     driver, route = stage.traffic.drivers[scene.ids[row]], scene.route
     same = (driver.origin, driver.destination) == (route.origin, route.destination)
-    return to_stop > (0.0 if same or not ahead else 0.5 * float(scene.size[row, 0]))
+    if same or not ahead:
+        return to_stop > 0.0
+    may_go = stage.traffic.may_go(scene.ids[row], route.origin, route.destination)
+    return may_go and to_stop > 0.5 * float(scene.size[row, 0])
 
 
 def _room_ahead(scene: Scene) -> float:
@@ -127,8 +135,9 @@ def _towards_junction(scene: Scene, stage: WorldStage, rng: np.random.Generator,
         front = min(route.stop_line_s, max(route.stop_line_s - to_stop, VEHICLE_TYPES[kind].length + 1.0))
         x, y, _ = (float(value) for value in route.path.pose(front - 0.5 * VEHICLE_TYPES[kind].length))
         away = np.hypot(*(scene.position - (x, y)).T)
-        if away.min(initial=np.inf) > CLEAR_M:
-            return [stage.traffic.add(movement, entry(network, route, front), kind, speed)]
+        place = entry(network, route, front)
+        if away.min(initial=np.inf) > CLEAR_M and stage.traffic.may_drive(kind, movement, place.lane):
+            return [stage.traffic.add(movement, place, kind, speed)]
     return []
 
 

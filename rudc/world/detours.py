@@ -139,7 +139,8 @@ class Detours:
         """Whether the SV could be given another movement from its arm that is free."""
         for other in self._network.movements:
             free = not np.isfinite(self._block[list(other.rows)]).all()
-            if other.origin == movement.origin and other.turn != "u_turn" and free:
+            may_go = self._traffic.may_go(name, other.origin, other.destination)
+            if other.origin == movement.origin and other.turn != "u_turn" and free and may_go:
                 self._traffic.redirect(name, other.origin, other.destination)
                 self.redirected = True
                 return True

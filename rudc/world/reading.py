@@ -102,9 +102,13 @@ class Reader:
         m along it for each m on the lane; what was found is kept."""
         known = self._places.get((origin, destination, lane))
         if known is None:
-            locate = self._network.paths.locate
-            row, start = locate(origin, destination, lane, 0.0)
-            scale = locate(origin, destination, lane, 1.0)[1] - start
+            paths = self._network.paths
+            row, start = paths.locate(origin, destination, lane, 0.0)
+            scale = paths.locate(origin, destination, lane, 1.0)[1] - start
+            if row < 0:
+                line, length = self._sumo.lane_line(lane)
+                row, start, end = paths.alongside(origin, destination, line)
+                scale = (end - start) / length
             known = self._places[origin, destination, lane] = row, start, scale
         return known
 

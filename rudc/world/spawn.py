@@ -23,6 +23,9 @@ REACTION_S = 0.5
 BRAKING = 4.0
 """m/s2, with which the one behind can brake; the one ahead is taken to brake as hard"""
 
+ROUNDED_M = 0.1
+"""m by which the length that a file states for a lane may differ from the drawn one by rounding"""
+
 
 def movements_of(network: Network, plan: EgoPlan) -> list[Movement]:
     """The movements that a plan leaves open, one at least. Raises NetworkError."""
@@ -76,9 +79,13 @@ def entry(network: Network, route: Route, front_s: float) -> Entry:
     """
     edges, ids = network.arm(route.origin).in_edges, network.paths.lane_ids[route.row]
     inbound = [lane for lane in map(network.lanes.get, ids) if lane is not None and lane.edge in edges]
-    starts = [network.paths.locate(route.origin, route.destination, lane.id, 0.0)[1] for lane in inbound]
+    locate = network.paths.locate
+    starts = [locate(route.origin, route.destination, lane.id, 0.0)[1] for lane in inbound]
     start, lane = [pair for pair in zip(starts, inbound, strict=True) if pair[0] <= front_s][-1]
-    return Entry(route.edges[route.edges.index(lane.edge) :], lane, front_s - start)
+    front, scale = front_s - start, locate(route.origin, route.destination, lane.id, 1.0)[1] - start
+    if abs(scale - 1.0) * lane.length > ROUNDED_M:
+        front /= scale
+    return Entry(route.edges[route.edges.index(lane.edge) :], lane, front)
 
 
 def safe_to_start(scene: Scene) -> bool:

@@ -272,6 +272,11 @@ class Sumo:
         """Lane of a vehicle, and where its front bumper is on it, m."""
         return libsumo.vehicle.getLaneID(vehicle), libsumo.vehicle.getLanePosition(vehicle)
 
+    @_to("say how a lane runs")
+    def lane_line(self, lane: str) -> tuple[Array, float]:
+        """(K, 2) m, a lane's centre line, and its length as stated, m."""
+        return np.array(libsumo.lane.getShape(lane)), libsumo.lane.getLength(lane)
+
     @_to("place a vehicle")
     def place(self, vehicle: str, x: float, y: float, psi: float, v: float, length: float) -> None:
         """Put a vehicle's centre at (x, y) m, heading psi rad, speed v m/s, whatever its lane."""

@@ -66,6 +66,8 @@ class Driver:
     heedless: int = 0
     """how many events have it disregard the right of way at present: the yielding layer then brakes it only
     behind the ego"""
+    slips: bool = False
+    """whether the road holds it to less than it can"""
     keeps_lane: bool = False
     """whether it leads or follows the ego for an event: up to the junction it stays in its lane"""
 
@@ -116,12 +118,15 @@ class Traffic:
         self._shares: list[float] = (shares / shares[-1]).tolist()
         """of each of them and those before it, as `Generator.choice` reckons"""
         self._entry_lanes = {
-            (movement.origin, movement.destination): sorted(
-                {network.paths.lane_ids[row][0] for row in movement.rows}
-            )
+            (movement.origin, movement.destination): _entry_lanes(network, movement)
             for movement in network.movements
         }
         """ids of the lanes on which each movement enters"""
+        self._refused = {
+            (movement.origin, movement.destination): _refused(network, movement)
+            for movement in network.movements
+        }
+        """SUMO's classes of vehicles that may not drive all of a movement"""
         self.drivers: dict[str, Driver] = {}
         self._waiting: set[str] = set()
 
@@ -134,12 +139,13 @@ class Traffic:
         self.grip = math.inf
         """m/s2, how hard the road lets an SV brake and accelerate"""
         self._count = 0
+        self._ego: Driver | None = None
         self.drivers = {}
         self._waiting = set()
         names = sorted(plan.mix)
         weights = np.array([plan.mix[name] for name in names], dtype=float)
         self._mix = names, weights / weights.sum()
-        self.density = plan.density
+        self.density = self.usual_density = plan.density
         for movements in self._movements.values():
             for movement in movements:
                 self._sumo.add_route(_route(movement), movement.edges)
@@ -185,6 +191,10 @@ class Traffic:
         self._sumo.add_route(route, place.edges)
         return self._add(movement, route, kind, place.lane, place.front, speed)
 
+    def may_go(self, name: str, origin: str, destination: str) -> bool:
+        """Whether the roads of a movement are open to an SV."""
+        return self.drivers[name].type.vclass not in self._refused[origin, destination]
+
     def redirect(self, name: str, origin: str, destination: str) -> None:
         """Send an SV that has not reached its stop line to another arm; its lane must lead there."""
         driver = self.drivers[name]
@@ -200,14 +210,24 @@ class Traffic:
         self._closed = closed
 
     def lose_grip(self, limit: float) -> None:
-        """From now on no SV brakes or accelerates harder than limit m/s2."""
+        """From now on nobody whom SUMO drives brakes or accelerates harder than limit m/s2."""
         self.grip = limit
-        for name in self.drivers:
-            self._slip(name)
+        for name, driver in self.drivers.items():
+            self._slip(name, driver)
+        if self._ego is not None:
+            self._slip(EGO, self._ego)
 
-    def _slip(self, name: str) -> None:
-        driver = self.drivers[name]
-        if self.grip < max(EMERGENCY_DECEL, driver.accel, driver.decel):
+    def drive_ego(self) -> None:
+        """SUMO drives the ego, too: the road holds it as it does the SVs."""
+        self._ego = Driver(
+            VEHICLE_TYPES["car"], "", "", self._plan.accel.mean, self._plan.decel.mean, speed_factor=1.0
+        )
+        self._slip(EGO, self._ego)
+
+    def _slip(self, name: str, driver: Driver) -> None:
+        slips = self.grip < max(EMERGENCY_DECEL, driver.accel, driver.decel)
+        if slips or driver.slips:
+            driver.slips = slips
             self._sumo.personality(
                 name,
                 accel=min(driver.accel, self.grip),
@@ -233,6 +253,11 @@ class Traffic:
         """The kind of one more SV, as the mix has it."""
         names, weights = self._mix
         return names[0] if len(names) == 1 else names[self._rng.choice(len(names), p=weights)]
+
+    def may_drive(self, kind: str, movement: Movement, lane: Lane) -> bool:
+        """Whether a kind of vehicle may enter on that lane and drive that movement."""
+        vclass = VEHICLE_TYPES[kind].vclass
+        return vclass not in self._refused[movement.origin, movement.destination] | {*lane.refuses}
 
     def _add(self, movement: Movement, route: str, kind: str, lane: Lane, front: float, speed: float) -> str:
         name = f"sv{self._count}"
@@ -264,7 +289,7 @@ class Traffic:
             name, **{trait: own for trait, (own, usual) in character.items() if own != usual}
         )
         self.drivers[name] = driver
-        self._slip(name)
+        self._slip(name, driver)
         self._waiting.add(name)
         return name
 
@@ -275,6 +300,8 @@ class Traffic:
             arm = self._arms[movement.origin if inbound else movement.destination]
             lanes = self._entry_lanes[movement.origin, movement.destination] if inbound else arm.out_lanes
             lane = self._network.lanes[lanes[self._rng.integers(len(lanes))]]
+            if not self.may_drive(kind, movement, lane):
+                continue
             length = VEHICLE_TYPES[kind].length
             front = self._rng.uniform(length + 1.0, max(lane.length - 1.0, length + 1.5))
             speed = self._plan.speed.sample(self._rng)
@@ -296,6 +323,8 @@ class Traffic:
             movement, kind = self._draw_movement(), self.draw_type()
             lanes = self._entry_lanes[movement.origin, movement.destination]
             lane = self._network.lanes[lanes[self._rng.integers(len(lanes))]]
+            if not self.may_drive(kind, movement, lane):
+                continue
             length = VEHICLE_TYPES[kind].length
             rear, leader_speed = entry.get(lane.id, (math.inf, 0.0))
             room = rear - length - 2.0
@@ -307,6 +336,22 @@ class Traffic:
             self._add(movement, _route(movement), kind, lane, length + 0.1, speed)
             entry[lane.id] = (0.1, speed)
             return
+
+
+def _entry_lanes(network: Network, movement: Movement) -> list[str]:
+    """Ids of the lanes on which a movement enters; all of the outermost edge where its own begin later."""
+    own = {network.paths.lane_ids[row][0] for row in movement.rows}
+    outermost = {lane.id for lane in network.lanes.values() if lane.edge == movement.edges[0]}
+    return sorted(own & outermost or outermost)
+
+
+def _refused(network: Network, movement: Movement) -> frozenset[str]:
+    """SUMO's classes of vehicles to which some edge of a movement is closed on all lanes."""
+    found = set[str]()
+    for edge in movement.edges:
+        lanes = [{*lane.refuses} for lane in network.lanes.values() if lane.edge == edge]
+        found |= set.intersection(*lanes) if lanes else set()
+    return frozenset(found)
 
 
 def _route(movement: Movement) -> str:

@@ -268,6 +268,7 @@ class World:
             return False
         self._ego_inside = True
         if self._driven_by_sumo:
+            self.traffic.drive_ego()
             self._read_ego()
         else:
             self._sumo.take_over(EGO)
@@ -281,8 +282,7 @@ class World:
     def _drive(self, scene: Scene, a: float, delta: float) -> Nearest:
         """Simulate the sub-steps, up to a contact before the last; what is near after the last, the next
         scene shows."""
-        last = self.config.substeps - 1
-        reached = NOTHING
+        last, reached = self.config.substeps - 1, NOTHING
         for prop in self.stage.props:
             prop.look_out(scene)
         for step in range(last + 1):

@@ -101,8 +101,8 @@ def test_lanes_for_buses_are_named_as_left_out(tmp_path):
     warnings = changed(tmp_path, *lanes)
     left_out = [warning for warning in warnings if "left out" in warning]
     assert left_out == [
-        "lanes west_in_0, south_out_0 are closed to cars (for bus, bicycle only) and left out: nobody drives "
-        "there"
+        "lanes west_in_0, south_out_0 are closed to cars (for bus, bicycle only) and left out: no part of "
+        "the ego's road"
     ]
     assert not any("north_out_0" in warning for warning in warnings), "a pavement is no part of the road"
 

@@ -25,12 +25,11 @@ class DensitySurgeEffect(Felt[DensitySurge]):
     """Another density, held by inflow from now on."""
 
     def begin(self, stage: Stage) -> bool:
-        self._before = stage.density
-        stage.density = float(self.event.density)
+        stage.set_density(float(self.event.density), self.name)
         return True
 
     def end(self, stage: Stage) -> None:
-        stage.density = self._before
+        stage.set_density(None, self.name)
 
 
 register_event(DensitySurge, DensitySurgeEffect)

@@ -28,11 +28,9 @@ class PriorityViolationEffect(Held[PriorityViolation]):
 
     def hold(self, stage: Stage, name: str) -> None:
         stage.seize(name, heedless=True)
-        stage.unlawful.add(name)
 
     def let_go(self, stage: Stage, name: str) -> None:
         stage.release(name, heedless=True)
-        stage.unlawful.discard(name)
 
 
 register_event(PriorityViolation, PriorityViolationEffect)

@@ -27,10 +27,10 @@ class SlowVehicleEffect(Held[SlowVehicle]):
     """It goes no faster than a given speed."""
 
     def hold(self, stage: Stage, name: str) -> None:
-        stage.set_top_speed(name, float(self.event.speed))
+        stage.set_top_speed(name, float(self.event.speed), self.name)
 
     def let_go(self, stage: Stage, name: str) -> None:
-        stage.set_top_speed(name, None)
+        stage.set_top_speed(name, None, self.name)
 
 
 register_event(SlowVehicle, SlowVehicleEffect)

@@ -28,10 +28,10 @@ class SpeedingEffect(Held[Speeding]):
     """It wants a multiple of the limit."""
 
     def hold(self, stage: Stage, name: str) -> None:
-        stage.set_speed_factor(name, float(self.event.factor))
+        stage.set_speed_factor(name, float(self.event.factor), self.name)
 
     def let_go(self, stage: Stage, name: str) -> None:
-        stage.set_speed_factor(name, None)
+        stage.set_speed_factor(name, None, self.name)
 
 
 register_event(Speeding, SpeedingEffect)

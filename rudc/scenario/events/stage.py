@@ -50,8 +50,8 @@ class Stage(ABC):
     def seize(self, name: str, *, heedless: bool = False) -> None:
         """Take a vehicle's speed into the event's hands: it brakes as hard as it is told to.
 
-        A heedless one drives by itself, but without regard to right of way; it still keeps its distance, also
-        to an ego before it.
+        A heedless one drives by itself, but without regard to right of way, and is unlawful; it still keeps
+        its distance, also to an ego before it.
         """
 
     @abstractmethod
@@ -63,21 +63,24 @@ class Stage(ABC):
         """Have a vehicle brake with deceleration m/s2 until the next decision, and not drive backwards."""
 
     @abstractmethod
-    def set_speed_factor(self, name: str, factor: float | None) -> None:
-        """How many times the limit a vehicle wants to drive; None for its own factor again."""
+    def set_speed_factor(self, name: str, factor: float | None, event: str = "") -> None:
+        """How many times the limit a vehicle wants to drive, as an event has it; None when the event is over.
+
+        Of several events the last counts, and where all are over the vehicle's own factor.
+        """
 
     @abstractmethod
-    def set_top_speed(self, name: str, speed: float | None) -> None:
-        """m/s that a vehicle does not exceed; None for what its type can do."""
+    def set_top_speed(self, name: str, speed: float | None, event: str = "") -> None:
+        """m/s that a vehicle does not exceed; as `set_speed_factor`, in the end what its type can do."""
 
     @property
     @abstractmethod
     def density(self) -> float:
         """veh/km at which traffic is held."""
 
-    @density.setter
     @abstractmethod
-    def density(self, value: float) -> None: ...
+    def set_density(self, density: float | None, event: str = "") -> None:
+        """veh/km at which traffic is held from now on; as `set_speed_factor`, in the end the scenario's."""
 
     # ---- places
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from rudc.scenario.events import Effect, Event, effect_of
 from rudc.scenario.events.registry import ask_effect
 from rudc.world.events.conditions import holds
-from rudc.world.scene import Scene
+from rudc.world.scene import STANDING, Scene
 
 if TYPE_CHECKING:
     from rudc.scenario.plan import EpisodePlan
@@ -50,6 +50,8 @@ class Script:
             return ()
         stage = self._stage
         stage.scene = scene
+        if scene.ego.v < STANDING:
+            stage.sudden.clear()
         for effect in list(self._active):
             if ask_effect(effect, "is_over", stage, stage.time_s):
                 ask_effect(effect, "end", stage, stage.time_s)

@@ -26,6 +26,7 @@ from rudc.world.events.places import (
 from rudc.world.events.selection import pick
 from rudc.world.props import Prop, standing
 from rudc.world.scene import Kind, Scene
+from rudc.world.spawn import ROUNDED_M
 
 if TYPE_CHECKING:
     from rudc.network.network import Network, Route
@@ -40,10 +41,10 @@ BLOCK = "block"
 """how the names of SUMO's stand-ins for obstacles begin"""
 SQUEEZE_M = 0.4
 """m that an obstacle may reach into a lane without closing it"""
+LOOK_M = 0.5
+"""m between the places at which the ego is looked at that cannot stop"""
 JOINED_M = 0.5
 """m between pieces of an event that close a lane as one"""
-ROUNDED_M = 0.1
-"""m by which the length that a file states for a lane may differ from the drawn one by rounding"""
 
 
 @dataclass(slots=True)
@@ -65,7 +66,11 @@ class WorldStage(NetworkStage):
     props: list[Prop] = field(default_factory=list)
     unlawful: set[str] = field(default_factory=set)
     sudden: set[str] = field(default_factory=set)
-    """what was put nearer to the ego than it could stop"""
+    """what was put in the ego's way nearer than it could stop, and it has not stood since"""
+    _asked: dict[tuple[str, str], dict[str, float]] = field(default_factory=dict)
+    """what of whom -> what each event that is not over asks it to be, in the order they began"""
+    _stand_ins: dict[str, list[str]] = field(default_factory=dict)
+    """of each event, those for SUMO of what it has put on the road"""
     _blocks: int = 0
     _closed: dict[tuple[str, str], tuple[str, float, float]] = field(default_factory=dict)
     """by event and lane: the stand-in put there last, and from where to where (m) it closes the lane"""
@@ -93,6 +98,7 @@ class WorldStage(NetworkStage):
         driver = self.traffic.drivers[name]
         if heedless:
             driver.heedless += 1
+            self.unlawful.add(name)
         else:
             driver.overridden += 1
         self.sumo.set_mode(name, driver.mode)
@@ -101,6 +107,8 @@ class WorldStage(NetworkStage):
         driver = self.traffic.drivers[name]
         if heedless:
             driver.heedless -= 1
+            if not driver.heedless:
+                self.unlawful.discard(name)
         else:
             driver.overridden -= 1
         self.sumo.set_mode(name, driver.mode)
@@ -109,20 +117,28 @@ class WorldStage(NetworkStage):
         slower = self.speed(name) - deceleration * self.decision_s
         self.sumo.slow_down(name, max(slower, 0.0), self.decision_s)
 
-    def set_speed_factor(self, name: str, factor: float | None) -> None:
+    def set_speed_factor(self, name: str, factor: float | None, event: str = "") -> None:
         own = self.traffic.drivers[name].speed_factor
-        self.sumo.personality(name, speed_factor=own if factor is None else factor)
+        self.sumo.personality(name, speed_factor=self._last("factor", name, event, factor, own))
 
-    def set_top_speed(self, name: str, speed: float | None) -> None:
-        self.sumo.limit_speed(name, self.traffic.drivers[name].type.max_speed if speed is None else speed)
+    def set_top_speed(self, name: str, speed: float | None, event: str = "") -> None:
+        own = self.traffic.drivers[name].type.max_speed
+        self.sumo.limit_speed(name, self._last("speed", name, event, speed, own))
+
+    def _last(self, what: str, name: str, event: str, value: float | None, own: float) -> float:
+        """What the last event that is not over asks for, this one counted; `own` where none is left."""
+        asked = self._asked.setdefault((what, name), {})
+        asked.pop(event, None)
+        if value is not None:
+            asked[event] = value
+        return next(reversed(asked.values()), own)
 
     @property
     def density(self) -> float:
         return self.traffic.density
 
-    @density.setter
-    def density(self, value: float) -> None:
-        self.traffic.density = value
+    def set_density(self, density: float | None, event: str = "") -> None:
+        self.traffic.density = self._last("density", "", event, density, self.traffic.usual_density)
 
     # ---- things
 
@@ -164,15 +180,24 @@ class WorldStage(NetworkStage):
         stand_in = f"{BLOCK}{self._blocks}:{name}"
         self._blocks += 1
         self.sumo.block(stand_in, lane.edge, lane.index, start, end)
+        self._stand_ins.setdefault(name.partition(":")[0], []).append(stand_in)
         self._closed[key] = stand_in, start, end
 
     def _too_near(self, place: XYHeading, size: tuple[float, float]) -> bool:
-        """Whether the ego could not stop before what is put there, braking fully on a dry road."""
+        """Whether the ego, straight on or on its path, could not stop before what is put there, braking fully
+        on a dry road.
+        """
         assert self.scene is not None
-        ego, car = self.scene.ego, self.scene.network.vehicle
+        ego, car, ahead = self.scene.ego, self.scene.network.vehicle, 0.0
         at = np.array([place[:2]]), np.array([place[2]]), np.array([size])
-        gap = rectangle_gaps(ego.x, ego.y, ego.psi, car.length, car.width, *at)
-        return bool(gap[0] <= ego.v**2 / (-2.0 * car.a_min))
+        while ahead <= ego.v**2 / (-2.0 * car.a_min):
+            straight = ego.x + ahead * math.cos(ego.psi), ego.y + ahead * math.sin(ego.psi), ego.psi
+            on_path = self.scene.route.path.pose(self.scene.ego_s + ahead)
+            for x, y, psi in (straight, on_path):
+                if rectangle_gaps(float(x), float(y), float(psi), car.length, car.width, *at)[0] <= 0.0:
+                    return True
+            ahead += LOOK_M
+        return False
 
     def send(self, name: str, body: Body, way: Array, speed: float, late_m: float = 0.0) -> None:
         prop = Prop(name, Kind[body.upper()], size_of(body), way, wanted=speed)
@@ -186,9 +211,8 @@ class WorldStage(NetworkStage):
     def remove_things(self, event: str) -> None:
         gone = self.things_of(event)
         self.props = [prop for prop in self.props if prop.name not in gone]
-        for name in self.sumo.vehicles():
-            if name.startswith(BLOCK) and name.split(":", 1)[1] in gone:
-                self.sumo.remove(name)
+        for stand_in in self._stand_ins.pop(event, []):
+            self.sumo.remove(stand_in)  # on the road, or waiting for room there
 
     def hide_behind(self, place: XYHeading, size: tuple[float, float]) -> None:
         if reaches_onto_road(self.network, place, size):
