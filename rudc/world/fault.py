@@ -8,7 +8,8 @@ decides.
    with the other behind it: the other's.
 3. The two head the same way (within 45 degrees): the one behind is at fault; side by side, shared.
 4. The other drives against its lane, or an event has it break the rules: the other's.
-5. One had to yield to the other by the junction's right of way: that one's.
+5. One had to yield to the other by the junction's right of way: that one's. In a roundabout each of two may
+   have to, at its own entry: that one's who has come less far beyond its stop line.
 6. Otherwise shared.
 """
 
@@ -57,6 +58,10 @@ def judge(scene: Scene, index: int, unlawful: bool, held: bool = False, sudden: 
     row, own = int(scene.path[index]), scene.route.row
     if yields[own, row] != yields[row, own]:
         return "ego" if yields[own, row] else "other"
+    if yields[own, row] and scene.network.is_roundabout:
+        ours = scene.ego_s + 0.5 * scene.vehicle.length - scene.route.stop_line_s
+        its = scene.path_s[index] + 0.5 * scene.size[index, 0] - scene.network.paths.stop_s[row]
+        return "ego" if ours < its else "other"
     return "shared"
 
 

@@ -9,6 +9,7 @@ import pytest
 from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode
 from rudc.evaluation.rollout import run_episode
+from rudc.network.network import load_network
 from rudc.scenario import load_scenario
 from rudc.world.fault import judge
 from rudc.world.scene import Kind
@@ -116,3 +117,27 @@ def test_what_is_put_nearer_than_the_ego_could_stop_is_not_its_fault(world_on, t
         plan = scenario.varied({"events.0.vehicles.0.at": place}).plan(0)
         record = run_episode(Episode(world_on(scenario.network)), plan, make_agent("follower"))
         assert [record.values[name] for name in ("outcome", "hit", "fault")] == ["collision", "car", fault]
+
+
+def test_in_a_roundabout_who_enters_owes_the_way_to_who_is_in_it(make_scene):
+    """From the south to the west and from the north to the east each enters before the other."""
+    network = load_network("roundabout")
+    route, paths = network.route("south", "west"), network.paths
+    other = network.movement("north", "east").rows[0]
+    assert paths.yields[route.row, other]
+    assert paths.yields[other, route.row]
+
+    def fault(beyond, its):
+        ego_s = route.stop_line_s + beyond
+        x, y, psi = (float(value) for value in route.path.pose(ego_s))
+        scene = make_scene({"at": (x + 2.0, y, psi + math.pi / 2), "v": 6.0}, v=6.0)
+        ego = replace(scene.ego, x=x, y=y, psi=psi)
+        at = np.array([paths.stop_s[other] + its])
+        scene = replace(
+            scene, network=network, route=route, ego=ego, ego_s=ego_s, ego_offset=0.0, path=np.array([other]),
+            path_s=at,
+        )  # fmt: skip
+        return judge(scene, 0, unlawful=False)
+
+    assert fault(beyond=4.0, its=30.0) == "ego"
+    assert fault(beyond=30.0, its=4.0) == "other"
