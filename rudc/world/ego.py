@@ -80,9 +80,11 @@ class EgoPlant:
         a, delta = self._delayed(*within_limits(body, a, delta), dt)
         mu, old = DRY if self.actuation.friction is None else self.actuation.friction, self.state
         shape = body.wheelbase, body.cg_to_rear
-        a, delta = within_friction(a, delta, old.v, mu * GRAVITY, body.delta_max, *shape)
+        tyres = mu * GRAVITY, body.delta_max, *shape
+        a, delta = within_friction(a, delta, old.v, *tyres)
         if self.actuation.lag_s > 0:
-            self.state = self._lagging(a, delta, dt)
+            now = within_friction(old.acceleration, old.steering, old.v, *tyres)
+            self.state = self._lagging(a, delta, *now, dt)
         else:
             self.state = EgoState(*on_an_arc(old.x, old.y, old.psi, old.v, a, delta, dt, body.v_max, *shape))
         return self.state
@@ -101,10 +103,11 @@ class EgoPlant:
             self._pending.popleft()
         return self._pending.popleft()
 
-    def _lagging(self, a: float, delta: float, dt: float) -> EgoState:
-        """The state after dt s in which acceleration and steering follow their commands with a lag."""
+    def _lagging(self, a: float, delta: float, a0: float, delta0: float, dt: float) -> EgoState:
+        """The state after dt s in which acceleration and steering, now a0 and delta0, follow their commands
+        with a lag.
+        """
         old, body, lag = self.state, self.vehicle, self.actuation.lag_s
-        a0, delta0 = old.acceleration, old.steering
         moving = _time_in_motion(old.v, a, a0, lag, dt)
         x, y, psi = self._integrate(a, delta, a0, delta0, moving)
         v = 0.0 if moving < dt else min(_speed(old.v, a, a0, lag, dt), body.v_max)

@@ -220,3 +220,14 @@ def test_what_somebody_else_did_is_told_from_the_states(v, psi, a, delta):
 def test_a_standing_vehicle_says_nothing_about_its_wheels():
     plant = plant_at(0.0, 0.0, 1.0, 0.0)
     assert realised(plant.state, plant.state, 0.1, BODY) == (0.0, 0.0)
+
+
+def test_a_road_that_turns_slippery_is_felt_at_once_also_behind_a_lag():
+    plant = plant_at(0.0, 0.0, 0.0, 10.0, Actuation(lag_s=0.3))
+    for _ in range(40):
+        state = plant.step(0.0, 0.2, 0.05)
+    assert state.v * state.yaw_rate > 6.0
+    plant.actuation = Actuation(lag_s=0.3, friction=0.2)
+    for _ in range(20):
+        state = plant.step(-6.0, 0.2, 0.05)
+        assert math.hypot(state.v * state.yaw_rate, state.acceleration) < 0.2 * GRAVITY + 0.02
