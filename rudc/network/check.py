@@ -19,6 +19,8 @@ SHORT_ARM = 60.0
 """m: less leaves no room to start, follow and brake"""
 NARROW_LANE = 2.6
 """m: less leaves a car of 1.8 m no margin"""
+SHORT_WAY = 35.0
+"""m behind the junction; from there on an ego arrives 30 m behind it, as scenarios have it by default"""
 FAST = 15.0
 """m/s: the ego drives no faster"""
 
@@ -213,6 +215,10 @@ def _route_warnings(network: Network, route: Route) -> Iterator[str]:
         yield f"{way} bends with a radius of {radius:.1f} m; its turning circle needs {least:.1f} m"
     if not fits(network, route.path, network.vehicle, margin=0.0):
         yield f"{way} leaves the road with a corner of the car"
+    edges, last = network.arm(route.destination).out_edges, network.paths.lane_ids[route.row][-1]
+    room = route.length - route.exit_s
+    if network.lanes[last].edge != edges[-1] and room < SHORT_WAY:
+        yield f"{way} ends with its lane {room:.0f} m behind the junction; it has arrived there at the latest"
 
 
 def waiting_warnings(routes: list[Route]) -> Iterator[str]:

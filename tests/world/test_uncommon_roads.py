@@ -11,6 +11,7 @@ import pytest
 
 from rudc.errors import NetworkError
 from rudc.network.build import build_network
+from rudc.network.check import check_network
 from rudc.network.network import load_network
 from rudc.world.world import World
 from tests.plans import PlanSource, event
@@ -23,14 +24,19 @@ Lanes = Callable[[str, str], str]
 
 
 def crossing(
-    folder: Path, edge: Lanes, more: str = "", connections: str = "", names: dict[str, str] | None = None
+    folder: Path,
+    edge: Lanes,
+    more: str = "",
+    connections: str = "",
+    names: dict[str, str] | None = None,
+    west: float = 120.0,
 ) -> Path:
     """Four arms at right angles, east and west the main road. `more`: further elements of edges and nodes;
-    `names`: of edges that are not called ARM_WAY.
+    `names`: of edges that are not called ARM_WAY; `west`: m out to the node of that arm.
     """
     nodes = ['<node id="centre" x="0" y="0" type="priority" radius="7"/>']
     edges = []
-    for arm, (x, y) in FAR.items():
+    for arm, (x, y) in {**FAR, "west": (-west, 0.0)}.items():
         nodes.append(f'<node id="{arm}" x="{x}" y="{y}"/>')
         for way, ends in (("in", (arm, "centre")), ("out", ("centre", arm))):
             name = (names or {}).get(f"{arm}_{way}", f"{arm}_{way}")
@@ -105,6 +111,19 @@ def test_who_drives_on_behind_the_end_of_a_lane_keeps_its_way(tmp_path):
                 x, y, _ = network.paths.pose(scene.path[i], scene.path_s[i])
                 assert np.hypot(*(scene.position[i] - (x, y))) < 4.5
     assert behind > 50
+
+
+def test_a_way_that_ends_with_its_lane_soon_behind_the_junction_is_named(tmp_path):
+    def lanes(arm: str, way: str) -> str:
+        return f'numLanes="{2 if arm == "west" else 1}" width="3.5"/>'
+
+    more = '<node id="far" x="-240" y="0"/>\n<edge id="on" from="west" to="far" numLanes="1" speed="10"/>'
+    for west, named in ((40, True), (120, False)):
+        path = crossing(tmp_path, lanes, more, west=west)
+        found = [w for w in check_network(path).warnings if "ends with its lane" in w]
+        assert bool(found) == named
+    path = crossing(tmp_path, lanes, more, west=40)
+    assert any("from south to west ends with its lane 25 m behind" in w for w in check_network(path).warnings)
 
 
 def test_no_lorries_where_they_are_forbidden(tmp_path):
