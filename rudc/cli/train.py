@@ -110,8 +110,8 @@ def _config(
 ) -> TrainConfig:
     from rudc.learning.algorithms import ALGORITHMS
     from rudc.training.config import TrainConfig
+    from rudc.training.folder import stored_config
     from rudc.training.presets import read_preset
-    from rudc.training.trainer import stored_config
 
     twice = sorted(changes.keys() & settings.keys() - {"training.curriculum"})
     if twice:
