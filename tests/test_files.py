@@ -146,7 +146,7 @@ def test_a_folder_takes_the_place_of_another(tmp_path):
 def test_a_folder_that_another_writes_to_is_refused(tmp_path):
     warnings = []
     lock = take_lock(tmp_path, warnings)
-    with pytest.raises(InputError, match="another rudc is writing to .*: wait for its end, or give another"):
+    with pytest.raises(InputError, match=r"another rudc is writing to .*: wait for its end, or give another"):
         take_lock(tmp_path, warnings)
     os.close(lock)
     os.close(take_lock(tmp_path, warnings))

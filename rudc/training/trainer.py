@@ -93,7 +93,7 @@ class Trainer:
         return max(self._round - self._config.seed_rounds, 0) * self._config.round_steps
 
     def run(self) -> bool:
-        """Train to the end. False if interrupted (Ctrl-C), which leaves the last checkpoint."""
+        """Train to the end. False if interrupted (`_interruptible`), which leaves the last checkpoint."""
         self._since = time.monotonic()
         if self._round >= self._config.rounds:
             return True
@@ -288,7 +288,7 @@ class Trainer:
 
     @contextmanager
     def _interruptible(self) -> Iterator[None]:
-        """Ctrl-C ends the training after the round; a second one at once."""
+        """Ctrl-C, SIGTERM and SIGHUP end the training after the round; a second one at once."""
         if threading.current_thread() is not threading.main_thread():
             yield
             return
@@ -299,16 +299,23 @@ class Trainer:
             self._stop = True
             self._watcher.note("interrupted, finishing this round")
 
-        before = signal.signal(signal.SIGINT, stop)
+        before = {number: signal.signal(number, stop) for number in (signal.SIGINT, *_told_to_end())}
         try:
             yield
         finally:
-            signal.signal(signal.SIGINT, before)
+            for number, handler in before.items():
+                signal.signal(number, handler)
 
 
 def astray(losses: Statistics, limit: float) -> bool:
     """Whether one of the statistics is not finite, or larger than the limit."""
     return not all(abs(value) <= limit for value in asdict(losses).values())  # nan is not <= anything
+
+
+def _told_to_end() -> list[signal.Signals]:
+    """SIGTERM, and SIGHUP where there is one, but not where it is ignored (nohup)."""
+    known = [signal.Signals[name] for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    return [number for number in known if signal.getsignal(number) != signal.SIG_IGN]
 
 
 def _below(state: Arrays, prefix: str) -> Arrays:

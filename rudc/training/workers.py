@@ -1,14 +1,15 @@
 """Worker processes, one `Collector` each, that work while the learner learns.
 
-They start clean (rudc/evaluation/starting.py), since torch's threads do not survive a fork, need no torch
-themselves, and leave Ctrl-C to the main process, which ends them. A worker that dies takes the training down
-with a message.
+They start clean (rudc/evaluation/starting.py), since torch's threads do not survive a fork, and need no torch
+themselves. Ctrl-C, and whatever else tells all processes to end, they leave to the main process, which ends
+them. A worker that dies takes the training down with a message.
 """
 
 from __future__ import annotations
 
 import contextlib
 import multiprocessing
+import signal
 import traceback
 from collections.abc import Mapping, Sequence
 from multiprocessing.connection import Connection
@@ -78,7 +79,7 @@ class WorkerPool:
             pipe.close()
             process.join(timeout=5.0)
             if process.is_alive():
-                process.terminate()
+                process.kill()
                 process.join()
 
     def _ask(self, requests: Sequence[tuple[str, tuple[Any, ...]]]) -> None:
@@ -111,6 +112,9 @@ class _Failure:
 
 def _work(pipe: Connection, config: TrainConfig, index: int) -> None:
     """What a worker process does, until it is told to end or the main process is gone."""
+    for name in ("SIGTERM", "SIGHUP"):  # what they are sent for, the main process hears as well
+        if hasattr(signal, name):  # no SIGHUP on Windows
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
     with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
         try:
             collector = Collector(config, index)

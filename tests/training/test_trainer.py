@@ -192,7 +192,7 @@ def test_a_training_goes_on_from_the_scenarios_that_it_began_with(
     for there in (own, Path("own.yaml")):  # a file of that name here is not the one that is meant
         there.write_text(text.replace("10", "60"))
         if there == own:
-            with pytest.raises(InputError, match=r"has changed since it began: own\.yaml\. Put it back as it"):
+            with pytest.raises(InputError, match=r"has changed since it began: own\.yaml\. Put it back"):
                 train(config, folder, Watcher(), resume=True)
             own.write_text(text)
     assert train(config, folder, Watcher(), resume=True)
