@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import time
 from collections.abc import Iterator, Mapping
 from importlib.util import find_spec
@@ -79,6 +80,7 @@ def train(
         raise InputError("where to? give a folder for the agent: --out DIR")
     if find_spec("torch") is None:
         raise InputError(f"training needs torch: {install_command('train')}")
+    from rudc.agents.registry import name_of
     from rudc.training.trainer import train as run
 
     given = {"scenario": scenario, "steps": steps, "seed": seed, "device": device, "envs": envs}
@@ -97,7 +99,7 @@ def train(
     if not done:
         note("add --resume to go on")
         raise typer.Exit(130)
-    note(f"done: rudc sweep SCENARIO --agent {out} --out DIR")
+    note(f"done: rudc sweep SCENARIO --agent {shlex.quote(name_of(out))} --out DIR")
 
 
 def _config(
