@@ -32,13 +32,17 @@ class WorkerPool:
     def __init__(self, config: TrainConfig) -> None:
         self._share = config.training.round_decisions
         self._workers: list[tuple[Any, Connection]] = []
-        for index in range(config.training.envs):
-            ours, theirs = multiprocessing.Pipe()
-            process = start(_work, theirs, Carried(config), index, name=f"rudc-worker-{index}")
-            theirs.close()
-            self._workers.append((process, ours))
         self._critics = bool(config.correction.asks)
-        self._answers()
+        try:
+            for index in range(config.training.envs):
+                ours, theirs = multiprocessing.Pipe()
+                process = start(_work, theirs, Carried(config), index, name=f"rudc-worker-{index}")
+                theirs.close()
+                self._workers.append((process, ours))
+            self._answers()
+        except BaseException:  # this process waits for them at its end, and they heed no SIGTERM
+            self.close()
+            raise
 
     def load(self, arrays: Mapping[str, Any], percentiles: Percentiles, *, critics: bool = False) -> None:
         """Give all workers these weights and percentiles of sigma; critics only where the correction asks
@@ -73,10 +77,11 @@ class WorkerPool:
 
     def close(self) -> None:
         """End the workers."""
-        for process, pipe in self._workers:
+        for _, pipe in self._workers:
             with contextlib.suppress(OSError):
                 pipe.send(None)
             pipe.close()
+        for process, _ in self._workers:
             process.join(timeout=5.0)
             if process.is_alive():
                 process.kill()

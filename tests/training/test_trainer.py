@@ -257,6 +257,18 @@ def test_a_worker_that_dies_ends_the_training(tmp_path: Path):
         train(_config(envs=1), tmp_path / "dead", Saboteur())
 
 
+def test_a_training_that_is_interrupted_as_it_begins_leaves_no_worker(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def cut_off(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(WorkerPool, "_answers", cut_off)
+    with pytest.raises(KeyboardInterrupt):
+        train(_config(), tmp_path / "cut", Watcher())
+    assert not [one for one in multiprocessing.active_children() if one.name.startswith("rudc-worker")]
+
+
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_each_algorithm_trains_2000_steps_the_same_twice_and_drives(tmp_path: Path, algorithm: str):
     """The second time stopped and resumed. The replay holds half of the steps."""
