@@ -39,6 +39,27 @@ def make_folder(path: Path) -> None:
         raise InputError(f"{path} cannot be written to (no permission); give another folder")
 
 
+def take_lock(path: Path, warnings: list[str]) -> int | None:
+    """Keep others out of a folder for as long as this process lives, or the descriptor that comes back is
+    open, where the system can; where it cannot, `warnings` says so. Raises InputError when another is in it.
+    """
+    try:
+        import fcntl
+    except ImportError:  # no such locks on Windows
+        return None
+    lock = os.open(path, os.O_RDONLY)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(lock)
+        raise InputError(
+            f"another rudc is writing to {path} at this moment: wait for its end, or give another folder"
+        ) from None
+    except OSError:
+        warnings.append(f"{path} cannot be locked; run nothing else into it meanwhile")
+    return lock
+
+
 def make_folder_of(path: Path) -> None:
     """The folder of a file that will be written; one that is there, or a device, needs none. Raises as
     `make_folder` does.

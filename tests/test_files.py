@@ -16,6 +16,7 @@ from rudc.files import (
     make_folder_of,
     replace_folder,
     replacing,
+    take_lock,
     try_place,
     write_atomically,
 )
@@ -140,3 +141,13 @@ def test_a_folder_takes_the_place_of_another(tmp_path):
     assert not aside_of(old).exists()
     with pytest.raises(StorageError, match=r"cannot write .*checkpoint: No such file"):
         replace_folder(new, old)
+
+
+def test_a_folder_that_another_writes_to_is_refused(tmp_path):
+    warnings = []
+    lock = take_lock(tmp_path, warnings)
+    with pytest.raises(InputError, match=r"another rudc is writing to .*: wait for its end, or give another"):
+        take_lock(tmp_path, warnings)
+    os.close(lock)
+    os.close(take_lock(tmp_path, warnings))
+    assert warnings == []

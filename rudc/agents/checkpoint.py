@@ -53,9 +53,14 @@ def find_checkpoint(name: str) -> Path | None:
     shipped = shipped_checkpoints()
     if name in shipped:
         return shipped[name]
-    for folder in (Path(name), Path(name) / LATEST):
-        if os.path.isfile(folder / DESCRIPTION):  # unlike pathlib's, no error for names that are too long
-            return folder
+    return checkpoint_in(Path(name))
+
+
+def checkpoint_in(folder: Path) -> Path | None:
+    """A folder itself, or the latest checkpoint of the training in it."""
+    for place in (folder, folder / LATEST):
+        if os.path.isfile(place / DESCRIPTION):  # unlike pathlib's, no error for names that are too long
+            return place
     return None
 
 

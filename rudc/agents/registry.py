@@ -78,6 +78,13 @@ def make_agent(name: str) -> Agent:
     return with_outlook(driver, name, outlook_with(outlook, shown))
 
 
+def name_of(folder: Path) -> str:
+    """What `--agent` calls the agent in a training's folder: its path, unlike any other's name."""
+    name = str(folder)
+    other = name in agent_names() or ":" in name  # a class's place, or settings, stand behind a colon
+    return f"./{name}" if other and not folder.is_absolute() else name
+
+
 def agent_summary(name: str) -> str:
     """What a driver does, in a sentence."""
     base, suffix, _ = _parts(name)

@@ -88,11 +88,17 @@ def calibrate(
 
     **Example**: `rudc agent calibrate out/first`
     """
-    from rudc.agents.checkpoint import find_checkpoint
+    from rudc.agents.checkpoint import checkpoint_in, find_checkpoint
     from rudc.errors import AgentError
     from rudc.training.calibration import SCENARIOS, calibrate
 
-    found = find_checkpoint(str(folder))
+    found, shipped = checkpoint_in(folder), find_checkpoint(str(folder))
+    if found is None and shipped is not None and write:
+        raise AgentError(
+            f"{folder} is a shipped agent, which --write leaves as it is; give a folder of your own, "
+            f"such as a copy of {shipped}"
+        )
+    found = found or shipped
     if found is None:
         raise AgentError(f"no checkpoint in {folder}")
     names, done = scenario or list(SCENARIOS), 0

@@ -99,6 +99,7 @@ def run(
         check_place(steps, "a table of decisions", ".csv")
     if fcd is not None:
         check_place(fcd, "SUMO's floating car data", ".xml", ".xml.gz", ".csv", ".parquet")
+    _refuse_one_for_two({"--video": video, "--replay": replay, "--steps": steps, "--fcd": fcd})
     files = _Files(video, steps, fcd, gui, replay is not None)
     driven = [_drive(scenario, seed, driver, files) for driver in drivers]
     if as_json:
@@ -135,6 +136,19 @@ def _check_several(agents: int, single: dict[str, Path | bool | None], replay: P
     given = [name for name, value in single.items() if value]
     if given:
         raise InputError(f"{given[0]} shows one agent, and {agents} were named")
+
+
+def _refuse_one_for_two(outputs: dict[str, Path | None]) -> None:
+    """Raise InputError where one file would be written over by another; devices take what comes."""
+    from rudc.files import past_links
+
+    taken: dict[Path, str] = {}
+    for option, path in outputs.items():
+        if path is None or (path.exists() and not path.is_file()):
+            continue
+        other = taken.setdefault(past_links(path), option)
+        if other != option:
+            raise InputError(f"{other} and {option} both name {path}: give each a file of its own")
 
 
 class _Driven(NamedTuple):

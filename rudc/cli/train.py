@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import time
 from collections.abc import Iterator, Mapping
 from importlib.util import find_spec
@@ -64,8 +65,9 @@ def train(
     """Train an agent from scratch.
 
     DIR gets `checkpoint/` (the agent, which every `--agent` takes as `--agent DIR`, and what resuming needs),
-    `progress.csv`, `evaluation.csv` (held-out episodes as training goes) and `config.json`. Ctrl-C keeps the
-    last checkpoint, and `--resume` goes on from there to the same numbers as without a stop.
+    `progress.csv`, `evaluation.csv` (held-out episodes as training goes), `config.json` and `scenarios.json`
+    (what it learns from). Ctrl-C keeps the last checkpoint, and `--resume` goes on from there to the same
+    numbers as without a stop.
 
     **Examples**
 
@@ -79,6 +81,7 @@ def train(
         raise InputError("where to? give a folder for the agent: --out DIR")
     if find_spec("torch") is None:
         raise InputError(f"training needs torch: {install_command('train')}")
+    from rudc.agents.registry import name_of
     from rudc.training.trainer import train as run
 
     given = {"scenario": scenario, "steps": steps, "seed": seed, "device": device, "envs": envs}
@@ -97,7 +100,7 @@ def train(
     if not done:
         note("add --resume to go on")
         raise typer.Exit(130)
-    note(f"done: rudc sweep SCENARIO --agent {out} --out DIR")
+    note(f"done: rudc sweep SCENARIO --agent {shlex.quote(name_of(out))} --out DIR")
 
 
 def _config(
@@ -110,8 +113,8 @@ def _config(
 ) -> TrainConfig:
     from rudc.learning.algorithms import ALGORITHMS
     from rudc.training.config import TrainConfig
+    from rudc.training.folder import stored_config
     from rudc.training.presets import read_preset
-    from rudc.training.trainer import stored_config
 
     twice = sorted(changes.keys() & settings.keys() - {"training.curriculum"})
     if twice:

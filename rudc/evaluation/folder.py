@@ -38,7 +38,7 @@ from rudc.evaluation.record import EpisodeRecord, as_text
 from rudc.evaluation.rows import Columns, SweepRows, by_row, undamaged
 from rudc.evaluation.store import Cells, RowFile, format_row, read_header, table_blocks
 from rudc.evaluation.tasks import Key, SweepPlan, Task
-from rudc.files import make_folder, write_atomically
+from rudc.files import make_folder, take_lock, write_atomically
 
 _ERROR = list(COLUMNS).index("error")
 _RENAMED = {"interventions": "engaged_steps"}
@@ -210,25 +210,6 @@ def keep_traceback(path: Path, name: str, record: EpisodeRecord, about: str = ""
     write_atomically(file, f"{about}{record.error}\n\n{record.traceback}")
     told = f"{record.error}{TRACEBACK}{file.relative_to(path)}"
     return EpisodeRecord({**record.values, "error": told}, record.traceback)
-
-
-def take_lock(path: Path, warnings: list[str]) -> int | None:
-    """Keep others out of a folder for as long as this process lives, or the descriptor that comes back is
-    open, where the system can; where it cannot, `warnings` says so. Raises SweepError when another is in it.
-    """
-    try:
-        import fcntl
-    except ImportError:  # no such locks on Windows
-        return None
-    lock = os.open(path, os.O_RDONLY)
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(lock)
-        raise SweepError(f"another sweep or search is writing to {path} at this moment") from None
-    except OSError:
-        warnings.append(f"{path} cannot be locked; run no second sweep into it meanwhile")
-    return lock
 
 
 def metrics_csv(groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Metric] = METRICS) -> str:

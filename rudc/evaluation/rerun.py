@@ -133,6 +133,8 @@ def differences(row: Mapping[str, str], record: EpisodeRecord) -> list[Differenc
 
 def _number(rows: Sequence[Mapping[str, str]], parameters: Sequence[str], which: str, folder: Path) -> int:
     """Of the row that is meant."""
+    if not rows:
+        raise SweepError(f"{folder} has no rows: no episode of it has ended; finish it with --resume")
     if which.isdigit():
         if not 1 <= int(which) <= len(rows):
             raise SweepError(f"{folder} has rows 1 to {len(rows)}, not {which}")

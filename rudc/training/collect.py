@@ -73,6 +73,7 @@ class Collector:
         self._worker = worker
         self._training = config.training
         self._mixture = make_mixture(config.training.scenario, config.training.curriculum)
+        self._held_out_on = {name: load_scenario(name) for name in config.training.evaluate_on}
         first = self._mixture.scenarios[0]
         self._world = World(load_network(first.network, first.junction))
         self._at = (first.network, first.junction)
@@ -131,7 +132,7 @@ class Collector:
         self._episode = self._scene = None
         self._steps.clear()
         for name, seed in tasks:
-            scenario = load_scenario(name)
+            scenario = self._held_out_on[name]
             self._move_to(scenario.network, scenario.junction)
             yield scenario.plan(seed)
 

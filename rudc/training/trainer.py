@@ -31,29 +31,28 @@ from typing import Any
 
 import numpy as np
 import torch
-from pydantic import ValidationError
 
 from rudc.agents.checkpoint import LATEST, Learnt, save_learnt
 from rudc.arrays import Arrays
 from rudc.errors import AgentError, InputError, TrainingError
 from rudc.evaluation.memory import keep_freed_blocks
-from rudc.files import aside_of, make_folder, replace_folder, write_atomically
+from rudc.files import aside_of, replace_folder, write_atomically
+from rudc.hints import listed
 from rudc.learning.checkpoint import load_state, save_state
 from rudc.learning.learner import Statistics
 from rudc.learning.nstep import Transition
 from rudc.learning.products import widest_products
 from rudc.learning.replay import Replay
 from rudc.learning.uncertainty import RunningPercentiles
-from rudc.scenario import load_scenario
-from rudc.settings import problems
 from rudc.training.calibration import Measured, calibration_tasks, measured
 from rudc.training.collect import Finished
 from rudc.training.config import TrainConfig
 from rudc.training.curriculum import HELD_OUT_SEED, make_mixture
+from rudc.training.folder import CONFIG, check_folder, held, keep_inputs, otherwise, sources_now, with_files
 from rudc.training.log import Log, Watcher, episode_columns, evaluation_rows
 from rudc.training.workers import WorkerPool
 
-CONFIG, STATE, REPLAY, COUNTERS = "config.json", "training.safetensors", "replay.npz", "training.json"
+STATE, REPLAY, COUNTERS = "training.safetensors", "replay.npz", "training.json"
 SIGMA_ROWS = 64
 """decisions of each round whose uncertainty goes into the percentiles"""
 
@@ -61,9 +60,14 @@ SIGMA_ROWS = 64
 class Trainer:
     """Trains one agent into a folder."""
 
-    def __init__(self, config: TrainConfig, folder: Path, watcher: Watcher) -> None:
-        """Start afresh, or where the checkpoint in the folder stands."""
+    def __init__(
+        self, config: TrainConfig, folder: Path, watcher: Watcher, driven: TrainConfig | None = None
+    ) -> None:
+        """Start afresh, or where the checkpoint in the folder stands. `driven`: the same configuration, with
+        scenarios named as the workers find them.
+        """
         self._config, self._folder, self._watcher = config, folder, watcher
+        self._driven = driven or config
         torch.set_num_threads(max(torch.get_num_threads() - config.training.envs, 1))
         keep_freed_blocks()
         try:
@@ -82,7 +86,6 @@ class Trainer:
         self._wall_s = 0.0
         self._stop = False
         self._restore()
-        self._log = Log(folder, self.steps, self._statistics)
 
     @property
     def steps(self) -> int:
@@ -90,11 +93,12 @@ class Trainer:
         return max(self._round - self._config.seed_rounds, 0) * self._config.round_steps
 
     def run(self) -> bool:
-        """Train to the end. False if interrupted (Ctrl-C), which leaves the last checkpoint."""
+        """Train to the end. False if interrupted (`_interruptible`), which leaves the last checkpoint."""
         self._since = time.monotonic()
         if self._round >= self._config.rounds:
             return True
-        self._pool = WorkerPool(self._config)
+        self._log = Log(self._folder, self.steps, self._statistics)
+        self._pool = WorkerPool(self._driven)
         try:
             with self._interruptible():
                 while self._round < self._config.rounds and not self._stop:
@@ -194,7 +198,7 @@ class Trainer:
         self._finished, self._losses = [], []
 
     def _evaluate(self) -> None:
-        training = self._config.training
+        training = self._driven.training
         seeds = range(HELD_OUT_SEED, HELD_OUT_SEED + training.evaluation_episodes)
         self._pool.load(self._weights(), self._percentiles())
         records = self._pool.evaluate([(name, seed) for name in training.evaluate_on for seed in seeds])
@@ -207,7 +211,7 @@ class Trainer:
 
     def _calibrate(self) -> None:
         """Take sigma of the final policy as it is deployed (see calibration.py)."""
-        training = self._config.training
+        training = self._driven.training
         states = "sigma" in self._config.learner.offers
         if not (states and training.calibration_episodes and self._learner.updates):
             return
@@ -262,6 +266,7 @@ class Trainer:
         if source is None:
             return
         try:
+            self._refuse_other(source)
             counters = json.loads((source / COUNTERS).read_text(encoding="utf-8"))
             state = load_state(source / STATE)
             self._round, self._wall_s = int(counters["round"]), float(counters["wall_s"])
@@ -271,11 +276,19 @@ class Trainer:
         except (OSError, ValueError, KeyError) as error:
             raise AgentError(f"{source}: training cannot be resumed from it: {error}") from error
 
+    def _refuse_other(self, checkpoint: Path) -> None:
+        """Raise InputError for a checkpoint that came from elsewhere."""
+        if other := otherwise(checkpoint, self._config):
+            raise InputError(
+                f"{checkpoint} is of another training than {self._folder / CONFIG}, with another "
+                f"{listed(other)}: take it out of the folder, or give another folder"
+            )
+
     # ---- Ctrl-C
 
     @contextmanager
     def _interruptible(self) -> Iterator[None]:
-        """Ctrl-C ends the training after the round; a second one at once."""
+        """Ctrl-C, SIGTERM and SIGHUP end the training after the round; a second one at once."""
         if threading.current_thread() is not threading.main_thread():
             yield
             return
@@ -286,11 +299,12 @@ class Trainer:
             self._stop = True
             self._watcher.note("interrupted, finishing this round")
 
-        before = signal.signal(signal.SIGINT, stop)
+        before = {number: signal.signal(number, stop) for number in (signal.SIGINT, *_told_to_end())}
         try:
             yield
         finally:
-            signal.signal(signal.SIGINT, before)
+            for number, handler in before.items():
+                signal.signal(number, handler)
 
 
 def astray(losses: Statistics, limit: float) -> bool:
@@ -298,39 +312,25 @@ def astray(losses: Statistics, limit: float) -> bool:
     return not all(abs(value) <= limit for value in asdict(losses).values())  # nan is not <= anything
 
 
+def _told_to_end() -> list[signal.Signals]:
+    """SIGTERM, and SIGHUP where there is one, but not where it is ignored (nohup)."""
+    known = [signal.Signals[name] for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    return [number for number in known if signal.getsignal(number) != signal.SIG_IGN]
+
+
 def _below(state: Arrays, prefix: str) -> Arrays:
     return {key[len(prefix) :]: value for key, value in state.items() if key.startswith(prefix)}
 
 
 def train(config: TrainConfig, folder: Path, watcher: Watcher, *, resume: bool = False) -> bool:
-    """Train into a folder; see `Trainer.run`. Raises InputError if the folder holds another training, or if
+    """Train into a folder; see `Trainer.run`. Raises InputError if the folder holds something else, or if
     there is nothing to train on.
     """
-    make_mixture(config.training.scenario, config.training.curriculum)
-    for name in config.training.evaluate_on:
-        load_scenario(name)
-    path = folder / CONFIG
-    text = config.model_dump_json(indent=2) + "\n"
-    if path.exists():
-        if not resume:
-            raise InputError(
-                f"{folder} holds a training already: resume it with --resume, or give another folder"
-            )
-        if path.read_text(encoding="utf-8") != text:
-            raise InputError(f"{folder} holds a training with other settings, see {path}")
-    make_folder(folder)
-    trainer = Trainer(config, folder, watcher)
-    write_atomically(path, text)  # only now: where the device is not there no training begins
-    return trainer.run()
-
-
-def stored_config(folder: Path) -> TrainConfig | None:
-    """The configuration of the training that a folder holds; None if it holds none."""
-    try:
-        return TrainConfig.model_validate_json((folder / CONFIG).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        return None
-    except ValidationError as error:
-        raise InputError(problems(error, str(folder / CONFIG), ())) from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"{folder / CONFIG} cannot be read: {error}") from error
+    sources = sources_now(config, folder)
+    driven = with_files(config, sources)
+    make_mixture(driven.training.scenario, driven.training.curriculum)
+    with held(folder, watcher.note):
+        check_folder(config, folder, sources, resume=resume)
+        trainer = Trainer(config, folder, watcher, driven)
+        keep_inputs(config, folder, sources)  # only now: where the device is not there no training begins
+        return trainer.run()

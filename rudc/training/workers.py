@@ -1,14 +1,15 @@
 """Worker processes, one `Collector` each, that work while the learner learns.
 
-They start clean (rudc/evaluation/starting.py), since torch's threads do not survive a fork, need no torch
-themselves, and leave Ctrl-C to the main process, which ends them. A worker that dies takes the training down
-with a message.
+They start clean (rudc/evaluation/starting.py), since torch's threads do not survive a fork, and need no torch
+themselves. Ctrl-C, and whatever else tells all processes to end, they leave to the main process, which ends
+them. A worker that dies takes the training down with a message.
 """
 
 from __future__ import annotations
 
 import contextlib
 import multiprocessing
+import signal
 import traceback
 from collections.abc import Mapping, Sequence
 from multiprocessing.connection import Connection
@@ -31,13 +32,17 @@ class WorkerPool:
     def __init__(self, config: TrainConfig) -> None:
         self._share = config.training.round_decisions
         self._workers: list[tuple[Any, Connection]] = []
-        for index in range(config.training.envs):
-            ours, theirs = multiprocessing.Pipe()
-            process = start(_work, theirs, Carried(config), index, name=f"rudc-worker-{index}")
-            theirs.close()
-            self._workers.append((process, ours))
         self._critics = bool(config.correction.asks)
-        self._answers()
+        try:
+            for index in range(config.training.envs):
+                ours, theirs = multiprocessing.Pipe()
+                process = start(_work, theirs, Carried(config), index, name=f"rudc-worker-{index}")
+                theirs.close()
+                self._workers.append((process, ours))
+            self._answers()
+        except BaseException:  # this process waits for them at its end, and they heed no SIGTERM
+            self.close()
+            raise
 
     def load(self, arrays: Mapping[str, Any], percentiles: Percentiles, *, critics: bool = False) -> None:
         """Give all workers these weights and percentiles of sigma; critics only where the correction asks
@@ -72,13 +77,14 @@ class WorkerPool:
 
     def close(self) -> None:
         """End the workers."""
-        for process, pipe in self._workers:
+        for _, pipe in self._workers:
             with contextlib.suppress(OSError):
                 pipe.send(None)
             pipe.close()
+        for process, _ in self._workers:
             process.join(timeout=5.0)
             if process.is_alive():
-                process.terminate()
+                process.kill()
                 process.join()
 
     def _ask(self, requests: Sequence[tuple[str, tuple[Any, ...]]]) -> None:
@@ -111,6 +117,9 @@ class _Failure:
 
 def _work(pipe: Connection, config: TrainConfig, index: int) -> None:
     """What a worker process does, until it is told to end or the main process is gone."""
+    for name in ("SIGTERM", "SIGHUP"):  # what they are sent for, the main process hears as well
+        if hasattr(signal, name):  # no SIGHUP on Windows
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
     with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
         try:
             collector = Collector(config, index)

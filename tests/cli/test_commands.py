@@ -13,6 +13,7 @@ import pytest
 from PIL import Image
 
 from rudc.data import data_folder
+from rudc.errors import AgentError
 from rudc.evaluation.store import read_table
 from rudc.learning.algorithms import ALGORITHMS
 from rudc.scenario import load_scenario, shipped_scenarios
@@ -178,6 +179,25 @@ def test_an_agents_sigma_is_measured_and_stored_only_when_asked(rudc, tmp_path):
     shares = [float(line.split()[-2].removesuffix("%")) for line in again]
     assert shares == pytest.approx([5.0, 5.0], abs=0.6)  # of the same 100 decisions or so again
     assert rudc("agent", "calibrate", tmp_path / "nobody").status == 2
+
+
+def test_a_shipped_agent_is_not_written_to_and_a_folder_of_its_name_is(rudc, tmp_path, monkeypatch):
+    shipped = data_folder("results/checkpoints") / "rudc-wo-cbf"
+    seen = []
+
+    def calibrate(folder, *_args, **_options):
+        seen.append(folder)
+        raise AgentError("enough")
+
+    monkeypatch.setattr("rudc.training.calibration.calibrate", calibrate)
+    answer = rudc("agent", "calibrate", "rudc-wo-cbf", "--write")
+    assert answer.status == 2
+    assert "rudc-wo-cbf is a shipped agent, which --write leaves as it is" in answer.err
+    assert not seen
+    rudc("agent", "calibrate", "rudc-wo-cbf")
+    shutil.copytree(shipped, tmp_path / "rudc-wo-cbf" / "checkpoint")
+    rudc("agent", "calibrate", "rudc-wo-cbf", "--write")
+    assert seen == [shipped, Path("rudc-wo-cbf/checkpoint")]
 
 
 @pytest.fixture(scope="module")

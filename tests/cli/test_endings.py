@@ -41,6 +41,33 @@ def test_a_command_that_is_ended_keeps_what_is_finished(tmp_path, command, numbe
     assert "Traceback" not in told
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_training_that_is_ended_says_what_is_kept(tmp_path, number):
+    """Its workers hear the signal, too, as where a terminal closes."""
+    out = tmp_path / "out"
+    small = ("training.seed_steps=100", "training.round_decisions=25", "training.checkpoint_every=50")
+    settings = [part for value in small for part in ("--set", value)]
+    begun = [*RUDC, "train", "sac", "--envs", "1", *settings, "-o", str(out)]
+
+    def heard():
+        os.setpgrp()
+        signal.signal(number, signal.SIG_DFL)
+
+    process = subprocess.Popen(begun, stderr=subprocess.PIPE, text=True, preexec_fn=heard)
+    deadline = time.monotonic() + 120
+    while not (out / "checkpoint").exists():
+        assert process.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    os.killpg(process.pid, number)
+    _, told = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert f"interrupted; the last checkpoint is kept in {out / 'checkpoint'}" in told
+    assert "add --resume to go on" in told
+    assert "Traceback" not in told
+
+
 def test_a_path_that_is_too_long_is_wrong_input(rudc, tmp_path):
     for command in (
         ["table", "x" * 5000],

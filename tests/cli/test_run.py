@@ -109,8 +109,23 @@ def test_an_ending_that_promises_what_is_not_written_is_refused(rudc, tmp_path, 
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    ("first", "second", "both"),
+    [
+        (("--steps", "s.csv"), ("--fcd", "in/../s.csv"), "--steps and --fcd"),
+        (("--steps", "one"), ("--fcd", "one"), "--steps and --fcd"),
+    ],
+)
+def test_one_file_for_two_outputs_is_refused(rudc, tmp_path, first, second, both):
+    answer = rudc(*RUN, *SHORT, *first, *second)
+    assert answer.status == 2
+    assert answer.err == f"error: {both} both name {second[1]}: give each a file of its own\n"
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_name_without_an_ending_promises_nothing(rudc, tmp_path):
     assert rudc(*RUN, *SHORT, "--steps", "steps", "--fcd", "/dev/null").status == 0
+    assert rudc(*RUN, *SHORT, "--steps", "/dev/null", "--fcd", "/dev/null").status == 0
     assert (tmp_path / "steps").is_file()
 
 

@@ -73,6 +73,20 @@ def test_options_reach_the_configuration(rudc, calls):
     assert "--agent x" in answer.err
 
 
+@pytest.mark.parametrize(
+    ("out", "called"),
+    [
+        ("x", "x"),
+        ("./sac", "./sac"),  # `sac` is shipped, and so is the driver `follower`
+        ("follower", "./follower"),
+        ("mine:Mine", "./mine:Mine"),
+        ("a b", "'a b'"),
+    ],
+)
+def test_the_command_at_the_end_drives_what_was_trained(rudc, calls, out, called):
+    assert f"done: rudc sweep SCENARIO --agent {called} --out DIR" in rudc("train", "sac", "--out", out).err
+
+
 def test_steps_that_are_rounded_are_said_once(rudc, calls):
     answer = rudc("train", "rudc-t", "--steps", 1, "--out", "x")
     assert answer.err.count("200 steps instead of 1: whole rounds of 200 are made\n") == 1

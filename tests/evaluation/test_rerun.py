@@ -61,6 +61,15 @@ def test_an_episode_that_is_not_there_is_refused_in_one_line(folder, which, says
     assert says in str(refused.value)
 
 
+def test_a_sweep_without_rows_says_so(folder, tmp_path):
+    shutil.copytree(folder, tmp_path / "empty")
+    rows = tmp_path / "empty" / "episodes.csv"
+    rows.write_text(rows.read_text().partition("\n")[0] + "\n")
+    for which in ("1", "random_destination:follower:5"):
+        with pytest.raises(SweepError, match="empty has no rows: no episode of it has ended"):
+            find_episode(tmp_path / "empty", which)
+
+
 def test_what_has_changed_since_is_told(folder, tmp_path):
     for name in ("episodes.csv", "manifest.json"):
         (tmp_path / name).write_bytes((folder / name).read_bytes())

@@ -304,7 +304,7 @@ def test_other_versions_are_recorded_and_warned_of(fakes, make_plan, tmp_path, m
 def test_two_sweeps_cannot_write_to_one_folder(fakes, make_plan, tmp_path):
     with folder_module.SweepFolder(tmp_path, make_plan()) as first:
         first.open(resume=False)
-        with pytest.raises(SweepError, match="another sweep or search is writing"):
+        with pytest.raises(InputError, match="another rudc is writing"):
             run_sweep(make_plan(), tmp_path, fakes.Runner, resume=True)
     run_sweep(make_plan(), tmp_path, fakes.Runner, resume=True)
 

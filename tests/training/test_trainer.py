@@ -25,7 +25,8 @@ from rudc.learning.sac_lagrangian import LagrangianStatistics
 from rudc.safety.residual import shipped_predictor
 from rudc.training.calibration import calibrate
 from rudc.training.config import TrainConfig
-from rudc.training.trainer import astray, stored_config, train
+from rudc.training.folder import config_text, held, stored_config
+from rudc.training.trainer import astray, train
 from rudc.training.workers import WorkerPool
 
 pytestmark = pytest.mark.slow
@@ -160,6 +161,56 @@ def test_a_folder_keeps_its_training(trained: Path):
     assert train(_config(), trained, Watcher(), resume=True)  # nothing is left to do
 
 
+def test_only_an_empty_folder_is_taken(trained: Path, tmp_path: Path):
+    """A checkpoint that was copied is no training of that folder, nor is a sweep."""
+    shutil.copytree(trained / "checkpoint", tmp_path / "copy" / "checkpoint")
+    for resume in (False, True):
+        with pytest.raises(InputError, match=r"is not empty \(checkpoint\) and holds no training .* another"):
+            train(_config(seed=5), tmp_path / "copy", Watcher(), resume=resume)
+    (tmp_path / "copy" / "config.json").write_text(config_text(_config(seed=5)))
+    with pytest.raises(InputError, match=r"with another training\.seed: take it out of the folder"):
+        train(_config(seed=5), tmp_path / "copy", Watcher(), resume=True)
+    assert sorted(os.listdir(tmp_path / "copy")) == ["checkpoint", "config.json"]
+
+
+def test_one_training_at_a_time_writes_to_a_folder(trained: Path):
+    with held(trained, print), pytest.raises(InputError, match="another rudc is writing to"):
+        train(_config(), trained, Watcher(), resume=True)
+
+
+def test_a_training_goes_on_from_the_scenarios_that_it_began_with(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    (tmp_path / "elsewhere").mkdir()
+    own, folder = tmp_path / "own.yaml", tmp_path / "own"
+    text = "name: own\nextends: random_destination\ntraffic: {density: 10}\n"
+    own.write_text(text)
+    config = _config(scenario="own.yaml", curriculum=None, evaluate_on=("own.yaml",), steps=100)
+    monkeypatch.chdir(tmp_path)
+    assert not train(config, folder, Watcher(stop_at=100))
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    for there in (own, Path("own.yaml")):  # a file of that name here is not the one that is meant
+        there.write_text(text.replace("10", "60"))
+        if there == own:
+            with pytest.raises(InputError, match=r"has changed since it began: own\.yaml\. Put it back"):
+                train(config, folder, Watcher(), resume=True)
+            own.write_text(text)
+    assert train(config, folder, Watcher(), resume=True)
+    assert [row["scenario"] for row in _curves(folder)["evaluation"]][:1] == ["own"]
+    for name in ("config.json", "checkpoint/agent.json"):
+        assert str(tmp_path) not in (folder / name).read_text()
+
+
+def test_a_training_of_before_scenarios_were_kept_is_resumed(tmp_path: Path):
+    config = _config(steps=100)
+    assert not train(config, tmp_path / "old", Watcher(stop_at=100))
+    kept = tmp_path / "old" / "scenarios.json"
+    before = kept.read_text()
+    kept.unlink()
+    assert train(config, tmp_path / "old", Watcher(), resume=True)
+    assert kept.read_text() == before
+
+
 def test_a_trained_folder_is_an_agent(trained: Path):
     agent = make_agent(str(trained))
     assert agent.name == str(trained)
@@ -204,6 +255,18 @@ class Saboteur(Watcher):
 def test_a_worker_that_dies_ends_the_training(tmp_path: Path):
     with pytest.raises(TrainingError, match=r"rudc-worker-0 has died"):
         train(_config(envs=1), tmp_path / "dead", Saboteur())
+
+
+def test_a_training_that_is_interrupted_as_it_begins_leaves_no_worker(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def cut_off(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(WorkerPool, "_answers", cut_off)
+    with pytest.raises(KeyboardInterrupt):
+        train(_config(), tmp_path / "cut", Watcher())
+    assert not [one for one in multiprocessing.active_children() if one.name.startswith("rudc-worker")]
 
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)

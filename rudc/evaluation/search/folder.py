@@ -11,7 +11,7 @@ from typing import Any
 
 from rudc.errors import SweepError
 from rudc.evaluation.columns import COLUMNS
-from rudc.evaluation.folder import keep_traceback, settled, take_lock
+from rudc.evaluation.folder import keep_traceback, settled
 from rudc.evaluation.manifest import (
     FORMAT,
     agent_digests,
@@ -24,7 +24,7 @@ from rudc.evaluation.rows import by_row, undamaged
 from rudc.evaluation.search.space import Space
 from rudc.evaluation.store import RowFile, format_row
 from rudc.evaluation.tasks import SweepPlan
-from rudc.files import make_folder, write_atomically
+from rudc.files import make_folder, take_lock, write_atomically
 from rudc.scenario.model import Scenario
 from rudc.scenario.networks import is_network_path
 

@@ -189,7 +189,7 @@ def test_an_episode_that_cannot_be_run_is_said_and_counts_for_nothing(tmp_path):
 def test_two_cannot_write_to_one_folder(tmp_path):
     with SearchFolder(tmp_path, planned(2)) as first:
         first.open(resume=False)
-        with pytest.raises(SweepError, match="another sweep or search is writing"):
+        with pytest.raises(InputError, match="another rudc is writing"):
             run_search(planned(2), tmp_path, Stub, resume=True)
     assert run_search(planned(2), tmp_path, Stub, resume=True).episodes == 2
 

@@ -13,7 +13,7 @@ from rudc.evaluation.columns import DECISION_MS, METRICS
 from rudc.evaluation.folder import read_sweep
 from rudc.evaluation.tables import make_table
 from rudc.reporting.report.densities import POINTS, densities
-from rudc.reporting.report.episodes import Episodes, event_counts, which, worst
+from rudc.reporting.report.episodes import Episodes, event_counts, replay_name, which, worst
 from rudc.reporting.report.findings import findings
 from rudc.reporting.report.page import report_page, save_report
 from rudc.reporting.report.pairs import differences
@@ -136,6 +136,17 @@ def test_worst_first_and_three_of_a_kind():
     assert worst(Episodes.of(rows, ())) == [3, 4, 2, 5, 6]
     assert which(Episodes.of(rows, ()), 2) == "fog:a:0"
     assert which(Episodes.of([r | {"k": "1"} for r in rows], ("k",)), 2) == "3"
+
+
+def test_pages_of_replays_have_names_that_a_disk_takes():
+    row = {"scenario": "s", "seed": "3"}
+    short, one, other = (
+        replay_name(Episodes.of([{**row, "agent": agent, "error": ""}], ()), 0)
+        for agent in ("out/a", "x" * 300 + "1", "x" * 300 + "2")
+    )
+    assert short == "s-out_a-3.html"
+    assert one != other
+    assert max(len(one), len(other)) < 240
 
 
 def test_events_are_counted_where_rows_say_so():
