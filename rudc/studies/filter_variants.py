@@ -91,8 +91,7 @@ def variants_of(name: str, distances: Sequence[float]) -> list[Variant]:
     own_d_safe = settings.pop("correction.d_safe", "")
     if own_d_safe:
         distances = (float(own_d_safe),)
-    off = whole.rpartition("+")[0] if gain is None else _named(whole, {"correction.kind": "none"})
-    found = [Variant(off, name, family(name), "off")]
+    found = [Variant(_off(whole, settings, own=gain is not None), name, family(name), "off")]
 
     def add(kind: str, constrained: str, d_safe: float, own: Mapping[str, str]) -> None:
         where = {"correction.constrained": constrained, "correction.d_safe": f"{d_safe:g}"}
@@ -116,6 +115,14 @@ def variants_of(name: str, distances: Sequence[float]) -> list[Variant]:
                 without = {"correction.residual": "on", "correction.last_resort": "off"}
                 add(kind, constrained, d_safe, without | own)
     return found
+
+
+def _off(whole: str, settings: Mapping[str, str], *, own: bool) -> str:
+    """The same driver with its own filter off, or without the one behind it; what is set besides is kept."""
+    kept = {key: value for key, value in settings.items() if key.partition(".")[0] != "correction"}
+    return (
+        _named(whole, kept | {"correction.kind": "none"}) if own else _named(whole.rpartition("+")[0], kept)
+    )
 
 
 def _others(learnt: Learnt, gain: str) -> Iterator[tuple[str, dict[str, str]]]:
@@ -166,4 +173,5 @@ def _gain(whole: str, learnt: Learnt, wanted: str) -> str:
 
 
 def _named(whole: str, settings: Mapping[str, str]) -> str:
-    return f"{whole}:{','.join(f'{key}={value}' for key, value in settings.items())}"
+    text = ",".join(f"{key}={value}" for key, value in settings.items())
+    return f"{whole}:{text}" if text else whole

@@ -75,6 +75,27 @@ def test_a_filter_behind_a_driver_has_no_slack():
 
 
 @pytest.mark.parametrize(
+    ("name", "off"),
+    [
+        ("gap-acceptance+ttcbf:outlook.plant=estimated", "gap-acceptance:outlook.plant=estimated"),
+        (
+            "gap-acceptance+ttcbf:correction.d_safe=0.4,outlook.course=true",
+            "gap-acceptance:outlook.course=true",
+        ),
+        (
+            "rudc-t:outlook.course=false,correction.ttcbf_rate=0.2",
+            "rudc-t:outlook.course=false,correction.kind=none",
+        ),
+    ],
+)
+def test_without_its_filter_the_driver_is_the_same(name, off):
+    """What is set besides the filter is set in every variant, so that none but the filter differs."""
+    variants = variants_of(name, (0.3,))
+    assert variants[0].agent == off
+    assert len({str(agent_settings(v.agent)["outlook"]) for v in variants}) == 1
+
+
+@pytest.mark.parametrize(
     ("name", "error", "text"),
     [
         ("gap-acceptance", InputError, "no safety filter"),
