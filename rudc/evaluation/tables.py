@@ -1,6 +1,6 @@
 """Metrics as tables: CSV and JSON (numbers in full), Markdown and LaTeX (rounded, with intervals).
 
-Bold: the best of the agents in a scenario, if its 95 % interval does not overlap with that of the next best.
+Bold: the best of the agents in a scenario, if its 95 % interval overlaps with no other's.
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ def heading(metric: Metric) -> str:
 
 def best_of(groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Metric]) -> set[tuple[int, str]]:
     """(index of a group, metric) of values that are better than all others by more than chance, among groups
-    that differ in their agent only: whose interval does not overlap with that of the next best.
+    that differ in their agent only: whose interval overlaps with that of none of them.
 
     A group without competitors has no best value, and the paper's do not compete: its simulator is another.
     """
@@ -135,9 +135,9 @@ def best_of(groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Metric
             if metric.better is None or len(values) < 2:
                 continue
             sign = 1.0 if metric.better == "higher" else -1.0
-            order = sorted(range(len(values)), key=lambda k: sign * values[k].mean, reverse=True)
-            if _apart(values[order[0]], values[order[1]]):
-                best.add((known[order[0]], metric.name))
+            first = max(range(len(values)), key=lambda k: sign * values[k].mean)
+            if all(_apart(values[first], other) for k, other in enumerate(values) if k != first):
+                best.add((known[first], metric.name))
     return best
 
 

@@ -4,6 +4,7 @@ import csv
 import io
 import itertools
 import json
+import math
 
 import pytest
 
@@ -12,7 +13,8 @@ from rudc.evaluation.columns import COLUMNS, METRICS
 from rudc.evaluation.metrics import Group
 from rudc.evaluation.paper import TABLES, beside, paper_groups, paper_name
 from rudc.evaluation.record import EpisodeRecord
-from rudc.evaluation.tables import make_table, measured, named_metrics
+from rudc.evaluation.statistics import Summary
+from rudc.evaluation.tables import best_of, make_table, measured, named_metrics
 
 
 @pytest.fixture
@@ -81,6 +83,21 @@ def test_nothing_is_bold_that_may_be_chance(rows):
             row["outcome"] = "success" if int(row["seed"]) < 6 else "frozen"
     best = make_table(rows, BY, "markdown").splitlines()[2].split(" | ")[3].strip()
     assert best == "90.0 [59.6, 98.2]"
+
+
+def test_nothing_is_bold_that_overlaps_with_any_other():
+    """Even where the next best is clearly apart: intervals are not equally wide."""
+    assert best_of(speeds((10.0, 10.0, 10.1), (9.0, 9.0, 9.1), (8.5, 4.4, 9.9)), BY, METRICS) == {(0, "AES")}
+    assert best_of(speeds((10.0, 10.0, 10.1), (9.0, 9.0, 9.1), (8.5, 4.4, 12.6)), BY, METRICS) == set()
+
+
+def speeds(*values: tuple[float, float, float]) -> list[Group]:
+    """Agents with these mean speeds and intervals, and nothing else known of them."""
+    nothing = dict.fromkeys((metric.name for metric in METRICS), Summary(*[math.nan] * 4))
+    return [
+        Group(("fog", f"a{k}"), 10, 0, {**nothing, "AES": Summary(mean, math.nan, low, high)})
+        for k, (mean, low, high) in enumerate(values)
+    ]
 
 
 def test_any_metric_can_be_shown(rows):
