@@ -23,6 +23,10 @@ Format = Literal["csv", "markdown", "latex", "json"]
 MISSING = "–"
 """stands where a number is not known"""
 _ARROWS = {"higher": " ↑", "lower": " ↓", None: ""}
+_LATEX_SIGNS = str.maketrans(
+    {sign: f"\\{sign}" for sign in "&%$#_{}"}
+    | {"~": "\\textasciitilde{}", "^": "\\textasciicircum{}", "\\": "\\textbackslash{}"}
+)
 _LATEX_ARROWS = {"higher": "\\,$\\uparrow$", "lower": "\\,$\\downarrow$", None: ""}
 
 
@@ -171,7 +175,7 @@ def _markdown(groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Metr
         bold = [
             f"**{text}**" if (i, m.name) in best else text for m, text in zip(metrics, cells, strict=True)
         ]
-        lines.append([*shown_key(group.key), _count(group), *bold])
+        lines.append([*(key.replace("|", "\\|") for key in shown_key(group.key)), _count(group), *bold])
     widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
     rule = ["-" * width if k < len(by) else "-" * (width - 1) + ":" for k, width in enumerate(widths)]
     padded = [
@@ -227,6 +231,4 @@ def _count(group: Group) -> str:
 
 
 def _escaped(text: str) -> str:
-    for sign in "&%$#_{}":
-        text = text.replace(sign, f"\\{sign}")
-    return text
+    return text.translate(_LATEX_SIGNS)

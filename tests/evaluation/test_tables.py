@@ -129,6 +129,17 @@ def test_latex_compiles_in_its_head(rows):
     assert "$-$20.0 {\\scriptsize (0.0)}" in text
 
 
+def test_signs_of_a_name_are_shown_as_they_are(rows):
+    for row in rows:
+        row["agent"] = 'my.py:X(mode="a|b")' if row["agent"] == "good_one" else "~/c^\\_{x}"
+    lines = make_table(rows, BY, "markdown").splitlines()
+    assert len({len(line) for line in lines}) == 1
+    assert {line.replace("\\|", "").count("|") for line in lines} == {11}
+    assert 'X(mode="a\\|b")' in lines[2]
+    latex = make_table(rows, BY, "latex")
+    assert "\\textasciitilde{}/c\\textasciicircum{}\\textbackslash{}\\_\\{x\\}" in latex
+
+
 def test_what_an_episode_does_not_say_is_shown_as_missing(rows):
     rows[0] = {**rows[0], "outcome": "", "priority": "", "error": "x"}
     lines = make_table(rows, ("priority",), "markdown").splitlines()
