@@ -28,6 +28,7 @@ from dataclasses import dataclass
 
 from rudc.agents.checkpoint import Learnt, find_checkpoint, load_learnt
 from rudc.agents.correction import CbfSettings
+from rudc.agents.drivers import find_own
 from rudc.agents.registry import make_agent
 from rudc.agents.route_sigma import RouteSigma
 from rudc.agents.variation import split
@@ -80,7 +81,9 @@ def variants_of(name: str, distances: Sequence[float]) -> list[Variant]:
     is no such agent, InputError if it cannot be varied.
     """
     make_agent(name)
-    whole, text = split(name)
+    own, rest = find_own(name) or ("", name)
+    behind, text = split(rest)
+    whole = own + behind
     settings = dict(part.split("=", 1) for part in text.split(",")) if text else {}
     settings = {key.strip(): value.strip() for key, value in settings.items()}
     taken = [key for key in settings if key in _VARIED or key.startswith("correction.slack.kind")]
