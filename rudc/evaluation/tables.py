@@ -1,6 +1,6 @@
 """Metrics as tables: CSV and JSON (numbers in full), Markdown and LaTeX (rounded, with intervals).
 
-Bold: the best of the agents in a scenario, if its 95 % interval does not overlap with that of the next best.
+Bold: the best of the agents in a scenario, if its 95 % interval overlaps with no other's.
 """
 
 from __future__ import annotations
@@ -23,6 +23,10 @@ Format = Literal["csv", "markdown", "latex", "json"]
 MISSING = "–"
 """stands where a number is not known"""
 _ARROWS = {"higher": " ↑", "lower": " ↓", None: ""}
+_LATEX_SIGNS = str.maketrans(
+    {sign: f"\\{sign}" for sign in "&%$#_{}"}
+    | {"~": "\\textasciitilde{}", "^": "\\textasciicircum{}", "\\": "\\textbackslash{}"}
+)
 _LATEX_ARROWS = {"higher": "\\,$\\uparrow$", "lower": "\\,$\\downarrow$", None: ""}
 
 
@@ -118,7 +122,7 @@ def heading(metric: Metric) -> str:
 
 def best_of(groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Metric]) -> set[tuple[int, str]]:
     """(index of a group, metric) of values that are better than all others by more than chance, among groups
-    that differ in their agent only: whose interval does not overlap with that of the next best.
+    that differ in their agent only: whose interval overlaps with that of none of them.
 
     A group without competitors has no best value, and the paper's do not compete: its simulator is another.
     """
@@ -135,9 +139,9 @@ def best_of(groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Metric
             if metric.better is None or len(values) < 2:
                 continue
             sign = 1.0 if metric.better == "higher" else -1.0
-            order = sorted(range(len(values)), key=lambda k: sign * values[k].mean, reverse=True)
-            if _apart(values[order[0]], values[order[1]]):
-                best.add((known[order[0]], metric.name))
+            first = max(range(len(values)), key=lambda k: sign * values[k].mean)
+            if all(_apart(values[first], other) for k, other in enumerate(values) if k != first):
+                best.add((known[first], metric.name))
     return best
 
 
@@ -171,7 +175,7 @@ def _markdown(groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Metr
         bold = [
             f"**{text}**" if (i, m.name) in best else text for m, text in zip(metrics, cells, strict=True)
         ]
-        lines.append([*shown_key(group.key), _count(group), *bold])
+        lines.append([*(key.replace("|", "\\|") for key in shown_key(group.key)), _count(group), *bold])
     widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
     rule = ["-" * width if k < len(by) else "-" * (width - 1) + ":" for k, width in enumerate(widths)]
     padded = [
@@ -227,6 +231,4 @@ def _count(group: Group) -> str:
 
 
 def _escaped(text: str) -> str:
-    for sign in "&%$#_{}":
-        text = text.replace(sign, f"\\{sign}")
-    return text
+    return text.translate(_LATEX_SIGNS)

@@ -20,7 +20,7 @@ def csv_text(rows: Sequence[Mapping[str, object]]) -> str:
 
 def markdown(headings: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> str:
     """A table whose first `left` columns are aligned to the left, the others to the right."""
-    lines = [list(headings), *map(list, rows)]
+    lines = [[text.replace("|", "\\|") for text in line] for line in (headings, *rows)]
     widths = [max(len(line[k]) for line in lines) for k in range(len(headings))]
     rule = ["-" * width if k < left else "-" * (width - 1) + ":" for k, width in enumerate(widths)]
     padded = [

@@ -125,8 +125,9 @@ def _gap(
 ) -> Verdict:
     metric, where = METRIC[claim.metric], " < ".join(claim.where)
     there = [name for name in claim.than if name in outcomes.rows()]
-    leads = [outcomes.lead(claim.row, there, metric, places.get(place, ())) for place in claim.where]
-    if not there or min(map(len, leads)) < 2:
+    measured = [places.get(place, ()) for place in claim.where if there]
+    leads = [outcomes.lead(claim.row, there, metric, scenarios) for scenarios in measured]
+    if min(map(len, leads), default=0) < 2:
         return Verdict(claim.says, claim.source, where, NOT_MEASURED, "no episodes to compare", 0)
     means = [float(lead.mean()) for lead in leads]
     half = Z * math.sqrt(sum(float(lead.var(ddof=1)) / len(lead) for lead in leads))

@@ -2,7 +2,8 @@
 
 What is compared says the campaign's file (rudc/studies/campaign.py). Trainings are taken or made
 (rudc/studies/trained.py), every agent drives the same episodes of both tasks and of all scenarios out of
-distribution, each in a sweep of its own, so that rows and training seeds can be added later. The folder gets
+distribution, each in a sweep of its own, so that rows and training seeds can be added later: the tables have
+what the folder's sweeps held before, too. It gets
 
     NAME.md             everything below, to read
     metrics.csv         each row in each place: mean, std over training seeds, interval, IQM and its interval
@@ -25,10 +26,12 @@ from typing import NamedTuple
 
 from rudc.agents.registry import make_agent
 from rudc.errors import AgentError, InputError
+from rudc.evaluation.manifest import manifest, read_manifest, resumed
 from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.sweep import Progress, run_sweep
 from rudc.evaluation.tasks import SweepPlan
 from rudc.files import make_folder, past_links
+from rudc.hints import listed
 from rudc.reporting.curves import draw_curves
 from rudc.reporting.text import MISSING, csv_text, markdown
 from rudc.scenario.model import Scenario
@@ -54,7 +57,7 @@ from rudc.studies.seed_tables import (
     paper_lines,
     paper_markdown,
 )
-from rudc.studies.trained import Trained, Trainings, trainings_for
+from rudc.studies.trained import Trained, Trainings, trainings_for, trainings_there
 from rudc.training.log_curves import read_training
 
 INSIDE = "in distribution"
@@ -66,6 +69,11 @@ class Driver(NamedTuple):
     row: Row
     trained: Trained
     agent: str
+
+    @property
+    def name(self) -> str:
+        """Of its sweeps."""
+        return f"{self.row.name}-seed{self.trained.seed}"
 
 
 class Ran(NamedTuple):
@@ -91,18 +99,24 @@ class Ran(NamedTuple):
 def run(order: Order, progress: Callable[[str], Progress], name: str = "comparison") -> Report:
     """The campaign of that name, as ordered."""
     campaign = read_campaign(name)
-    rows = campaign.chosen(order.agents)
+    chosen = campaign.chosen(order.agents)
     effort = campaign.budgets[order.budget].with_episodes(order.episodes)
     order = replace(order, out=past_links(order.out))
-    wanted = list({row.wanted.name: row.wanted for row in rows}.values())
     seeds = order.training_seeds or effort.seeds
+    asked = [(row, seed) for row in chosen for seed in seeds]
+    before = _driven_before(campaign, order, asked)
+    domains = {INSIDE: in_distribution(), OUTSIDE: out_of_distribution(order.budget)}
+    rows = tuple(row for row in campaign.rows if row in (*chosen, *(row for row, _ in before)))
+    ran = Ran(campaign, rows, effort, (), (), domains, Outcomes())
+    kept, left_out = _kept(ran, before, order)
+    wanted = list({row.wanted.name: row.wanted for row in chosen}.values())
     trainings = trainings_for(wanted, seeds, order, effort.settings, progress)
-    drivers, missing = _drivers(rows, trainings)
+    added, missing = _drivers(asked, trainings)
+    drivers = sorted([*added, *kept], key=lambda driver: (rows.index(driver.row), driver.trained.seed))
     if not drivers:
         raise InputError(f"no agent to drive: {'; '.join(missing)}")
     make_folder(order.out)
-    domains = {INSIDE: in_distribution(), OUTSIDE: out_of_distribution(order.budget)}
-    ran = Ran(campaign, rows, effort, tuple(drivers), tuple(missing), domains, Outcomes())
+    ran = ran._replace(drivers=tuple(drivers), missing=(*missing, *left_out))
     errors: list[str] = []
     with trainings.named_from():
         for driver in drivers:
@@ -111,14 +125,53 @@ def run(order: Order, progress: Callable[[str], Progress], name: str = "comparis
     return _report(ran, order.out, tuple(dict.fromkeys(errors)))
 
 
-def _drivers(rows: Sequence[Row], trainings: Trainings) -> tuple[list[Driver], list[str]]:
-    """Who drives, row after row, and what is missing. An agent that cannot be made as its row says (sigma by
-    route, of one that was never calibrated) is missing.
+def _driven_before(
+    campaign: Campaign, order: Order, asked: Sequence[tuple[Row, int]]
+) -> list[tuple[Row, int]]:
+    """Rows of the campaign of which the folder holds sweeps, and training seeds, without those asked for.
+    Raises InputError where the study shall not go on.
+    """
+    there = {path.parent.name for path in (order.out / "sweeps").glob("*/*-seed*/manifest.json")}
+    names = [name.rpartition("-seed") for name in sorted(there)]
+    seeds = [(name, int(seed)) for name, _, seed in names if seed.isdecimal()]
+    found = [(row, seed) for row in campaign.rows for name, seed in seeds if name == row.name]
+    found = [pair for pair in found if pair not in asked]
+    if found and not order.resume:
+        others = listed([f"{row.name}-seed{seed}" for row, seed in found], 4)
+        raise InputError(
+            f"{order.out} is not empty ({others} drove); add --resume to add to its tables, or give another "
+            "--out"
+        )
+    return found
+
+
+def _kept(ran: Ran, before: Sequence[tuple[Row, int]], order: Order) -> tuple[list[Driver], list[str]]:
+    """Who drove before and stays in the tables, and who is left out, since the training is gone. Raises
+    SweepError where one drove other episodes.
+    """
+    if not before:
+        return [], []
+    trainings = trainings_there([(row.wanted, seed) for row, seed in before], order, ran.effort.settings)
+    kept, missing = _drivers(before, trainings)
+    with trainings.named_from():
+        for driver in kept:
+            for domain in ran.domains:
+                plan, folder = _sweep(ran, driver, domain, order)
+                if (folder / "manifest.json").is_file():
+                    resumed(read_manifest(folder), manifest(plan), folder)
+    return kept, [f"{text}; what it drove before is left out" for text in missing]
+
+
+def _drivers(pairs: Sequence[tuple[Row, int]], trainings: Trainings) -> tuple[list[Driver], list[str]]:
+    """Who drives, of rows and training seeds, and what is missing. An agent that cannot be made as its row
+    says (sigma by route, of one that was never calibrated) is missing.
     """
     found, missing = [], list(trainings.missing)
     with trainings.named_from():
-        for row in rows:
+        for row, seed in pairs:
             for trained in trainings.of(row.wanted.name):
+                if trained.seed != seed:
+                    continue
                 driver = Driver(row, trained, row.agent(trained.agent))
                 try:
                     make_agent(driver.agent)
@@ -129,20 +182,25 @@ def _drivers(rows: Sequence[Row], trainings: Trainings) -> tuple[list[Driver], l
     return found, missing
 
 
+def _sweep(ran: Ran, driver: Driver, domain: str, order: Order) -> tuple[SweepPlan, Path]:
+    """What one agent drives in one domain, and where."""
+    episodes = ran.effort.episodes if domain == INSIDE else ran.effort.outside
+    plan = SweepPlan(ran.domains[domain], (driver.agent,), episodes, order.seed)
+    return plan, order.out / "sweeps" / _folder(domain) / driver.name
+
+
 def _drive(
     ran: Ran, driver: Driver, domain: str, order: Order, progress: Callable[[str], Progress]
 ) -> tuple[str, ...]:
     """One agent's sweep in one domain; what went wrong, once each."""
-    name = f"{driver.row.name}-seed{driver.trained.seed}"
-    episodes = ran.effort.episodes if domain == INSIDE else ran.effort.outside
-    plan = SweepPlan(ran.domains[domain], (driver.agent,), episodes, order.seed)
+    plan, folder = _sweep(ran, driver, domain, order)
     result = run_sweep(
         plan,
-        order.out / "sweeps" / _folder(domain) / name,
+        folder,
         partial(EpisodeRunner, folder=Path.cwd()),
         workers=order.workers,
         resume=order.resume,
-        progress=progress(f"{name}, {domain}"),
+        progress=progress(f"{driver.name}, {domain}"),
     )
     ran.outcomes.add(driver.row.name, driver.trained.seed, result.rows)
     return kinds_of_errors(result.rows)

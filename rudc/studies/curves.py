@@ -23,7 +23,7 @@ from rudc.files import make_folder
 from rudc.reporting.curves import Curve, draw_curves
 from rudc.reporting.text import csv_text, interval, markdown
 from rudc.studies.base import Order, Report, family, write
-from rudc.training.log_curves import RATE_COLUMNS, Key, Series, read_training
+from rudc.training.log_curves import BIN, RATE_COLUMNS, Key, Series, read_training
 
 
 class Band(NamedTuple):
@@ -39,11 +39,18 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
     if not order.folders:
         raise InputError("which trainings? give their folders: rudc study curves DIR...")
     trainings: dict[str, list[dict[Key, Series]]] = {}
+    without: list[str] = []
     for folder in dict.fromkeys(order.folders):
-        trainings.setdefault(family(folder.resolve().name), []).append(read_training(folder))
+        training = read_training(folder)
+        trainings.setdefault(family(folder.resolve().name), []).append(training)
+        if not training:
+            without.append(
+                f"{folder} has no curve yet: fewer than {BIN:,} decisions are logged, and no evaluation"
+            )
     lines = [line for name, members in trainings.items() for line in combine(name, members)]
     if not lines:
-        raise InputError("these trainings have no step in common that all of them reached")
+        said = "; ".join(without)
+        raise InputError(said or "these trainings have no step in common that all of them reached")
     make_folder(order.out)
     table = as_markdown(lines)
     files = (
@@ -51,7 +58,7 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
         write(order.out / "curves.md", table),
         draw_curves(curves(lines), order.out / "curves.png"),
     )
-    return Report(table, files, tuple(shortened(trainings)))
+    return Report(table, files, (*without, *shortened(trainings)))
 
 
 def combine(name: str, trainings: Sequence[Mapping[Key, Series]]) -> list[dict[str, object]]:

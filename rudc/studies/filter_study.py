@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from rudc.agents.registry import make_agent
+from rudc.errors import InputError
 from rudc.evaluation.columns import happened, metric_of
 from rudc.evaluation.metrics import average, numbers
 from rudc.evaluation.runner import EpisodeRunner
@@ -54,8 +55,14 @@ RATES = ("SR", "VR", "FR")
 def run(order: Order, progress: Callable[[str], Progress]) -> Report:
     """Sweep all variants and put them side by side."""
     variants = [v for name in chosen_agents(order) for v in variants_of(name, D_SAFE[order.budget])]
+    trained: dict[str, str] = {}
     for variant in variants:
         make_agent(variant.agent)
+        if (first := trained.setdefault(variant.agent, variant.trained)) != variant.trained:
+            raise InputError(
+                f"{first} and {variant.trained} have the variant {variant.agent} in common, whose episodes "
+                "would count for one of them only: study them one by one, each with its own --out"
+            )
     domains = {INSIDE: in_distribution(), OUTSIDE: out_of_distribution(order.budget)}
     episodes = order.episodes or EPISODES[order.budget]
     shares = {INSIDE: episodes, OUTSIDE: -(-len(domains[INSIDE]) * episodes // len(domains[OUTSIDE]))}

@@ -28,6 +28,7 @@ from dataclasses import dataclass
 
 from rudc.agents.checkpoint import Learnt, find_checkpoint, load_learnt
 from rudc.agents.correction import CbfSettings
+from rudc.agents.drivers import find_own
 from rudc.agents.registry import make_agent
 from rudc.agents.route_sigma import RouteSigma
 from rudc.agents.variation import split
@@ -80,7 +81,9 @@ def variants_of(name: str, distances: Sequence[float]) -> list[Variant]:
     is no such agent, InputError if it cannot be varied.
     """
     make_agent(name)
-    whole, text = split(name)
+    own, rest = find_own(name) or ("", name)
+    behind, text = split(rest)
+    whole = own + behind
     settings = dict(part.split("=", 1) for part in text.split(",")) if text else {}
     settings = {key.strip(): value.strip() for key, value in settings.items()}
     taken = [key for key in settings if key in _VARIED or key.startswith("correction.slack.kind")]
@@ -91,8 +94,7 @@ def variants_of(name: str, distances: Sequence[float]) -> list[Variant]:
     own_d_safe = settings.pop("correction.d_safe", "")
     if own_d_safe:
         distances = (float(own_d_safe),)
-    off = whole.rpartition("+")[0] if gain is None else _named(whole, {"correction.kind": "none"})
-    found = [Variant(off, name, family(name), "off")]
+    found = [Variant(_off(whole, settings, own=gain is not None), name, family(name), "off")]
 
     def add(kind: str, constrained: str, d_safe: float, own: Mapping[str, str]) -> None:
         where = {"correction.constrained": constrained, "correction.d_safe": f"{d_safe:g}"}
@@ -116,6 +118,14 @@ def variants_of(name: str, distances: Sequence[float]) -> list[Variant]:
                 without = {"correction.residual": "on", "correction.last_resort": "off"}
                 add(kind, constrained, d_safe, without | own)
     return found
+
+
+def _off(whole: str, settings: Mapping[str, str], *, own: bool) -> str:
+    """The same driver with its own filter off, or without the one behind it; what is set besides is kept."""
+    kept = {key: value for key, value in settings.items() if key.partition(".")[0] != "correction"}
+    return (
+        _named(whole, kept | {"correction.kind": "none"}) if own else _named(whole.rpartition("+")[0], kept)
+    )
 
 
 def _others(learnt: Learnt, gain: str) -> Iterator[tuple[str, dict[str, str]]]:
@@ -166,4 +176,5 @@ def _gain(whole: str, learnt: Learnt, wanted: str) -> str:
 
 
 def _named(whole: str, settings: Mapping[str, str]) -> str:
-    return f"{whole}:{','.join(f'{key}={value}' for key, value in settings.items())}"
+    text = ",".join(f"{key}={value}" for key, value in settings.items())
+    return f"{whole}:{text}" if text else whole

@@ -132,10 +132,16 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
 
 
 def _must_state_sigma(name: str) -> None:
-    base = split(name)[0].partition("+")[0]
-    if find_checkpoint(name) is None and find_checkpoint(base) is None:
-        make_agent(name)
+    make_agent(name)
+    folder = _folder(name)
+    if folder is None or "sigma" not in load_learnt(folder).config.learner.offers:
         raise InputError(f"{name} states no uncertainty, so there is nothing to study")
+
+
+def _folder(name: str) -> Path | None:
+    """Of what an agent learnt; None of drivers that did not learn."""
+    whole = split(name)[0]
+    return find_checkpoint(name) or find_checkpoint(whole) or find_checkpoint(whole.partition("+")[0])
 
 
 def _drives(rows: Sequence[Mapping[str, str]], folder: Path) -> list[Drive]:
@@ -302,8 +308,7 @@ def marks(lines: Sequence[Mapping]) -> list[Mark]:
 
 def limits_of(agent: str) -> dict[str, float]:
     """sigma_l of an agent, reward units: `total`, and `route` where it is known."""
-    whole = split(agent)[0]
-    folder = find_checkpoint(agent) or find_checkpoint(whole) or find_checkpoint(whole.partition("+")[0])
+    folder = _folder(agent)
     if folder is None:
         return {}
     learnt = load_learnt(folder)

@@ -93,19 +93,13 @@ def trainings_for(
     `training.steps` at least. `tell` is told what is trained, and how far it is. Raises InputError, and
     KeyboardInterrupt when a training was stopped (its checkpoint is kept).
     """
-    if order.trainings is not None and not order.trainings.is_dir():
-        raise InputError(f"no folder {order.trainings}: give that of trainings, NAME-seedN each")
-    folder = past_links(order.trainings or order.out / "trainings")
-    if order.trainings is None:
-        make_folder(folder)
+    folder = _folder(order)
     steps = int(settings["training.steps"])
     found: list[Trained] = []
     missing: list[str] = []
     for want in wanted:
         for seed in seeds:
-            training = _made(folder, want, seed)
-            if isinstance(training, str):
-                training = _shipped(want, seed, None if order.trainings else steps) or training
+            training = _there(folder, want, seed, order, steps)
             if isinstance(training, str) and order.trainings is None:
                 _train(folder, want, seed, settings, order.resume, tell)
                 training = _made(folder, want, seed)
@@ -114,6 +108,37 @@ def trainings_for(
             else:
                 found.append(training)
     return Trainings(folder, tuple(found), tuple(missing))
+
+
+def trainings_there(
+    wanted: Sequence[tuple[Wanted, int]], order: Order, settings: Mapping[str, Any]
+) -> Trainings:
+    """Those with these training seeds that there are; none is made. Raises InputError."""
+    folder, steps = _folder(order), int(settings["training.steps"])
+    there = {(want.name, seed): _there(folder, want, seed, order, steps) for want, seed in wanted}
+    return Trainings(
+        folder,
+        tuple(training for training in there.values() if isinstance(training, Trained)),
+        tuple(f"{name}-seed{seed}: {why}" for (name, seed), why in there.items() if isinstance(why, str)),
+    )
+
+
+def _folder(order: Order) -> Path:
+    """Of trainings, made where it is the study's own. Raises InputError."""
+    if order.trainings is not None and not order.trainings.is_dir():
+        raise InputError(f"no folder {order.trainings}: give that of trainings, NAME-seedN each")
+    folder = past_links(order.trainings or order.out / "trainings")
+    if order.trainings is None:
+        make_folder(folder)
+    return folder
+
+
+def _there(folder: Path, want: Wanted, seed: int, order: Order, steps: int) -> Trained | str:
+    """One in the folder of trainings, or a shipped one; or why there is none."""
+    training = _made(folder, want, seed)
+    if isinstance(training, str):
+        return _shipped(want, seed, None if order.trainings else steps) or training
+    return training
 
 
 def _made(folder: Path, want: Wanted, seed: int) -> Trained | str:

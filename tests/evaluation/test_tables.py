@@ -4,6 +4,7 @@ import csv
 import io
 import itertools
 import json
+import math
 
 import pytest
 
@@ -12,7 +13,8 @@ from rudc.evaluation.columns import COLUMNS, METRICS
 from rudc.evaluation.metrics import Group
 from rudc.evaluation.paper import TABLES, beside, paper_groups, paper_name
 from rudc.evaluation.record import EpisodeRecord
-from rudc.evaluation.tables import make_table, measured, named_metrics
+from rudc.evaluation.statistics import Summary
+from rudc.evaluation.tables import best_of, make_table, measured, named_metrics
 
 
 @pytest.fixture
@@ -83,6 +85,21 @@ def test_nothing_is_bold_that_may_be_chance(rows):
     assert best == "90.0 [59.6, 98.2]"
 
 
+def test_nothing_is_bold_that_overlaps_with_any_other():
+    """Even where the next best is clearly apart: intervals are not equally wide."""
+    assert best_of(speeds((10.0, 10.0, 10.1), (9.0, 9.0, 9.1), (8.5, 4.4, 9.9)), BY, METRICS) == {(0, "AES")}
+    assert best_of(speeds((10.0, 10.0, 10.1), (9.0, 9.0, 9.1), (8.5, 4.4, 12.6)), BY, METRICS) == set()
+
+
+def speeds(*values: tuple[float, float, float]) -> list[Group]:
+    """Agents with these mean speeds and intervals, and nothing else known of them."""
+    nothing = dict.fromkeys((metric.name for metric in METRICS), Summary(*[math.nan] * 4))
+    return [
+        Group(("fog", f"a{k}"), 10, 0, {**nothing, "AES": Summary(mean, math.nan, low, high)})
+        for k, (mean, low, high) in enumerate(values)
+    ]
+
+
 def test_any_metric_can_be_shown(rows):
     chosen = named_metrics(["VR", "interventions", "duration_s"])
     lines = make_table(rows, BY, "markdown", metrics=chosen).splitlines()
@@ -110,6 +127,17 @@ def test_latex_compiles_in_its_head(rows):
     assert "SR\\,$\\uparrow$" in lines[3]
     assert "& (\\%) &" in lines[4]
     assert "$-$20.0 {\\scriptsize (0.0)}" in text
+
+
+def test_signs_of_a_name_are_shown_as_they_are(rows):
+    for row in rows:
+        row["agent"] = 'my.py:X(mode="a|b")' if row["agent"] == "good_one" else "~/c^\\_{x}"
+    lines = make_table(rows, BY, "markdown").splitlines()
+    assert len({len(line) for line in lines}) == 1
+    assert {line.replace("\\|", "").count("|") for line in lines} == {11}
+    assert 'X(mode="a\\|b")' in lines[2]
+    latex = make_table(rows, BY, "latex")
+    assert "\\textasciitilde{}/c\\textasciicircum{}\\textbackslash{}\\_\\{x\\}" in latex
 
 
 def test_what_an_episode_does_not_say_is_shown_as_missing(rows):

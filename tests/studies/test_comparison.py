@@ -10,12 +10,13 @@ import pytest
 
 import rudc.evaluation.paper
 from rudc.agents.checkpoint import shipped_checkpoints
-from rudc.errors import InputError
+from rudc.errors import InputError, SweepError
 from rudc.evaluation.columns import COLUMNS
 from rudc.evaluation.folder import read_sweep
 from rudc.evaluation.store import read_table
 from rudc.evaluation.sweep import Silent
 from rudc.evaluation.tables import make_table
+from rudc.scenario import find_scenarios
 from rudc.studies import comparison
 from rudc.studies.base import Order
 from rudc.studies.campaign import METRIC, OUTSIDE, Campaign, Effort, Row, read_campaign
@@ -196,6 +197,10 @@ def test_a_gap_is_larger_where_the_leads_differ_clearly():
     assert narrower.verdict == NOT_HELD
     (nowhere,) = judge(campaign({**gap, "where": ("fog", "rain")}), outcomes, places)
     assert nowhere.verdict == NOT_MEASURED
+    alone = Outcomes()
+    drove(alone, "rudc-t", "s" * 60)
+    (nobody,) = judge(campaign({**gap, "where": ("fog", "ice")}), alone, places)
+    assert nobody.verdict == NOT_MEASURED
     assert "20 % of the episodes" in claims_markdown([wider])
 
 
@@ -252,6 +257,45 @@ def test_from_training_to_tables(tmp_path, monkeypatch):
     assert "# Study ablation" in comparison.run(ablation, nothing_is_driven, "ablation").table
     with pytest.raises(InputError, match="no agent to drive: usl-seed0"):
         comparison.run(Order(tmp_path / "c", ("usl",), budget="quick", trainings=made), lambda _: Silent())
+
+
+@pytest.fixture
+def first(tmp_path, monkeypatch):
+    """An order of rudc-t as it is shipped, an episode of one scenario in either domain."""
+    monkeypatch.setattr("rudc.evaluation.manifest.code_version", lambda: "v0")
+    monkeypatch.setattr(comparison, "in_distribution", lambda: find_scenarios(["dense_left_turn"]))
+    monkeypatch.setattr(comparison, "out_of_distribution", lambda _: find_scenarios(["blocked_left_turn"]))
+    (tmp_path / "none").mkdir()
+    return Order(tmp_path / "a", ("rudc-t",), episodes=1, budget="quick", trainings=tmp_path / "none")
+
+
+def test_rows_and_seeds_added_later_join_those_that_drove_before(first, tmp_path):
+    """The tables are as if all had been asked for at once."""
+    comparison.run(first, lambda _: Silent())
+    later = comparison.run(replace(first, agents=("sac",), resume=True), lambda _: Silent())
+    shutil.copytree(tmp_path / "a" / "sweeps", tmp_path / "b" / "sweeps")
+    both = replace(first, out=tmp_path / "b", agents=("sac", "rudc-t"), resume=True)
+    assert comparison.run(both, nothing_is_driven).table == later.table
+    for name in ("metrics.csv", "pairs.csv", "trainings.csv", "in_distribution/episodes.csv"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+    comparison.run(replace(first, agents=("sac",), training_seeds=(1,), resume=True), lambda _: Silent())
+    drove = [(m["row"], m["training_seed"]) for m in read_table(tmp_path / "a" / "trainings.csv")]
+    assert drove == [("sac", "0"), ("sac", "1"), ("rudc-t", "0")]
+
+
+def test_what_drove_before_stays_only_if_it_fits(first, monkeypatch):
+    """That is seen before anything is trained or driven."""
+    comparison.run(first, lambda _: Silent())
+    more = replace(first, agents=("sac",), resume=True)
+    with pytest.raises(InputError, match=r"rudc-t-seed0 drove\); add --resume"):
+        comparison.run(replace(more, resume=False), nothing_is_driven)
+    with pytest.raises(SweepError, match=r"(?s)rudc-t-seed0 holds another sweep.*seed: 0 there, 5 here"):
+        comparison.run(replace(more, seed=5), nothing_is_driven)
+    gone = {name: at for name, at in shipped_checkpoints().items() if name != "rudc-t"}
+    monkeypatch.setattr("rudc.studies.trained.shipped_checkpoints", lambda: gone)
+    report = comparison.run(more, lambda _: Silent())
+    assert report.notes[0] == "rudc-t-seed0: no training; what it drove before is left out"
+    assert [m["episodes"] for m in read_table(first.out / "metrics.csv") if m["row"] == "rudc-t"] == ["0"] * 3
 
 
 class Finished(Silent):

@@ -70,6 +70,14 @@ def test_other_folders_are_refused(tmp_path):
         run(Order(tmp_path / "out", folders=(tmp_path,)), lambda _: Silent())
     with pytest.raises(InputError, match="which trainings"):
         run(Order(tmp_path / "out"), lambda _: Silent())
-    short = training(tmp_path / "short", 0.8, last=500)
-    with pytest.raises(InputError, match="no step in common"):
+
+
+def test_a_training_without_a_curve_is_named(tmp_path):
+    """No 5,000 decisions and no evaluation: it is not for want of a common step."""
+    short = training(tmp_path / "short", 0.8, last=4000)
+    with pytest.raises(InputError, match="short has no curve yet: fewer than 5,000 decisions"):
         run(Order(tmp_path / "out", folders=(short,)), lambda _: Silent())
+    whole = training(tmp_path / "whole", 0.8)
+    report = run(Order(tmp_path / "out", folders=(short, whole)), lambda _: Silent())
+    assert "short has no curve yet" in report.notes[0]
+    assert "short" not in {m["agent"] for m in read_table(tmp_path / "out" / "curves.csv")}

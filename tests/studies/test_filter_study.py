@@ -8,8 +8,10 @@ from rudc.agents.checkpoint import load_learnt, save_learnt
 from rudc.agents.registry import agent_settings, make_agent
 from rudc.agents.route_sigma import ROUTE, fit
 from rudc.errors import AgentError, InputError
+from rudc.evaluation.sweep import Silent
+from rudc.studies.base import Order
 from rudc.studies.filter_pairs import compare, pairs, pairs_markdown
-from rudc.studies.filter_study import INSIDE, OUTSIDE, aggregate, as_markdown
+from rudc.studies.filter_study import INSIDE, OUTSIDE, aggregate, as_markdown, run
 from rudc.studies.filter_variants import LEVELS, RATES, Variant, variants_of
 from tests.agents.test_route_sigma import drives
 
@@ -75,6 +77,28 @@ def test_a_filter_behind_a_driver_has_no_slack():
 
 
 @pytest.mark.parametrize(
+    ("name", "off"),
+    [
+        ("gap-acceptance+ttcbf:outlook.plant=estimated", "gap-acceptance:outlook.plant=estimated"),
+        (
+            "gap-acceptance+ttcbf:correction.d_safe=0.4,outlook.course=true",
+            "gap-acceptance:outlook.course=true",
+        ),
+        ("examples/own_agent.py:Patient(speed=3)+ttcbf", "examples/own_agent.py:Patient(speed=3)"),
+        (
+            "rudc-t:outlook.course=false,correction.ttcbf_rate=0.2",
+            "rudc-t:outlook.course=false,correction.kind=none",
+        ),
+    ],
+)
+def test_without_its_filter_the_driver_is_the_same(name, off):
+    """What is set besides the filter is set in every variant, so that none but the filter differs."""
+    variants = variants_of(name, (0.3,))
+    assert variants[0].agent == off
+    assert len({str(agent_settings(v.agent)["outlook"]) for v in variants}) == 1
+
+
+@pytest.mark.parametrize(
     ("name", "error", "text"),
     [
         ("gap-acceptance", InputError, "no safety filter"),
@@ -87,6 +111,13 @@ def test_a_filter_behind_a_driver_has_no_slack():
 def test_what_cannot_be_varied_is_refused(name, error, text):
     with pytest.raises(error, match=text):
         variants_of(name, (0.3,))
+
+
+def test_agents_that_are_one_without_their_filters_are_refused_together(tmp_path):
+    order = Order(tmp_path / "x", agents=("gap-acceptance+ttcbf", "gap-acceptance+ecbf"), budget="quick")
+    with pytest.raises(InputError, match=r"the variant gap-acceptance in common.*one by one"):
+        run(order, lambda _: Silent())
+    assert not order.out.exists()
 
 
 def row(

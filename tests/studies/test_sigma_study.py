@@ -168,9 +168,10 @@ def _only(name: str):
     return tuple(find_scenarios([name]))
 
 
-def test_agents_without_uncertainty_are_refused(tmp_path):
+@pytest.mark.parametrize("name", ["gap-acceptance", "sac", "sac+ttcbf:outlook.course=true"])
+def test_agents_without_uncertainty_are_refused_before_anything_is_driven(tmp_path, name):
     with pytest.raises(InputError, match="states no uncertainty"):
-        run(Order(tmp_path / "x", agents=("gap-acceptance",)), lambda _: Silent())
+        run(Order(tmp_path / "x", agents=("rudc-t", name), budget="quick", episodes=1), lambda _: Silent())
     assert not (tmp_path / "x").exists()
 
 

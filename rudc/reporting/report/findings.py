@@ -50,8 +50,15 @@ def _size(episodes: Episodes, total: int | None) -> str:
 
 def _best(ranked: Sequence[Group], episodes: Episodes, data: Mapping[str, Any]) -> list[str]:
     first = ranked[0]
-    rates = ", ".join(f"{m.name} {cell(m, first.metrics[m.name])}" for m in _RATES)
-    said = [f"{first.key[0]} succeeds most often over all scenarios: {rates} %."]
+    level = [g.key[0] for g in ranked if g.metrics["SR"].mean == first.metrics["SR"].mean]
+    if len(level) > 1:
+        rate = f"{first.metrics['SR'].mean:.1f} %"
+        said = [
+            f"{listed(level, _LISTED)} succeed equally often over all scenarios, none more often: SR {rate}."
+        ]
+    else:
+        rates = ", ".join(f"{m.name} {cell(m, first.metrics[m.name])}" for m in _RATES)
+        said = [f"{first.key[0]} succeeds most often over all scenarios: {rates} %."]
     at = {name: i for i, name in enumerate(episodes.agents)}
     for other in ranked[1 : 1 + _NAMED]:
         if told := _against(at[first.key[0]], at[other.key[0]], data):

@@ -9,8 +9,9 @@ import pytest
 from scipy import stats
 
 from rudc.errors import SweepError
-from rudc.evaluation.columns import DECISION_MS, METRICS
+from rudc.evaluation.columns import COLUMNS, DECISION_MS, METRICS
 from rudc.evaluation.folder import read_sweep
+from rudc.evaluation.metrics import group_metrics
 from rudc.evaluation.tables import make_table
 from rudc.reporting.report.densities import POINTS, densities
 from rudc.reporting.report.episodes import Episodes, event_counts, replay_name, which, worst
@@ -169,6 +170,19 @@ def test_scenarios_left_out_of_a_list_are_counted(count, ends):
         "In fewer than half of the episodes anything scripted happened: s0 (0 %), s1 (0 %)"
     )
     assert said.endswith(ends)
+
+
+def test_agents_that_succeed_equally_often_are_all_named():
+    ends = {"a": "success", "b": "success", "c": "frozen"}
+    blank = dict.fromkeys(COLUMNS, "")
+    rows = [{**blank, **row(ends[a], agent=a, seed=str(k))} for a in ends for k in range(20)]
+    told = Episodes.of(rows, ())
+    data = {"scenarios": told.scenarios, "agents": told.agents, "events": [], "pairs": differences(told)}
+    groups = group_metrics(rows, ("agent",), METRICS)
+    said = findings(told, groups, data, None)
+    assert said[1] == "a, b succeed equally often over all scenarios, none more often: SR 100.0 %."
+    said = findings(told, groups[1:], data, None)
+    assert said[1].startswith("b succeeds most often over all scenarios: SR 100.0 [")
 
 
 def test_the_page_is_whole_and_refers_to_nothing_outside(text, folder):
