@@ -32,6 +32,9 @@ FORMS = (
     "left out) or {choice: [a, b, ...]}"
 )
 
+NEAREST = 1e-9
+"""standard deviations between a value of a normal distribution and its cuts, at least"""
+
 
 class Distribution(FileModel, frozen=True):
     """A number that is fixed or drawn at random. `float(d)` gives the value of a fixed one."""
@@ -197,17 +200,23 @@ class Normal(Distribution, frozen=True):
         return self._inverse(below + share * (curve.cdf(high) - below))
 
     def _inverse(self, share: float) -> float:
-        """Of the distribution function before truncation. The tails' ends have no finite inverse."""
+        """Of the distribution function before truncation. The tails' ends have no finite inverse, and
+        rounding must not give a cut itself, which bounds may exclude.
+        """
         curve, low, high = self._curve
+        inside = min(NEAREST * curve.stdev, 0.5 * (high - low))
         value = curve.inv_cdf(min(max(share, 1e-12), 1.0 - 1e-12))
-        return min(max(value, low), high)
+        return min(max(value, low + inside), high - inside)
 
     @property
     def mean(self) -> float:
         """Mean of the truncated distribution."""
         curve, low, high = self._curve
+        share = curve.cdf(high) - curve.cdf(low)
+        if share == 0.0:  # nothing lies between
+            return low
         height = sum(sign * curve.pdf(end) for sign, end in ((1, low), (-1, high)) if math.isfinite(end))
-        return curve.mean + curve.variance * height / (curve.cdf(high) - curve.cdf(low))
+        return min(max(curve.mean + curve.variance * height / share, low), high)
 
     @property
     def support(self) -> tuple[float, float]:

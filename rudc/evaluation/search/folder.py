@@ -163,7 +163,7 @@ class SearchFolder:
 
     def _scenario_of(self, row: Mapping[str, str], name: str, folder: Path) -> Scenario:
         """The episode's scenario, its network named as seen from the folder that it will lie in."""
-        fixed = self.scenario.varied({key: float(row[key]) for key in self._keys})
+        fixed = self._plan.space.fixed(self.scenario, {key: float(row[key]) for key in self._keys})
         told = f"{row['outcome']} of {row['agent']} at seed {row['seed']}"
         network = fixed.network
         if is_network_path(network):
