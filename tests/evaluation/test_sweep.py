@@ -296,7 +296,7 @@ def test_another_configuration_is_refused_and_what_differs_is_said(fakes, make_p
 
 def test_other_versions_are_recorded_and_warned_of(fakes, make_plan, tmp_path, monkeypatch):
     run_sweep(make_plan(), tmp_path, fakes.Runner)
-    monkeypatch.setattr("rudc.evaluation.manifest.code_version", lambda: "v1")
+    before = (tmp_path / "manifest.json").read_bytes()
     told = []
 
     class Listener:
@@ -306,8 +306,13 @@ def test_other_versions_are_recorded_and_warned_of(fakes, make_plan, tmp_path, m
         def advance(self, task, record):
             pass
 
-    for _ in range(2):
-        run_sweep(make_plan(), tmp_path, fakes.Runner, resume=True, progress=Listener())
+    monkeypatch.setattr("rudc.evaluation.manifest.code_version", lambda: "v1")
+    run_sweep(make_plan(), tmp_path, fakes.Runner, resume=True, progress=Listener())
+    assert (tmp_path / "manifest.json").read_bytes() == before  # nothing was left to run
+    assert not told
+    run_sweep(make_plan(episodes=4), tmp_path, fakes.Runner, resume=True, progress=Listener())
+    monkeypatch.setattr("rudc.evaluation.manifest.code_version", lambda: "v2")
+    run_sweep(make_plan(episodes=4), tmp_path, fakes.Runner, resume=True, progress=Listener())
     content = json.loads((tmp_path / "manifest.json").read_text())
     assert content["versions"]["code"] == "v0"
     assert [entry["code"] for entry in content["resumed_with"]] == ["v1"]

@@ -173,6 +173,16 @@ def assert_same(a, b):
         assert (a / name).read_bytes() == (b / name).read_bytes()
 
 
+def test_a_search_that_has_nothing_left_to_run_has_no_further_version(tmp_path, monkeypatch):
+    run_search(planned(5), tmp_path, Stub)
+    before = (tmp_path / "manifest.json").read_bytes()
+    monkeypatch.setattr("rudc.evaluation.manifest.code_version", lambda: "v1")
+    run_search(planned(5), tmp_path, Stub, resume=True)
+    assert (tmp_path / "manifest.json").read_bytes() == before
+    run_search(planned(6), tmp_path, Stub, resume=True)
+    assert b'"resumed_with"' in (tmp_path / "manifest.json").read_bytes()
+
+
 def test_rows_that_were_edited_are_refused(tmp_path):
     run_search(planned(25), tmp_path / "x", Stub)
     rows = tmp_path / "x" / "evaluations.csv"
