@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -137,19 +138,21 @@ def _plain(found: Any) -> Any:
 
 def print_table(
     headings: Sequence[str],
-    rows: Sequence[Sequence[str]],
+    rows: Sequence[Sequence[str | Text]],
     right: Sequence[int] = (),
     *,
     widest: int | None = None,
 ) -> None:
-    """A plain table; `right`: indices of the columns aligned to the right, `widest`: characters at most,
-    where the screen has more.
+    """A plain table, of text as it is or with a style; `right`: indices of the columns aligned to the right,
+    `widest`: characters at most, where the screen has more.
     """
     grid = Table(box=None, pad_edge=False, header_style="bold")
     for k, heading in enumerate(headings):
         grid.add_column(heading, justify="right" if k in right else "left", overflow="fold")
     for row in rows:
-        grid.add_row(*row)
+        grid.add_row(
+            *(Text(cell) if isinstance(cell, str) else cell for cell in row)
+        )  # what users write is no markup
     screen = console()
     screen.print(grid, width=screen.width if widest is None else min(widest, screen.width))
 
@@ -227,7 +230,7 @@ def progress_bar() -> Progress:
         BarColumn(),
         MofNCompleteColumn(),
         TimeRemainingColumn(),
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
     ]
     return Progress(*columns, console=console(to_stderr=True), transient=True)
 

@@ -48,6 +48,8 @@ def list_(
 
     **Example**: `rudc scenario list --json | jq -r '.[] | select(.out_of_distribution) | .name'`
     """
+    from rich.text import Text
+
     from rudc.scenario import find_scenarios, shipped_scenarios
     from rudc.scenario.dotted import value_text
 
@@ -62,8 +64,9 @@ def list_(
             f"{key}: {', '.join(map(value_text, values))}" for key, values in scenario.sweep.items()
         )
         extra = f"\nsweep of {swept}" if swept else ""
-        why = f"\n[dim]OOD: {scenario.out_of_distribution}[/dim]" if scenario.out_of_distribution else ""
-        rows.append([scenario.name, scenario.network, f"{scenario.description}{extra}{why}"])
+        why = f"\nOOD: {scenario.out_of_distribution}" if scenario.out_of_distribution else ""
+        what = Text.assemble(scenario.description, extra, (why, "dim"))
+        rows.append([scenario.name, scenario.network, what])
     print_table(["name", "network", "what happens"], rows)
 
 
@@ -116,8 +119,6 @@ def keys(
 
     **Example**: `rudc scenario keys hard_brake`
     """
-    from rich.markup import escape
-
     from rudc.scenario.keys import sections
 
     with broken_left_out():
@@ -127,10 +128,7 @@ def keys(
         return
     for k, section in enumerate(found):
         console().print(f"{chr(10) * bool(k)}{section.name}: {section.text}", markup=False)
-        rows = [
-            [escape(text) for text in (key.name, key.type, key.unit, key.default, key.text)]
-            for key in section.keys
-        ]
+        rows = [[key.name, key.type, key.unit, key.default, key.text] for key in section.keys]
         print_table(["key", "type", "unit", "default", "meaning"], rows)
 
 

@@ -27,6 +27,7 @@ from rudc.evaluation.manifest import (
     FORMAT,
     agent_digests,
     as_json,
+    gone_on_with,
     manifest,
     read_manifest,
     resumed,
@@ -78,14 +79,8 @@ class SweepFolder:
         else is in it."""
         make_folder(self.path)
         self._lock = take_lock(self.path, self.warnings)
-        content = settled(
-            self.path,
-            manifest(self._plan),
-            resume,
-            "finish the sweep",
-            self._refuse_other_columns,
-            self.warnings,
-        )
+        new = manifest(self._plan)
+        content = settled(self.path, new, resume, "finish the sweep", self._refuse_other_columns)
         copies = keep_networks(self._plan, self.path)
         digests = agent_digests(content)
         own = {
@@ -96,6 +91,8 @@ class SweepFolder:
             for task in self.tasks
         ]
         self._keep_finished()
+        left = len(self.finished) < len(self.tasks)
+        content = with_versions(self.path, content, new["versions"] if left else None, self.warnings)
         write_atomically(self.path / "manifest.json", as_json(content))
 
     def add(self, task: Task, record: EpisodeRecord) -> EpisodeRecord:
@@ -176,10 +173,9 @@ def settled(
     resume: bool,
     to_go_on: str,
     refuse: Callable[[Mapping[str, Any]], None],
-    warnings: list[str],
 ) -> dict[str, Any]:
-    """What the manifest of a folder will hold: `content`, or where one goes on what follows from both. A new
-    folder gets it at once, before all else, so that --resume goes on after any kill.
+    """What the manifest of a folder will hold, `with_versions` apart: `content`, or where one goes on what
+    follows from both. A new folder gets it at once, before all else, so that --resume goes on after any kill.
 
     Raises SweepError when the folder is not empty and not to be resumed, and whatever `refuse` raises for the
     manifest that is there. `to_go_on` says what --resume would do.
@@ -195,7 +191,17 @@ def settled(
         return content
     old = read_manifest(path)
     refuse(old)
-    content = resumed(old, content, path)
+    return resumed(old, content, path)
+
+
+def with_versions(
+    path: Path, content: dict[str, Any], now: dict[str, str] | None, warnings: list[str]
+) -> dict[str, Any]:
+    """A folder's manifest with the versions that its further episodes run with, None where none is left to
+    run; `warnings` gets what differs between rows.
+    """
+    if now is not None:
+        content = gone_on_with(content, now)
     if changes := version_changes(content):
         warnings.append(f"rows in {path} come from several versions: {', '.join(changes)}")
     return content

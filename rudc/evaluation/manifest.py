@@ -168,8 +168,8 @@ def as_json(content: Mapping[str, Any]) -> str:
 
 
 def resumed(old: Mapping[str, Any], new: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """The manifest of a sweep that goes on: the old one, with the episodes that are asked for now if they are
-    more; where versions changed meanwhile, it says to which.
+    """The manifest of a sweep that is resumed: the old one, with the episodes that are asked for now if they
+    are more.
 
     Raises SweepError when the configuration is another one, saying what differs.
     """
@@ -186,11 +186,16 @@ def resumed(old: Mapping[str, Any], new: Mapping[str, Any], folder: Path) -> dic
             f"{folder} holds another {what}; it differs in\n{shown}{more}\n"
             f"Give the same command as before to resume it, or another --out to start anew{mixed}"
         )
-    result = {**old, "configuration": there}
-    known = [old.get("versions"), *old.get("resumed_with", [])]
-    if fresh["versions"] not in known:
-        result["resumed_with"] = [*old.get("resumed_with", []), fresh["versions"]]
-    return result
+    return {**old, "configuration": there}
+
+
+def gone_on_with(content: Mapping[str, Any], now: dict[str, str]) -> dict[str, Any]:
+    """The manifest of a sweep of which episodes are left to run: where versions have changed, it says to
+    which.
+    """
+    before = content.get("resumed_with", [])
+    known = now in [content["versions"], *before]
+    return dict(content) if known else {**content, "resumed_with": [*before, now]}
 
 
 def version_changes(content: Mapping[str, Any]) -> list[str]:

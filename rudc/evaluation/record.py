@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rudc.evaluation.columns import COLUMNS, Cell
+from rudc.evaluation.store import one_line
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,4 +75,4 @@ def as_text(value: object) -> str:
         return "true" if value else "false"
     if isinstance(value, float):
         return "" if math.isnan(value) else repr(float(value))
-    return str(value)
+    return one_line(str(value))

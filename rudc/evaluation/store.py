@@ -33,10 +33,15 @@ _BLOCK = 1_000_000
 """bytes, about, that are read at once"""
 
 
+def one_line(text: str) -> str:
+    """A text as it reads back from a row: each line break in it is a blank, all else stays."""
+    return " ".join(text.splitlines())
+
+
 def format_row(cells: Sequence[str]) -> str:
     """One line of CSV, its line break included."""
     text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerow([" ".join(cell.split()) for cell in cells])
+    csv.writer(text, lineterminator="\n").writerow(map(one_line, cells))
     return text.getvalue()
 
 

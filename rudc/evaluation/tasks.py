@@ -37,8 +37,8 @@ class Task:
         return [as_text(self.swept.get(name)) for name in parameters]
 
     def key(self, parameters: Sequence[str]) -> Key:
-        """What tells it from the sweep's other tasks."""
-        return (self.scenario.name, self.agent, str(self.seed), *self.cells(parameters))
+        """What tells it from the sweep's other tasks, as its row says it."""
+        return (self.scenario.name, as_text(self.agent), str(self.seed), *self.cells(parameters))
 
     def __str__(self) -> str:
         values = "".join(f", {name}={value_text(value)}" for name, value in self.swept.items())
@@ -59,7 +59,7 @@ class SweepPlan:
     def __post_init__(self) -> None:
         for what, names in (
             ("scenario", [s.name for s in self.scenarios]),
-            ("agent", list(self.agents)),
+            ("agent", list(map(as_text, self.agents))),
         ):
             if not names:
                 raise SweepError(f"a sweep needs at least one {what}")

@@ -31,6 +31,8 @@ FORMS = (
     "a number, {uniform: [low, high]}, {normal: {mean: m, std: s, low: l, high: h}} (low and high may be "
     "left out) or {choice: [a, b, ...]}"
 )
+NEAREST = 1e-9
+"""standard deviations between a value of a normal distribution and its cuts, at least"""
 
 
 class Distribution(FileModel, frozen=True):
@@ -160,18 +162,14 @@ class NormalParameters(FileModel, frozen=True):
         if not isinstance(data, list | tuple):
             return data
         if len(data) != 2:
-            refuse(
-                f"expected [mean, std], got {len(data)} values (limits: {{mean: m, std: s, low: a, high: b}})"
-            )
+            limits = "limits: {mean: m, std: s, low: a, high: b}"
+            refuse(f"expected [mean, std], got {len(data)} values ({limits})")
         return dict(zip(("mean", "std"), data, strict=True))
 
     @model_validator(mode="after")
     def _check(self) -> NormalParameters:
         if self.std <= 0:
-            refuse(
-                f"must be above 0, got {self.std:g} (without spread, write the number itself)",
-                "std",
-            )
+            refuse(f"must be above 0, got {self.std:g} (without spread, write the number itself)", "std")
         if self.low is not None and self.mean < self.low:
             refuse(f"low {self.low:g} is above the mean {self.mean:g}", "low")
         if self.high is not None and self.mean > self.high:
@@ -197,17 +195,21 @@ class Normal(Distribution, frozen=True):
         return self._inverse(below + share * (curve.cdf(high) - below))
 
     def _inverse(self, share: float) -> float:
-        """Of the distribution function before truncation. The tails' ends have no finite inverse."""
+        """Of the whole curve's distribution function; never a cut itself, which bounds may exclude."""
         curve, low, high = self._curve
+        inside = min(NEAREST * curve.stdev, 0.5 * (high - low))
         value = curve.inv_cdf(min(max(share, 1e-12), 1.0 - 1e-12))
-        return min(max(value, low), high)
+        return min(max(value, low + inside), high - inside)
 
     @property
     def mean(self) -> float:
         """Mean of the truncated distribution."""
         curve, low, high = self._curve
+        share = curve.cdf(high) - curve.cdf(low)
+        if share == 0.0:  # nothing lies between
+            return low
         height = sum(sign * curve.pdf(end) for sign, end in ((1, low), (-1, high)) if math.isfinite(end))
-        return curve.mean + curve.variance * height / (curve.cdf(high) - curve.cdf(low))
+        return min(max(curve.mean + curve.variance * height / share, low), high)
 
     @property
     def support(self) -> tuple[float, float]:

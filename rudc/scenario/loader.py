@@ -141,15 +141,22 @@ def _anchor_networks(sheet: Sheet, folder: File) -> None:
 
 def _override(sheet: Sheet, key: str, value: object) -> list[Report]:
     """Put a value at a dotted key of a sheet."""
+    if key.partition(".")[0] == "extends":
+        text = "cannot be set: a file is read with what it extends; write a file with another `extends`"
+        return [Report("override", 0, 0, tuple(key.split(".")), text)]
     try:
         sheet.data, path = with_value(sheet.data, key, value)
     except DottedKeyError as error:
         return [Report("override", 0, 0, tuple(key.split(".")), str(error))]
     sheet.marks = {known: mark for known, mark in sheet.marks.items() if known[: len(path)] != path}
-    sheet.marks[path] = Mark("override", 0, 0, 0, 0)
-    swept = sheet.data.get("sweep")
-    if isinstance(swept, dict):
-        swept.pop(key, None)  # or the file's own values would take the place of the one given
+    made = [path[:n] for n in range(1, len(path) + 1) if path[:n] not in sheet.marks]
+    sheet.marks.update(dict.fromkeys(made, Mark("override", 0, 0, 0, 0)))
+    if isinstance(swept := sheet.data.get("sweep"), dict):
+        swept.pop(key, None)  # or the file's own values would take the place of those given
+        below = [known for known in swept if str(known).startswith(f"{key}.")]
+        for known in below:
+            if value_at(sheet.data, known) is not None:
+                del swept[known]
     return []
 
 

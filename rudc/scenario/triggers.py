@@ -6,7 +6,7 @@ All conditions of one `when` must hold at once; then the event happens, once. Th
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import model_validator
 
@@ -27,6 +27,8 @@ Position = tuple[
 class Threshold(FileModel, frozen=True):
     """Holds while a quantity is above one value, below another, or both."""
 
+    LEAST: ClassVar[float] = 0.0
+    """of the quantity"""
     above: AnyDistribution | None = None
     """holds when the quantity is greater"""
     below: AnyDistribution | None = None
@@ -36,13 +38,25 @@ class Threshold(FileModel, frozen=True):
     def _check(self) -> Threshold:
         if self.above is None and self.below is None:
             refuse("expected {above: x}, {below: x} or both")
-        if (
+        if self._contradictory:
+            refuse("can never hold: `above` is not smaller than `below`", "above")
+        return self
+
+    @property
+    def _contradictory(self) -> bool:
+        return (
             self.above is not None
             and self.below is not None
             and self.above.support[0] >= self.below.support[1]
-        ):
-            refuse("can never hold: `above` is not smaller than `below`", "above")
-        return self
+        )
+
+    def as_drawn(self) -> Self:
+        """The same, its numbers drawn; where these contradict each other, as a file may say: nothing is below
+        the least.
+        """
+        if not self._contradictory:
+            return self
+        return self.model_copy(update={"above": None, "below": Constant(value=self.LEAST)})
 
     def holds(self, value: float) -> bool:
         """Whether the quantity satisfies it, once its numbers are drawn; not a number satisfies nothing."""
@@ -83,6 +97,8 @@ class SpeedThreshold(Threshold, frozen=True):
 class JunctionThreshold(Threshold, frozen=True):
     """A distance in m to the stop line, negative once past it."""
 
+    LEAST: ClassVar[float] = -1000.0
+    """m"""
     above: Annotated[AnyDistribution, Bounds(-1000, 1000, "m")] | None = None
     """m; holds when it is farther"""
     below: Annotated[AnyDistribution, Bounds(-1000, 1000, "m")] | None = None

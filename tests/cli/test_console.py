@@ -49,6 +49,27 @@ def test_the_bar_says_how_it_goes_so_far():
     assert bar._progress.tasks[0].description == "1 failed, SR 0 %, VR 100 %, fog, sumo"
 
 
+def test_what_users_write_is_no_markup(rudc, tmp_path, monkeypatch):
+    (tmp_path / "gate.yaml").write_text(
+        "name: gate\ndescription: 'stops at [/gate], :car: and [a, b]'\n"
+        "out_of_distribution: 'a [red] light'\nsweep: {ego.route.from: ['[north]', '[/x]']}\n"
+    )
+    answer = rudc("scenario", "list", "gate.yaml")
+    assert answer.status == 0, answer.err
+    for text in ("stops at [/gate], :car: and [a, b]", "OOD: a [red] light", "ego.route.from: [north], [/x]"):
+        assert text in answer.out
+    screen = io.StringIO()
+    monkeypatch.setattr(
+        "rudc.cli.console.console", lambda to_stderr: Console(file=screen, force_terminal=True)
+    )
+    bar = SweepBar()
+    bar.begin(3, 0, [])
+    bar.advance(SimpleNamespace(scenario=TASK.scenario, agent="my.py:Own(name='[/a]')"), record("success"))
+    bar._progress.refresh()
+    bar.close()
+    assert "Own(name='[/a]')" in screen.getvalue()
+
+
 @pytest.mark.parametrize(
     ("command", "where"),
     [

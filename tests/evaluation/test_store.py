@@ -35,6 +35,11 @@ def test_a_row_is_one_line_whatever_is_in_it(cells):
     assert len(line.splitlines()) == 1
 
 
+def test_blanks_in_a_cell_are_kept(file):
+    file.append(["f.py:Slow(speed=3,  gain=2)", "two\nlines"])
+    assert list(file.rows()) == [("f.py:Slow(speed=3,  gain=2)", "two lines")]
+
+
 @settings(deadline=None)  # it writes to the disk, which may be busy
 @given(cut=st.integers(0, 60))
 def test_a_torn_file_is_whole_up_to_its_last_line_break(tmp_path_factory, cut):

@@ -145,6 +145,20 @@ def test_failed_episodes_have_a_row_and_are_run_again_on_resume(fakes, make_plan
     assert_same(tmp_path / "out", tmp_path / "clean")
 
 
+@pytest.mark.parametrize("between", ["  ", "\n"], ids=["two blanks", "a line break"])
+def test_an_agents_name_may_have_any_blanks_in_it(fakes, make_plan, tmp_path, between):
+    (tmp_path / "my.py").write_text("class Slow:\n    def __init__(self, speed, gain): pass\n")
+    name = f"{tmp_path / 'my.py'}:Slow(speed=3,{between}gain=2)"
+    plan = make_plan(agents=("follower", name))
+    rows = run_sweep(plan, tmp_path / "out", fakes.Runner).rows
+    assert len(rows) == 6
+    assert find_episode(tmp_path / "out", "4").changes == ()
+    (tmp_path / "out" / "metrics.csv").unlink()
+    assert run_sweep(plan, tmp_path / "out", fakes.no_runner, resume=True).rows == rows
+    with pytest.raises(SweepError, match="is given more than once"):
+        make_plan(agents=(name, name.replace("\n", " ")))
+
+
 def test_a_missing_row_is_run_again(fakes, make_plan, tmp_path):
     plan, rows = make_plan(), tmp_path / "out" / "episodes.csv"
     run_sweep(plan, tmp_path / "whole", fakes.Runner)
@@ -282,7 +296,7 @@ def test_another_configuration_is_refused_and_what_differs_is_said(fakes, make_p
 
 def test_other_versions_are_recorded_and_warned_of(fakes, make_plan, tmp_path, monkeypatch):
     run_sweep(make_plan(), tmp_path, fakes.Runner)
-    monkeypatch.setattr("rudc.evaluation.manifest.code_version", lambda: "v1")
+    before = (tmp_path / "manifest.json").read_bytes()
     told = []
 
     class Listener:
@@ -292,8 +306,13 @@ def test_other_versions_are_recorded_and_warned_of(fakes, make_plan, tmp_path, m
         def advance(self, task, record):
             pass
 
-    for _ in range(2):
-        run_sweep(make_plan(), tmp_path, fakes.Runner, resume=True, progress=Listener())
+    monkeypatch.setattr("rudc.evaluation.manifest.code_version", lambda: "v1")
+    run_sweep(make_plan(), tmp_path, fakes.Runner, resume=True, progress=Listener())
+    assert (tmp_path / "manifest.json").read_bytes() == before  # nothing was left to run
+    assert not told
+    run_sweep(make_plan(episodes=4), tmp_path, fakes.Runner, resume=True, progress=Listener())
+    monkeypatch.setattr("rudc.evaluation.manifest.code_version", lambda: "v2")
+    run_sweep(make_plan(episodes=4), tmp_path, fakes.Runner, resume=True, progress=Listener())
     content = json.loads((tmp_path / "manifest.json").read_text())
     assert content["versions"]["code"] == "v0"
     assert [entry["code"] for entry in content["resumed_with"]] == ["v1"]

@@ -94,6 +94,19 @@ def test_a_quantile_is_the_value_below_which_a_share_of_the_samples_lies(value):
     assert (drawn.quantile(0.0), drawn.quantile(1.0)) == pytest.approx(drawn.support)
 
 
+@pytest.mark.parametrize("low", [0.0, 6.0, -math.inf])
+def test_no_quantile_is_the_cut_itself(low):
+    cut = distribution({"normal": {"mean": 7, "std": 1, "high": 12, **({"low": low} if low > -9 else {})}})
+    values = [cut.quantile(share) for share in (0.0, 1e-300, 1e-19, 0.5, 1.0)]
+    assert values == sorted(values)
+    assert low < values[0] < values[3] < values[4] < 12.0
+
+
+def test_a_normal_between_equal_limits_is_that_number():
+    one = distribution({"normal": {"mean": 1, "std": 0.1, "low": 1, "high": 1}})
+    assert one.mean == one.quantile(0.3) == one.sample(np.random.default_rng(0)) == 1.0
+
+
 def test_weights_are_shares():
     drawn = distribution({"choice": {"values": [1, 2], "weights": [9, 1]}})
     rng = np.random.default_rng(0)

@@ -294,6 +294,24 @@ class TestOverrides:
             "override: traffic.densty: unknown key (did you mean 'density'?)",
         )
 
+    def test_in_sections_that_nobody_knows_are_blamed_too(self, problems):
+        check(
+            problems("name: a\n", **{"trafic.density": 10, "ego.sped.low": 3}),
+            "override: ego.sped: unknown key (did you mean 'speed'?)",
+            "override: trafic: unknown key (did you mean 'traffic'?)",
+        )
+        found = problems("name: a\ntrafic: {mix: 3}\n", **{"trafic.density": 10})
+        check(found, "2:1: trafic: unknown key (did you mean 'traffic'?)")
+
+    @pytest.mark.parametrize("key", ["extends", "extends.0"])
+    def test_cannot_change_what_a_file_extends(self, problems, key):
+        found = problems("name: a\nextends: icy_junction\nego: {speed: -1}\n", **{key: "no_such"})
+        check(
+            found,
+            "3:14: ego.speed: -1 m/s is not between 0 and 40 m/s",
+            f"override: {key}: cannot be set: a file is read with what it extends; write a file with ...",
+        )
+
     def test_that_are_lists_are_for_a_sweep(self, problems):
         given = {"traffic.density": [10, 20], "ego.route.turn": ["left", "right"], "ego.speed": "fast"}
         check(

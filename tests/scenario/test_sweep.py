@@ -223,6 +223,27 @@ def test_a_value_given_is_not_swept_over_by_the_files_own():
 
 
 @pytest.mark.parametrize(
+    ("given", "left"),
+    [
+        ({"traffic": {"density": 5}}, ["events.0.friction", "traffic.idm.headway"]),
+        ({"traffic": {"impatience": 0.2}}, ["traffic.density", "events.0.friction", "traffic.idm.headway"]),
+        ({"traffic": {"density": 5, "idm": {"headway": 2}}}, ["events.0.friction"]),
+        ({"events.0": {"kind": "low_friction", "friction": 0.9}}, ["traffic.density", "traffic.idm.headway"]),
+        ({"events": [{"kind": "low_friction", "friction": 0.9}]}, ["traffic.density", "traffic.idm.headway"]),
+    ],
+)
+def test_a_section_given_ends_the_sweeps_of_what_it_says(tmp_path, given, left):
+    (tmp_path / "s.yaml").write_text(
+        "name: a\nevents: [{kind: low_friction, friction: 0.5}]\n"
+        "sweep: {traffic.density: [10, 30], events.0.friction: [0.1, 0.3], traffic.idm.headway: [1, 2]}\n"
+    )
+    scenario = load_scenario(tmp_path / "s.yaml", given)
+    assert [*scenario.sweep] == left
+    if "traffic.density" not in left:
+        assert float(scenario.traffic.density) == 5
+
+
+@pytest.mark.parametrize(
     ("overrides", "said"),
     [
         ({"traffic.densty": [10, 20]}, r"sweep\.'?traffic\.densty'?.*did you mean 'density'"),

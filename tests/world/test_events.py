@@ -9,7 +9,6 @@ import libsumo
 import numpy as np
 import pytest
 
-from rudc.env.tracking import steering
 from rudc.geometry import rectangle_gaps
 from rudc.world.events.selection import pick
 from rudc.world.scene import Kind
@@ -362,85 +361,3 @@ def test_sumos_driver_in_the_egos_seat_sees_obstacles_too(world):
         world.reset(source.plan(seed), ego_driver="sumo")
         hits = [world.advance(np.zeros(2)).collision for _ in range(200)]
         assert not any(hits), seed
-
-
-def test_the_last_of_several_events_counts_and_ends_for_itself(world):
-    """The end of one undid the other: its vehicle drove off at its own speed."""
-    slow = [event("slow_vehicle", vehicle="leader", speed=v, duration=t) for v, t in ((3.0, 2.0), (2.0, 4.0))]
-    dense = [
-        event("density_surge", density=d, duration=t, when={"simulation_time": {"above": after}})
-        for d, t, after in ((30.0, 3.0, 0.5), (40.0, 3.0, 2.0))
-    ]
-    heedless = [event("priority_violation", vehicle="leader", duration=t) for t in (1.0, 3.0)]
-    source = replace(CALM, density=10.0, origin="south", turn="straight", events=(*slow, *heedless, *dense))
-    scenes = run(world, source, 1.5, u=np.zeros(2))
-    (name,) = world.happenings()[0].bodies
-    assert name in world.stage.unlawful
-    assert libsumo.vehicle.getMaxSpeed(name) == 2.0
-    assert world.traffic.density == 30.0
-    found = {}
-    while scenes[-1].time_s < 6.5:
-        world.advance(STAND)
-        scenes.append(world.scene())
-        if name in scenes[-1].ids:
-            top, unlawful = libsumo.vehicle.getMaxSpeed(name), name in world.stage.unlawful
-            found[round(scenes[-1].time_s, 1)] = top, unlawful, world.traffic.density
-    assert found[2.8] == (2.0, True, 40.0), "the first of each but the heavier traffic is over"
-    assert found[4.0] == (2.0, False, 40.0), "the first surge is over, too"
-    assert found[6.0] == (30.0, False, 10.0)
-
-
-def test_what_stood_in_the_way_leaves_no_stand_in_that_comes_later(world):
-    """Where an SV stood in its place SUMO let it onto the road when the thing was gone, for good."""
-    stalled = [
-        event(
-            "stalled_vehicle", lane=f"{arm}_in_1", at=at, duration=1.0, when={"simulation_time": {"above": 3}}
-        )
-        for arm, at in (("west", 15), ("north", 5), ("east", 15))
-    ]
-    source = replace(CALM, density=30.0, origin="south", turn="left", events=tuple(stalled))
-    for seed in range(8):
-        run(world, source, 12.0, seed)
-        assert all(happening.is_over for happening in world.happenings())
-        assert not [name for name in libsumo.vehicle.getIDList() if name.startswith("block")]
-        assert not [name for name in libsumo.simulation.getPendingVehicles() if name.startswith("block")]
-
-
-def test_a_road_that_is_dry_again_lets_all_brake(world):
-    wet = event("low_friction", friction=0.1)
-    dry = event("low_friction", friction=1.0, when={"simulation_time": {"above": 1}})
-    run(world, replace(CALM, events=(wet,)), 0.5)
-    slipping = [libsumo.vehicle.getEmergencyDecel(name) for name in world.traffic.drivers]
-    assert slipping == [pytest.approx(0.981)] * len(slipping)
-    run(world, replace(CALM, events=(wet, dry)), 2.0)
-    present = set(libsumo.vehicle.getIDList()) & set(world.traffic.drivers)
-    assert {libsumo.vehicle.getEmergencyDecel(name) for name in present} == {9.0}
-
-
-def test_the_road_holds_an_ego_that_sumo_drives_as_it_does_others(world):
-    wet = event("low_friction", friction=0.2)
-    later = event("low_friction", friction=0.1, when={"simulation_time": {"above": 1}})
-    run(world, replace(CALM, events=(wet,)), 0.3, ego_driver="sumo")
-    assert libsumo.vehicle.getEmergencyDecel("ego") == pytest.approx(0.2 * 9.81)
-    run(world, replace(CALM, events=(wet, later)), 2.0, ego_driver="sumo")
-    assert libsumo.vehicle.getEmergencyDecel("ego") == pytest.approx(0.981)
-    run(world, CALM, 0.3, ego_driver="sumo")
-    assert libsumo.vehicle.getEmergencyDecel("ego") == 9.0
-
-
-@pytest.mark.parametrize(("lane", "at", "sudden"), [("south_in_0", 6, True), ("south_out_1", 12, False)])
-def test_sudden_is_what_appears_in_the_way_until_the_ego_has_stood(world, lane, at, sudden):
-    """Beside the ego, in the lane of oncoming traffic, it is not."""
-    near = event(
-        "accident", vehicles=[{"lane": lane, "at": at}], when={"ego_distance_to_junction": {"below": 15}}
-    )
-    source = replace(CALM, density=0.0, origin="south", turn="straight", speed=(10.0, 10.0), events=(near,))
-    scene = world.reset(source.plan(0))
-    while not world.happenings()[0].begun_s:
-        world.advance(np.array([0.0, steering(scene)]))
-        scene = world.scene()
-    assert bool(world.stage.sudden) == sudden
-    while world.scene().ego.v > 0.0:
-        world.advance(STAND)
-    world.advance(STAND)
-    assert not world.stage.sudden

@@ -11,7 +11,7 @@ from typing import Any
 
 from rudc.errors import SweepError
 from rudc.evaluation.columns import COLUMNS
-from rudc.evaluation.folder import keep_traceback, settled
+from rudc.evaluation.folder import keep_traceback, settled, with_versions
 from rudc.evaluation.manifest import (
     FORMAT,
     agent_digests,
@@ -83,13 +83,14 @@ class SearchFolder:
         """
         make_folder(self.path)
         self._lock = take_lock(self.path, self.warnings)
-        content = settled(
-            self.path, self._content(), resume, "go on with the search", self._refuse_others, self.warnings
-        )
+        new = self._content()
+        content = settled(self.path, new, resume, "go on with the search", self._refuse_others)
         self.scenario = with_copies(self.scenario, keep_networks(self._plan.sweep(), self.path))
         self.agent_digest = agent_digests(content)[self._plan.agent]
-        self._manifest = as_json(content)
         self._read()
+        left = len(self.rows) < self._plan.episodes
+        content = with_versions(self.path, content, new["versions"] if left else None, self.warnings)
+        self._manifest = as_json(content)
 
     def _refuse_others(self, old: Mapping[str, Any]) -> None:
         """Raises SweepError when the folder holds something else than a search."""
@@ -163,7 +164,7 @@ class SearchFolder:
 
     def _scenario_of(self, row: Mapping[str, str], name: str, folder: Path) -> Scenario:
         """The episode's scenario, its network named as seen from the folder that it will lie in."""
-        fixed = self.scenario.varied({key: float(row[key]) for key in self._keys})
+        fixed = self._plan.space.fixed(self.scenario, {key: float(row[key]) for key in self._keys})
         told = f"{row['outcome']} of {row['agent']} at seed {row['seed']}"
         network = fixed.network
         if is_network_path(network):

@@ -1,7 +1,14 @@
 """How often an agent violates under the declared distribution.
 
 Each violation found counts its weight w (`sampler.py`): their sum over the number of episodes is the rate.
-Only batches drawn when violations were known count, if there are any; those before missed too much.
+Once a whole batch was drawn when violations were known, only batches so drawn count; those before missed too
+much of what is rare. Until then all count, a last one cut short included.
+
+A batch's mean of w [violation] is the rate in expectation whatever came before it, cut short or not. So all
+batches together are without bias, as they are until some are left out; and so are those drawn when violations
+were known, since that was settled before they were drawn. What is left of a bias is that which of the two it
+is depends on the first batches: with faults of 5 to 20 % the rate came out at 0.87 to 0.91 of the true one in
+searches of two or three batches (300 each), and at 0.97 to 1.01 in searches of five.
 
 The 95 % interval is that of Fay and Feuer for weighted Poisson counts (Statistics in Medicine 16, 1997): with
 y = sum w, v = sum w^2 and g the weight that one more violation would have, its ends are the 2.5 % and 97.5 %
@@ -23,9 +30,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
 from scipy.special import gammaincinv
 
 from rudc.arrays import Array, Flags
+from rudc.evaluation.search.sampler import BATCH
 
 TAIL = 0.025
 """probability beyond either end"""
@@ -47,7 +56,7 @@ def violation_rate(violated: Flags, able: Flags, weights: Array, fitted: Flags) 
     """Of episodes: whether they violated, could be run, and were drawn when violations were known, and their
     weights, (n,) each.
     """
-    if fitted.any():
+    if np.count_nonzero(fitted) >= BATCH:
         violated, able, weights = violated[fitted], able[fitted], weights[fitted]
     count = len(weights) - float(weights[~able].sum())
     if not able.any() or count <= 0.0:

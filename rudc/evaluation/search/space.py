@@ -11,8 +11,9 @@ from scipy.special import ndtr
 from rudc.arrays import Array
 from rudc.errors import InputError
 from rudc.scenario.base import FileModel
-from rudc.scenario.distributions import Distribution, Normal, Uniform
+from rudc.scenario.distributions import Constant, Distribution, Normal, Uniform
 from rudc.scenario.model import Scenario
+from rudc.scenario.triggers import Threshold
 
 Searched = Uniform | Normal
 
@@ -29,6 +30,14 @@ class Space:
         return {
             key: axis.quantile(float(ndtr(at))) for (key, axis), at in zip(self.axes.items(), z, strict=True)
         }
+
+    def fixed(self, scenario: Scenario, values: Mapping[str, float]) -> Scenario:
+        """The scenario with the values of one point. What is drawn may break a rule between two numbers
+        (`above` and `below` of a trigger), as in any other episode.
+        """
+        found = _with_values(scenario, values, "")
+        vars(found).pop("digest", None)  # cached, and of the scenario given
+        return found
 
 
 def space_of(scenario: Scenario, over: Mapping[str, object]) -> Space:
@@ -68,6 +77,22 @@ def _declared(value: Any, key: str) -> Iterator[tuple[str, Distribution]]:
     elif isinstance(value, tuple):
         for i, item in enumerate(value):
             yield from _declared(item, f"{key}.{i}")
+
+
+def _with_values(value: Any, values: Mapping[str, float], key: str) -> Any:
+    """The same, fixed numbers in the place of distributions with these dotted keys."""
+    if isinstance(value, Distribution):
+        return Constant(value=values[key]) if key in values else value
+    if isinstance(value, tuple):
+        return tuple(_with_values(item, values, f"{key}.{i}") for i, item in enumerate(value))
+    if not isinstance(value, FileModel):
+        return value
+    parts = {
+        name: _with_values(getattr(value, name), values, f"{key}.{field.alias or name}".lstrip("."))
+        for name, field in type(value).model_fields.items()
+    }
+    found = value.model_copy(update=parts)
+    return found.as_drawn() if isinstance(found, Threshold) else found
 
 
 def _distributions_left(value: Any) -> Iterator[Distribution]:

@@ -128,6 +128,24 @@ def test_episodes_that_could_not_be_run_count_for_nothing():
     assert np.isnan(violation_rate(none, none, weights, none).value)
 
 
+def test_a_few_episodes_drawn_when_violations_were_known_replace_no_batch():
+    violated, every = np.arange(BATCH + 2) % 2 == 0, np.ones(BATCH + 2, bool)
+    few = np.arange(BATCH + 2) >= BATCH
+    rate = violation_rate(violated, every, np.ones(BATCH + 2), few)
+    assert rate == violation_rate(violated, every, np.ones(BATCH + 2), ~every)
+    assert rate.low > 0.2
+
+
+@pytest.mark.parametrize("episodes", [BATCH, BATCH + 2, BATCH + 12])
+def test_the_rate_of_a_short_search_is_without_bias(episodes):
+    rates = [
+        rate_of(*searched(seed, lambda shares: (shares[:, 0] < 0.3, shares[:, 0]), episodes=episodes)[1:])
+        for seed in range(100)
+    ]
+    assert np.mean([rate.value for rate in rates]) == pytest.approx(0.3, abs=0.03)
+    assert np.std([rate.value for rate in rates]) < 0.15
+
+
 def test_the_rate_is_that_of_the_batches_drawn_when_violations_were_known():
     violated, fitted = np.arange(100) % 10 == 0, np.arange(100) >= 50
     rate = violation_rate(violated & fitted, np.ones(100, bool), np.ones(100), fitted)

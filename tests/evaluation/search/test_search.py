@@ -100,12 +100,46 @@ def test_what_is_drawn_once_an_episode_is_searched():
 def test_all_that_a_shipped_scenario_draws_once_can_be_set(name, tmp_path):
     scenario = load_scenario(name)
     space = space_of(scenario, {})
-    for z in (-8.5, 0.3, 8.5):
-        fixed = scenario.varied(space.values(np.full(len(space.axes), z)))
+    for z in (-30.0, -8.5, 0.3, 8.5, 30.0):
+        fixed = space.fixed(scenario, space.values(np.full(len(space.axes), z)))
         with pytest.raises(InputError, match="draws no number"):
             space_of(fixed, {})
         (tmp_path / "fixed.yaml").write_text(fixed.to_yaml())
         assert load_scenario(tmp_path / "fixed.yaml").digest == fixed.digest
+
+
+OVERLAPPING = """
+name: contra
+events:
+  - kind: hard_brake
+    deceleration: {normal: [7, 1]}
+    when: {simulation_time: {above: {uniform: [0, 6]}, below: {uniform: [3, 9]}}}
+"""
+
+
+def test_thresholds_that_contradict_each_other_in_a_draw_end_no_search(tmp_path):
+    (tmp_path / "contra.yaml").write_text(OVERLAPPING)
+    scenario = load_scenario(tmp_path / "contra.yaml")
+    keys = [f"events.0.{key}" for key in ("when.simulation_time.above", "when.simulation_time.below")]
+    assert [*space_of(scenario, {}).axes][2:] == [*keys, "events.0.deceleration"]
+
+    class Late(Stub):
+        def __call__(self, task):
+            time = task.scenario.events[0].when.simulation_time
+            late = time.above is None
+            assert late or float(time.above) < float(time.below)
+            assert not any(time.holds(0.1 * step) for step in range(100)) or not late
+            return EpisodeRecord(
+                {"agent": "a", "seed": task.seed, "outcome": "off_road" if late else "success"}
+            )
+
+    found = run_search(planned(48, scenario=tmp_path / "contra.yaml"), tmp_path / "x", Late)
+    assert found.violations
+    assert found.episodes == 48
+    for row in read_table(tmp_path / "x" / "failures.csv"):
+        assert float(row[keys[0]]) >= float(row[keys[1]])
+        again = load_scenario(tmp_path / "x" / row["file"])
+        assert not again.events[0].when.simulation_time.holds(0.0)
 
 
 def test_a_planted_fault_is_found_and_a_search_goes_on_where_it_stopped(tmp_path):
@@ -137,6 +171,16 @@ def test_episodes_can_be_added_whatever_their_number(tmp_path):
 def assert_same(a, b):
     for name in ("evaluations.csv", "failures.csv", "manifest.json"):
         assert (a / name).read_bytes() == (b / name).read_bytes()
+
+
+def test_a_search_that_has_nothing_left_to_run_has_no_further_version(tmp_path, monkeypatch):
+    run_search(planned(5), tmp_path, Stub)
+    before = (tmp_path / "manifest.json").read_bytes()
+    monkeypatch.setattr("rudc.evaluation.manifest.code_version", lambda: "v1")
+    run_search(planned(5), tmp_path, Stub, resume=True)
+    assert (tmp_path / "manifest.json").read_bytes() == before
+    run_search(planned(6), tmp_path, Stub, resume=True)
+    assert b'"resumed_with"' in (tmp_path / "manifest.json").read_bytes()
 
 
 def test_rows_that_were_edited_are_refused(tmp_path):
