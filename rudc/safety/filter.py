@@ -101,8 +101,8 @@ class _Conditions(NamedTuple):
     """(K,) w + delta, m2 per step"""
 
     def sparing(self, scene: Scene, constraints: Constraints, bounds: _Bounds) -> _Conditions | None:
-        """The same, asking no more of the ego than of one that follows its path; None if that changes nothing
-        for want of a barrier that knows such an ego.
+        """The same, asking no more of the ego than of one that follows its path; None where no barrier knows
+        such an ego, so that nothing changes.
         """
         a = float(bounds.lower[0]), float(bounds.nominal[0])
         lacking = constraints.lacking(scene, self.weights, self.relief, a)
@@ -206,8 +206,10 @@ class SafetyFilter:
             return self._passed(scene, proposed, h, constraints.names)
         status, solution, kept = self._solve(scene, constraints, problem, conditions)
         u, violation = self._action(status, scene.vehicle, proposed, bounds, solution)
-        violated = rows @ bounds.nominal < b if status == "braking" else None
-        pushing = kept[solution.multipliers > PUSHING] if violated is None else np.flatnonzero(violated)
+        if status == "braking":
+            pushing = np.flatnonzero(rows @ bounds.nominal < b)
+        else:
+            pushing = kept[solution.multipliers > PUSHING]
         return Corrected(
             u=u,
             correction=u - proposed,

@@ -8,8 +8,8 @@ decides.
    with the other behind it: the other's.
 3. The two head the same way (within 45 degrees): the one behind is at fault; side by side, shared.
 4. The other drives against its lane, or an event has it break the rules: the other's.
-5. One had to yield to the other by the junction's right of way: that one's. In a roundabout each of two may
-   have to, at its own entry: that one's who has come less far beyond its stop line.
+5. One had to yield to the other by the junction's right of way: that one's. In a roundabout each may have to
+   yield at its own entry; then it is the fault of the one that has driven less far beyond its stop line.
 6. Otherwise shared.
 """
 

@@ -66,9 +66,11 @@ class WorldStage(NetworkStage):
     props: list[Prop] = field(default_factory=list)
     unlawful: set[str] = field(default_factory=set)
     sudden: set[str] = field(default_factory=set)
-    """what was put in the ego's way nearer than it could stop, and it has not stood since"""
+    """what was put in the ego's way nearer than it could stop; nothing once the ego has stood"""
     _asked: dict[tuple[str, str], dict[str, float]] = field(default_factory=dict)
-    """what of whom -> what each event that is not over asks it to be, in the order they began"""
+    """`speed`, `factor` or `density`, and the vehicle's name -> the value that each event which is not over
+    asks for, by the event's name, the latest last
+    """
     _stand_ins: dict[str, list[str]] = field(default_factory=dict)
     """of each event, those for SUMO of what it has put on the road"""
     _blocks: int = 0
@@ -126,7 +128,7 @@ class WorldStage(NetworkStage):
         self.sumo.limit_speed(name, self._last("speed", name, event, speed, own))
 
     def _last(self, what: str, name: str, event: str, value: float | None, own: float) -> float:
-        """What the last event that is not over asks for, this one counted; `own` where none is left."""
+        """Note what an event asks for, None once it is over; what counts: the latest, or `own` for none."""
         asked = self._asked.setdefault((what, name), {})
         asked.pop(event, None)
         if value is not None:
