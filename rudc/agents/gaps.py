@@ -7,9 +7,12 @@ The gap suffices if the ego is gone `margin` before the other comes, or comes af
 both ways merge, gone means far enough in, and fast enough, not to be caught up with. The margin shrinks while
 the ego waits: nobody waits for a perfect gap for ever.
 
-Who crosses comes from another arm (`crossing`). A course (rudc/network/course.py) also enters ground that the
-route it replaces never touches: the lane beside, or the one against which the ego drives. There the ego gives
-way to everybody (`entering`), whatever the junction's right of way says of the two arms.
+Who crosses comes from another arm (`crossing`). In a roundabout the ego can meet somebody twice: it gives way
+where it enters itself, and is given way where the other enters (`Network.crossings`).
+
+A course (rudc/network/course.py) also enters ground that the route it replaces never touches: the lane
+beside, or the one against which the ego drives. There the ego gives way to everybody (`entering`), whatever
+the junction's right of way says of the two arms.
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rudc.arrays import Array, Flags, Index
+from rudc.network.conflicts import MERGED
 from rudc.network.paths import SPACING
 from rudc.network.route import Route
 from rudc.world.scene import Scene
@@ -33,8 +37,6 @@ COURTESY = 3.0
 """s of waiting after which those who stand before the conflict are taken to let it pass"""
 OTHERS_ACCELERATION = 1.5
 """m/s2, assumed of the others where it is the worse"""
-MERGED = 6.0
-"""m beyond the start of a merge after which its vehicles follow one another"""
 SLOWEST = 1.0
 """m/s, below which a vehicle counts as stopping: twice STANDING, since when one that creeps will have passed
 says nothing"""
@@ -61,7 +63,7 @@ class Conflicts(NamedTuple):
     yields: Flags
     """(K,) whether the ego gives way to it"""
     merges: Flags
-    """(K,) whether both leave by the same lane"""
+    """(K,) whether both go on in one lane"""
 
 
 def crossing(scene: Scene) -> Conflicts | None:
@@ -71,9 +73,13 @@ def crossing(scene: Scene) -> Conflicts | None:
     if not len(known):
         return None
     rows = scene.path[known]
-    table = scene.network.conflict(scene.route)[rows]
-    merges = table[:, 3] > paths.exit_s[rows] + MERGED
-    return _open(scene, known, table, merges, scene.network.gives_way(scene.route, own)[rows])
+    met = scene.network.crossings(scene.route, own)
+    table, again = met.table[rows], met.again[rows]
+    second = np.isfinite(again[:, 0]) & ~_uncleared(scene, known, table[:, 1], table[:, 3])
+    table = np.where(second[:, None], again, table)
+    merges = np.where(second, met.merges_again[rows], met.merges[rows])
+    yields = scene.network.gives_way(scene.route, own)[rows] & ~second
+    return _open(scene, known, table, merges, yields)
 
 
 def entering(scene: Scene, route: Route) -> Conflicts | None:
@@ -104,10 +110,7 @@ def _open(scene: Scene, known: Index, table: Array, merges: Flags, yields: Flags
     ego_end = np.where(merges, np.minimum(table[:, 1], table[:, 0] + MERGED), table[:, 1])
     other_end = np.where(merges, np.minimum(table[:, 3], table[:, 2] + MERGED), table[:, 3])
     s = scene.path_s[known]
-    open_still = (s - theirs < other_end) & (
-        scene.ego_s - half < ego_end
-    )  # false where there is no conflict (nan)
-    keep = np.flatnonzero(open_still)
+    keep = np.flatnonzero(_uncleared(scene, known, ego_end, other_end))
     if not len(keep):
         return None
     speed = np.hypot(scene.velocity[known, 0], scene.velocity[known, 1])
@@ -121,6 +124,13 @@ def _open(scene: Scene, known: Index, table: Array, merges: Flags, yields: Flags
         yields=yields[keep],
         merges=merges[keep],
     )
+
+
+def _uncleared(scene: Scene, known: Index, ego_end: Array, other_end: Array) -> Flags:
+    """(K,) whether neither the ego nor the others `known` (K,) have cleared conflicts that end at (K,) m of
+    its way and (K,) m of theirs; False where there is none (nan)."""
+    theirs = scene.path_s[known] - 0.5 * scene.size[known, 0] < other_end
+    return theirs & (scene.ego_s - 0.5 * scene.vehicle.length < ego_end)
 
 
 def suffices(

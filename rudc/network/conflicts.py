@@ -6,7 +6,9 @@ Arc lengths in the table are those of vehicles' centres; half lengths are the re
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -21,19 +23,27 @@ SWEPT_HALF_WIDTH = 1.0
 """m to each side of a lane's centre line that its traffic sweeps"""
 WAITING_GAP = 0.75
 """m that a waiting vehicle keeps from the swept paths of traffic it must yield to"""
+MERGED = 6.0
+"""m beyond the start of a merge after which its vehicles follow one another"""
+COS_ALONG = np.cos(np.radians(30.0))
+"""cosine of the angle up to which two ways lead the same way"""
+BACK = 5.0
+"""m back along another way, from one station of a path to the next that meets it, for a second stretch"""
 DEPARTS = 0.5
 """m from its route beyond which a course has left it"""
 
 
-def conflict_table(path: ReferencePath, paths: PathTable, stations: Flags | None = None) -> Array:
+def conflict_table(
+    path: ReferencePath, paths: PathTable, stations: Flags | None = None, rows: Iterable[int] | None = None
+) -> Array:
     """(P, 4) m: s_ego_in, s_ego_out, s_sv_in, s_sv_out of the path's conflict with each row; nan if there is
-    none. Only those `stations` (M,) of the path count."""
+    none. Only those `stations` (M,) of the path and only those `rows` count."""
     table = np.full((paths.count, 4), np.nan)
     s_of_path, xy_of_path = (path.s, path.xy) if stations is None else (path.s[stations], path.xy[stations])
     if not len(s_of_path):
         return table
     tree = KDTree(xy_of_path)
-    for row in range(paths.count):
+    for row in range(paths.count) if rows is None else rows:
         s = SPACING * np.arange(int(paths.length[row] / SPACING) + 1)
         xy = paths.xy[row, : len(s)]
         gap, _ = tree.query(xy, distance_upper_bound=CONFLICT_WIDTH)
@@ -44,6 +54,47 @@ def conflict_table(path: ReferencePath, paths: PathTable, stations: Flags | None
         ours = np.flatnonzero(np.isfinite(gap))
         table[row] = s_of_path[ours[0]], s_of_path[ours[-1]], s[theirs[0]], s[theirs[-1]]
     return table
+
+
+class Crossings(NamedTuple):
+    """Where a path meets each of the P ways, and where it meets them once more.
+
+    Two ways through a roundabout can meet twice: where the one enters the ring, and where the other does.
+    """
+
+    table: Array
+    """(P, 4) m, as `conflict_table`; of two stretches the first along the path"""
+    again: Array
+    """(P, 4) m, the second, of which both begin anew; nan where there is none"""
+    merges: Flags
+    """(P,) whether both go on in one lane from there; also where they part later on"""
+    merges_again: Flags
+    """(P,) the same of the second"""
+
+
+def crossings(path: ReferencePath, paths: PathTable, twice: Flags, table: Array) -> Crossings:
+    """Of a path with a conflict table (P, 4). `twice` (P,): the ways that may be met twice."""
+    first, again = table.copy(), np.full_like(table, np.nan)
+    for row in np.flatnonzero(twice).tolist():
+        line = paths.xy[row, : int(paths.length[row] / SPACING) + 1]
+        gap, theirs = KDTree(line).query(path.xy, distance_upper_bound=CONFLICT_WIDTH)
+        met = np.flatnonzero(np.isfinite(gap))
+        ends = np.flatnonzero(SPACING * np.diff(np.asarray(theirs)[met]) < -BACK)
+        if len(ends):
+            begins = path.s <= path.s[met[ends[0]]]
+            first[row] = conflict_table(path, paths, begins, [row])[row]
+            again[row] = conflict_table(path, paths, ~begins, [row])[row]
+    return Crossings(first, again, _merges(path, paths, first), _merges(path, paths, again))
+
+
+def _merges(path: ReferencePath, paths: PathTable, table: Array) -> Flags:
+    """(P,) with whom the path shares a lane from MERGED into the conflict on."""
+    met = np.isfinite(table[:, 0])
+    begin, end, its_begin, its_end = np.where(met[:, None], table, 0.0).T
+    x, y, psi = path.pose(begin + MERGED)
+    its_x, its_y, its_psi = paths.pose(np.arange(paths.count), its_begin + MERGED)
+    along = (np.cos(psi - its_psi) > COS_ALONG) & (np.hypot(x - its_x, y - its_y) < CONFLICT_WIDTH)
+    return met & ((its_end > paths.exit_s + MERGED) | (along & (end > begin + MERGED)))
 
 
 def departure_table(course: ReferencePath, route: ReferencePath, paths: PathTable) -> Array:

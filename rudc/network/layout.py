@@ -20,7 +20,7 @@ from rudc.arrays import Array, Flags
 from rudc.errors import NetworkError
 from rudc.hints import there_are
 from rudc.network import assembly, reader
-from rudc.network.conflicts import conflict_table, departure_table, silent
+from rudc.network.conflicts import Crossings, conflict_table, crossings, departure_table, silent
 from rudc.network.paths import PathTable, lane_spans
 from rudc.network.polyline import without_repeats
 from rudc.network.road import Arm, Lane, Movement
@@ -86,6 +86,7 @@ class Layout:
         """the drivable area"""
         self._conflicts: WeakKeyDictionary[ReferencePath, Array] = WeakKeyDictionary()
         self._giving_way: WeakKeyDictionary[ReferencePath, Flags] = WeakKeyDictionary()
+        self._crossings: WeakKeyDictionary[ReferencePath, Crossings] = WeakKeyDictionary()
         self._departures: WeakKeyDictionary[ReferencePath, Array] = WeakKeyDictionary()
         self.center.flags.writeable = False
 
@@ -173,6 +174,21 @@ class Layout:
             rows.flags.writeable = False
             self._giving_way[line] = rows
         return self._giving_way[line]
+
+    def yields_on_entering(self, row: int) -> Flags:
+        """(P,) the rows that give way to a row of a roundabout where they enter the ring, and to which it
+        gives way where it enters itself."""
+        yields = self.paths.yields
+        return yields[row] & yields[:, row] & self.is_roundabout
+
+    def crossings(self, path: ReferencePath | Route, row: int) -> Crossings:
+        """Where a path over `row` meets the rows of `paths`: `conflict`, in two where it meets one of
+        `yields_on_entering` as it enters and as the other does."""
+        line = path.path if isinstance(path, Route) else path
+        if line not in self._crossings:
+            twice = self.yields_on_entering(row)
+            self._crossings[line] = crossings(line, self.paths, twice, self.conflict(line))
+        return self._crossings[line]
 
     def departure(self, course: Route, route: Route) -> Array:
         """(P, 4) m, as `conflict`, of those stretches of a course that lie off its route."""

@@ -119,7 +119,8 @@ def _heeding(scene: Scene, stray: bool) -> Flags | None:
         front, stands = scene.ego_s + half, ego.v < LINGERS
         if front <= route.waiting_s + 1.0:  # it waits: only where it stands, or who owes it its way
             behind = paths.origin == paths.origin[route.row]
-            heeds = ~behind if stands else paths.yields[:, route.row]
+            owe = paths.yields[:, route.row] & ~scene.network.yields_on_entering(route.row)
+            heeds = ~behind if stands else owe
             if front > route.stop_line_s:
                 heeds = heeds | behind
             if not heeds.any():

@@ -72,9 +72,10 @@ def make_scene(four_way: Network) -> SceneMaker:
         turn: str = "straight",
         front: float = -10.0,
         v: float = 8.0,
+        network: Network = four_way,
         **changes,
     ) -> Scene:
-        route = four_way.route(origin, turn)
+        route = network.route(origin, turn)
         s = route.stop_line_s + front - 2.5
         x, y, psi = (float(value) for value in route.path.pose(s))
         count = len(others)
@@ -84,7 +85,7 @@ def make_scene(four_way: Network) -> SceneMaker:
         for i, other in enumerate(others):
             if "row" in other:
                 path[i], path_s[i] = other["row"], other["s"]
-                pose = four_way.paths.pose(path[i], path_s[i])
+                pose = network.paths.pose(path[i], path_s[i])
             else:
                 pose = other["at"]
             position[i], heading[i] = pose[:2], pose[2]
@@ -100,7 +101,7 @@ def make_scene(four_way: Network) -> SceneMaker:
             ego_offset=0.0,
             waited_s=0.0,
             last_u=np.zeros(2),
-            network=four_way,
+            network=network,
             ids=tuple(f"other{i}" for i in range(count)),
             position=position,
             heading=heading,
