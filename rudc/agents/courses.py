@@ -122,8 +122,8 @@ class Courses:
         return shown
 
     def urge(self, scene: Scene, u: Array) -> Array:
-        """(2,) a policy's proposal u (2,), m/s2 and rad, which on a course sets off where rules would."""
-        return u if self.course is None else self._patience.urge(scene, u)
+        """(2,) a policy's proposal u (2,), m/s2 and rad; one that has stood sets off where rules would."""
+        return self._patience.urge(scene, u)
 
     def govern(self, scene: Scene, u: Array, *, onwards: bool = False) -> Array:
         """(2,) the command, no faster than course and bodies allow; close beside bodies the course is

@@ -3,7 +3,7 @@ is there.
 
     see      what the sensors show -> without their noise (smoothing.py) -> with those who are missing
              (memory.py) -> as the plant makes of it (adaptation.py) -> along the course (courses.py)
-    urge     what a policy proposes -> on a course, setting off where rules would (patience.py); corrections
+    urge     what a policy proposes -> having stood, setting off where rules would (patience.py); corrections
              come after this
     govern   what the driver asks for -> as fast as who must give way may come (approach.py) -> as fast as
              who follows may come (following.py) -> as fast as it can stop within what it sees

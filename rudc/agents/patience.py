@@ -1,7 +1,8 @@
-"""Ends the waiting of a policy that stands on a course for good; in training it never met one.
+"""Ends the waiting of a policy that stands for good where it need not: on courses, and on roads that it never
+met in training, roundabouts above all.
 
-Once the ego has stood on a course for PATIENCE s and gap acceptance (rudc/agents/gap_acceptance.py) would go,
-its acceleration takes the policy's place, up to PACE m/s, until the policy goes by itself or gap acceptance
+Once the ego has stood for PATIENCE s and gap acceptance (rudc/agents/gap_acceptance.py) would go, its
+acceleration takes the policy's place, up to PACE m/s, until the policy goes by itself or gap acceptance
 stops. Steering stays the policy's. A correction treats the result as any proposal; it counts as one, not as
 an intervention.
 """

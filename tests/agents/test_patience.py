@@ -1,4 +1,4 @@
-"""On a course an ego stands no longer than rules would; on scenes made by hand."""
+"""A policy stands no longer than rules would; on scenes made by hand."""
 
 # ruff: noqa: F811 -- fixtures come by import
 from dataclasses import replace
@@ -57,28 +57,28 @@ class Still:
     urge = None
 
     def reset(self, scene, seed):
-        self.courses = 0
+        self.changed = 0
 
     def act(self, scene):
         u = np.array([-3.0, 0.0])
         changed = u if self.urge is None else self.urge(scene, u)
-        self.courses += changed is not u
+        self.changed += changed is not u
         return Decision(changed, changed)
 
 
 @pytest.mark.parametrize("course", [True, False])
-def test_only_on_a_course(make_scene, course):
-    """In plain traffic the policy waits for as long as it wants."""
+def test_with_courses_the_policy_is_urged_on_them_and_off(make_scene, course):
+    """Who goes round nothing waits for as long as it wants."""
     scene, still = at(make_scene, 0.0, PATIENCE), Still()
     agent = with_outlook(still, "still", OutlookSettings(course=course, plant="estimated"))
     agent.reset(scene, 0)
-    assert agent.act(scene).u[0] <= 0.0
+    assert (agent.act(scene).u[0] > 0.0) == course
     if not course:
         assert still.urge is None
         return
     agent.outlook.courses.course = scene.route
     assert agent.act(scene).u[0] > 0.0
-    assert still.courses == 1
+    assert still.changed == 2
 
 
 def test_learnt_agents_are_urged_before_they_are_corrected(make_scene):

@@ -1,10 +1,11 @@
 """Networks and scenarios that nobody has chosen: what drivers do where all is left to chance.
 
-    python -m tests.benchmarks.by_chance DIR [--networks 100] [--first 0]
+    python -m tests.benchmarks.by_chance DIR [--networks 100] [--first 0] [--roundabouts]
     cd DIR; rudc sweep *.yaml --agent rudc-t --agent planner --episodes 1 --out ../driven
 
 Each network is a junction of three to five arms at any angles, of other widths, bends, lanes, speeds and
-rules of right of way, made by SUMO's netconvert (extra `networks`). On each drive four scenarios, with
+rules of right of way, made by SUMO's netconvert (extra `networks`); with `--roundabouts` a roundabout of so
+many arms, of one or two lanes and 10 to 25 m in radius. On each drive four scenarios, with
 any traffic and one to three of the events that RUDC knows, drawn alike. A network and its scenarios come
 from their number alone. What `rudc scenario validate` refuses is not written, and counted at the end.
 
@@ -38,6 +39,7 @@ PIECES = 8
 """straight pieces of an arm that bends"""
 
 Event = dict[str, Any]
+Maker = Callable[[random.Random, Path], Path]
 
 
 def write_network(rng: random.Random, folder: Path) -> Path:
@@ -63,6 +65,39 @@ def write_network(rng: random.Random, folder: Path) -> Path:
         ):
             shape = " ".join(f"{x:.2f},{y:.2f}" for x, y in points)
             edges.append(f'<edge id="{edge}" {ends} {alike} shape="{shape}"/>')
+    return _built(folder, nodes, edges)
+
+
+def write_roundabout(rng: random.Random, folder: Path) -> Path:
+    """FOLDER/NAME.net.xml of a roundabout, as `write_network`."""
+    angles = _angles(rng, rng.choice((3, 4, 4, 5)))
+    radius, lanes = rng.uniform(10, 25), rng.choice((1, 1, 2))
+    speed = f'speed="{rng.uniform(6, 9):.2f}"'
+    ring = f'numLanes="{lanes}" width="{rng.choice((3.5, 4.0, 4.5))}" {speed} priority="3"'
+    nodes, edges, around = list[str](), list[str](), list[str]()
+    for i, angle in enumerate(angles):
+        towards = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+        (x, y), (far_x, far_y) = _at(towards, radius, 0.0), _at(towards, radius + rng.uniform(70, 140), 0.0)
+        nodes.append(f'<node id="ring{i}" x="{x:.2f}" y="{y:.2f}" type="priority"/>')
+        nodes.append(f'<node id="end{i}" x="{far_x:.2f}" y="{far_y:.2f}"/>')
+        alike = (
+            f'numLanes="{rng.choice((1, lanes))}" width="{rng.choice((3.0, 3.2, 3.5, 3.75))}" '
+            f'speed="{rng.choice((8.33, 11.11, 13.89, 13.89))}" priority="1"'
+        )
+        edges.append(f'<edge id="in{i}" from="end{i}" to="ring{i}" {alike}/>')
+        edges.append(f'<edge id="out{i}" from="ring{i}" to="end{i}" {alike}/>')
+        after = (i + 1) % len(angles)
+        turn = (angles[after] - angle) % 360
+        points = (math.radians(angle + turn * k / PIECES) for k in range(PIECES + 1))
+        shape = " ".join(f"{radius * math.cos(at):.2f},{radius * math.sin(at):.2f}" for at in points)
+        around.append(f"ring{i}_{after}")
+        edges.append(f'<edge id="{around[-1]}" from="ring{i}" to="ring{after}" {ring} shape="{shape}"/>')
+    named = " ".join(f"ring{i}" for i in range(len(angles)))
+    edges.append(f'<roundabout nodes="{named}" edges="{" ".join(around)}"/>')
+    return _built(folder, nodes, edges)
+
+
+def _built(folder: Path, nodes: list[str], edges: list[str]) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     for kind, tag, lines in (("nod", "nodes", nodes), ("edg", "edges", edges)):
         text = "\n".join([f"<{tag}>", *lines, f"</{tag}>", ""])
@@ -237,12 +272,12 @@ def _on_the_bend(end: tuple[float, float], middle: tuple[float, float], t: float
     return x, y
 
 
-def write(folder: Path, numbers: range) -> Iterator[tuple[Path, list[str]]]:
+def write(folder: Path, numbers: range, make: Maker = write_network) -> Iterator[tuple[Path, list[str]]]:
     """Each scenario's file, and why it is refused: such a file is removed again."""
     folder.mkdir(parents=True, exist_ok=True)
     for number in numbers:
         rng = random.Random(number)
-        network = write_network(rng, folder / f"network{number:05d}").relative_to(folder).as_posix()
+        network = make(rng, folder / f"network{number:05d}").relative_to(folder).as_posix()
         for which in range(EACH):
             name = f"chance{number:05d}_{which}"
             path = folder / f"{name}.yaml"
@@ -259,10 +294,13 @@ def main() -> int:
     parser.add_argument("folder", type=Path, metavar="DIR")
     parser.add_argument("--networks", type=int, default=100)
     parser.add_argument("--first", type=int, default=0, help="number of the first")
+    parser.add_argument("--roundabouts", action="store_true")
     asked = parser.parse_args()
+    numbers = range(asked.first, asked.first + asked.networks)
+    make = write_roundabout if asked.roundabouts else write_network
     written = refused = 0
     try:
-        for _, wrong in write(asked.folder, range(asked.first, asked.first + asked.networks)):
+        for _, wrong in write(asked.folder, numbers, make):
             written, refused = written + (not wrong), refused + bool(wrong)
     except (RudcError, OSError) as error:
         parser.exit(2, f"{error}\n")
