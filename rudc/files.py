@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import hashlib
 import os
+import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -26,6 +28,15 @@ def past_links(path: Path) -> Path:
     RuntimeError.
     """
     return Path(os.path.realpath(path))
+
+
+def file_name(text: str, longest: int = 180) -> str:
+    """A name for a file about something called `text`: signs that a disk may refuse become _, and where that
+    or `longest` changes it, a digest tells it from others."""
+    name = re.sub(r"[^A-Za-z0-9.+=,-]+", "_", text)
+    if name == text and len(name) <= longest:
+        return name
+    return f"{name[:longest]}-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
 
 
 def make_folder(path: Path) -> None:

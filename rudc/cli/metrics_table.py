@@ -16,7 +16,8 @@ from rudc.cli.console import console, note
 from rudc.evaluation.columns import DECISION_MS, METRICS, Metric
 from rudc.evaluation.metrics import Group
 from rudc.evaluation.paper import is_from_paper
-from rudc.evaluation.tables import MISSING, best_of, cell, heading, shown_key
+from rudc.evaluation.tables import best_of, cell, heading, shown_key
+from rudc.evaluation.text import MISSING
 
 LEAST_IMPORTANT = ("decision", "AER", "RC", "AES", "min_DTC")
 """metrics that a narrow screen goes without, the first to go first"""

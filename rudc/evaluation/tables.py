@@ -17,11 +17,10 @@ from rudc.evaluation.metrics import Group, group_metrics, in_order
 from rudc.evaluation.paper import beside, is_from_paper, paper_groups
 from rudc.evaluation.rows import Row, SweepRows
 from rudc.evaluation.statistics import Summary
+from rudc.evaluation.text import MISSING, markdown
 from rudc.hints import did_you_mean, there_are
 
 Format = Literal["csv", "markdown", "latex", "json"]
-MISSING = "–"
-"""stands where a number is not known"""
 _ARROWS = {"higher": " ↑", "lower": " ↓", None: ""}
 _LATEX_SIGNS = str.maketrans(
     {sign: f"\\{sign}" for sign in "&%$#_{}"}
@@ -175,17 +174,8 @@ def _markdown(groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Metr
         bold = [
             f"**{text}**" if (i, m.name) in best else text for m, text in zip(metrics, cells, strict=True)
         ]
-        lines.append([*(key.replace("|", "\\|") for key in shown_key(group.key)), _count(group), *bold])
-    widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
-    rule = ["-" * width if k < len(by) else "-" * (width - 1) + ":" for k, width in enumerate(widths)]
-    padded = [
-        [
-            text.ljust(w) if k < len(by) else text.rjust(w)
-            for k, (text, w) in enumerate(zip(line, widths, strict=True))
-        ]
-        for line in lines
-    ]
-    return "".join(f"| {' | '.join(line)} |\n" for line in [padded[0], rule, *padded[1:]])
+        lines.append([*shown_key(group.key), _count(group), *bold])
+    return markdown(lines[0], lines[1:], left=len(by))
 
 
 def _latex(groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Metric]) -> str:

@@ -22,10 +22,10 @@ from rudc.errors import InputError
 from rudc.evaluation.metrics import group_metrics
 from rudc.evaluation.sweep import Progress, run_sweep
 from rudc.evaluation.tasks import SweepPlan
+from rudc.evaluation.text import MISSING, csv_text, interval, markdown
 from rudc.files import make_folder, past_links
 from rudc.reporting.case import draw_cases
 from rudc.reporting.density import Cloud, density
-from rudc.reporting.text import MISSING, csv_text, interval, markdown
 from rudc.scenario import find_scenarios
 from rudc.studies.base import Order, Report, kinds_of_errors, write
 from rudc.studies.case import Driver, case_lines, chosen_seed, drive, drivers, scaled_correction, seeds_note

@@ -23,9 +23,9 @@ from rudc.evaluation.metrics import group_metrics
 from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.sweep import Progress, run_sweep
 from rudc.evaluation.tasks import SweepPlan
+from rudc.evaluation.text import csv_text, interval, markdown
 from rudc.files import make_folder
 from rudc.reporting.cbf_grid import draw_grid
-from rudc.reporting.text import csv_text, interval, markdown
 from rudc.studies.base import Order, Report, in_distribution, kinds_of_errors, write
 
 DRIVERS = {"quick": ("follower",), "full": ("follower", "rudc-wo-cbf")}

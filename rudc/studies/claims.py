@@ -23,7 +23,7 @@ from typing import NamedTuple
 from rudc.evaluation.columns import Metric
 from rudc.evaluation.seeds import Paired
 from rudc.evaluation.statistics import Z
-from rudc.reporting.text import interval, markdown
+from rudc.evaluation.text import interval, markdown
 from rudc.studies.campaign import METRIC, Campaign, Claim
 from rudc.studies.outcomes import Outcomes
 

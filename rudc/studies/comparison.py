@@ -30,10 +30,10 @@ from rudc.evaluation.manifest import manifest, read_manifest, resumed
 from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.sweep import Progress, run_sweep
 from rudc.evaluation.tasks import SweepPlan
+from rudc.evaluation.text import MISSING, csv_text, markdown
 from rudc.files import make_folder, past_links
 from rudc.hints import listed
 from rudc.reporting.curves import draw_curves
-from rudc.reporting.text import MISSING, csv_text, markdown
 from rudc.scenario.model import Scenario
 from rudc.studies.base import (
     Order,

@@ -19,9 +19,9 @@ from scipy.stats import t as student
 from rudc.arrays import Array
 from rudc.errors import InputError
 from rudc.evaluation.sweep import Progress
+from rudc.evaluation.text import csv_text, interval, markdown
 from rudc.files import make_folder
 from rudc.reporting.curves import Curve, draw_curves
-from rudc.reporting.text import csv_text, interval, markdown
 from rudc.studies.base import Order, Report, family, write
 from rudc.training.log_curves import BIN, RATE_COLUMNS, Key, Series, read_training
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from rudc.evaluation.columns import happened
 from rudc.evaluation.statistics import Z, paired_change
-from rudc.reporting.text import interval, markdown
+from rudc.evaluation.text import interval, markdown
 from rudc.studies.filter_variants import ADAPTIVE, CONSTANT, Variant
 
 Row = Mapping[str, str]

@@ -29,8 +29,8 @@ from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.statistics import paired_change, summarise_rate
 from rudc.evaluation.sweep import Progress, run_sweep
 from rudc.evaluation.tasks import SweepPlan
+from rudc.evaluation.text import MISSING, csv_text, interval, markdown
 from rudc.files import make_folder
-from rudc.reporting.text import MISSING, csv_text, interval, markdown
 from rudc.reporting.tradeoff import DRAWN, OFF, Point, draw_tradeoff
 from rudc.studies.base import (
     Order,

@@ -28,9 +28,9 @@ from rudc.errors import InputError
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.sweep import Progress, run_sweep
 from rudc.evaluation.tasks import SweepPlan, Task
+from rudc.evaluation.text import MISSING, csv_text, markdown
 from rudc.files import make_folder, past_links
 from rudc.reporting.latency import Cost, draw_latency
-from rudc.reporting.text import MISSING, csv_text, markdown
 from rudc.scenario import find_scenarios
 from rudc.studies.base import Order, Report, kinds_of_errors, write
 from rudc.studies.step_files import StepRunner, read_steps

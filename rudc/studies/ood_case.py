@@ -14,9 +14,9 @@ from rudc.errors import InputError
 from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.sweep import Progress, run_sweep
 from rudc.evaluation.tasks import SweepPlan
+from rudc.evaluation.text import MISSING, csv_text, markdown
 from rudc.files import make_folder
 from rudc.reporting.case import Case, draw_cases
-from rudc.reporting.text import MISSING, csv_text, markdown
 from rudc.scenario import find_scenarios
 from rudc.studies.base import Order, Report, kinds_of_errors, write
 from rudc.studies.case import MS, Driver, case_lines, chosen_seed, drive, drivers, seeds_note

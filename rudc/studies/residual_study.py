@@ -22,10 +22,10 @@ import numpy as np
 from rudc.env.action import read_action
 from rudc.errors import InputError
 from rudc.evaluation.sweep import Progress
+from rudc.evaluation.text import csv_text, markdown
 from rudc.files import make_folder
 from rudc.hints import install_command
 from rudc.reporting.agreement import Agreement, draw_agreement
-from rudc.reporting.text import csv_text, markdown
 from rudc.safety.barrier import COMMON
 from rudc.safety.residual import heads, shipped_predictor
 from rudc.studies.base import Order, Report, write

@@ -11,7 +11,7 @@ from rudc.evaluation.columns import METRICS, Metric
 from rudc.evaluation.paper import paper_groups
 from rudc.evaluation.statistics import Summary
 from rudc.evaluation.tables import heading
-from rudc.reporting.text import MISSING, interval, markdown
+from rudc.evaluation.text import MISSING, interval, markdown
 from rudc.studies.campaign import Campaign, Row
 from rudc.studies.outcomes import Outcomes
 

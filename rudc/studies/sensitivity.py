@@ -25,10 +25,10 @@ from rudc.evaluation.metrics import group_metrics
 from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.sweep import Progress, run_sweep
 from rudc.evaluation.tasks import SweepPlan
+from rudc.evaluation.text import csv_text, interval, markdown
 from rudc.files import make_folder, past_links
 from rudc.learning.inference import Decider
 from rudc.reporting.sensitivity import draw_sensitivity
-from rudc.reporting.text import csv_text, interval, markdown
 from rudc.studies.base import Budget, Order, Report, in_distribution, kinds_of_errors, write
 from rudc.studies.trained import Trained, Trainings, Wanted, trainings_for
 from rudc.training.config import TrainConfig

@@ -41,9 +41,9 @@ from rudc.errors import InputError
 from rudc.evaluation.columns import happened
 from rudc.evaluation.sweep import Progress, run_sweep
 from rudc.evaluation.tasks import SweepPlan
+from rudc.evaluation.text import csv_text, interval, markdown
 from rudc.files import make_folder, past_links
 from rudc.reporting.separation import Mark, draw_separation
-from rudc.reporting.text import csv_text, interval, markdown
 from rudc.studies.auroc import auroc, auroc_draws, percentile_interval
 from rudc.studies.base import (
     IN_DISTRIBUTION,

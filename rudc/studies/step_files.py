@@ -4,7 +4,6 @@ is written before its row of `episodes.csv`.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
@@ -20,7 +19,7 @@ from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.rollout import Watcher
 from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.tasks import Task
-from rudc.files import make_folder, replacing
+from rudc.files import file_name, make_folder, replacing
 from rudc.world.scene import Scene
 
 
@@ -70,7 +69,7 @@ class StepRunner:
 
 def steps_file(folder: Path, agent: str, scenario: str, seed: int) -> Path:
     """Where an episode's steps are."""
-    return folder / re.sub(r"[^\w.+=,-]", "_", agent) / scenario / f"{seed}.npy"
+    return folder / file_name(agent) / scenario / f"{seed}.npy"
 
 
 def read_steps(folder: Path, rows: Sequence[Mapping[str, str]]) -> Iterator[tuple[Mapping[str, str], Array]]:

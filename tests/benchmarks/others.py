@@ -31,8 +31,8 @@ import numpy as np
 import rudc
 from rudc.agents.checkpoint import load_learnt
 from rudc.evaluation.statistics import summarise_all, summarise_rate
+from rudc.evaluation.text import csv_text, interval, markdown
 from rudc.learning.inference import Decider
-from rudc.reporting.text import csv_text, interval, markdown
 
 SCENARIO, OBSERVATION, ACTION = "random_destination", "conflict", "adjustment"
 FIRST_EPISODE = 50_000

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import re
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,6 +13,7 @@ from rudc.arrays import Array, Flags, Index
 from rudc.env.outcome import Outcome
 from rudc.evaluation.folder import TRACEBACK
 from rudc.evaluation.metrics import numbers
+from rudc.files import file_name
 
 OUTCOMES = tuple(map(str, Outcome))
 FAULTS = ("ego", "other", "shared")
@@ -22,8 +21,6 @@ WORST_SHOWN = 600
 """episodes listed at most"""
 WORST_EACH = 3
 """of each scenario and agent"""
-LONGEST_NAME = 180
-"""characters of a page's name; of a longer one that many, and a digest of all"""
 
 
 @dataclass(frozen=True)
@@ -168,11 +165,7 @@ def replay_name(episodes: Episodes, i: int) -> str:
     """Name of the page that replays an episode."""
     row = episodes.rows[i]
     parts = [row["scenario"], row["agent"], *(row[name] for name in episodes.parameters), row["seed"]]
-    whole = "-".join(parts)
-    name = re.sub(r"[^A-Za-z0-9.+-]+", "_", whole)
-    if len(name) > LONGEST_NAME:
-        name = f"{name[:LONGEST_NAME]}-{hashlib.sha256(whole.encode()).hexdigest()[:12]}"
-    return f"{name}.html"
+    return f"{file_name('-'.join(parts))}.html"
 
 
 def worst_lines(episodes: Episodes, replays: Sequence[str]) -> list[list[Any]]:

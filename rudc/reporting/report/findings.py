@@ -58,7 +58,8 @@ def _best(ranked: Sequence[Group], episodes: Episodes, data: Mapping[str, Any]) 
         ]
     else:
         rates = ", ".join(f"{m.name} {cell(m, first.metrics[m.name])}" for m in _RATES)
-        said = [f"{first.key[0]} succeeds most often over all scenarios: {rates} %."]
+        place = " succeeds most often" if len(ranked) > 1 else ""
+        said = [f"{first.key[0]}{place} over all scenarios: {rates} %."]
     at = {name: i for i, name in enumerate(episodes.agents)}
     for other in ranked[1 : 1 + _NAMED]:
         if told := _against(at[first.key[0]], at[other.key[0]], data):

@@ -143,11 +143,20 @@ def test_pages_of_replays_have_names_that_a_disk_takes():
     row = {"scenario": "s", "seed": "3"}
     short, one, other = (
         replay_name(Episodes.of([{**row, "agent": agent, "error": ""}], ()), 0)
-        for agent in ("out/a", "x" * 300 + "1", "x" * 300 + "2")
+        for agent in ("a+b", "x" * 300 + "1", "x" * 300 + "2")
     )
-    assert short == "s-out_a-3.html"
+    assert short == "s-a+b-3.html"
     assert one != other
     assert max(len(one), len(other)) < 240
+
+
+def test_agents_whose_names_differ_in_signs_alone_have_pages_of_their_own():
+    row = {"scenario": "s", "seed": "3", "error": ""}
+    names = {
+        replay_name(Episodes.of([{**row, "agent": agent}], ()), 0) for agent in ("out/a", "out_a", "out:a")
+    }
+    assert len(names) == 3
+    assert not any(sign in name for sign in "/:" for name in names)
 
 
 def test_events_are_counted_where_rows_say_so():
@@ -183,6 +192,8 @@ def test_agents_that_succeed_equally_often_are_all_named():
     assert said[1] == "a, b succeed equally often over all scenarios, none more often: SR 100.0 %."
     said = findings(told, groups[1:], data, None)
     assert said[1].startswith("b succeeds most often over all scenarios: SR 100.0 [")
+    said = findings(told, groups[1:2], data, None)
+    assert said[1].startswith("b over all scenarios: SR 100.0 ["), "one alone is not the best of any"
 
 
 def test_the_page_is_whole_and_refers_to_nothing_outside(text, folder):

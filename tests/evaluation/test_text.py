@@ -2,7 +2,7 @@
 
 import math
 
-from rudc.reporting.text import csv_text, interval, markdown
+from rudc.evaluation.text import csv_text, interval, markdown
 
 
 def test_csv():
