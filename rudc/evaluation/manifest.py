@@ -23,6 +23,7 @@ from rudc.evaluation.code import code_digest
 from rudc.evaluation.tasks import SweepPlan
 from rudc.hints import listed
 from rudc.imports import plugins, sources_digests
+from rudc.scenario.model import Scenario
 from rudc.settings import problems
 
 FORMAT = 2
@@ -40,6 +41,8 @@ class ScenarioEntry(BaseModel, frozen=True):
     """of all that an episode depends on, files that it names included"""
     values: dict[str, Any]
     """what its file says, defaults included"""
+    given: dict[str, Any] | None = None
+    """of one with a sweep: `Scenario.given`"""
 
 
 class Configuration(BaseModel, frozen=True):
@@ -148,13 +151,18 @@ def configuration(plan: SweepPlan) -> dict[str, Any]:
     from rudc.agents.registry import agent_settings
 
     return {
-        "scenarios": {s.name: {"digest": s.digest, "values": s.data()} for s in plan.scenarios},
+        "scenarios": {s.name: _told(s) for s in plan.scenarios},
         "agents": {name: agent_settings(name) for name in plan.agents},
         "episodes": plan.episodes,
         "seed": plan.seed,
         **({"imported": imported} if (imported := sources_digests()) else {}),
         **({"plugins": offered} if (offered := plugins()) else {}),
     }
+
+
+def _told(scenario: Scenario) -> dict[str, Any]:
+    given = {"given": scenario.given} if scenario.sweep else {}
+    return {"digest": scenario.digest, "values": scenario.data(), **given}
 
 
 def manifest(plan: SweepPlan) -> dict[str, Any]:

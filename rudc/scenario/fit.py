@@ -62,8 +62,11 @@ def fit_reports(sheet: Sheet, data: dict[str, Any], fit: Fit) -> list[Report]:
     paths: dict[str, Path] = {}
     for choice in choices:
         point = base
-        for key, i in choice.items():
-            point, paths[key] = with_value(point, key, axes[key][i])
+        try:
+            for key, i in choice.items():
+                point, paths[key] = with_value(point, key, axes[key][i])
+        except DottedKeyError:  # one swept value leaves no place for another: `sweep_reports` says so
+            continue
         parts = readable(point)
         for problem in fit(parts) if parts is not None else ():
             found.setdefault(problem, []).append(choice)

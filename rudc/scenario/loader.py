@@ -49,7 +49,7 @@ def load_scenario(
         reports += fit_reports(sheet, _without_empty(sheet.data), fit)
     if reports or scenario is None:
         raise _error([_with_hint(report, sheet.data) for report in reports], path)
-    return scenario.read_from(path.absolute(), overridden)
+    return scenario.read_from(path.absolute(), overridden, _without_empty(sheet.data))
 
 
 def find_scenarios(
@@ -106,6 +106,8 @@ def _read(path: File, children: tuple[File, ...]) -> tuple[Sheet | None, tuple[s
         return None, (), reports
     _anchor_networks(sheet, path.parent)
     parent_name = sheet.data.get("extends")
+    if isinstance(parent_name, int | float) and not isinstance(parent_name, bool):
+        parent_name = str(parent_name)
     if not isinstance(parent_name, str) or not parent_name.strip():
         return sheet, (), reports
     parent = find_parent(parent_name, path)
@@ -177,7 +179,9 @@ def _with_hint(report: Report, data: dict[str, Any]) -> Report:
 def _sweep(sheet: Sheet, key: str, values: Sequence[object]) -> None:
     """Sweep a dotted key of a sheet over values."""
     before = sheet.data.get("sweep")
-    sheet.data["sweep"] = {**(before if isinstance(before, dict) else {}), key: list(values)}
+    kept = before.items() if isinstance(before, dict) else ()
+    others = {known: given for known, given in kept if not str(known).startswith(f"{key}.")}
+    sheet.data["sweep"] = {**others, key: list(values)}
     path: Path = ("sweep", key)
     sheet.marks = {known: mark for known, mark in sheet.marks.items() if known[:2] != path}
     sheet.marks[path] = Mark("override", 0, 0, 0, 0)

@@ -87,6 +87,7 @@ class Scenario(FileModel, frozen=True):
 
     _overridden: tuple[str, ...] = PrivateAttr(default=())
     _path: Path | None = PrivateAttr(default=None)
+    _given: dict[str, Any] | None = PrivateAttr(default=None)
 
     @property
     def overridden(self) -> tuple[str, ...]:
@@ -97,6 +98,13 @@ class Scenario(FileModel, frozen=True):
     def path(self) -> Path | None:
         """The file it was read from."""
         return self._path
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """What its file and those it extends say of all but networks, without defaults: swept values are put
+        into that. All of `data()` where it comes from no file."""
+        data = self.data() if self._given is None else self._given
+        return {key: value for key, value in data.items() if key not in ("sweep", "extends", "network")}
 
     def data(self) -> dict[str, Any]:
         """What a file would say, defaults and inherited values included, `extends` resolved."""
@@ -133,7 +141,7 @@ class Scenario(FileModel, frozen=True):
 
     def varied(self, values: dict[str, Scalar]) -> Scenario:
         """The same scenario without a sweep, other values at some dotted keys. Raises ScenarioError."""
-        data: dict[str, Any] = {key: value for key, value in self.data().items() if key != "sweep"}
+        data: dict[str, Any] = {**self.given, "network": self.network}
         try:
             for key, value in values.items():
                 data, _ = with_value(data, key, value)
@@ -147,12 +155,16 @@ class Scenario(FileModel, frozen=True):
             ) from None
         return scenario.read_from(self._path, self._overridden)
 
-    def read_from(self, path: Path | None, overridden: tuple[str, ...]) -> Scenario:
-        """The same scenario, which knows its file and in which keys it differs from what it extends."""
+    def read_from(
+        self, path: Path | None, overridden: tuple[str, ...], given: dict[str, Any] | None = None
+    ) -> Scenario:
+        """The same scenario, which knows its file, in which keys it differs from what it extends, and what is
+        `given` there."""
         known = self.model_copy()
         # A frozen model's private attributes may be set all the same.
         known._path = path  # pyright: ignore[reportAttributeAccessIssue]
         known._overridden = overridden  # pyright: ignore[reportAttributeAccessIssue]
+        known._given = given  # pyright: ignore[reportAttributeAccessIssue]
         return known
 
     def plan(self, seed: int, attempt: int = 0) -> EpisodePlan:

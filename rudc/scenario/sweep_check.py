@@ -30,6 +30,11 @@ def sweep_reports(sheet: Sheet, data: dict[str, Any], known: set[tuple[Path, str
     for key, values in given.items():
         if key in reported or not isinstance(key, str) or not isinstance(values, list):
             continue
+        within = next((other for other in given if key.startswith(f"{other}.")), None)
+        if within is not None:
+            text = f"lies within {within}, which is swept, too"
+            reports.append(sheet.report(("sweep", key), text, on_key=True))
+            continue
         found = _axis_reports(sheet, base, key, values)
         reports += found
         if not found:

@@ -52,6 +52,12 @@ def test_values_not_given_are_the_parents(write):
     assert child.overridden == ()
 
 
+def test_a_name_that_reads_as_a_number_is_a_name(write):
+    write("2024.yaml", "name: '2024'\ntraffic: {density: 40}\n")
+    child = load_scenario(write("child.yaml", "name: child\nextends: 2024\n"))
+    assert float(child.traffic.density) == 40
+
+
 def test_name_and_remarks_are_its_own(write):
     child = load_scenario(write("child.yaml", "name: child\nextends: parent\n"))
     assert (child.name, child.description, child.out_of_distribution) == ("child", "", None)

@@ -320,3 +320,51 @@ def test_a_value_given_twice_is_named_among_many(tmp_path):
     values = [20 + k / 100 for k in range(3000)]
     (line,) = problems(tmp_path, f"name: a\nsweep: {{ego.distance: {[*values, 20]}}}\n")
     assert "sweep.ego.distance.3000: 20 is given twice" in line
+
+
+MIX = "name: a\nsweep: {traffic.mix.truck: [0.2, 1.0]}\n"
+
+
+def test_a_swept_value_means_what_it_means_when_given_alone(tmp_path):
+    """Defaults of the section that it lies in stay out: of a mix, those not named are none."""
+    for point, scenario in load(tmp_path, MIX).grid():
+        alone = load_scenario(tmp_path / "s.yaml", point)
+        assert scenario.traffic == alone.traffic
+        assert {kind for kind, share in scenario.traffic.mix.model_dump().items() if share} == {"truck"}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "ego: {route: {from: south}}\nsweep: {ego.route.to: [east, west]}",
+        "extends: dense_left_turn\nego: {route: {from: west}}\nsweep: {ego.route.to: [east, north]}",
+        "events: [{kind: hard_brake, vehicle: leader}]\n"
+        "sweep: {events.0.kind: [hard_brake, stalled_vehicle]}",
+        "sweep: {traffic.speed.normal.mean: [6, 8], traffic.speed.normal.std: [1]}",
+        "events: [{kind: hard_brake, deceleration: {normal: [7, 1]}}]\n"
+        "sweep: {events.0.deceleration.normal.0: [5, 6]}",
+        "ego: {speed: {choice: [5, 8]}}\nsweep: {ego.speed.choice.0: [6, 7]}",
+    ],
+)
+def test_what_a_file_may_sweep_has_a_grid(tmp_path, text):
+    assert len(load(tmp_path, f"name: a\n{text}\n").grid()) == 2
+
+
+def test_a_kept_scenario_has_the_grid_that_it_had(tmp_path):
+    """As a sweep's manifest says it, which holds all values."""
+    scenario = load(tmp_path, MIX)
+    told = json.loads(json.dumps({"values": scenario.data(), "given": scenario.given}))
+    kept = Scenario.model_validate(told["values"]).read_from(None, (), told["given"])
+    assert [point.digest for _, point in kept.grid()] == [point.digest for _, point in scenario.grid()]
+
+
+def test_a_swept_key_within_another_is_refused(tmp_path):
+    found = problems(tmp_path, "name: a\nsweep: {ego.route: [random], ego.route.from: [south, west]}\n")
+    assert found == ["2:30: sweep.ego.route.from: lies within ego.route, which is swept, too"]
+
+
+def test_the_sweep_of_a_part_ends_where_the_whole_is_swept(tmp_path):
+    text = "name: a\nego: {speed: {uniform: [5, 9]}}\nsweep: {ego.speed.uniform.0: [5, 6]}\n"
+    (tmp_path / "s.yaml").write_text(text)
+    scenario = load_scenario(tmp_path / "s.yaml", grid={"ego.speed": [7, 8]})
+    assert [point for point, _ in scenario.grid()] == [{"ego.speed": 7}, {"ego.speed": 8}]
