@@ -3,7 +3,9 @@
     rudc --import examples/own_barrier.py run random_destination \\
         --agent follower+ttcbf:correction.speed_limit=true,correction.speed_limit_most=5
 
-h = most - v, so h' = -a: as soon as the ego comes near the limit, the filter lets it accelerate no more.
+h = 10 (most - v), so h' = -10 a: as soon as the ego comes near the limit, the filter lets it accelerate no
+more. TTCBF holds an ego that keeps its speed at h = 1, whatever h's unit: the factor makes that 0.1 m/s below
+the limit.
 """
 
 import numpy as np
@@ -11,6 +13,9 @@ from pydantic import Field
 
 from rudc.safety.barrier import Barrier, BarrierSettings, Found, Terms
 from rudc.safety.barriers import register_barrier
+
+SCALE = 10.0
+"""of h, per m/s"""
 
 
 class SpeedLimitSettings(BarrierSettings):
@@ -31,9 +36,9 @@ class SpeedLimit(Barrier):
         return Found(("speed_limit",))
 
     def terms(self, scene, found):
-        """h = most - v, in m/s; only acceleration changes it."""
-        h, zero = np.array([self.settings.most - scene.ego.v]), np.zeros(1)
-        return Terms(h, zero, zero, zero, zero, zero, zero, zero, zero, lg_a=np.array([-1.0]))
+        """h = SCALE (most - v); only acceleration changes it."""
+        h, zero = np.array([SCALE * (self.settings.most - scene.ego.v)]), np.zeros(1)
+        return Terms(h, zero, zero, zero, zero, zero, zero, zero, zero, lg_a=np.array([-SCALE]))
 
 
 register_barrier(SpeedLimit)

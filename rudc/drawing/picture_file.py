@@ -41,10 +41,11 @@ def save_picture(picture: Image.Image, path: str | Path) -> Path:
 def check_picture(path: Path) -> str:
     """What kind of picture a file's ending says. Raises InputError if none can be written to such a file."""
     known = Image.registered_extensions()
-    if path.suffix.lower() not in known:
+    kind = known.get(path.suffix.lower())
+    if kind is None or kind not in Image.SAVE:
         raise InputError(f"cannot write {path}: {path.suffix!r} is no kind of picture; name a .png")
     try_place(path)
-    return known[path.suffix.lower()]
+    return kind
 
 
 def check_film(path: Path) -> None:

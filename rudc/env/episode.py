@@ -105,7 +105,10 @@ class Episode:
         ego_driver: Literal["agent", "sumo"] = "agent",
         options: tuple[str, ...] = (),
     ) -> Scene:
-        """Begin an episode; returns what the ego's sensors show. Arguments and errors: `World.reset`'s."""
+        """Begin an episode; returns what the ego's sensors show. Arguments and errors: `World.reset`'s, after
+        which there is no episode.
+        """
+        self._truth = self._outcome = None
         self._begin(self.world.reset(plan, ego_driver=ego_driver, options=options))
         return self.world.perceived()
 

@@ -226,14 +226,14 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
 
     @property
     def episode(self) -> Episode:
-        """The episode being played. Raises InputError before the first `reset`."""
-        if self._episode is None:
+        """The episode being played. Raises InputError before the first `reset`, and after one that failed."""
+        if self._episode is None or self._scene is None:
             raise InputError("the environment has no episode yet; call reset() first")
         return self._episode
 
     @property
     def scene(self) -> Scene:
-        """What the EV's sensors show now. Raises InputError before the first `reset`."""
+        """What the EV's sensors show now. Raises InputError as `episode` does."""
         if self._episode is None or self._scene is None:
             raise InputError("the environment has no episode yet; call reset() first")
         return self._scene
@@ -241,10 +241,13 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode. Raises SimulationError if it cannot be set up as its scenario asks."""
+        """Begin an episode. Raises SimulationError if it cannot be set up as its scenario asks; then there is
+        none.
+        """
         super().reset(seed=seed)
         plan = self._plan(seed, options or {})
         episode = self._episode_on(plan)
+        self._scene = None
         scene = self._scene = episode.reset(plan)
         self.driving = Driving(agent=self.driving.agent)
         if self.render_mode == "human":

@@ -12,6 +12,8 @@ without masks have none.
 from __future__ import annotations
 
 import json
+import zipfile
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -23,6 +25,9 @@ from rudc.files import replacing
 from rudc.learning.batch import Batch
 from rudc.learning.config import Problem
 from rudc.learning.nstep import Transition
+
+DAMAGED = (OSError, ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error)
+"""what numpy and zipfile raise at a file that is no whole .npz"""
 
 
 class Replay:
@@ -90,10 +95,10 @@ class Replay:
     def load(self, path: Path) -> None:
         """Carry on from a saved replay of the same capacity and layout. InputError if it does not fit."""
         try:
-            with np.load(path, allow_pickle=False) as saved:
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as saved:
                 state = json.loads(str(saved["state"]))
                 columns = {name: saved[name] for name in Batch._fields}
-        except (OSError, ValueError, KeyError) as error:
+        except DAMAGED as error:
             raise InputError(f"{path}: is not a saved replay: {error}") from error
         self._check(path, state, columns)
         for name, column in columns.items():

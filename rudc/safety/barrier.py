@@ -31,7 +31,9 @@ class Terms(NamedTuple):
     """
 
     h: Array
-    """m2, or whatever unit a barrier has"""
+    """m2, or whatever unit a barrier has: h that does not change satisfies its row from h >= c0 / lambda on,
+    in TTCBF's usual settings from 1 of that unit (rudc/safety/rows.py)
+    """
     lf: Array
     """L_f h, m2/s"""
     lg: Array

@@ -109,7 +109,8 @@ class LastResort:
 
     def __init__(self, config: FilterConfig) -> None:
         self._dt, self._margin = config.dt, config.last_resort_margin
-        self._times: Array = np.linspace(0.0, HORIZON, round(HORIZON / config.dt) + 1)
+        steps = max(math.ceil(HORIZON / config.dt - 1e-9), 1)
+        self._times: Array = np.linspace(0.0, steps * config.dt, steps + 1)
 
     def instead_of(self, scene: Scene, u: Array) -> Instead | None:
         """What to do instead of `u` (2,), m/s2 and rad, where `u` would end in hitting somebody and that is

@@ -22,6 +22,7 @@ def test_pictures_make_their_folder(tmp_path):
     ("name", "problem"),
     [
         ("picture.nonsense", "'.nonsense' is no kind of picture"),
+        ("picture.psd", "'.psd' is no kind of picture"),
         ("picture", "'' is no kind of picture"),
         ("file/picture.png", "is a file; give another folder"),
     ],

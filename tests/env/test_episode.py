@@ -141,6 +141,18 @@ def test_steps_are_refused_before_and_after(drive, make_scene):
     assert episode.metrics().steps == 0
 
 
+def test_a_reset_that_fails_leaves_no_episode(drive, monkeypatch):
+    def fail(plan, **more):
+        raise SimulationError("it cannot be set up")
+
+    episode, _ = drive(90.0, 91.0)
+    monkeypatch.setattr(episode.world, "reset", fail)
+    with pytest.raises(SimulationError, match="set up"):
+        episode.reset(None)
+    with pytest.raises(SimulationError, match=r"call reset\(plan\) first"):
+        episode.step(U)
+
+
 @pytest.mark.parametrize("driver", ["agent", "sumo"])
 def test_with_a_real_world(driver):
     """A coasting ego ends in some way; SUMO's own driver gets along without violating anything."""

@@ -11,7 +11,7 @@ from gymnasium.utils.env_checker import check_env
 import rudc
 from rudc.drawing.view import Driving
 from rudc.env.intersection import IntersectionEnv
-from rudc.errors import InputError, WorldBusyError
+from rudc.errors import InputError, SimulationError, WorldBusyError
 from rudc.network.network import load_network
 from rudc.scenario import load_scenario
 from rudc.vehicle import EgoVehicle
@@ -221,6 +221,24 @@ def test_one_episode_per_process_if_it_must_be_and_reopening(make):
         second.step(COAST)
     first.reset(seed=0)
     first.step(COAST)
+
+
+def test_a_reset_that_fails_leaves_no_episode(make, monkeypatch):
+    env = make()
+    env.reset(seed=0)
+
+    def fail(*args, **kwargs):
+        raise SimulationError("it cannot be set up")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(env.episode.world, "reset", fail)
+        with pytest.raises(SimulationError, match="set up"):
+            env.reset(seed=1)
+    for step in (env.step, env.step_physical):
+        with pytest.raises(InputError, match=r"call reset\(\) first"):
+            step(COAST)
+    env.reset(seed=0)
+    env.step(COAST)
 
 
 def test_pickles_without_its_simulation(make):

@@ -89,6 +89,18 @@ def test_a_saved_replay_goes_on_as_if_never_stopped(tmp_path: Path) -> None:
     assert [file.name for file in tmp_path.iterdir()] == ["replay.npz"]
 
 
+def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "replay.npz"
+    filled(5).save(path)
+    whole = path.read_bytes()
+    other_method = whole.replace(b"PK\x01\x02\x2d\x03\x2d\0\0\0\0\0", b"PK\x01\x02\x2d\x03\x2d\0\0\0\x63\0")
+    assert other_method != whole
+    for damaged in (b"", whole[:100], whole[:-1], whole[:100] + bytes(100) + whole[200:], other_method):
+        path.write_bytes(damaged)
+        with pytest.raises(InputError, match="is not a saved replay"):
+            filled(5).load(path)
+
+
 def test_what_does_not_fit_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "replay.npz"
     filled(5).save(path)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from rudc.geometry import gaps_between
 from rudc.network.route import ReferencePath
 from rudc.safety.filter import FilterConfig, SafetyFilter
-from rudc.safety.last_resort import LastResort
+from rudc.safety.last_resort import HORIZON, LastResort
 from rudc.vehicle import EgoVehicle
 from rudc.world.ego import EgoPlant
 from rudc.world.scene import Scene
@@ -201,6 +201,17 @@ def test_who_goes_on_on_a_poor_road_reckons_with_its_bends() -> None:
     speeds = np.diff(way)[1:] / 0.1
     inside = (scene.ego_s + way[1:-1] > 101.0) & (scene.ego_s + way[1:-1] < 110.0)
     assert speeds[inside][-1] == pytest.approx(math.sqrt(0.8 * 2.0 * 8.0), rel=0.05)
+
+
+@pytest.mark.parametrize("dt", [0.2, 0.4, 5.0])
+def test_instants_are_whole_steps_apart(dt: float) -> None:
+    """One step or more, over the horizon; 0.1 s apart they are 26."""
+    times = LastResort(FilterConfig(dt=dt))._times
+    assert times == pytest.approx(dt * np.arange(len(times)), abs=1e-12)
+    assert len(times) > 1
+    assert times[-2] < HORIZON <= times[-1]
+    usual = LastResort(FilterConfig(dt=0.1))._times
+    assert usual.tolist() == np.linspace(0.0, 2.5, 26).tolist()
 
 
 def test_who_speeds_up_is_expected_sooner() -> None:

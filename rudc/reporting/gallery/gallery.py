@@ -3,7 +3,7 @@
     index.html                       every scenario: picture, clip, why it is out of distribution, its file,
                                      rates of each agent, and replays
     pictures/, clips/, replays/      NAME.png, NAME.webp, NAME-OUTCOME.html, NAME-both.html
-    SWEEP.html                       the report of each sweep
+    SWEEP.html                       the report of each sweep, or SWEEP-2.html where that name is taken
 
 Replays are episodes of the sweeps, found by their rows and driven again: one of each outcome that occurs; and
 two of these beside each other where they are the same episode, driven by two
@@ -13,6 +13,7 @@ agents. The folder depends on scenarios, sweeps and code alone.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import chain, count
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -29,6 +30,7 @@ from rudc.scenario.library import find_file, text_of
 from rudc.scenario.model import Scenario
 
 _FOLDER = Path(__file__).parent
+INDEX = "index.html"
 PICTURE_SEED = 1
 """of the episode whose first scene is drawn"""
 FAILURES = ("collision", "off_road", "wrong_way", "frozen")
@@ -61,15 +63,26 @@ def save_gallery(
     for scenario in scenarios:
         cards.append(_card(out, scenario, rows))
         say(f"{scenario.name}: {', '.join(shown['what'] for shown in cards[-1]['replays']) or 'picture'}")
-    reports = [{"name": str(folder), "file": f"{folder.name}.html"} for folder in sweeps]
+    names = report_names(sweeps)
+    reports = [{"name": str(folder), "file": name} for folder, name in zip(sweeps, names, strict=True)]
     for folder, report in zip(sweeps, reports, strict=True):
         save_report(folder, out / report["file"])
     text = render(
         _FOLDER, "Gallery of scenarios", template="gallery.html", style="gallery.css",
         scripts=("gallery.js",), data={}, cards=cards, reports=reports,
     )  # fmt: skip
-    write_atomically(out / "index.html", text)
-    say(f"{out / 'index.html'} written")
+    write_atomically(out / INDEX, text)
+    say(f"{out / INDEX} written")
+
+
+def report_names(sweeps: Sequence[Path]) -> list[str]:
+    """The file of each sweep's report, no two the same and none the gallery's own page."""
+    found = [INDEX]
+    for folder in sweeps:
+        own = folder.absolute().name
+        numbered = (f"{own}-{k}.html" for k in count(2))
+        found.append(next(name for name in chain([f"{own}.html"], numbered) if name not in found))
+    return found[1:]
 
 
 def _numbered(folder: Path) -> dict[str, list[Shown]]:

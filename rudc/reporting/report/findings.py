@@ -102,17 +102,16 @@ def _hard(agent: str, data: Mapping[str, Any]) -> list[str]:
 
 def _events(data: Mapping[str, Any]) -> list[str]:
     """Scenarios whose events seldom happen: there the episodes are ordinary ones."""
-    seldom = []
+    seldom, all_known = [], bool(data["events"])
     for entry in data["events"]:
         known = sum(line[0] for line in entry["agents"])
         some = sum(line[1] for line in entry["agents"])
+        all_known &= known > 0
         if known and some < _SELDOM * known:
             seldom.append(f"{data['scenarios'][entry['scenario']]} ({100 * some / known:.0f} %)")
     if seldom:
         return [f"In fewer than half of the episodes anything scripted happened: {listed(seldom, _LISTED)}."]
-    return ["In every scenario with events, they happened in at least half of the episodes."] * bool(
-        data["events"]
-    )
+    return ["In every scenario with events, they happened in at least half of the episodes."] * all_known
 
 
 def _counted(n: int, name: str) -> str:

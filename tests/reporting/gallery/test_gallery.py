@@ -9,7 +9,7 @@ from PIL import Image
 from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.sweep import run_sweep
 from rudc.evaluation.tasks import SweepPlan
-from rudc.reporting.gallery.gallery import Shown, agent_rates, chosen, pair_of, save_gallery
+from rudc.reporting.gallery.gallery import Shown, agent_rates, chosen, pair_of, report_names, save_gallery
 from rudc.reporting.report.page import report_page
 from rudc.scenario import find_scenarios, load_scenario
 from tests.reporting.accessibility import MISSING, faults
@@ -58,6 +58,11 @@ def test_two_agents_stand_beside_each_other_in_the_same_episode_only():
 def test_what_never_happened_is_not_shown():
     assert list(chosen(episodes(("a", 0, "success")))) == ["success"]
     assert chosen([]) == {}
+
+
+def test_no_report_has_the_name_of_another_or_of_the_page():
+    sweeps = [Path(name) for name in ("a/ood", "b/ood", "ood-2", "index", "plain")]
+    assert report_names(sweeps) == ["ood.html", "ood-2.html", "ood-2-2.html", "index-2.html", "plain.html"]
 
 
 @pytest.fixture(scope="module")

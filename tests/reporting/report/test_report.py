@@ -181,6 +181,14 @@ def test_scenarios_left_out_of_a_list_are_counted(count, ends):
     assert said.endswith(ends)
 
 
+def test_events_are_said_to_happen_only_where_rows_say_so():
+    often = "In every scenario with events, they happened in at least half of the episodes."
+    for fired, said in (("1", [often]), ("", [])):
+        told = Episodes.of([row(events_fired="1"), row(scenario="t", events_fired=fired)], ())
+        data = {"scenarios": told.scenarios, "events": event_counts(told, {"s": ["fog"], "t": ["fog"]})}
+        assert findings(told, [], data, None)[1:] == said
+
+
 def test_agents_that_succeed_equally_often_are_all_named():
     ends = {"a": "success", "b": "success", "c": "frozen"}
     blank = dict.fromkeys(COLUMNS, "")
