@@ -4,8 +4,8 @@
         --agent follower+ttcbf:correction.speed_limit=true,correction.speed_limit_most=5
 
 h = 10 (most - v), so h' = -10 a: as soon as the ego comes near the limit, the filter lets it accelerate no
-more. TTCBF holds an ego that keeps its speed at h = 1, whatever h's unit: the factor makes that 0.1 m/s below
-the limit.
+more. TTCBF holds the ego at h = 1, whatever the unit of h; with the factor 10 that is 0.1 m/s below the
+limit.
 """
 
 import numpy as np

@@ -21,6 +21,8 @@ from rudc.errors import InputError, StorageError
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 """errors of a disk, or of a user's share of it, that is full"""
+LONGEST_NAME = 180
+"""characters"""
 
 
 def past_links(path: Path) -> Path:
@@ -30,13 +32,14 @@ def past_links(path: Path) -> Path:
     return Path(os.path.realpath(path))
 
 
-def file_name(text: str, longest: int = 180) -> str:
-    """A name for a file about something called `text`: signs that a disk may refuse become _, and where that
-    or `longest` changes it, a digest tells it from others."""
+def file_name(text: str) -> str:
+    """A file's name made from a text. Signs that a disk may refuse become _, and what is longer than
+    LONGEST_NAME is cut. A name changed by either ends in a digest of the text, so that no two texts share it.
+    """
     name = re.sub(r"[^A-Za-z0-9.+=,-]+", "_", text)
-    if name == text and len(name) <= longest:
+    if name == text and len(name) <= LONGEST_NAME:
         return name
-    return f"{name[:longest]}-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
+    return f"{name[:LONGEST_NAME]}-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
 
 
 def make_folder(path: Path) -> None:

@@ -7,8 +7,8 @@ The gap suffices if the ego is gone `margin` before the other comes, or comes af
 both ways merge, gone means far enough in, and fast enough, not to be caught up with. The margin shrinks while
 the ego waits: nobody waits for a perfect gap for ever.
 
-Who crosses comes from another arm (`crossing`). In a roundabout the ego can meet somebody twice: it gives way
-where it enters itself, and is given way where the other enters (`Network.crossings`).
+Who crosses comes from another arm (`crossing`). In a roundabout the ego can meet the same vehicle at two
+places: the ego gives way where it enters the ring, the other where that one enters (`Network.crossings`).
 
 A course (rudc/network/course.py) also enters ground that the route it replaces never touches: the lane
 beside, or the one against which the ego drives. There the ego gives way to everybody (`entering`), whatever

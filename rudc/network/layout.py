@@ -182,8 +182,8 @@ class Layout:
         return yields[row] & yields[:, row] & self.is_roundabout
 
     def crossings(self, path: ReferencePath | Route, row: int) -> Crossings:
-        """Where a path over `row` meets the rows of `paths`: `conflict`, in two where it meets one of
-        `yields_on_entering` as it enters and as the other does."""
+        """Where a path over `row` meets the rows of `paths`, as `conflict`; those of `yields_on_entering` it
+        may meet at two places: where it enters the ring, and where they do."""
         line = path.path if isinstance(path, Route) else path
         if line not in self._crossings:
             twice = self.yields_on_entering(row)

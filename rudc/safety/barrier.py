@@ -31,8 +31,8 @@ class Terms(NamedTuple):
     """
 
     h: Array
-    """m2, or whatever unit a barrier has: h that does not change satisfies its row from h >= c0 / lambda on,
-    in TTCBF's usual settings from 1 of that unit (rudc/safety/rows.py)
+    """m2, or whatever unit a barrier has. Where h does not change, its row holds from h = c0 / lambda on:
+    with TTCBF's default settings 1 of that unit, with ECBF 0 (rudc/safety/rows.py)
     """
     lf: Array
     """L_f h, m2/s"""

@@ -101,8 +101,8 @@ class Scenario(FileModel, frozen=True):
 
     @property
     def given(self) -> dict[str, Any]:
-        """What its file and those it extends say of all but networks, without defaults: swept values are put
-        into that. All of `data()` where it comes from no file."""
+        """What its file and those it extends say, without defaults and without the network. `varied` puts
+        swept values into this. Where the scenario comes from no file: all of `data()`."""
         data = self.data() if self._given is None else self._given
         return {key: value for key, value in data.items() if key not in ("sweep", "extends", "network")}
 

@@ -32,7 +32,7 @@ def sweep_reports(sheet: Sheet, data: dict[str, Any], known: set[tuple[Path, str
             continue
         within = next((other for other in given if key.startswith(f"{other}.")), None)
         if within is not None:
-            text = f"lies within {within}, which is swept, too"
+            text = f"lies within {within}, which is swept, too; leave one of them out"
             reports.append(sheet.report(("sweep", key), text, on_key=True))
             continue
         found = _axis_reports(sheet, base, key, values)

@@ -360,7 +360,9 @@ def test_a_kept_scenario_has_the_grid_that_it_had(tmp_path):
 
 def test_a_swept_key_within_another_is_refused(tmp_path):
     found = problems(tmp_path, "name: a\nsweep: {ego.route: [random], ego.route.from: [south, west]}\n")
-    assert found == ["2:30: sweep.ego.route.from: lies within ego.route, which is swept, too"]
+    assert found == [
+        "2:30: sweep.ego.route.from: lies within ego.route, which is swept, too; leave one of them out"
+    ]
 
 
 def test_the_sweep_of_a_part_ends_where_the_whole_is_swept(tmp_path):
