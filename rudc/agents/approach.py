@@ -9,7 +9,9 @@ A gap that is too short for an ego that speeds up may be long enough for one tha
 is bounded by the first of ACCELERATIONS with which all gaps are long enough. If the first of them will do,
 the command stays as it is; also where even HARDEST would not stop the ego at its waiting point.
 
-On a poor road (rudc/agents/adaptation.py) all of them, and the speed in bends, are what that road gives.
+On a poor road (rudc/agents/adaptation.py) the braking, and the speed in bends, are what that road gives. An
+ego that brakes a third as hard must begin to three times as early, so CLOSE and CLOSE_TO_FAST shrink as its
+grip does: a gap that is only just too short holds it back there.
 """
 
 from __future__ import annotations
@@ -49,7 +51,7 @@ def ready_to_wait(scene: Scene, u: Array) -> Array:
     if found is None or not found.yields.any():
         return u
     profile = speeds_in_bends(scene.route.path) * math.sqrt(min(planned / LATERAL, 1.0))
-    close = np.where(found.speed < SLOW * found.limit, CLOSE, CLOSE_TO_FAST)
+    close = np.where(found.speed < SLOW * found.limit, CLOSE, CLOSE_TO_FAST) * grip / HARDEST
     for tried in ACCELERATIONS:
         if tried <= a:
             break

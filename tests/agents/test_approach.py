@@ -12,13 +12,14 @@ from rudc.agents.approach import (
     CLOSE,
     CLOSE_TO_FAST,
     HARDEST,
+    PLANNED,
     SLOW,
     ready_to_wait,
 )
-from rudc.agents.gaps import crossing, suffices
+from rudc.agents.gaps import ACCELERATION, crossing, suffices
 from rudc.agents.outlook import OutlookSettings
 from rudc.agents.registry import make_agent
-from rudc.env.tracking import speeds_in_bends
+from rudc.env.tracking import LATERAL, speeds_in_bends
 from rudc.world.ego import EgoPlant
 from rudc.world.scene import STANDING
 from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
@@ -110,6 +111,28 @@ def test_it_is_held_back_sooner_for_somebody_slow_who_may_speed_up(make_scene, f
             held[slow] += not free and not gap_short_by(CLOSE_TO_FAST, scene)
     assert held[True] > 0, "by gaps that are short by a little"
     assert held[False] == 0
+
+
+@pytest.mark.parametrize("grip", [1.5, 3.0])
+def test_on_a_poor_road_a_gap_that_is_a_little_too_short_holds_it_back(make_scene, four_way, first, grip):
+    car, v, held = replace(four_way.vehicle, a_min=-grip), 10.0, 0
+    route = four_way.route("south", "left")
+    front = route.waiting_s - route.stop_line_s - AT_POINT - 5.0**2 / (2 * grip * PLANNED / HARDEST)
+    for metres in np.arange(-8.0, 80.0, 1.0):
+        other = coming(four_way, first[0], metres, v)
+        scene = make_scene(other, turn="left", front=front, v=5.0, vehicle=car)
+        profile = speeds_in_bends(scene.route.path) * np.sqrt(grip * PLANNED / HARDEST / LATERAL)
+        free = ready_to_wait(scene, FULL) is FULL
+        found = crossing(scene)
+        if found is None:
+            continue
+        on_ice, on_dry = (
+            suffices(scene, found, profile, margin=-short, acceleration=min(ACCELERATION, grip)).all()
+            for short in (CLOSE_TO_FAST * grip / HARDEST, CLOSE_TO_FAST)
+        )
+        assert on_ice or not free
+        held += on_dry and not free
+    assert held > 0, "by gaps that would not count on a dry road"
 
 
 def test_steering_stays_and_harder_braking_too(make_scene, four_way, first):
