@@ -36,7 +36,7 @@ from rudc.safety.plant import DECISION_S, SUBSTEP_S, PlantEstimate, PlantMonitor
 from rudc.safety.prediction import others_later
 from rudc.vehicle import Actuation
 from rudc.world.ego import DRY, GRAVITY, EgoPlant, widest_steering
-from rudc.world.scene import Scene
+from rudc.world.scene import STANDING, Scene
 
 Knowledge = Literal["off", "estimated", "known"]
 
@@ -126,7 +126,8 @@ class Adaptation:
             plant.step(a, delta, SUBSTEP_S)
         later, ego = len(pending) * SUBSTEP_S, plant.state
         s, offset = scene.route.path.project(ego.x, ego.y, scene.ego_s + 0.5 * later * (scene.ego.v + ego.v))
-        return replace(others_later(scene, later), ego=ego, ego_s=s, ego_offset=offset)
+        waited = 0.0 if ego.v >= STANDING else scene.waited_s
+        return replace(others_later(scene, later), ego=ego, ego_s=s, ego_offset=offset, waited_s=waited)
 
     def _allowed(self, scene: Scene, grip: float, reaction_s: float = 0.0) -> float:
         """m/s, speed from which all bends ahead can be taken with that grip (m/s2); the least from here to
@@ -152,9 +153,9 @@ class Adaptation:
         if self._probe is None:
             return False
         allowed = self._allowed(scene, FALLEN * grip, LONGEST_S)
-        if grip < POOR:
-            front = scene.ego_s + 0.5 * scene.vehicle.length
-            room = max(scene.route.stop_line_s - front - LONGEST_S * scene.ego.v, 0.0)
+        room = scene.route.stop_line_s - scene.ego_s - 0.5 * scene.vehicle.length
+        if grip < POOR and room > 0.0:
+            room = max(room - LONGEST_S * scene.ego.v, 0.0)
             allowed = min(allowed, math.sqrt(2 * USABLE * FALLEN * grip * room))
         return self._probe.asks(scene, grip, limited=math.isfinite(self.estimate.grip), allowed=allowed)
 

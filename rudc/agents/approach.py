@@ -55,7 +55,7 @@ def ready_to_wait(scene: Scene, u: Array) -> Array:
     for tried in ACCELERATIONS:
         if tried <= a:
             break
-        going = suffices(scene, found, profile, margin=-close, acceleration=min(tried, grip))
+        going = suffices(scene, found, profile, margin=-close, acceleration=tried)
         if not (found.yields & ~going).any():
             return u if tried == ACCELERATION else at_most(u, tried)
     return at_most(u, a)

@@ -147,7 +147,7 @@ class Blocking:
         """Those of the others `who` (n,), who stand where one waits, that have waited for nobody for IDLE s,
         or too long.
         """
-        passed, self._seen_s = min(scene.time_s - self._seen_s, STEP_S), scene.time_s
+        passed, self._seen_s = min(max(scene.time_s - self._seen_s, 0.0), STEP_S), scene.time_s
         idle = {i: 0.0 if _lets_pass(scene, i) else passed for i in who.tolist()}
         self._idle = {scene.ids[i]: self._idle.get(scene.ids[i], 0.0) + more for i, more in idle.items()}
         vain = [

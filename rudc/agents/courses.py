@@ -28,7 +28,16 @@ from rudc.agents.patience import Patience
 from rudc.agents.standoff import Standoff
 from rudc.arrays import Array
 from rudc.env.remembered import Remembered
-from rudc.env.tracking import COMFORT, RESPONSE_S, at_most, slowing, speeds_in_bends, steering
+from rudc.env.tracking import (
+    COMFORT,
+    RESPONSE_S,
+    at_most,
+    hardest,
+    planned,
+    slowing,
+    speeds_in_bends,
+    steering,
+)
 from rudc.geometry import rectangle_gaps
 from rudc.network.course import CoursePlanner, gaps_along
 from rudc.network.paths import SPACING
@@ -150,7 +159,7 @@ class Courses:
                 delta = min(max(delta, track - LEEWAY), track + LEEWAY)
         wanted = max((speed - scene.ego.v) / RESPONSE_S, scene.vehicle.a_min)
         if stop < math.inf and not onwards:
-            wanted = min(wanted, slowing(scene, stop, 0.0, COMFORT))
+            wanted = min(wanted, slowing(scene, stop, 0.0, planned(scene, COMFORT)))
         return np.array([min(float(u[0]), wanted), delta])
 
     def _candidates(self, scene: Scene, blocks: Blocks, clear: float) -> Iterator[tuple[Route | None, float]]:
@@ -163,7 +172,7 @@ class Courses:
         if not stands:
             self._outs = iter(())
         out = next(self._outs, None)
-        if out is not None:
+        if out is not None and out[0] is not None:
             yield out
         if out is not None or scene.time_s < self._again_s:
             return
@@ -233,7 +242,7 @@ def _kept_short(scene: Scene, blocks: Blocks, u: Array) -> Array:
     hit = np.flatnonzero(gap <= 0.0)
     if not len(hit):
         return u
-    a = slowing(scene, float(s[hit[0]]) - scene.ego_s - PULL_OUT, 0.0, HARDEST)
+    a = slowing(scene, float(s[hit[0]]) - scene.ego_s - PULL_OUT, 0.0, planned(scene, HARDEST))
     return at_most(u, a)
 
 
@@ -277,7 +286,7 @@ def _wait(scene: Scene, blocks: Blocks) -> float:
     _, gap = gaps_along(route.path, route.waiting_s, route.exit_s, body, blocks.soon)
     if not (gap < CLEAR).any():
         return math.inf
-    front, least = scene.ego_s + 0.5 * body.length, scene.ego.v**2 / (2 * HARDEST)
+    front, least = scene.ego_s + 0.5 * body.length, scene.ego.v**2 / (2 * hardest(scene, HARDEST))
     s, gap = gaps_along(route.path, scene.ego_s, route.exit_s, body, blocks.later)
     near = np.flatnonzero(gap < ASIDE)
     clear = float(s[near[0]]) - SPACING - scene.ego_s if len(near) else math.inf
@@ -316,7 +325,8 @@ def _speed_now(scene: Scene, profile: Array) -> float:
     near = (s > scene.ego_s - BACK - SPACING) & (s < scene.ego_s + LOOK)
     if not near.any():
         return math.inf
-    return float(np.sqrt(profile[near] ** 2 + 2 * COMFORT * np.maximum(s[near] - scene.ego_s, 0.0)).min())
+    braking = planned(scene, COMFORT)
+    return float(np.sqrt(profile[near] ** 2 + 2 * braking * np.maximum(s[near] - scene.ego_s, 0.0)).min())
 
 
 def _entry(scene: Scene, route: Route, profile: Array) -> float:
@@ -326,7 +336,7 @@ def _entry(scene: Scene, route: Route, profile: Array) -> float:
     found = entering(scene, route)
     if found is None:
         return math.inf
-    least = scene.ego.v**2 / (2 * HARDEST)
+    least = scene.ego.v**2 / (2 * hardest(scene, HARDEST))
     rooms = found.ego_in[~suffices(scene, found, profile) & (found.ego_in > least)]
     if not len(rooms):
         return math.inf

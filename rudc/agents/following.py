@@ -4,11 +4,11 @@ That the road has turned poor an ego learns only when it brakes. So at v m/s it 
 
     v^2 / (2 PLANNED) <= gap - PULL_OUT + v_leader^2 / (2 LEADER)
 
-and can stop by braking at PLANNED behind a leader that brakes at LEADER until it stands. This is the safe
-distance of Shalev-Shwartz et al., "On a formal model of safe and scalable self-driving cars", 2017, with a
-follower that brakes less hard. The leader is the first of those who move the ego's way, however slowly, in
-the band that the ego is about to sweep. Who stands still there is left to courses (courses.py): they may lead
-round it, and need PULL_OUT m for that.
+and can stop by braking at PLANNED, or with what a poor road gives, behind a leader that brakes at LEADER
+until it stands. This is the safe distance of Shalev-Shwartz et al., "On a formal model of safe and scalable
+self-driving cars", 2017, with a follower that brakes less hard. The leader is the first of those who move the
+ego's way, however slowly, in the band that the ego is about to sweep. Who stands still there is left to
+courses (courses.py): they may lead round it, and need PULL_OUT m for that.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import math
 from rudc.agents.kernels import who_leads
 from rudc.arrays import Array
 from rudc.env.conflict import REACH
-from rudc.env.tracking import at_most, slowing
+from rudc.env.tracking import at_most, planned, slowing
 from rudc.network.paths import SPACING
 from rudc.safety.prediction import ALONG
 from rudc.world.scene import STILL, Scene
@@ -38,4 +38,5 @@ def ready_to_follow(scene: Scene, u: Array) -> Array:
     )  # fmt: skip
     if not 0.0 < gap < math.inf:
         return u
-    return at_most(u, slowing(scene, gap - PULL_OUT + along**2 / (2 * LEADER), 0.0, PLANNED))
+    room = gap - PULL_OUT + along**2 / (2 * LEADER)
+    return at_most(u, slowing(scene, room, 0.0, planned(scene, PLANNED)))

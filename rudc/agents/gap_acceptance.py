@@ -20,7 +20,7 @@ import numpy as np
 
 from rudc.agents.base import Decision, EgoDriver, unfiltered
 from rudc.agents.gaps import ACCELERATION, CRUISE, DECELERATION, SLOWEST, crossing, suffices
-from rudc.env.tracking import acceleration_towards, speed_allowed, speeds_in_bends, steering
+from rudc.env.tracking import acceleration_towards, hardest, planned, speed_allowed, speeds_in_bends, steering
 from rudc.world.scene import Kind, Scene
 
 HEADWAY, STANDSTILL = 1.0, 2.0
@@ -53,7 +53,7 @@ class GapAcceptance:
         acceleration = min(acceleration, _idm(scene.ego.v, speed, gap, leader_speed))
         room = self._hold(scene)
         if math.isfinite(room):
-            speed = math.sqrt(2 * DECELERATION * max(room - 0.3, 0.0))
+            speed = math.sqrt(2 * planned(scene, DECELERATION) * max(room - 0.3, 0.0))
             acceleration = min(acceleration, acceleration_towards(speed, scene, ACCELERATION))
         return unfiltered(max(acceleration, scene.vehicle.a_min), steering(scene))
 
@@ -100,7 +100,7 @@ class GapAcceptance:
         if not unsafe.any():
             return math.inf
         front = scene.ego_s + 0.5 * scene.vehicle.length
-        stopping = scene.ego.v**2 / (2 * HARDEST)
+        stopping = scene.ego.v**2 / (2 * hardest(scene, HARDEST))
         to_waiting = scene.route.waiting_s - front
         room = math.inf
         if (unsafe & found.yields).any() and to_waiting > stopping - 0.5:

@@ -144,10 +144,11 @@ def suffices(
     """(K,) whether the ego may go as far as each of the others is concerned.
 
     `profile`: m/s that it may drive at each station of its path; `margin`: s, for all or (K,), None: less the
-    longer it waits; `acceleration`: the ego's, m/s2, which may be negative.
+    longer it waits; `acceleration`: the ego's, m/s2, which may be negative; on a poor road what that gives.
     """
     if margin is None:
         margin = max(MARGIN - (MARGIN - LEAST_MARGIN) * scene.waited_s / PATIENCE, LEAST_MARGIN)
+    acceleration = min(acceleration, scene.vehicle.a_max)
     ego_in, ego_out, speed_then = _times(scene, found, profile, acceleration)
     other_in = _earliest(found.other_in, found.speed, found.limit)
     other_out = np.maximum(found.other_out, 0.0) / np.maximum(found.speed, SLOWEST)

@@ -106,24 +106,24 @@ class LearnedAgent:
             observation = observe_flat(scene, self.config.observation)
         clock.append(time.perf_counter())
         proposed = self._decider.action(observation, rng)
-        u_rl = self.config.action.u_of(proposed, scene)
+        own = u_rl = self.config.action.u_of(proposed, scene)
         if self.urge is not None:
-            u_rl = self.urge(scene, u_rl)
+            u_rl = self.urge(scene, own)
         clock.append(time.perf_counter())
         unsure = self._decider.uncertainty(observation, proposed)
         by_route = None if unsure is None or self._route is None else self._route.of(scene, unsure)
         stated = by_route if self._states == "route" else unsure
         clock.append(time.perf_counter())
         if self.correction is None or not correcting:
-            u, executed, corrected = u_rl, proposed, None
+            u, corrected = u_rl, None
         else:
             sigma = math.nan if stated is None else float(stated.total)
             proposal = Proposal(u_rl, proposed, sigma, observation)
             critics = self._decider if self._decider.has_critics else None
             corrected = self.correction.correct(scene, proposal, critics)
             u = corrected.u
-            same = u[0] == u_rl[0] and u[1] == u_rl[1]
-            executed = proposed if same else self.config.action.action_of(u, scene).astype(np.float32)
+        same = u[0] == own[0] and u[1] == own[1]
+        executed = proposed if same else self.config.action.action_of(u, scene).astype(np.float32)
         clock.append(time.perf_counter())
         parts = ("observation", "policy", "critic", "correction")
         timing = {part: 1000.0 * float(clock[i + 1] - clock[i]) for i, part in enumerate(parts)}

@@ -117,10 +117,7 @@ class OutlookAgent:
     def __init__(self, driver: Agent, name: str, outlook: Outlook) -> None:
         self.name = name
         self.inner, self.outlook = driver, outlook
-        if outlook.courses is not None:
-            for layer in layers(driver):
-                if isinstance(layer, Urged):
-                    layer.urge = outlook.courses.urge
+        self._urged = [layer for layer in layers(driver) if isinstance(layer, Urged)]
 
     def reset(self, scene: Scene, seed: int) -> None:
         """Reset outlook and driver."""
@@ -132,7 +129,7 @@ class OutlookAgent:
         clock = [time.perf_counter()]
         shown = self.outlook.see(scene)
         clock.append(time.perf_counter())
-        decision = self.inner.act(shown)
+        decision = self._decide(shown)
         clock.append(time.perf_counter())
         u = self.outlook.govern(shown, decision.u, onwards=decision.onwards)
         spent = clock[1] - clock[0] + time.perf_counter() - clock[2]
@@ -140,6 +137,18 @@ class OutlookAgent:
         if car is None:
             return decision._replace(u=u, timing_ms=timing)
         return decision._replace(u=u, timing_ms=timing, plant=car.estimate, asks_grip=car.asks)
+
+    def _decide(self, shown: Scene) -> Decision:
+        """The driver's decision; its proposals are its own again afterwards, for whoever drives it then."""
+        if self.outlook.courses is None:
+            return self.inner.act(shown)
+        for layer in self._urged:
+            layer.urge = self.outlook.courses.urge
+        try:
+            return self.inner.act(shown)
+        finally:
+            for layer in self._urged:
+                layer.urge = None
 
 
 def with_outlook(driver: Agent, name: str, settings: OutlookSettings) -> Agent:

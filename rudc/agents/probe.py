@@ -61,7 +61,7 @@ class Probe:
         if self._ends is None:
             if scene.ego.v < SLOWEST or self._driven < self._shown + FRESH:
                 return False
-            if math.isfinite(self._shown) and (scene.ego.v <= allowed or _busy(scene, grip)):
+            if _busy(scene, grip) or (math.isfinite(self._shown) and scene.ego.v <= allowed):
                 return False
             self._ends, self._braking = scene.time_s + LONGEST_S, math.inf
         change, self._braking = abs(scene.ego.acceleration - self._braking), scene.ego.acceleration

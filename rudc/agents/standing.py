@@ -56,7 +56,7 @@ class Standing:
         """The scene with those who stand at rest where they stand, itself where nobody does; called once a
         decision.
         """
-        passed, self._seen_s = scene.time_s - self._seen_s, scene.time_s
+        passed, self._seen_s = max(scene.time_s - self._seen_s, 0.0), scene.time_s
         if not self._known and not any_slower(scene.velocity, STILL):
             return scene
         speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])

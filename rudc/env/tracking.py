@@ -38,6 +38,8 @@ PREVIEW_S = 0.05
 """s, half a decision"""
 RESPONSE_S = 0.4
 """s in which a difference in speed is made up"""
+PLANNED = 5.0 / 6.0
+"""share of full braking that is planned with, where that is less than what is wanted"""
 
 _bends: Remembered[ReferencePath, Array] = Remembered()
 
@@ -60,6 +62,16 @@ def slowing(scene: Scene, room: float, speed: float, deceleration: float) -> flo
     v = scene.ego.v
     wanted = math.sqrt(speed**2 + 2 * deceleration * max(room - RESPONSE_S * v, 0.0))
     return max((wanted - v) / RESPONSE_S, scene.vehicle.a_min)
+
+
+def planned(scene: Scene, deceleration: float) -> float:
+    """m/s2, that deceleration, or what a poor road leaves of it to plan with."""
+    return min(deceleration, PLANNED * -scene.vehicle.a_min)
+
+
+def hardest(scene: Scene, deceleration: float) -> float:
+    """m/s2, that deceleration, or full braking where the road gives less."""
+    return min(deceleration, -scene.vehicle.a_min)
 
 
 def at_most(u: Array, acceleration: float) -> Array:

@@ -145,8 +145,10 @@ def best_of(groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Metric
 
 
 def _apart(a: Summary, b: Summary) -> bool:
-    """Whether two intervals have nothing in common; False where one is not known."""
-    return a.low > b.high or a.high < b.low
+    """Whether two intervals have nothing in common; False where one is not known, or has no width: of values
+    that are all the same it does not say where others would lie.
+    """
+    return a.low < a.high and b.low < b.high and (a.low > b.high or a.high < b.low)
 
 
 def _json(groups: Sequence[Group], by: Sequence[str], metrics: Sequence[Metric]) -> str:

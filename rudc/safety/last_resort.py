@@ -61,7 +61,8 @@ from rudc.world.kernels import slip_of
 from rudc.world.scene import STILL, Scene
 
 HORIZON = 2.5
-"""s, how far manoeuvres are looked at, at every step: at 15 m/s full braking takes as long"""
+"""s, how far manoeuvres are looked at, at every step: at 15 m/s full braking takes as long; on a poor road,
+where it takes longer, until the ego stands"""
 CREEPING = 1e-3
 """m, by which two may come closer without it counting"""
 STILL_MARGIN = 0.15
@@ -109,13 +110,15 @@ class LastResort:
 
     def __init__(self, config: FilterConfig) -> None:
         self._dt, self._margin = config.dt, config.last_resort_margin
-        steps = max(math.ceil(HORIZON / config.dt - 1e-9), 1)
-        self._times: Array = np.linspace(0.0, steps * config.dt, steps + 1)
+        self._usual = self._times = self._until(HORIZON)
+        """(T,) s, the instants of a dry road, and of the scene at hand"""
 
     def instead_of(self, scene: Scene, u: Array) -> Instead | None:
         """What to do instead of `u` (2,), m/s2 and rad, where `u` would end in hitting somebody and that is
         better. None if `u` may be taken.
         """
+        stopping = self._dt - (scene.ego.v + scene.vehicle.a_max * self._dt) / scene.vehicle.a_min
+        self._times = self._usual if stopping <= HORIZON else self._until(stopping)
         first, v = self._first(scene.ego.v, float(u[0]))
         if self._room_to_stop(scene, first, v, u) >= -CREEPING:
             return None
@@ -141,6 +144,11 @@ class LastResort:
             return None
         hit = np.unique(others.who[kept & (np.minimum(stops.max(axis=0), going) < -CREEPING)])
         return Instead(braking, False, hit)
+
+    def _until(self, end_s: float) -> Array:
+        """(T,) s, the instants up to `end_s` at least."""
+        steps = max(math.ceil(end_s / self._dt - 1e-9), 1)
+        return np.linspace(0.0, steps * self._dt, steps + 1)
 
     def _struck(self, others: _Others, kept: Flags, room: Array) -> Index:
         """Who moves and hits an ego that brakes with such a room (m,) m, whatever is predicted of it."""
@@ -247,7 +255,7 @@ class LastResort:
 
     def _go_slowly(self, scene: Scene, first: float, v: float, a: float) -> Array:
         """The same where the road gives less than the brakes could use."""
-        path, a_min = scene.route.path, scene.vehicle.a_min
+        path, a_min, a = scene.route.path, scene.vehicle.a_min, min(a, scene.vehicle.a_max)
         bends, way = np.abs(path.curvature), [0.0, first]
         for _ in self._times[2:]:
             station = min(int((scene.ego_s + way[-1]) / SPACING), len(bends) - 1)

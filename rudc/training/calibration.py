@@ -82,17 +82,17 @@ class Noting:
 
     def __init__(self, agent: LearnedAgent) -> None:
         self.name = agent.name
-        self._agent = agent
+        self.inner = agent
 
     def reset(self, scene: Scene, seed: int) -> None:
         """Reset the agent and forget."""
         self._places: list[Place] = []
         self._sigmas: list[tuple[float, ...]] = []
-        self._agent.reset(scene, seed)
+        self.inner.reset(scene, seed)
 
     def act(self, scene: Scene) -> Decision:
         """The agent's decision."""
-        decision = self._agent.act(scene)
+        decision = self.inner.act(scene)
         assert decision.uncertainty is not None
         self._places.append(place_of(scene))
         self._sigmas.append(tuple(float(value) for value in decision.uncertainty))

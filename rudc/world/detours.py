@@ -52,6 +52,11 @@ class Detours:
         self.redirected = False
         """whether the last step gave somebody another movement"""
 
+    @property
+    def round_something(self) -> bool:
+        """Whether something stood on the road at the last step."""
+        return bool(self._seen)
+
     def step(self, scene: Scene, props: list[Prop]) -> dict[str, tuple[float, float]]:
         """Redirect SVs; those that have to wait: name -> (speed m/s, deceleration m/s2)."""
         self.redirected = False

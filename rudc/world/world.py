@@ -191,7 +191,7 @@ class World:
         self._move_props()
         self._plant.reset(x, y, psi, v, self._plant.actuation)
         self._sumo.place(EGO, x, y, psi, v, length)
-        self._ego_s = self.route.path.project(x, y)[0]
+        self._ego_s, self._waited, self._last_u = self.route.path.project(x, y)[0], 0.0, np.zeros(2)
         return self._refresh()
 
     # ---- one episode's set-up
@@ -386,9 +386,9 @@ class World:
             scene.ids[row]: (math.hypot(*scene.velocity[row]), deceleration)
             for row, deceleration in zip(braking.rows, braking.deceleration, strict=True)
         }
-        if self.stage.props:
+        if self.stage.props or self._detours.round_something:
             for name, (speed, needed) in self._detours.step(scene, self.stage.props).items():
-                wanted[name] = speed, max(needed, wanted.get(name, (0.0, 0.0))[1])
+                wanted[name] = speed, max(min(needed, most), wanted.get(name, (0.0, 0.0))[1])
             if self._detours.redirected:
                 self._reader.relocate()
         if self._driven_by_sumo and self._ego_inside and self.stage.props:

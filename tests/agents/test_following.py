@@ -77,6 +77,25 @@ def test_it_is_free_where_nobody_leads(make_scene, four_way, straight):
         assert ready_to_follow(make_scene(*others, **v), FULL) is FULL, others
 
 
+@pytest.mark.parametrize("grip", [1.3, 1.8])
+def test_on_a_poor_road_it_plans_with_what_that_gives(make_scene, four_way, straight, grip):
+    """It came so near that only full braking would do, was let go a decision later, and so on."""
+    ice = replace(four_way.vehicle, a_min=-grip, a_max=grip)
+    plant, begun = EgoPlant(ice), make_scene(front=FRONT)
+    s, hardest = begun.ego_s, 0.0
+    plant.resume(make_scene(v=9.0).ego, plant.actuation)
+    for k in range(120):
+        other = leader(four_way, straight, 45.0 + 0.3 * k, 3.0)
+        x, y, psi = map(float, begun.route.path.pose(s))
+        now = replace(make_scene(other), ego=replace(plant.state, x=x, y=y, psi=psi), ego_s=s, vehicle=ice)
+        u, before = ready_to_follow(now, FULL), plant.state.v
+        hardest = max(hardest, -float(u[0]))
+        s += 0.05 * (before + plant.step(float(u[0]), 0.0, 0.1).v)
+    gap = 45.0 + 0.3 * 120 - (s - begun.ego_s)
+    assert 0.5 * grip < hardest < 0.95 * grip
+    assert gap > PULL_OUT + plant.state.v**2 / (2 * grip) - 3.0**2 / (2 * LEADER)
+
+
 def test_who_stands_is_gone_round_by_a_course(make_scene, four_way, straight):
     standing = leader(four_way, straight, 5.0, 0.9 * STILL)
     assert ready_to_follow(make_scene(standing, front=FRONT, v=6.0), FULL) is FULL

@@ -1,14 +1,19 @@
 """Giving way where a course enters ground that its route does not touch; on scenes made by hand."""
 
 # ruff: noqa: F811 -- fixtures come by import
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from rudc.agents.courses import Courses, along
-from rudc.agents.gaps import entering
+from rudc.agents.gap_acceptance import GapAcceptance
+from rudc.agents.gaps import crossing, entering, suffices
+from rudc.env.tracking import speeds_in_bends
 from rudc.geometry import Rectangles
 from rudc.network.course import CoursePlanner
-from rudc.world.scene import Kind
+from rudc.world.ego import EgoPlant
+from rudc.world.scene import STANDING, Kind
 from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
 
 
@@ -38,6 +43,40 @@ def shown(four_way, scene):
     seen = courses.see(scene)
     assert courses.course is not None
     return seen, courses.govern(seen, np.array([2.0, 0.0]))
+
+
+def test_on_a_poor_road_the_ego_takes_longer_to_be_gone(make_scene, four_way):
+    """Gaps were judged as if it sped up as on a dry one."""
+    row = four_way.movement("west", "straight").rows[0]
+    ice = replace(four_way.vehicle, a_min=-0.9, a_max=0.9)
+
+    def least(vehicle):
+        """m, from which on a gap before who comes at 9 m/s is long enough."""
+        for metres in np.arange(10.0, 100.0, 1.0):
+            other = {"row": row, "s": float(four_way.paths.stop_s[row]) - metres, "v": 9.0}
+            scene = make_scene(other, front=-1.0, v=0.0, vehicle=vehicle)
+            if suffices(scene, crossing(scene), speeds_in_bends(scene.route.path)).all():
+                return metres
+        raise AssertionError
+
+    assert least(ice) > least(four_way.vehicle) + 9.0
+
+
+@pytest.mark.parametrize("front", [-14.0, -10.0])
+def test_gap_acceptance_waits_at_its_line_on_a_poor_road_too(make_scene, four_way, front):
+    ice = replace(four_way.vehicle, a_min=-1.5, a_max=1.5)
+    row = four_way.movement("west", "straight").rows[0]
+    other = {"row": row, "s": float(four_way.paths.stop_s[row]) + 4.0, "v": 1.5}
+    scene = make_scene(other, turn="left", front=front, v=4.5, vehicle=ice)
+    plant, s, driver = EgoPlant(ice), scene.ego_s, GapAcceptance()
+    plant.resume(scene.ego, plant.actuation)
+    for _ in range(80):
+        x, y, psi = map(float, scene.route.path.pose(s))
+        ego = replace(plant.state, x=x, y=y, psi=psi)
+        u = driver.act(replace(scene, ego=ego, ego_s=s)).u
+        s += 0.05 * (ego.v + plant.step(float(u[0]), 0.0, 0.1).v)
+    assert plant.state.v < STANDING
+    assert s + 0.5 * ice.length < scene.route.waiting_s + 0.6
 
 
 @pytest.mark.parametrize("offset", [-6.0, 0.0, 6.0])

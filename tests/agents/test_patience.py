@@ -9,9 +9,10 @@ import pytest
 from rudc.agents.base import Decision, layers
 from rudc.agents.config import AgentConfig
 from rudc.agents.learned import LearnedAgent, untrained
-from rudc.agents.outlook import OutlookSettings, with_outlook
+from rudc.agents.outlook import OutlookSettings, Urged, with_outlook
 from rudc.agents.patience import PACE, PATIENCE, Patience
 from rudc.agents.registry import make_agent
+from rudc.training.calibration import Noting
 from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
 
 BRAKES = np.array([-5.0, 0.1])
@@ -79,6 +80,7 @@ def test_with_courses_the_policy_is_urged_on_them_and_off(make_scene, course):
     agent.outlook.courses.course = scene.route
     assert agent.act(scene).u[0] > 0.0
     assert still.changed == 2
+    assert still.urge is None, "whoever drives it without an outlook has its own proposals"
 
 
 def test_learnt_agents_are_urged_before_they_are_corrected(make_scene):
@@ -96,6 +98,23 @@ def test_learnt_agents_are_urged_before_they_are_corrected(make_scene):
 
 @pytest.mark.parametrize("name", ["rudc-t", "sac+ttcbf"])
 def test_so_are_those_with_a_filter_behind_them(name):
-    found = [layer.urge for layer in layers(make_agent(name)) if isinstance(layer, LearnedAgent)]
+    found = [layer for layer in layers(make_agent(name)) if isinstance(layer, Urged)]
     assert len(found) == 1
-    assert found[0] is not None
+    assert isinstance(found[0], LearnedAgent)
+
+
+def test_calibration_hears_a_policy_that_is_urged():
+    """Sigma's limits are those of the agent as it drives."""
+    agent = untrained(AgentConfig(algorithm="rudc-t"))
+    assert [layer for layer in layers(Noting(agent)) if isinstance(layer, Urged)] == [agent]
+
+
+def test_a_policy_is_not_taken_to_have_done_what_it_was_urged_to(make_scene):
+    agent = untrained(AgentConfig(algorithm="sac", correction={"kind": "none"}))
+    scene = make_scene(front=-30.0, v=8.0)
+    agent.reset(scene, 0)
+    assert np.array_equal(agent.choose(scene).executed, agent.choose(scene).proposed)
+    agent.urge = lambda scene, u: np.array([1.5, 0.0])
+    chosen = agent.choose(scene)
+    assert agent.config.action.u_of(chosen.executed, scene) == pytest.approx([1.5, 0.0], abs=1e-5)
+    assert not np.array_equal(chosen.executed, chosen.proposed)

@@ -7,11 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rudc.agents.adaptation import Adaptation
 from rudc.agents.base import Decision
 from rudc.agents.outlook import OutlookAgent, OutlookSettings
 from rudc.agents.probe import FRESH, LONGEST_S, SLOWEST, Probe
 from rudc.env.episode import Episode
 from rudc.env.tracking import steering
+from rudc.safety.plant import PlantEstimate
+from rudc.vehicle import Actuation
 from tests.plans import PlanSource, event
 from tests.world.conftest import four_way, make_scene, world_on  # noqa: F401 -- fixtures
 
@@ -53,6 +56,34 @@ def test_it_asks_at_once_until_the_road_has_answered_and_again_where_it_is_too_f
     scene = looked(probe, scene, 2.0)
     assert not asks(probe, scene, 11.0)  # slow enough for half of it
     assert asks(probe, scene, 9.0)
+
+
+def test_it_never_asks_in_the_junction_not_even_first(make_scene):
+    inside, probe = make_scene(front=3.0, v=6.0), Probe()
+    looked(probe, inside)
+    assert not asks(probe, inside, 20.0)
+    before = make_scene(front=-10.0, v=6.0)
+    looked(probe, before)
+    assert asks(probe, before, 20.0)
+
+
+@pytest.mark.parametrize(("front", "often"), [(-60.0, True), (30.0, False)])
+def test_on_a_poor_road_it_asks_before_the_stop_line_and_not_behind_the_junction(make_scene, front, often):
+    adaptation = Adaptation("estimated", probe=True)
+    scene = make_scene(turn="straight", front=front, v=6.0)
+    adaptation.reset(scene)
+    adaptation.see(scene)
+    adaptation.estimate = PlantEstimate(Actuation(friction=0.2), unusual=True)
+    asked, s = 0, scene.ego_s
+    for k in range(90):
+        x, y, psi = map(float, scene.route.path.pose(s))
+        here = replace(scene, time_s=3.0 + 0.1 * k, ego=replace(scene.ego, x=x, y=y, psi=psi), ego_s=s)
+        adaptation._probe.look(here, 0.2 * 9.81)
+        asked += adaptation._asks(here, 0.2 * 9.81)
+        s += 0.6
+        if front < 0.0 and s + 2.5 > scene.route.stop_line_s:
+            break
+    assert (asked > 1) == often, "after the first of all"
 
 
 def test_who_creeps_does_not_ask(make_scene):

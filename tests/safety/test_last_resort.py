@@ -77,6 +77,17 @@ def test_it_drives_up_to_what_stands_in_its_way_and_no_further() -> None:
     assert last.ego.v < 0.1
 
 
+@pytest.mark.parametrize(("mu", "v"), [(0.2, 8.0), (0.15, 7.0), (0.1, 6.0)])
+def test_on_ice_what_stands_still_is_not_hit_either(mu: float, v: float) -> None:
+    """Stopping takes longer there than a dry road's horizon."""
+    grip = 0.9 * mu * 9.81
+    assert v / grip > HORIZON
+    ice = EgoVehicle(a_min=-grip, a_max=grip)
+    least, last = drive(make_scene([Other(3.5 + v * v / grip, 0.0)], v=v, vehicle=ice), THROTTLE, 20.0)
+    assert least > 0.1
+    assert last.ego.v < 0.1
+
+
 def test_braking_comes_late_and_names_whom_it_is_for() -> None:
     truck = Other(20.0, 0.0, length=7.5, width=2.4)
     assert status(make_scene([truck], v=8.0)) == "nominal", "13.75 m are left, 5.3 to stop"

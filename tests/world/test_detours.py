@@ -1,7 +1,9 @@
 """Surrounding vehicles go round what stands for good, or wait where they block nobody."""
 
 import numpy as np
+import pytest
 
+from rudc.world.brakes import Brakes
 from rudc.world.detours import Detours
 from tests.plans import PlanSource, event
 
@@ -52,6 +54,34 @@ def test_on_a_free_road_traffic_is_as_without(world, monkeypatch):
     with_detours = places()
     monkeypatch.setattr(Detours, "step", lambda *_: {})
     assert np.array_equal(with_detours, places())
+
+
+def test_who_waits_before_a_block_brakes_no_harder_than_tyres_let_it(world, monkeypatch):
+    """Who was a metre before its line when its way became blocked was to stop there: 320 m/s2."""
+    asked, apply = [], Brakes.apply
+
+    def note(brakes, wanted, *rest):
+        asked.extend(deceleration for name, (_, deceleration) in wanted.items() if name == late)
+        apply(brakes, wanted, *rest)
+
+    ice = event("low_friction", friction=0.3)
+    world.reset(PlanSource(density=25.0, events=(ice, ACCIDENT)).plan(0))
+    late = world.scene().ids[0]
+    monkeypatch.setattr(Brakes, "apply", note)
+    monkeypatch.setattr(Detours, "step", lambda *_: {late: (8.0, 320.0)})
+    world.advance(np.array([-6.0, 0.0]))
+    assert asked == [pytest.approx(0.3 * 9.81)]
+
+
+def test_a_movement_is_open_again_once_nothing_blocks_it(world):
+    stalled = [event("stalled_vehicle", lane=f"north_out_{k}", at=8.0, duration=2.0) for k in (0, 1)]
+    world.reset(PlanSource(origin="south", turn="left", density=10.0, events=tuple(stalled)).plan(0))
+    world.advance(np.array([-6.0, 0.0]))
+    assert world.traffic._closed
+    for _ in range(60):
+        world.advance(np.array([-6.0, 0.0]))
+    assert not world.stage.props
+    assert not world.traffic._closed
 
 
 def test_a_lane_that_is_blocked_is_left_for_the_other(world):

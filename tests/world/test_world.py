@@ -257,6 +257,16 @@ def test_leaving_the_road_and_the_wrong_side_are_noticed(world):
     assert not advance.off_road
 
 
+def test_an_ego_that_is_put_elsewhere_has_neither_waited_nor_acted(world):
+    scene = world.reset(PlanSource(density=0.0, speed=(8.0, 8.0)).plan(0))
+    for _ in range(30):
+        world.advance(np.array([-6.0, 0.1]))
+    assert world.scene().waited_s > 0.5
+    scene = world.put_ego(scene.ego.x, scene.ego.y, scene.ego.psi, 8.0)
+    assert scene.waited_s == 0.0
+    assert scene.last_u.tolist() == [0.0, 0.0]
+
+
 @pytest.mark.parametrize("substep", [0.1, 0.05, 0.025])
 def test_sub_steps_are_configurable(world_on, substep):
     world = world_on(config=WorldConfig(substep_s=substep))
