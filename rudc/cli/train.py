@@ -95,6 +95,8 @@ def train(
         watcher = Reported(watcher, out)
     try:
         done = run(config, out, watcher, resume=resume)
+        if isinstance(watcher, Reported):
+            watcher.begin()  # if nothing was left to do
     finally:
         watcher.close()
     if not done:
@@ -249,20 +251,27 @@ class TrainBar:
 
 
 class Reported:
-    """A watcher, with a page that is kept fresh beside it."""
+    """A watcher, with a page that is kept fresh beside it, once the training has begun."""
 
     def __init__(self, inner: TrainBar | TrainLines, folder: Path) -> None:
         from rudc.reporting.report.live import LivePage
 
-        self._inner, self._page = inner, LivePage(folder)
-        inner.note(f"live page: {self._page.path}")
+        self._inner, self._page, self._begun = inner, LivePage(folder), False
+
+    def begin(self) -> None:
+        """Say where the page is, once: the folder is that of this training."""
+        if not self._begun:
+            self._begun = True
+            self._inner.note(f"live page: {self._page.path}")
 
     def advance(self, steps: int) -> None:
         """Say how far it is."""
+        self.begin()
         self._inner.advance(steps)
 
     def progress(self, row: Mapping[str, Any]) -> None:
         """The row in short, and in the page."""
+        self.begin()
         self._inner.progress(row)
         self._page.refresh()
 
@@ -271,11 +280,12 @@ class Reported:
         self._inner.note(text)
 
     def close(self) -> None:
-        """Write the page for the last time."""
+        """Write the page for the last time, if there is anything to write."""
         self._inner.close()
-        self._page.finish()
-        if self._page.problem:
-            warn(f"warning: no report: {self._page.problem}")
+        if self._begun:
+            self._page.finish()
+            if self._page.problem:
+                warn(f"warning: no report: {self._page.problem}")
 
 
 def _shown(row: Mapping[str, Any]) -> str:

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -32,7 +33,7 @@ from safetensors.numpy import load_file, save
 import rudc
 from rudc.arrays import Arrays
 from rudc.errors import AgentError
-from rudc.files import make_folder, write_atomically
+from rudc.files import make_folder, replacing, write_atomically
 from rudc.learning.parameters import fingerprint
 
 FORMAT = 2
@@ -63,7 +64,7 @@ class Checkpoint:
 
 
 def save_checkpoint(folder: Path, checkpoint: Checkpoint) -> None:
-    """Write a checkpoint; an older one in that folder is replaced file by file, never left half-written.
+    """Write a checkpoint. An older one in that folder stays as it was until both new files are on the disk.
 
     Raises StorageError, or InputError when there cannot be such a folder.
     """
@@ -79,8 +80,12 @@ def save_checkpoint(folder: Path, checkpoint: Checkpoint) -> None:
         "code": checkpoint.code,
         "trained": dict(checkpoint.trained),
     }
-    save_state(folder / WEIGHTS, checkpoint.arrays)
-    write_atomically(folder / DESCRIPTION, json.dumps(description, indent=2, allow_nan=False) + "\n")
+    text = json.dumps(description, indent=2, allow_nan=False) + "\n"
+    with replacing(folder / WEIGHTS) as file:
+        file.write(_as_bytes(checkpoint.arrays))
+        file.flush()
+        os.fsync(file.fileno())
+        write_atomically(folder / DESCRIPTION, text)  # so that one rename follows the other
 
 
 def load_checkpoint(folder: Path) -> Checkpoint:
@@ -119,7 +124,11 @@ def load_checkpoint(folder: Path) -> Checkpoint:
 
 def save_state(path: Path, arrays: Mapping[str, NDArray]) -> None:
     """Write named arrays to a .safetensors file, whole or not at all. Raises StorageError."""
-    write_atomically(path, save({name: np.asarray(value, order="C") for name, value in arrays.items()}))
+    write_atomically(path, _as_bytes(arrays))
+
+
+def _as_bytes(arrays: Mapping[str, NDArray]) -> bytes:
+    return save({name: np.asarray(value, order="C") for name, value in arrays.items()})
 
 
 def load_state(path: Path) -> Arrays:

@@ -55,6 +55,8 @@ RATES = ("SR", "VR", "FR")
 class CorrectionLog:
     """sigma_total and the correction of each decision."""
 
+    columns: tuple[str, ...] = ("sigma_total", "correction")
+
     def __init__(self, episode: Episode, agent: Agent) -> None:
         self._rows: list[list[float]] = []
 
@@ -84,7 +86,7 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
         raise InputError("no episode was driven by all agents; the sweep's folder says why")
     cases = [drive(scenario, driver, seed) for driver in shown]
     stated: dict[str, list[Array]] = {name: [] for name in names}
-    for row, found in read_steps(steps, result.rows):
+    for row, found in read_steps(steps, result.rows, CorrectionLog.columns):
         stated[row["agent"]].append(found)
     clouds = {driver.label: cloud_of(stated[driver.agent]) for driver in shown}
     lines = summaries(shown, clouds, result.rows)

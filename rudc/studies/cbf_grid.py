@@ -99,7 +99,7 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
 
 def lines_of(rows: Sequence[Mapping[str, str]], by_agent: Mapping[str, Point]) -> list[dict[str, Any]]:
     """A line for each point, both tasks together; `chosen` is what the rule chooses of a driver,
-    choice of vehicles and rule.
+    choice of vehicles and rule; never a point none of whose episodes could be run.
     """
     lines: list[dict[str, Any]] = []
     for group in group_metrics(rows, ("agent",)):
@@ -116,9 +116,10 @@ def lines_of(rows: Sequence[Mapping[str, str]], by_agent: Mapping[str, Point]) -
             value = group.metrics[rate]
             line |= {rate: value.mean, f"{rate}_low": value.low, f"{rate}_high": value.high}
         lines.append(line | {"AES": group.metrics["AES"].mean, "paper": point.rates == PAPER[point.rule]})
+    ran = [line for line in lines if line["episodes"]]
     for line in lines:
-        alike = [m for m in lines if all(m[k] == line[k] for k in ("driver", "constrained", "rule"))]
-        line["chosen"] = line is min(alike, key=lambda m: (m["VR"], -m["SR"]))
+        alike = [m for m in ran if all(m[k] == line[k] for k in ("driver", "constrained", "rule"))]
+        line["chosen"] = line is min(alike, key=lambda m: (m["VR"], -m["SR"]), default=None)
     return lines
 
 

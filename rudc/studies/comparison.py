@@ -58,7 +58,7 @@ from rudc.studies.seed_tables import (
     paper_markdown,
 )
 from rudc.studies.trained import Trained, Trainings, trainings_for, trainings_there
-from rudc.training.log_curves import read_training
+from rudc.training.log_curves import Key, Series, read_training
 
 INSIDE = "in distribution"
 
@@ -217,7 +217,7 @@ def _report(ran: Ran, out: Path, errors: tuple[str, ...]) -> Report:
     pairs = pair_lines(ran.rows, ran.campaign.reference, ran.outcomes, every)
     papers = paper_lines(ran.campaign, ran.rows, lines)
     verdicts = judge(ran.campaign, ran.outcomes, ran.places)
-    drawn, shortened = _curves(ran, out)
+    drawn, notes = _curves(ran, out)
     claims = claims_markdown(verdicts)
     text = _page(ran, lines, pairs, papers, claims)
     tables = {
@@ -234,7 +234,7 @@ def _report(ran: Ran, out: Path, errors: tuple[str, ...]) -> Report:
         *_episodes(ran, out),
         *drawn,
     ]
-    return Report(text, tuple(files), (*ran.missing, *shortened), errors)
+    return Report(text, tuple(files), (*ran.missing, *notes), errors)
 
 
 def _page(ran: Ran, lines: Sequence[Line], pairs: Sequence[Line], papers: Sequence[Line], claims: str) -> str:
@@ -309,15 +309,22 @@ def _episodes(ran: Ran, out: Path) -> list[Path]:
 
 
 def _curves(ran: Ran, out: Path) -> tuple[list[Path], list[str]]:
-    """Of each training once, under the title of the first row that it stands in."""
+    """Of each training once, under the title of the first row that it stands in; and what is to be said of
+    them. One whose logs cannot be read is left out.
+    """
     titles = {row.wanted.name: row.heading for row in reversed(ran.rows)}
-    logs: dict[str, dict[str, Path]] = {}
-    for driver in ran.drivers:
-        title = titles[driver.trained.name]
-        logs.setdefault(title, {})[driver.trained.agent] = driver.trained.logs
-    read = {title: [read_training(folder) for folder in of.values()] for title, of in logs.items()}
+    read: dict[str, list[dict[Key, Series]]] = {}
+    notes = []
+    for trained in {driver.trained.agent: driver.trained for driver in ran.drivers}.values():
+        try:
+            training = read_training(trained.logs)
+        except InputError as error:
+            notes.append(f"{trained.name}-seed{trained.seed} is not in the curves: {error}")
+        else:
+            read.setdefault(titles[trained.name], []).append(training)
+    notes += shortened(read)
     lines = [line for title, members in read.items() for line in combine(title, members)]
     if not lines:
-        return [], []
+        return [], notes
     files = [write(out / "curves.csv", csv_text(lines)), draw_curves(curves(lines), out / "curves.png")]
-    return [*files, files[-1].with_suffix(".pdf")], shortened(read)
+    return [*files, files[-1].with_suffix(".pdf")], notes

@@ -79,6 +79,8 @@ CBF = ("residual", "constraints", "rows", "QP", "last resort")
 class LatencyLog:
     """ms of the parts of each decision, by the wall's clock of the whole, and whether it counts."""
 
+    columns = (*PARTS, WALL, "counts")
+
     def __init__(self, stopwatch: Stopwatch, wall: Stopwatch, *, counts: bool) -> None:
         self._stopwatch, self._wall, self._counts = stopwatch, wall, counts
         self._rows: list[list[float]] = []
@@ -143,7 +145,7 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
         progress=progress("latency"),
     )
     spent: dict[tuple[str, str], list[Array]] = {}
-    for row, found in read_steps(steps, result.rows):
+    for row, found in read_steps(steps, result.rows, LatencyLog.columns):
         for scenario in (row["scenario"], ALL):
             spent.setdefault((row["agent"], scenario), []).append(found[found[:, -1] > 0, :-1])
     lines = [

@@ -120,6 +120,8 @@ AT = {column.name: k for k, column in enumerate(COLUMNS)}
 class SigmaLog:
     """Keeps one episode."""
 
+    columns = tuple(AT)
+
     def __init__(self, episode: Episode, agent: Agent) -> None:
         self._episode = episode
         self._conduct = Conduct()

@@ -44,7 +44,7 @@ from rudc.evaluation.tasks import SweepPlan
 from rudc.evaluation.text import csv_text, interval, markdown
 from rudc.files import make_folder, past_links
 from rudc.reporting.separation import Mark, draw_separation
-from rudc.studies.auroc import auroc, auroc_draws, percentile_interval
+from rudc.studies.auroc import RESAMPLES, auroc, auroc_draws, percentile_interval
 from rudc.studies.base import (
     IN_DISTRIBUTION,
     Order,
@@ -145,9 +145,9 @@ def _folder(name: str) -> Path | None:
 
 
 def _drives(rows: Sequence[Mapping[str, str]], folder: Path) -> list[Drive]:
-    """Raises StorageError when what the runner wrote is gone."""
+    """Raises StorageError when what the runner wrote is gone, or has other columns."""
     found = []
-    for row, stated in read_steps(folder, rows):
+    for row, stated in read_steps(folder, rows, SigmaLog.columns):
         if not np.isfinite(stated[:, AT["total"]]).all():
             raise InputError(f"{row['agent']} states no uncertainty, so there is nothing to study")
         found.append(Drive(row["scenario"], happened("VR", row["outcome"]), stated))
@@ -196,7 +196,9 @@ def questions(scenarios: Sequence[str]) -> list[Question]:
 
 
 def measure(drives: Mapping[str, Sequence[Drive]]) -> list[dict[str, Any]]:
-    """Lines of `sigma.csv`: every question and sigma, for each agent and for each family of several."""
+    """Lines of `sigma.csv`: every question and sigma, for each agent and for each family of several. A mean
+    over training seeds is of all of them: nan where one has no AUROC.
+    """
     families: dict[str, list[str]] = {}
     for name in drives:
         families.setdefault(family(name), []).append(name)
@@ -250,13 +252,12 @@ def _case(question: Question, drives: Sequence[Drive]) -> _Case:
 
 
 def _answer(case: _Case, sigma: int) -> tuple[float, Array]:
-    """AUROC of one sigma, and its bootstrap's draws."""
+    """AUROC of one sigma, and its bootstrap's draws (RESAMPLES,); nan where there is none."""
     scores = np.ascontiguousarray(case.scores[:, sigma])
-    if not np.isfinite(scores).all():  # nothing is known by route
-        return math.nan, np.array([math.nan])
-    value = auroc(scores, case.positive)
+    known = np.isfinite(scores).all()  # by route nothing may be
+    value = auroc(scores, case.positive) if known else math.nan
     if math.isnan(value):
-        return value, np.array([math.nan])
+        return value, np.full(RESAMPLES, math.nan)
     return value, auroc_draws(scores, case.positive, case.episode, case.stratum)
 
 

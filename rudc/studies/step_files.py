@@ -1,5 +1,5 @@
 """Numbers of every decision of a sweep: an array (steps, columns) for each episode, in a file of its own that
-is written before its row of `episodes.csv`.
+is written before its row of `episodes.csv`, and names its columns.
 """
 
 from __future__ import annotations
@@ -25,6 +25,9 @@ from rudc.world.scene import Scene
 
 class StepLog(Protocol):
     """Keeps the numbers of one episode."""
+
+    columns: tuple[str, ...]
+    """names of what `steps` holds of a decision"""
 
     def watch(self, scene: Scene, decision: Decision, result: StepResult) -> None:
         """Keep a decision, as `run_episode` shows it."""
@@ -57,7 +60,7 @@ class StepRunner:
         try:
             make_folder(path.parent)
             with replacing(path) as file:
-                np.save(file, self._log.steps().astype(np.float32))
+                np.save(file, _named(self._log.steps(), self._log.columns))
         except (InputError, StorageError) as error:
             return EpisodeRecord.failed(record.scenario, record.agent, record.seed, str(error))
         return record
@@ -72,17 +75,35 @@ def steps_file(folder: Path, agent: str, scenario: str, seed: int) -> Path:
     return folder / file_name(agent) / scenario / f"{seed}.npy"
 
 
-def read_steps(folder: Path, rows: Sequence[Mapping[str, str]]) -> Iterator[tuple[Mapping[str, str], Array]]:
+def _named(steps: Array, columns: Sequence[str]) -> np.ndarray:
+    """(steps,) records of float32, of an array (steps, columns)."""
+    kind = np.dtype([(name, np.float32) for name in columns])
+    return np.ascontiguousarray(steps, dtype=np.float32).view(kind)[:, 0]
+
+
+def read_steps(
+    folder: Path, rows: Sequence[Mapping[str, str]], columns: Sequence[str]
+) -> Iterator[tuple[Mapping[str, str], Array]]:
     """Each row of an episode that was run, and its steps (steps, columns). Raises StorageError when what the
-    runner wrote is gone.
+    runner wrote is gone, or has other columns than these. Files of before columns had names are known by how
+    many they have.
     """
     for row in rows:
         if row["error"]:
             continue
         path = steps_file(folder, row["agent"], row["scenario"], int(row["seed"]))
         try:
-            yield row, np.load(path).astype(float)
-        except OSError as error:
+            found = np.load(path)
+        except (OSError, EOFError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or error
             raise StorageError(
-                f"{path} cannot be read ({error.strerror}); its episode is finished, so give another --out"
+                f"{path} cannot be read ({reason}); its episode is finished, so give another --out"
             ) from None
+        names = found.dtype.names
+        steps = found if names is None else found.view(np.float32).reshape(-1, len(names))
+        if steps.shape[1:] != (len(columns),) or names not in (None, tuple(columns)):
+            raise StorageError(
+                f"{path} has other columns than this version of RUDC writes; its episode is finished, so "
+                "drive anew: give another --out"
+            )
+        yield row, steps.astype(float)

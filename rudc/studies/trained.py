@@ -8,7 +8,8 @@ A training is called NAME-seedN, N its training seed, and is looked for in this 
 3. where no folder of trainings was named, it is trained, for as long as the budget says. One that was cut off
    goes on from its checkpoint.
 
-Only trainings that reached their end are taken. Agents are named relative to the folder of trainings, so that
+Only trainings that reached their end are taken. One of the study's own that another budget made, with other
+steps, is refused. Agents are named relative to the folder of trainings, so that
 a sweep's rows say nothing of the machine: sweep within `named_from`.
 """
 
@@ -97,16 +98,15 @@ def trainings_for(
     steps = int(settings["training.steps"])
     found: list[Trained] = []
     missing: list[str] = []
-    for want in wanted:
-        for seed in seeds:
-            training = _there(folder, want, seed, order, steps)
-            if isinstance(training, str) and order.trainings is None:
-                _train(folder, want, seed, settings, order.resume, tell)
-                training = _made(folder, want, seed)
-            if isinstance(training, str):
-                missing.append(f"{want.name}-seed{seed}: {training}")
-            else:
-                found.append(training)
+    there = [(want, seed, _there(folder, want, seed, order, steps)) for want in wanted for seed in seeds]
+    for want, seed, training in there:
+        if isinstance(training, str) and order.trainings is None:
+            _train(folder, want, seed, settings, order.resume, tell)
+            training = _made(folder, want, seed, steps)
+        if isinstance(training, str):
+            missing.append(f"{want.name}-seed{seed}: {training}")
+        else:
+            found.append(training)
     return Trainings(folder, tuple(found), tuple(missing))
 
 
@@ -135,14 +135,17 @@ def _folder(order: Order) -> Path:
 
 def _there(folder: Path, want: Wanted, seed: int, order: Order, steps: int) -> Trained | str:
     """One in the folder of trainings, or a shipped one; or why there is none."""
-    training = _made(folder, want, seed)
+    wanted = None if order.trainings else steps
+    training = _made(folder, want, seed, wanted)
     if isinstance(training, str):
-        return _shipped(want, seed, None if order.trainings else steps) or training
+        return _shipped(want, seed, wanted) or training
     return training
 
 
-def _made(folder: Path, want: Wanted, seed: int) -> Trained | str:
-    """One in the folder of trainings, or why it cannot be taken."""
+def _made(folder: Path, want: Wanted, seed: int, steps: int | None) -> Trained | str:
+    """One in the folder of trainings, or why it cannot be taken. Raises InputError for another, also for one
+    of other steps if they matter.
+    """
     name = f"{want.name}-seed{seed}"
     checkpoint = find_checkpoint(str(folder / name))
     if checkpoint is None:
@@ -156,6 +159,11 @@ def _made(folder: Path, want: Wanted, seed: int) -> Trained | str:
     for key, there, value in _otherwise(learnt, want):
         raise InputError(f"{folder / name} was trained with {key}={there}, not {value}")
     done, planned = int(learnt.trained["steps"]), int(learnt.training["steps"])
+    if steps is not None and planned != (wanted := want.changes.get("training.steps", steps)):
+        raise InputError(
+            f"{folder / name} was trained for {planned} steps, not {wanted}: give another --out, or take it "
+            f"as it is with --trainings {folder}"
+        )
     if done < planned:
         return f"trained for {done} of {planned} steps so far"
     logs = checkpoint.parent if checkpoint.name == LATEST else checkpoint

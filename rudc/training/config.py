@@ -70,7 +70,7 @@ class Training(Settings):
     """decisions between checkpoints, where all worlds begin a new episode"""
     evaluate_every: int = Field(default=10_000, ge=1)
     """decisions between evaluations, which are checkpoints as well"""
-    evaluate_on: tuple[str, ...] = ("random_destination", "dense_left_turn")
+    evaluate_on: tuple[str, ...] = Field(default=("random_destination", "dense_left_turn"), min_length=1)
     """scenarios"""
     evaluation_episodes: int = Field(default=20, ge=0)
     """for each of them, always the same held-out seeds; 0 for no evaluation"""
@@ -146,13 +146,19 @@ class TrainConfig(AgentConfig):
     @classmethod
     def of(cls, algorithm: str, changes: Mapping[str, Any] | None = None, preset: str = "default") -> Self:
         """The training of an algorithm that a preset describes, with values changed at dotted keys. Raises
-        InputError.
+        InputError, also where either names another algorithm.
         """
         if algorithm not in ALGORITHMS:
             raise InputError(f"there is no algorithm {algorithm!r}{there_are(algorithm, ALGORITHMS)}")
-        tree = with_preset(ALGORITHMS[algorithm], read_preset(preset))
+        own, changes = read_preset(preset), changes or {}
+        for what, there in ((f"preset {preset!r}", own), ("training", changes)):
+            if (other := there.get("algorithm", algorithm)) != algorithm:
+                raise InputError(
+                    f"{what}: sets algorithm to {other!r}, but {algorithm!r} is to be trained: take it out"
+                )
+        tree = with_preset(ALGORITHMS[algorithm], own)
         config = settled(cls, {"algorithm": algorithm, **tree}, (), f"preset {preset!r}")
-        return config.changed(changes or {})
+        return config.changed(changes)
 
     def changed(self, changes: Mapping[str, Any]) -> Self:
         """With values changed at dotted keys as they stand in config.json, such as `learner.n_step`. Raises

@@ -6,7 +6,6 @@ files of a training that was stopped are those of one that was not (but for wall
 
 from __future__ import annotations
 
-import contextlib
 import csv
 import io
 import math
@@ -16,7 +15,9 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from rudc.env.outcome import Outcome
+from rudc.errors import InputError
 from rudc.evaluation.record import EpisodeRecord
+from rudc.evaluation.store import MENDED, read_header, read_table
 from rudc.files import explain, write_atomically
 from rudc.training.collect import Finished
 
@@ -38,6 +39,8 @@ EVALUATION = (
     "duration_s",
 )
 """columns of evaluation.csv; `priority`: all, or the arms that are major or minor"""
+_TEXTS = ("scenario", "priority")
+"""columns that hold no numbers"""
 
 
 class Watcher(Protocol):
@@ -61,7 +64,7 @@ class Log:
 
     def __init__(self, folder: Path, from_step: int, statistics: Sequence[str]) -> None:
         """`statistics`: names of the learner's. Rows beyond `from_step` of files that are there already are
-        removed.
+        removed. Raises InputError for files with other columns, or damaged.
         """
         self._files = {"progress": (*BEFORE, *statistics, *AFTER), "evaluation": EVALUATION}
         self._folder = folder
@@ -146,12 +149,36 @@ def _shown(value: Any) -> Any:
     return value
 
 
+def read_log(path: Path) -> list[dict[str, str]]:
+    """The whole rows of one of the files. Raises InputError if there is none, and, with its line, for a cell
+    that is no number where one should be.
+    """
+    rows = read_table(path)
+    for line, row in enumerate(rows, 2):
+        for name, cell in row.items():
+            if name not in _TEXTS and not _is_number(cell, whole=name == "steps"):
+                kind = "whole number" if name == "steps" else "number"
+                raise InputError(f"{path}:{line}: {name} is {cell!r}, which is no {kind}; {MENDED}")
+    return rows
+
+
+def _is_number(cell: str, *, whole: bool) -> bool:
+    try:
+        _ = int(cell) if whole else float(cell or "nan")
+    except ValueError:
+        return False
+    return True
+
+
 def _cut(path: Path, columns: Sequence[str], step: int) -> None:
     """Leave in a file only its heading and the rows up to `step`; make it if there is none."""
-    rows: list[list[str]] = []
-    with contextlib.suppress(FileNotFoundError), open(path, encoding="utf-8", newline="") as file:
-        whole = [row for row in csv.reader(file) if len(row) == len(columns)]
-        rows = [row for row in whole[1:] if int(row[0]) <= step]
+    header = read_header(path)
+    if header and header != list(columns):
+        raise InputError(
+            f"{path} has other columns than are written now: move it elsewhere to go on with a new one, or "
+            "train anew in another folder"
+        )
+    rows = [row.values() for row in read_log(path) if int(row["steps"]) <= step] if header else []
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([columns, *rows])
     write_atomically(path, text.getvalue())

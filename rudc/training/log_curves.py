@@ -16,8 +16,7 @@ from rudc.arrays import Array
 from rudc.errors import InputError
 from rudc.evaluation.columns import RATES
 from rudc.evaluation.metrics import numbers
-from rudc.evaluation.store import read_table
-from rudc.training.log import EVALUATION, OUTCOMES
+from rudc.training.log import EVALUATION, OUTCOMES, read_log
 
 NEEDED = ("steps", "episodes", *OUTCOMES, "episode_reward")
 """columns of progress.csv; learners add others of their own"""
@@ -33,7 +32,7 @@ Series = dict[int, float]
 
 
 def read_training(folder: Path) -> dict[Key, Series]:
-    """All curves of a training's folder. Raises InputError when its logs are not there."""
+    """All curves of a training's folder. Raises InputError when its logs are not there, or damaged."""
     driven = _log(folder / "progress.csv", NEEDED)
     tested = _log(folder / "evaluation.csv", EVALUATION)
     curves: dict[Key, Series] = {}
@@ -55,7 +54,7 @@ def read_training(folder: Path) -> dict[Key, Series]:
 def _log(path: Path, columns: Sequence[str]) -> list[dict[str, str]]:
     if not path.is_file():
         raise InputError(f"no {path.name} in {path.parent}; is it the folder of a training?")
-    rows = read_table(path)
+    rows = read_log(path)
     missing = [name for name in columns if rows and name not in rows[0]]
     if missing:
         raise InputError(f"{path} has no column {missing[0]!r}; is it the log of a training?")

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from rudc.arrays import Arrays, Flags, Floats
+from rudc.errors import InputError
 from rudc.safety.residual import ResidualPredictor, heads
 from rudc.training.residual_data import Dataset, Samples
 from rudc.world.scene import STANDING
@@ -63,9 +64,20 @@ class Evaluation(NamedTuple):
     """share of the variance of w that the predictor explains"""
 
 
-def held_out(samples: Samples, *, rest: bool = False) -> Samples:
-    """The samples of held-out episodes, or the others."""
-    return _chosen(samples, (samples.episode % HOLD_OUT == 0) != rest)
+def held_out(dataset: Dataset, head: str, *, rest: bool = False) -> Samples:
+    """A head's samples of held-out episodes, or the others. Raises InputError where there are none to speak
+    of.
+    """
+    samples = dataset[head]
+    chosen = _chosen(samples, (samples.episode % HOLD_OUT == 0) != rest)
+    if len(chosen.w) < 2:  # of one there is no spread
+        part = "learnt from" if rest else "held out"
+        raise InputError(
+            f"too few samples: of the {len(samples.w)} of head {head!r}, {len(chosen.w)} are of episodes "
+            f"that are {part} (every {HOLD_OUT}th is held out); collect more: rudc residual "
+            "collect --samples N"
+        )
+    return chosen
 
 
 def standing(vehicles: Samples) -> Samples:
@@ -97,17 +109,24 @@ def fit(
     epochs: int = EPOCHS,
     progress: Callable[[str, int, float], None] | None = None,
 ) -> ResidualPredictor:
-    """Learn both heads. `progress` is told head, epoch and loss."""
+    """Learn both heads. `progress` is told head, epoch and loss. Raises InputError for samples of so few
+    episodes that none are left to learn from, or to be held out.
+    """
+    for head in heads():
+        held_out(dataset, head)
+    parts = [(head, held_out(dataset, head, rest=True)) for head in heads()]
     torch.set_num_threads(1)  # layers this small gain nothing by more, and beside other work lose much
     arrays: Arrays = {}
-    for number, head in enumerate(heads()):
-        arrays |= _fit(held_out(dataset[head], rest=True), head, (seed, number), epochs, progress)
+    for number, (head, samples) in enumerate(parts):
+        arrays |= _fit(samples, head, (seed, number), epochs, progress)
     return ResidualPredictor(arrays)
 
 
 def evaluate(dataset: Dataset, predictor: ResidualPredictor, *, only_held_out: bool) -> list[Evaluation]:
-    """Of both heads, on the held-out episodes or on all; then of vehicles beside a standing ego, if any."""
-    parts = [(head, head, held_out(dataset[head]) if only_held_out else dataset[head]) for head in heads()]
+    """Of both heads, on the held-out episodes or on all; then of vehicles beside a standing ego, if any.
+    Raises InputError where too few are held out.
+    """
+    parts = [(head, head, held_out(dataset, head) if only_held_out else dataset[head]) for head in heads()]
     still = standing(parts[0][2])
     if len(still.w) > 1:
         parts.append(("vehicle, both standing", "vehicle", still))

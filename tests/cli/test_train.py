@@ -93,6 +93,22 @@ def test_steps_that_are_rounded_are_said_once(rudc, calls):
     assert "instead" not in rudc("train", "rudc-t", "--steps", 400, "--out", "y").err
 
 
+def test_a_report_is_kept_once_the_training_has_begun(rudc, calls, tmp_path):
+    answer = rudc("train", "sac", "--out", "x", "--report")
+    assert answer.err.count("live page: x/report.html\n") == 1
+    assert answer.err.index("live page") < answer.err.index("a note")
+
+
+def test_a_folder_that_is_refused_gets_no_report(rudc, tmp_path):
+    (tmp_path / "x").mkdir()
+    (tmp_path / "x" / "episodes.csv").write_text("")
+    answer = rudc("train", "sac", "--out", "x", "--report")
+    assert answer.status == 2
+    assert "x is not empty (episodes.csv)" in answer.err
+    assert "page" not in answer.err
+    assert [path.name for path in (tmp_path / "x").iterdir()] == ["episodes.csv"]
+
+
 def test_a_scenario_is_trained_on_as_it_is(rudc, calls):
     rudc("train", "rudc-wo-cbf", "--scenario", "dense_left_turn", "--out", "x")
     assert (calls[0][0].training.scenario, calls[0][0].training.curriculum) == ("dense_left_turn", None)

@@ -1,6 +1,7 @@
 """Checkpoint folders: written whole, read back the same, refused when they do not fit."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -77,6 +78,18 @@ def test_files_of_two_checkpoints_are_noticed(saved: tuple[Path, Checkpoint]) ->
     save_state(folder / WEIGHTS, {name: value + 1 for name, value in checkpoint.arrays.items()})
     with pytest.raises(AgentError, match="not of the same checkpoint"):
         load_checkpoint(folder)
+
+
+def test_one_is_replaced_whole_or_not_at_all(saved: tuple[Path, Checkpoint]) -> None:
+    folder, checkpoint = saved
+    other = replace(checkpoint, arrays={name: value + 1 for name, value in checkpoint.arrays.items()})
+    for name in (WEIGHTS, DESCRIPTION):
+        (folder / f".{name}.new").symlink_to("/dev/full")  # where the draft goes
+        with pytest.raises(StorageError, match=f"{name}: the disk is full"):
+            save_checkpoint(folder, other)
+        loaded = load_checkpoint(folder)
+        assert all(np.array_equal(value, loaded.arrays[key]) for key, value in checkpoint.arrays.items())
+        assert sorted(file.name for file in folder.iterdir()) == [DESCRIPTION, WEIGHTS]
 
 
 def test_what_cannot_be_read_is_refused(saved: tuple[Path, Checkpoint], tmp_path: Path) -> None:

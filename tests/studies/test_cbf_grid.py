@@ -37,6 +37,18 @@ def test_the_fewest_violations_are_chosen_then_the_most_successes():
     assert [line["rate1"] for line in lines if line["paper"]] == [0.1]
 
 
+def test_a_point_that_could_not_be_driven_is_not_chosen():
+    by_agent = {str(rate): Point("follower", "gated", "ttcbf", (rate,)) for rate in (0.05, 0.1, 0.2)}
+    rows = [
+        {"agent": agent, "outcome": outcome, "error": "" if outcome else "no", "mean_speed_mps": "5",
+         "episode_reward": "0", "route_completion": "1", "min_dtc_m": "1", "decision_ms_mean": "1",
+         "steps": "10"}
+        for agent, outcome in zip(by_agent, ("", "collision", "success"), strict=True)
+    ]  # fmt: skip
+    assert [line["rate1"] for line in lines_of(rows, by_agent) if line["chosen"]] == [0.2]
+    assert not any(line["chosen"] for line in lines_of(rows[:1], by_agent))
+
+
 def test_drivers_with_a_filter_of_their_own_are_refused(tmp_path):
     with pytest.raises(InputError, match="one without"):
         cbf_grid.run(Order(tmp_path, agents=("follower+ttcbf",)), lambda _: Silent())

@@ -283,6 +283,21 @@ def test_rows_and_seeds_added_later_join_those_that_drove_before(first, tmp_path
     assert drove == [("sac", "0"), ("sac", "1"), ("rudc-t", "0")]
 
 
+def test_one_whose_logs_are_gone_is_in_the_tables_but_not_in_the_curves(first):
+    gone = first.trainings / "rudc-t-seed0"
+    shutil.copytree(shipped_checkpoints()["rudc-t"], gone, ignore=shutil.ignore_patterns("progress.csv"))
+    report = comparison.run(replace(first, agents=("sac", "rudc-t")), lambda _: Silent())
+    assert f"rudc-t-seed0 is not in the curves: no progress.csv in {gone}" in report.notes[0]
+    assert {m["agent"] for m in read_table(first.out / "curves.csv")} == {"SAC"}
+    assert {m["row"] for m in read_table(first.out / "metrics.csv")} == {"sac", "rudc-t"}
+    again = comparison.run(replace(first, resume=True), nothing_is_driven)
+    assert [path.name for path in again.files if "curves" in path.name] == [
+        "curves.csv",
+        "curves.png",
+        "curves.pdf",
+    ]
+
+
 def test_what_drove_before_stays_only_if_it_fits(first, monkeypatch):
     """That is seen before anything is trained or driven."""
     comparison.run(first, lambda _: Silent())

@@ -72,6 +72,16 @@ def test_other_folders_are_refused(tmp_path):
         run(Order(tmp_path / "out"), lambda _: Silent())
 
 
+@pytest.mark.parametrize(
+    ("cell", "what"), [("3000.0", "whole number"), ("three", "whole number"), ("", "whole")]
+)
+def test_a_damaged_log_is_named_with_its_line(tmp_path, cell, what):
+    file = training(tmp_path / "mine", 0.8) / "progress.csv"
+    file.write_text(file.read_text().replace("\n3000,", f"\n{cell},"))
+    with pytest.raises(InputError, match=rf"progress\.csv:4: steps is '{cell}', which is no {what}"):
+        read_training(tmp_path / "mine")
+
+
 def test_a_training_without_a_curve_is_named(tmp_path):
     """No 5,000 decisions and no evaluation: it is not for want of a common step."""
     short = training(tmp_path / "short", 0.8, last=4000)

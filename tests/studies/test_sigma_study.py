@@ -23,7 +23,7 @@ from rudc.studies.sigma_study import (
     run,
     slack_lines,
 )
-from rudc.studies.step_files import StepRunner, steps_file
+from rudc.studies.step_files import StepRunner, read_steps, steps_file
 from rudc.vehicle import Actuation
 
 PAIR = ("random_destination", "dense_left_turn")
@@ -116,6 +116,24 @@ def test_training_seeds_are_averaged_not_mixed():
     assert fog["a*"]["episodes"] == 2 * fog["a-seed1"]["episodes"]
 
 
+def test_a_mean_over_training_seeds_is_of_all_of_them_or_there_is_none():
+    """One was never calibrated by route, another did not violate."""
+    without = some_drives()
+    for drive in without:
+        drive.steps[:, AT["route"]] = math.nan
+    safe = [drive._replace(violated=False) for drive in some_drives()]
+    lines = measure({"a": some_drives(), "a-seed1": without, "b": some_drives(), "b-seed1": safe})
+    fog = [m for m in lines if (m["task"], m["scenarios"]) == ("violation", "fog")]
+    means = {(m["family"], m["sigma"]): m for m in fog if m["mean_of_seeds"]}
+    ends = ("auroc", "auroc_low", "auroc_high")
+    assert all(math.isfinite(means["a", "total"][key]) for key in ends)
+    assert all(
+        math.isnan(means[lacking][key]) for lacking in (("a", "route"), ("b", "total")) for key in ends
+    )
+    single = {m["agent"]: m["auroc"] for m in fog if m["sigma"] == "route" and not m["mean_of_seeds"]}
+    assert single == pytest.approx({"a": 1, "a-seed1": math.nan, "b": 1, "b-seed1": math.nan}, nan_ok=True)
+
+
 def test_it_drives_listens_and_resumes(monkeypatch, tmp_path):
     import rudc.studies.sigma_study as module
 
@@ -127,7 +145,7 @@ def test_it_drives_listens_and_resumes(monkeypatch, tmp_path):
     assert [path.name for path in report.files] == ["sigma.csv", "sigma_slack.csv", "sigma.md", "sigma.png"]
     assert not report.errors
     (row,) = read_table(tmp_path / "s" / "sweep" / "episodes.csv")
-    stated = np.load(steps_file(tmp_path / "s" / "steps", "rudc-wo-cbf", "random_destination", 3))
+    ((_, stated),) = read_steps(tmp_path / "s" / "steps", [row], SigmaLog.columns)
     assert stated.shape == (int(row["steps"]), len(COLUMNS))
     total = stated[:, AT["total"]]
     assert total.mean() == pytest.approx(float(row["mean_sigma"]), rel=1e-4)
@@ -154,7 +172,8 @@ def test_what_an_event_does_is_in_the_steps(tmp_path):
     runner = StepRunner(tmp_path, SigmaLog)
     assert not runner(Task(scenario, {}, "planner", 0)).error
     runner.close()
-    steps = np.load(steps_file(tmp_path, "planner", "stalled_truck", 0))
+    row = {"agent": "planner", "scenario": "stalled_truck", "seed": "0", "error": ""}
+    ((_, steps),) = read_steps(tmp_path, [row], SigmaLog.columns)
     assert steps[:, AT["exposed"]].any()
     assert steps[-1, AT["exposed"]] == 0  # past it
     assert np.all(steps[:, AT["disturbed"]] >= steps[:, AT["exposed"]])

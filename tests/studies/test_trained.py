@@ -69,6 +69,21 @@ def test_a_training_that_is_another_is_refused(tmp_path):
         trainings_for([Wanted("beta", "rudc-t", {"learner.beta": 0.5})], (0,), order, STEPS, said)
 
 
+def test_one_of_another_budget_is_refused_before_anything_is_trained(tmp_path):
+    made = tmp_path / "trainings"
+    shutil.copytree(SHIPPED / "rudc-t-seed1", made / "rudc-t-seed1")
+    wanted, heard = [Wanted("sac-slow", "sac", {"learner.discount": 0.9}), Wanted("rudc-t", "rudc-t")], []
+    with pytest.raises(
+        InputError, match=r"trained for 100000 steps, not 200: give another --out, or take it"
+    ):
+        trainings_for(wanted, (1,), Order(tmp_path), TINY, heard.append)
+    assert not heard
+    found = trainings_for(wanted[1:], (1,), Order(tmp_path, trainings=made), TINY, said)
+    assert [t.steps for t in found.found] == [100_000]
+    own = [Wanted("rudc-t", "rudc-t", {"training.steps": 100_000})]
+    assert trainings_for(own, (1,), Order(tmp_path), TINY, said) == found
+
+
 def test_what_is_not_there_is_trained_and_the_next_time_taken(tmp_path):
     heard: list[str] = []
     order = Order(tmp_path)

@@ -99,6 +99,8 @@ def test_presets_hold_nothing_that_nobody_knows():
         ("rudc-t", {"replayed": "nominal"}, r"called learner\.learns_from"),
         ("rudc-t", {"training.steps.more": 1}, "which has no parts"),
         ("rudc-t", {"": 1}, "dotted key"),
+        ("rudc-t", {"algorithm": "sac"}, "training: sets algorithm to 'sac', but 'rudc-t' is to be trained"),
+        ("rudc-t", {"training.evaluate_on": []}, "training.evaluate_on: .* at least 1 item"),
     ],
 )
 def test_wrong_settings_are_refused_in_words(algorithm: str, wrong: dict, said: str):
@@ -191,6 +193,12 @@ def test_a_preset_of_ones_own(tmp_path):
     found = TrainConfig.of("rudc-t", {}, str(path))
     assert isinstance(found.learner, EnsembleConfig)
     assert (found.learner.members, found.training.envs) == (7, 1)
+    path.write_text("algorithm: sac\nlearner: {n_step: 2}\n")
+    assert TrainConfig.of("sac", {"algorithm": "sac"}, str(path)).algorithm == "sac"
+    with pytest.raises(
+        InputError, match=r"mine.yaml': sets algorithm to 'sac', but 'rudc-t' is to be trained"
+    ):
+        TrainConfig.of("rudc-t", {}, str(path))
     path.write_text("learner: {n_step: 1\n")
     with pytest.raises(InputError, match=r"mine.yaml:2:1: not valid YAML"):
         TrainConfig.of("sac", {}, str(path))

@@ -87,6 +87,21 @@ def test_jumps_that_nobody_can_foresee_do_not_move_what_is_predicted():
     assert np.median(np.abs(error)) < 0.2
 
 
+@pytest.mark.parametrize(
+    ("episodes", "said"),
+    [(0, "0 are of episodes that are learnt from"), (11, "0 are of episodes that are held out")],
+)
+def test_samples_of_too_few_episodes_are_refused(episodes, said):
+    rng = np.random.default_rng(0)
+    known = {head: _known(rng, len(names), rows=100) for head, names in heads().items()}
+    few = {head: samples._replace(episode=np.full(100, episodes)) for head, samples in known.items()}
+    with pytest.raises(InputError, match=f"of the 100 of head 'vehicle', {said} .* residual collect"):
+        fit(few, 0, epochs=1)
+    if episodes:
+        with pytest.raises(InputError, match="are held out"):
+            evaluate(few, shipped_predictor(), only_held_out=True)
+
+
 def test_samples_that_stand_beside_what_stands():
     rng = np.random.default_rng(2)
     samples = _known(rng, len(VEHICLE), rows=200)

@@ -8,10 +8,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from rudc.errors import SweepError
+from rudc.errors import InputError, SweepError
 from rudc.evaluation.metrics import numbers
-from rudc.evaluation.store import read_table
-from rudc.training.log import BEFORE, OUTCOMES
+from rudc.training.log import BEFORE, OUTCOMES, read_log
 from rudc.training.log_curves import BIN, RATE_COLUMNS, read_training
 
 LOGS = ("progress.csv", "evaluation.csv")
@@ -25,8 +24,8 @@ def is_training(folder: Path) -> bool:
 
 
 def training_content(folder: Path) -> dict[str, Any]:
-    """`data` for the page's script and what its template asks for. Raises InputError for damaged logs."""
-    rows = read_table(folder / LOGS[0])
+    """`data` for the page's script and what its template asks for. Raises InputError for damaged files."""
+    rows = read_log(folder / LOGS[0])
     if not rows:
         raise SweepError(f"{folder / LOGS[0]} has no row yet; there is nothing to report")
     curves = [
@@ -37,8 +36,8 @@ def training_content(folder: Path) -> dict[str, Any]:
         for (source, scenario, priority, metric), series in read_training(folder).items()
     ]  # fmt: skip
     own = [name for name in rows[0] if name not in BEFORE]
-    settings = next((folder / n for n in ("config.json", "agent.json") if (folder / n).is_file()), None)
-    text = settings.read_text(encoding="utf-8") if settings else ""
+    path = next((folder / n for n in ("config.json", "agent.json") if (folder / n).is_file()), None)
+    settings = _settings(path) if path else {}
     return {
         "data": {
             "curves": curves,
@@ -50,10 +49,20 @@ def training_content(folder: Path) -> dict[str, Any]:
         "last": _last(curves),
         "names": [*RATE_COLUMNS, "reward"],
         "bin": BIN,
-        "settings": json.dumps(json.loads(text), indent=1) if text else "",
-        "settings_name": settings.name if settings else "",
-        "algorithm": json.loads(text).get("algorithm", "") if text else "",
+        "settings": json.dumps(settings, indent=1) if settings else "",
+        "settings_name": path.name if path else "",
+        "algorithm": settings.get("algorithm", ""),
     }
+
+
+def _settings(path: Path) -> dict[str, Any]:
+    try:
+        settings = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise InputError(f"{path}: cannot be read: {error}") from error
+    if not isinstance(settings, dict):
+        raise InputError(f"{path}: does not hold the settings of a training")
+    return settings
 
 
 def _statistic(rows: Sequence[dict[str, str]], name: str) -> dict[str, Any]:
@@ -79,9 +88,10 @@ def _last(curves: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def _duration(text: str) -> str:
-    if not text:
+    wall = float(text or "nan")
+    if not math.isfinite(wall):
         return ""
-    minutes, seconds = divmod(round(float(text)), 60)
+    minutes, seconds = divmod(round(wall), 60)
     return f"{minutes} min {seconds} s"
 
 

@@ -1,11 +1,13 @@
 """The report of a training: its logs' numbers, whole and driven in a browser."""
 
 import json
+import re
+import shutil
 
 import pytest
 
 from rudc.data import data_folder
-from rudc.errors import SweepError
+from rudc.errors import InputError, SweepError
 from rudc.evaluation.store import read_table
 from rudc.reporting.report.page import report_page
 from tests.reporting.accessibility import MISSING, faults
@@ -45,6 +47,26 @@ def test_a_training_that_has_only_begun(tmp_path):
     (tmp_path / "progress.csv").write_text("steps\n")
     with pytest.raises(SweepError, match="has no row yet"):
         report_page(tmp_path, tmp_path / "x.html")
+
+
+@pytest.mark.parametrize("content", ["{", "[]", "\xff"])
+def test_damaged_settings_are_named(tmp_path, content):
+    shutil.copytree(FOLDER, tmp_path / "mine")
+    (tmp_path / "mine" / "config.json").write_text(content, encoding="latin-1")
+    with pytest.raises(InputError, match=r"config\.json: "):
+        report_page(tmp_path / "mine", tmp_path / "x.html")
+
+
+def test_a_damaged_log_is_named_with_its_line(tmp_path):
+    shutil.copytree(FOLDER, tmp_path / "mine")
+    file = tmp_path / "mine" / "progress.csv"
+    header, first, *others = file.read_text().splitlines()
+    cells = first.split(",")
+    for name, cell in (("steps", "3000.0"), ("wall_s", "long"), ("sigma_h", "?")):
+        changed = [cell if n == name else c for n, c in zip(header.split(","), cells, strict=True)]
+        file.write_text("\n".join([header, ",".join(changed), *others, ""]))
+        with pytest.raises(InputError, match=rf"progress\.csv:2: {name} is '{re.escape(cell)}'"):
+            report_page(tmp_path / "mine", tmp_path / "x.html")
 
 
 DRIVE = """
