@@ -20,6 +20,7 @@ import ast
 import hashlib
 import importlib
 import importlib.util
+import os
 import pickle
 import re
 import sys
@@ -63,7 +64,7 @@ def import_source(source: str) -> ModuleType:
 def import_first(source: str) -> None:
     """As `import_source`, and remember it: a sweep's workers import it before anything else."""
     import_source(source)
-    _asked[str(Path(source).resolve()) if source.endswith(".py") else source] = None
+    _asked[str(Path(os.path.expanduser(source)).resolve()) if source.endswith(".py") else source] = None
 
 
 def imported_first() -> tuple[str, ...]:
@@ -319,7 +320,7 @@ def _at(who: str, time_s: float | None) -> str:
 
 
 def _file(source: str) -> ModuleType:
-    path = Path(source).expanduser()
+    path = Path(os.path.expanduser(source))
     if not path.is_file():
         beside = [other.name for other in path.parent.glob("*.py")]
         raise InputError(f"{source}: there is no such file{did_you_mean(path.name, beside)}")

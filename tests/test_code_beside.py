@@ -7,10 +7,10 @@ import pytest
 
 from rudc.agents import drivers
 from rudc.agents.registry import agent_settings
-from rudc.errors import SweepError
+from rudc.errors import InputError, SweepError
 from rudc.evaluation.manifest import Manifest, manifest, resumed
 from rudc.evaluation.tasks import SweepPlan
-from rudc.imports import code_beside, import_first, plugins, sources_digests
+from rudc.imports import code_beside, import_first, imported_first, plugins, sources_digests
 from rudc.scenario import load_scenario
 from tests.offering import offer
 
@@ -115,6 +115,18 @@ def test_two_files_of_one_name_are_both_in_the_manifest(tmp_path, monkeypatch):
     assert list(before) == ["events_beside.py", "events_beside.py (2)"]
     assert sources_digests()["events_beside.py"] != before["events_beside.py"]
     assert sources_digests()["events_beside.py (2)"] == before["events_beside.py (2)"]
+
+
+def test_a_file_lies_at_home_or_its_name_begins_with_a_tilde(tmp_path, monkeypatch):
+    monkeypatch.setattr("rudc.imports._asked", {})
+    monkeypatch.setenv("HOME", str(tmp_path))
+    write(tmp_path, home_beside="A = 1\n", **{"here__~mine": "A = 1\n"})
+    monkeypatch.chdir(tmp_path / "here")
+    for source in ("~/home_beside.py", "~mine.py"):
+        import_first(source)
+    assert imported_first() == (str(tmp_path / "home_beside.py"), str(tmp_path / "here" / "~mine.py"))
+    with pytest.raises(InputError, match=r"^~no-such-user/mine\.py: there is no such file"):
+        import_first("~no-such-user/mine.py")
 
 
 @pytest.fixture

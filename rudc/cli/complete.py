@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -42,7 +43,7 @@ def complete_metrics(incomplete: str) -> list[str]:
 def _paths(incomplete: str, suffixes: tuple[str, ...]) -> list[str]:
     """Folders, and files with these suffixes, that begin so; hidden ones only if asked for."""
     folder, slash, start = incomplete.rpartition("/")
-    here = Path(folder + slash or ".").expanduser()
+    here = Path(os.path.expanduser(folder + slash or "."))
     try:
         inside = sorted(here.iterdir())
     except OSError:

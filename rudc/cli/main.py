@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import io
 import os
 import signal
 import sys
 from types import FrameType
+from typing import TextIO
 
 from rudc.errors import RudcError
 
@@ -19,6 +21,7 @@ from rudc.errors import RudcError
 def main() -> None:
     """Run the command line and leave with its exit status."""
     _interrupt_alike()
+    _spell_out(sys.stdout)
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # for arrays this small more only wait for one another
     try:
         try:
@@ -64,6 +67,12 @@ def _interrupt_alike() -> None:
         number = getattr(signal, name, None)  # no SIGHUP on Windows
         if number is not None and signal.getsignal(number) == signal.SIG_DFL:
             signal.signal(number, interrupt)
+
+
+def _spell_out(stream: TextIO) -> None:
+    """Write signs that the stream's encoding lacks as stderr does (`\\u2191`), unless users say otherwise."""
+    if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
+        stream.reconfigure(errors="backslashreplace")
 
 
 def _drop_output() -> None:

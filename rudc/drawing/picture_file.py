@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Sequence
+from itertools import chain, repeat
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, BinaryIO
@@ -12,6 +13,7 @@ import numpy as np
 from PIL import Image
 
 from rudc.drawing.frames import Frame
+from rudc.drawing.reel import Moving
 from rudc.errors import InputError
 from rudc.files import make_folder_of, replacing, try_place
 from rudc.hints import install_command
@@ -70,17 +72,15 @@ def _save_gif(frames: Sequence[Frame], file: BinaryIO, frames_per_s: float) -> N
     few = np.concatenate(frames[:: max(len(frames) // 8, 1)])
     palette = Image.fromarray(few).quantize(COLOURS)
     plain = Image.Dither.NONE
-    first, *rest = [Image.fromarray(frame).quantize(palette=palette, dither=plain) for frame in frames]
-    first.save(
-        file, "GIF", append_images=rest, duration=_durations(frames, frames_per_s), **_LOOPS, optimize=False
-    )
+    pictures = (Image.fromarray(frame).quantize(palette=palette, dither=plain) for frame in frames)
+    durations = _durations(frames, frames_per_s)
+    next(pictures).save(file, "GIF", append_images=pictures, duration=durations, **_LOOPS, optimize=False)
 
 
 def _save_webp(frames: Sequence[Frame], file: BinaryIO, frames_per_s: float) -> None:
     """Much smaller than a GIF."""
-    first, *rest = map(Image.fromarray, frames)
     durations = _durations(frames, frames_per_s)
-    first.save(file, "WEBP", append_images=rest, duration=durations, **_LOOPS, quality=QUALITY, method=4)
+    Moving(frames).save(file, "WEBP", duration=durations, **_LOOPS, quality=QUALITY, method=4)
 
 
 def _durations(frames: Sequence[Frame], frames_per_s: float) -> list[int]:
@@ -90,10 +90,12 @@ def _durations(frames: Sequence[Frame], frames_per_s: float) -> list[int]:
 
 def _save_mp4(frames: Sequence[Frame], file: BinaryIO, frames_per_s: float) -> None:
     """ffmpeg writes to a path of its own only."""
-    longer = [*frames, *[frames[-1]] * round(PAUSE_S * frames_per_s)]
+    longer = chain(frames, repeat(frames[-1], round(PAUSE_S * frames_per_s)))
     with TemporaryDirectory() as scratch:
         film = Path(scratch) / "film.mp4"
-        _imageio().mimwrite(film, longer, fps=frames_per_s, macro_block_size=8)
+        with _imageio().get_writer(film, mode="I", fps=frames_per_s, macro_block_size=8) as writer:
+            for frame in longer:
+                writer.append_data(frame)
         file.write(film.read_bytes())
 
 

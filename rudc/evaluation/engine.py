@@ -38,6 +38,8 @@ Result = tuple[Task, EpisodeRecord]
 
 START_LIMIT_S = 120.0
 """s in which a worker must have started, and have loaded what an episode needs"""
+LONGEST_WAIT_S = 3600.0
+"""s that are waited at a time: the system counts them in ms, of which it takes 2^31"""
 BEGINS = "begins"
 """what a worker says when the episode itself starts: from here on its time counts"""
 START_FAILURES = 3
@@ -137,10 +139,11 @@ class _Pool:
         now = time.monotonic()
         active = [worker for worker in self._workers if worker.task is not None or not worker.ready]
         patience = min((self._deadline(worker) - now for worker in active), default=1.0)
+        patience = min(max(patience, 0.0), LONGEST_WAIT_S)
         by_handle: dict[object, _Worker] = {}
         for worker in self._workers:
             by_handle[worker.pipe] = by_handle[worker.process.sentinel] = worker
-        heard = wait(list(by_handle), max(patience, 0.0))  # pyright: ignore[reportArgumentType] - handles of both kinds
+        heard = wait(list(by_handle), patience)  # pyright: ignore[reportArgumentType] - handles of both kinds
         found = {id(by_handle[handle]): by_handle[handle] for handle in heard}
         late = [worker for worker in active if time.monotonic() > self._deadline(worker)]
         return list({**found, **{id(worker): worker for worker in late}}.values())

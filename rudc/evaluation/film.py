@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rudc.drawing.frames import Frame, Renderer
+from rudc.drawing.frames import Renderer
 from rudc.drawing.picture_file import save_film
+from rudc.drawing.reel import MOST, Reel
 from rudc.drawing.view import Driving, view_of
 
 if TYPE_CHECKING:
@@ -28,19 +29,22 @@ class Film:
         every: int = 1,
     ) -> None:
         """`agent`: the driver's name. `window`: where frames are shown as they come; without, they are kept
-        for `save`. `every`: one of so many decisions is drawn, and the last.
+        for `save`. `every`: one of so many decisions is drawn, and the last; of a long episode fewer, so
+        that no more than `MOST` frames are kept.
         """
         self._episode = episode
         self._agent = agent
         self._renderer = Renderer(episode.world.network, size=size)
         self._window = window
-        self._frames: list[Frame] = []
+        self._frames = Reel()
         self._every, self._seen = every, 0
-        self._rate = 1.0 / (every * episode.world.config.decision_s)
 
     def watch(self, scene: Scene, decision: Decision, result: StepResult) -> None:
         """Draw what a decision led to."""
         self._seen += 1
+        if len(self._frames) == MOST:
+            self._frames.thin()
+            self._every *= 2
         if (self._seen - 1) % self._every and not result.outcome:
             return
         view = view_of(self._episode.world, result.outcome)
@@ -52,7 +56,7 @@ class Film:
 
     def save(self, path: Path) -> None:
         """Write the film. Raises InputError for another kind of file, StorageError when that fails."""
-        save_film(self._frames, path, self._rate)
+        save_film(self._frames, path, 1.0 / (self._every * self._episode.world.config.decision_s))
 
 
 def driving(agent: str, decision: Decision) -> Driving:

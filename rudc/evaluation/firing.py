@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from rudc.agents.gap_acceptance import GapAcceptance
 from rudc.env.episode import Episode
-from rudc.errors import SimulationError
+from rudc.errors import RudcError
 from rudc.evaluation.rollout import run_episode
 from rudc.network.network import load_network
 from rudc.world.events import numbered
@@ -58,7 +58,7 @@ class Tried(NamedTuple):
     outcomes: Counter[str]
     """how many ended how"""
     wrong: list[str]
-    """what is wrong with those that cannot be set up, a line each"""
+    """what is wrong with those that cannot be set up or driven, a line each"""
 
     @property
     def ends(self) -> str:
@@ -78,14 +78,14 @@ def drive_and_count(scenario: Scenario, seeds: Iterable[int]) -> Tried:
     found = [Firing(number, event.kind) for number, event in enumerate(scenario.events, start=1)]
     wrong: list[str] = []
     waiting = deque(seeds)
-    while waiting:  # once more with a new world after an episode that could not be set up
+    while waiting:  # once more with a new world after an episode that went wrong
         with World(load_network(scenario.network, scenario.junction)) as world:
             episode, agent = Episode(world), GapAcceptance()
             while waiting:
                 seed = waiting.popleft()
                 try:
                     record = run_episode(episode, scenario.plan(seed), agent)
-                except SimulationError as error:
+                except RudcError as error:
                     wrong.append(f"seed {seed}: {error}")
                     break
                 outcomes[record.outcome] += 1

@@ -184,7 +184,7 @@ def resumed(old: Mapping[str, Any], new: Mapping[str, Any], folder: Path) -> dic
     fresh, there = json.loads(json.dumps(new)), old.get("configuration", {})
     if there.get("episodes", math.inf) < fresh["configuration"]["episodes"]:
         there = {**there, "episodes": fresh["configuration"]["episodes"]}
-    differences = list(_differences(there, fresh["configuration"]))
+    differences = list(_differences(_as_placed(there, fresh["configuration"]), fresh["configuration"]))
     if differences:
         shown = "\n".join(f"  {line}" for line in differences[:12])
         more = f"\n  and {len(differences) - 12} more" if len(differences) > 12 else ""
@@ -195,6 +195,18 @@ def resumed(old: Mapping[str, Any], new: Mapping[str, Any], folder: Path) -> dic
             f"Give the same command as before to resume it, or another --out to start anew{mixed}"
         )
     return {**old, "configuration": there}
+
+
+def _as_placed(there: Mapping[str, Any], here: Mapping[str, Any]) -> dict[str, Any]:
+    """A sweep's configuration, with another's networks in scenarios of the same digest: the same files, which
+    lie elsewhere now. Those that are swept stay, as rows name them.
+    """
+    scenarios = dict(there.get("scenarios", {}))
+    for name, told in scenarios.items():
+        now = here["scenarios"].get(name, {})
+        if told.get("digest", "") == now.get("digest") and "network" in now["values"]:
+            scenarios[name] = {**told, "values": {**told["values"], "network": now["values"]["network"]}}
+    return {**there, "scenarios": scenarios}
 
 
 def gone_on_with(content: Mapping[str, Any], now: dict[str, str]) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from rudc.evaluation.folder import TRACEBACK, read_sweep
 from rudc.evaluation.manifest import read_manifest, versions
 from rudc.evaluation.own_networks import kept_scenario
 from rudc.evaluation.record import EpisodeRecord, as_text
+from rudc.evaluation.rows import is_whole
 from rudc.evaluation.tasks import Task
 from rudc.hints import did_you_mean, listed
 from rudc.imports import plugins, sources_digests
@@ -88,9 +89,10 @@ class Swept:
                 f"{f' and --import {listed(list(imported))}' if imported else ''}"
                 f"{f' and the plug-ins of {listed(list(offered))}' if offered else ''}"
             ) from None
+        given = family.model_copy(update={"sweep": said["values"].get("sweep", {})})  # not the copies' paths
         points = {
             tuple(as_text(swept.get(parameter)) for parameter in self.parameters): (swept, scenario)
-            for swept, scenario in family.grid()
+            for swept, (_, scenario) in zip(given.points(), family.grid(), strict=True)
         }
         return _Family(points, family.digest == said["digest"])
 
@@ -99,7 +101,7 @@ class _Family(NamedTuple):
     """A scenario of a sweep, with all its swept values."""
 
     points: Mapping[tuple[str, ...], tuple[Mapping[str, Scalar], Scenario]]
-    """by the text of its swept values"""
+    """by the text of its swept values, which are those that the sweep was given"""
     same: bool
     """whether it still means what it meant when the sweep ran"""
 
@@ -136,14 +138,14 @@ def _number(rows: Sequence[Mapping[str, str]], parameters: Sequence[str], which:
     """Of the row that is meant."""
     if not rows:
         raise SweepError(f"{folder} has no rows: no episode of it has ended; finish it with --resume")
-    if which.isdigit():
+    if is_whole(which):
         if not 1 <= int(which) <= len(rows):
             raise SweepError(f"{folder} has rows 1 to {len(rows)}, not {which}")
         return int(which)
     scenario, _, rest = which.partition(":")
     agent, _, seed = rest.rpartition(":")
-    if not (scenario and agent and seed.isdigit()):
-        raise SweepError(f"which episode is {which!r}? {HOW}")
+    if not (scenario and agent and is_whole(seed)):
+        raise SweepError(f"which episode is {which[:80]!r}? {HOW}")
     wanted = {"scenario": scenario, "agent": agent, "seed": str(int(seed))}
     found = [k for k, row in enumerate(rows, 1) if all(row[name] == v for name, v in wanted.items())]
     if len(found) > 1:

@@ -112,7 +112,7 @@ def _sound(block: Columns) -> bool:
 def _wrong(row: Row) -> str:
     """What is wrong with a row, in words; empty for nothing."""
     seed, outcome = row["seed"], row["outcome"]
-    if not (seed.isascii() and seed.isdigit() and len(seed) < _SEED_DIGITS):
+    if not is_whole(seed):
         return f"seed: {seed[:40]!r} is no number of an episode"
     if row["error"] and outcome:
         return f"outcome: {outcome[:40]!r} of an episode that has an error"
@@ -122,6 +122,11 @@ def _wrong(row: Row) -> str:
         if row[name] and not _is_number(row[name]):
             return f"{name}: {row[name][:40]!r} is no number between -{_BOUND:g} and {_BOUND:g}"
     return ""
+
+
+def is_whole(text: str) -> bool:
+    """Whether a text is a whole number, as one of an episode or of a row is: 0 to 9 alone, and not many."""
+    return text.isascii() and text.isdigit() and len(text) < _SEED_DIGITS
 
 
 def _is_number(text: str) -> bool:

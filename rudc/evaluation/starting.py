@@ -8,8 +8,9 @@
 
 So the imports are paid once, however many workers there are and whenever they start, and while this process
 looks at what it was asked for. The server has no world, no torch, one thread, and ignores Ctrl-C; so workers
-start as clean as from an interpreter of their own. That is what they get where there is no forking (Windows)
-or where RUDC's code was changed since the server loaded it.
+start as clean as from an interpreter of their own. That is what they get where there is no forking (Windows),
+where the server's socket has no place (a path of TMPDIR that is too long for one), or where RUDC's code was
+changed since the server loaded it.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ PRELOADED = "rudc.evaluation.preloaded"
 """what the server imports"""
 
 _served: tuple[int, str] | None = None
-"""whose server it is, and the digest of the code that it has loaded; None before it was started"""
+"""whose server it is, and the digest of the code that it has loaded, empty where there can be no server; None
+before it was started"""
 
 
 def prepare() -> None:
@@ -40,7 +42,7 @@ def prepare() -> None:
     global _served
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return
-    if _served is not None and _served[0] != os.getpid():  # a fork of whose server it is
+    if _served is not None and (_served[0] != os.getpid() or not _served[1]):  # a fork of whose server it is
         return
     from multiprocessing import forkserver
 
@@ -48,7 +50,10 @@ def prepare() -> None:
         _served = os.getpid(), code_digest()
         forkserver.set_forkserver_preload([PRELOADED])
     with quiet_start(PYTHONSAFEPATH="1", PYTHONPATH=os.pathsep.join(filter(None, sys.path))):
-        forkserver.ensure_running()  # imports from where this process does, whatever the folder holds
+        try:
+            forkserver.ensure_running()  # imports from where this process does, whatever the folder holds
+        except OSError:
+            _served = os.getpid(), ""
 
 
 def start(target: Callable[..., None], *args: Any, name: str | None = None) -> BaseProcess:

@@ -15,7 +15,7 @@ from rudc.errors import InputError, PartFailedError, RudcError, StorageError, Sw
 from rudc.evaluation.code import code_digest
 from rudc.evaluation.engine import Result, Runner, RunnerFactory, run_local
 from rudc.evaluation.folder import SweepFolder, read_sweep, sweep_rows
-from rudc.evaluation.limits import EPISODE_LIMIT_S
+from rudc.evaluation.limits import EPISODE_LIMIT_S, LONGEST_LIMIT_S
 from rudc.evaluation.ray_engine import connect, run_ray
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.rows import by_row
@@ -97,6 +97,7 @@ def run_sweep(
     """
     if workers < 1:
         raise SweepError(f"a sweep needs at least one worker, not {workers}")
+    check_limit(limit_s)
     if engine not in ENGINES:
         raise InputError(f"no engine {engine!r}{there_are(engine, ENGINES)}")
     chosen = ENGINES[engine]
@@ -106,6 +107,14 @@ def run_sweep(
         folder.open(resume)
         with kept_rows():
             return _finish(folder, workers, chosen, limit_s, make_runner, progress or Silent())
+
+
+def check_limit(limit_s: float) -> None:
+    """Raise SweepError for a wall time (s) that no episode can be given, nan and inf among them."""
+    if not 0.0 < limit_s <= LONGEST_LIMIT_S:
+        raise SweepError(
+            f"--episode-limit is more than 0 and at most {LONGEST_LIMIT_S:g} s, three years; not {limit_s:g}"
+        )
 
 
 @contextmanager

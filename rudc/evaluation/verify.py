@@ -21,7 +21,7 @@ from rudc.evaluation.columns import COLUMNS
 from rudc.evaluation.engine import RunnerFactory
 from rudc.evaluation.limits import EPISODE_LIMIT_S
 from rudc.evaluation.rerun import Difference, Rerun, Swept, differences
-from rudc.evaluation.sweep import ENGINES, Progress, Silent, prepared
+from rudc.evaluation.sweep import ENGINES, Progress, Silent, check_limit, prepared
 
 SHARE = 0.05
 """of the episodes of a sweep that are run again unless told otherwise"""
@@ -82,6 +82,7 @@ def verify_sweep(
     """
     if not 0.0 < share <= 1.0:
         raise SweepError(f"a share of the episodes is more than 0 and at most 1, not {share:g}")
+    check_limit(limit_s)
     sweep = Swept(folder)
     drawn = _sample(sweep.rows, share, seed, folder)
     reruns = {r.task.key(sweep.parameters): r for r in (sweep.episode(number) for number in drawn.numbers)}

@@ -253,8 +253,8 @@ class ChoiceParameters(FileModel, frozen=True):
         for i, weight in enumerate(self.weights):
             if weight < 0:
                 refuse(f"a weight cannot be negative, got {weight:g}", "weights", i)
-        if sum(self.weights) <= 0:
-            refuse("one weight at least must be above 0", "weights")
+        if not 0 < sum(self.weights) < math.inf:
+            refuse("one weight at least must be above 0, and the sum of all finite", "weights")
         return self
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+import os
 from collections.abc import Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -15,8 +16,9 @@ SUFFIXES = (".yaml", ".yml")
 
 
 def shipped_scenarios() -> dict[str, Path]:
-    """Name -> file of every scenario that comes with the package, sorted by name."""
-    return {path.stem: path for path in sorted(data_folder("scenarios").glob("*.yaml"))}
+    """Name -> file of every scenario that comes with the package, sorted by name; of none that is hidden."""
+    found = sorted(data_folder("scenarios").glob("[!.]*.yaml"))
+    return {path.stem: path for path in found if path.is_file()}
 
 
 def find_file(source: str | Path) -> Path:
@@ -24,7 +26,7 @@ def find_file(source: str | Path) -> Path:
     shipped = shipped_scenarios()
     if isinstance(source, str) and source in shipped:
         return shipped[source]
-    path = Path(source).expanduser()
+    path = Path(os.path.expanduser(source))
     if path.is_file():
         return path
     if path.is_dir():
@@ -53,7 +55,7 @@ def find_files(patterns: Sequence[str]) -> list[Path]:
     """Files of the scenarios that names, paths and globs stand for, each once, in the order given.
 
     A pattern without a suffix or folder (`*left*`) is one of shipped names. Raises ScenarioError with a line
-    for each that fits nothing.
+    for each that fits nothing. What is the path of a file is no pattern.
     """
     found, missing = existing_files(patterns)
     if missing:
@@ -67,7 +69,8 @@ def existing_files(patterns: Sequence[str]) -> tuple[list[Path], list[str]]:
     missing: list[str] = []
     for pattern in patterns:
         try:
-            paths = _matching(pattern) if glob.has_magic(pattern) else [find_file(pattern)]
+            several = glob.has_magic(pattern) and not Path(os.path.expanduser(pattern)).is_file()
+            paths = _matching(pattern) if several else [find_file(pattern)]
         except ScenarioError as error:
             missing.append(str(error))
             continue
@@ -109,5 +112,5 @@ def _is_path(source: str | Path) -> bool:
 def _matching(pattern: str) -> list[Path]:
     if not _is_path(pattern):
         return [path for name, path in shipped_scenarios().items() if fnmatchcase(name, pattern)]
-    paths = [Path(path) for path in sorted(glob.glob(str(Path(pattern).expanduser()), recursive=True))]
+    paths = [Path(path) for path in sorted(glob.glob(os.path.expanduser(pattern), recursive=True))]
     return [path for path in paths if path.is_file()]

@@ -19,7 +19,7 @@ FOLDER = Path(__file__).parent / "presets"
 
 def preset_names() -> tuple[str, ...]:
     """Presets that come with RUDC."""
-    return tuple(sorted(file.stem for file in FOLDER.glob("*.yaml")))
+    return tuple(sorted(file.stem for file in FOLDER.glob("[!.]*.yaml")))
 
 
 def read_preset(name: str) -> dict[str, Any]:

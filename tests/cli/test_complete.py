@@ -22,7 +22,7 @@ def test_scenarios_are_shipped_names_and_files():
     assert "out/" in complete_scenarios("")
     assert ".hidden/" not in complete_scenarios("")
     assert complete_scenarios("./bl") == ["./blocked_mine.yaml"]
-    assert complete_scenarios("nowhere/") == []
+    assert complete_scenarios("nowhere/") == complete_scenarios("~no-such-user/") == []
 
 
 def test_agents_are_names_and_folders():

@@ -3,6 +3,7 @@
 A sweep by Ctrl-C: test_commands.py.
 """
 
+import io
 import os
 import signal
 import subprocess
@@ -11,6 +12,8 @@ import time
 from functools import partial
 
 import pytest
+
+from rudc.cli.main import main
 
 RUDC = [sys.executable, "-m", "rudc"]
 
@@ -101,3 +104,15 @@ def test_no_cluster_is_said_at_once_and_before_the_folder_is_touched(tmp_path):
     assert "no cluster at RAY_ADDRESS=127.0.0.1:9" in done.stderr
     assert time.monotonic() - began < 30  # 10, and this machine's mood
     assert not out.exists()
+
+
+@pytest.mark.parametrize(("errors", "written"), [("strict", b"caf\xe9 \\u2192"), ("replace", b"caf\xe9 ?")])
+def test_signs_that_the_output_cannot_have_are_spelled_out(monkeypatch, tmp_path, errors, written):
+    (tmp_path / "a.yaml").write_text("caf\u00e9 \u2192", encoding="utf-8")
+    out = io.TextIOWrapper(io.BytesIO(), encoding="latin-1", errors=errors)
+    monkeypatch.setattr("sys.stdout", out)
+    monkeypatch.setattr("sys.argv", ["rudc", "scenario", "show", str(tmp_path / "a.yaml")])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert not ended.value.code
+    assert out.buffer.getvalue() == written

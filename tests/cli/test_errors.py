@@ -22,6 +22,7 @@ SEARCH = ("search", "random_destination", "--agent", "follower", "--out", "out")
         (("sweep", "-a", "sumo", "-o", "x"), "which scenarios?"),
         ((*SWEEP, "--engine", "locl"), "no engine 'locl' (did you mean 'local'?)"),
         (("sweep", "random_destination", "-a", "sumo"), "--out DIR"),
+        ((*SWEEP, "--episode-limit", "inf"), "at most 1e+08 s, three years; not inf"),
         ((*SEARCH, "--over", "traffic.densty=[5, 30]"), "did you mean 'density'?"),
         ((*SEARCH, "--over", "traffic.density=5"), "--over traffic.density=5: expected KEY=[LOW, HIGH]"),
         ((*SEARCH, "--over", "traffic.density=[30, 5]"), "low 30 is above high 5"),

@@ -1,5 +1,6 @@
 """Worker processes: those that work, die, hang, or never start."""
 
+import math
 import multiprocessing
 import sys
 import types
@@ -8,9 +9,11 @@ from functools import partial
 
 import pytest
 
-from rudc.errors import InputError, SimulationError
+from rudc.errors import InputError, SimulationError, SweepError
 from rudc.evaluation.engine import run_local
+from rudc.evaluation.limits import LONGEST_LIMIT_S
 from rudc.evaluation.ray_engine import _Remote, run_ray
+from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.sweep import run_sweep
 
 
@@ -198,3 +201,13 @@ def test_the_limit_counts_the_episode_not_what_is_loaded_for_it(fakes, make_plan
     tasks = make_plan(agents=("sumo",), episodes=1).tasks()
     ((_, record),) = run_local(tasks, 1, 1.0, fakes.SlowToLoad)
     assert record.error == ""
+
+
+def test_as_long_a_limit_as_there_can_be_is_waited_for(fakes, make_plan, tmp_path):
+    plan = make_plan(agents=("follower",), episodes=1)
+    runner = partial(EpisodeRunner, limit_s=LONGEST_LIMIT_S)
+    assert not run_sweep(plan, tmp_path / "most", runner, limit_s=LONGEST_LIMIT_S).errors
+    for limit_s in (1.1 * LONGEST_LIMIT_S, math.nan):
+        with pytest.raises(SweepError, match="--episode-limit is more than 0 and at most"):
+            run_sweep(plan, tmp_path / "more", fakes.Runner, limit_s=limit_s)
+    assert not (tmp_path / "more").exists()

@@ -4,7 +4,9 @@ import pytest
 from typer.testing import CliRunner
 
 from rudc.cli.commands import app
+from rudc.errors import InputError, PartFailedError
 from rudc.evaluation.firing import Firing, drive_and_count
+from rudc.evaluation.rollout import run_episode
 from rudc.scenario import load_scenario, shipped_scenarios
 
 WAITING = [
@@ -96,6 +98,21 @@ def test_seeds_that_cannot_be_set_up_are_said_and_the_others_driven(tmp_path):
     result = CliRunner().invoke(app, ["scenario", "validate", *files, "--seeds", "6"])
     assert f"{path}: {wrong[0]}" in str(result.exception)
     assert "sudden_brake: ok (1 event)" in result.stdout
+
+
+@pytest.mark.parametrize("kind", [InputError, PartFailedError])
+def test_an_episode_that_goes_wrong_on_the_way_does_not_keep_the_others_from_being_driven(kind, monkeypatch):
+    real = run_episode
+
+    def failing(episode, plan, agent):
+        if plan.seed == 0:
+            raise kind("a part failed at 0.5 s")
+        return real(episode, plan, agent)
+
+    monkeypatch.setattr("rudc.evaluation.firing.run_episode", failing)
+    driven = drive_and_count(load_scenario("random_destination", {"episode.timeout": 1}), range(2))
+    assert driven.wrong == ["seed 0: a part failed at 0.5 s"]
+    assert driven.outcomes.total() == 1
 
 
 def test_how_episodes_end_is_said():

@@ -136,3 +136,13 @@ def test_the_codes_digest_follows_its_content(tmp_path, monkeypatch):
     once = manifest.code_digest()
     (package / "new.py").write_text("x = 2\n")
     assert len({before, once, manifest.code_digest()}) == 3
+
+
+def test_what_an_editor_keeps_beside_the_code_is_no_code(tmp_path, monkeypatch):
+    (tmp_path / "__init__.py").write_text("")
+    monkeypatch.setattr("rudc.__file__", str(tmp_path / "__init__.py"))
+    before = manifest.code_digest()
+    (tmp_path / ".#new.py").symlink_to("user@host.1")
+    (tmp_path / "gone.py").symlink_to("user@host.1")
+    (tmp_path / ".new.py").write_text("x = 1\n")
+    assert manifest.code_digest() == before

@@ -53,6 +53,9 @@ def test_a_row_that_says_otherwise_is_noticed(folder):
         ("elsewhere:follower:5", "no episode of scenario 'elsewhere'"),
         ("0", "rows 1 to 8, not 0"),
         ("follower", "SCENARIO:AGENT:SEED"),
+        ("\u00b3", "which episode is '\u00b3'?"),
+        ("random_destination:follower:\u00b3", "which episode is"),
+        pytest.param("9" * 5000, "which episode is", id="digits"),
     ],
 )
 def test_an_episode_that_is_not_there_is_refused_in_one_line(folder, which, says):

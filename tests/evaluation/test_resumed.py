@@ -29,3 +29,20 @@ def test_the_same_agents_in_another_number_are_another_sweep():
     with pytest.raises(SweepError, match="agents: more only here"):
         resumed(_manifest(one={}), _manifest(one={}, more={}), Path("out"))
     assert resumed(_manifest(one={}), _manifest(one={}), Path("out")) == _manifest(one={})
+
+
+def _on_network(path, digest):
+    made = _manifest(one={})
+    made["configuration"]["scenarios"]["a"] = {"digest": digest, "values": {"network": path}}
+    return made
+
+
+def test_a_network_may_lie_elsewhere_now_but_is_the_same():
+    there = _on_network("/before/own.net.xml", "12ab")
+    assert resumed(there, _on_network("/now/own.net.xml", "12ab"), Path("out")) == there
+    with pytest.raises(
+        SweepError, match=r'network: "/before/own\.net\.xml" there, "/now/own\.net\.xml" here'
+    ):
+        resumed(there, _on_network("/now/own.net.xml", "34cd"), Path("out"))
+    with pytest.raises(SweepError, match="a file that the scenario names has changed"):
+        resumed(there, _on_network("/before/own.net.xml", "34cd"), Path("out"))

@@ -2,11 +2,12 @@
 
 import csv
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from rudc.agents.base import Decision, EgoDriver
+from rudc.agents.base import Decision, EgoDriver, unfiltered
 from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode
 from rudc.evaluation.columns import COLUMNS, TIMING, is_intervention
@@ -146,3 +147,26 @@ def test_a_real_sweep_is_the_same_with_one_worker_and_with_two(tmp_path):
             k: v for k, v in b.items() if k not in TIMING
         }
     assert (tmp_path / "one" / "metrics.csv").read_bytes() == (tmp_path / "two" / "metrics.csv").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("every", "steps", "drawn", "rate"),
+    [(1, 6, [0, 1, 2, 3, 4, 5], 10.0), (1, 10, [0, 2, 4, 6, 8, 9], 5.0), (2, 30, [0, 8, 16, 24, 29], 1.25)],
+)
+def test_a_film_of_a_long_episode_has_fewer_frames_a_second(episode, monkeypatch, every, steps, drawn, rate):
+    """At most 6 here; it takes as long, and ends with the end."""
+    saved = []
+    monkeypatch.setattr("rudc.evaluation.film.MOST", 6)
+    monkeypatch.setattr("rudc.evaluation.film.save_film", lambda *given: saved.append(given))
+    monkeypatch.setattr("rudc.evaluation.film.view_of", lambda *_: None)
+    film = Film(episode, size=60, every=every)
+    for step in range(steps):
+        picture = np.full((4, 4, 3), step, dtype=np.uint8)
+        film._renderer = SimpleNamespace(frame=lambda *_, picture=picture: picture)
+        film.watch(
+            None, unfiltered(0.0, 0.0), SimpleNamespace(outcome="frozen" if step == steps - 1 else None)
+        )
+    film.save("film.gif")
+    ((frames, _, told),) = saved
+    assert [int(one[0, 0, 0]) for one in frames] == drawn
+    assert told == pytest.approx(rate)

@@ -1,6 +1,7 @@
 """Workers have the code of the process that starts them, wherever it was started."""
 
 import multiprocessing
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -25,8 +26,6 @@ print(ours.recv())
 
 def say_whence(pipe):
     """Where a worker has its code from, and whether that was imported before it started."""
-    import os
-
     pipe.send((rudc.__file__, "rudc.evaluation.runner" in sys.modules, os.environ["OMP_NUM_THREADS"]))
 
 
@@ -38,6 +37,17 @@ def test_a_worker_has_the_code_of_who_starts_it_whatever_the_folder_holds(tmp_pa
         [sys.executable, "-c", CODE.format(root=root)], cwd=tmp_path, capture_output=True, text=True
     )
     assert done.stdout.strip() == repr((rudc.__file__, True, "1")), done.stderr
+
+
+def test_a_temporary_folder_with_a_long_path_is_no_hindrance(tmp_path):
+    """The server's socket would lie there, whose path has a hundred characters at most."""
+    far = tmp_path / ("x" * 120)
+    far.mkdir()
+    done = subprocess.run(
+        [sys.executable, "-c", CODE.format(root=str(Path(rudc.__file__).parents[1]))],
+        env={**os.environ, "TMPDIR": str(far)}, capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.stdout.strip() == repr((rudc.__file__, False, "1")), done.stderr
 
 
 def _one_more(pipe):

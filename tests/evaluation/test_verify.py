@@ -2,11 +2,13 @@
 
 import json
 import shutil
+from pathlib import Path
 
 import pytest
 
 from rudc.errors import SweepError
 from rudc.evaluation.folder import read_sweep
+from rudc.evaluation.rerun import Swept
 from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.sweep import ENGINES, Engine, run_sweep
 from rudc.evaluation.tasks import SweepPlan
@@ -143,3 +145,19 @@ def test_rows_that_failed_are_left_out_and_counted(copied):
     _edit(copied, 3, "outcome", "")
     found = verify_sweep(copied, EpisodeRunner, share=1.0)
     assert (found.of, found.failed, found.again, list(found.other)) == (11, 1, 11, [])
+
+
+def test_a_sweep_over_networks_of_ones_own_is_found_by_the_paths_it_was_given(tmp_path):
+    """Two of one name and content are two points of it."""
+    given = [str(tmp_path / folder / "own.net.xml") for folder in ("a", "b")]
+    for path in given:
+        Path(path).parent.mkdir()
+        shutil.copy(shipped_networks()["t_junction"], path)
+    scenario = load_scenario("random_destination", {"episode.timeout": 1}, grid={"network": given})
+    run_sweep(SweepPlan((scenario,), ("follower",), 1, 0), tmp_path / "swept", EpisodeRunner)
+    for path in given:
+        Path(path).unlink()
+    sweep = Swept(tmp_path / "swept")
+    assert [sweep.episode(number).task.swept for number in (1, 2)] == [{"network": path} for path in given]
+    found = verify_sweep(tmp_path / "swept", EpisodeRunner, share=1.0)
+    assert (found.again, found.other, found.changes) == (2, [], ())

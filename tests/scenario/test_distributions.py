@@ -145,7 +145,7 @@ def test_only_fixed_numbers_have_a_value():
         2}}, {"normal": {"mean": 1, "std": 1, "high": 0}}, {"choice": []}, {"choice": ["a"]}, {"value": 3},
         {"choice": {"values": [1, 2], "weights": [1]}}, {"choice": {"values": [1, 2], "weights": [1, -1]}},
         {"choice": {"values": [1, 2], "weights": [0, 0]}}, {"uniform": [1, 2], "more": 3}, {"uniform": [True,
-        2]},
+        2]}, {"choice": {"values": [1, 2], "weights": [1e308, 1e308]}},
     ],
 )  # fmt: skip
 def test_refused(value):

@@ -32,6 +32,29 @@ def test_files_by_path(folder):
     assert load_scenario("plain").name == "plain"
 
 
+def test_a_name_that_begins_with_a_tilde_may_be_no_user(folder):
+    (folder / "~draft.yaml").write_text("name: draft\n")
+    assert load_scenario("~draft.yaml").name == "draft"
+    assert names("~dra*.yaml") == ["draft"]
+    with pytest.raises(ScenarioError, match=r"^~no-such-user/a\.yaml: no such file"):
+        load_scenario("~no-such-user/a.yaml")
+
+
+def test_the_path_of_a_file_is_no_pattern(folder):
+    (folder / "runs [1]").mkdir()
+    (folder / "runs [1]" / "what?*.yaml").write_text("name: odd\n")
+    assert names("runs [1]/what?*.yaml") == ["odd"]
+
+
+def test_what_an_editor_keeps_beside_a_shipped_scenario_is_none(tmp_path, monkeypatch):
+    for name in ("fog.yaml", ".fog.yaml"):
+        (tmp_path / name).write_text("name: fog\n")
+    for name in (".#fog.yaml", "gone.yaml"):
+        (tmp_path / name).symlink_to("user@host.1")
+    monkeypatch.setattr("rudc.scenario.library.data_folder", lambda name: tmp_path)
+    assert shipped_scenarios() == {"fog": tmp_path / "fog.yaml"}
+
+
 def test_patterns_each_once_in_order(folder):
     assert names("b.yaml", "*.yaml", "sub/c.yml", "./a.yaml") == ["b", "a", "c"]
     assert names("**/*.y*ml")[-1:] == ["c"]
