@@ -179,7 +179,7 @@ def _folder() -> str:
     """Where compiled kernels of this content lie."""
     package = Path(__file__).parent
     digest = hashlib.sha256()
-    for module in sorted(package.rglob("*kernels.py")):
+    for module in filter(Path.is_file, sorted(package.rglob("*kernels.py"))):  # no locks of editors
         digest.update(module.read_bytes())
     home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
     places = (
