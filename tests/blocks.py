@@ -32,6 +32,7 @@ LESS = (
     (r"--episodes \d+", "--episodes 1"),
     (r"--workers \d+", "--workers 1"),
     (r"--seeds \d+", "--seeds 1"),
+    (r" --envs \d+", ""),  # QUICK has it
     (r"rudc train (rudc-\S+|sac|dsac) ", rf"rudc train \1 {QUICK} "),
     (r"(rudc study filter .*--agent) rudc-t", r"\1 gap-acceptance+ttcbf:correction.d_safe=0.5"),
     (r"rudc train (rudc-\S+) ", r"rudc train \1 --set training.calibration_episodes=1 "),

@@ -57,7 +57,7 @@ class Counted(Reel):
     most = 0
 
     def __getitem__(self, index):
-        pictures = [one for one in gc.get_objects() if isinstance(one, Image.Image)]
+        pictures = [one for one in gc.get_objects() if issubclass(type(one), Image.Image)]
         self.most = max(self.most, sum(one.mode == "RGB" for one in pictures))
         return super().__getitem__(index)
 
