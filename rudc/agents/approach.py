@@ -22,7 +22,7 @@ import numpy as np
 
 from rudc.agents.gaps import ACCELERATION, crossing, suffices
 from rudc.arrays import Array
-from rudc.env.tracking import LATERAL, at_most, slowing, speeds_in_bends
+from rudc.env.tracking import LATERAL, at_most, hardest, planned, slowing, speeds_in_bends
 from rudc.world.scene import Scene
 
 PLANNED, HARDEST = 5.0, 6.0
@@ -39,18 +39,17 @@ AT_POINT = 0.3
 
 def ready_to_wait(scene: Scene, u: Array) -> Array:
     """(2,) what of the command u (2,), m/s2 and rad, leaves the ego able to stop at its waiting point."""
-    v, grip = scene.ego.v, min(-scene.vehicle.a_min, HARDEST)
-    planned = PLANNED / HARDEST * grip
+    v, grip, braking = scene.ego.v, hardest(scene, HARDEST), planned(scene, PLANNED)
     room = scene.route.waiting_s - scene.ego_s - 0.5 * scene.vehicle.length
     if room < v**2 / (2 * grip):
         return u
-    a = slowing(scene, room - AT_POINT, 0.0, planned)
+    a = slowing(scene, room - AT_POINT, 0.0, braking)
     if u[0] <= a:
         return u
     found = crossing(scene)
     if found is None or not found.yields.any():
         return u
-    profile = speeds_in_bends(scene.route.path) * math.sqrt(min(planned / LATERAL, 1.0))
+    profile = speeds_in_bends(scene.route.path) * math.sqrt(min(braking / LATERAL, 1.0))
     close = np.where(found.speed < SLOW * found.limit, CLOSE, CLOSE_TO_FAST) * grip / HARDEST
     for tried in ACCELERATIONS:
         if tried <= a:
