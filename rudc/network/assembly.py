@@ -1,4 +1,4 @@
-"""Makes lanes, arms and movements of what the reader found in the network file."""
+"""Makes lanes, arms and movements from what the reader found in the network file."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from rudc.network.reader import VEHICLE_CLASS, Junction, RawArm, Way, shape_of
 from rudc.network.road import COMPASS, ROAD_USERS, Arm, Lane, Movement, Turn
 
 STRAIGHT = np.radians(30.0)
-"""rad, a smaller change of heading than this is no turn"""
+"""rad, a change of heading smaller than this is no turn"""
 LOOK_OUT = 20.0
 """m of an arm next to the junction over which its direction is taken"""
 OVERHANG = 10.0
@@ -34,7 +34,7 @@ SWEPT = 2.6
 
 
 def make_lane(raw: Any) -> Lane:
-    """A `Lane` of a sumolib lane."""
+    """The `Lane` made from a sumolib lane."""
     xy = without_repeats(shape_of(raw))
     edge = raw.getEdge()
     lane = Lane(
@@ -75,7 +75,7 @@ def nodes_within(arms: Iterable[RawArm]) -> list[Any]:
 
 
 def lanes_without_cars(arms: Sequence[RawArm]) -> dict[str, tuple[str, ...]]:
-    """Lanes of the arms that refuse cars, but not all that drives: id -> who may use it."""
+    """Lanes of the arms that are closed to cars but open to other road users: id -> who may use it."""
     lanes = [lane for arm in arms for edge in (*arm.inbound, *arm.outbound) for lane in edge.getLanes()]
     users = {
         lane.getID(): tuple(user for user in ROAD_USERS if lane.allows(user))
@@ -86,7 +86,7 @@ def lanes_without_cars(arms: Sequence[RawArm]) -> dict[str, tuple[str, ...]]:
 
 
 def centre_of(junction: Junction) -> Array:
-    """(2,) m, the node's place, or the mean of the nodes' of a roundabout."""
+    """(2,) m, the node's position; for a roundabout, the mean of its nodes' positions."""
     return np.mean([node.getCoord() for node in junction.nodes], axis=0)
 
 
@@ -112,7 +112,7 @@ def _bearing(far: Array, centre: Array) -> float:
 
 
 def make_arms(raw: Sequence[RawArm], lanes: dict[str, Lane], centre: Array) -> list[Arm]:
-    """Arms in the order of `raw`, `major` still to be decided."""
+    """Arms in the order of `raw`; `decide_major` sets their `major` later."""
     arms = [_make_arm(arm, lanes, centre) for arm in raw]
     words = [arm.name for arm in arms]
     return [
@@ -147,8 +147,8 @@ def _lane_ids(edges: Iterable[Any], lanes: dict[str, Lane]) -> tuple[str, ...]:
 
 
 def decide_major(arms: Sequence[Arm], ways: Sequence[Way], yields: Flags, node_type: str) -> list[Arm]:
-    """The arms, each major if some way from it need not yield to any way from another arm; none where who
-    comes from the right goes first, though his own turn to the right yields to nobody there."""
+    """The arms, each marked major if some way from it need not yield to any way from another arm. No arm is
+    major where traffic from the right goes first, although turns to the right yield to nobody there."""
     free = ~_yields_to_others(ways, yields)
     major = {way.source.origin for way, is_free in zip(ways, free, strict=True) if is_free}
     if node_type == "right_before_left":
@@ -186,7 +186,7 @@ def make_movements(arms: Sequence[Arm], ways: Sequence[Way], yields: Flags) -> l
 
 
 def _turn(arms: Sequence[Arm], rows: Iterable[tuple[int, int]], o: int, d: int, angle: float) -> Turn:
-    """The turn's name; of several destinations that lie nearly straight on, the straightest is straight."""
+    """The turn's name. If several destinations lie nearly straight on, only the straightest is `straight`."""
     if o == d:
         return "u_turn"
     others = [

@@ -1,4 +1,4 @@
-"""Builds a .net.xml with SUMO's netconvert, from plain sources or a map of OpenStreetMap: the same sources
+"""Builds a .net.xml with SUMO's netconvert, from plain sources or an OpenStreetMap map: the same sources
 always give the same file.
 """
 
@@ -19,9 +19,9 @@ from rudc.hints import install_command
 SOURCES = {".nod.xml": "--node-files", ".edg.xml": "--edge-files"}
 """files that a network needs, with netconvert's option for each"""
 MORE_SOURCES = {".con.xml": "--connection-files", ".typ.xml": "--type-files", ".tll.xml": "--tllogic-files"}
-"""files that it may have"""
+"""files that a network may have besides, with netconvert's option for each"""
 OSM = ".osm"
-"""ending of a map of OpenStreetMap"""
+"""ending of an OpenStreetMap file"""
 PLAIN_OPTIONS = ("--offset.disable-normalization",)  # coordinates stay those of the sources
 OSM_OPTIONS = (
     "--keep-edges.by-vclass=passenger",
@@ -30,7 +30,7 @@ OSM_OPTIONS = (
     "--junctions.join",
     "--roundabouts.guess",
     "--tls.discard-loaded",
-    "--default.junctions.radius=7",  # m; the 4 of netconvert bend tighter than a car can
+    "--default.junctions.radius=7",  # m; netconvert's default of 4 m is tighter than a car can turn
 )
 OPTIONS = (
     "--no-turnarounds",

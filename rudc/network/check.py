@@ -1,4 +1,4 @@
-"""`network check`: what was understood of a network file, and what in it will get in the way."""
+"""`network check`: what was read from a network file, and what in it will cause trouble."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SHORT_ARM = 60.0
 NARROW_LANE = 2.6
 """m: less leaves a car of 1.8 m no margin"""
 SHORT_WAY = 35.0
-"""m behind the junction; from there on an ego arrives 30 m behind it, as scenarios have it by default"""
+"""m of lane beyond the junction: enough for a car to arrive 30 m beyond it, where scenarios end by default"""
 FAST = 15.0
 """m/s: the ego drives no faster"""
 
@@ -88,11 +88,12 @@ class NetworkReport:
     movements: tuple[MovementReport, ...]
     """in the order of arms and lanes"""
     warnings: tuple[str, ...]
-    """what will get in the way, one sentence each; empty when all is well"""
+    """what will cause trouble, one sentence each; empty when all is well"""
 
 
 def check_network(source: str | Path, junction: str | None = None) -> NetworkReport:
-    """Reads a network (shipped name or .net.xml) and looks at everything the simulation will need of it."""
+    """Reads a network (shipped name or .net.xml) and checks all that the simulation will need from it.
+    Raises NetworkError."""
     network = load_network(source, junction)
     routes = {(m.origin, m.destination): network.route(m.origin, m.destination) for m in network.movements}
     warnings = [
@@ -218,11 +219,11 @@ def _route_warnings(network: Network, route: Route) -> Iterator[str]:
     edges, last = network.arm(route.destination).out_edges, network.paths.lane_ids[route.row][-1]
     room = route.length - route.exit_s
     if network.lanes[last].edge != edges[-1] and room < SHORT_WAY:
-        yield f"{way} ends with its lane {room:.0f} m behind the junction; it has arrived there at the latest"
+        yield f"{way} ends with its lane {room:.0f} m beyond the junction; it arrives there at the latest"
 
 
 def waiting_warnings(routes: list[Route]) -> Iterator[str]:
-    """Two cars from different arms that wait where each of them may, and overlap."""
+    """A warning for each pair of routes from different arms on which two waiting cars would overlap."""
     waiting = [route for route in routes if route.waiting_s > route.stop_line_s and route.turn != "u_turn"]
     for a, b in combinations(waiting, 2):
         if a.origin != b.origin and waiting_gap(a, b) <= 0.0:

@@ -1,7 +1,7 @@
 """Where two ways through the junction come too close: the conflict table, zones and waiting positions.
 
 Two centre lines are in conflict where they come closer than CONFLICT_WIDTH: two cars of 1.8 m, 0.4 m between.
-Arc lengths in the table are those of vehicles' centres; half lengths are the reader's to add.
+Arc lengths in the table are those of vehicles' centres; whoever reads it adds half a vehicle's length.
 """
 
 from __future__ import annotations
@@ -26,9 +26,10 @@ WAITING_GAP = 0.75
 MERGED = 6.0
 """m beyond the start of a merge after which its vehicles follow one another"""
 COS_ALONG = np.cos(np.radians(30.0))
-"""cosine of the angle up to which two ways lead the same way"""
+"""two ways lead in the same direction where the cosine of the angle between them is above this"""
 BACK = 5.0
-"""m back along another way, from one station of a path to the next that meets it, for a second stretch"""
+"""m: a second stretch begins where, from one station to the next, the other way's nearest point jumps back
+by more than this"""
 DEPARTS = 0.5
 """m from its route beyond which a course has left it"""
 
@@ -65,15 +66,16 @@ class Crossings(NamedTuple):
     table: Array
     """(P, 4) m, as `conflict_table`; of two stretches the first along the path"""
     again: Array
-    """(P, 4) m, the second, of which both begin anew; nan where there is none"""
+    """(P, 4) m, the same for the second stretch; nan where there is none"""
     merges: Flags
-    """(P,) whether both go on in one lane from there; also where they part later on"""
+    """(P,) whether both go on in one lane from there, even if they part again later"""
     merges_again: Flags
-    """(P,) the same of the second"""
+    """(P,) the same for the second stretch"""
 
 
 def crossings(path: ReferencePath, paths: PathTable, twice: Flags, table: Array) -> Crossings:
-    """Of a path with a conflict table (P, 4). `twice` (P,): the ways that may be met twice."""
+    """The crossings of a path with a conflict `table` (P, 4). `twice` (P,): the ways that it may meet
+    twice."""
     first, again = table.copy(), np.full_like(table, np.nan)
     for row in np.flatnonzero(twice).tolist():
         line = paths.xy[row, : int(paths.length[row] / SPACING) + 1]
@@ -88,7 +90,7 @@ def crossings(path: ReferencePath, paths: PathTable, twice: Flags, table: Array)
 
 
 def _merges(path: ReferencePath, paths: PathTable, table: Array) -> Flags:
-    """(P,) with whom the path shares a lane from MERGED into the conflict on."""
+    """(P,) whether the path shares a lane with each way, from MERGED m into the conflict on."""
     met = np.isfinite(table[:, 0])
     begin, end, its_begin, its_end = np.where(met[:, None], table, 0.0).T
     x, y, psi = path.pose(begin + MERGED)
@@ -98,15 +100,15 @@ def _merges(path: ReferencePath, paths: PathTable, table: Array) -> Flags:
 
 
 def departure_table(course: ReferencePath, route: ReferencePath, paths: PathTable) -> Array:
-    """`conflict_table` of those stretches of a course that lie off its route."""
+    """`conflict_table`, but only of the stretches of a course that lie off its route."""
     gap, _ = KDTree(route.xy).query(course.xy)
     return conflict_table(course, paths, gap > DEPARTS)
 
 
 def silent(paths: PathTable, row: int, table: Array) -> Flags:
     """(P,) the rows from other arms that a path of `row` with this conflict table (P, 4) meets in the
-    junction, beyond its stop line, although the right of way says of neither that it yields. Ways straight on
-    towards each other are such where a junction is so skewed or narrow that bodies on them overlap.
+    junction, beyond its stop line, although by the right of way neither must yield. An example are two
+    opposite ways straight on in a junction so skewed or narrow that bodies on them overlap.
     """
     unsaid = ~(paths.yields[row] | paths.yields[:, row]) & (paths.origin != paths.origin[row])
     inside = (table[:, 2] < paths.exit_s) & (table[:, 3] > paths.stop_s)  # false where nan
@@ -115,7 +117,8 @@ def silent(paths: PathTable, row: int, table: Array) -> Flags:
 
 @lru_cache(maxsize=4096)
 def meeting(paths: PathTable, row: int, other: int) -> tuple[float, float, float, float] | None:
-    """m, m, m, m: where a row meets another, from and to along it, then along the other; None if nowhere."""
+    """m, m, m, m: begin and end of the stretch where a row meets another, along the row and then along the
+    other; None if they never meet."""
     lines = [paths.xy[k, : int(paths.length[k] / SPACING) + 1] for k in (row, other)]
     gap, _ = KDTree(lines[1]).query(lines[0], distance_upper_bound=CONFLICT_WIDTH)
     its_gap, _ = KDTree(lines[0]).query(lines[1], distance_upper_bound=CONFLICT_WIDTH)

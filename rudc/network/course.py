@@ -1,11 +1,11 @@
 """Courses: lines round what stands in the way, for the same movement as the route that they replace.
 
-A course is a `Route` with another line, and all that goes with a line: stations, road edges, conflict
-table. It is planned on a lattice about the route's reference path (rudc/network/lattice.py), whose profile
-is smoothed and then judged by exact rectangles.
+A course is a `Route` with another line, and with all that goes with a line: stations, road edges, conflict
+table. It is planned on a lattice about the route's reference path (rudc/network/lattice.py). The lattice
+gives a profile, that is offsets from the path; it is smoothed and then judged by exact rectangles.
 
-A car that stands too near to a body for that pulls out first: an arc with its wheels turned as far as they
-go, and a profile from there.
+A car too near to a body for that first pulls out: on an arc with its wheels turned nearly as far as they
+go, and from the arc's end on a profile.
 """
 
 from __future__ import annotations
@@ -36,41 +36,40 @@ REACH = 80.0
 SHORTEST = 12.0
 """m of path left below which nothing is planned"""
 RETURN = 8.0, 20.0
-"""m, m behind the ego: there the line is as far off as the ego, and goes back to the path within the
-second"""
+"""m, m: behind the ego the line keeps the ego's offset over the first length, and returns to the path over
+the second"""
 HOMEWARDS = 0.1
-"""slope with which the line goes back to the path behind the end of what is planned"""
+"""slope with which the line returns to the path beyond the end of what is planned"""
 SMOOTHING = 2.0
 """m, window of the moving averages over offsets and line"""
 FINE = 0.05
 """m, spacing at which lines are drawn before they are sampled"""
 ROAD_MARGINS = 0.15, 0.25, 0.35, 0.45
-"""m of carriageway beside the car at the lattice's nodes; the next where the finished line, which is smoother
-than the profile, leaves the road"""
+"""m of carriageway to keep beside the car at the lattice's nodes; the next is tried where the finished line,
+which is smoother than the profile, leaves the road"""
 NEAR = 3.0
-"""m, gaps above are not told apart"""
+"""m, larger gaps are not told apart"""
 PULL_OUT = 1.0, 1.5, 2.0, 2.5, 3.0, 4.0
-"""m of the arcs by which a car pulls out"""
+"""m, lengths of the arcs on which a car pulls out"""
 FULL = 0.97
 """share of the largest front-wheel angle that such an arc takes"""
 ROOMY = 0.5
-"""m, gap to bodies with which it pulls out if that can be"""
+"""m, gap to bodies that is tried first when a car pulls out"""
 ROOMIER = (0.0, 0.15), (0.0, 0.45), (0.4, 0.15), (0.7, 0.15)
-"""m more of gap, and m of carriageway beside the car, asked for at the lattice's nodes, one after the other,
-where the finished line is not clear or leaves the road"""
+"""m added to the gap, and m of carriageway beside the car, that the lattice's nodes must keep; the next pair
+is tried where the finished line is not clear or leaves the road"""
 STEEPEST = 0.85
-"""largest slope with which such an arc ends; the lattice starts from its own largest then"""
+"""largest slope with which such an arc may end; where the lattice has no slope so large, it starts from its
+own largest"""
 BEHIND = 1.0
-"""m of the arc that are drawn behind the car, so that it is on it from the first"""
+"""m of the arc that are drawn behind the car, so that the car is on it from the start"""
 
 
 def gaps_along(
     path: ReferencePath, first: float, last: float, body: EgoVehicle, others: Rectangles
 ) -> tuple[Array, Array]:
-    """(K,) m, arc lengths between two, and (K,) m, the gap there of a car on the path to the nearest
-    rectangle.
-
-    inf where it is more than NEAR.
+    """(K,) m, arc lengths from `first` to `last`, and (K,) m, the gap there between a car on the path and the
+    nearest rectangle; inf where it is NEAR or more.
     """
     spacing = float(path.s[1])
     s = np.arange(max(first, 0.0), min(last, path.length), spacing)
@@ -88,7 +87,7 @@ def gaps_along(
 
 
 class CoursePlanner:
-    """Plans courses for one route; what the road says is worked out once."""
+    """Plans courses for one route; what depends only on the road is computed once."""
 
     def __init__(
         self, network: Network, route: Route, body: EgoVehicle, may_cross_centre: bool = False
@@ -112,10 +111,10 @@ class CoursePlanner:
     ) -> Route | None:
         """A course round bodies for a car at arc length s (m) of the route's path, `offset` m to its left.
 
-        `slope`: tangent of the angle between path and car (`angle`). `coming`: bodies that count before the
-        junction and beyond it, `inside`: those that count in it. None if the lattice has no way on which the
-        car stays on the road; whether the course that comes out is clear is the caller's to ask
-        (`gaps_along`).
+        `slope`: tangent of the angle between path and car (`angle`). `standing`: bodies that count
+        everywhere, `coming`: before the junction and beyond it, `inside`: in it. None if less than SHORTEST m
+        of the path are left, or if no course keeps the car on the road. Whether the course is clear of bodies
+        is for the caller to check (`gaps_along`).
         """
         first, last = self._span(s)
         if (last - first) * STEP < SHORTEST:
@@ -138,9 +137,9 @@ class CoursePlanner:
     def pull_outs(
         self, x: float, y: float, psi: float, standing: Rectangles, clear: float
     ) -> Iterator[Route | None]:
-        """Courses for a car that stands at (x, y) m and heads for psi rad, nearer to a body than `plan` has
-        a way for: out to either side or straight on, with a gap of ROOMY m, or else of `clear` m, the
-        shortest ways first; None for each that leads nowhere.
+        """Courses for a car that stands at (x, y) m with heading psi rad, too near to a body for `plan`. It
+        pulls out to either side or straight on: first with a gap of ROOMY m, then of `clear` m, each with the
+        shortest arcs first. None for each arc from which no course leads on.
         """
         for least, way, side in product((ROOMY, clear), PULL_OUT, (1.0, -1.0, 0.0)):
             xy, turned = _full_lock(x, y, psi, side, way, self._body)
@@ -150,7 +149,7 @@ class CoursePlanner:
                 yield self._after(xy, float(turned[-1]), standing, least)
 
     def _after(self, arc: Array, psi: float, standing: Rectangles, clear: float) -> Route | None:
-        """The arc (K, 2) m, and a profile from its end, where the car heads for psi rad."""
+        """The arc (K, 2) m, and a profile from its end, where the car's heading is psi rad."""
         path = self._route.path
         s, offset = path.project(*arc[-1].tolist())
         slope = math.tan(self.angle(s, psi))
@@ -172,8 +171,8 @@ class CoursePlanner:
         return None
 
     def _joined(self, arc: Array, profile: Array, first: int, slope: float) -> ReferencePath:
-        """The path to the arc (K, 2) m, the arc, and the profile from station `first`, which it reaches with
-        a slope.
+        """One line: the route's path up to the arc (K, 2) m, the arc, and the profile from station `first`
+        on, which the arc reaches with `slope`.
         """
         path, stations = self._route.path, self._lattice.s
         straight = profile[0] + slope * (stations[:first] - stations[first])
@@ -186,8 +185,8 @@ class CoursePlanner:
         return ReferencePath(smooth(fine, FINE, BEHIND))
 
     def angle(self, s: float, psi: float) -> float:
-        """rad, between the route's path at s m and the way of a car there that heads for psi rad, its wheels
-        turned as the path bends.
+        """rad, from the direction of the route's path at s m to the direction in which a car there moves, if
+        its heading is psi rad and its wheels are turned as the path bends.
         """
         path = self._route.path
         slip = math.asin(min(max(self._body.cg_to_rear * path.curvature_at(s), -0.9), 0.9))
@@ -199,9 +198,9 @@ class CoursePlanner:
         return first, min(first + round(REACH / STEP), len(self._lattice.s) - 1)
 
     def _stays_on_road(self, path: ReferencePath, first: float, last: float) -> bool:
-        """Whether a car on the line stays on the road with all corners, between the places at first and
-        last m of the route's path; not asked of where the car is now, nor of the route's last metres, where
-        its front is past the end of the road.
+        """Whether a car on the line stays on the road with all corners, between the places at `first` and
+        `last` m of the route's path. Where the car is now is not checked, nor are the route's last metres,
+        where its front is past the end of the road.
         """
         last = min(last, self._route.length - self._body.length)
         size = np.array([self._body.length, self._body.width])
@@ -211,7 +210,8 @@ class CoursePlanner:
         return bool((self._network.surface.signed_distance(corners) >= 0.0).all())
 
     def _line(self, before: NDArray[np.floating], profile: Array) -> Array:
-        """(K, 2) m: the offsets `before` (first,) m, the profile, and from its end back to the route."""
+        """(K, 2) m, the line: the offsets `before` (first,) m, the profile, and from its end back to the
+        route."""
         stations, first = self._lattice.s, len(before)
         end = first + len(profile) - 1
         back = np.maximum(np.abs(profile[-1]) - HOMEWARDS * (stations - stations[end]), 0.0)
@@ -252,7 +252,7 @@ class CoursePlanner:
         )
 
     def _same_place(self, path: ReferencePath, s: float) -> float:
-        """m, arc length on another line of the place at s m on the route's."""
+        """m, arc length on another line of the place that is at s m on the route's."""
         x, y, _ = self._route.path.pose(s)
         return path.project(float(x), float(y))[0]
 
@@ -260,8 +260,8 @@ class CoursePlanner:
 def _full_lock(
     x: float, y: float, psi: float, side: float, way: float, body: EgoVehicle
 ) -> tuple[Array, Array]:
-    """(K, 2) m and (K,) rad, places and headings of a car that drives so many m from (x, y) m with its wheels
-    turned to the left (`side` 1), right (-1) or not (0), from BEHIND m before on.
+    """(K, 2) m and (K,) rad, places and headings of a car that drives `way` m from (x, y) m with its wheels
+    turned to the left (`side` 1), right (-1) or not at all (0); they begin BEHIND m before that place.
     """
     slip = side * math.atan(body.cg_to_rear / body.wheelbase * math.tan(FULL * body.delta_max))
     bend = math.sin(slip) / body.cg_to_rear

@@ -12,15 +12,16 @@ from rudc.network.polyline import in_any
 from rudc.network.route import ReferencePath
 
 FARTHEST = 4.0
-"""m, depths above count as this"""
+"""m, larger depths count as this"""
 REACH = 12.0
 """m to each side of the path"""
 ALONG, ACROSS = 1.0, 0.25
-"""m between the places where depths are kept"""
+"""m between the places whose depths are stored"""
 
 
 class Depths:
-    """Depths (m) at arc length s and offset l from a path: negative outside, bilinear between places kept."""
+    """Depths (m) at arc length s and offset l from a path: negative outside, bilinear between the stored
+    places."""
 
     def __init__(self, path: ReferencePath, carriageway: Sequence[Array], boundary: Array) -> None:
         """`carriageway`: polygons (K, 2) m; `boundary` (B, 2, 2) m: of their union."""
@@ -41,7 +42,8 @@ class Depths:
         return ACROSS * float(there[0]) - REACH, ACROSS * float(there[-1]) - REACH
 
     def at(self, s: Array, offset: Array) -> Array:
-        """(...) m at s (...) m and offset (...) m; the nearest place's beyond both ends and REACH."""
+        """(...) m at s (...) m and offset (...) m; beyond both ends and REACH, the depth of the nearest
+        place."""
         rows, cols = self._depth.shape
         i = np.clip(s / ALONG, 0.0, rows - 1.001)
         j = np.clip((offset + REACH) / ACROSS, 0.0, cols - 1.001)

@@ -1,4 +1,4 @@
-"""Courses round what stands as kernels: gaps to it, and the cheapest way through a lattice; formulas stand at
+"""Kernels for planning courses: gaps to bodies, and the cheapest way through a lattice. The formulas stand at
 the heads of the modules that call them."""
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def gaps_at(
 @kernel
 def any_beside(line: Table, first: int, last: int, reach: float, position: Table, size: Table) -> bool:
     """Whether a circle round any of M rectangles with centres (M, 2) m and sizes (M, 2) m comes within
-    `reach` m of a station of a line (K, 2) m between two."""
+    `reach` m of one of the stations `first` to `last` of a line (K, 2) m."""
     for j in range(len(position)):
         near = reach + 0.5 * math.hypot(size[j, 0], size[j, 1])
         for i in range(max(first, 0), min(last + 1, len(line))):
@@ -61,9 +61,11 @@ def cheapest_way(
 ) -> NewRows:  # fmt: skip
     """(T,) rows of the offsets of the cheapest profile; empty if there is none.
 
-    `price` (T, L, K) of a node by what is near it, inf where the car may not be, and `resting` (L, K) by
-    where it is; from the node at row `start`, column `turned`. Slopes change by -C // 2 to C // 2 columns,
-    with second derivatives `change_bend` (C,) 1/m that cost `change_price` (C,).
+    `price` (T, L, K): what a node costs by what is near it, inf where the car may not be; `resting` (L, K):
+    what it costs by where it is. The profile begins at row `start`, column `turned`. `bend` (T,) 1/m: the
+    path's curvature; `offset` (L,) m; `tightest` 1/m: largest curvature; `straightest`: least 1 - k l.
+    Slopes change by -C // 2 to C // 2 columns, with second derivatives `change_bend` (C,) 1/m that cost
+    `change_price` (C,).
     """
     stations, rows, slopes = price.shape
     none, half = len(change_bend) // 2, slopes // 2

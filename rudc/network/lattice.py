@@ -7,7 +7,7 @@ atan(slope), its body turned out of the path's own bend by its slip (`ReferenceP
 programming finds the profile with the least
 
     sum over stations   OFFSET l^2 + SLOPE l'^2 + BEND l''^2 + CLOSE max(0, COMFORTABLE - gap)^2
-    and at the last     END l^2, as if that offset were kept for a while: a profile that ends soon behind a
+    and at the last     END l^2, as if that offset were kept for a while: a profile that ends soon after a
                         body is back on the path if it can be
 
 among those that keep to nodes where the car may be, with curvature
@@ -37,11 +37,11 @@ STEP = 2.0
 RASTER = 0.1
 """m between offsets"""
 SLOPES: Array = np.arange(-7, 8, dtype=np.float64) * 0.1
-"""(K,)"""
+"""(K,) slopes dl/ds of the nodes"""
 CHANGES: Array = np.arange(-4.0, 5.0)
 """(C,) steps by which the slope may change from one station to the next"""
 MARGIN = 0.45
-"""m, least gap to a body unless it is said otherwise"""
+"""m, least gap to a body, unless the caller gives another"""
 COMFORTABLE = 1.2
 """m, gap that costs nothing"""
 OFFSET, SLOPE, BEND, CLOSE = 0.04, 1.0, 40.0, 6.0
@@ -49,13 +49,13 @@ OFFSET, SLOPE, BEND, CLOSE = 0.04, 1.0, 40.0, 6.0
 END = 2.0 * OFFSET
 """1/m2"""
 STRAIGHTEST = 0.2
-"""least 1 - k l: beyond it the offset line turns about a point"""
+"""least 1 - k l: near 0 the offset line would turn about a point"""
 _OUTLINE = [(a, b) for a in (-0.5, 0.0, 0.5) for b in (-0.5, 0.5)]
 """points of the car's rectangle that must be on the road, in lengths and widths"""
 
 
 class Lattice:
-    """Of one path, for one car, on one carriageway."""
+    """The lattice of one path, for one car, on one carriageway."""
 
     def __init__(self, path: ReferencePath, depths: Depths, body: EgoVehicle, tightest: float) -> None:
         """`tightest`: 1/m, largest curvature that the car may drive."""
@@ -86,7 +86,7 @@ class Lattice:
     ) -> Array | None:
         """(T,) m, offsets at stations first to last of the cheapest profile that starts at (offset m, slope).
 
-        `bodies`: rectangles to keep off, and between which arc lengths (m) each lot counts.
+        `bodies`: rectangles to keep clear of, and between which arc lengths (m) each group counts.
         `road_margin`: m of carriageway to keep beside the car; `least_gap`: m to any body. None if there is
         no such profile.
         """

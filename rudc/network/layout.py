@@ -4,9 +4,9 @@
 World frame: x east, y north, as in the file; angles counter-clockwise from x; SI units. Nothing here knows
 any particular junction. Lanes are numbered as in SUMO: 0 is the rightmost in driving direction.
 
-Right of way is SUMO's request matrix, as netconvert computed it from the node's type. Where it is equal
-(all-way stop), that matrix says of any two crossing ways that each must yield to the other, and no arm is
-major.
+Right of way is SUMO's request matrix, as netconvert computed it from the node's type. Where all have
+the same right (all-way stop), that matrix says of any two crossing ways that each must yield to the other,
+and no arm is major.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ class Layout:
                 return arm
         raise NetworkError(
             f"no arm {name!r} in network {self.name}{there_are(name, [arm.name for arm in self.arms])}; "
-            "the id of one of its edges names an arm, too, and the ego's are ego_in and ego_out"
+            "an arm can also be given by the id of one of its edges; the ego's are ego_in and ego_out"
         )
 
     def lanes_of(self, arm: Arm) -> list[Lane]:
@@ -164,7 +164,7 @@ class Layout:
 
     def gives_way(self, path: ReferencePath | Route, row: int) -> Flags:
         """(P,) the rows of `paths`, from other arms, to which an ego on a path over `row` gives way: those to
-        which it has to yield, and those that it meets with nothing said (`conflicts.silent`).
+        which it must yield, and those of which the right of way says nothing (`conflicts.silent`).
         """
         line = path.path if isinstance(path, Route) else path
         if line not in self._giving_way:
@@ -176,8 +176,8 @@ class Layout:
         return self._giving_way[line]
 
     def yields_on_entering(self, row: int) -> Flags:
-        """(P,) the rows that give way to a row of a roundabout where they enter the ring, and to which it
-        gives way where it enters itself."""
+        """(P,) the rows of a roundabout that give way to `row` where they enter the ring, and to which `row`
+        gives way where it enters; all false elsewhere."""
         yields = self.paths.yields
         return yields[row] & yields[:, row] & self.is_roundabout
 
@@ -191,7 +191,7 @@ class Layout:
         return self._crossings[line]
 
     def departure(self, course: Route, route: Route) -> Array:
-        """(P, 4) m, as `conflict`, of those stretches of a course that lie off its route."""
+        """(P, 4) m, as `conflict`, but only of the stretches of a course that lie off its route."""
         line = course.path
         if line not in self._departures:
             table = departure_table(line, route.path, self.paths)

@@ -1,5 +1,5 @@
-"""Where somebody will be that goes on along a line, as kernels: the one prediction that filter, last resort
-and the surrounding vehicles' yielding share.
+"""Kernels that predict where a vehicle will be that goes on along a line: the one prediction that the filter,
+the last resort and the yielding of surrounding vehicles share.
 
 Lines are poses (P * M, 3): x m, y m and heading rad at P * M stations, SPACING m apart, M for each line.
 """
@@ -30,7 +30,7 @@ def on_line(poses: Table, stations: int, row: int, s: float) -> tuple[complex, f
 def body_on_line(poses: Table, stations: int, row: int, s: float, length: float) -> tuple[complex, complex]:
     """Place m and direction of a body of that length (m) whose ends are on a line, its centre s m along it.
 
-    So SUMO moves its vehicles: where the line bends a long one lies across the bend.
+    SUMO moves its vehicles in this way: in a bend, a long one cuts across it.
     """
     front, _ = on_line(poses, stations, row, s + 0.5 * length)
     rear, heading = on_line(poses, stations, row, s - 0.5 * length)
@@ -44,8 +44,9 @@ def body_along_line(
     poses: Table, stations: int, row: int, s: float, length: float, beside: complex, turned: complex,
     way: Vector,
 ) -> tuple[NewPlaces, NewPlaces]:  # fmt: skip
-    """(T,) m and (T,): place and direction after `way` (T,) m from s m on, of a body that keeps an offset
-    `beside` m from where `body_on_line` says and is `turned` from there, both as seen by who drives there.
+    """(T,) m and (T,): place and direction, as complex numbers, of a body that has gone `way` (T,) m on from
+    s m. It keeps an offset `beside` m from the place that `body_on_line` gives, and is `turned` from that
+    direction; both are complex numbers in the frame of a driver on the line.
     """
     place, facing = np.empty(len(way), np.complex128), np.empty(len(way), np.complex128)
     for t in range(len(way)):
@@ -58,8 +59,8 @@ def body_along_line(
 def along_line(
     poses: Table, stations: int, row: int, s: float, beside: complex, turned: complex, way: Vector
 ) -> tuple[NewPlaces, NewPlaces]:
-    """(T,) m and (T,): place and direction after `way` (T,) m from s m on, of who keeps an offset `beside` m
-    from the line and is `turned` from it, both as seen by who drives on the line.
+    """(T,) m and (T,): as `body_along_line`, of a point that keeps an offset `beside` m from the line and is
+    `turned` from its direction.
     """
     place, facing = np.empty(len(way), np.complex128), np.empty(len(way), np.complex128)
     for t in range(len(way)):
@@ -71,7 +72,8 @@ def along_line(
 
 @kernel
 def between(values: Vector, s: float) -> float:
-    """The value at s m of a line between those (M,) of its stations; an end's beyond it."""
+    """The value at s m of a line, interpolated between the `values` (M,) at its stations; beyond an end, the
+    value there."""
     at = min(max(s / SPACING, 0.0), len(values) - 1.0)
     i = min(int(at), len(values) - 2)
     return values[i] + (at - i) * (values[i + 1] - values[i])

@@ -1,7 +1,7 @@
 """`Network`: a junction as read from a .net.xml (see `Layout`), and the routes of one ego vehicle over it.
 
-Networks and routes are pickled as what they are found again by, and unpickling gives the process's own: a
-`Scene` that crosses to another process carries neither rasters nor polylines (1 kB and 95 bytes an SV), and
+Networks and routes are pickled as keys, and unpickling looks these up in the receiving process. So a `Scene`
+that crosses to another process carries neither rasters nor polylines (it takes 1 kB and 95 bytes an SV), and
 a route in it is the object that `Network.route` returns there.
 """
 
@@ -53,10 +53,11 @@ class Network(Layout):
     """One junction and its arms, and the routes of `vehicle` over it. Immutable; routes are built once."""
 
     def __init__(self, path: Path, junction: str | None = None, vehicle: EgoVehicle | None = None) -> None:
-        """`path` and `junction` as for `Layout`; `vehicle`: who drives the routes, None: an ordinary car."""
+        """`path` and `junction` as for `Layout`; `vehicle`: the car that drives the routes, None: an ordinary
+        one."""
         super().__init__(path, junction)
         self.vehicle = vehicle or EgoVehicle()
-        """whose routes keep its body on the road, and who waits clear of others"""
+        """the car whose body the routes keep on the road and whose waiting positions are clear of others"""
         self._routes: dict[tuple[str, str, int | None], Route] = {}
 
     def __reduce__(self) -> tuple[Callable[..., Network], tuple[Path, str | None, EgoVehicle]]:
@@ -70,7 +71,7 @@ class Network(Layout):
         if name not in EGO_ARMS:
             return super().arm(name)
         if route is None:
-            raise NetworkError(f"{name} says nothing before the ego's route is known; name an arm")
+            raise NetworkError(f"{name} has no meaning before the ego's route is known; name an arm")
         return super().arm(route.origin if name == EGO_IN else route.destination)
 
     def lane(self, name: str) -> Lane:
@@ -93,7 +94,7 @@ class Network(Layout):
         """What a scenario's lane name means (`rudc.network.stretches`); `route`: for those about the ego."""
         if name in EGO_LANES:
             if route is None:
-                raise NetworkError(f"{name} says nothing before the ego's route is known; name a lane")
+                raise NetworkError(f"{name} has no meaning before the ego's route is known; name a lane")
             return stretch_by_id(self, lane_of_ego(self, name, route).id)
         for known in (self._outer, self._inner):
             if name in known:
@@ -151,7 +152,7 @@ class Network(Layout):
                     f"network {self.name}: {movement.turn} from {movement.origin!r} is not permitted from "
                     f"lane {lane}, only from {', '.join(map(str, allowed))}"
                 )
-            with understood(self.path), as_written():  # a few calls, by commands that never drive, too
+            with understood(self.path), as_written():  # few calls, also by commands that never drive
                 self._routes[key] = build_route(self, movement, lane, self.vehicle)
         return self._routes[key]
 
@@ -177,7 +178,7 @@ def load_network(
         if not path.is_file():
             if path.is_dir():
                 raise NetworkError(
-                    f"{path} is a folder; `rudc network build` makes a .net.xml of one's sources"
+                    f"{path} is a folder; `rudc network build` makes a .net.xml from the sources in one"
                 )
             known = there_are(source, shipped)
             raise NetworkError(f"no network {str(source)!r}, neither shipped nor a file{known}")
@@ -206,5 +207,5 @@ def _course(values: tuple[Any, ...]) -> Route:
     return Route(*values)
 
 
-# Said here and not in `Route.__reduce__`, since a route knows nothing of networks.
+# Registered here and not in `Route.__reduce__`, since a route knows nothing of networks.
 copyreg.pickle(Route, _pickled)

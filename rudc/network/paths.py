@@ -100,7 +100,7 @@ class PathTable:
 
     @property
     def count(self) -> int:
-        """P."""
+        """P, the number of rows."""
         return len(self.length)
 
     def pose(self, rows: Index, s: Array) -> tuple[Array, Array, Array]:
@@ -126,10 +126,10 @@ class PathTable:
         return row, start + lane_pos * scale
 
     def alongside(self, origin: str, destination: str, line: Array) -> tuple[int, float, float]:
-        """Row of that movement that is nearest to a line (K, 2) m, and s (m) beside its begin and its end, on
-        beyond the row's own; (-1, 0.0, 0.0) where there is no such movement.
+        """The row of that movement nearest to a line (K, 2) m, and the s (m) on it beside the line's begin
+        and end, which may lie beyond the row's own ends; (-1, 0.0, 0.0) where there is no such movement.
 
-        For those on lanes that no row has: bus and cycle lanes, and lanes that end before the arm does.
+        For vehicles on lanes that no row has: bus and cycle lanes, and lanes that end before the arm does.
         """
         along = arc_length(line)
         points = resample(line, np.linspace(0.0, along[-1], 5))

@@ -1,4 +1,4 @@
-"""Whether a network file agrees with itself: what SUMO takes on trust, and crashes over where it is wrong.
+"""Whether a network file agrees with itself: what SUMO does not check, and crashes on if it is wrong.
 
 Numbers must be finite and of a size that roads have; a node that states right of way (`<request>`) must do so
 for just as many ways through it (`<connection>`, and pedestrian crossings) as there are.
@@ -24,17 +24,17 @@ WIDEST = 100.0
 FASTEST = 1000.0
 """m/s, highest speed limit"""
 SHOWN = 5
-"""contradictions named"""
+"""contradictions that a message names, at most"""
 
 
 def refuse_implausible(net: Any, path: Path) -> None:
-    """Raise NetworkError with what no road network has, of a sumolib net."""
+    """Raise NetworkError if a sumolib net holds what no road network has; the message names it."""
     found = [*_wrong_numbers(net), *_wrong_requests(net)]
     if found:
         more = f"; and {len(found) - SHOWN} more" if len(found) > SHOWN else ""
         raise NetworkError(
             f"{path}: {'; '.join(found[:SHOWN])}{more}. "
-            "Build the network anew with netconvert; SUMO crashes over such a file"
+            "Build the network anew with netconvert; SUMO crashes on such a file"
         )
 
 
@@ -60,7 +60,7 @@ def _wrong_lane(lane: Any) -> Iterator[str]:
         ("speed", lane.getSpeed(), FASTEST, "m/s"),
     ):
         if not 0.0 < value <= most:
-            yield f"lane {name} has a {what} of {value:g} {unit}; between 0 and {most:g} is sane"
+            yield f"lane {name} has a {what} of {value:g} {unit}; it must be above 0 and at most {most:g}"
 
 
 def _lies_well(points: Any) -> bool:

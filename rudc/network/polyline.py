@@ -150,8 +150,8 @@ def union_boundary(polygons: Sequence[Array], piece: float = 0.25) -> Array:
 
 
 def straightened(pieces: Array) -> Array:
-    """(E, 2, 2) m, the same lines as pieces (B, 2, 2), each that goes straight on from the one before joined
-    to it."""
+    """(E, 2, 2) m, the same lines as pieces (B, 2, 2); a piece that goes straight on from the one before is
+    joined to it."""
     step = pieces[:, 1] - pieces[:, 0]
     ahead = step / np.hypot(*step.T)[:, None]
     meets = np.abs(pieces[1:, 0] - pieces[:-1, 1]).max(axis=1) < 1e-9

@@ -33,7 +33,8 @@ VEHICLE_CLASS = "passenger"
 TURNS_BACK = ("t", "T")
 """SUMO's directions of connections that lead back where one came from"""
 ALIKE, ALIKE_M = 0.87, 20.0
-"""cosine of the angle between two roads from which on they may be one, m of them over which it is taken"""
+"""two roads may be one if the cosine of the angle between them is above this; m of them over which their
+directions are taken"""
 
 UNEXPECTED = (
     LookupError, ValueError, ArithmeticError, AttributeError, TypeError, AssertionError, RecursionError,
@@ -89,7 +90,7 @@ def read_net(path: Path) -> Any:
     from sumolib.net import NetReader
 
     class Reader(NetReader):
-        """sumolib's reader, which by itself does not look at what it is given, nor at the side of traffic."""
+        """sumolib's reader, which by itself does not check what file it is given, nor the side of traffic."""
 
         place = ""
         """where it is: the element that it began last"""
@@ -129,15 +130,15 @@ def read_net(path: Path) -> Any:
 
 
 def _in_words(error: BaseException, place: str) -> str:
-    """What sumolib raised over an element."""
+    """The error that sumolib raised over an element, in words."""
     if isinstance(error, ValueError):
         return f"{place}: {error}"
-    return f"{place} lacks something, or names what is not there"
+    return f"{place} lacks something, or names something that is not there"
 
 
 @contextlib.contextmanager
 def understood(path: Path) -> Iterator[None]:
-    """Raise NetworkError for whatever goes wrong in the block because the file says what no network says."""
+    """Raise NetworkError for any error in the block that comes from a file that contradicts itself."""
     try:
         yield
     except UNEXPECTED as error:
@@ -180,7 +181,7 @@ def _junction(net: Any, nodes: tuple[Any, ...], alias: dict[str, str]) -> Juncti
 
 
 def _roundabout_alias(net: Any) -> dict[str, str]:
-    """Node -> first node of the roundabout it belongs to, by which the roundabout goes."""
+    """Node -> first node of the roundabout it belongs to; the roundabout has that node's name."""
     alias = {}
     for roundabout in net.getRoundabouts():
         ids = list(roundabout.getNodes())
@@ -242,8 +243,8 @@ def find_arms(junction: Junction) -> list[RawArm]:
 
 
 def _paired(arms: list[RawArm]) -> list[RawArm]:
-    """The arms, two one-way roads that lead off alike and share a node being one: where a turn lane begins,
-    one side of a road may have a node that the other has not."""
+    """The arms; two one-way roads that share a node and lead off in about the same direction become one.
+    Where a turn lane begins, one side of a road may have a node that the other has not."""
     found = list(arms)
     for arm in arms:
         nodes = {edge.getFromNode().getID() for edge in arm.inbound}

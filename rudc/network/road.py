@@ -31,7 +31,7 @@ class Lane:
     width: float
     """m"""
     length: float
-    """m, as stated in the file: SUMO's positions on the lane run to it"""
+    """m, as stated in the file: SUMO counts positions on the lane in it"""
     speed: float
     """m/s, limit"""
     xy: Array
@@ -51,8 +51,8 @@ class Arm:
     """One road at the junction, from the junction out to the next real junction or dead end."""
 
     name: str
-    """compass word of its bearing as seen from the junction; with its edge's id appended where two share
-    one"""
+    """compass word of its bearing as seen from the junction; where two arms have the same word, with the id
+    of its edge appended"""
     in_edge: str | None
     """edge that enters the junction, None where the arm is one-way outwards"""
     out_edge: str | None
@@ -66,7 +66,7 @@ class Arm:
     heading_in: float
     """rad, direction of travel of traffic that enters by it, taken over its last 20 m"""
     length: float
-    """m, the mean of its directions"""
+    """m, the mean of its two directions"""
     in_lanes: tuple[str, ...]
     """lane ids of `in_edge`, rightmost first"""
     out_lanes: tuple[str, ...]

@@ -1,11 +1,12 @@
-"""The edges of the ego's carriageway as seen from its path: what a road barrier keeps it between.
+"""The edges of the ego's carriageway as seen from its path: a road barrier keeps the ego between them.
 
-The carriageway is what the movement's own edges and the junction cover. So beside the arms the left edge is
-the divider to oncoming lanes, and in the junction edges are its kerbs and the mouths of the other arms. Edges
-are found by rays square to the path, and then made into lines: farther off than REACH counts as that far, the
-inner side of a bend is cut short of the bend's centre, widths change by at most SLOPE, and are averaged over
-SMOOTHING m without ever growing. What a car on the path takes, and BESIDE m more, always lies between the
-edges: a line that swings out of a narrow lane before a sharp turn may be driven.
+The carriageway is what the movement's own edges and the junction cover. So on the arms the left edge is the
+divider to oncoming lanes, and in the junction the edges are its kerbs and the mouths of the other arms. Edges
+are found by rays square to the path, and then made into lines: distances above REACH count as REACH; on the
+inner side of a bend the edge stays short of the bend's centre; widths change by at most SLOPE, and are
+averaged over SMOOTHING m, which never makes them larger. The strip that a car on the path covers, and BESIDE
+m on each side of it, always lies between the edges, so that a line may swing out of a narrow lane before a
+sharp turn.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ SLOPE = 0.5
 SMOOTHING = 3.0
 """m of path over which widths are averaged"""
 BEND = 0.8
-"""share of a bend's radius that the width on its inner side may be"""
+"""largest width on the inner side of a bend, as a share of the bend's radius"""
 
 
 def edge_widths(boundary: Array, path: ReferencePath, body: EgoVehicle) -> tuple[Array, Array]:
@@ -45,7 +46,7 @@ def edge_widths(boundary: Array, path: ReferencePath, body: EgoVehicle) -> tuple
 
 
 def _taken(path: ReferencePath, body: EgoVehicle) -> tuple[Array, Array]:
-    """(M,), (M,) m to each side of the stations that a car on the path takes."""
+    """(M,), (M,) m that a car on the path covers to the left and right of each station."""
     xy, psi = path.body_pose(path.s, body)
     corners = rectangle_corners(xy, psi, np.broadcast_to([body.length, body.width], xy.shape)).reshape(-1, 2)
     _, station = KDTree(path.xy).query(corners)

@@ -18,7 +18,7 @@ class ReferencePath:
     """A smooth line sampled every 0.5 m, for projecting a vehicle on it and reading off poses. Immutable."""
 
     def __init__(self, xy: Array) -> None:
-        """`xy`: (K, 2) m, a fine polyline (closer points than the stations to be)."""
+        """`xy`: (K, 2) m, a fine polyline (its points closer together than SPACING)."""
         line = without_repeats(xy)
         count = int(arc_length(line)[-1] / SPACING) + 1
         self.s: Array = np.arange(count, dtype=np.float64) * SPACING
@@ -47,7 +47,7 @@ class ReferencePath:
         return xy[..., 0], xy[..., 1], low[..., 2] + np.minimum(np.maximum(t, 0.0), 1.0) * step[..., 2]
 
     def body_pose(self, s: Array, body: EgoVehicle) -> tuple[Array, Array]:
-        """(..., 2) m and (...) rad, where a car is whose centre of gravity follows the path, at s (...) m.
+        """(..., 2) m and (...) rad, the pose of a car whose centre of gravity follows the path, at s (...) m.
 
         With its front wheels turned it slips (rudc/world/ego.py): its body points out of the bend by
         asin(cg_to_rear x curvature).
@@ -61,7 +61,7 @@ class ReferencePath:
         return between(self.heading, s)
 
     def curvature_at(self, s: float) -> float:
-        """1/m, at one arc length (m); an end's beyond it."""
+        """1/m, at one arc length (m); beyond an end, the curvature there."""
         return between(self.curvature, s)
 
     def project(self, x: float, y: float, near: float | None = None) -> tuple[float, float]:
@@ -80,12 +80,12 @@ class ReferencePath:
 
 @dataclass(frozen=True)
 class RouteKey:
-    """What a route can be found again by."""
+    """The key by which a route is found again."""
 
     network: Path
     """the .net.xml"""
     junction: str | None
-    """which of its junctions was asked for"""
+    """the junction that was asked for, if any"""
     origin: str
     """arm"""
     destination: str
@@ -150,4 +150,4 @@ class Route:
     """rad, turning the world by its negative brings the origin arm to the south (entering traffic heads
     north)"""
     key: RouteKey
-    """what it can be found again by"""
+    """the key by which it is found again"""

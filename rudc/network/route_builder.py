@@ -38,7 +38,7 @@ STRAIGHT_ON = np.radians(15.0)
 SMOOTHING = 4.0
 """m, window of the moving average"""
 LONGEST = 150.0
-"""m through the junction, up to which a line is made wider: the time that this takes grows with the square"""
+"""m, longest way through the junction for which a wider line is sought: the time grows with its square"""
 FINE = 0.05
 """m, spacing at which lines are drawn before they are sampled"""
 TASKS = {"left": 0, "u_turn": 0, "straight": 1, "right": 2}
@@ -128,8 +128,8 @@ def _other_exits(network: Layout, movement: Movement, row: int) -> list[int]:
 def _reference(
     network: Layout, row: int, stop: float, exit_s: float, movement: Movement, vehicle: EgoVehicle
 ) -> ReferencePath:
-    """The path over a row: the first of `_lines` that keeps out of the way of those of whom the right of way
-    says nothing; if none does, the first.
+    """The path over a row: the first of `_lines` that meets no way of which the right of way says nothing
+    (`silent`); if each of them does, the first.
     """
     lines = _lines(network, network.centre_line(row), stop, exit_s, movement, vehicle)
     first = next(lines)
@@ -143,8 +143,9 @@ def _reference(
 def _lines(
     network: Layout, line: Array, stop: float, exit_s: float, movement: Movement, vehicle: EgoVehicle
 ) -> Iterator[ReferencePath]:
-    """A fillet if one fits and stays on the road; along the lanes if a car can drive that, else wider, or if
-    the way through the junction is too long for that.
+    """Lines to choose from, in this order: a fillet, if one fits and stays on the road; the lanes' own line,
+    if a car can drive it; else a wider one, unless it leaves the road or the way through the junction is
+    longer than LONGEST; else the lanes' own line in spite of that.
     """
     if abs(movement.angle) > STRAIGHT_ON and not network.is_roundabout:
         joined = _join(line, stop, line, exit_s, movement.angle)
@@ -165,7 +166,7 @@ def _lines(
 
 def _join(before: Array, stop: float, after: Array, exit_s: float, angle: float) -> Array | None:
     """(K, 2) m, smoothed: `before` up to its arc length stop, over the junction, `after` from its exit_s;
-    None if not.
+    None if there is no such line.
 
     Over the junction: an arc between the two tangents, or, nearly straight on, a cubic that shifts from lane
     to lane.

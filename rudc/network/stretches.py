@@ -38,7 +38,8 @@ PIECE = 0.2
 TOUCHES = 1e-3
 """m, places nearer to each other are one"""
 STRAIGHT_M, SHORTEST_M = 0.2, 1.0
-"""m, by which a lane may leave the middle of a straight piece, m, shortest piece that is made for that"""
+"""m, how far a lane may lie off the middle line of a straight piece; m, pieces are not made shorter for
+that"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,13 +47,13 @@ class Stretch:
     """A stretch of lane on which things can be placed, `at` m from one of its ends."""
 
     name: str
-    """what it was asked for by"""
+    """the name by which it was asked for"""
     lane: Lane
     """SUMO's lane; of several in a row, the first"""
     reach: float
     """m, the largest `at`"""
     start: float
-    """m, arc length on `_line` where `at` is 0"""
+    """m, arc length on `line` where `at` is 0"""
     sign: float
     """1 where `at` grows in driving direction, -1 where against it"""
     line: ReferencePath | tuple[Layout, int]
@@ -89,7 +90,7 @@ class Stretch:
         return x - lateral * math.sin(psi), y + lateral * math.cos(psi), psi + heading_offset
 
     def pieces(self, begin: float, end: float) -> int:
-        """How many straight pieces follow its bends from one place on it to another."""
+        """How many straight pieces of equal length follow its bends between two places (m, as `at`)."""
         _, heading = self._line_at(np.linspace(begin, end, 50))
         number = max(1, math.ceil(float(np.ptp(heading)) / PIECE))
         while (end - begin) / number > SHORTEST_M and self._aside(begin, end, number) > STRAIGHT_M:
@@ -155,7 +156,7 @@ def inner_stretches(network: Layout) -> dict[str, Stretch]:
             name = f"{movement.origin}_to_{movement.destination}_{k}"
             start, end = float(network.paths.stop_s[row]), float(network.paths.exit_s[row])
             after = list(network.paths.lane_ids[row])
-            del after[: after.index(network.inbound_lane(row).id)]  # of several edges: joints before it, too
+            del after[: after.index(network.inbound_lane(row).id)]  # an arm may have nodes, too
             inside = next((i for i in after if i in network.lanes and network.lanes[i].internal), None)
             if inside is not None:
                 found[name] = Stretch(
@@ -183,7 +184,7 @@ def stretch_by_id(network: Layout, lane_id: str) -> Stretch:
 
 
 def _nearer(network: Layout, lane: Lane) -> str:
-    """Which lanes reach as far as one farther out on an arm, whose edges in a row are one road."""
+    """A hint for a lane farther out on an arm: the lanes at the junction whose `at` reaches there."""
     for arm in network.arms:
         if lane.edge in (*arm.in_edges, *arm.out_edges):
             lanes = arm.in_lanes if lane.edge in arm.in_edges else arm.out_lanes

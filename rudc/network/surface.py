@@ -4,7 +4,7 @@ The area is the union of polygons (lanes and junctions). Distances are kept as s
 (`tiles.py`), each made when it is first asked for: reading a network costs the same however long its arms
 are, and memory grows with the ground that was driven. Each raster point holds its exact distance to the
 union's boundary, d > 0 inside; between raster points d is interpolated bilinearly, which is exact where the
-edge is straight. Beyond MARGIN m around the area's extent everything stays what it is there.
+edge is straight. Farther than MARGIN m from the area's extent, values are those at that margin.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from rudc.network.polyline import straightened, union_boundary
 from rudc.network.tiles import SIDE, Edge, Tile, TileMaker
 
 MARGIN = 12.0
-"""m beyond the area's extent that are told apart"""
+"""m beyond the area's extent where places are still told apart"""
 
 
 class Surface:
-    """Drivable area of a network. Nothing changes but which tiles have been made."""
+    """Drivable area of a network. Immutable, except that tiles are made when they are first asked for."""
 
     def __init__(self, polygons: Sequence[Array], lanes: Sequence[tuple[Array, Array]]) -> None:
         """`polygons`: (K, 2) m each, whose union is drivable; `lanes`: (centre line (K, 2) m, polygon) of
@@ -53,7 +53,8 @@ class Surface:
         return self._edge.nearest(points.reshape(-1, 2)).reshape(points.shape)
 
     def depth(self, x: float, y: float) -> float:
-        """`signed_distance` (m) of one point (m, m), in plain arithmetic: ten times as fast for so few."""
+        """`signed_distance` (m) of one point (m, m), in plain arithmetic: ten times as fast for a single
+        one."""
         x, y = min(max(x, self._west), self._east), min(max(y, self._south), self._north)
         return self._tile(int(x // SIDE), int(y // SIDE)).depth(x, y)
 
@@ -63,7 +64,7 @@ class Surface:
         return self._tile(int(x // SIDE), int(y // SIDE)).direction(x, y)
 
     def _tile(self, column: int, row: int) -> Tile:
-        """The tile of that place, made now if it was not before."""
+        """The tile of that place, made now if there is none yet."""
         tile = self._tiles.get((column, row))
         if tile is None:
             tile = self._tiles[column, row] = self._maker.make(column, row)

@@ -18,14 +18,14 @@ CELLS = 64
 SIDE = CELL * CELLS
 """m, side of a tile"""
 POINTS_AT_ONCE = 512
-"""whose distances to all straights of the edge are kept at a time; they stay in the processor's cache"""
+"""points handled at a time, so that their distances to the whole edge stay in the processor's cache"""
 HALO = 2
 """raster points around a tile that are looked at too, so that seams at its border are closed"""
 _ROW = CELLS + 1
 
 
 class Edge:
-    """Where the drivable area ends: straights."""
+    """The edge of the drivable area, in straight pieces ("straights")."""
 
     def __init__(self, straights: Array) -> None:
         """`straights` (E, 2, 2) m, from and to."""
@@ -123,8 +123,8 @@ class TileMaker:
     def _drivable(self, corner: Array) -> Flags:
         """Whether the area holds each raster point, seams between lanes included.
 
-        A seam (files state corners to the centimetre) is what has the area on both sides within GAP, as for
-        `union_boundary`.
+        A seam (files state corners to the centimetre) is a place with the area within GAP on both sides, as
+        for `union_boundary`.
         """
         side = _ROW + 2 * HALO
         points = _raster(corner - HALO * CELL, side)

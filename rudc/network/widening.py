@@ -27,18 +27,18 @@ from rudc.network.surface import Surface
 from rudc.vehicle import EgoVehicle
 
 AROUND = 18.0
-"""m before the stop line and behind the exit where the line may begin and end to differ"""
+"""m before the stop line and beyond the exit within which the line may differ from the lanes'"""
 BASE, KNOTS, FINE = 10.0, 2.5, 0.05
-"""m, m, m"""
+"""m of smoothing, m between knots, m between drawn points"""
 TIGHT, BENT, JERKY, OUTSIDE, ACROSS, ASIDE = 60.0, 1.0, 6.0, 12.0, 6.0, 0.05
 MARGIN, OWN, EASIER = 0.3, 0.4, 0.95
-"""m, m, share"""
+"""m beside each corner, m beside the centre of gravity, share of the tightest curvature"""
 STATIONS = 1.0
 """m between the places that are judged"""
 ROUNDS, ENOUGH = 15, 1e-2
-"""of least squares, at most; relative gain of a round with which it ends"""
+"""rounds of least squares, at most; relative gain below which they end sooner"""
 DIFFERENCE = 1.5e-8
-"""m, for knots below a metre"""
+"""m, step of the forward differences, for knots below a metre"""
 
 
 def widened(
@@ -52,7 +52,7 @@ def widened(
 
     `carriageway`: polygons (K, 2) m of the movement.
     """
-    from scipy.interpolate import make_interp_spline  # which few networks need, and which load long
+    from scipy.interpolate import make_interp_spline  # few networks need these, and they load slowly
     from scipy.optimize import least_squares
 
     fine = resample(line, np.arange(0.0, arc_length(line)[-1], FINE))
@@ -68,7 +68,7 @@ def widened(
     splines = make_interp_spline(knots, np.eye(len(knots))[:, 1:-1], k=3, bc_type="clamped")(s)
 
     def faults(free: Array) -> Array:
-        """(..., F) of lines with free knots (..., K) m."""
+        """(..., F) faults, weighted, of lines with free knots (..., K) m."""
         aside = free @ splines.T
         xy = np.column_stack([x, y]) + aside[..., None] * normal
         step = np.gradient(xy, axis=-2)
@@ -97,7 +97,7 @@ def widened(
     found = least_squares(
         faults,
         np.zeros(len(knots) - 2),
-        slopes,  # pyright: ignore[reportArgumentType] - a function, which scipy does not say
+        slopes,  # pyright: ignore[reportArgumentType] - scipy takes functions, but its types do not say so
         max_nfev=ROUNDS,
         ftol=ENOUGH,
     ).x.round(3)
