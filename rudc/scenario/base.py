@@ -31,7 +31,7 @@ class FileModel(BaseModel, frozen=True):
 
     @classmethod
     def misfits(cls, given: Mapping[str, Any]) -> Iterator[tuple[str, str | None]]:
-        """What is wrong about which keys are given together, and the key to blame if it is one."""
+        """What is wrong with the combination of keys that are given, and the key to blame, if it is one."""
         return iter(())
 
     @model_validator(mode="wrap")
@@ -50,7 +50,7 @@ class FileModel(BaseModel, frozen=True):
 
 
 def refusal(message: str, *at: str | int, on_key: bool = False) -> PydanticCustomError:
-    """What is wrong, about the value at `at` below the one being checked, or about its very key."""
+    """An error about the value at the path `at` below the one being checked, or `on_key` about its key."""
     # The message travels as a value, so that braces in it are not taken for placeholders.
     return PydanticCustomError("refused", "{message}", {"message": message, "at": at, "on_key": on_key})
 
@@ -70,13 +70,13 @@ def again(error: ErrorDetails, *before: str | int) -> InitErrorDetails:
     if kind in ERROR_TYPES:
         return InitErrorDetails(type=kind, loc=loc, input=error["input"], ctx=context)
     template = "{message}" if "message" in context else error["msg"]
-    # The texts are constants of this package, though no longer known as such here.
+    # The texts are constants of this package, though the type checker no longer knows that here.
     known = PydanticCustomError(kind, template, context)  # pyright: ignore[reportArgumentType] -- takes literals only
     return InitErrorDetails(type=known, loc=loc, input=error["input"])
 
 
 def _as_text(value: Any) -> Any:
-    """Ids that are numbers in a file (as in imported maps) are text all the same."""
+    """Ids that a file writes as numbers (as in imported maps) are taken as text."""
     return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
 
 

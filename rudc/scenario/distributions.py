@@ -1,8 +1,8 @@
 """Numbers in a scenario: fixed ones, and ones drawn at random.
 
 A file writes a number, `{uniform: [low, high]}`, `{normal: {mean: m, std: s, low: l, high: h}}` or
-`{choice: [a, b, c]}`. Normals are truncated, to their own `low` and `high` and else to what is physically
-sane where they stand.
+`{choice: [a, b, c]}`. Normals are truncated: to their own `low` and `high`, and otherwise to what is
+physically sane for their key.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ FORMS = (
     "left out) or {choice: [a, b, ...]}"
 )
 NEAREST = 1e-9
-"""standard deviations between a value of a normal distribution and its cuts, at least"""
+"""standard deviations, least distance of a drawn value from the cuts of a normal distribution"""
 
 
 class Distribution(FileModel, frozen=True):
@@ -53,7 +53,7 @@ class Distribution(FileModel, frozen=True):
         raise NotImplementedError(f"{type(self).__name__} must say its support")
 
     def drawn(self, rng: np.random.Generator) -> Constant:
-        """A fixed number in its place."""
+        """A fixed number, drawn from it, to stand in its place."""
         return Constant(value=self.sample(rng))
 
     def __float__(self) -> float:
@@ -105,7 +105,7 @@ class Constant(Distribution, frozen=True):
 
 
 class Uniform(Distribution, frozen=True):
-    """Every value between two is as likely."""
+    """Every value between two limits is equally likely."""
 
     uniform: tuple[Number, Number]
     """[low, high]"""
@@ -195,7 +195,8 @@ class Normal(Distribution, frozen=True):
         return self._inverse(below + share * (curve.cdf(high) - below))
 
     def _inverse(self, share: float) -> float:
-        """Of the whole curve's distribution function; never a cut itself, which bounds may exclude."""
+        """Inverse of the whole curve's distribution function; never a cut itself, which bounds may
+        exclude."""
         curve, low, high = self._curve
         inside = min(NEAREST * curve.stdev, 0.5 * (high - low))
         value = curve.inv_cdf(min(max(share, 1e-12), 1.0 - 1e-12))
@@ -308,7 +309,7 @@ AnyDistribution = Annotated[
 
 @dataclass(frozen=True)
 class Bounds:
-    """Within which values a number or distribution is physically sane."""
+    """The range within which a number or distribution is physically sane."""
 
     low: float
     high: float
@@ -316,7 +317,7 @@ class Bounds:
     above: bool = False
     """whether `low` itself is excluded"""
     whole: bool = False
-    """whether only whole numbers will do"""
+    """whether only whole numbers are allowed"""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_after_validator_function(self.check, handler(source))
@@ -364,7 +365,7 @@ class Bounds:
 
 
 def _numbers(value: Distribution) -> list[tuple[tuple[str | int, ...], float]]:
-    """Every value that the bounds must hold, with the key it stands at."""
+    """Every value that must lie within the bounds, with the key it stands at."""
     match value:
         case Constant():
             return [((), value.value)]

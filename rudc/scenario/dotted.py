@@ -16,10 +16,10 @@ class DottedKeyError(Exception):
 
 
 def with_value(data: dict[str, Any], key: str, value: Any) -> tuple[dict[str, Any], Path]:
-    """The same data with another value at a dotted key, and the path to it. What the key does not lead
-    through is shared with the data, not copied.
+    """The same data with another value at a dotted key, and the path to it. Parts that the key does not lead
+    through are shared with the data, not copied.
 
-    Sections that are missing are made. Raises DottedKeyError.
+    Missing sections are made. Raises DottedKeyError.
     """
     parts = key.split(".")
     if not all(parts):

@@ -1,9 +1,9 @@
 """Whether a file fits what it names beyond itself: its network's arms, lanes and turns.
 
-What is asked, a `Fit`, comes from a floor that knows networks (`rudc.world.fitting.misfits`). It is asked of
-every combination of swept values that it could depend on, `ASKED` at most, and each answer is put in its
-place, once. Every part of the file that can be read by itself is asked about, so that a file's problems come
-all at once.
+The check itself, a `Fit`, comes from a package that knows networks (`rudc.world.fitting.misfits`). It is made
+for every combination of swept values that it could depend on, `ASKED` at most, and each problem is reported
+once, at its place. Every part of the file that can be read by itself is checked, so that all problems of a
+file are reported at once.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _NETWORK = "four_way"
 ASKED_ABOUT = ("network", "junction", "ego", "events")
 """top-level keys that a fit can depend on"""
 ASKED = 64
-"""combinations of their swept values that are asked about; the others may fail when a sweep comes to them"""
+"""combinations of their swept values that are checked; the others may fail when a sweep comes to them"""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def fit_reports(sheet: Sheet, data: dict[str, Any], fit: Fit) -> list[Report]:
         for problem in fit(parts) if parts is not None else ():
             found.setdefault(problem, []).append(choice)
     for problems in _by_path(found):
-        # What is wrong everywhere, if in other words on each network, is said once.
+        # A problem at every point is reported once, even if its words differ from network to network.
         if len(problems) > 1 and sum(len(found[problem]) for problem in problems) == len(choices):
             found[problems[0]] += [choice for problem in problems[1:] for choice in found.pop(problem)]
     reports = [
@@ -106,7 +106,7 @@ def readable(data: dict[str, Any]) -> Parts | None:
 
 
 def _read(adapter: TypeAdapter[Model], data: Any) -> Model | None:
-    """What a mapping says, keys left out that nobody knows; None where more is wrong."""
+    """What a mapping says, without its unknown keys; None if anything else in it is wrong."""
     try:
         return adapter.validate_python(data)
     except ValidationError as error:

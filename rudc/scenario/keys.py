@@ -133,7 +133,7 @@ def _default(field: FieldInfo) -> str:
         return "required"
     value = field.get_default(call_default_factory=True)
     plain = value
-    if isinstance(value, FileModel):  # of a mapping, what is not each key's own default
+    if isinstance(value, FileModel):  # of a mapping, only keys that differ from their own defaults
         given = not isinstance(value, Distribution)
         plain = value.model_dump(mode="json", exclude_none=True, exclude_defaults=given)
     if plain in (None, "", (), {}):

@@ -16,7 +16,8 @@ SUFFIXES = (".yaml", ".yml")
 
 
 def shipped_scenarios() -> dict[str, Path]:
-    """Name -> file of every scenario that comes with the package, sorted by name; of none that is hidden."""
+    """Name -> file of every scenario that comes with the package, sorted by name; hidden files are left
+    out."""
     found = sorted(data_folder("scenarios").glob("[!.]*.yaml"))
     return {path.stem: path for path in found if path.is_file()}
 
@@ -55,7 +56,7 @@ def find_files(patterns: Sequence[str]) -> list[Path]:
     """Files of the scenarios that names, paths and globs stand for, each once, in the order given.
 
     A pattern without a suffix or folder (`*left*`) is one of shipped names. Raises ScenarioError with a line
-    for each that fits nothing. What is the path of a file is no pattern.
+    for each that fits nothing. A text that is the path of a file is not taken for a pattern.
     """
     found, missing = existing_files(patterns)
     if missing:

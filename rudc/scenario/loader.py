@@ -29,8 +29,8 @@ def load_scenario(
     *,
     grid: Mapping[str, Sequence[object]] | None = None,
 ) -> Scenario:
-    """The scenario of a shipped name or a file, with other values at some dotted keys, which are swept no
-    more, and with others swept (`grid`: dotted key -> values).
+    """The scenario of a shipped name or a file. `overrides`: dotted key -> value to use instead; such a key
+    is not swept any more. `grid`: dotted key -> values to sweep it over.
 
     `fit` finds what a file alone does not show (`rudc.world.fitting.misfits`: lanes that its network does
     not have). Raises ScenarioError, one line for every problem.
@@ -130,7 +130,7 @@ def _read(path: File, children: tuple[File, ...]) -> tuple[Sheet | None, tuple[s
 
 
 def _anchor_networks(sheet: Sheet, folder: File) -> None:
-    """Make paths to networks absolute: they are meant as seen from the file that names them."""
+    """Make paths to networks absolute: they are relative to the file that names them."""
     if is_network_path(sheet.data.get("network")):
         sheet.data["network"] = str((folder / sheet.data["network"]).absolute())
     sweep = sheet.data.get("sweep")
@@ -163,7 +163,8 @@ def _override(sheet: Sheet, key: str, value: object) -> list[Report]:
 
 
 def _with_hint(report: Report, data: dict[str, Any]) -> Report:
-    """A report, of a list in the place of a single value with what runs each of its values."""
+    """The report; where a list stands in the place of a single value, with a hint how to run each of its
+    values."""
     key = dotted(report.path)
     value = value_at(data, key)
     single = report.text.endswith(got(value)) and not report.text.startswith("expected a mapping")

@@ -36,7 +36,7 @@ Scalar = bool | float | int | str
 
 
 def is_plain_name(name: str) -> bool:
-    """Whether a scenario may be called so."""
+    """Whether a scenario may have this name."""
     return re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]*", name) is not None
 
 
@@ -79,7 +79,7 @@ class Scenario(FileModel, frozen=True):
     traffic: Traffic = Traffic()
     """surrounding vehicles"""
     events: tuple[AnyEvent, ...] = ()
-    """what happens besides"""
+    """what happens besides ordinary traffic"""
     episode: Episode = Episode()
     """when it ends by itself"""
     sweep: dict[str, tuple[Annotated[Scalar, BeforeValidator(_scalar)], ...]] = Field(default_factory=dict)
@@ -158,8 +158,8 @@ class Scenario(FileModel, frozen=True):
     def read_from(
         self, path: Path | None, overridden: tuple[str, ...], given: dict[str, Any] | None = None
     ) -> Scenario:
-        """The same scenario, which knows its file, in which keys it differs from what it extends, and what is
-        `given` there."""
+        """The same scenario, which now knows its file, the keys in which it differs from what it extends, and
+        what is `given` there."""
         known = self.model_copy()
         # A frozen model's private attributes may be set all the same.
         known._path = path  # pyright: ignore[reportAttributeAccessIssue]

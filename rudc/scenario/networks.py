@@ -1,4 +1,4 @@
-"""Which road networks a scenario may name; what is in them is the world's business."""
+"""Which road networks a scenario may name; `rudc.network` reads what is in them."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ Turn = Literal["left", "straight", "right"]
 
 @dataclass(frozen=True, slots=True)
 class EgoPlan:
-    """Where the ego starts and where it goes; what is None the world draws from the network."""
+    """Where the ego starts and where it goes; the world draws what is None from the network."""
 
     origin: str | None
     """arm (compass name) or edge id it comes from"""
@@ -46,7 +46,7 @@ class TrafficPlan:
     impatience: float
     """SUMO's `impatience`, 0 to 1"""
     minor_gap_s: float
-    """s, SUMO's `jmTimegapMinor`: the gap that suffices on the minor road"""
+    """s, SUMO's `jmTimegapMinor`: the gap that is enough on the minor road"""
     headway_s: Distribution
     """s, IDM's desired time headway"""
     min_gap_m: Distribution
@@ -56,7 +56,7 @@ class TrafficPlan:
     decel: Distribution
     """m/s2, IDM's comfortable deceleration"""
     speed_factor: Distribution
-    """desired speed over the limit"""
+    """desired speed, as a multiple of the limit"""
     warm_up_s: float
     """s simulated before the ego appears"""
 

@@ -47,7 +47,7 @@ class EgoRoute(FileModel, frozen=True):
 
     @classmethod
     def misfits(cls, given: Mapping[str, Any]) -> Iterator[tuple[str, str | None]]:
-        """Where it goes is said by a turn or by an end, and an end needs a beginning."""
+        """Where it goes is given by `turn` or by `to`, and `to` needs `from`."""
         if "to" in given and "turn" in given:
             yield "does not go with `turn`: give one of the two", "to"
         if "to" in given and given.get("from", given.get("origin", "random")) == "random":
@@ -145,15 +145,15 @@ class Traffic(FileModel, frozen=True):
     mix: Mix = Mix(car=Constant(value=1.0))
     """relative share of each type of vehicle; of those not named, none"""
     impatience: Annotated[AnyDistribution, Bounds(0, 1)] = Constant(value=0.6)
-    """how far they trust others to brake for them, 0 to 1 (SUMO's `impatience`, there 0)"""
+    """how far they rely on others to brake for them, 0 to 1 (SUMO's `impatience`, 0 by default in SUMO)"""
     minor_gap: Annotated[AnyDistribution, Bounds(0, 20, "s")] = Constant(value=0.6)
-    """s, gap that suffices them on the minor road (SUMO's `jmTimegapMinor`, there 1)"""
+    """s, gap that is enough for them on the minor road (SUMO's `jmTimegapMinor`, 1 by default in SUMO)"""
     idm: Idm = Idm()
     """how they follow each other"""
     speed_factor: Annotated[AnyDistribution, Bounds(0.1, 3)] = Normal(
         normal=NormalParameters(mean=1.0, std=0.1, low=0.8, high=1.2)
     )
-    """desired speed over the limit; drawn anew for each vehicle"""
+    """desired speed, as a multiple of the limit; drawn anew for each vehicle"""
     warm_up: Annotated[AnyDistribution, Bounds(0, 300, "s")] = Constant(value=5.0)
     """s simulated before the ego appears"""
 

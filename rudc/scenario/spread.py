@@ -1,4 +1,4 @@
-"""Which points of a grid are looked at where it has too many to look at all."""
+"""Which points of a grid are tried when it has too many to try them all."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ Point = tuple[int, ...]
 
 
 def spread(sizes: Sequence[int], most: int) -> list[Point]:
-    """All points of a grid with so many values of each key, the last key varying fastest; of a grid of more
-    than `most` points so many at most, the same ones each time. They are a Latin hypercube: each key's values
-    come up about equally often, its first and its last among them, and all of them where it has no more than
-    `most`.
+    """The points of a grid with `sizes` values of each key, the last key varying fastest: all of them, or
+    `most` at most of a larger grid, the same ones each time. Those of a larger grid are a Latin hypercube:
+    each key's values come up about equally often, its first and its last among them, and all of them if there
+    are no more than `most`.
     """
     if math.prod(sizes) <= most:
         return list(itertools.product(*map(range, sizes)))

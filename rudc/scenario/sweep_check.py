@@ -83,7 +83,7 @@ def _axis_reports(sheet: Sheet, base: dict[str, Any], key: str, values: list[Any
 
 
 def _apart(value: Any) -> Hashable:
-    """Equal for values that are the same in a file, where true is no 1."""
+    """Equal for values that are the same in a file, where `true` is not 1."""
     return (isinstance(value, bool), value) if isinstance(value, Hashable) else repr(value)
 
 

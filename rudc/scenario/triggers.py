@@ -1,6 +1,6 @@
 """When an event happens: conditions named as in ASAM OpenSCENARIO where it has one.
 
-All conditions of one `when` must hold at once; then the event happens, once. They speak of the ego.
+All conditions of one `when` must hold at once; then the event happens, once. They are about the ego.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Threshold(FileModel, frozen=True):
     """Holds while a quantity is above one value, below another, or both."""
 
     LEAST: ClassVar[float] = 0.0
-    """of the quantity"""
+    """least value of the quantity"""
     above: AnyDistribution | None = None
     """holds when the quantity is greater"""
     below: AnyDistribution | None = None
@@ -51,8 +51,8 @@ class Threshold(FileModel, frozen=True):
         )
 
     def as_drawn(self) -> Self:
-        """The same, its numbers drawn; where these contradict each other, as a file may say: nothing is below
-        the least.
+        """The same, with its numbers drawn. If these contradict each other: a threshold that never holds
+        (below the least value), since a file may not give contradicting numbers.
         """
         if not self._contradictory:
             return self
@@ -98,7 +98,7 @@ class JunctionThreshold(Threshold, frozen=True):
     """A distance in m to the stop line, negative once past it."""
 
     LEAST: ClassVar[float] = -1000.0
-    """m"""
+    """m, least value of the quantity"""
     above: Annotated[AnyDistribution, Bounds(-1000, 1000, "m")] | None = None
     """m; holds when it is farther"""
     below: Annotated[AnyDistribution, Bounds(-1000, 1000, "m")] | None = None

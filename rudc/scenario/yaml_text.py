@@ -93,7 +93,7 @@ class Sheet:
 
 
 def _compose(text: str) -> yaml.Node | None:
-    """The one document in a text, as nodes; so many values, and so deep, as a scenario may have.
+    """The one document in a text, as nodes, if it has no more values and levels than a scenario may have.
 
     What the text says is counted before anything is built of it: each alias as all that it stands for.
     Raises yaml.YAMLError.
@@ -131,7 +131,7 @@ def read_yaml(text: str, file: str, keys: str = "`name` and `network`") -> tuple
     what it may have, for the message where it is no mapping.
     """
     if len(text) > LONGEST:
-        return None, [Report(file, 1, 1, (), f"longer than {LONGEST} characters; no such file is")]
+        return None, [Report(file, 1, 1, (), f"longer than {LONGEST} characters; that is too long")]
     try:
         node = _compose(text)
     except yaml.MarkedYAMLError as error:

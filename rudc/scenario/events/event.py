@@ -29,7 +29,7 @@ class Event(FileModel, frozen=True):
     kind: str
     """which kind of event"""
     when: Trigger | None = None
-    """conditions that must all hold for it to happen, once; without them it is there from the start"""
+    """conditions that must all hold for it to happen, once; without them it happens at the start"""
 
     def drawn(self, rng: np.random.Generator) -> Event | None:
         """The event with its numbers drawn, or None where its `probability` says that it does not happen.
@@ -61,7 +61,7 @@ class Effect(ABC, Generic[E]):
     """One event of an episode, acting on the stage."""
 
     from_the_start = False
-    """whether, without a trigger, it is there before the ego is and traffic warms up around it"""
+    """whether, if it has no trigger, it is there before the ego is, so that traffic warms up around it"""
     felt = False
     """whether it has no body, and the ego feels it as soon as it begins"""
 

@@ -25,7 +25,7 @@ class LaneClosure(Event, frozen=True):
     at: Metre
     """m along the lane, where it begins to be closed"""
     length: Annotated[AnyDistribution, Bounds(0, 500, "m", above=True)]
-    """m that are closed, away from the junction, or inside it in driving direction"""
+    """m that are closed, counted away from the junction, or inside it in driving direction"""
 
 
 class LaneClosureEffect(Effect[LaneClosure]):

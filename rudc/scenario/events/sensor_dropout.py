@@ -18,7 +18,7 @@ class SensorDropout(Event, frozen=True):
     kind: Literal["sensor_dropout"]
     """the ego misses others at random, and beyond a range"""
     probability: Annotated[AnyDistribution, Bounds(0, 1)] = Constant(value=0.0)
-    """of missing a vehicle, each vehicle at each decision anew"""
+    """probability of missing a vehicle, drawn anew for each vehicle at each decision"""
     range: Annotated[AnyDistribution, Bounds(0, 1000, "m", above=True)] | None = None
     """m beyond which nothing is seen; by default no limit"""
 

@@ -64,14 +64,15 @@ class Stage(ABC):
 
     @abstractmethod
     def set_speed_factor(self, name: str, factor: float | None, event: str = "") -> None:
-        """How many times the limit a vehicle wants to drive, as an event has it; None when the event is over.
+        """Set how many times the limit a vehicle wants to drive, for an event; None when the event is over.
 
-        Of several events the last counts, and where all are over the vehicle's own factor.
+        Of several events the last counts; when all are over, the vehicle's own factor does.
         """
 
     @abstractmethod
     def set_top_speed(self, name: str, speed: float | None, event: str = "") -> None:
-        """m/s that a vehicle does not exceed; as `set_speed_factor`, in the end what its type can do."""
+        """Set the m/s that a vehicle does not exceed; as `set_speed_factor`, after all events what its type
+        can do."""
 
     @property
     @abstractmethod
@@ -80,7 +81,8 @@ class Stage(ABC):
 
     @abstractmethod
     def set_density(self, density: float | None, event: str = "") -> None:
-        """veh/km at which traffic is held from now on; as `set_speed_factor`, in the end the scenario's."""
+        """Set the veh/km at which traffic is held from now on; as `set_speed_factor`, after all events the
+        scenario's."""
 
     # ---- places
 
@@ -128,7 +130,8 @@ class Stage(ABC):
     def send(
         self, name: str, body: Body, way: NDArray[np.float64], speed: float, late_m: float = 0.0
     ) -> None:
-        """Have something, called `EVENT:...`, move along a way (K, 2) m; it starts `late_m` m before it."""
+        """Have something, called `EVENT:...`, move along a way (K, 2) m at speed m/s; it starts `late_m` m
+        before the way's begin."""
 
     @abstractmethod
     def remove_things(self, event: str) -> None:

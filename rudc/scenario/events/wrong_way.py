@@ -30,7 +30,7 @@ class WrongWay(Event, frozen=True):
 
 
 class WrongWayEffect(Effect[WrongWay]):
-    """It drives its lane against its direction, and straight on where that begins."""
+    """It drives along a lane against the lane's direction, and straight on beyond the lane's beginning."""
 
     def begin(self, stage: Stage) -> bool:
         way = stage.against_lane(self.event.lane, float(self.event.at))
