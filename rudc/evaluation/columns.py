@@ -6,7 +6,7 @@ It then stands in `episodes.csv`, in what `rudc run` prints, in `rudc table --by
 
 The paper's seven metrics (Tab. "Evaluation Metrics"), `METRICS`, are rates of outcomes and means of columns.
 Every episode ends in exactly one outcome: SR + FR + VR = 100 %. Episodes that could not be run (`error`) are
-counted beside and enter no metric.
+counted apart and enter no metric.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ Average = Literal["episodes", "decisions", "share"]
 all decisions in percent, of a column that counts decisions"""
 
 INTERVENTION_MPS2, INTERVENTION_RAD = 0.1, 0.005
-"""an intervention changes acceleration or steering by more than this; less, nobody would feel"""
+"""an intervention changes acceleration or steering by more than this; nobody would feel a smaller change"""
 
 
 class Driven(NamedTuple):
@@ -65,15 +65,15 @@ class Column:
     unit: str = ""
     better: Better | None = None
     average: Average | None = None
-    """how episodes are taken together; None for what has no mean"""
+    """how its mean is taken; None for a column without one"""
     decimals: int = 6
-    """that are kept; no quantity here needs more than six"""
+    """decimals that are kept; no quantity here needs more than six"""
     is_timing: bool = False
     """whether it depends on the machine: only such columns may differ between two runs of the same sweep"""
 
     def value(self, driven: Driven) -> Cell:
-        """What the column says of an episode; None for what is not finite. Raises InputError for what no cell
-        can say.
+        """The column's value for an episode; None where it is not finite. Raises InputError for a value that
+        no cell can hold.
         """
         found = None if self.read is None else self.read(driven)
         if isinstance(found, np.generic):
@@ -85,7 +85,7 @@ class Column:
         return round(float(found), self.decimals) if math.isfinite(found) else None
 
     def _wrong(self, value: object) -> str:
-        """What a value should have been that no cell can say; empty for others."""
+        """What the value should have been, if no cell can hold it; empty if one can."""
         if value is None:
             return ""
         if self.average is not None:
@@ -105,14 +105,14 @@ class Metric:
     unit: str = ""
     better: Better | None = None
     column: str = ""
-    """that it is a mean of; empty for a rate"""
+    """column that it is the mean of; empty for a rate"""
     average: Average = "episodes"
     outcomes: tuple[str, ...] = ()
-    """that it is the rate of; empty for a mean"""
+    """outcomes that it is the rate of; empty for a mean"""
     scale: float = 1.0
-    """from the column's unit to its own"""
+    """factor from the column's unit to its own"""
     decimals: int = 1
-    """shown in tables"""
+    """decimals shown in tables"""
 
 
 # ---- what the columns read
@@ -202,9 +202,8 @@ _TABLE = (
     ),
     Column(
         "mean_correction",
-        "mean over the decisions of the size of u - u_rl, both numbers scaled to [-1, 1]: all that was "
-        "changed, for course and grip, too (a replay's largest correction leaves that out); 0 without a "
-        "filter",
+        "mean over the decisions of the size of u - u_rl, both numbers scaled to [-1, 1]: all changes, also "
+        "those for course and grip (a replay's largest correction leaves these out); 0 without a filter",
         _mean_correction,
         average="decisions",
     ),

@@ -25,7 +25,7 @@ KERNELS = (
     "rudc.safety.residual_kernels",
     "rudc.agents.kernels",
 )
-"""all modules of kernels; those that they import with them"""
+"""modules whose import loads all kernels, those of the modules that they import included"""
 
 
 def compile_kernels() -> None:

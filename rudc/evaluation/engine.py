@@ -39,13 +39,13 @@ Result = tuple[Task, EpisodeRecord]
 START_LIMIT_S = 120.0
 """s in which a worker must have started, and have loaded what an episode needs"""
 LONGEST_WAIT_S = 3600.0
-"""s that are waited at a time: the system counts them in ms, of which it takes 2^31"""
+"""s, longest single wait: the system counts waits in ms, and takes at most 2^31 of them"""
 BEGINS = "begins"
 """what a worker says when the episode itself starts: from here on its time counts"""
 START_FAILURES = 3
 """workers in a row that may fail to start"""
 TRIES = 2
-"""how often an episode is given to a worker that then dies"""
+"""how often an episode is tried whose worker dies or takes too long"""
 
 
 @dataclass(eq=False)
@@ -77,8 +77,8 @@ def run_local(
 def local_workers(
     workers: int, limit_s: float, make_runner: RunnerFactory
 ) -> Iterator[Callable[[Sequence[Task]], Iterator[Result]]]:
-    """Worker processes that stay for several batches of tasks, until the block ends: what is given is called
-    with each batch, and yields as `run_local` does, all of one before the next.
+    """Worker processes that stay until the block ends. The function that the block gets is called with one
+    batch of tasks after another, and yields the results of each as `run_local` does.
     """
     pool = _Pool(workers, limit_s, make_runner)
     try:

@@ -29,7 +29,7 @@ class Film:
         every: int = 1,
     ) -> None:
         """`agent`: the driver's name. `window`: where frames are shown as they come; without, they are kept
-        for `save`. `every`: one of so many decisions is drawn, and the last; of a long episode fewer, so
+        for `save`. `every`: one in so many decisions is drawn, and the last; of a long episode fewer, so
         that no more than `MOST` frames are kept.
         """
         self._episode = episode

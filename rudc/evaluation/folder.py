@@ -45,7 +45,7 @@ _ERROR = list(COLUMNS).index("error")
 _RENAMED = {"interventions": "engaged_steps"}
 """old name -> present one, in files that have no column of the present name"""
 _DROPPED = ("violation",)
-"""columns of old files that say nothing which others do not"""
+"""columns of old files that repeat what other columns say"""
 TRACEBACK = "; traceback in "
 """stands in a row's error before the name of the file"""
 
@@ -134,7 +134,7 @@ class SweepFolder:
         write_atomically(self.path / "metrics.csv", metrics_csv(groups, by))
 
     def _refuse_other_columns(self, old: Mapping[str, Any]) -> None:
-        """Raises SweepError when the folder's rows have not the meaning that new ones would have."""
+        """Raises SweepError when the folder's rows mean something else than new ones would."""
         header = read_header(self.path / "episodes.csv")
         lacking = missing_columns(header) if header else []
         more = [name for name in header[: len(COLUMNS)] if name not in COLUMNS]
@@ -174,8 +174,9 @@ def settled(
     to_go_on: str,
     refuse: Callable[[Mapping[str, Any]], None],
 ) -> dict[str, Any]:
-    """What the manifest of a folder will hold, `with_versions` apart: `content`, or where one goes on what
-    follows from both. A new folder gets it at once, before all else, so that --resume goes on after any kill.
+    """What the manifest of a folder will hold, before `with_versions`: `content` for a new folder; for one
+    that is resumed, what follows from its manifest and `content` (`manifest.resumed`). A new folder gets its
+    manifest at once, before all else, so that --resume works after any kill.
 
     Raises SweepError when the folder is not empty and not to be resumed, and whatever `refuse` raises for the
     manifest that is there. `to_go_on` says what --resume would do.
@@ -197,8 +198,8 @@ def settled(
 def with_versions(
     path: Path, content: dict[str, Any], now: dict[str, str] | None, warnings: list[str]
 ) -> dict[str, Any]:
-    """A folder's manifest with the versions that its further episodes run with, None where none is left to
-    run; `warnings` gets what differs between rows.
+    """A folder's manifest, with the versions `now` that its remaining episodes run with (None: no episode is
+    left to run); `warnings` gets what differs between rows.
     """
     if now is not None:
         content = gone_on_with(content, now)
@@ -234,9 +235,9 @@ def read_sweep(path: Path) -> tuple[list[dict[str, str]], tuple[str, ...]]:
 
 
 def sweep_rows(path: Path) -> SweepRows:
-    """The rows of a sweep's folder, read as they are used, without columns where there is none. Columns that
-    were not there yet when the folder was written are empty; those that are not known here, such as one of
-    somebody's own, stand after the known ones. Raises SweepError when it is not the folder of a sweep.
+    """The rows of a sweep's folder, read as they are used; without any row there are no columns. Columns that
+    did not exist yet when the folder was written are empty; columns that are not known here, such as a user's
+    own, stand after the known ones. Raises SweepError when it is not the folder of a sweep.
     """
     file = path / "episodes.csv"
     header, blocks = _read(path)

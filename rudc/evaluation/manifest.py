@@ -27,11 +27,11 @@ from rudc.scenario.model import Scenario
 from rudc.settings import problems
 
 FORMAT = 2
-"""of a sweep's folder; 1 had `conditions.csv`, and counted interventions in another way"""
+"""version of a sweep's folder; 1 had `conditions.csv`, and counted interventions in another way"""
 PACKAGES = (
     "libsumo", "sumolib", "numpy", "numba", "llvmlite", "scipy", "qpsolvers", "piqp", "gymnasium", "pydantic",
 )  # fmt: skip
-"""whose versions can change a row"""
+"""packages whose versions can change a row"""
 
 
 class ScenarioEntry(BaseModel, frozen=True):
@@ -54,9 +54,9 @@ class Configuration(BaseModel, frozen=True):
     episodes: Annotated[int, Field(ge=1)]
     seed: Annotated[int, Field(ge=0)]
     imported: dict[str, dict[str, str]] = {}
-    """by what `--import` named: digests of its file, and of those that it imports from beside it"""
+    """what `--import` named -> digests of its file, and of the files beside it that it imports"""
     plugins: dict[str, dict[str, str]] = {}
-    """by name of an installed package that offers events, algorithms or barriers: its version, and digests of
+    """name of an installed package that offers events, algorithms or barriers -> its version, and digests of
     the modules that it offers"""
 
 
@@ -73,7 +73,7 @@ class Manifest(BaseModel, frozen=True):
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """The manifest of a sweep's folder. Raises SweepError where there is none, or no such."""
+    """The manifest of a sweep's folder. Raises SweepError where there is none, or an invalid one."""
     path = folder / "manifest.json"
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
@@ -114,7 +114,7 @@ def agent_digest(name: str) -> str:
 
 
 def agent_digests(content: Mapping[str, Any]) -> dict[str, str]:
-    """The same of all agents of a manifest, as they were when it was made."""
+    """The digests of all agents of a manifest, as they were when it was made."""
     return {name: _digest(settings) for name, settings in content["configuration"]["agents"].items()}
 
 
@@ -124,8 +124,8 @@ def _digest(settings: Any) -> str:
 
 
 def versions() -> dict[str, str]:
-    """Versions of everything that can change a row, the processor's model included: libraries choose other
-    instructions on another, and round otherwise.
+    """Versions of everything that can change a row, the processor's model included: on another
+    processor libraries choose other instructions, and round differently.
     """
     found = {"rudc": rudc.__version__, "code": code_version(), "python": platform.python_version()}
     found["processor"] = processor()
@@ -198,8 +198,8 @@ def resumed(old: Mapping[str, Any], new: Mapping[str, Any], folder: Path) -> dic
 
 
 def _as_placed(there: Mapping[str, Any], here: Mapping[str, Any]) -> dict[str, Any]:
-    """A sweep's configuration, with another's networks in scenarios of the same digest: the same files, which
-    lie elsewhere now. Those that are swept stay, as rows name them.
+    """The configuration `there`, with the networks that `here` names in scenarios of the same digest: they
+    are the same files, which lie elsewhere now. Swept networks stay, since rows name them.
     """
     scenarios = dict(there.get("scenarios", {}))
     for name, told in scenarios.items():
@@ -210,9 +210,7 @@ def _as_placed(there: Mapping[str, Any], here: Mapping[str, Any]) -> dict[str, A
 
 
 def gone_on_with(content: Mapping[str, Any], now: dict[str, str]) -> dict[str, Any]:
-    """The manifest of a sweep of which episodes are left to run: where versions have changed, it says to
-    which.
-    """
+    """The manifest of a sweep that goes on with the versions `now`; it names them if they have changed."""
     before = content.get("resumed_with", [])
     known = now in [content["versions"], *before]
     return dict(content) if known else {**content, "resumed_with": [*before, now]}
@@ -225,13 +223,14 @@ def version_changes(content: Mapping[str, Any]) -> list[str]:
 
 
 _OF_CODE = re.compile(r"agents\..*\.(source: |imports\.)|imported\.|plugins\.")
-"""how the line of a difference begins that is about code which is not RUDC's"""
+"""how a line of `_differences` begins if it is about code that is not RUDC's"""
 _NAMED = ("scenarios", "agents", "plugins")
 """the parts of a sweep's configuration that are mappings by name"""
 
 
 def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:
-    """One line for each thing that differs, in words; what is there or here only is named whole."""
+    """One line for each thing that differs, in words; a scenario or agent that only one side has is one
+    line."""
     yield from _on_one_side(old, new)
     old, new = _shared(old, new), _shared(new, old)
     flat_old, flat_new = dict(_flat(old)), dict(_flat(new))
@@ -256,7 +255,7 @@ def _on_one_side(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str
 
 
 def _shared(one: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
-    """A configuration, of scenarios, agents and plug-ins with those alone that the other has, too."""
+    """A configuration, with only those scenarios, agents and plug-ins that the other has, too."""
     parts = {part: one.get(part, {}) for part in _NAMED}
     both = {
         part: {n: v for n, v in named.items() if n in other.get(part, {})} for part, named in parts.items()

@@ -15,7 +15,7 @@ from rudc.evaluation.rows import Columns, Row, SweepRows, as_numbers, by_column
 from rudc.evaluation.statistics import Sample, Summary, summarise_all, summarise_rate
 
 STATISTICS = Summary._fields
-"""of each metric, in `metrics.csv`"""
+"""statistics of each metric in `metrics.csv`"""
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ class Tally:
 
 
 def _possible(metric: Metric, value: Summary) -> Summary:
-    """With its interval cut to 0 to 100, if the metric is a percentage."""
+    """The summary; of a percentage, with its interval cut to 0 to 100."""
     if metric.unit != "%" or math.isnan(value.low):
         return value
     return value._replace(low=max(value.low, 0.0), high=min(value.high, 100.0))
@@ -170,7 +170,7 @@ def average(metric: Metric, rows: Sequence[Row]) -> float:
 
 
 def _weighted(metric: Metric, numbers_of: Callable[[str], Array]) -> tuple[Array, Array]:
-    """Two (n,): each episode's sum, and over how many things it goes (itself, or its decisions)."""
+    """Two (n,): each episode's sum, and the number of things summed (1 for itself, or its decisions)."""
     values = metric.scale * numbers_of(metric.column)
     if metric.average == "episodes":
         return values, np.ones(len(values))

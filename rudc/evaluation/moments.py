@@ -1,6 +1,6 @@
 """What in an episode is worth a look: the largest correction, the closest approach, events, the end.
 
-A correction is here what the correction itself did, without what was changed for course and grip; the column
+Only what the correction itself changed counts here, not what was changed for course and grip; the column
 `mean_correction` counts both.
 """
 
@@ -26,7 +26,7 @@ class Step(NamedTuple):
     outcome: str
     """how the episode ended with it; empty while it goes on"""
     bounded: tuple[float, float] = (0.0, 0.0)
-    """m/s2 and rad of the change that are no correction's: see `Decision.bounded`"""
+    """m/s2 and rad, the part of the change that is not the correction's: see `Decision.bounded`"""
 
 
 def moments(

@@ -1,4 +1,4 @@
-"""A sweep's own copies of the road networks it runs on, so that nobody replaces one under its feet."""
+"""A sweep's own copies of the road networks it runs on: a file that is replaced meanwhile changes nothing."""
 
 from __future__ import annotations
 
@@ -50,9 +50,9 @@ def with_copies(scenario: Scenario, copies: Mapping[str, str]) -> Scenario:
 
 
 def kept_scenario(values: Mapping[str, Any], digest: str, folder: Path) -> Scenario:
-    """A scenario as a sweep's manifest says it, on the sweep's own copies of its networks: those with which
-    it has the digest that it had. Without such copies, on the networks it names. Raises pydantic's
-    ValidationError.
+    """The scenario that a sweep's manifest describes, on the sweep's own copies of its networks: those copies
+    with which its digest is the one in the manifest. Without such copies, on the networks that it names.
+    Raises pydantic's ValidationError.
     """
     swept = values.get("sweep")
     several = swept.get("network") if isinstance(swept, Mapping) else None

@@ -54,8 +54,8 @@ def tasks(table: str) -> list[str]:
 
 
 def beside(ours: Sequence[Group], theirs: Sequence[Group], at: int) -> list[Group]:
-    """Ours, each followed by the paper's of the same algorithm (its last agent, where several are), then the
-    others of the paper. at: where in their keys the agent stands.
+    """Our groups, the last one of each algorithm followed by the paper's group of that algorithm; then the
+    paper's other groups. `at`: where in their keys the agent stands.
     """
     names = [paper_name(group.key[at]) + _MARK for group in ours]
     found: list[Group] = []

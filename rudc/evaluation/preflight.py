@@ -50,8 +50,8 @@ def try_out(scenario: Scenario, seed: int = 0) -> list[str]:
 
 
 def never_happening(scenario: Scenario) -> list[str]:
-    """Which events can never happen, since they wait for what no episode comes to, a line each; of a sweep
-    those of the points that `tried_points` chooses."""
+    """A line for each event that can never happen, since it waits for something that no episode reaches; of a
+    sweep, at the points that `tried_points` chooses."""
     found: dict[str, str] = {}
     for swept in tried_points(scenario):
         for text in _in_vain(scenario.varied(swept) if swept else scenario):

@@ -6,7 +6,7 @@ import contextlib
 import gc
 from importlib import import_module
 
-gc.disable()  # nothing of what imports make is garbage, and a tenth of their time would go to seeing so
+gc.disable()  # imports make no garbage, and looking for it would take a tenth of their time
 with contextlib.suppress(Exception):  # a worker that needs what cannot be imported says so itself
     for _module in ("rudc.evaluation.runner", "rudc.evaluation.sweep", "rudc.evaluation.compiled"):
         import_module(_module)

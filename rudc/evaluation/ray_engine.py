@@ -121,7 +121,7 @@ class _Actors:
         self._failures: Counter[int] = Counter()
         """id of a task -> how often an actor failed that had it"""
         self._starting: dict[Any, Any] = {}
-        """reference to an actor's word that it is there -> the actor"""
+        """reference to an actor's message that it has started -> the actor"""
         self._running: dict[Any, _Batch] = {}
         """reference to records -> what is running"""
         self._failed_starts = 0
@@ -159,7 +159,7 @@ class _Actors:
             self._ray.kill(actor)
 
     def _next(self) -> list[Task]:
-        """The next batch: no more than an actor's half of a fair share, so that all end at about one time."""
+        """The next batch: at most half of an actor's fair share, so that all end at about the same time."""
         share = len(self._pending) // (2 * (len(self._running) + len(self._starting) + 1))
         size = max(1, min(share, int(BATCH_S / self._episode_s)))
         tasks = [self._pending.popleft() for _ in range(min(size, len(self._pending)))]

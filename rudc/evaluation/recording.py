@@ -4,7 +4,7 @@
 
 Frame k is the world after the decision k, counted from 0, together with that decision. Numbers are whole
 multiples of a step: a length of 0.01 m, an angle of 0.001 rad, a series' own `step`. Coordinates are relative
-to the junction's centre. Places along a track are the first one and then differences.
+to the junction's centre. Of the places along a track the first is kept, and then differences.
 """
 
 from __future__ import annotations
@@ -39,9 +39,10 @@ LENGTH, ANGLE = 0.01, 0.001
 BRAKES, HIDDEN, CONSTRAINED, ACTIVE = 1, 2, 4, 8
 """bits of a body's state at a frame: brake lights, not seen by the ego, constrained, acted on"""
 PATH_STRIDE = 3
-"""stations of a way of others from one point to the next that is kept"""
+"""of the stations of others' ways, one in so many is kept"""
 BLINKS_M, LEAVES_M = 30.0, 15.0
-"""m that somebody who turns blinks before the stop line; who leaves a roundabout, before the exit"""
+"""m before the stop line from which a vehicle that turns blinks; m before the exit, on leaving a
+roundabout"""
 SERIES: dict[str, float] = {
     "time_s": 0.01, "speed_mps": 0.01, "route_s_m": 0.01, "offset_m": 0.01,
     "acceleration_mps2": 0.01, "nominal_acceleration_mps2": 0.01, "safe_acceleration_mps2": 0.01,
@@ -50,7 +51,7 @@ SERIES: dict[str, float] = {
     "least_h_m2": 0.01, "slack": 0.0001, "gap_m": 0.01, "reward": 0.001, "cost": 0.001,
     "friction": 0.001, "delay_s": 0.001, "true_friction": 0.001, "true_delay_s": 0.001,
 }  # fmt: skip
-"""what is told of every frame -> the step that its values are multiples of"""
+"""what is kept of every frame -> the step that its values are multiples of"""
 _LAYERS: dict[Colour, str] = {VERGE: "verge", ASPHALT: "asphalt", MARK: "mark"}
 _BRAKING, _STANDS = -0.7, 0.3
 """m/s2, m/s: below which brake lights are lit, as in rudc/drawing/bodies.py"""
@@ -95,7 +96,7 @@ class Recording:
         return len(self._steps)
 
     def data(self, record: EpisodeRecord) -> dict[str, Any]:
-        """Everything, of what can be written as JSON. `record`: what became of the episode."""
+        """Everything that was kept, ready to be written as JSON. `record`: what became of the episode."""
         world, center = self._episode.world, self._episode.world.network.center
         low, high = _percentiles(self._agent)
         body, route = world.scene().vehicle, world.scene().route
@@ -323,7 +324,8 @@ def _told(decision: Decision, course: int | None) -> dict[str, Any]:
 
 
 def _sensed(view: View) -> list[list[str | int]]:
-    """Name, and how far off the ego sees it: dx, dy, dpsi in steps; only of those seen elsewhere."""
+    """Name, and how far from its place the ego sees it: dx, dy, dpsi in steps; only of those seen
+    elsewhere."""
     if view.perceived is None:
         return []
     scene, seen = view.truth, view.perceived
@@ -339,7 +341,7 @@ def _sensed(view: View) -> list[list[str | int]]:
 
 
 def _outlooks(agent: Agent) -> Iterator[Any]:
-    """What the agent, or one that it is put round, has as its outlook (courses, adaptation)."""
+    """The outlooks (courses, adaptation) of the agent and of the agents inside it."""
     found = (getattr(layer, "outlook", None) for layer in layers(agent))
     return (outlook for outlook in found if outlook is not None)
 

@@ -32,11 +32,11 @@ class Rerun(NamedTuple):
     """An episode of a sweep, ready to be run again."""
 
     number: int
-    """of its row, from 1"""
+    """number of its row, from 1"""
     row: Mapping[str, str]
     task: Task
     changes: tuple[str, ...]
-    """what is another than when the sweep ran"""
+    """what differs from when the sweep ran"""
 
 
 def find_episode(folder: Path, which: str) -> Rerun:
@@ -107,7 +107,7 @@ class _Family(NamedTuple):
 
 
 class Difference(NamedTuple):
-    """A column in which an episode came out otherwise than its row says."""
+    """A column in which an episode came out differently from its row."""
 
     column: str
     then: str
@@ -126,8 +126,8 @@ class Difference(NamedTuple):
 
 
 def differences(row: Mapping[str, str], record: EpisodeRecord) -> list[Difference]:
-    """Columns in which an episode came out otherwise than its row says; timing is left out, and so is what
-    the row does not say.
+    """Columns in which an episode came out differently from its row; timing is left out, and so are cells
+    that are empty in the row, except `error` and `fault`.
     """
     said = {**row, "error": row["error"].partition(TRACEBACK)[0]}
     pairs = (Difference(name, said[name], record.text(name)) for name in COLUMNS if name not in TIMING)
@@ -135,7 +135,7 @@ def differences(row: Mapping[str, str], record: EpisodeRecord) -> list[Differenc
 
 
 def _number(rows: Sequence[Mapping[str, str]], parameters: Sequence[str], which: str, folder: Path) -> int:
-    """Of the row that is meant."""
+    """The number of the row that is meant."""
     if not rows:
         raise SweepError(f"{folder} has no rows: no episode of it has ended; finish it with --resume")
     if is_whole(which):
@@ -164,7 +164,7 @@ def _number(rows: Sequence[Mapping[str, str]], parameters: Sequence[str], which:
 
 
 def _changes(content: Mapping[str, Any], family: _Family, agent: str) -> list[str]:
-    """What is another now: scenario, agent, code of others, versions."""
+    """What differs now: scenario, agent, code that is not RUDC's, versions."""
     found = []
     if not family.same:
         found.append("the scenario, or a file that it names, means something else now")
@@ -172,7 +172,7 @@ def _changes(content: Mapping[str, Any], family: _Family, agent: str) -> list[st
     if settings != content["configuration"].get("agents", {}).get(agent, settings):
         found.append(f"the agent {agent} has other settings now")
     if content["configuration"].get("imported", {}) != sources_digests():
-        found.append("what --import names is another, or has changed since")
+        found.append("--import names other files, or they have changed since")
     found += _plugin_changes(content["configuration"].get("plugins", {}), plugins())
     then = content["versions"]
     found += [
@@ -182,7 +182,7 @@ def _changes(content: Mapping[str, Any], family: _Family, agent: str) -> list[st
 
 
 def _plugin_changes(then: Mapping[str, Mapping[str, str]], now: Mapping[str, Mapping[str, str]]) -> list[str]:
-    """A line for each package with plug-ins that is there or here only, or is another."""
+    """A line for each package with plug-ins that only one side has, or that has changed."""
     found = []
     for name in dict.fromkeys([*then, *now]):
         if name not in now:

@@ -1,5 +1,5 @@
-"""Rows of a sweep by column, a block at a time, and whether they say what episodes can: outcomes, numbers,
-each episode once. Of a million rows only a block is in memory.
+"""Rows of a sweep by column, a block at a time, and a check that episodes can have written them: outcomes,
+numbers, each episode once. Of a million rows only a block is in memory.
 """
 
 from __future__ import annotations
@@ -63,9 +63,9 @@ def as_numbers(texts: Sequence[str]) -> Array:
 
 
 def undamaged(blocks: Iterable[Columns], parameters: Sequence[str], path: Path) -> Iterator[Columns]:
-    """The same blocks, each looked at before. Raises SweepError, with the line's number, for the first row
-    that no episode has written; after the last block, where an episode stands twice, by 64 bits of what tells
-    it from others. The blocks are those of the whole file at `path`, without its header.
+    """The same blocks, each checked first. Raises SweepError, with the line's number, for the first row that
+    no episode can have written; and, after the last block, for an episode that stands there twice (recognised
+    by a 64-bit hash of its identity). The blocks are those of the whole file at `path`, without its header.
     """
     lines, keys, begun = [], [], 2
     for block in blocks:
@@ -85,7 +85,7 @@ def undamaged(blocks: Iterable[Columns], parameters: Sequence[str], path: Path) 
 
 
 def _refuse_twice(keys: Index, lines: Index, path: Path) -> None:
-    """Raise SweepError for the first line whose key another has before it."""
+    """Raise SweepError for the first line whose key an earlier line has."""
     order = np.argsort(keys, kind="stable")
     again = np.flatnonzero(keys[order][1:] == keys[order][:-1])
     if len(again):
@@ -125,7 +125,7 @@ def _wrong(row: Row) -> str:
 
 
 def is_whole(text: str) -> bool:
-    """Whether a text is a whole number, as one of an episode or of a row is: 0 to 9 alone, and not many."""
+    """Whether a text is a whole number as seeds and rows have: digits from 0 to 9 only, and fewer than 20."""
     return text.isascii() and text.isdigit() and len(text) < _SEED_DIGITS
 
 

@@ -26,8 +26,8 @@ from rudc.network.network import load_network
 from rudc.world.world import World
 
 SOONER = 0.95
-"""share of the time limit after which an episode is stopped; a worker that does not stop is killed after all
-of it, and nobody learns where it was"""
+"""share of the time limit after which an episode is stopped, and its error says where it was; a worker that
+does not stop is killed at the limit, and then nobody learns where it was"""
 
 
 class EpisodeRunner:
@@ -72,7 +72,7 @@ class EpisodeRunner:
         return EpisodeRecord.failed(task.scenario.name, task.agent, task.seed, reason, told)
 
     def prepare(self, task: Task) -> None:
-        """Load what the task needs, which its time does not count; what goes wrong is said when it is run."""
+        """Load what the task needs, which does not count as its time; errors are reported when it is run."""
         with contextlib.suppress(Exception):
             self._load(task)
 
@@ -119,7 +119,7 @@ class _OutOfTime(BaseException):
 
 @contextmanager
 def _time_limit(limit_s: float | None) -> Iterator[None]:
-    """Raise _OutOfTime in the block after limit_s of wall time, where this thread can be told."""
+    """Raise _OutOfTime in the block after limit_s of wall time, if this thread can receive signals."""
     main = threading.current_thread() is threading.main_thread()
     if limit_s is None or not main or not hasattr(signal, "setitimer"):
         yield

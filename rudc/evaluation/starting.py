@@ -33,8 +33,8 @@ PRELOADED = "rudc.evaluation.preloaded"
 """what the server imports"""
 
 _served: tuple[int, str] | None = None
-"""whose server it is, and the digest of the code that it has loaded, empty where there can be no server; None
-before it was started"""
+"""id of the process that started the server, and digest of the code that the server has loaded, empty where
+there can be no server; None before it was started"""
 
 
 def prepare() -> None:

@@ -67,7 +67,7 @@ def wilson(successes: int, trials: int) -> tuple[float, float]:
 
 
 Sample = tuple[Array, Array | None]
-"""values (n,), of whose mean something is to be said, or of their sum divided by that of others (n,)"""
+"""values (n,) and None: their mean is asked for; values (n,) and others (n,): the ratio of their sums"""
 
 
 def mean_interval(

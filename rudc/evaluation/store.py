@@ -128,7 +128,7 @@ def read_table(path: Path) -> list[dict[str, str]]:
 
 def table_blocks(path: Path) -> tuple[list[str], Iterator[Cells]]:
     """The names of a CSV file's columns, and the cells of its whole lines, a list for each column, some
-    thousands of lines at a time and never none. What follows the last line break is left out. Raises
+    thousands of lines at a time and at least one. What follows the last line break is left out. Raises
     SweepError if there is no file, and, with its number, where a line is no row.
     """
     if not path.is_file():

@@ -189,7 +189,8 @@ class _Prepared:
         return self.make_runner()
 
     def __reduce__(self) -> tuple[Callable[..., _Prepared], tuple[Any, ...]]:
-        """Pickled by what those who read it must import first; agents of such files register themselves."""
+        """Pickled with the files that its reader must import first; agents of these files register
+        themselves."""
         agents = {
             name: make for name, make in self.agents.items()
             if not getattr(make, "__module__", "").startswith(PREFIX)

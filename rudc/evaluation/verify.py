@@ -1,8 +1,8 @@
 """Whether a sweep can be believed: a sample of its episodes run again, and compared with their rows.
 
 Timing columns are left out. On the machine that made the rows, with the same versions, they come out the same
-to the last digit; elsewhere an instruction that rounds otherwise may grow, in a few episodes, into another
-course of events.
+to the last digit; elsewhere a difference in rounding may grow, in a few episodes, into another course of
+events.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ class Verification:
     of: int
     """episodes of the sweep that can be run again: those without an error"""
     failed: int
-    """those with one, which are left out"""
+    """episodes with an error, which are left out"""
     again: int
-    """of the first that were run again"""
+    """how many of these were run again"""
     other: Sequence[tuple[Rerun, Sequence[Difference]]]
-    """those that came out otherwise"""
+    """those that came out differently"""
     changes: tuple[str, ...]
     """what is another here than where the sweep ran, as its manifest says"""
 

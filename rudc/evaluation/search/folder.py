@@ -46,7 +46,7 @@ class SearchPlan:
         self.sweep()  # refuses what a sweep refuses
 
     def sweep(self) -> SweepPlan:
-        """The sweep of as many episodes as declared."""
+        """The sweep of as many episodes, all drawn as the scenario declares."""
         return SweepPlan((self.scenario,), (self.agent,), self.episodes, self.seed)
 
 
@@ -117,8 +117,8 @@ class SearchFolder:
         self._file.rewrite(format_row(list(row.values())) for row in rows)  # a kill leaves part of one
 
     def known(self, seed: int, values: Mapping[str, float], weight: float) -> bool:
-        """Whether an episode has a row; its weight, which depends on how many of its batch are asked for,
-        becomes this. Raises SweepError where that row is of other values.
+        """Whether an episode has a row; if so, the row gets this weight, which depends on how many of its
+        batch are asked for. Raises SweepError where that row has other values.
         """
         if seed not in self.rows:
             return False
@@ -149,7 +149,7 @@ class SearchFolder:
         return [as_text(values[key]) for key in self._keys]
 
     def complete(self, violations: Sequence[int]) -> None:
-        """Sort the rows, and write what violates: seeds, in order."""
+        """Sort the rows, and write files for the violations, which are given by their seeds in order."""
         self._keep_manifest()
         self._file.rewrite(format_row(list(self.rows[seed].values())) for seed in sorted(self.rows))
         folder = self.path / "failures"

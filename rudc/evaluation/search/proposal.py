@@ -11,18 +11,18 @@ from scipy.cluster.hierarchy import fcluster, linkage
 from rudc.arrays import Array
 
 DOUBT = 3
-"""beyond d, as many violations as the declared spread counts for in that of a group"""
+"""d + DOUBT is the number of violations that the declared covariance counts for in that of a group"""
 MOST = 500
 """violations that a mixture is fitted to, evenly taken from all"""
 MOST_LOG = 300.0
-"""of a density over the declared one: weights stay so great that their squares are above 0"""
+"""largest logarithm of a density over the declared one: beyond it, squares of weights would become 0"""
 
 
 class Part(NamedTuple):
     """One normal distribution of a mixture."""
 
     share: float
-    """of the mixture's points"""
+    """share of the mixture's points that it gives"""
     mean: Array
     """(d,)"""
     spread: Array
@@ -65,9 +65,10 @@ def fitted(count: int, points: Array, weights: Array) -> Proposal:
     (n,). One has the group's mean and covariance; the other its mean and I, so that no violation beside the
     known ones is drawn much more seldom than it is declared.
 
-    Groups are as far apart as two points of N(0, I) are in the mean square, sqrt(2 d) (single linkage).
-    Means and covariances count each violation by its weight, and covariances are drawn towards I as if by d +
-    DOUBT more. Half of the points go to groups by weight, half to all alike, so that rare ones are seen, too.
+    Groups are as far apart as two points of N(0, I) are in the mean square, sqrt(2 d) (single linkage). Means
+    and covariances count each violation by its weight, and covariances are shrunk towards I, which counts as
+    much as d + DOUBT violations. Half of the points go to groups by weight, half to all alike, so that rare
+    ones are seen, too.
     """
     step = math.ceil(len(points) / MOST)
     points, weights = points[::step], weights[::step]

@@ -4,11 +4,11 @@ Each violation found counts its weight w (`sampler.py`): their sum over the numb
 Once a whole batch was drawn when violations were known, only batches so drawn count; those before missed too
 much of what is rare. Until then all count, a last one cut short included.
 
-A batch's mean of w [violation] is the rate in expectation whatever came before it, cut short or not. So all
-batches together are without bias, as they are until some are left out; and so are those drawn when violations
-were known, since that was settled before they were drawn. What is left of a bias is that which of the two it
-is depends on the first batches: with faults of 5 to 20 % the rate came out at 0.87 to 0.91 of the true one in
-searches of two or three batches (300 each), and at 0.97 to 1.01 in searches of five.
+A batch's mean of w [violation] is the rate in expectation, whatever came before it, cut short or not. So the
+mean over all batches has no bias; nor has the mean over the batches drawn when violations were known, since
+that was settled before they were drawn. A small bias is left, since the first batches decide which of the two
+means is taken: with faults of 5 to 20 % the rate came out at 0.87 to 0.91 of the true one in searches of two
+or three batches (300 each), and at 0.97 to 1.01 in searches of five.
 
 The 95 % interval is that of Fay and Feuer for weighted Poisson counts (Statistics in Medicine 16, 1997): with
 y = sum w, v = sum w^2 and g the weight that one more violation would have, its ends are the 2.5 % and 97.5 %
@@ -21,8 +21,9 @@ With equal weights it is the exact interval of a count. g is
 
 Measured on known faults of rate 1e-4 to 1e-2 in corners of two keys, 500 episodes, 30 searches each, 20 with
 three further keys (tests/benchmarks/search_coverage.py): [low, high] holds the rate in 93 to 100 % of
-searches (five keys: 90 to 95) where violations lie in one corner, in 90 to 93 (85 to 90) where in two, in 87
-to 93 (40 to 95, less the rarer) where in three; [low, ceiling] in 95 to 100.
+searches (five keys: 90 to 95) where violations lie in one corner, in 90 to 93 % (85 to 90) where they lie in
+two, in 87 to 93 % (40 to 95, fewest for the rarest faults) where they lie in three; [low, ceiling] in 95 to
+100 %.
 """
 
 from __future__ import annotations
@@ -45,16 +46,16 @@ class Rate(NamedTuple):
 
     value: float
     low: float
-    """end of the 95 % interval, too"""
+    """lower end of the 95 % interval"""
     high: float
-    """end of the 95 % interval if violations lie only where the search found some"""
+    """upper end, if violations lie only where the search found some"""
     ceiling: float
-    """the same wherever they lie"""
+    """upper end, wherever they lie"""
 
 
 def violation_rate(violated: Flags, able: Flags, weights: Array, fitted: Flags) -> Rate:
-    """Of episodes: whether they violated, could be run, and were drawn when violations were known, and their
-    weights, (n,) each.
+    """The rate from n episodes, arrays (n,) each: whether they `violated`, were `able` to run, and belong to
+    batches drawn when violations were known (`fitted`), and their `weights`.
     """
     if np.count_nonzero(fitted) >= BATCH:
         violated, able, weights = violated[fitted], able[fitted], weights[fitted]

@@ -19,7 +19,7 @@ from rudc.arrays import Array, Flags
 CUTS = 24
 """ends tried for each key and side"""
 KEEP = 0.95
-"""of R C, which a box without a bound must keep for the bound to be dropped"""
+"""share of R C that the box must keep without a bound for the bound to be dropped"""
 
 
 class Region(NamedTuple):
@@ -28,9 +28,9 @@ class Region(NamedTuple):
     bounds: Mapping[str, tuple[float, float]]
     """key -> least and greatest value, infinite where there is no bound; keys without any are absent"""
     violations: int
-    """that lie in it"""
+    """violations that lie in it"""
     episodes: int
-    """that lie in it"""
+    """episodes that lie in it"""
     of: int
     """violations in all"""
 
@@ -40,7 +40,8 @@ class Region(NamedTuple):
 
 
 def likeliest_region(keys: Sequence[str], values: Array, violated: Flags, weights: Array) -> Region:
-    """values (n, d) of the searched keys, violated and weights (n,); one violation at least."""
+    """The box where violations are likeliest. values (n, d) of the searched keys, violated and weights (n,);
+    at least one violation."""
     box = np.array([[-math.inf, math.inf]] * len(keys))
     found = _score(box, values, violated, weights)
     while True:

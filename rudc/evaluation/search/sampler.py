@@ -3,14 +3,17 @@
 A point z (d,) has a number for each searched key; the key's value is the quantile Phi(z) of its
 distribution, so that episodes as declared are z ~ p = N(0, I). A third of each batch is drawn
 - as declared, from p;
-- by CMA-ES (the library `cma`), which minimises the least gap (m), below it, of violations, the likelier
-  first. It starts as p, and anew far from all violations known where it comes to rest, or violates;
+- by CMA-ES (the library `cma`), which minimises the episode's least gap (m); violations rank below all gaps,
+  the likelier ones lowest. It starts as p. Where it converges or has found a violation, it starts anew, far
+  from all known violations;
 - from a mixture of normal distributions that is fitted to the violations (`proposal.py`; the cross-entropy
   method). Until ENOUGH violations are known, CMA-ES has this third, too, and goes on where it violates.
 
-With q the density of all parts of its batch together, each episode counts
+With q the density of all parts of its batch together, each episode counts as
+
     w(z) = p(z) / q(z)  <=  3
-of those that were declared (the balance heuristic). Since q depends on earlier batches alone, the mean of
+
+episodes drawn as declared (the balance heuristic). Since q depends on earlier batches alone, the mean of
 w [violation] is without bias for the rate in each batch. Weights from all batches at once (adaptive multiple
 importance sampling) scatter less but are not: with five keys the rate came out at 0.6 of the true one.
 """
@@ -28,11 +31,11 @@ from rudc.evaluation.search.proposal import Part, Proposal, as_declared, fitted
 from rudc.hints import install_command
 
 BATCH = 24
-"""episodes between two looks at what has come out"""
+"""episodes that are proposed together, before their results are looked at"""
 ENOUGH = 5
 """violations from which on a mixture is fitted to them"""
 STARTS = 10
-"""points of p, of which CMA-ES starts anew at that farthest from all violations"""
+"""points drawn from p; CMA-ES starts anew at the one farthest from all violations"""
 FAR_M = 100.0
 """m, gap of an episode that met nobody"""
 
@@ -63,8 +66,9 @@ class Sampler:
         self._cma = self._started(np.zeros(keys), BATCH - _third(BATCH))
 
     def ask(self, count: int = BATCH) -> Batch:
-        """The next points; to be told, unless they are the last. Fewer than a batch are its first, weighted
-        by what these were drawn from: a search of more episodes asks for the same points.
+        """The next points; `tell` must get their results, unless they are the last. Fewer than a batch are
+        the batch's first ones, weighted by what these were drawn from: so a search of more episodes asks for
+        the same points.
         """
         plain, rest = _third(BATCH), BATCH - _third(BATCH)
         parts = [as_declared(plain, self._keys)]
@@ -98,7 +102,7 @@ class Sampler:
             self._cma = self._started(self._elsewhere(), points)
 
     def _elsewhere(self) -> Array:
-        """That of several points of p (d,) which is farthest from all violations."""
+        """(d,) of several points of p, the one farthest from all violations."""
         tried = self._rng.standard_normal((STARTS, self._keys))
         if not len(self._known):
             return tried[0]

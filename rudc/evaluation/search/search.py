@@ -44,15 +44,15 @@ class Findings:
     """What a search found."""
 
     episodes: int
-    """that could be run"""
+    """episodes that could be run"""
     violations: tuple[int, ...]
     """seeds of those that ended in a violation"""
     kinds: Mapping[str, int]
-    """outcome, and whose fault a collision was -> how many of the violations; the most frequent first"""
+    """outcome (of a collision, with whose fault it was) -> number of violations; the most frequent first"""
     errors: tuple[str, ...]
-    """of those that could not be run"""
+    """errors of the episodes that could not be run"""
     rate: Rate
-    """of violations under the declared distribution"""
+    """rate of violations under the declared distribution"""
     region: Region | None
     """where violations are likeliest; None without any"""
 

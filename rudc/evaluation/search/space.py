@@ -41,10 +41,10 @@ class Space:
 
 
 def space_of(scenario: Scenario, over: Mapping[str, object]) -> Space:
-    """All keys of a scenario that have a uniform or normal distribution and are drawn once an episode; what
-    is drawn for each vehicle anew is left to that, unless it stands in `over` (dotted keys that are to be
-    searched whatever they are). Choices are drawn by the seed. Raises InputError where nothing is left, or
-    not all of `over`.
+    """All keys of a scenario that have a uniform or normal distribution and are drawn once an episode. Keys
+    that are drawn anew for each vehicle are not searched, unless `over` (dotted keys to be searched in any
+    case) names them. Choices are drawn by the seed. Raises InputError if no key is left, or if a key of
+    `over` cannot be searched.
     """
     if scenario.sweep:
         raise InputError(
