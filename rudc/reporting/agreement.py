@@ -1,4 +1,4 @@
-"""Predicted against true: the change of h over a step, and of it what the model leaves out, w."""
+"""Predicted against true: the change of h over a step, and the part of it that the model leaves out, w."""
 
 from __future__ import annotations
 

@@ -21,8 +21,8 @@ _MAPS = ("SR", "FR", "VR")
 
 
 def draw_grid(lines: Sequence[Line], paper: Mapping[str, tuple[float, ...]], path: Path) -> Path:
-    """Rates (%) over lambda with 95 % intervals; over lambda1 and lambda2 as numbers on colours. The paper's
-    choice is a dashed line, and a dashed frame; what its rule chooses here a ring, and a full frame.
+    """Rates (%) over lambda with 95 % intervals; over lambda1 and lambda2 as numbers on colours. A dashed
+    line or frame marks the paper's choice; a ring or a full frame marks what the paper's rule chooses here.
     """
     drivers = list(dict.fromkeys((line["driver"], line["constrained"]) for line in lines))
     size = (7.2, 0.5 + 2.0 * len(drivers))

@@ -74,7 +74,7 @@ def _draw(axes: Axes, curve: Curve, style: dict[str, str]) -> None:
 
 
 def _limit(axes: Axes, curves: Sequence[Curve]) -> None:
-    """Rates near their good end fill the panel; means decide, since bands of few trainings are wide."""
+    """Set limits so that rates near their good end fill the panel; by means only, as bands may be wide."""
     means = np.concatenate([c.mean[np.isfinite(c.mean)] for c in curves] or [np.zeros(1)])
     if curves and curves[0].metric == "SR":
         axes.set_ylim(max(float(means.min(initial=100.0)) - 10.0, 0.0), 101.0)

@@ -68,7 +68,7 @@ def grid(
 
 
 def _save(figure: Figure, path: Path) -> None:
-    """Without what depends on the day or the version."""
+    """Write a figure, without metadata that depend on the day or the version."""
     form = path.suffix[1:] or "png"
     metadata = {"pdf": {"CreationDate": None, "Creator": None, "Producer": None}, "png": {"Software": None}}
     try:

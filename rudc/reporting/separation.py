@@ -43,7 +43,7 @@ ACROSS = 2
 
 def draw_separation(marks: Sequence[Mark], path: Path) -> Path:
     """All AUROCs; pooled ones at the top, scenarios below from best to worst separated by sigma_total. Where
-    too little happened there is none: how many such scenarios there are is said.
+    too little happened there is none; the panel says in how many scenarios.
     """
     agents, tasks = list(dict.fromkeys(m.agent for m in marks)), list(dict.fromkeys(m.task for m in marks))
     shown = [(agent, task) for agent in agents for task in tasks]

@@ -49,7 +49,7 @@ class Shown(NamedTuple):
 
     @property
     def episode(self) -> tuple[str, ...]:
-        """What episodes of several agents have in common that are the same but for who drives."""
+        """What tells the episode from others, whoever drives in it."""
         return tuple(self.row[name] for name in ("seed", *self.swept))
 
 

@@ -23,7 +23,8 @@ _MARKS = {"success": "✓", "frozen": "…"}
 
 
 def check_page(path: Path, what: str) -> None:
-    """Raise InputError if no page can be written to such a file; `what`: it is, with its article."""
+    """Raise InputError if no page can be written to such a file; `what`: what the page is, with an
+    article."""
     if path.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"{what} is an .html file, not {path.name!r}")
     try_place(path)

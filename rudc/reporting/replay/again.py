@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from rudc.world.scene import Scene
 
 CLIP_PX, CLIP_EVERY = 320, 2
-"""width of a clip in pixels, and of how many frames it keeps one"""
+"""width of a clip in pixels; it keeps one in so many frames"""
 
 
 class Replayed(NamedTuple):
@@ -53,8 +53,8 @@ def replayed(folder: Path, which: str, clip: Path | None = None) -> Replayed:
 def recorded(
     scenario: Scenario, seed: int, driver: Agent, clip: Path | None = None
 ) -> tuple[EpisodeRecord, dict[str, Any]]:
-    """An episode driven, and its recording; `clip` as for `replayed`. Where an agent of a user's own fails on
-    the way, what came before: raises AgentFailedError if nothing did.
+    """An episode driven, and its recording; `clip` as for `replayed`. If a user's own agent fails on the way,
+    the recording ends there; raises AgentFailedError if it fails before the first decision.
     """
     with World(load_network(scenario.network, scenario.junction)) as world:
         episode = Episode(world)

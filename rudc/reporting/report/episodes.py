@@ -92,9 +92,9 @@ def error_kinds(episodes: Episodes) -> list[dict[str, Any]]:
 
 
 def event_counts(episodes: Episodes, scripted: Mapping[str, Sequence[str]]) -> list[dict[str, Any]]:
-    """Of each scenario with events: `kinds`, and for each agent how many episodes say so, in how many some
-    happened, in how many all, in how many of those with some the ego's sensors showed one, and when the first
-    began (s, mean).
+    """For each scenario with events: `kinds`, and for each agent [number of episodes that state their events;
+    in how many of them some event happened; in how many all did; in how many the ego's sensors showed one;
+    mean of when the first began (s)].
     """
     fired, first = episodes.number("events_fired"), episodes.number("first_event_s")
     seen = ~np.isnan(episodes.number("first_event_visible_s"))

@@ -1,4 +1,4 @@
-"""What a sweep says, in sentences: made of the numbers that the page shows, each with where it stands."""
+"""What a sweep says, in sentences made of the numbers that the page shows."""
 
 from __future__ import annotations
 
