@@ -21,7 +21,7 @@ UNITS = {
     "traveled_distance": "m", "relative_distance": "m", "time_headway": "s", "time_to_collision": "s",
     "ego_distance_to_junction": "m", "reach_position": "m",
 }  # fmt: skip
-"""of what an event or its `when` says"""
+"""units of the numbers of an event or its `when`"""
 WHEN = {
     "simulation_time": "the time is",
     "traveled_distance": "the ego has driven",
@@ -41,7 +41,7 @@ REMARKS = {
     "relaxed": "no action keeps all constraints",
     "braking": "full braking, nothing else was found",
     "last_resort": "full braking, or there would be no way out",
-    "onwards": "on at once, since who stops here is hit",
+    "onwards": "goes on at once, since it would be hit if it stopped here",
     "unrolled": "until the expected cost is within its limit",
     "recovery": "the recovery policy drives",
     "projected": "the nearest action whose expected cost is within its limit",
@@ -81,7 +81,7 @@ def correction_line(view: View, driving: Driving) -> str:
 
 
 def events_lines(events: tuple[ShownEvent, ...]) -> list[str]:
-    """Each event's number and kind, and since when, so many on a line as fit on all."""
+    """Each event's number and kind, and since when; EVENTS_A_LINE on a line."""
     each = [f"({event.number}) {event.event.kind.replace('_', ' ')}{_since(event)}" for event in events]
     return [GAP.join(each[i : i + EVENTS_A_LINE]) for i in range(0, len(each), EVENTS_A_LINE)]
 

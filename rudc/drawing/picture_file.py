@@ -89,7 +89,7 @@ def _durations(frames: Sequence[Frame], frames_per_s: float) -> list[int]:
 
 
 def _save_mp4(frames: Sequence[Frame], file: BinaryIO, frames_per_s: float) -> None:
-    """ffmpeg writes to a path of its own only."""
+    """Write an MP4; ffmpeg can write to a path only, hence the temporary file."""
     longer = chain(frames, repeat(frames[-1], round(PAUSE_S * frames_per_s)))
     with TemporaryDirectory() as scratch:
         film = Path(scratch) / "film.mp4"

@@ -15,7 +15,7 @@ Line = tuple[tuple[str, Colour], ...]
 PITCH = 1.36
 """heights of the text from one line to the next"""
 INDENT = "      "
-"""before what does not fit on its line any more"""
+"""stands before the rest of a line that was too long"""
 
 
 @cache
