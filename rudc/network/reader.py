@@ -33,8 +33,7 @@ VEHICLE_CLASS = "passenger"
 TURNS_BACK = ("t", "T")
 """SUMO's directions of connections that lead back where one came from"""
 ALIKE, ALIKE_M = 0.87, 20.0
-"""two roads may be one if the cosine of the angle between them is above this; m of them over which their
-directions are taken"""
+"""two roads may be one above this cosine of the angle between them; m of them over which it is taken"""
 
 UNEXPECTED = (
     LookupError, ValueError, ArithmeticError, AttributeError, TypeError, AssertionError, RecursionError,
