@@ -47,7 +47,7 @@ DRIVERS = {
 }
 """shown when no agents are named, by budget"""
 EPISODES = {"quick": 4, "full": 60}
-"""by budget: decisions are counted in all of them, and the one shown is chosen of them"""
+"""by budget: decisions are counted in all of them, and the episode shown is chosen from them"""
 ROWS = ("map", "density", "acceleration", "steering", "sigma")
 RATES = ("SR", "VR", "FR")
 
@@ -103,8 +103,8 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
 
 
 def cloud_of(episodes: Sequence[Array]) -> Cloud:
-    """Of decisions (steps, 2) of episodes, sigma and correction; empty where none is stated, or nothing
-    corrected.
+    """The cloud of the decisions of several episodes, (steps, 2) each: sigma and correction. Empty where no
+    sigma is stated, without bins where nothing is corrected.
     """
     known = [steps for steps in episodes if np.isfinite(steps).all()]
     if not known:

@@ -3,8 +3,8 @@
     AUROC = P(s+ > s-) + P(s+ = s-) / 2       s+ a positive's score, s- a negative's, drawn at random
           = (R - n+ (n+ + 1) / 2) / (n+ n-)   R the sum of the positives' ranks, ties sharing theirs
 
-Interval. Decisions of one episode resemble each other, so episodes are what is drawn with replacement, and
-as many from each scenario as it has. An episode drawn w times counts w times; with groups g of equal score in
+Interval. Decisions of one episode resemble each other, so whole episodes are drawn with replacement, from
+each scenario as many as it has. An episode drawn w times counts w times; with groups g of equal score in
 rising order and p_g, m_g the weights of positives and negatives in them,
 
     AUROC = sum_g p_g (m_1 + ... + m_(g-1) + m_g / 2) / (sum p  sum m)
@@ -58,9 +58,9 @@ def auroc_draws(
 ) -> Array:
     """(resamples,) AUROC with episodes drawn anew; nan where a draw has only one kind.
 
-    episode: (n,) index 0 to E - 1 of the episode that each decision belongs to; stratum: (E,) within what an
-    episode is drawn (its scenario). The draws depend on `stratum` and `seed` only: agents that drove the same
-    episodes are compared on the same draws.
+    episode: (n,) index 0 to E - 1 of the episode that each decision belongs to; stratum: (E,) the group in
+    which an episode is drawn (its scenario). The draws depend on `stratum` and `seed` only: agents that drove
+    the same episodes are compared on the same draws.
     """
     times = _times_drawn(stratum, resamples, seed)
     bins = _bins(scores)

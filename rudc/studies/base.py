@@ -30,7 +30,7 @@ OPTIONS: Mapping[Given, str] = {
 }
 """what the command line calls them"""
 DRIVES: frozenset[Given] = frozenset(("agents", "episodes", "seed", "workers", "resume", "budget"))
-"""what studies heed that drive agents which are there"""
+"""options that take effect in studies that drive existing agents"""
 
 IN_DISTRIBUTION = ("random_destination", "dense_left_turn")
 """the paper's two tasks, which agents are trained for"""
@@ -49,7 +49,7 @@ class Order:
     agents: tuple[str, ...] = ()
     """names; empty for the shipped trained ones"""
     folders: tuple[Path, ...] = ()
-    """of trainings"""
+    """folders of trainings"""
     episodes: int | None = None
     """for each scenario and agent; None for what the budget says"""
     seed: int = 0
@@ -60,7 +60,7 @@ class Order:
     training_seeds: tuple[int, ...] = ()
     """of the trainings compared; empty for what the budget says"""
     trainings: Path | None = None
-    """folder of trainings made before, NAME-seedN each; None: what there is no agent of is trained"""
+    """folder of trainings made before, NAME-seedN each; None: agents that do not exist yet are trained"""
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class Study:
     run: Callable[[Order, Callable[[str], Progress]], Report]
     """second argument: a new progress for each of its sweeps, which are named"""
     takes: frozenset[Given] = DRIVES
-    """what of an order it heeds"""
+    """options of an order that take effect in it"""
     budgets: tuple[Budget, ...] = ("quick", "full")
 
     @property
@@ -95,8 +95,8 @@ class Study:
 
 
 def chosen_agents(order: Order) -> tuple[str, ...]:
-    """The agents named, or the shipped trained ones; of those only the first of each kind if it shall be
-    quick. Raises InputError when there are none.
+    """The agents named, or the shipped trained ones; of those only the first for the quick budget. Raises
+    InputError when there are none.
     """
     if order.agents:
         return tuple(dict.fromkeys(order.agents))
@@ -121,7 +121,7 @@ def in_distribution() -> tuple[Scenario, ...]:
 
 
 def out_of_distribution(budget: Budget) -> tuple[Scenario, ...]:
-    """All shipped scenarios but those two, and but sweeps, whose points lie on both sides."""
+    """All shipped scenarios except the two tasks and except sweeps, whose points may lie on either side."""
     names = QUICK_OOD if budget == "quick" else [n for n in shipped_scenarios() if n not in IN_DISTRIBUTION]
     return tuple(scenario for scenario in find_scenarios(list(names)) if not scenario.sweep)
 

@@ -20,7 +20,7 @@ from rudc.studies.base import IN_DISTRIBUTION, Budget
 from rudc.studies.trained import Wanted
 
 OUTSIDE = "out of distribution"
-"""stands for all its scenarios together, where a task could stand"""
+"""name of all scenarios out of distribution together, used where a task's name may stand"""
 MetricName = Literal["SR", "FR", "RC", "AES", "AER", "VR", "min_DTC"]
 
 
@@ -30,7 +30,7 @@ class Row(Settings):
     name: str
     """in files"""
     algorithm: AlgorithmName
-    """that it learnt by"""
+    """algorithm that it learnt by"""
     title: str = ""
     """in tables; the paper's name of the algorithm if left out"""
     paper: bool = True
@@ -38,9 +38,9 @@ class Row(Settings):
     configuration: str = "default"
     """preset of its training"""
     train: dict[str, Any] = Field(default_factory=dict)
-    """settings of its training otherwise than in that, by dotted keys"""
+    """settings of its training that differ from the preset, by dotted keys"""
     drive: dict[str, Any] = Field(default_factory=dict)
-    """settings that the trained agent drives with otherwise, by dotted keys"""
+    """settings with which the trained agent drives that differ from its own, by dotted keys"""
 
     @property
     def heading(self) -> str:
@@ -54,7 +54,7 @@ class Row(Settings):
 
     @property
     def wanted(self) -> Wanted:
-        """Its training: one of its own, or that of its algorithm if it only drives otherwise."""
+        """Its training: one of its own, or that of its algorithm if it only drives with other settings."""
         own = bool(self.train) or self.configuration != "default"
         name = self.name if own else self.algorithm
         return Wanted(name, self.algorithm, self.train, self.configuration)
@@ -82,11 +82,11 @@ class Effort(Settings):
 
     @property
     def settings(self) -> Mapping[str, Any]:
-        """Of the trainings that are made."""
+        """Settings of the trainings that are made."""
         return {**self.set, "training.steps": self.steps}
 
     def with_episodes(self, episodes: int | None) -> Effort:
-        """With so many for each task, and out of distribution as many as before to one of a task's."""
+        """The same with so many episodes for each task, and out of distribution as many in proportion."""
         if episodes is None:
             return self
         outside = -(-episodes * self.outside // self.episodes)

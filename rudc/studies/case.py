@@ -1,6 +1,7 @@
 """One episode in full, for figures: the ego decision by decision, everybody else's way, and how it came out.
 
-Which episode is shown is decided by a rule, never by hand. Of the seeds that were driven, it is that in which
+Which episode is shown is decided by a rule, never by hand. Of the seeds that were driven, it is the one in
+which
 
     the first agent succeeds           before those in which it does not
     the most others do not             then
@@ -48,7 +49,7 @@ class Driver:
 
     label: str
     agent: str
-    """as behind --agent"""
+    """what `--agent` takes"""
 
 
 def drivers(named: Sequence[str], usual: Sequence[Driver]) -> tuple[Driver, ...]:

@@ -21,7 +21,7 @@ from rudc.studies import (
 from rudc.studies.base import DRIVES, OPTIONS, Given, Order, Study
 
 TRAINS: frozenset[Given] = DRIVES | frozenset[Given](("seeds", "trainings"))
-"""what studies of trainings heed; their agents are rows of the table"""
+"""options that take effect in studies of trainings; their agents are rows of the table"""
 STUDIES = {
     study.name: study
     for study in (

@@ -2,12 +2,12 @@
 High-Order Control Barrier Functions": lambda1 in [0.05, 1], chosen 0.1; lambda1 and lambda2 in [0.1, 3],
 chosen 1.5 and 0.3, for the fewest violations).
 
-The filter stands behind drivers that need one: `follower`, who looks at nobody, and RUDC without its own. It
-is the rows alone, without slack, residual and last resort, towards the vehicles that the gate lets through
-(ours) and towards all (as in the paper). An ECBF row is the same with its two rates
-exchanged, so one half of that grid is driven. The chosen point is the paper's rule: the fewest violations,
-then (ours, where several have as many) the most successes. Other drivers are named with --agent, without a
-filter.
+The filter stands behind drivers that need one: `follower`, which looks at no other vehicle, and RUDC without
+its own filter. It has its rows alone, without slack, residual and last resort, towards the vehicles that the
+gate lets through (ours) and towards all (as in the paper). An ECBF row is the same with its two rates
+exchanged, so only one half of that grid is driven. The point is chosen by the paper's rule: the fewest
+violations; of several such points we take the one with the most successes. Other drivers are named with
+--agent, without a filter.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Point:
 
     @property
     def agent(self) -> str:
-        """As behind --agent."""
+        """What `--agent` takes."""
         keys = ("ttcbf_rate",) if self.rule == "ttcbf" else ("ecbf_rate1", "ecbf_rate2")
         rates = ",".join(f"correction.{key}={rate:g}" for key, rate in zip(keys, self.rates, strict=True))
         return f"{self.driver}+{self.rule}:{rates},correction.constrained={self.constrained},{_ROWS_ALONE}"
@@ -98,8 +98,8 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
 
 
 def lines_of(rows: Sequence[Mapping[str, str]], by_agent: Mapping[str, Point]) -> list[dict[str, Any]]:
-    """A line for each point, both tasks together; `chosen` is what the rule chooses of a driver,
-    choice of vehicles and rule; never a point none of whose episodes could be run.
+    """A line for each point, both tasks together; `chosen` marks the point that is chosen for each driver,
+    choice of vehicles and kind of rows, never one of which no episode could be run.
     """
     lines: list[dict[str, Any]] = []
     for group in group_metrics(rows, ("agent",)):

@@ -1,9 +1,9 @@
 """Trainings compared, from training to tables: Tab. "Performance comparison" and "Ablation study".
 
-What is compared says the campaign's file (rudc/studies/campaign.py). Trainings are taken or made
-(rudc/studies/trained.py), every agent drives the same episodes of both tasks and of all scenarios out of
-distribution, each in a sweep of its own, so that rows and training seeds can be added later: the tables have
-what the folder's sweeps held before, too. It gets
+The campaign's file says what is compared (rudc/studies/campaign.py). Trainings are taken or made
+(rudc/studies/trained.py). Every agent drives the same episodes of both tasks and of all scenarios out of
+distribution, in sweeps of its own, so that rows and training seeds can be added later: the tables then also
+have what earlier calls left in the folder. The folder gets
 
     NAME.md             everything below, to read
     metrics.csv         each row in each place: mean, std over training seeds, interval, IQM and its interval
@@ -128,8 +128,8 @@ def run(order: Order, progress: Callable[[str], Progress], name: str = "comparis
 def _driven_before(
     campaign: Campaign, order: Order, asked: Sequence[tuple[Row, int]]
 ) -> list[tuple[Row, int]]:
-    """Rows of the campaign of which the folder holds sweeps, and training seeds, without those asked for.
-    Raises InputError where the study shall not go on.
+    """Rows and training seeds of the campaign whose sweeps the folder holds, without those asked for now.
+    Raises InputError if there are some and `--resume` was not given.
     """
     there = {path.parent.name for path in (order.out / "sweeps").glob("*/*-seed*/manifest.json")}
     names = [name.rpartition("-seed") for name in sorted(there)]
@@ -163,8 +163,8 @@ def _kept(ran: Ran, before: Sequence[tuple[Row, int]], order: Order) -> tuple[li
 
 
 def _drivers(pairs: Sequence[tuple[Row, int]], trainings: Trainings) -> tuple[list[Driver], list[str]]:
-    """Who drives, of rows and training seeds, and what is missing. An agent that cannot be made as its row
-    says (sigma by route, of one that was never calibrated) is missing.
+    """The drivers for pairs of row and training seed, and what is missing. An agent that cannot be made as
+    its row says (for example sigma by route for an agent that was never calibrated) counts as missing.
     """
     found, missing = [], list(trainings.missing)
     with trainings.named_from():
@@ -309,8 +309,8 @@ def _episodes(ran: Ran, out: Path) -> list[Path]:
 
 
 def _curves(ran: Ran, out: Path) -> tuple[list[Path], list[str]]:
-    """Of each training once, under the title of the first row that it stands in; and what is to be said of
-    them. One whose logs cannot be read is left out.
+    """The files of training curves, each training once under the title of its first row, and notes about
+    them. A training whose logs cannot be read is left out.
     """
     titles = {row.wanted.name: row.heading for row in reversed(ran.rows)}
     read: dict[str, list[dict[Key, Series]]] = {}

@@ -65,9 +65,9 @@ def pairs(rows: Mapping[str, Sequence[Row]], variants: Sequence[Variant]) -> lis
 
 
 def compare(new: Mapping[Key, Row], old: Mapping[Key, Row]) -> dict[str, Any]:
-    """Changes from old to new in the episodes that both have. New dominates with fewer violations at no more
-    freezing and no less speed, or less freezing at no more violations; what is fewer by an interval clear of
-    zero.
+    """Changes from old to new in the episodes that both have. New dominates with
+    clearly fewer violations, if it does not freeze more and is not clearly slower; or with clearly less
+    freezing, if it does not violate more. Clearly: the interval of the change does not contain 0.
     """
     both = [(new[key], old[key]) for key in new if key in old]
     line: dict[str, Any] = {"episodes": len(both)}

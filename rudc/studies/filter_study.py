@@ -4,12 +4,12 @@ that follows sigma beat every constant one?
 Variants: rudc/studies/filter_variants.py. Every variant drives the same episodes, so a change is one of
 pairs (`paired_change` in rudc/evaluation/statistics.py): `filter.csv` has changes against `off`,
 `filter_pairs.csv` those of each adaptive variant against each constant one (rudc/studies/filter_pairs.py).
-The row `oracle` is no variant that can be driven: `residual` with the filter taken away in every episode that
-succeeds without it, as far as any slack can get by relaxing.
+The row `oracle` cannot be driven: it is `residual` with the filter taken away in every episode that succeeds
+without it, the most that any slack could gain by relaxing.
 
-Rates have Wilson intervals. All intervals are about episodes, for these agents, and take those of different
-training seeds, which meet the same traffic, for independent; the spread over training seeds stands beside as
-least and largest. The out-of-distribution scenarios together get about as many
+Rates have Wilson intervals. All intervals are about episodes of these agents, and take episodes of different
+training seeds for independent, although they have the same traffic; the spread over training seeds stands
+beside them as least and largest. The out-of-distribution scenarios together get about as many
 episodes as the two tasks, the same for each.
 """
 

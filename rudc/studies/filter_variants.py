@@ -17,7 +17,7 @@ and, of agents that state sigma, at their own d_safe, with w (rudc/safety/slack.
     level C      delta = C m2 of h whatever sigma is
     rate C       the same as a rate: C is the logarithm of the factor
 
-None but `last_resort` has the last resort, so that they show what the rows alone do.
+Only `last_resort` has the last resort; the others show what the rows alone do.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ VARIANTS = {
     "both": (True, True, False),
     "last_resort": (True, True, True),
 }
-"""name -> whether residuals, slack and the last resort are at work"""
+"""name -> whether residuals, slack and the last resort are on"""
 CONSTRAINED = ("gated", "all")
 LEVELS = (-1.0, 1.0, 4.0, 16.0)
 """m2 of h, constants that are tried"""
@@ -72,7 +72,7 @@ class Variant:
 
     @property
     def setting(self) -> tuple[str, str, str, float]:
-        """What the agents have in common that are pooled."""
+        """What agents must have in common to be pooled."""
         return self.family, self.kind, self.constrained, -1.0 if math.isnan(self.d_safe) else self.d_safe
 
 
@@ -148,8 +148,8 @@ def _on(value: bool) -> str:
 
 
 def _learnt(whole: str) -> Learnt | None:
-    """What is varied; None where a filter stands behind a driver, which has no slack. Raises InputError if
-    there is no filter.
+    """The agent that is varied; None for a driver with a filter behind it, which has no slack. Raises
+    InputError if there is no filter.
     """
     folder = find_checkpoint(whole)
     if folder is None and "+" in whole:

@@ -2,10 +2,10 @@
 "ood_case" d: HOCBF 43.8 %, critics 40.7 %, policy 15.5 % of 21.88 ms, peak below 60 ms).
 
 Of each agent: mean, 99th percentile and peak (ms) of a decision and of each of its parts, and the parts'
-shares of the mean, in processor time, to which other programs do not add; and the same of a decision by the
-wall's clock, to which they do. A decision is one call of `act`; `PLACES` says which functions are which part,
-by a stopwatch that is there only while the study runs (rudc/studies/stopwatch.py). Agents drive one after the
-other in one process, whatever the number of workers asked for; the first episode that an agent
+shares of the mean, in processor time, to which other programs do not add; and the same of a whole decision in
+wall time, to which other programs do add. A decision is one call of `act`; `PLACES` says which functions are
+which part, by a stopwatch that is there only while the study runs (rudc/studies/stopwatch.py). Agents drive
+one after the other in one process, whatever the number of workers asked for; the first episode that an agent
 drives of a scenario warms it up and is not counted.
 """
 
@@ -43,7 +43,7 @@ AGENTS = {
     "quick": ("rudc-t", "rudc-wo-cbf"),
     "full": ("rudc-t", "rudc-e", "rudc-wo-cbf", "sac", "planner", "gap-acceptance+ttcbf"),
 }
-"""that drive when none are named, by budget"""
+"""agents that drive when none are named, by budget"""
 EPISODES = {"quick": 2, "full": 20}
 """for each scenario and agent, by budget"""
 PLACES = {

@@ -35,7 +35,7 @@ DRIVERS = {
 the paper
 """
 EPISODES = {"quick": 2, "full": 20}
-"""that the shown one is chosen of, by budget"""
+"""episodes from which the one shown is chosen, by budget"""
 ROWS = ("map", "way", "acceleration", "steering", "sigma", "time")
 
 

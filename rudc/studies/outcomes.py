@@ -37,7 +37,7 @@ class Outcomes:
                 done[key] = episode
 
     def rows(self) -> tuple[str, ...]:
-        """Names of those that drove."""
+        """Names of the rows that drove."""
         return tuple(self._done)
 
     def errors(self, row: str, scenarios: Sequence[str]) -> int:
@@ -45,7 +45,7 @@ class Outcomes:
         return sum(scenario in scenarios for _, scenario, _ in self._errors.get(row, ()))
 
     def training_seeds(self, row: str) -> tuple[int, ...]:
-        """Of the trainings that drove, in order."""
+        """Seeds of the trainings that drove, in order."""
         return tuple(sorted({seed for seed, _, _ in self._done.get(row, {})}))
 
     def over_seeds(self, row: str, metric: Metric, scenarios: Sequence[str]) -> OverSeeds:

@@ -2,12 +2,12 @@
 "Validation of CBF residual predictor", Fig. "cbf_predictor": R2, MAE, RMSE, predicted against true change of
 h).
 
-For each kind of action that a predictor is shipped for, and both heads (vehicles, road edges), on random
-exploration as in the paper, of episodes that the predictors were not fitted to. The residual is of h itself,
-so TTCBF and ECBF share it. Scores are those of `rudc residual evaluate`; what is added is the picture, and w
-itself: where h changes by tens of m2 and w by hundredths, the R2 of the change says little; and the samples
-within grip, whose action a dry road gives: |(a, v^2 sin(slip) / l_r)| <= mu g (rudc/world/ego.py). Random
-actions ask for more now and then, which drivers seldom do.
+The scores are for each kind of action that a predictor is shipped for, and for both heads (vehicles, road
+edges). The samples are of random exploration as in the paper, of episodes that the predictors were not fitted
+to. The residual is of h itself, so TTCBF and ECBF share it. Scores are those of `rudc residual evaluate`.
+Three things are added: the picture; w itself, since the R2 of the change says little where h changes by tens
+of m2 and w by hundredths; and scores of the samples within grip, whose action a dry road allows: |(a, v^2
+sin(slip) / l_r)| <= mu g (rudc/world/ego.py). Random actions exceed that now and then, drivers seldom.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
 
 
 def _samples(order: Order, kind: str) -> Dataset:
-    """Those in the study's folder, if they are to be resumed from and are as many, else new ones."""
+    """The samples in the study's folder, if it is resumed and they are as many as wanted; else new ones."""
     wanted, path = SAMPLES[order.budget], _path(order.out, kind, order.seed)
     if path.is_file():
         if not order.resume:
@@ -97,7 +97,7 @@ def _path(out: Path, kind: str, seed: int) -> Path:
 
 
 def within_grip(dataset: Dataset) -> Dataset:
-    """The samples whose action a dry road gives."""
+    """The samples whose action a dry road allows."""
     body, chosen = EgoVehicle(), {}
     for head, samples in dataset.items():
         a, z, v = (

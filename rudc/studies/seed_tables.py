@@ -19,9 +19,9 @@ Line = dict[str, Any]
 Places = Mapping[str, Sequence[str]]
 """task, `out of distribution`, or a scenario -> its scenarios"""
 TESTED = ("SR", "VR", "FR", "AER", "AES", "min_DTC")
-"""metrics of which pairs are shown, in this order"""
+"""metrics whose changes in pairs are shown, in this order"""
 RATES = 3
-"""how many of them, the first, are rates"""
+"""the first so many of them are rates"""
 
 
 def lines_of(rows: Sequence[Row], outcomes: Outcomes, places: Places) -> list[Line]:
@@ -114,8 +114,8 @@ def pairs_markdown(lines: Sequence[Line]) -> str:
 
 
 def paper_lines(campaign: Campaign, rows: Sequence[Row], lines: Sequence[Line]) -> list[Line]:
-    """Ours and the paper's, one after the other; the paper's say so in `source`. Its spread is over its
-    training runs, as ours; simulator and traffic are others.
+    """Ours and the paper's, one after the other; the paper's say so in `source`. Its spread is over training
+    runs, like ours; its simulator and traffic are different.
     """
     theirs = {group.key: group for group in paper_groups(campaign.paper, ("scenario", "agent"))}
     by_name = {row.name: row for row in rows}

@@ -1,11 +1,11 @@
-"""What one setting of RUDC-T's learning is worth: the CVaR level beta, and the number of critics (paper, Sec.
-"Sensitivity Analysis", Fig. "sensitivity").
+"""What difference one setting of RUDC-T's learning makes: the CVaR level beta, or the number of critics
+(paper, Sec. "Sensitivity Analysis", Fig. "sensitivity").
 
 An agent is trained for each value, or taken from trainings made before (rudc/studies/trained.py: they are
 called rudc-t-beta0.1-seed0, rudc-t-members3-seed0, ...; at the value that it has anyway, rudc-t-seed0), and
 drives both tasks. Training seeds are pooled. Besides the paper's metrics: mean sigma_total over episodes and
-its standard deviation; the number of weights that driving needs; and the processor's time for one question to
-the critics.
+its standard deviation; the number of weights that driving needs; and the processor's time for one call of the
+critics.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ ALL = "both tasks"
 EPISODES: Mapping[Budget, int] = {"quick": 1, "full": 100, "paper": 500}
 """for each task and agent"""
 SEEDS: Mapping[Budget, tuple[int, ...]] = {"quick": (0,), "full": (0,), "paper": (0, 1, 2)}
-"""of the trainings"""
+"""seeds of the trainings"""
 TRAINING: Mapping[Budget, Mapping[str, Any]] = {
     "quick": {
         "training.steps": 600,
@@ -52,7 +52,7 @@ TRAINING: Mapping[Budget, Mapping[str, Any]] = {
 }
 """settings of the trainings that are made"""
 ASKED = 200
-"""questions to the critics that are timed"""
+"""calls of the critics that are timed"""
 
 
 @dataclass(frozen=True)
@@ -169,14 +169,14 @@ def _folder(training: Trained) -> Path:
 
 
 def weights(training: Trained) -> int:
-    """How many weights driving needs: of policy, critics, and priors."""
+    """How many weights driving needs: those of policy, critics and priors."""
     arrays = load_learnt(_folder(training)).arrays
     parts = ("policy/", "critic/", "prior/")
     return sum(int(array.size) for name, array in arrays.items() if name.startswith(parts))
 
 
 def critics_ms(training: Trained) -> float:
-    """ms of the processor for one question to the critics, the median of ASKED."""
+    """ms of the processor for one call of the critics, the median of ASKED."""
     learnt = load_learnt(_folder(training))
     layout = learnt.config.problem().layout
     decider = Decider(learnt.config.learner, layout, learnt.arrays)

@@ -2,8 +2,8 @@
 
 A new column is one entry of `COLUMNS`: its name, its text, and how it is read off a decision.
 
-An episode that ends in a violation has a cause that could be seen if the car is an ordinary one (grip, delay)
-and, in a collision, the ego's sensors showed whom it hit in at least half of the last HORIZON decisions.
+The cause of a violation counts as one that could be seen if the car is an ordinary one (grip, delay) and, in
+a collision, the ego's sensors showed whom it hit in at least half of the last HORIZON decisions.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Seen(NamedTuple):
     bodies: frozenset[str]
     """names of whom those events put on the road or have taken hold of"""
     estimate: PlantEstimate | None
-    """what the agent knows of the car; None without an outlook on it"""
+    """what the agent knows of the car; None if its outlook does not estimate that"""
     unusual: Flags
     """(N,) which of the others behave unlike ordinary traffic (rudc/agents/conduct.py)"""
 

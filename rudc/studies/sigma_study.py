@@ -1,23 +1,25 @@
 """Does sigma mean something?
 
-Of decisions, by AUROC (rudc/studies/auroc.py):
+Asked of decisions, answered by AUROC (rudc/studies/auroc.py):
 
     violation         does it announce a violation? Positives: decisions at most HORIZON steps before one
     violation seen    the same, of those whose cause could be seen (rudc/studies/sigma_steps.py)
-    violation hidden  the same, of the others: an icy road, late actuators, who comes out of nowhere
+      violation hidden  the same, of the others: an icy road, late actuators, a vehicle that could not be seen
     exposed           does it notice what is unusual? Positives: decisions with an event in sight, ahead,
                       within 40 m
 
 Negatives are undisturbed decisions of the same scenarios: no event has begun and been shown yet, and no
-violation follows within HORIZON. Asked of sigma_epi, sigma_ale and sigma_total as in the paper and by route
-(rudc/agents/route_sigma.py), of what the plant monitor finds wrong with the car, of sigma by route with that
-monitor beside it, where a car that is not ordinary comes before all sigma, and with the monitor of others'
-conduct (rudc/agents/conduct.py) beside both, where somebody unusual ahead within 40 m comes before it, too.
-Agent by agent, since critics of different agents have scales of their own, and as the mean of the agents that
-differ only in their training seed.
+violation follows within HORIZON. The scores are
+  - sigma_epi, sigma_ale and sigma_total, as in the paper and by route (rudc/agents/route_sigma.py);
+  - what the plant monitor finds wrong with the car;
+  - sigma by route with that monitor: a car that is not ordinary ranks above all sigma;
+  - sigma by route with both monitors: somebody unusual (rudc/agents/conduct.py) ahead within 40 m also ranks
+    above all sigma.
+They are computed for each agent, since critics of different agents have scales of their own, and as the mean
+of the agents that differ only in their training seed.
 
-And of the slack, by either kind of sigma: the share of decisions in distribution above sigma_l, 5 % if it
-holds, and the share of the decisions within HORIZON before a violation in which sigma was below sigma_l, so
+For the slack, by either kind of sigma: the share of decisions in distribution above sigma_l, which should be
+5 %; and the share of the decisions within HORIZON before a violation in which sigma was below sigma_l, so
 that delta > 0 relaxed the filter.
 """
 
@@ -66,7 +68,7 @@ SCORES = (
     "route_or_mismatch", "route_or_monitors",
 )  # fmt: skip
 SHOWN = ("total", "route", "route_or_mismatch", "route_or_monitors")
-"""of those, in the table and the figure"""
+"""those that stand in the table and the figure"""
 INSIDE, OUTSIDE, ALL = "in distribution", "all out of distribution", "all scenarios"
 
 
@@ -101,7 +103,7 @@ FIRST = 1e6
 
 
 def run(order: Order, progress: Callable[[str], Progress]) -> Report:
-    """Drive, listen, and see what the sigmas separate."""
+    """Drive, keep the sigmas, and measure what they separate."""
     agents = chosen_agents(order)
     for name in agents:
         _must_state_sigma(name)
@@ -139,7 +141,7 @@ def _must_state_sigma(name: str) -> None:
 
 
 def _folder(name: str) -> Path | None:
-    """Of what an agent learnt; None of drivers that did not learn."""
+    """Folder of an agent's checkpoint; None for drivers that did not learn."""
     whole = split(name)[0]
     return find_checkpoint(name) or find_checkpoint(whole) or find_checkpoint(whole.partition("+")[0])
 
@@ -254,7 +256,7 @@ def _case(question: Question, drives: Sequence[Drive]) -> _Case:
 def _answer(case: _Case, sigma: int) -> tuple[float, Array]:
     """AUROC of one sigma, and its bootstrap's draws (RESAMPLES,); nan where there is none."""
     scores = np.ascontiguousarray(case.scores[:, sigma])
-    known = np.isfinite(scores).all()  # by route nothing may be
+    known = np.isfinite(scores).all()  # sigma by route may not be known
     value = auroc(scores, case.positive) if known else math.nan
     if math.isnan(value):
         return value, np.full(RESAMPLES, math.nan)

@@ -1,5 +1,5 @@
-"""Numbers of every decision of a sweep: an array (steps, columns) for each episode, in a file of its own that
-is written before its row of `episodes.csv`, and names its columns.
+"""Numbers of every decision of a sweep: an array (steps, columns) for each episode, in a file of its own. The
+file names its columns, and is written before the episode's row of `episodes.csv`.
 """
 
 from __future__ import annotations
@@ -85,8 +85,8 @@ def read_steps(
     folder: Path, rows: Sequence[Mapping[str, str]], columns: Sequence[str]
 ) -> Iterator[tuple[Mapping[str, str], Array]]:
     """Each row of an episode that was run, and its steps (steps, columns). Raises StorageError when what the
-    runner wrote is gone, or has other columns than these. Files of before columns had names are known by how
-    many they have.
+    runner wrote is gone, or has other columns than these. Files from before columns had names are
+    recognised by the number of their columns.
     """
     for row in rows:
         if row["error"]:

@@ -1,8 +1,8 @@
-"""A stopwatch that is put round functions while a study runs, and taken away afterwards: what is measured
-costs nothing where nobody measures.
+"""A stopwatch that is put round functions while a study runs, and taken away afterwards: without a study it
+costs nothing.
 
-Time is exclusive: a part that calls another does not count what the other takes. Each call costs less than a
-microsecond more.
+Time is exclusive: a part that calls another does not count what the other takes. It adds less than a
+microsecond to each call.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Stopwatch:
         return call
 
     def take(self) -> dict[str, float]:
-        """Part -> ms since the last call, of those that were at work."""
+        """Part -> ms spent in it since the last call, of the parts that were used."""
         spent, self._spent_s = self._spent_s, {}
         return {part: 1000.0 * seconds for part, seconds in spent.items()}
 

@@ -1,16 +1,15 @@
-"""Trainings that a study compares: taken where there are such, made where there are none.
+"""Trainings that a study compares: existing ones are taken, missing ones are made.
 
 A training is called NAME-seedN, N its training seed, and is looked for in this order:
 
 1. in the folder of trainings (`--trainings DIR`; else `trainings` in the study's own folder),
-2. among the agents that are shipped (NAME, NAME-seedN), if it learnt with the settings that are wanted, as
-   presets are now,
-3. where no folder of trainings was named, it is trained, for as long as the budget says. One that was cut off
-   goes on from its checkpoint.
-
-Only trainings that reached their end are taken. One of the study's own that another budget made, with other
-steps, is refused. Agents are named relative to the folder of trainings, so that
-a sweep's rows say nothing of the machine: sweep within `named_from`.
+2. among the agents that are shipped (NAME, NAME-seedN), if it learnt with the settings that are wanted, with
+   the presets as they are now,
+3. if no folder of trainings was named, it is trained, for as long as the budget says. A training that was cut
+   off goes on from its checkpoint.
+Only trainings that reached their end are taken. A training in the study's own folder that another budget
+made, with other steps, is refused. Agents are named relative to the folder of trainings, so that a sweep's
+rows say nothing of the machine: sweep within `named_from`.
 """
 
 from __future__ import annotations
@@ -37,10 +36,10 @@ class Wanted:
     """A training that a study needs, whatever its seed."""
 
     name: str
-    """of its folder, before `-seedN`"""
+    """name of its folder, before `-seedN`"""
     algorithm: str
     changes: Mapping[str, Any] = field(default_factory=dict)
-    """settings of the training otherwise than in its configuration, by dotted keys"""
+    """settings of the training that differ from its preset, by dotted keys"""
     configuration: str = "default"
     """preset"""
 
@@ -48,7 +47,8 @@ class Wanted:
         return self.name
 
     def config(self, settings: Mapping[str, Any] | None = None) -> TrainConfig:
-        """Of the training, with further settings by dotted keys, which its own come before."""
+        """The configuration of the training, with further settings by dotted keys; its own changes come
+        first."""
         return TrainConfig.of(self.algorithm, {**(settings or {}), **self.changes}, self.configuration)
 
 
@@ -74,7 +74,7 @@ class Trainings:
     """absolute; agents' names are relative to it"""
     found: tuple[Trained, ...]
     missing: tuple[str, ...]
-    """NAME-seedN of each that there is none of, and why"""
+    """NAME-seedN of each training that does not exist, and why"""
 
     def of(self, name: str) -> tuple[Trained, ...]:
         """Those of one name, by seed."""
@@ -82,7 +82,8 @@ class Trainings:
 
     @contextlib.contextmanager
     def named_from(self) -> Iterator[Path]:
-        """Names of agents hold inside: the working folder is that of the trainings meanwhile."""
+        """Agents' names are valid inside the block, since the working folder is that of the trainings
+        there."""
         with contextlib.chdir(self.folder):
             yield self.folder
 
@@ -113,7 +114,7 @@ def trainings_for(
 def trainings_there(
     wanted: Sequence[tuple[Wanted, int]], order: Order, settings: Mapping[str, Any]
 ) -> Trainings:
-    """Those with these training seeds that there are; none is made. Raises InputError."""
+    """The existing trainings with these training seeds; none is made. Raises InputError."""
     folder, steps = _folder(order), int(settings["training.steps"])
     there = {(want.name, seed): _there(folder, want, seed, order, steps) for want, seed in wanted}
     return Trainings(
@@ -124,7 +125,7 @@ def trainings_there(
 
 
 def _folder(order: Order) -> Path:
-    """Of trainings, made where it is the study's own. Raises InputError."""
+    """The folder of trainings; the study's own is made if need be. Raises InputError."""
     if order.trainings is not None and not order.trainings.is_dir():
         raise InputError(f"no folder {order.trainings}: give that of trainings, NAME-seedN each")
     folder = past_links(order.trainings or order.out / "trainings")
@@ -134,7 +135,7 @@ def _folder(order: Order) -> Path:
 
 
 def _there(folder: Path, want: Wanted, seed: int, order: Order, steps: int) -> Trained | str:
-    """One in the folder of trainings, or a shipped one; or why there is none."""
+    """The training in the folder of trainings, or a shipped one; or why there is none."""
     wanted = None if order.trainings else steps
     training = _made(folder, want, seed, wanted)
     if isinstance(training, str):
@@ -143,8 +144,8 @@ def _there(folder: Path, want: Wanted, seed: int, order: Order, steps: int) -> T
 
 
 def _made(folder: Path, want: Wanted, seed: int, steps: int | None) -> Trained | str:
-    """One in the folder of trainings, or why it cannot be taken. Raises InputError for another, also for one
-    of other steps if they matter.
+    """The training in the folder of trainings, or why it cannot be taken. Raises InputError if the folder
+    holds a different training, also one with other `steps` (None: any number will do).
     """
     name = f"{want.name}-seed{seed}"
     checkpoint = find_checkpoint(str(folder / name))
@@ -171,7 +172,7 @@ def _made(folder: Path, want: Wanted, seed: int, steps: int | None) -> Trained |
 
 
 def _otherwise(learnt: Learnt, want: Wanted) -> Iterator[tuple[str, Any, Any]]:
-    """Settings that a row is about with which it did not learn: key, its value, the value wanted."""
+    """Wanted settings with which it did not learn: key, its value, the value wanted."""
     stored = {**learnt.config.model_dump(mode="json"), "training": learnt.training}
     for key, value in want.changes.items():
         if (there := _at(stored, key)) != value:
@@ -186,7 +187,7 @@ def _at(tree: Any, key: str) -> Any:
 
 
 def _shipped(want: Wanted, seed: int, steps: int | None) -> Trained | str | None:
-    """A shipped one, of so many steps if that matters; or why it cannot be taken; None if there is none."""
+    """A shipped training, of so many steps unless None; or why it cannot be taken; None if there is none."""
     for name in (f"{want.name}-seed{seed}", want.name):
         folder = shipped_checkpoints().get(name)
         if folder is None:
@@ -220,7 +221,7 @@ def _train(
 
 
 def fitting(settings: Mapping[str, Any], want: Wanted) -> dict[str, Any]:
-    """Without what has no effect on learners that state no sigma."""
+    """The settings, without those that have no effect on a learner that states no sigma."""
     states = "sigma" in want.config().learner.offers
     return {k: v for k, v in settings.items() if states or k != "training.calibration_episodes"}
 

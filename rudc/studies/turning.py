@@ -1,8 +1,8 @@
 """From what uncertainty on a filter corrects: the turning point (paper, Fig. "ablution_case" b).
 
-Decisions are put into bins of equal number by sigma. In each, the correction's median and 90th percentile,
-with 95 % percentile intervals over episodes drawn with replacement: decisions of one episode resemble each
-other.
+Decisions are sorted by sigma into bins of equal number. Each bin has the correction's median and 90th
+percentile, with 95 % percentile intervals over episodes drawn with replacement, since decisions of one
+episode resemble each other.
 
     turning point   the median sigma of the first bin from which on LASTING bins in a row have the lower end
                     of the interval above LEAST; none if there is no such bin
@@ -24,9 +24,9 @@ BINS = 20
 FEWEST = 25
 """decisions in a bin; with fewer there are fewer bins"""
 LEAST = 0.01
-"""of half an action's range, from which on a correction counts"""
+"""share of half an action's range; a correction counts if it is larger"""
 LASTING = 2
-"""bins"""
+"""bins in a row"""
 RESAMPLES = 200
 
 
@@ -37,7 +37,7 @@ class Bin(NamedTuple):
     """median, reward units"""
     decisions: int
     corrected: float
-    """percent of them, that are corrected by more than LEAST"""
+    """percent of them that are corrected by more than LEAST"""
     median: float
     median_low: float
     median_high: float
