@@ -1,14 +1,17 @@
-"""sigma_l and sigma_h of an agent as it is deployed, and what sigma is usual along the route: of its
+"""sigma_l and sigma_h of an agent as it is deployed, and the usual sigma along the route, measured over its
 decisions in held-out episodes.
 
-Those of a training's last decisions do not hold afterwards: they are of a policy that explores, of critics
-that still changed, on the curriculum's starts. So at the end of a training, and by `rudc agent calibrate`,
-the final policy drives by its mean, with its outlook, corrected as it will be, and all of it is measured.
-Usual is what episodes show that succeed: one in a hundred that freezes has four times the decisions of
-another, at one place, and would move sigma_l more than all others (measured: the share above it fell from 5
-to 0.1 %).
-The correction's slack depends on it in turn: it works with the old ones meanwhile, and where it matters
-calibrating again settles it.
+Values from a training's last decisions do not hold afterwards: they come from a policy that explores, from
+critics that still changed, and from the curriculum's starts. So at the end of a training, and by `rudc agent
+calibrate`, the final policy drives with its mean action, with its outlook and its correction as in use, and
+all of this is measured then.
+
+Only episodes that succeed count as usual: an episode that freezes has four times as many decisions as
+another, all at one place, and a single one in a hundred would move sigma_l more than all others (measured:
+the share of decisions above it fell from 5 to 0.1 %).
+
+The correction's slack depends on sigma_l and sigma_h in turn: during the measurement it works with the old
+values. Where that matters, calibrate again.
 """
 
 from __future__ import annotations
@@ -39,11 +42,11 @@ from rudc.world.world import World
 CALIBRATION_SEED = 950_000
 """first seed of the episodes; neither training nor its evaluations use them"""
 SCENARIOS = ("random_destination", "dense_left_turn")
-"""that an agent is calibrated on unless told otherwise"""
+"""scenarios that an agent is calibrated on unless others are named"""
 
 
 class Measured(NamedTuple):
-    """What held-out episodes say of sigma."""
+    """What held-out episodes say about sigma."""
 
     percentiles: tuple[float, float]
     """sigma_l and sigma_h of sigma_total, reward units"""
@@ -68,15 +71,15 @@ class Calibration(NamedTuple):
     kinds: Mapping[str, Limits]
     """`paper` and `route`"""
     decisions: int
-    """that they are of"""
+    """number of decisions that were measured"""
     episodes: int
-    """that those are of: the ones that succeeded, or all if none did"""
+    """number of their episodes: those that succeeded, or all if none did"""
     explained: float
     """share of the variance of log sigma_total that the place on the route explains, out of sample"""
 
 
 class Noting:
-    """An agent, and where it was and how unsure in each decision since it was reset."""
+    """An agent, and a note of where it was and how unsure it was at each decision since it was reset."""
 
     ego_driver: EgoDriver = "agent"
 
@@ -168,7 +171,7 @@ def calibrate(
 
 
 def _limits(found: tuple[float, float], before: tuple[float, float] | None, sigmas: Array | None) -> Limits:
-    """`sigmas`: by what the agent had."""
+    """`sigmas`: (n,) by the values that the agent had."""
     if before is None or sigmas is None:
         return Limits(found, before, None)
     low, high = (float(np.mean(sigmas > limit)) for limit in before)

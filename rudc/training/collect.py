@@ -3,10 +3,10 @@
 The reward is the environment's, save that a collision costs `collision_reward`. A time-out, and an episode
 broken off at a checkpoint, are not the end of anything: their value is bootstrapped from where they stopped.
 
-A share of the episodes is driven without correction. So, where critics learn about the executed action, all
-transitions are of one and the same decision process, the uncorrected one, and critics learn what a proposal
-leads to where the filter would have corrected it. With the filter in every episode nobody learns
-that, whichever action is replayed: the policy drives on and leaves braking to the filter.
+A share of the episodes is driven without correction. In these, critics learn what a proposal leads to where
+the filter would have corrected it. Where critics learn about the executed action, all transitions belong to
+the same decision process, the uncorrected one. With the filter in every episode that is never learnt,
+whichever action is replayed: the policy drives on and leaves braking to the filter.
 
 With `training.outlook` whoever drives sees the world as the agent's outlook shows it. The outlook also bounds
 the commands, in the episodes that are corrected and in no others.
@@ -120,7 +120,7 @@ class Collector:
         return tuple(run_episode(Episode(self._world), p, driver) for p in self._held_out(tasks))
 
     def hear(self, tasks: tuple[tuple[str, int], ...]) -> tuple[Heard, ...]:
-        """What is stated in these episodes, driven as the agent will be."""
+        """The sigmas that the agent states in these episodes, driven as it will be deployed."""
         return tuple(hear(self._world, plan, self._agent) for plan in self._held_out(tasks))
 
     def close(self) -> None:
@@ -128,7 +128,8 @@ class Collector:
         self._world.close()
 
     def _held_out(self, tasks: tuple[tuple[str, int], ...]) -> Iterator[EpisodePlan]:
-        """The plans of episodes (scenario, seed), the world moved to where each is; what runs is lost."""
+        """The plans of episodes (scenario, seed), the world moved to each one's network; a running episode is
+        lost."""
         self._episode = self._scene = None
         self._steps.clear()
         for name, seed in tasks:
@@ -175,7 +176,7 @@ class Collector:
         return Chosen(decision, self._seen, action, action)
 
     def _bounded(self, scene: Scene, chosen: Chosen) -> Chosen:
-        """What of it the outlook lets be done."""
+        """The same choice, its action bounded by the outlook."""
         if self._outlook is None:
             return chosen
         decision = chosen.decision

@@ -40,14 +40,15 @@ class Training(Settings):
     collision_reward: float = Field(default=-75.0, le=0)
     """replaces the reward's collision term (the paper's is -50), in learning only"""
     filtered_share: float = Field(default=0.5, ge=0, le=1)
-    """share of training episodes that are driven behind the filter, from the first on; the paper's is 1"""
+    """share of training episodes that are driven with the filter, from the first episode on; the paper's is
+    1"""
     outlook: bool = False
     """whether training episodes are driven with the agent's outlook, as evaluations always are; it bounds
     commands in the `filtered_share` only"""
     steps: int = Field(default=100_000, ge=1)
     """decisions taken by the policy, rounded up to whole rounds like all that counts decisions below"""
     seed_steps: int = Field(default=8_000, ge=0)
-    """decisions of the gap-acceptance driver that the replay starts with"""
+    """decisions of the gap-acceptance driver with which the replay starts"""
     seed_noise: float = Field(default=0.1, ge=0)
     """standard deviation of what is added to its actions, in [-1, 1], so that neighbouring ones are known"""
     envs: int = Field(default=2, ge=1)
@@ -98,8 +99,8 @@ class TrainConfig(AgentConfig):
     """how it is trained"""
 
     def without_effect(self) -> Mapping[str, str]:
-        """Besides what is so for the agent: without correction no episode is corrected, and where no sigma is
-        stated there is nothing to calibrate.
+        """Those of the agent, and: without correction no episode is corrected; where no sigma is stated there
+        is nothing to calibrate.
         """
         idle = dict(super().without_effect())
         none = self.outlook.make() is None
@@ -140,7 +141,7 @@ class TrainConfig(AgentConfig):
 
     @property
     def rounds(self) -> int:
-        """All rounds, those included."""
+        """All rounds, those of the gap-acceptance driver included."""
         return self.seed_rounds - (-self.training.steps // self.round_steps)
 
     @classmethod

@@ -14,7 +14,7 @@ from rudc.scenario.plan import EpisodePlan
 from rudc.training.config import Curriculum
 
 FIRST_SEED, LAST_SEED = 1_000_000, 2**31 - 1
-"""seeds of training episodes are drawn between them; whoever evaluates stays below"""
+"""seeds of training episodes are drawn between them; evaluations use lower ones"""
 HELD_OUT_SEED = 900_000
 """first seed of the evaluations during training"""
 

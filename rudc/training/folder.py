@@ -1,7 +1,7 @@
-"""A training's folder: that it is this training's alone, and that it goes on from what it began with.
+"""A training's folder. It belongs to one training alone, which may go on only from what it began with.
 
 config.json      every choice that was made
-scenarios.json   of each scenario that is trained or evaluated on: a digest of what it comes to, and where
+scenarios.json   of each scenario that is trained or evaluated on: a digest of its content, and where
                  the file lies, if it is one of the user's own
 checkpoint/, progress.csv, evaluation.csv    see trainer.py and log.py
 """
@@ -32,20 +32,20 @@ class Source(BaseModel, frozen=True):
     """A scenario that a training names."""
 
     digest: str
-    """of all that an episode depends on"""
+    """digest of all that an episode depends on"""
     file: str | None = None
     """absolute path; None for a shipped one"""
 
 
 Sources = dict[str, Source]
-"""by the names that the configuration has"""
+"""by the names that stand in the configuration"""
 _SOURCES = TypeAdapter(Sources)
 
 
 @contextlib.contextmanager
 def held(folder: Path, tell: Callable[[str], object]) -> Iterator[None]:
-    """A folder that no other writes to meanwhile, made if there is none. Raises InputError where it cannot be
-    had; `tell` is told where it cannot be locked.
+    """Hold a folder so that no other process writes to it; it is made if there is none. Raises InputError if
+    it cannot be made or is in use; `tell` gets a warning where it cannot be locked.
     """
     make_folder(folder)
     warnings: list[str] = []
@@ -152,8 +152,8 @@ def with_files(config: TrainConfig, sources: Sources) -> TrainConfig:
 
 
 def otherwise(checkpoint: Path, config: TrainConfig) -> list[str]:
-    """Dotted keys of the settings with which a checkpoint was trained otherwise. Raises OSError, ValueError
-    where it does not say."""
+    """Dotted keys of the settings in which a checkpoint differs from a configuration. Raises OSError or
+    ValueError where its description cannot be read."""
     there = json.loads((checkpoint / DESCRIPTION).read_text(encoding="utf-8"))
     here = json.loads(json.dumps(config.model_dump(mode="json")))
     return [key for name in SECTIONS for key in _differing(name, here.get(name), there.get(name))]

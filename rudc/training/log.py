@@ -1,7 +1,7 @@
 """What training writes as it goes: `progress.csv`, `evaluation.csv`, TensorBoard's files if it is installed.
 
-Rows carry the number of decisions taken. On resuming, rows beyond the checkpoint are taken out, so that the
-files of a training that was stopped are those of one that was not (but for wall times).
+Rows carry the number of decisions taken. On resuming, rows beyond the checkpoint are removed, so that a
+training that was stopped leaves the same files as one that was not (except for wall times).
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Watcher(Protocol):
         ...
 
     def advance(self, steps: int) -> None:
-        """So many decisions were taken, in all."""
+        """`steps` decisions were taken in all."""
         ...
 
     def note(self, text: str) -> None:

@@ -1,6 +1,4 @@
-"""Presets: trees of settings in YAML that a training starts from, `default` and `paper`, or a file of one's
-own.
-"""
+"""Presets: trees of settings in YAML that a training starts from: `default`, `paper`, or a user's own file."""
 
 from __future__ import annotations
 
@@ -42,9 +40,9 @@ def read_preset(name: str) -> dict[str, Any]:
 
 
 def with_preset(algorithm: Algorithm, preset: Mapping[str, Any]) -> dict[str, Any]:
-    """The tree that an algorithm's training starts from: its own defaults, and over them what of the preset
-    is for it: sections of a `kind` that it has otherwise are left out, with the correction `learns_from`, and
-    so is what its learner does not have.
+    """The tree that an algorithm's training starts from: its own defaults, and over them those parts of the
+    preset that fit it. Left out are a correction of another `kind` (and then `learns_from`), and settings
+    that its learner does not have.
     """
     own, tree = algorithm.defaults, dict(preset)
     correction, known = tree.get("correction"), set(algorithm.config.model_fields)

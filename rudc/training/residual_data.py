@@ -1,9 +1,9 @@
-"""Samples for the residual predictor: what the filter predicts of h over one step, and what becomes of it.
+"""Samples for the residual predictor: the change of h over one step as the filter predicts it, and as it was.
 
-Random actions (paper, Appx. "Validation of CBF residual predictor"), or an agent's, drive through episodes.
-Of each decision a few constraints are kept, drawn at random: xi (see rudc/safety/residual.py), the change of
-h that came true, and the residual w = that change less the predicted one, at the action that was executed.
-Buffers are drawn anew for each decision, so that a predictor learns to serve any.
+Episodes are driven by random actions (paper, Appx. "Validation of CBF residual predictor") or by an agent. Of
+each decision a few constraints are kept, drawn at random: xi (see rudc/safety/residual.py), the true change
+of h, and the residual w, which is the true change less the predicted one, at the action that was executed.
+Buffers are drawn anew for each decision, so that a predictor learns to work with any.
 """
 
 from __future__ import annotations
@@ -41,17 +41,17 @@ BUFFERS = {"vehicle": (0.0, 0.8), "road": (0.0, 0.5)}
 KEPT = 2
 """constraints of each head that are kept of a decision"""
 NEAR = 40.0
-"""m, vehicles farther than this are left out: no row about them ever binds"""
+"""m, vehicles farther away are left out: their rows are never active"""
 LONGEST_HOLD = 10
 """decisions for which a random action is held at most"""
 LONGEST_WAIT = 40
-"""the same for standing still: until whoever gives way has stopped beside it"""
+"""the same for standing still: long enough for others that give way to stop beside it"""
 STARTING = 0.3
 """share of random actions that do not brake: uniform ones would soon stand still"""
 STEERED = 0.8
 """share of episodes in which kinds that do not follow the path are kept near it"""
 ASTRAY = (0.02, 0.2)
-"""rad, between which the largest difference to what follows the path is drawn then"""
+"""rad, limits between which the largest difference from steering along the path is drawn then"""
 WAITING = 0.25
 """share of the draws at a standstill that stay there"""
 
@@ -74,13 +74,13 @@ Dataset = dict[str, Samples]
 
 
 SLOW = 1.0
-"""m/s, below which a wait or a start is drawn: twice STANDING, since actions at random seldom come to rest"""
+"""m/s, below which a wait or a start is drawn: twice STANDING, since random actions seldom come to rest"""
 
 
 class RandomActions:
-    """Actions of a kind at random, each held for a while. Uniform steering of kinds that do not follow the
-    path by themselves is off the road within two seconds; so in most episodes theirs strays from what would
-    follow it, by as much as is drawn for the episode.
+    """Random actions of a kind, each held for a while. With a kind that does not follow the path by itself,
+    uniform steering leaves the road within two seconds. So in most episodes its steering differs from
+    steering along the path by no more than a bound, which is drawn for the episode.
     """
 
     def __init__(self, rng: np.random.Generator, kind: ActionKind) -> None:
@@ -114,8 +114,8 @@ class RandomActions:
 
 
 def collect(samples: int, seed: int, driver: Agent | ActionKind, advance: Callable[[int], None]) -> Dataset:
-    """So many samples of each head from random destinations. `driver`: an agent, or the kind that random
-    actions are of; `advance` is told how many there are.
+    """`samples` samples of each head from random destinations. `driver`: an agent, or the kind of random
+    actions; `advance` is told how many samples there are.
     """
     rng = np.random.default_rng((seed, 77))
     mixture = make_mixture("random_destination", Curriculum())

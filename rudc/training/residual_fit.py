@@ -5,12 +5,12 @@ Huber loss by Adam of (prediction - w) / unit, with
     unit = std(w)                        road edges
     unit = |r| median(|w| / |r|)         vehicles, r from the ego to the vehicle
 
-h is a squared distance: the same error of a vehicle's position is 2 |r| times as many m2, but rows bind
-where |r| is small. Beside a car that stands, 0.01 m2 is enough to hold an ego that stands, too, for good.
-And nobody can foresee that one of SUMO's vehicles changes lanes within a step, which is 100 m2 at times;
-squares of that would drown the rest. Every tenth episode is held out, whole: samples of one episode resemble
-each other. What is stated is how well the change of h itself is predicted, by the model alone and with the
-predictor, and how much of w is explained.
+h is a squared distance: an error of a vehicle's position counts 2 |r| times as many m2, but rows are active
+where |r| is small. Beside a standing car, an error of 0.01 m2 is enough to hold a standing ego for good. And
+nobody can foresee that one of SUMO's vehicles changes lanes within a step, which can change h by 100 m2;
+squared errors of that size would hide all others, hence the Huber loss. Every tenth episode is held out as a
+whole, since samples of one episode resemble each other. The scores say how well the change of h itself is
+predicted, by the model alone and with the predictor, and how much of w is explained.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ from rudc.world.scene import STANDING
 HIDDEN = 64
 EPOCHS, BATCH, RATE = 300, 4096, 3e-4
 HOLD_OUT = 10
-"""every so manieth episode is held out"""
+"""one episode in so many is held out"""
 NEAREST = 1.0
-"""m, the distance of whatever is nearer when errors are weighed"""
+"""m, smaller distances count as this when errors are weighed"""
 BEYOND = 0.1
 """share of each feature's range in the samples by which it may lie outside before it is clipped"""
 
@@ -51,7 +51,7 @@ class Score(NamedTuple):
 
 
 class Evaluation(NamedTuple):
-    """Of one head, on all samples or some."""
+    """Scores of one head, on all samples or some."""
 
     about: str
     """a head, or which of its samples"""
@@ -70,7 +70,7 @@ def held_out(dataset: Dataset, head: str, *, rest: bool = False) -> Samples:
     """
     samples = dataset[head]
     chosen = _chosen(samples, (samples.episode % HOLD_OUT == 0) != rest)
-    if len(chosen.w) < 2:  # of one there is no spread
+    if len(chosen.w) < 2:  # a single sample has no spread
         part = "learnt from" if rest else "held out"
         raise InputError(
             f"too few samples: of the {len(samples.w)} of head {head!r}, {len(chosen.w)} are of episodes "
@@ -115,7 +115,7 @@ def fit(
     for head in heads():
         held_out(dataset, head)
     parts = [(head, held_out(dataset, head, rest=True)) for head in heads()]
-    torch.set_num_threads(1)  # layers this small gain nothing by more, and beside other work lose much
+    torch.set_num_threads(1)  # for layers this small, more threads gain nothing
     arrays: Arrays = {}
     for number, (head, samples) in enumerate(parts):
         arrays |= _fit(samples, head, (seed, number), epochs, progress)
@@ -123,8 +123,8 @@ def fit(
 
 
 def evaluate(dataset: Dataset, predictor: ResidualPredictor, *, only_held_out: bool) -> list[Evaluation]:
-    """Of both heads, on the held-out episodes or on all; then of vehicles beside a standing ego, if any.
-    Raises InputError where too few are held out.
+    """Scores of both heads, on the held-out episodes or on all; then of standing vehicles near a standing
+    ego, if any. Raises InputError where too few are held out.
     """
     parts = [(head, head, held_out(dataset, head) if only_held_out else dataset[head]) for head in heads()]
     still = standing(parts[0][2])
@@ -184,7 +184,7 @@ def _fit(
 
 
 def _unit(samples: Samples, head: str) -> NDArray:
-    """(M,) m2, the error of each sample that counts as one."""
+    """(M,) m2, the error that counts as 1 for each sample."""
     if head == "road":
         return np.full(len(samples.w), samples.w.std())
     distance = np.maximum(_distance(samples), NEAREST)

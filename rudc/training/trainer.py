@@ -6,10 +6,10 @@ In round r
     learner  takes round_steps / update_every gradient steps on the replay as it was then
     then     what was collected goes into the replay, in the order of the workers
 
-Both sides only depend on the end of the round before, so they run at once and the numbers do not depend on
-who is faster. Worlds draw from generators made from (seed, world, round), the learner and the replay from
-their own, which checkpoints hold; and every checkpoint falls on a round after which all worlds begin new
-episodes: a training that is stopped and resumed goes the same way as one that is not.
+Both sides depend only on the end of the round before, so they run at the same time and the numbers do not
+depend on which is faster. Worlds draw from generators made from (seed, world, round), the learner and the
+replay from their own, which checkpoints hold; and every checkpoint falls on a round after which all worlds
+begin new episodes: a training that is stopped and resumed goes the same way as one that is not.
 
 The first `seed_steps` decisions are those of the gap-acceptance driver, since a policy that starts from
 nothing meets the far side of the junction too rarely to learn what lies there.
@@ -63,7 +63,7 @@ class Trainer:
     def __init__(
         self, config: TrainConfig, folder: Path, watcher: Watcher, driven: TrainConfig | None = None
     ) -> None:
-        """Start afresh, or where the checkpoint in the folder stands. `driven`: the same configuration, with
+        """Start afresh, or from the checkpoint in the folder. `driven`: the same configuration, with
         scenarios named as the workers find them.
         """
         self._config, self._folder, self._watcher = config, folder, watcher
@@ -157,7 +157,8 @@ class Trainer:
     # ---- milestones
 
     def _at(self, every: int, ahead: int = 0) -> bool:
-        """Whether the round so many rounds ahead brings the next multiple of decisions, or is the last."""
+        """Whether the round `ahead` rounds from now reaches a multiple of `every` decisions, or is the
+        last."""
         config = self._config
         done = self._round + ahead - config.seed_rounds
         passed = done * config.round_steps // every > (done - 1) * config.round_steps // every
@@ -178,8 +179,8 @@ class Trainer:
             self._calibrate()
         if self.steps and self._at(training.evaluate_every) and training.evaluation_episodes:
             self._evaluate()
-        if self._breaks():  # last, so that what is cut off before is done again
-            self._finished, self._losses = [], []  # of the seeding, which no row is about; else empty by now
+        if self._breaks():  # last: if it is killed before, the milestone is done again
+            self._finished, self._losses = [], []  # of the seeding, which has no row; else empty by now
             self._save()
 
     def _write_progress(self) -> None:
@@ -210,7 +211,7 @@ class Trainer:
                 self._watcher.note(f"step {self.steps}, {row['scenario']}: {rates}")
 
     def _calibrate(self) -> None:
-        """Take sigma of the final policy as it is deployed (see calibration.py)."""
+        """Measure sigma of the final policy as it is deployed (see calibration.py)."""
         training = self._driven.training
         states = "sigma" in self._config.learner.offers
         if not (states and training.calibration_episodes and self._learner.updates):
@@ -220,7 +221,7 @@ class Trainer:
         self._calibrated = measured(self._pool.hear(tasks))
 
     def _weights(self) -> Arrays:
-        """The learner's, and what was found usual along the route."""
+        """The learner's weights, and the usual sigma along the route once it was measured."""
         return self._learner.weights() | (self._calibrated.arrays if self._calibrated else {})
 
     def _percentiles(self) -> tuple[float, float] | None:
@@ -332,5 +333,5 @@ def train(config: TrainConfig, folder: Path, watcher: Watcher, *, resume: bool =
     with held(folder, watcher.note):
         check_folder(config, folder, sources, resume=resume)
         trainer = Trainer(config, folder, watcher, driven)
-        keep_inputs(config, folder, sources)  # only now: where the device is not there no training begins
+        keep_inputs(config, folder, sources)  # only now: without the device no training begins
         return trainer.run()

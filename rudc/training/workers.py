@@ -1,8 +1,8 @@
 """Worker processes, one `Collector` each, that work while the learner learns.
 
 They start clean (rudc/evaluation/starting.py), since torch's threads do not survive a fork, and need no torch
-themselves. Ctrl-C, and whatever else tells all processes to end, they leave to the main process, which ends
-them. A worker that dies takes the training down with a message.
+themselves. They ignore Ctrl-C and other signals that tell all processes to end: the main process ends them.
+If a worker dies, the training ends with a message.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class WorkerPool:
                 theirs.close()
                 self._workers.append((process, ours))
             self._answers()
-        except BaseException:  # this process waits for them at its end, and they heed no SIGTERM
+        except BaseException:  # this process waits for them at its end, and they ignore SIGTERM
             self.close()
             raise
 
@@ -66,7 +66,7 @@ class WorkerPool:
         return self._shared("evaluate", tasks)
 
     def hear(self, tasks: Sequence[tuple[str, int]]) -> list[Heard]:
-        """What is stated in held-out episodes (scenario, seed), episode by episode."""
+        """The sigmas that the agent states in held-out episodes (scenario, seed), episode by episode."""
         return self._shared("hear", tasks)
 
     def _shared(self, request: str, tasks: Sequence[tuple[str, int]]) -> list[Any]:
@@ -117,7 +117,7 @@ class _Failure:
 
 def _work(pipe: Connection, config: TrainConfig, index: int) -> None:
     """What a worker process does, until it is told to end or the main process is gone."""
-    for name in ("SIGTERM", "SIGHUP"):  # what they are sent for, the main process hears as well
+    for name in ("SIGTERM", "SIGHUP"):  # the main process gets these as well
         if hasattr(signal, name):  # no SIGHUP on Windows
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
@@ -131,7 +131,7 @@ def _work(pipe: Connection, config: TrainConfig, index: int) -> None:
             raise
         except RudcError as error:
             pipe.send(_Failure(str(error)))
-        except Exception as error:  # a defect of ours: said where, so that it can be mended
+        except Exception as error:  # a defect of ours: the traceback says where
             pipe.send(_Failure(f"{type(error).__name__}: {error}\n{traceback.format_exc()}"))
 
 
