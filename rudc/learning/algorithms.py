@@ -39,15 +39,15 @@ class Algorithm:
     learner: str
     """where its class is found, `module:Class`; it takes (config, problem, device)"""
     settings: type[LearnerConfig] | str
-    """of the learner: their class, or where it is found if its file imports torch"""
+    """class of the learner's settings, or where it is found if its file imports torch"""
     defaults: Mapping[str, Any] = field(default_factory=dict)
-    """what its agents and their training have otherwise than the preset: a tree as in config.json"""
+    """settings of its agents and their training that differ from the preset: a tree as in config.json"""
     paper: str = ""
     """what the paper's tables call it; empty for what is not in them"""
     differs: str = ""
-    """what it has otherwise than rudc-t, in a few words; empty for rudc-t itself, and where nobody said"""
+    """how it differs from rudc-t, in a few words; empty for rudc-t itself, and where it is not stated"""
     corrections: Mapping[str, str] = field(default_factory=dict)
-    """those that it brings: `correction.kind` -> where the class of its settings is found"""
+    """corrections that it brings: `correction.kind` -> where the class of its settings is found"""
 
     @property
     def config(self) -> type[LearnerConfig]:
@@ -81,7 +81,7 @@ def register_algorithm(name: str, algorithm: Algorithm) -> None:
 
 
 class LagrangianConfig(ConstrainedConfig):
-    """SAC's under a limit of the expected cost, with a multiplier."""
+    """Settings of SAC under a limit of the expected cost, with a multiplier."""
 
     multiplier: float = Field(default=0.0, ge=0)
     """lambda at the start, reward units over units of cost"""
@@ -90,7 +90,7 @@ class LagrangianConfig(ConstrainedConfig):
 
 
 class FacConfig(ConstrainedConfig):
-    """SAC's under a limit of the expected cost in every state, with a network of multipliers."""
+    """Settings of SAC under a limit of the expected cost in every state, with a network of multipliers."""
 
     multiplier_rate: float = Field(default=1e-6, gt=0)
     """learning rate of lambda(s)"""
@@ -99,14 +99,14 @@ class FacConfig(ConstrainedConfig):
 
 
 class UslConfig(ConstrainedConfig):
-    """SAC's with a penalty on the expected cost above a limit."""
+    """Settings of SAC with a penalty on the expected cost above a limit."""
 
     penalty: float = Field(default=5.0, ge=0)
     """kappa, reward units for each unit of cost above the limit"""
 
 
 class RecoveryConfig(CostConfig):
-    """SAC's with a recovery policy, whose network is as the policy's."""
+    """Settings of SAC with a recovery policy, whose network is as the policy's."""
 
     offers = (*CostConfig.offers, "recovery")
 
@@ -116,7 +116,7 @@ class RecoveryConfig(CostConfig):
 
 
 class QpslConfig(LearnerConfig):
-    """SAC's with a linear model of the step-wise cost, whose network is as a critic's."""
+    """Settings of SAC with a linear model of the step-wise cost, whose network is as a critic's."""
 
     offers = ("change",)
 
@@ -126,7 +126,7 @@ class QpslConfig(LearnerConfig):
 
 
 class DistributionalConfig(LearnerConfig):
-    """SAC's with distributions of the return."""
+    """Settings of SAC with distributions of the return."""
 
     quantiles: int = Field(default=32, ge=1, le=1000)
     """N_q, fixed quantile midpoints of each of the two critics"""
@@ -136,7 +136,7 @@ class DistributionalConfig(LearnerConfig):
 
 _RUDC = "rudc.learning.rudc:RudcLearner"
 _ALWAYS = {"training": {"filtered_share": 1.0}}
-"""their correction is a part of the method, at work in every episode"""
+"""for methods of which the correction is a part, so that it acts in every episode"""
 _CBF = {"kind": "cbf", "residual": True}
 
 for _name, _algorithm in {

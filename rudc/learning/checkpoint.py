@@ -6,7 +6,7 @@ agent.json:
                     what was set, key by key as in config.json; nothing that follows from it
     spaces          shapes and bounds of observation and action
     sigma           kind, as was set; low and high: sigma_l and sigma_h, 95th and 97.5th percentile of
-                    sigma_total; null: not measured. Files of before there were kinds have none, or null
+                    sigma_total; null: not measured. Older files have no kind, or null
     prior           digest of the frozen prior networks, which are rebuilt from the seed and must match it
     weights         digest of the arrays in agent.safetensors: a mixture of two checkpoints is noticed
     code            version that wrote it
@@ -40,7 +40,7 @@ FORMAT = 2
 WEIGHTS, DESCRIPTION = "agent.safetensors", "agent.json"
 SIGMA = "sigma"
 SECTIONS = ("algorithm", "observation", "action", "correction", "outlook", "learner", "training")
-"""of the settings, besides SIGMA"""
+"""sections of the settings, besides SIGMA"""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Checkpoint:
     arrays: Arrays
     """weights, as `Learner.weights` gives them"""
     spaces: Mapping[str, Any] = field(default_factory=dict)
-    """of observation and action; plain JSON values"""
+    """shapes and bounds of observation and action; plain JSON values"""
     sigma: tuple[float, float] | None = None
     """sigma_l and sigma_h, reward units; None where not measured"""
     prior: str = ""

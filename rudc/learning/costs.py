@@ -6,7 +6,8 @@ With a batch of transitions (s, a, r, c, gamma^k, s') and a' ~ pi(.|s'):
     critics  L   = sum_i mean_B (Q_c,i(s, a) - y_c)^2 / 2
     Q_c      = max_i Q_c,i
 
-The larger of two cost critics counts, so that a violation is not underestimated. Costs know no entropy.
+The larger of two cost critics counts, so that a violation is not underestimated. Their targets have no
+entropy term.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from rudc.learning.twins import TwinCritics
 
 @dataclass(frozen=True)
 class CostStatistics(Statistics):
-    """What there is besides."""
+    """SAC's statistics, and those of the cost critics."""
 
     cost_loss: float
     """mean over the cost critics"""
@@ -48,7 +49,7 @@ class CostLearner(SacLearner):
         self.cost_descent = self.learns("cost", self.costs, config.critic_rate)
 
     def learn_costs(self, seen: Tensors, action: Tensor, after: Drawn) -> dict[str, float]:
-        """One step of the cost critics at (s, a) towards y_c with a' = `after`; what to say of them."""
+        """One step of the cost critics at (s, a) towards y_c with a' = `after`; gives their statistics."""
         with torch.no_grad():
             target = seen.cost + seen.discount * self.costs.target_value(seen.after, after.action)
         loss, _ = self.costs.learn(self.cost_descent, seen.state, action, target)

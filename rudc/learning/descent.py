@@ -23,7 +23,8 @@ class Descent:
     def __init__(
         self, weights: Mapping[str, Tensor], rates: tuple[float, float], max_gradient: float, updates: int
     ) -> None:
-        """`weights`: (N, ..., ...) each; `rates`: first and, after so many updates, last."""
+        """`weights`: (N, ..., ...) each; `rates`: the first, and the last, which is reached after `updates`
+        steps."""
         self._weights = list(weights.values())
         self._rates, self._max_gradient, self._updates = rates, max_gradient, updates
         self._steps = 0

@@ -16,12 +16,12 @@ one):
 Eq. (fpn) holds as it stands; o_n has to learn returns of order one whatever rho; and rho decides how much of
 the prior is seen. Before the first update f_n is normalised: its root mean square over outputs and over the
 observations and actions that learning starts from is made 1, by its last map. More than half of that is a
-constant of each output, which differs between members and quantiles and not between states. It stays: taken
-out, members know a situation that they never saw less well from those that they did: AUROC of sigma_epi 0.64
-and 0.67 (two seeds) for 0.78 and 0.81 with priors as drawn, whose root mean square is P = 12, and 0.73 and
-0.79 at P = 10 (tests/benchmarks/prior_trial.py). One output for all quantiles, 0.64, is no better. The root
-mean squares are stored with the agent. With P much smaller than the returns priors would tell nothing, with
-P larger they drown them.
+constant of each output, which differs between members and quantiles but not between states. It is kept:
+without it, members tell situations that they never saw less well from those that they did. The AUROC of
+sigma_epi is then 0.64 and 0.67 (two seeds), but 0.78 and 0.81 with priors as drawn, whose root mean square is
+P = 12, and 0.73 and 0.79 at P = 10 (tests/benchmarks/prior_trial.py). Priors with one output for all
+quantiles are no better (0.64). The root mean squares are stored with the agent. With P much smaller than the
+returns, priors would have no effect; with P much larger, they would hide the returns.
 
 Targets (Eq. (td_ensemble)): all members learn the same target, the mean over the target members of each
 quantile. The prior belongs to the target too. All weights lie in one stack [targets, priors, trained]:

@@ -10,7 +10,7 @@ of transitions (s, a, r, c, gamma^k, s') and a' ~ pi(.|s'), a_pi ~ pi(.|s):
     policy      L   = mean_B [ alpha log pi(a_pi|s) - min_i Q_i(s, a_pi) + lambda(s) (Q_c(s, a_pi) - d_th) ]
     multiplier  L   = -mean_B [ lambda(s) (Q_c(s, a_pi) - d_th) ]   in every m-th update only
 
-with Q_c = max_i Q_c,i. The multiplier learns later than the policy does, so that this can answer it.
+with Q_c = max_i Q_c,i. The multiplier learns more slowly than the policy, so that the policy can follow it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from rudc.learning.parameters import MULTIPLIER
 
 @dataclass(frozen=True)
 class FacStatistics(CostStatistics):
-    """What there is besides."""
+    """Statistics of SAC with cost critics, and those of the multiplier."""
 
     multiplier: float
     """lambda(s), mean over the batch, reward units over units of cost"""

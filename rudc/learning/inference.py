@@ -1,9 +1,9 @@
 """Deciding with a trained agent: one observation to an action and its uncertainty, without torch.
 
-A decision is a batch of one. What torch spends on that is the calling of some hundred small operations;
-kernels (rudc/learning/kernels.py) cost a tenth, and a process that only drives needs no torch. So the
-networks of networks.py are written out once more for a single observation, with what does not depend on it
-taken together beforehand: maps that share their input become one matrix, the waypoint branch one map, the
+A decision is a batch of one. For that, torch spends its time on calling some hundred small operations;
+kernels (rudc/learning/kernels.py) take a tenth of the time, and a process that only drives needs no torch. So
+the networks of networks.py are written once more for a single observation, and what does not depend on it is
+prepared beforehand: maps that share their input become one matrix, the waypoint branch one map, the
 trained and the prior networks of all critics one stack of 2 N; and absent SVs are left out instead of
 masked. Results agree with networks.py to rounding.
 """

@@ -11,7 +11,7 @@ from rudc.arrays import Floats
 from rudc.kernels import Cube, Layout, NewSingle, NewTable, Vector, kernel
 
 Number = Annotated[np.float32, Layout("float32")]
-"""of single precision"""
+"""a number of single precision"""
 Single = Annotated[Floats, Layout("float32", 1, readonly=True)]
 """(n,) of single precision, read; the others likewise"""
 Singles = Annotated[Floats, Layout("float32", 2, readonly=True)]
@@ -32,8 +32,8 @@ _AT_MIDDLE = math.exp(-0.15625)
 def exponential(z: float) -> float:
     """e^z for z <= 0, to 1e-10 of it; below e^-20, e^-20.
 
-    (e^(z / 64))^64 with a series about the middle of [-0.3125, 0]: all of it is arithmetic, several numbers
-    at a time.
+    (e^(z / 64))^64 with a series about the middle of [-0.3125, 0]: plain arithmetic, so that several numbers
+    are computed at a time.
     """
     r = max(z, -20.0) * (1.0 / 64.0) + 0.15625
     e = 1.0 / 24.0 + r * (1.0 / 120.0 + r * (1.0 / 720.0 + r * (1.0 / 5040.0 + r * (1.0 / 40320.0))))

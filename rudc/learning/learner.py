@@ -1,7 +1,7 @@
 """`Learner`: what learns from batches, whatever the algorithm; and what all soft actor-critics share.
 
 One file an algorithm: its class takes (config, problem, device), keeps its parts in `parts`, so that they are
-saved, and writes down its `update`. What it is called and what it is used with stands in algorithms.py.
+saved, and writes down its `update`. Its name, and what it is used with, stand in algorithms.py.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Statistics:
     policy_loss: float
     """reward units"""
     value: float
-    """what the policy maximises but for entropy, mean over the batch, reward units"""
+    """what the policy maximises, without the entropy, mean over the batch, reward units"""
     target: float
     """mean of the critics' targets, reward units"""
     entropy: float

@@ -21,10 +21,10 @@ Decoders:
     policy     W_out GELU(W_h GELU(latent))
     quantiles  W_out GELU(W_h GELU(latent + W_a a))
 
-SVs enter through sums over valid j only, so their order and their padding do not matter. Since neither query
-and key nor value and output matrix is formed apart, no product runs over SVs but the embedding's: with one EV
-as the only query that costs a third. The latent does not depend on the action and is computed once for any
-number of actions.
+SVs enter through sums over valid j only, so their order and their padding do not matter. Query and key are
+one matrix, and so are value and output; therefore only the embedding's product runs over all SVs. With the EV
+as the only query, that takes a third of the time. The latent does not depend on the action and is computed
+once for any number of actions.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ class Stack:
 
 
 def _gelu(x: Tensor) -> Tensor:
-    """GELU of a product that nothing else uses; in its place, where no gradient will be asked for."""
+    """GELU of a product that nothing else uses; written over the product if no gradient will be needed."""
     return gelu(x) if x.requires_grad else torch.ops.aten.gelu_(x)
 
 

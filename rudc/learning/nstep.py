@@ -8,8 +8,8 @@ earlier:
 
 An episode that ends by itself (success, violation) is terminal: nothing follows. One that is cut off by the
 time limit is not: its transitions are stored with the state it was cut off in, and the value of that state
-stands for what would have come. The rewards in between follow the actions that were executed then, also where
-the policy has changed since: the usual uncorrected n-step return, good for small n.
+stands for what would have followed. The rewards in between follow the actions that were executed then, also
+where the policy has changed since: the usual uncorrected n-step return, good for small n.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Transition(NamedTuple):
 
 
 class NStep:
-    """Collects one episode after the other of one environment."""
+    """Collects transitions from one environment, episode after episode."""
 
     def __init__(self, steps: int, discount: float) -> None:
         self._steps = steps
@@ -75,7 +75,7 @@ class NStep:
         return []
 
     def clear(self) -> None:
-        """Forget an episode that was broken off and is of no use."""
+        """Forget an episode that was broken off and is not to be used."""
         self._waiting.clear()
 
     def _oldest(self, next_observation: Floats, terminal: bool) -> Transition:

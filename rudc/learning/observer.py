@@ -12,7 +12,7 @@ from rudc.learning.tracked import Tracked
 
 
 class Observer(Tracked):
-    """A network that is built as critics are, but for the action; it has no target."""
+    """A network that is built as critics are, but takes no action; it has no target."""
 
     def __init__(
         self, config: LearnerConfig, problem: Problem, device: torch.device, *, tag: int, outputs: int

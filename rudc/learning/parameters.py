@@ -31,7 +31,8 @@ SCORE_BOUND = 30.0
 OUTPUT_GAIN = 0.1
 """by which a policy's last map starts smaller, so that it explores around zero with the configured spread"""
 PRIOR_GAIN = 1.5
-"""the same for priors: GELU layers then keep the variance of their input, and priors vary over states"""
+"""as TRAINED_GAIN, for priors: GELU layers then keep the variance of their input, and priors vary over
+states"""
 
 
 def shapes(
@@ -129,7 +130,8 @@ def normalised(prior: Arrays, rms: Floats) -> Arrays:
 
 def frozen_arrays(config: LearnerConfig, problem: Problem, stored: Mapping[str, Floats]) -> Arrays:
     """What is frozen in training and therefore not stored, named `prior/...`: rebuilt from the seed, and
-    normalised with what is stored (`normal/...`); older agents have priors that are not. {} without priors.
+    normalised with what is stored (`normal/...`). Priors of older agents are not normalised. {} without
+    priors.
     """
     if not isinstance(config, EnsembleConfig):
         return {}
@@ -162,7 +164,7 @@ def grouped(**groups: Mapping[str, Floats]) -> Arrays:
 
 
 def group(arrays: Mapping[str, Floats], name: str) -> Arrays:
-    """The arrays of one network out of those; empty if there are none."""
+    """The arrays of one network, by its `GROUP`; empty if there are none."""
     return {key.removeprefix(f"{name}/"): v for key, v in arrays.items() if key.startswith(f"{name}/")}
 
 

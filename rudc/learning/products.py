@@ -11,12 +11,12 @@ from torch.backends import mkldnn
 
 @contextmanager
 def widest_products() -> Iterator[None]:
-    """In the block products on a CPU are oneDNN's, where torch's own choice is MKL.
+    """In the block, oneDNN computes products on a CPU, where torch's own choice is MKL.
 
-    oneDNN takes the widest registers that a processor has, whoever made it; MKL does not, and takes twice as
-    long. torch calls oneDNN for numbers of single precision only where they may be rounded to bfloat16.
-    Processors with matrix units for that do so; others compute in single precision all the same, and without
-    AVX-512 nothing changes.
+    oneDNN uses the widest registers that a processor of any maker has; MKL does not, and takes twice as long.
+    torch calls oneDNN for numbers of single precision only where they may be rounded to bfloat16. Processors
+    with matrix units for that do so; others compute in single precision all the same, and without AVX-512
+    nothing changes.
     """
     with _precision("bf16"):
         yield
@@ -24,8 +24,8 @@ def widest_products() -> Iterator[None]:
 
 @contextmanager
 def tiny_products() -> Iterator[None]:
-    """In the block, within one of those, products are torch's own choice again: for a vector each, oneDNN
-    takes longer.
+    """In the block, within one of `widest_products`, torch chooses by itself again: for products with single
+    vectors, oneDNN takes longer.
     """
     with _precision("none"):
         yield

@@ -27,7 +27,7 @@ from rudc.learning.sac import SacLearner
 
 @dataclass(frozen=True)
 class QpslStatistics(Statistics):
-    """What there is besides."""
+    """SAC's statistics, and that of the model."""
 
     change_error: float
     """root mean square of g(s) . a - (c_t - c_{t-1})"""

@@ -6,16 +6,16 @@ With targets y_i, predictions z_j at fractions tau_j and delta_ij = y_i - z_j,
     L_kappa(delta) = delta^2 / 2 for |delta| <= kappa, kappa (|delta| - kappa / 2) beyond
     loss = sum_j (1 / N_q) sum_i rho_j(delta_ij)
 
-Written out by autograd that is some twenty passes over (N, B, N_q, N_q) numbers, as much time as the
-networks. With c = min(max(delta, -kappa), kappa) and c+ = max(c, 0) loss and gradient are two sums over i,
-since L_kappa(delta) = c (delta - c / 2) and L_kappa'(delta) = c:
+With autograd that takes some twenty passes over (N, B, N_q, N_q) numbers, as much time as the networks. With
+c = min(max(delta, -kappa), kappa) and c+ = max(c, 0) loss and gradient are two sums over i, since
+L_kappa(delta) = c (delta - c / 2) and L_kappa'(delta) = c:
 
     slope_ij           =  |tau_j - 1{delta < 0}| c  =  (1 - tau_j) c + (2 tau_j - 1) c+
     -d loss / d z_j    =  sum_i slope_ij / (kappa N_q)
     loss               =  sum_ij slope_ij (delta_ij - c_ij / 2) / (kappa N_q)
 
-They are computed together: those of single precision on a CPU by a kernel, in one pass that writes no pair
-down. The backward pass is one product.
+They are computed together: in single precision on a CPU by a kernel, in one pass that stores no pair. The
+backward pass is one product.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """One update of Recovery RL on SAC (paper, appendix "Safety Recovery"; Thananjeyan et al., 2021).
 
-Two policies: the task policy pi looks for return alone, the recovery policy pi_rec for the least risk. With a
-batch of transitions (s, a, a_task, r, c, gamma^k, s'), where a was executed and a_task was what pi proposed,
-and a' ~ pi(.|s'), a_pi ~ pi(.|s):
+There are two policies: the task policy pi maximises the return alone, the recovery policy pi_rec minimises
+the risk. With a batch of transitions (s, a, a_task, r, c, gamma^k, s'), where a was executed and a_task was
+what pi proposed, and a' ~ pi(.|s'), a_pi ~ pi(.|s):
 
     targets   y   = r + gamma^k [ min_i Q_i(s', a'; targets) - alpha log pi(a'|s') ]
               y_c = c + gamma^k   max_i Q_risk,i(s', a'; targets)
@@ -12,9 +12,9 @@ and a' ~ pi(.|s'), a_pi ~ pi(.|s):
     recovery  L   = mean_B Q_risk(s, pi_rec(s)),  pi_rec deterministic
 
 with Q_risk = max_i Q_risk,i, of the unified step-wise cost as the paper has it (in Recovery RL itself, of the
-event of a violation). The task policy is credited with what followed when the recovery policy took over
-(`learns_from=proposed`): so it learns to keep away from there. pi_rec acts where Q_risk(s, a_task) > d_th
-(rudc/agents/of_actions.py, `recovery`).
+event of a violation). What follows when the recovery policy takes over is counted for the task policy's
+proposal (`learns_from=proposed`), so that the task policy learns to stay away from there. pi_rec acts where
+Q_risk(s, a_task) > d_th (rudc/agents/of_actions.py, `recovery`).
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from rudc.learning.policy import Policy
 
 @dataclass(frozen=True)
 class RecoveryStatistics(CostStatistics):
-    """What there is besides."""
+    """Statistics of SAC with cost critics, and that of the recovery policy."""
 
     recovery_cost: float
     """Q_risk of the recovery policy's actions, mean over the batch"""

@@ -2,7 +2,7 @@
 
 Both actions are stored: what the policy proposed, and what was executed after the correction. Which one
 critics learn from is the learner's choice (`learns_from`): reward and next state followed from the executed
-one, and a critic told the proposed action credits the policy's proposal with the correction's doing.
+action, and a critic that is given the proposed one counts the effect of the correction for the proposal.
 
 Masks m_n ~ Bernoulli(p), one for each critic, are drawn when a transition is stored and stay with it
 (bootstrap, paper Eq. (ensemble_huber_loss)): a critic that does not learn from it never does. Learners
@@ -53,7 +53,7 @@ class Replay:
             mask=np.zeros((capacity, masks), np.bool_),
             cost_change=np.zeros(capacity, np.float32),
         )
-        self._stored = 0  # ever, those that are forgotten by now included
+        self._stored = 0  # in all, those included that are overwritten by now
 
     def __len__(self) -> int:
         return min(self._stored, self.capacity)

@@ -7,7 +7,7 @@ With a batch of transitions (s, a, r, gamma^k, s') and a' ~ pi(.|s'), a_pi ~ pi(
     policy   L = mean_B [ alpha log pi(a_pi|s) - min_i Q_i(s, a_pi) ]
     alpha    L = -log alpha mean_B [ log pi(a_pi|s) + target entropy ]
 
-The critics step first, and the policy asks those that have stepped.
+The critics step first, and the policy's loss takes the critics after their step.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class SacLearner(SoftActorCritic):
         return Statistics(**said)
 
     def learn_critics(self, seen: Tensors, after: Drawn) -> dict[str, float]:
-        """One step of the critics towards y with a' = `after`; what `Statistics` says of them."""
+        """One step of the critics towards y with a' = `after`; gives their part of `Statistics`."""
         alpha = self.temperature.value
         with torch.no_grad():
             future = self.critics.target_value(seen.after, after.action) - alpha * after.log_probability
@@ -66,7 +66,7 @@ class SacLearner(SoftActorCritic):
         return {"critic_loss": loss, "critic_gradient": norm, "target": float(target.mean())}
 
     def learn_policy(self, loss: torch.Tensor, drawn: Drawn, value: torch.Tensor) -> dict[str, float]:
-        """One step of the policy down its loss, and of the temperature; what `Statistics` says of them.
+        """One step of the policy down its loss, and of the temperature; gives their part of `Statistics`.
         `drawn` is a_pi, `value` (B,) what the critics say of it.
         """
         alpha, entropy = self.temperature.value, -drawn.log_probability.detach().mean()

@@ -24,7 +24,7 @@ from rudc.learning.multiplier import Multiplier
 
 @dataclass(frozen=True)
 class LagrangianStatistics(CostStatistics):
-    """What there is besides."""
+    """Statistics of SAC with cost critics, and that of the multiplier."""
 
     multiplier: float
     """lambda, reward units over units of cost"""

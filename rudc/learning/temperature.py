@@ -1,4 +1,4 @@
-"""The temperature of a soft actor-critic, which goes after a target entropy.
+"""The temperature of a soft actor-critic, which follows a target entropy.
 
 L(alpha) = -log alpha mean_B [ log pi(a|s) + target entropy ]
 """
@@ -32,7 +32,7 @@ class Temperature:
         return self._log.detach().exp()
 
     def step(self, entropy: Tensor) -> None:
-        """Go towards the target, seen that the policy's entropy is this (nats)."""
+        """One step towards the target, given the policy's entropy (nats)."""
         if not self._rate:
             return
         self._log.grad = (entropy - self._target).reshape(1)

@@ -1,4 +1,4 @@
-"""`Tracked`: networks that learn, and the targets that follow them. Critics and policies are such."""
+"""`Tracked`: networks that learn, and the targets that follow them, such as critics and policies."""
 
 from __future__ import annotations
 

@@ -10,8 +10,8 @@ Z_n below its beta quantile,
 
 Var_n is the variance of the N members themselves (division by N), as the law of total variance has it, and a
 quantile counts with its share of the tail (CVaR's weight), so that beta need not be a multiple of 1 / N_q.
-The tail is that of the sorted quantiles: where a learnt set of quantiles crosses, sorting gives the
-distribution they stand for. All are in units of reward.
+The tail is that of the sorted quantiles: where learnt quantiles are out of order, sorting gives the
+distribution that they stand for. All are in units of reward.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from rudc.learning.distortion import make_distortion
 from rudc.learning.kernels import tail_deviations
 
 PERCENTILES = (95.0, 97.5)
-"""of sigma_total, that are called sigma_l and sigma_h"""
+"""percentiles of sigma_total that are called sigma_l and sigma_h"""
 
 
 class Uncertainty(NamedTuple):
@@ -60,7 +60,8 @@ def uncertainty(quantiles: ArrayLike, beta: float) -> Uncertainty:
 class RunningPercentiles:
     """Percentiles of the last `window` numbers of a stream: sigma_l and sigma_h (paper, slack delta(sigma)).
 
-    A window, since the critics change as they learn and old sigmas with them; exact, and without chance.
+    It is a window, since the critics change as they learn and old sigmas no longer hold. The percentiles are
+    exact, and nothing is drawn at random.
     """
 
     def __init__(self, window: int = 20_000, percentiles: tuple[float, ...] = PERCENTILES) -> None:

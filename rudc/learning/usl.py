@@ -8,8 +8,8 @@ With a batch of transitions (s, a, r, c, gamma^k, s') and a' ~ pi(.|s'), a_pi ~ 
     critics  L   = sum_i mean_B (Q_i(s, a) - y)^2 / 2,  the same for Q_c and y_c
     policy   L   = mean_B [ alpha log pi(a_pi|s) - min_i Q_i(s, a_pi) + kappa [Q_c(s, a_pi) - d_th]^+ ]
 
-with Q_c = max_i Q_c,i. The penalty keeps the limit in most states; in the others the policy's action is
-corrected before it is executed, at most K times (rudc/agents/of_actions.py, `usl`):
+with Q_c = max_i Q_c,i. With the penalty the limit is kept in most states; in the others the policy's action
+is corrected before it is executed, at most K times (rudc/agents/of_actions.py, `usl`):
 
     a <- a - eta / Z grad_a [Q_c(s, a) - d_th]^+,  Z = max |grad_a [Q_c(s, a) - d_th]^+|
 """
