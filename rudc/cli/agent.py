@@ -23,8 +23,8 @@ def list_(
     as_json: Annotated[bool, typer.Option("--json", help="As JSON, with folders of checkpoints.")] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Everything that can drive, or be trained to: its name in the paper, whether it is shipped, and what it
-    has otherwise than rudc-t.
+    """Everything that can drive, or be trained to: its name in the paper, whether it is shipped, and how it
+    differs from rudc-t.
 
     **Example**: `rudc agent list --json | jq -r '.[] | select(.status == "trainable") | .name'`
     """
@@ -82,9 +82,10 @@ def calibrate(
 ) -> None:
     """Measure the percentiles of a trained agent's uncertainty, sigma_l and sigma_h, as it drives.
 
-    Held-out episodes, driven as in a sweep; those count that succeed. Of sigma as in the paper, and of sigma
-    by route, which `sigma=route` takes: compared with what is usual where the ego is. Also said: how often
-    the stored percentiles are exceeded (5 % and 2.5 % where they hold). Only `--write` changes the agent.
+    The agent drives held-out episodes as in a sweep; those that succeed count. Measured are sigma as in the
+    paper, and sigma by route, which `sigma=route` uses: sigma compared with what is usual where the ego is.
+    The command also says how often the stored percentiles are exceeded (5 % and 2.5 % if they hold). Only
+    `--write` changes the agent.
 
     **Example**: `rudc agent calibrate out/first`
     """

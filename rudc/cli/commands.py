@@ -1,4 +1,4 @@
-"""The commands put together, and what stands before any of them. They import what they need when they run."""
+"""The commands, and the options that stand before them. Commands import what they need when they run."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from rudc.cli import (
 
 
 class _Commands(TyperGroup):
-    """Says of `--import` behind a command where it stands."""
+    """Says where `--import` must stand, if it was given after a command."""
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command."""
@@ -33,7 +33,7 @@ class _Commands(TyperGroup):
             return super().invoke(ctx)
         except Exception as error:  # typer's NoSuchOption, which stands elsewhere in each of its versions
             if getattr(error, "option_name", "") == "--import":
-                error.message += "; it stands before the command: rudc --import FILE.py COMMAND ..."  # pyright: ignore
+                error.message += "; it must stand before the command: rudc --import FILE.py COMMAND ..."  # pyright: ignore
             raise
 
 

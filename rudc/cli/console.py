@@ -33,7 +33,7 @@ TRIED_AGAIN = (
     "--resume tries them again; where you change code of your own to mend them, give a new --out instead: "
     "rows of old and new code would mix"
 )
-"""what is said of episodes that failed"""
+"""advice for episodes that failed"""
 WIDE = 200
 """columns assumed where there is no terminal: nothing is cut off in a log"""
 
@@ -78,8 +78,8 @@ def warn(text: str) -> None:
 
 @contextlib.contextmanager
 def broken_left_out() -> Iterator[None]:
-    """A list of what there is: without what installed packages offer and cannot be imported, which is warned
-    of.
+    """In the block, parts that installed packages offer but that cannot be imported are left out, with a
+    warning.
     """
     from rudc.imports import leaving_out
 
@@ -88,7 +88,7 @@ def broken_left_out() -> Iterator[None]:
 
 
 def note_sweep(scenario: Scenario) -> None:
-    """Say of a scenario that sweeps what a single episode of it makes of that."""
+    """For a scenario with a sweep, say which values a single episode of it has."""
     from rudc.hints import listed
     from rudc.scenario.dotted import value_at, value_text
 
@@ -143,8 +143,8 @@ def print_table(
     *,
     widest: int | None = None,
 ) -> None:
-    """A plain table, of text as it is or with a style; `right`: indices of the columns aligned to the right,
-    `widest`: characters at most, where the screen has more.
+    """Print a plain table, of text as it is or with a style. `right`: indices of the columns aligned to the
+    right; `widest`: characters that it may be wide, where the screen has more.
     """
     grid = Table(box=None, pad_edge=False, header_style="bold")
     for k, heading in enumerate(headings):
@@ -152,7 +152,7 @@ def print_table(
     for row in rows:
         grid.add_row(
             *(Text(cell) if isinstance(cell, str) else cell for cell in row)
-        )  # what users write is no markup
+        )  # text of users is not read as markup
     screen = console()
     screen.print(grid, width=screen.width if widest is None else min(widest, screen.width))
 

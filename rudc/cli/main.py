@@ -22,7 +22,7 @@ def main() -> None:
     """Run the command line and leave with its exit status."""
     _interrupt_alike()
     _spell_out(sys.stdout)
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # for arrays this small more only wait for one another
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # for arrays this small, more gain nothing
     try:
         try:
             _workers_first()
@@ -40,14 +40,15 @@ def main() -> None:
         if error.errno == errno.ENAMETOOLONG:
             print(f"error: {str(error)[:200]}...: give a shorter path", file=sys.stderr)
             sys.exit(2)
-        if not isinstance(error, BrokenPipeError):  # with those, whoever read our output has had enough
+        if not isinstance(error, BrokenPipeError):  # else the reader of our output has stopped reading
             print(f"error: {error}", file=sys.stderr)
         _drop_output()
         sys.exit(1)
 
 
 def _workers_first() -> None:
-    """Where workers will be asked for, have what they need imported while the command is looked over here."""
+    """If the command will need workers, have what they need imported while this process checks the
+    command."""
     given = sys.argv[1:]
     drives = given[:1] in (["sweep"], ["train"], ["study"], ["search"])
     if drives and "ray" not in given and any(a.startswith(("-o", "--out")) for a in given):
@@ -76,6 +77,6 @@ def _spell_out(stream: TextIO) -> None:
 
 
 def _drop_output() -> None:
-    """What is still to be written to stdout cannot be; without this the interpreter would try at its end."""
+    """Discard what cannot be written to stdout any more; else the interpreter would try again at its end."""
     with contextlib.suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

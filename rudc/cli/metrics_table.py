@@ -20,7 +20,7 @@ from rudc.evaluation.tables import best_of, cell, heading, shown_key
 from rudc.evaluation.text import MISSING
 
 LEAST_IMPORTANT = ("decision", "AER", "RC", "AES", "min_DTC")
-"""metrics that a narrow screen goes without, the first to go first"""
+"""metrics that a narrow screen leaves out, in this order"""
 GAP = "  "
 
 

@@ -30,9 +30,9 @@ def replay(
 ) -> None:
     """Run an episode of a sweep again and write it as a page to look at: one file, for any browser, offline.
 
-    The episode is set up from DIR's manifest and compared with its row. Exit status 1 where it came out
-    otherwise; the page is written all the same, and says so. Of an episode that ended because its agent
-    failed, the page has what came before.
+    The episode is set up from DIR's manifest and compared with its row. Exit status 1 if it came out
+    differently; the page is written all the same, and says so. If the agent failed in the episode, the page
+    has what came before.
 
     **Examples**
 

@@ -24,17 +24,15 @@ Data = Annotated[Path, typer.Argument(metavar="DATA", help="File of `rudc residu
 @app.command()
 def collect(
     out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="Where the samples go.")],
-    samples: Annotated[int, typer.Option(min=100, help="Of vehicles, and as many of the road.")] = 200_000,
+    samples: Annotated[int, typer.Option(min=100, help="Of vehicles, and as many of road edges.")] = 200_000,
     seed: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = 0,
     agent: Annotated[
         str | None, typer.Option("--agent", "-a", help="Whose actions; random ones if left out.")
     ] = None,
-    action: Annotated[
-        str, typer.Option(metavar="KIND", help="What kind random actions are of.")
-    ] = "adjustment",
+    action: Annotated[str, typer.Option(metavar="KIND", help="Kind of the random actions.")] = "adjustment",
     quiet: Quiet = False,
 ) -> None:
-    """Drive, and record what the filter predicts and what comes true.
+    """Drive, and record what the filter predicts and what really follows.
 
     **Example**: `rudc residual collect --out out/residual.safetensors`
     """
@@ -100,7 +98,7 @@ def evaluate(
         Path | None, typer.Option(metavar="FILE", help="The predictor; the shipped one if left out.")
     ] = None,
     action: Annotated[
-        str, typer.Option(metavar="KIND", help="Of which kind of action the shipped one is.")
+        str, typer.Option(metavar="KIND", help="Kind of action of the shipped predictor.")
     ] = "adjustment",
     held_out: Annotated[
         bool, typer.Option("--held-out", help="Only on the episodes that fitting to DATA leaves out.")

@@ -139,7 +139,7 @@ def _check_several(agents: int, single: dict[str, Path | bool | None], replay: P
 
 
 def _refuse_one_for_two(outputs: dict[str, Path | None]) -> None:
-    """Raise InputError where one file would be written over by another; devices take what comes."""
+    """Raise InputError if two outputs would be written to one file; devices may take several."""
     from rudc.files import past_links
 
     taken: dict[Path, str] = {}
@@ -207,7 +207,7 @@ def _drive(scenario: Scenario, seed: int, driver: Agent, files: _Files) -> _Driv
 
 
 def _refuse_torn(fcd: Path) -> None:
-    """Raise StorageError for a file of SUMO's that has no end: SUMO says nothing of a disk that is full."""
+    """Raise StorageError for a file of SUMO's that has no end: SUMO does not report a full disk."""
     if fcd.is_file() and fcd.suffix == ".xml":
         with fcd.open("rb") as file:
             file.seek(max(fcd.stat().st_size - 100, 0))
@@ -216,7 +216,8 @@ def _refuse_torn(fcd: Path) -> None:
 
 
 def _gui(episode: Episode, scenario: str, agent: str, ends: ExitStack) -> Watcher:
-    """What shows an episode: sumo-gui where it is installed, else a window of our own. `ends`: closes it."""
+    """A watcher that shows an episode: in sumo-gui if it is installed, else in a window of our own. `ends`
+    closes it."""
     from rudc.drawing.sumo_gui import SumoGui
     from rudc.drawing.view import view_of
     from rudc.drawing.window import Window

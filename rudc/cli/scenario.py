@@ -91,7 +91,7 @@ def show(
         bool, typer.Option("--json", help="As JSON, with all that it extends, and every default.")
     ] = False,
 ) -> None:
-    """Print a scenario file as it is, or all that it comes to, as a file of its own.
+    """Print a scenario file as it is, or all that it means, as a file of its own.
 
     **Example**: `rudc scenario show perfect_storm --resolved > storm.yaml`
     """
@@ -201,9 +201,10 @@ def validate(
 
     Of a sweep of many points every value is checked, and some points are set up; the answer says how many.
 
-    A line for each file; every problem reads `FILE:LINE:COLUMN: key.path: what is wrong`, all at once. An
-    event that waits for what no episode comes to is warned of. With `--seeds`, the first so many
-    episodes are driven by `gap-acceptance`, and how they end and how often each event happens is said.
+    A line for each file; every problem reads `FILE:LINE:COLUMN: key.path: what is wrong`, all at once. A
+    warning names each event that waits for something that no episode reaches. With `--seeds N`,
+    `gap-acceptance` drives the first N episodes, and the command says how they end and how often each event
+    happens.
 
     **Examples**
 
@@ -226,7 +227,7 @@ def validate(
 
 
 def _problems(files: list[str], seeds: int, tell: Callable[[dict[str, Any]], None]) -> list[str]:
-    """What is wrong with all files; `tell` is told of each file what was found."""
+    """What is wrong in all files; `tell` gets what was found about each file."""
     from rudc.evaluation.preflight import never_happening, tried_points, validated
     from rudc.scenario.library import existing_files, shipped_scenarios, shown
 
@@ -252,7 +253,7 @@ def _problems(files: list[str], seeds: int, tell: Callable[[dict[str, Any]], Non
 
 
 def _say(found: dict[str, Any]) -> None:
-    """Whether a file is fine, what it probably does not mean, and how often its events happen."""
+    """Print whether a file is fine, its warnings, and how often its events happen."""
     from rudc.scenario.dotted import value_text
 
     name, wrong = found["scenario"], len(found["problems"])
@@ -333,8 +334,8 @@ def preview(
     ] = False,
     overrides: Overrides = None,
 ) -> None:
-    """Draw a scenario's first scene as one seed has it: the ego (yellow) and its path, traffic (blue), events
-    (orange, numbered), and a grid of the metres that a file's `position: [x, y]` counts.
+    """Draw a scenario's first scene for one seed: the ego (yellow) and its path, traffic (blue), events
+    (orange, numbered), and a grid in metres, as a file's `position: [x, y]` counts them.
 
     **Example**: `rudc scenario preview blocked_left_turn --seed 3 --out blocked.png`
     """

@@ -39,7 +39,7 @@ def search(
         list[str] | None,
         typer.Option(
             metavar="KEY=[LOW, HIGH]",
-            help="Search over this key, too, every value as likely. Repeat for several.",
+            help="Search over this key, too, all values equally likely. Repeat for several.",
         ),
     ] = None,
     episodes: Annotated[int, typer.Option("--episodes", "-n", min=1, help="Episodes in all.")] = 500,
@@ -57,9 +57,9 @@ def search(
     """Find the episodes of a scenario in which an agent violates, where sweeps would take thousands.
 
     The numbers that the scenario draws once an episode are searched over (uniform and normal distributions;
-    all else is drawn as ever). A third of the episodes is drawn as declared, the others where gaps are small
-    and where violations were found; each counts for as much as it is likely as declared, so that the
-    violation rate comes out, too. DIR gets `evaluations.csv` (all episodes), `failures.csv` (violations), and
+    all else is drawn as usual). A third of the episodes is drawn as declared, the others where gaps are small
+    and where violations were found. Each is weighted by how likely it is as declared, which also gives the
+    violation rate. DIR gets `evaluations.csv` (all episodes), `failures.csv` (violations), and
     in `failures/` a scenario file for each violation, for `rudc run`. The same seed gives the same rows,
     whatever the workers; Ctrl-C keeps everything finished, and `--resume` goes on from there.
 
@@ -112,7 +112,7 @@ def _ranges(given: dict[str, object]) -> dict[str, object]:
 
 
 def _tell(found: Findings, out: Path, scenario: str, agent: str) -> None:
-    """What was found, on stdout; leaves with 1 where episodes could not be run."""
+    """Print what was found; leaves with 1 if some episodes could not be run."""
     kinds = ", ".join(f"{count} {kind}" for kind, count in found.kinds.items())
     typer.echo(
         f"violations: {len(found.violations)} of {found.episodes} episodes{': ' if kinds else ''}{kinds}"

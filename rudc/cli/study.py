@@ -35,8 +35,8 @@ def study(
             "--agent",
             "-a",
             metavar="NAME",
-            help="An agent; repeat for several. Default: those that the study is about; of `filter` and "
-            "`sigma`, rudc-t and rudc-e with all training seeds. Of `comparison` and `ablation`: a row of "
+            help="An agent; repeat for several. Default: those that the study is about; for `filter` and "
+            "`sigma`, rudc-t and rudc-e with all training seeds. For `comparison` and `ablation`: a row of "
             "their tables. Default: all.",
             autocompletion=complete_agents,
         ),
@@ -68,13 +68,13 @@ def study(
     ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Repeat one of the experiments behind what is claimed: a table (CSV and Markdown) and a figure in DIR.
+    """Repeat one of the experiments behind the claims: a table (CSV and Markdown) and a figure in DIR.
 
     `--episodes` of `filter` is for each of the two tasks; the out-of-distribution scenarios share as many.
     Agents named `NAME-seedN` are pooled with `NAME`: the same algorithm, trained with other seeds.
     Of `comparison` and `ablation`, `--episodes` is for each task, and the budget says how many fewer each
-    other scenario gets; rows and training seeds can be added later, with `--resume`. An option that a study
-    has no use for is refused.
+    other scenario gets; rows and training seeds can be added later, with `--resume`. An option that has
+    no effect in a study is refused.
 
     **Examples**
 

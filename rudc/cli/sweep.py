@@ -122,7 +122,7 @@ def sweep(
 
     `rudc sweep random_destination '*left*' my.yaml -a sumo -a gap-acceptance+ttcbf -w 8 -o out/all --resume`
 
-    `rudc sweep --verify out/all --share 0.1`: do its rows come out the same here? Exit status 1 where not
+    `rudc sweep --verify out/all --share 0.1`: do its rows come out the same here? Exit status 1 if not
     """
     from rudc.evaluation.runner import EpisodeRunner
     from rudc.evaluation.sweep import run_sweep

@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from rudc.evaluation.verify import Verification
 
 SHOWN = 8
-"""episodes named that came out otherwise"""
+"""episodes that are named, of those that came out otherwise"""
 
 
 def verify_folder(
     folder: Path, others: Sequence[str], share: float | None, seed: int, workers: int | None, limit_s: float
 ) -> None:
     """Run a sample of a sweep's episodes again, and say whether their rows come out the same; leaves with 1
-    where not. `others`: options that were given and do not go with it. Raises InputError, SweepError.
+    if not. `others`: options that were given but cannot be combined with it. Raises InputError, SweepError.
     """
     from rudc.evaluation.runner import EpisodeRunner
     from rudc.evaluation.verify import SHARE, verify_sweep
@@ -73,11 +73,11 @@ def _tell(found: Verification) -> None:
     if len(found.other) > SHOWN:
         typer.echo(f"and {len(found.other) - SHOWN} more")
     if found.changes:
-        typer.echo("\nWhat is another here than where the sweep ran:")
+        typer.echo("\nWhat differs here from where the sweep ran:")
         for change in found.changes:
             typer.echo(f"  {change}")
     else:
         typer.echo(
-            "\nNothing that manifest.json names is another here: same inputs, versions and processor. Either "
+            "\nNothing that manifest.json names differs here: same inputs, versions and processor. Either "
             "rows were edited, or an agent does not do the same twice"
         )

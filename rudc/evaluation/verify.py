@@ -50,7 +50,7 @@ class Verification:
     other: Sequence[tuple[Rerun, Sequence[Difference]]]
     """those that came out differently"""
     changes: tuple[str, ...]
-    """what is another here than where the sweep ran, as its manifest says"""
+    """what differs here from where the sweep ran, by its manifest"""
 
     @property
     def columns(self) -> list[Off]:

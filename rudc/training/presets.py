@@ -1,4 +1,4 @@
-"""Presets: trees of settings in YAML that a training starts from: `default`, `paper`, or a user's own file."""
+"""Presets: trees of settings in YAML that a training starts from: `default`, `paper` or a user's file."""
 
 from __future__ import annotations
 

@@ -183,4 +183,4 @@ def test_output_that_cannot_be_written_is_said_without_a_traceback():
 def test_where_import_stands_is_said(rudc, order):
     answer = rudc(*order, "--import", "f.py")
     assert answer.status == 2
-    assert "No such option: --import; it stands before the command: rudc --import FILE.py" in answer.err
+    assert "No such option: --import; it must stand before the command: rudc --import FILE.py" in answer.err

@@ -15,7 +15,7 @@ def test_rows_that_come_out_the_same_and_rows_that_do_not(rudc, tmp_path):
     assert other.status == 1
     assert "1 of 4 episodes of swept run again: 1 came out otherwise" in other.out
     assert "steps: 7 then, 10 now" in other.out
-    assert "Nothing that manifest.json names is another here" in other.out
+    assert "Nothing that manifest.json names differs here" in other.out
 
 
 def test_what_does_not_go_with_it_is_refused(rudc):
