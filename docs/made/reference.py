@@ -127,8 +127,8 @@ def scenario_files() -> str:
 def scenarios() -> str:
     """What is shipped, how it looks, and why it is out of distribution."""
     said = (
-        "A moment of seed 1, driven by `planner`: the ego yellow, others blue, what is part of an event "
-        "orange with the event's number. `make gallery` shows what agents do in them; "
+        "A moment of seed 1, driven by `planner`: the ego is yellow, others are blue, parts of an event are "
+        "orange and have its number. `make gallery` shows what agents do in them; "
         "`rudc scenario show NAME` prints one.\n"
     )
     cards = [_scenario(scenario) for scenario in find_scenarios(list(shipped_scenarios()))]
@@ -213,9 +213,9 @@ def settings() -> str:
         "One tree, with the same dotted keys everywhere: `rudc train --set learner.n_step=1`, "
         "`config.json` and `agent.json`, and behind an agent's name: "
         "`rudc-t:correction.d_safe=0.3`. A setting "
-        "that decides nothing as the others stand is refused, with the reason. Defaults here are "
+        "that has no effect with the other settings is refused, with the reason. Defaults here are "
         "those of the "
-        "classes; the [presets](#presets) say otherwise at some.\n",
+        "classes; the [presets](#presets) set other values for some.\n",
     ]  # fmt: skip
     parts += _section("Agent", AgentConfig, "", leave=("correction", "outlook", "learner", "action"))
     for name, action in ACTIONS.items():

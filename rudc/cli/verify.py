@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rudc.evaluation.verify import Verification
 
 SHOWN = 8
-"""episodes that are named, of those that came out otherwise"""
+"""episodes that are named, of those that came out differently"""
 
 
 def verify_folder(
@@ -55,7 +55,7 @@ def verify_folder(
     if not found.other:
         typer.echo(f"{sample}: every row came out the same (timing columns apart)")
         return
-    typer.echo(f"{sample}: {len(found.other)} came out otherwise\n")
+    typer.echo(f"{sample}: {len(found.other)} came out differently\n")
     _tell(found)
     raise typer.Exit(1)
 

@@ -103,8 +103,8 @@ def test_an_episode_that_comes_out_otherwise_says_so(rudc, swept, tmp_path):
         csv.writer(file, lineterminator="\n").writerows([header, first, *rest])
     answer = rudc("replay", "swept", "--episode", WHICH, "--out", "page.html")
     assert answer.status == 1
-    assert "came out otherwise than row 1 of swept/episodes.csv: steps: 7 then, " in answer.err
-    assert "came out otherwise" in (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "came out differently from row 1 of swept/episodes.csv: steps: 7 then, " in answer.err
+    assert "came out differently" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("folder", ["nowhere", "."])

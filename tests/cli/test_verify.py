@@ -13,7 +13,7 @@ def test_rows_that_come_out_the_same_and_rows_that_do_not(rudc, tmp_path):
     rows.write_text(rows.read_text().replace(",frozen,10,", ",frozen,7,"))
     other = rudc("sweep", "--verify", "swept", "--workers", "1")
     assert other.status == 1
-    assert "1 of 4 episodes of swept run again: 1 came out otherwise" in other.out
+    assert "1 of 4 episodes of swept run again: 1 came out differently" in other.out
     assert "steps: 7 then, 10 now" in other.out
     assert "Nothing that manifest.json names differs here" in other.out
 

@@ -83,4 +83,4 @@ def _check(folder: Path, number: int, other: Sequence[str], changes: Sequence[st
     if not other:
         return f"came out the same as {row}"
     since = f" (since then: {', '.join(changes)})" if changes else ""
-    return f"came out otherwise than {row}: {'; '.join(other)}{since}"
+    return f"came out differently from {row}: {'; '.join(other)}{since}"

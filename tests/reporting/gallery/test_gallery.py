@@ -85,7 +85,7 @@ def test_the_page_names_what_is_there(gallery):
     files = [link for link in checker.links if not link.startswith("#")]
     assert all((gallery / file).is_file() for file in files)
     assert {"pictures/density_sweep.png", "swept.html"} <= set(files)
-    assert "came out otherwise" not in text
+    assert "came out differently" not in text
     assert not re.search(r"https?:|@import|url\(", text)
     for clip in gallery.glob("clips/*.webp"):
         with Image.open(clip) as film:
