@@ -4,7 +4,7 @@ Asked of decisions, answered by AUROC (rudc/studies/auroc.py):
 
     violation         does it announce a violation? Positives: decisions at most HORIZON steps before one
     violation seen    the same, of those whose cause could be seen (rudc/studies/sigma_steps.py)
-      violation hidden  the same, of the others: an icy road, late actuators, a vehicle that could not be seen
+    violation hidden  the same, of the others: an icy road, late actuators, a vehicle that could not be seen
     exposed           does it notice what is unusual? Positives: decisions with an event in sight, ahead,
                       within 40 m
 

@@ -7,6 +7,7 @@ A training is called NAME-seedN, N its training seed, and is looked for in this 
    the presets as they are now,
 3. if no folder of trainings was named, it is trained, for as long as the budget says. A training that was cut
    off goes on from its checkpoint.
+
 Only trainings that reached their end are taken. A training in the study's own folder that another budget
 made, with other steps, is refused. Agents are named relative to the folder of trainings, so that a sweep's
 rows say nothing of the machine: sweep within `named_from`.
