@@ -24,7 +24,7 @@ BESIDE_M = 45.0
 """m shown at least around the junction itself"""
 LEGEND = "thick: meets traffic of other arms;  bar: stop line;  dot: where it waits inside the junction"
 ASIDE_M: dict[str, float] = {"left": 0.35, "straight": 0.0, "right": -0.35, "u_turn": 0.7}
-"""m by which a route is drawn to the left of its path, lest one hide the other"""
+"""m by which a route is drawn to the left of its path, so that routes do not hide each other"""
 
 
 def draw_network(network: Network) -> Image.Image:

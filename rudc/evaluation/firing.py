@@ -54,7 +54,7 @@ class Tried(NamedTuple):
     """What came of some episodes of a scenario."""
 
     firings: list[Firing]
-    """of each event of its file"""
+    """one for each event of its file"""
     outcomes: Counter[str]
     """how many ended how"""
     wrong: list[str]

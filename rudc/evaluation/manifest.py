@@ -38,11 +38,11 @@ class ScenarioEntry(BaseModel, frozen=True):
     """A scenario of a sweep."""
 
     digest: str
-    """of all that an episode depends on, files that it names included"""
+    """digest of all that an episode depends on, files that it names included"""
     values: dict[str, Any]
     """what its file says, defaults included"""
     given: dict[str, Any] | None = None
-    """of one with a sweep: `Scenario.given`"""
+    """`Scenario.given`, if the scenario has a sweep"""
 
 
 class Configuration(BaseModel, frozen=True):
@@ -50,7 +50,7 @@ class Configuration(BaseModel, frozen=True):
 
     scenarios: dict[str, ScenarioEntry]
     agents: dict[str, dict[str, Any]]
-    """by name; settings, digests of weights and sources"""
+    """name -> settings, digests of weights and sources"""
     episodes: Annotated[int, Field(ge=1)]
     seed: Annotated[int, Field(ge=0)]
     imported: dict[str, dict[str, str]] = {}
@@ -67,7 +67,7 @@ class Manifest(BaseModel, frozen=True):
     """`FORMAT` of the version that wrote it"""
     configuration: Configuration
     versions: dict[str, str]
-    """of everything that can change a row"""
+    """versions of everything that can change a row"""
     resumed_with: list[dict[str, str]] = []
     """versions that it went on with, where they had changed"""
 

@@ -127,7 +127,7 @@ class _Part(NamedTuple):
     failed: Flags
     outcome: Index
     numbers: Mapping[str, Array]
-    """of the columns that metrics are means of"""
+    """column -> its values, of the columns that metrics are means of"""
 
 
 def group_metrics(

@@ -20,7 +20,7 @@ class Step(NamedTuple):
     series: Mapping[str, float]
     """numbers by name, nan where there is none"""
     status: str
-    """of its correction; empty without one"""
+    """status of its correction; empty without one"""
     infeasible: bool
     """whether no action kept all constraints, as far as the correction could tell"""
     outcome: str

@@ -20,7 +20,7 @@ class EpisodeRecord:
     values: Mapping[str, Cell]
     """column -> value; a column that is not there is empty"""
     traceback: str = ""
-    """of what went wrong, in lines; goes to a file of its own"""
+    """traceback of what went wrong, in lines; goes to a file of its own"""
 
     @staticmethod
     def failed(scenario: str, agent: str, seed: int, error: str, traceback: str = "") -> EpisodeRecord:

@@ -34,7 +34,7 @@ class SweepRows:
     """The rows of a sweep's folder, read as they are used."""
 
     names: tuple[str, ...]
-    """of the columns: those of `COLUMNS`, those that are not known here, `parameters`"""
+    """names of the columns: those of `COLUMNS`, those that are not known here, `parameters`"""
     parameters: tuple[str, ...]
     """dotted keys that were swept, columns too"""
     blocks: Callable[[], Iterator[Columns]]

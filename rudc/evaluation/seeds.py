@@ -46,7 +46,7 @@ class OverSeeds(NamedTuple):
     """over training seeds"""
     low: float
     high: float
-    """of the mean's 95 % interval"""
+    """`low` and `high`: ends of the mean's 95 % interval"""
     iqm: float
     iqm_low: float
     iqm_high: float

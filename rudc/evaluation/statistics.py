@@ -35,7 +35,7 @@ Z = 1.959963984540054
 """normal quantile of 0.975"""
 RESAMPLES = 10_000
 SEED = 20_250
-"""of the bootstrap's draws"""
+"""seed of the bootstrap's draws"""
 NORMAL_FROM = 2_000
 """values from which on the normal interval stands for the bootstrap's"""
 STUDENT_BELOW = 20
@@ -49,7 +49,7 @@ class Summary(NamedTuple):
 
     mean: float
     std: float
-    """of the values (n - 1), not of the mean"""
+    """standard deviation of the values (n - 1), not of the mean"""
     low: float
     high: float
 

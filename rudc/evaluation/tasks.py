@@ -30,7 +30,7 @@ class Task:
     agent: str
     seed: int
     agent_digest: str = ""
-    """of the agent's settings and weights when the sweep began; empty: not compared"""
+    """digest of the agent's settings and weights when the sweep began; empty: not compared"""
 
     def cells(self, parameters: Sequence[str]) -> list[str]:
         """Its swept values as text, one for each of the sweep's parameters, empty for those it has not."""
@@ -54,7 +54,8 @@ class SweepPlan:
     episodes: int
     """for each scenario, swept value and agent"""
     seed: int
-    """of the first episode; the others follow, the same for each agent, so that agents compare in pairs"""
+    """seed of the first episode; the others follow, the same for each agent, so that agents compare in
+    pairs"""
 
     def __post_init__(self) -> None:
         for what, names in (

@@ -24,7 +24,7 @@ from rudc.evaluation.rerun import Difference, Rerun, Swept, differences
 from rudc.evaluation.sweep import ENGINES, Progress, Silent, check_limit, prepared
 
 SHARE = 0.05
-"""of the episodes of a sweep that are run again unless told otherwise"""
+"""share of a sweep's episodes that are run again by default"""
 
 
 class Off(NamedTuple):
@@ -32,7 +32,7 @@ class Off(NamedTuple):
 
     column: str
     episodes: int
-    """that say something else there"""
+    """episodes that say something else there"""
     largest: float
     """largest difference, in the column's unit; nan for texts, and where a number is missing"""
 
@@ -102,7 +102,7 @@ def verify_sweep(
 
 
 class _Drawn(NamedTuple):
-    """Numbers of rows, out of so many."""
+    """The numbers of the rows that were drawn, and the number of rows that they were drawn from."""
 
     numbers: list[int]
     of: int

@@ -213,7 +213,7 @@ class EnsembleConfig(LearnerConfig):
     distortion: Literal["expectation", "cvar", "wang", "cpw"] = "cvar"
     """risk measure that the policy maximises"""
     distortion_parameter: float | None = None
-    """of `wang` and `cpw`; None takes the usual one. CVaR's is `beta`"""
+    """parameter of `wang` and `cpw`; None takes the usual one. CVaR's is `beta`"""
     beta: float = Field(default=0.25, gt=0, le=1)
     """CVaR level, and the lower tail in which uncertainty is measured"""
 

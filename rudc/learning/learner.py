@@ -39,7 +39,7 @@ class Statistics:
     target: float
     """mean of the critics' targets, reward units"""
     entropy: float
-    """of the policy, nats"""
+    """entropy of the policy, nats"""
     temperature: float
     """alpha_tem, reward units a nat"""
     critic_gradient: float

@@ -29,7 +29,8 @@ TRAINED_GAIN = 1 / math.sqrt(3)
 SCORE_BOUND = 30.0
 """largest attention score; exp of it is far from overflowing in float32"""
 OUTPUT_GAIN = 0.1
-"""by which a policy's last map starts smaller, so that it explores around zero with the configured spread"""
+"""factor on the initial weights of a policy's last map, so that it explores around zero with the configured
+spread"""
 PRIOR_GAIN = 1.5
 """as TRAINED_GAIN, for priors: GELU layers then keep the variance of their input, and priors vary over
 states"""

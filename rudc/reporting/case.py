@@ -50,7 +50,7 @@ class Case(NamedTuple):
     """An episode."""
 
     label: str
-    """of the agent"""
+    """name of the agent in figures"""
     outcome: str
     ego: Mapping[str, Array]
     """column -> (n,), see rudc/studies/case.py"""

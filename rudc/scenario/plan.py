@@ -88,7 +88,7 @@ class EpisodePlan:
     """in file order, numbers drawn; events whose `probability` failed are absent"""
     timeout_s: float
     event_numbers: tuple[int, ...] = ()
-    """of each of `events`, its place in the scenario's file, from 1"""
+    """place of each of `events` in the scenario's file, from 1"""
     scripted: tuple[str, ...] = ()
     """kinds of all events in the scenario's file, those that are absent from this episode included"""
     source: Drawable | None = field(default=None, repr=False, compare=False)

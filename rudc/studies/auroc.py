@@ -25,7 +25,7 @@ from rudc.arrays import Array, Flags, Index
 
 RESAMPLES = 1000
 SEED = 20_250
-"""of the bootstrap's draws"""
+"""seed of the bootstrap's draws"""
 BINS = 1024
 """groups of scores at most"""
 

@@ -53,12 +53,12 @@ class Order:
     episodes: int | None = None
     """for each scenario and agent; None for what the budget says"""
     seed: int = 0
-    """of the first episode"""
+    """seed of the first episode"""
     workers: int = 1
     resume: bool = False
     budget: Budget = "full"
     training_seeds: tuple[int, ...] = ()
-    """of the trainings compared; empty for what the budget says"""
+    """seeds of the trainings compared; empty for what the budget says"""
     trainings: Path | None = None
     """folder of trainings made before, NAME-seedN each; None: agents that do not exist yet are trained"""
 

@@ -74,9 +74,9 @@ class Effort(Settings):
     steps: int = Field(ge=1)
     """decisions of each training that is made"""
     episodes: int = Field(ge=1)
-    """for each task and agent"""
+    """episodes for each task and agent"""
     outside: int = Field(ge=1)
-    """for each scenario out of distribution and agent"""
+    """episodes for each scenario out of distribution and agent"""
     set: dict[str, Any] = Field(default_factory=dict)
     """other settings of the trainings that are made, by dotted keys"""
 

@@ -29,7 +29,7 @@ from rudc.reporting.cbf_grid import draw_grid
 from rudc.studies.base import Order, Report, in_distribution, kinds_of_errors, write
 
 DRIVERS = {"quick": ("follower",), "full": ("follower", "rudc-wo-cbf")}
-"""in front of the filter when none are named, by budget"""
+"""drivers in front of the filter when none are named, by budget"""
 CONSTRAINED = {"quick": ("all",), "full": ("gated", "all")}
 """whom the filter keeps clear of, by budget"""
 EPISODES = {"quick": 1, "full": 50}

@@ -81,7 +81,7 @@ class Ran(NamedTuple):
 
     campaign: Campaign
     rows: tuple[Row, ...]
-    """of the tables, whether they drove or not"""
+    """rows of the tables, whether they drove or not"""
     effort: Effort
     drivers: tuple[Driver, ...]
     missing: tuple[str, ...]

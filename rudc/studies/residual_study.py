@@ -34,9 +34,9 @@ from rudc.vehicle import EgoVehicle
 from rudc.world.ego import DRY, GRAVITY
 
 KINDS = ("adjustment", "direct")
-"""of actions, that a predictor is shipped for"""
+"""kinds of actions for which a predictor is shipped"""
 SAMPLES = {"quick": 2_000, "full": 100_000}
-"""of each head, by budget; full: as many as in the paper"""
+"""samples of each head, by budget; full: as many as in the paper"""
 FRESH = 1_000
 """added to the seed asked for: the shipped predictors were fitted to samples of seed 0"""
 

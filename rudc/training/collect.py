@@ -93,7 +93,7 @@ class Collector:
         self._agent.load(arrays, percentiles)
 
     def collect(self, round_: int, decisions: int, by: By, *, drop: bool) -> Collected:
-        """Take so many decisions. `drop`: break the running episode off afterwards."""
+        """Take that many `decisions`. `drop`: break the running episode off afterwards."""
         rng = np.random.default_rng((self._training.seed, self._worker, round_))
         new: list[Transition] = []
         finished: list[Finished] = []

@@ -62,7 +62,7 @@ class Training(Settings):
     replay_size: int = Field(default=100_000, ge=1)
     """transitions kept"""
     seed: int = Field(default=0, ge=0)
-    """of everything drawn: episodes, exploration, batches, masks, initial weights"""
+    """seed of everything drawn: episodes, exploration, batches, masks, initial weights"""
     device: str = "cpu"
     """where the learner computes: cpu, cuda, cuda:1, ..."""
     log_every: int = Field(default=1_000, ge=1)
@@ -74,10 +74,10 @@ class Training(Settings):
     evaluate_on: tuple[str, ...] = Field(default=("random_destination", "dense_left_turn"), min_length=1)
     """scenarios"""
     evaluation_episodes: int = Field(default=20, ge=0)
-    """for each of them, always the same held-out seeds; 0 for no evaluation"""
+    """episodes for each of them, always with the same held-out seeds; 0 for no evaluation"""
     calibration_episodes: int = Field(default=50, ge=0)
-    """for each scenario of `evaluate_on`, held-out ones that the final policy drives as it is deployed, of
-    which sigma_l and sigma_h are taken; 0 keeps those of the last decisions of training
+    """held-out episodes for each scenario of `evaluate_on` that the final policy drives as it is deployed,
+    and from which sigma_l and sigma_h are taken; 0 keeps those of the last decisions of training
     """
     loss_limit: float = Field(default=1e6, gt=0)
     """largest magnitude of a loss or a value, reward units, beyond which training is stopped as failed"""

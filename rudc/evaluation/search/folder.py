@@ -78,8 +78,8 @@ class SearchFolder:
             self._lock = None
 
     def open(self, resume: bool) -> None:
-        """Take possession of the folder. Raises InputError when it cannot be had, SweepError when something
-        else is in it.
+        """Lock the folder for this search. Raises InputError when it is in use or cannot be made, SweepError
+        when something else is in it.
         """
         make_folder(self.path)
         self._lock = take_lock(self.path, self.warnings)

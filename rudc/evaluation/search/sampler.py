@@ -61,7 +61,7 @@ class Sampler:
         self._known = np.empty((0, keys))
         """violations"""
         self._weights = np.empty(0)
-        """of the violations"""
+        """weights of the violations"""
         self._cma_points = 0
         self._cma = self._started(np.zeros(keys), BATCH - _third(BATCH))
 

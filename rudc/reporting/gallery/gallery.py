@@ -32,7 +32,7 @@ from rudc.scenario.model import Scenario
 _FOLDER = Path(__file__).parent
 INDEX = "index.html"
 PICTURE_SEED = 1
-"""of the episode whose first scene is drawn"""
+"""seed of the episode whose first scene is drawn"""
 FAILURES = ("collision", "off_road", "wrong_way", "frozen")
 """outcomes, the worst first"""
 

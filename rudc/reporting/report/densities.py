@@ -18,7 +18,7 @@ SHOWN = (
     "max_sigma", "decision_ms_mean", "density", "first_event_s",
 )  # fmt: skip
 POINTS = 72
-"""of a curve"""
+"""points of a curve"""
 MOST = 300
 """scenarios x agents up to which each scenario has curves of its own"""
 LEAST = 5

@@ -20,7 +20,7 @@ FAULTS = ("ego", "other", "shared")
 WORST_SHOWN = 600
 """episodes listed at most"""
 WORST_EACH = 3
-"""of each scenario and agent"""
+"""episodes listed at most of each scenario and agent"""
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from rudc.reporting.report.page import NAME, save_report
 EVERY_S = 3.0
 """s between two writings at least"""
 SHARE = 0.05
-"""of the time that writing may take: large sweeps are written less often"""
+"""share of the time that writing may take: pages of large sweeps are written less often"""
 
 
 class LivePage:

@@ -14,7 +14,7 @@ from rudc.reporting.report.training import is_training, training_content
 
 _FOLDER = Path(__file__).parent
 NAME = "report.html"
-"""in the folder that it is about, unless said otherwise"""
+"""default name of the page, in the folder that it is about"""
 
 
 def save_report(folder: Path, path: Path, *, live: bool = False) -> None:

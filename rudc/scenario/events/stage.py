@@ -40,7 +40,7 @@ class Stage(ABC):
 
     @abstractmethod
     def choose(self, selector: Selector) -> list[str]:
-        """Surrounding vehicles that a selector names now; empty when there are none such."""
+        """Surrounding vehicles that a selector names now; empty when there is none."""
 
     @abstractmethod
     def speed(self, name: str) -> float:
