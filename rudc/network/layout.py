@@ -21,6 +21,7 @@ from rudc.errors import NetworkError
 from rudc.hints import there_are
 from rudc.network import assembly, reader
 from rudc.network.conflicts import Crossings, conflict_table, crossings, departure_table, silent
+from rudc.network.net_file import read_net
 from rudc.network.paths import PathTable, lane_spans
 from rudc.network.polyline import without_repeats
 from rudc.network.road import Arm, Lane, Movement
@@ -34,7 +35,7 @@ class Layout:
     def __init__(self, path: Path, junction: str | None = None) -> None:
         """Reads the .net.xml at `path`; `junction` names the node (or one of the roundabout's) if there are
         several."""
-        chosen = reader.choose_junction(reader.read_net(path), junction, path)
+        chosen = reader.choose_junction(read_net(path), junction, path)
         self.path = path
         """the .net.xml"""
         self.junction = junction

@@ -20,7 +20,7 @@ from rudc.errors import NetworkError
 from rudc.hints import did_you_mean, there_are
 from rudc.kernels import as_written
 from rudc.network.layout import Layout
-from rudc.network.reader import understood
+from rudc.network.net_file import understood
 from rudc.network.road import Arm, Lane, Movement, Turn
 from rudc.network.route import ReferencePath, Route, RouteKey
 from rudc.network.route_builder import build_route

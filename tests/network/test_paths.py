@@ -4,8 +4,8 @@ import sumolib
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rudc.network.net_file import read_net
 from rudc.network.network import load_network, shipped_networks
-from rudc.network.reader import read_net
 
 NETWORKS = sorted(shipped_networks())
 
