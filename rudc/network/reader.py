@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from itertools import zip_longest
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -147,23 +147,41 @@ def _is_usable(element: Any) -> bool:
 
 def find_arms(junction: Junction) -> list[RawArm]:
     """The roads at the junction; an edge from a neighbour and one to the same neighbour are one road."""
-    towards: dict[str, list[Any]] = {}
-    away: dict[str, list[Any]] = {}
-    for node in junction.nodes:
-        for edge in usable(node.getIncoming()):
-            if edge.getID() not in junction.ring:
-                towards.setdefault(edge.getFromNode().getID(), []).append(edge)
-        for edge in usable(node.getOutgoing()):
-            if edge.getID() not in junction.ring:
-                away.setdefault(edge.getToNode().getID(), []).append(edge)
+    towards = [edge for node in junction.nodes for edge in usable(node.getIncoming())]
+    away = [edge for node in junction.nodes for edge in usable(node.getOutgoing())]
+    neighbours: dict[str, tuple[list[Any], list[Any]]] = {}
+    for edge in towards:
+        if edge.getID() not in junction.ring:
+            neighbours.setdefault(edge.getFromNode().getID(), ([], []))[0].append(edge)
+    for edge in away:
+        if edge.getID() not in junction.ring:
+            neighbours.setdefault(edge.getToNode().getID(), ([], []))[1].append(edge)
     arms = []
-    for neighbour in dict.fromkeys([*towards, *away]):
-        pairs = zip_longest(towards.get(neighbour, []), away.get(neighbour, []))
-        for inbound, outbound in pairs:
-            before = _extend(inbound, junction, back=True) if inbound is not None else ()
-            after = _extend(outbound, junction, back=False) if outbound is not None else ()
-            arms.append(RawArm(before, after))
+    for inbound, outbound in (road for edges in neighbours.values() for road in _roads(*edges)):
+        before = _extend(inbound, junction, back=True) if inbound is not None else ()
+        after = _extend(outbound, junction, back=False) if outbound is not None else ()
+        arms.append(RawArm(before, after))
     return _paired(arms)
+
+
+def _roads(towards: list[Any], away: list[Any]) -> list[tuple[Any, Any]]:
+    """The roads to one neighbour: of each, the edge from there and the edge to there, or None where it is
+    one-way. Where there are several, the two edges whose lines lie nearest to each other are one road."""
+    if len(towards) == len(away) == 1:
+        return [(towards[0], away[0])]
+    partner: dict[Any, Any] = {}
+    for inbound, outbound in sorted(product(towards, away), key=lambda edges: _apart(*edges)):
+        if inbound not in partner and outbound not in partner.values():
+            partner[inbound] = outbound
+    alone = [edge for edge in away if edge not in partner.values()]
+    return [*((edge, partner.get(edge)) for edge in towards), *((None, edge) for edge in alone)]
+
+
+def _apart(inbound: Any, outbound: Any) -> float:
+    """m, mean distance of two edges between the same nodes, at like parts of their lengths."""
+    lines = [without_repeats(line) for line in (shape_of(inbound)[::-1], shape_of(outbound))]
+    here, there = (resample(line, np.linspace(0.0, arc_length(line)[-1], 20)) for line in lines)
+    return float(np.hypot(*(here - there).T).mean())
 
 
 def _paired(arms: list[RawArm]) -> list[RawArm]:

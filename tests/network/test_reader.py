@@ -239,3 +239,39 @@ def test_one_way_roads_that_meet_only_far_away_stay_two_arms(tmp_path):
     assert {arm.name for arm in network.arms} == {"north", "east", "west", "south"}
     assert not network.arm("north").in_edges
     assert not network.arm("east").out_edges
+
+
+CRESCENT = [(20, 0), (80, 0), (120, 60), (80, 100), (0, 100)]
+"""m, the line of a second road from `c` to `n` of CROSS, which leaves `c` for the east"""
+
+
+def with_crescent(arms):
+    """CROSS' nodes with a crossing `n`, and the edges of a main road and of a crescent between `c` and `n`,
+    listed so that the main road's first edge and the crescent's first are of opposite directions."""
+    out = " ".join(f"{x},{y}" for x, y in CRESCENT)
+    back = " ".join(f"{x},{y}" for x, y in reversed(CRESCENT))
+    edges = [("a_main", "n", "c", ""), ("z_main", "c", "n", "")]
+    edges += [("b_crescent", "c", "n", f'shape="0,0 {out}"'), ("y_crescent", "n", "c", f'shape="{back} 0,0"')]
+    edges += [edge for pair in [("n", "nn"), ("n", "nw"), *arms] for edge in both_ways(*pair)]
+    return {**CROSS, "nn": (0, 200), "nw": (-100, 100)}, edges
+
+
+@needs_netconvert
+def test_of_two_roads_to_one_neighbour_each_is_an_arm_of_its_own(tmp_path):
+    network = load_network(build(tmp_path, *with_crescent([("c", "w"), ("c", "s")])), "c")
+    assert {arm.name: (arm.in_edge, arm.out_edge) for arm in network.arms} == {
+        "north": ("a_main", "z_main"),
+        "east": ("y_crescent", "b_crescent"),
+        "west": ("w_c", "c_w"),
+        "south": ("s_c", "c_s"),
+    }
+    assert network.movement("south", "straight").destination == "north"
+
+
+@needs_netconvert
+def test_of_three_edges_to_one_neighbour_one_is_a_one_way_road(tmp_path):
+    nodes, edges = with_crescent([("c", "w"), ("c", "s")])
+    edges = [edge for edge in edges if edge[0] != "z_main"]
+    network = load_network(build(tmp_path, nodes, edges), "c")
+    assert (network.arm("north").in_edge, network.arm("north").out_edge) == ("a_main", None)
+    assert (network.arm("east").in_edge, network.arm("east").out_edge) == ("y_crescent", "b_crescent")
