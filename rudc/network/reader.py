@@ -127,12 +127,14 @@ def _junction_groups(net: Any, alias: dict[str, str]) -> dict[str, tuple[Any, ..
 def _is_passed_through(node: Any, alias: dict[str, str]) -> bool:
     """Whether at most two roads meet at the node: a dead end, or a road that only changes.
 
-    A roundabout counts as one neighbour, so that the node at which its entry and its exit part is no
-    junction.
+    All that leads to one roundabout counts as one road, so that the node at which its entry and its exit
+    part is no junction.
     """
-    ids = {edge.getFromNode().getID() for edge in usable(node.getIncoming())}
-    ids |= {edge.getToNode().getID() for edge in usable(node.getOutgoing())}
-    return node.getID() not in alias and len({alias.get(i, i) for i in ids} - {node.getID()}) <= 2
+    met = set()
+    for inbound, outbound in _roads((node,)):
+        other = inbound.getFromNode() if inbound is not None else outbound.getToNode()
+        met.add(alias.get(other.getID(), (inbound, outbound)))
+    return node.getID() not in alias and len(met) <= 2
 
 
 def usable(edges: Iterable[Any]) -> list[Any]:
@@ -146,27 +148,30 @@ def _is_usable(element: Any) -> bool:
 
 
 def find_arms(junction: Junction) -> list[RawArm]:
-    """The roads at the junction; an edge from a neighbour and one to the same neighbour are one road."""
-    towards = [edge for node in junction.nodes for edge in usable(node.getIncoming())]
-    away = [edge for node in junction.nodes for edge in usable(node.getOutgoing())]
-    neighbours: dict[str, tuple[list[Any], list[Any]]] = {}
-    for edge in towards:
-        if edge.getID() not in junction.ring:
-            neighbours.setdefault(edge.getFromNode().getID(), ([], []))[0].append(edge)
-    for edge in away:
-        if edge.getID() not in junction.ring:
-            neighbours.setdefault(edge.getToNode().getID(), ([], []))[1].append(edge)
+    """The roads at the junction, each out to the next one."""
     arms = []
-    for inbound, outbound in (road for edges in neighbours.values() for road in _roads(*edges)):
+    for inbound, outbound in _roads(junction.nodes):
         before = _extend(inbound, junction, back=True) if inbound is not None else ()
         after = _extend(outbound, junction, back=False) if outbound is not None else ()
         arms.append(RawArm(before, after))
     return _paired(arms)
 
 
-def _roads(towards: list[Any], away: list[Any]) -> list[tuple[Any, Any]]:
-    """The roads to one neighbour: of each, the edge from there and the edge to there, or None where it is
-    one-way. Where there are several, the two edges whose lines lie nearest to each other are one road."""
+def _roads(nodes: tuple[Any, ...]) -> list[tuple[Any, Any]]:
+    """The roads that lead from the nodes to others: of each, the edge from there and the edge to there, or
+    None where it is one-way."""
+    neighbours: dict[Any, tuple[list[Any], list[Any]]] = {}
+    towards = [(edge.getFromNode(), 0, edge) for node in nodes for edge in usable(node.getIncoming())]
+    away = [(edge.getToNode(), 1, edge) for node in nodes for edge in usable(node.getOutgoing())]
+    for other, way, edge in towards + away:
+        if other not in nodes:
+            neighbours.setdefault(other, ([], []))[way].append(edge)
+    return [road for edges in neighbours.values() for road in _roads_to_one(*edges)]
+
+
+def _roads_to_one(towards: list[Any], away: list[Any]) -> list[tuple[Any, Any]]:
+    """The roads to one neighbour, as above: an edge from it and one to it are one road. Where there are
+    several, those are whose lines lie nearest to each other."""
     if len(towards) == len(away) == 1:
         return [(towards[0], away[0])]
     partner: dict[Any, Any] = {}

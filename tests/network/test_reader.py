@@ -275,3 +275,9 @@ def test_of_three_edges_to_one_neighbour_one_is_a_one_way_road(tmp_path):
     network = load_network(build(tmp_path, nodes, edges), "c")
     assert (network.arm("north").in_edge, network.arm("north").out_edge) == ("a_main", None)
     assert (network.arm("east").in_edge, network.arm("east").out_edge) == ("y_crescent", "b_crescent")
+
+
+@needs_netconvert
+def test_three_roads_are_a_junction_though_two_lead_to_one_neighbour(tmp_path):
+    path = build(tmp_path, *with_crescent([("c", "s")]))
+    assert {arm.name for arm in load_network(path, "c").arms} == {"north", "east", "south"}
