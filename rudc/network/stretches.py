@@ -178,6 +178,9 @@ def stretch_by_id(network: Layout, lane_id: str) -> Stretch:
             f"lane {lane_id!r} of network {network.name} is not next to the junction{_nearer(network, lane)}"
         )
     rows = [row for row, lanes in enumerate(network.paths.lane_ids) if lane_id in lanes]
+    if not rows:  # a lane of a ring into which nobody turns
+        line = ReferencePath(lane.xy)
+        return Stretch(lane_id, lane, line.length, 0.0, 1.0, line, True)
     row = min(rows, key=lambda row: network.paths.lane_ids[row].index(lane_id))
     start, end = network.span(row, lane_id)
     return Stretch(lane_id, lane, end - start, start, 1.0, (network, row), True)

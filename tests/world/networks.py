@@ -1,9 +1,11 @@
-"""Networks that tests make for themselves: four_way with other limits, and one with arms in pieces."""
+"""Networks that tests make for themselves: four_way with other limits, arms in pieces, a two-lane ring."""
 
 import re
 from collections.abc import Callable
 from itertools import cycle, pairwise
 from pathlib import Path
+
+import numpy as np
 
 from rudc.network.build import build_network
 from rudc.network.network import shipped_networks
@@ -68,4 +70,29 @@ def in_pieces(folder: Path) -> Path:
                 )
     for ending, tag, parts in ((".nod.xml", "nodes", nodes), (".edg.xml", "edges", edges)):
         (folder / f"pieces{ending}").write_text(f"<{tag}>{''.join(parts)}</{tag}>", encoding="utf-8")
+    return build_network(folder)
+
+
+def two_lane_ring(folder: Path) -> Path:
+    """A roundabout of radius 25 m with two lanes and four arms of one: nobody turns into the inner lane."""
+    names = list(AWAY)
+    nodes, edges = [], []
+    for k, arm in enumerate(names):
+        x, y = AWAY[arm]
+        nodes.append(f'<node id="{arm}" x="{25 * x}" y="{25 * y}" type="priority"/>')
+        nodes.append(f'<node id="{arm}_far" x="{130 * x}" y="{130 * y}"/>')
+        turn = np.linspace(k * np.pi / 2, (k + 1) * np.pi / 2, 12)
+        arc = " ".join(f"{25 * np.cos(a):.2f},{25 * np.sin(a):.2f}" for a in turn)
+        edges.append(
+            f'<edge id="ring_{arm}" from="{arm}" to="{names[(k + 1) % 4]}" numLanes="2" speed="8" '
+            f'priority="9" shape="{arc}"/>'
+        )
+        edges += [
+            f'<edge id="{arm}_{way}" from="{start}" to="{end}" numLanes="1" speed="10" priority="1"/>'
+            for way, start, end in (("in", f"{arm}_far", arm), ("out", arm, f"{arm}_far"))
+        ]
+    ring = " ".join(f"ring_{arm}" for arm in names)
+    edges.append(f'<roundabout nodes="{" ".join(names)}" edges="{ring}"/>')
+    for ending, tag, parts in ((".nod.xml", "nodes", nodes), (".edg.xml", "edges", edges)):
+        (folder / f"ring{ending}").write_text(f"<{tag}>{''.join(parts)}</{tag}>", encoding="utf-8")
     return build_network(folder)

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from rudc.scenario import load_scenario
+from rudc.world.fitting import misfits
 from rudc.world.scene import Kind
 from rudc.world.traffic import VEHICLE_TYPES
 from tests.plans import PlanSource, event
+from tests.world.networks import two_lane_ring
 
 EMPTY = PlanSource(density=0.0, speed=(0.0, 0.0))
 STAND = np.array([-6.0, 0.0])
@@ -55,6 +57,29 @@ def test_things_stand_inside_the_junction_and_on_a_ring(world):
     away = [min(math.dist(place, spot) for place in near) for spot in scene.position]
     assert max(away) < 0.5, "its pieces follow the bend"
     assert scene.size[:, 0].sum() == pytest.approx(20.0)
+
+
+def test_things_stand_on_a_lane_of_a_ring_into_which_nobody_turns(world_on, tmp_path):
+    world = world_on(str(two_lane_ring(tmp_path)))
+    lane = world.network.lane("ring_east_1")
+    assert not any(lane.id in ids for ids in world.network.paths.lane_ids)
+    (tmp_path / "own.yaml").write_text(
+        f"name: own\nnetwork: {world.network.path}\nevents:\n"
+        f"  - {{kind: stalled_vehicle, lane: {lane.id}, at: 10}}\n"
+        f"  - {{kind: lane_closure, lane: {lane.id}, at: 15, length: 10}}\n"
+        f"  - {{kind: wrong_way, lane: ring_north_1, at: 20}}\n"
+    )
+    world.reset(load_scenario(tmp_path / "own.yaml", fit=misfits).plan(0))
+    world.advance(STAND)
+    scene = world.scene()
+    things = [i for i, name in enumerate(scene.ids) if ":" in name]
+    events = {scene.ids[i].partition(":")[0][:-1] for i in things}
+    assert events == {"stalled_vehicle", "lane_closure", "wrong_way"}
+    for x, y in scene.position[things]:
+        assert math.hypot(x, y) == pytest.approx(math.hypot(*lane.xy[len(lane.xy) // 2]), abs=0.4)
+    x, y, heading = world.network.place_on_lane(lane.id, 10.0)
+    i = scene.ids.index("stalled_vehicle0:0")
+    assert (*scene.position[i], scene.heading[i]) == pytest.approx((x, y, heading))
 
 
 def test_a_ring_is_driven_the_wrong_way_round(world_on):
