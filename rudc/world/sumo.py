@@ -135,6 +135,22 @@ def _as_file(text: str) -> Iterator[str]:
         os.unlink(path)
 
 
+@contextlib.contextmanager
+def _plain(path: str) -> Iterator[str]:
+    """The path of a file as SUMO takes it: SUMO splits paths at commas and puts variables in for ${...}."""
+    if "," not in path and "${" not in path:
+        yield path
+        return
+    try:
+        descriptor = os.open(path, os.O_RDONLY)
+    except OSError as error:
+        raise SimulationError(f"cannot read {path}: {error.strerror}") from error
+    try:
+        yield f"/dev/fd/{descriptor}"
+    finally:
+        os.close(descriptor)
+
+
 class _Running:
     """Whether libsumo holds a simulation for one `Sumo`; apart from it, so that it outlives it."""
 
@@ -167,8 +183,8 @@ class Sumo:
                 "this process already runs a world, and libsumo holds only one; close it first, "
                 "or run the second in a process of its own"
             )
-        self._network = net_file.name
-        self._arguments = ["--net-file", str(net_file), "--step-length", f"{step_s:g}", *_OPTIONS, *options]
+        self._net_file = net_file
+        self._arguments = ["--step-length", f"{step_s:g}", *_OPTIONS, *options]
         self._running = _Running()
         self._release = weakref.finalize(self, _release, self._running)
         _owner = os.getpid()
@@ -177,7 +193,7 @@ class Sumo:
         """What to raise where SUMO could not do `what`."""
         if isinstance(error, libsumo.FatalTraCIError):
             self._running.started = False  # SUMO has ended the simulation; the next load starts it anew
-        return SimulationError(f"network {self._network}: SUMO could not {what}: {error}")
+        return SimulationError(f"network {self._net_file.name}: SUMO could not {what}: {error}")
 
     def close(self) -> None:
         """End the simulation; a world may then be made anew in this process."""
@@ -188,8 +204,9 @@ class Sumo:
         seeded. Raises SimulationError after `close`."""
         if not self._release.alive:
             raise SimulationError("this world is closed; make another")
-        with _as_file(additional) as path:
-            self._load([*self._arguments, "--seed", str(seed), "--additional-files", path, *options])
+        with _as_file(additional) as path, _plain(path) as types, _plain(str(self._net_file)) as network:
+            files = ("--net-file", network, "--additional-files", types)
+            self._load([*files, *self._arguments, "--seed", str(seed), *options])
 
     def _load(self, arguments: list[str]) -> None:
         try:

@@ -1,6 +1,7 @@
 """The world as a whole, on real SUMO traffic: repeatable, one at a time, and what it says is so."""
 
 import hashlib
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -358,3 +359,17 @@ def test_no_room_for_temporary_files_is_said(world, monkeypatch, tmp_path):
         world.reset(FOLLOW.plan(0))
     monkeypatch.undo()
     world.reset(FOLLOW.plan(0))
+
+
+@pytest.mark.parametrize("folder", ["a,b", "a${HOME}b"])
+def test_sumo_takes_paths_with_commas_and_dollars(world_on, monkeypatch, tmp_path, folder):
+    expected = world_on().reset(FOLLOW.plan(0)).position
+    (tmp_path / folder).mkdir()
+    path = shutil.copy(world_on().network.path, tmp_path / folder)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / folder))
+    for _ in range(2):
+        scene = world_on(path).reset(replace(FOLLOW, network=path).plan(0))
+        np.testing.assert_array_equal(scene.position, expected)
+    Path(path).unlink()
+    with pytest.raises(SimulationError, match=r"cannot read .*four_way\.net\.xml: No such file"):
+        world_on(path).reset(replace(FOLLOW, network=path).plan(0))
