@@ -1,8 +1,9 @@
 """`extends`: what a file says on top of what its parent says.
 
 Sections are merged key by key; every other value (list, route, mix, distribution, sweep) is replaced whole.
-A value that the child gives to a key that the parent sweeps ends that sweep. An empty value (`sweep:` or
-`junction: null`) takes back what the parent says. A scenario's name and remarks are its own.
+A value that the child gives to a key that the parent sweeps, or to the whole that it is part of, ends that
+sweep. An empty value (`sweep:` or `junction: null`) takes back what the parent says. A scenario's name and
+remarks are its own.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 from copy import deepcopy
 from typing import Any
 
-from rudc.scenario.dotted import Path, dotted, value_at
+from rudc.scenario.dotted import Path, dotted
 from rudc.scenario.yaml_text import Mark, Sheet
 
 SECTIONS: frozenset[Path] = frozenset({(), ("ego",), ("traffic",), ("traffic", "idm"), ("episode",)})
@@ -27,9 +28,21 @@ def inherit(child: Sheet, parent: Sheet) -> tuple[Sheet, tuple[str, ...]]:
     differing: list[str] = []
     _merge(child.data, child.marks, merged.data, merged.marks, (), differing)
     if "sweep" not in child.data and isinstance(merged.data.get("sweep"), dict):
-        for key in [key for key in merged.data["sweep"] if value_at(child.data, str(key)) is not None]:
+        for key in [key for key in merged.data["sweep"] if _gives(child.data, str(key))]:
             del merged.data["sweep"][key]
     return merged, tuple(differing)
+
+
+def _gives(data: dict[str, Any], key: str) -> bool:
+    """Whether data have a value at a dotted key, or replace whole something that it is part of."""
+    path, here = tuple(key.split(".")), data
+    for i, part in enumerate(path):
+        if path[:i] not in SECTIONS or not isinstance(here, dict):
+            return True
+        if part not in here:
+            return False
+        here = here[part]
+    return True
 
 
 def _merge(

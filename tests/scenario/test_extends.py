@@ -113,6 +113,32 @@ def test_a_value_for_what_the_parent_sweeps_ends_that_sweep(write):
     assert load_scenario(write("own.yaml", own)).points() == [{"traffic.density": 40}]
 
 
+@pytest.mark.parametrize(
+    ("swept", "child"),
+    [
+        ("traffic.mix.truck: [0, 1]", "traffic: {mix: {car: 1}}"),
+        ("events.0.friction: [0.3, 0.5]", "events: [{kind: hard_brake}]"),
+        ("events.0.friction: [0.3, 0.5]", "events:"),
+        ("ego.route.turn: [left, right]", "ego: {route: random}"),
+        ("ego.route.turn: [left, right]", "ego: {route: {from: A, to: B}}"),
+        ("traffic.density: [10, 20]", "traffic: {density: ~}"),
+        ("traffic.idm.headway: [1, 2]", "traffic: {idm: ~}"),
+    ],
+)  # fmt: skip
+def test_a_value_for_the_whole_ends_sweeps_of_its_parts(write, swept, child):
+    text = PARENT.replace("traffic.density: [10, 20]", f"{swept}, ego.distance: [30, 40]")
+    write("wide.yaml", text)
+    scenario = load_scenario(write("child.yaml", f"name: child\nextends: wide\n{child}\n"))
+    assert scenario.points() == [{"ego.distance": 30}, {"ego.distance": 40}]
+
+
+def test_a_value_beside_what_the_parent_sweeps_leaves_that_sweep(write):
+    child = load_scenario(
+        write("child.yaml", "name: child\nextends: parent\ntraffic: {mix: {bus: 1}, idm: {headway: 1}}\n")
+    )
+    assert child.points() == [{"traffic.density": 10}, {"traffic.density": 20}]
+
+
 def test_generations(write):
     write("child.yaml", "name: child\nextends: parent\ntraffic: {density: 40}\n")
     grandchild = load_scenario(
