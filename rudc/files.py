@@ -32,6 +32,14 @@ def past_links(path: Path) -> Path:
     return Path(os.path.realpath(path))
 
 
+def names_beside(path: Path) -> list[str]:
+    """Names of all that lies in a path's folder; none where there is no such folder."""
+    try:
+        return os.listdir(path.parent)
+    except (OSError, ValueError):  # ValueError: a NUL in its name
+        return []
+
+
 def file_name(text: str) -> str:
     """A file's name made from a text. Signs that a disk may refuse become _, and what is longer than
     LONGEST_NAME is cut. A name changed by either ends in a digest of the text, so that no two texts share it.

@@ -8,6 +8,7 @@ a route in it is the object that `Network.route` returns there.
 from __future__ import annotations
 
 import copyreg
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from functools import cache, cached_property, lru_cache
@@ -175,8 +176,8 @@ def load_network(
     path = shipped.get(str(source))
     if path is None:
         path = Path(source)
-        if not path.is_file():
-            if path.is_dir():
+        if not os.path.isfile(path):  # unlike Path.is_file, no error for a name that is too long
+            if os.path.isdir(path):
                 raise NetworkError(
                     f"{path} is a folder; `rudc network build` makes a .net.xml from the sources in one"
                 )

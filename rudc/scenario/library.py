@@ -10,6 +10,7 @@ from pathlib import Path
 
 from rudc.data import data_folder
 from rudc.errors import ScenarioError
+from rudc.files import names_beside
 from rudc.hints import did_you_mean
 
 SUFFIXES = (".yaml", ".yml")
@@ -28,13 +29,13 @@ def find_file(source: str | Path) -> Path:
     if isinstance(source, str) and source in shipped:
         return shipped[source]
     path = Path(os.path.expanduser(source))
-    if path.is_file():
+    if os.path.isfile(path):  # unlike Path.is_file, no error for a name that is too long
         return path
-    if path.is_dir():
+    if os.path.isdir(path):
         raise ScenarioError(
             f"{source}: is a folder; a scenario is a file ({path / '*.yaml'} would take all of them)"
         )
-    beside = [other.name for other in path.parent.glob("*") if other.suffix in SUFFIXES]
+    beside = [name for name in names_beside(path) if Path(name).suffix in SUFFIXES]
     if _is_path(source):
         near = did_you_mean(path.name, beside) or did_you_mean(path.stem, list(shipped))
         raise ScenarioError(f"{source}: no such file{near}")
@@ -70,7 +71,7 @@ def existing_files(patterns: Sequence[str]) -> tuple[list[Path], list[str]]:
     missing: list[str] = []
     for pattern in patterns:
         try:
-            several = glob.has_magic(pattern) and not Path(os.path.expanduser(pattern)).is_file()
+            several = glob.has_magic(pattern) and not os.path.isfile(os.path.expanduser(pattern))
             paths = _matching(pattern) if several else [find_file(pattern)]
         except ScenarioError as error:
             missing.append(str(error))
@@ -86,7 +87,7 @@ def find_parent(name: str, child: Path) -> Path | None:
     """The file that a scenario's `extends` means: a file beside it, or else a shipped one; never itself."""
     beside = [child.parent / name, *(child.parent / f"{name}{suffix}" for suffix in SUFFIXES)]
     shipped = shipped_scenarios().get(name)
-    options = [path for path in (*beside, shipped) if path is not None and path.is_file()]
+    options = [path for path in (*beside, shipped) if path is not None and os.path.isfile(path)]
     return next((path for path in options if path.resolve() != child.resolve()), None)
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from functools import cache
 from pathlib import Path
 
 from rudc.data import data_folder
+from rudc.files import names_beside
 from rudc.hints import did_you_mean, nearest
 from rudc.scenario.base import refuse
 
@@ -28,8 +30,8 @@ def existing_network(value: str) -> str:
     """The value itself, or the path made absolute; refuses what does not exist."""
     if is_network_path(value):
         path = Path(value)
-        if not path.is_file():
-            beside = [other.name for other in path.parent.glob("*") if is_network_path(other.name)]
+        if not os.path.isfile(path):  # unlike Path.is_file, no error for a name that is too long
+            beside = list(filter(is_network_path, names_beside(path)))
             refuse(f"no such file: {value}{did_you_mean(path.name, beside)}")
         return str(path.absolute())
     known = shipped_networks()

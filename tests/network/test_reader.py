@@ -188,8 +188,9 @@ def test_what_is_no_network_is_refused(tmp_path):
             load_network(path)
     with pytest.raises(NetworkError, match="is a folder; `rudc network build`"):
         load_network(tmp_path)
-    with pytest.raises(NetworkError, match="neither shipped nor a file"):
-        load_network(tmp_path / "absent.net.xml")
+    for name in ("absent.net.xml", "n" * 300 + ".net.xml"):
+        with pytest.raises(NetworkError, match="neither shipped nor a file"):
+            load_network(tmp_path / name)
 
 
 def test_a_road_without_a_junction_is_refused(tmp_path):

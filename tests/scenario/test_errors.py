@@ -242,6 +242,7 @@ def test_a_byte_order_mark_is_no_problem(tmp_path):
             "name: a\nevents:\n- {kind: pedestrian_crossing, arm: south, count: 1.5}\n",
             ["3:50: events.0.count: expected a whole number, got 1.5"],
         ),
+        (f"name: a\nnetwork: {'n' * 300}.net.xml\n", ["2:10: network: no such file: ...nnn.net.xml"]),
         ("name: a\nnetwork: nowhere/x.net.xml\n", ["2:10: network: no such file: ...nowhere/x.net.xml"]),
     ],
 )

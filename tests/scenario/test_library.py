@@ -72,6 +72,8 @@ def test_patterns_each_once_in_order(folder):
         ("sub/d.yml", "sub/d.yml: no such file (did you mean 'c.yml'?)"),
         ("b.yam", "b.yam: no shipped scenario ..., and no such file (did you mean 'b.yaml'?)"),
         ("dense_left_tun.yaml", "dense_left_tun.yaml: no such file (did you mean 'dense_left_turn'?)"),
+        ("n" * 300, "n: no shipped scenario ..., and no such file"),
+        ("n" * 300 + "/a.yaml", "n/a.yaml: no such file"),
         ("sub", "sub: is a folder; a scenario is a file (sub/*.yaml would take all of them)"),
     ],
 )  # fmt: skip
