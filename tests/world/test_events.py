@@ -227,9 +227,10 @@ def test_occlusion_hides_from_the_ego_and_from_nobody_else(world, four_way):
     assert 0 < hidden < sum(s.count for s in perceived(world, source))
     truths = [run(world, replace(source, events=events), 5.0)[-1].position for events in ((), (wall,))]
     assert np.array_equal(*truths)
-    on_road = event("occlusion", boxes=[{"position": [0, 0], "size": [5, 5]}])
-    with pytest.raises(Exception, match="reaches onto the road"):
-        world.reset(replace(source, events=(on_road,)).plan(0))
+    for where in ({"position": [0, 0], "size": [5, 5]}, {"position": [40, 12], "size": [3, 50]}):
+        on_road = event("occlusion", boxes=[where])
+        with pytest.raises(Exception, match="reaches onto the road"):
+            world.reset(replace(source, events=(on_road,)).plan(0))
 
 
 def perceived(world, source):

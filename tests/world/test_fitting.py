@@ -207,12 +207,15 @@ def test_a_box_that_hides_things_may_not_reach_onto_the_road(problems):
             boxes: [{position: [-16, -16], size: [8, 8]}, {position: [1, 1], size: [3, 3]}]
           - kind: occlusion
             boxes: [{lane: ego_in, at: 30, size: [3, 3]}]
+          - kind: occlusion
+            boxes: [{position: [40, 12], heading: 90, size: [50, 3]}]
         sweep: {traffic.density: [10, 20]}
         """)
     check(
         found,
         "4:51: events.0.boxes.1: at (1.0, 1.0) m: it reaches onto the road; ...",
         "6:13: events.1.boxes.0: at (...) m: it reaches onto the road; ...",
+        "8:13: events.2.boxes.0: at (40.0, 12.0) m: it reaches onto the road; ...",
     )
 
 

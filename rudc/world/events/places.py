@@ -98,10 +98,27 @@ def said(network: Network, place: XYHeading) -> str:
 
 
 def reaches_onto_road(network: Network, place: XYHeading, size: tuple[float, float]) -> bool:
-    """Whether a corner, or the middle, of a rectangle with length and width `size` (m) is on the road."""
+    """Whether any part of a rectangle with length and width `size` (m) is on the road: a corner or the middle
+    is, or an edge of the road passes through it."""
     x, y, heading = place
     corners = rectangle_corners(np.array([x, y]), np.array(heading), np.array(size))
-    return bool(network.surface.signed_distance(np.vstack([corners, [(x, y)]])).max() > 0)
+    if network.surface.signed_distance(np.vstack([corners, [(x, y)]])).max() > 0:
+        return True
+    return _passes_through(network.surface.boundary, place, (size[0] - TOUCH_M, size[1] - TOUCH_M))
+
+
+def _passes_through(pieces: Array, place: XYHeading, size: tuple[float, float]) -> bool:
+    """Whether any of straight pieces (B, 2, 2) m passes through a rectangle: from the last of its slabs'
+    beginnings on the piece to the first of their ends."""
+    x, y, heading = place
+    ends = (pieces[..., 0] - x + 1j * (pieces[..., 1] - y)) * np.exp(-1j * heading)
+    ends = np.stack([ends.real, ends.imag], axis=-1)
+    step = ends[:, 1] - ends[:, 0]
+    step[step == 0.0] = np.finfo(float).tiny  # along a slab: it begins and ends infinitely far away
+    half = 0.5 * np.array(size)
+    with np.errstate(over="ignore"):
+        sides = np.sort([(-half - ends[:, 0]) / step, (half - ends[:, 0]) / step], axis=0)
+    return bool((np.maximum(sides[0].max(axis=1), 0.0) < np.minimum(sides[1].min(axis=1), 1.0)).any())
 
 
 def size_of(body: Body) -> tuple[float, float]:
