@@ -137,7 +137,7 @@ class Route:
     speed_limit: float
     """m/s, on the lane before the junction"""
     speed_limit_after: float
-    """m/s, on the last lane after it"""
+    """m/s, on the first lane after it"""
     left_edge: Array
     """(M, 2) m, left edge of the ego's carriageway beside each station of `path`"""
     right_edge: Array
