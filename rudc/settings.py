@@ -113,7 +113,9 @@ def settled(model: type[M], values: Tree, given: Iterable[str], what: str, known
 
 
 def merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> Tree:
-    """Two trees as one; values of `above` take precedence. A section with another `kind` is replaced whole."""
+    """Two trees as one; values of `above` take precedence, and a section with another `kind` is replaced
+    whole.
+    """
     result = deepcopy(dict(below))
     for key, value in above.items():
         mine = result.get(key)
