@@ -248,7 +248,7 @@ class SafetyFilter:
         terms = constraints.terms(scene)
         if residual is not None and np.shape(residual) != (constraints.count,):
             raise SolverError(
-                f"the filter has {constraints.count} constraints, not {np.shape(residual)} as the residuals"
+                f"the filter has {constraints.count} constraints, but residuals of shape {np.shape(residual)}"
             )
         relief = slack.level + (np.zeros(constraints.count) if residual is None else residual)
         modes = constraints.mode.tobytes()

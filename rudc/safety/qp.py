@@ -94,8 +94,8 @@ class PlanarSolver:
         spent = 1e3 * (time.perf_counter() - began)
         if status == NOT_PLANAR:
             raise SolverError(
-                "QP solver 'planar' solves problems of two variables between finite bounds, and such with "
-                "violations of single rows as further variables; this is another: take 'piqp'"
+                "QP solver 'planar' solves problems of two variables between finite bounds, and problems "
+                "with violations of single rows as further variables; this is neither: take 'piqp'"
             )
         if status == NOTHING or not gap <= TOLERANCE:
             return _nothing(problem, spent)
