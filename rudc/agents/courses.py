@@ -1,11 +1,10 @@
 """Going round what blocks: the course that a driver is shown, and how fast it may drive beside bodies.
 
 A course is a line round what blocks, for the same movement as the route that it replaces
-(rudc/network/course.py). It is kept while it is clear. A new one is planned when it is not clear any
-more, and when those who came the wrong way, for whom it was chosen, have passed; at most once in AGAIN_S
-s. While no course is clear, the ego stops SHORT m before what blocks: nearer, it could not pull out.
-Beside bodies it drives at SLOW + PER_METRE x gap at most, and in the bends of a course as
-rudc/env/tracking.py says.
+(rudc/network/course.py). It is kept while it is clear. A new one is planned when it is not clear any more,
+and when those who came the wrong way, for whom it was chosen, have passed; at most once in AGAIN_S s. While
+no course is clear, the ego stops SHORT m before what blocks: nearer, it could not pull out. Beside bodies it
+drives at SLOW + PER_METRE x gap at most, and in the bends of a course as rudc/env/tracking.py says.
 
 Everywhere it drives at most TOLERATED times the speed limit. Before the junction and in it, that is the limit
 of the lane before it; beyond it, the limit of the lane beyond.
@@ -286,10 +285,10 @@ def _first_hit(scene: Scene, blocks: Blocks, clear: float) -> float:
 
 
 def _wait(scene: Scene, blocks: Blocks) -> float:
-    """m to where the ego must wait if somebody is about to come through the junction the wrong way: the first
-    place at which it can still stop of the stop line, the waiting point, and the last place that is clear of
-    their way. An ego that creeps waits beside their way wherever it is. inf if nobody comes, or if the ego
-    cannot stop any more.
+    """m to where the ego must wait if somebody is about to come through the junction the wrong way. It is the
+    stop line, else the waiting point, else the last place that is clear of their way: the first of these at
+    which the ego can still stop. An ego that creeps waits beside their way wherever it is. inf if nobody
+    comes, or if the ego cannot stop any more.
     """
     route, body = scene.route, scene.vehicle
     if not blocks.soon.number:

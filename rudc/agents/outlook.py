@@ -1,6 +1,5 @@
-"""The outlook of a driver: a layer that changes the scene before the driver sees it, and bounds the
-command that comes back. It leads the driver round what blocks, and adapts it to the car and the road that
-it has.
+"""The outlook of a driver: a layer that changes the scene before the driver sees it, and bounds the command
+that comes back. It leads the driver round what blocks, and adapts it to the car and the road that it has.
 
     see      The scene as sensors show it -> without noise (smoothing.py) -> with those who are not seen for a
              moment (memory.py) -> at the time when a command will act (adaptation.py) -> along the course

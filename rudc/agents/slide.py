@@ -6,12 +6,10 @@ where following leads, with the car as it is known. If the ego would leave the r
 other manoeuvres are tried. They are judged more strictly, with less grip and less room at the road's edge, so
 that following is preferred in doubt:
 
-    swerve    straight on with all grip for the brakes, for one of FIRST_S s; then back onto the line,
-    with one
-              of SHARES of the grip for the brakes until the ego is slow enough for a tight bend
+    swerve    straight on with all grip for the brakes, for one of FIRST_S s; then back onto the line, with
+              one of SHARES of the grip for the brakes until the ego is slow enough for a tight bend
     turn      if the ego is that slow already: on slowly, with the wheels straight or turned fully to one
-    side,
-              for one of FIRST_S s; then back onto the line
+              side, for one of FIRST_S s; then back onto the line
     stop      on an arc, with one of LATERALS of the grip for steering and the rest for the brakes
 
 Of those that hit nobody and stay on the road, the one is taken that is back on the line first; if none gets

@@ -15,7 +15,7 @@ hardly change it. Where it is below LEAST, the sensors count as free of noise, a
 Above LEAST, each other is tracked by three Kalman filters: for its position and speed along its direction of
 motion (course), for its position across it, and for its heading. Between two decisions the position changes
 with the speed, the speed with the acceleration that is seen, and the heading with the course; UNKNOWN, ASIDE
-and TURNING are the standard deviations of the errors of this model. An other that is seen farther than JUMP
+and TURNING are the standard deviations of the errors of this model. Somebody who is seen farther than JUMP
 from where it was expected is tracked anew.
 """
 
@@ -45,9 +45,9 @@ _LEAST: Array = DIFFERING * np.array(LEAST)
 UNKNOWN, ASIDE, TURNING = 1.0, 0.5, 0.1
 """m/s2, m/s and rad/s, standard deviations of accelerations, lateral motion and turning that are not seen"""
 JUMP = 5.0
-"""standard deviations: farther than this from what is expected, an other is tracked anew"""
+"""standard deviations: somebody who is seen farther than this from what is expected is tracked anew"""
 LOST_S = 1.0
-"""s, after which an other that was not seen is forgotten"""
+"""s, after which somebody who was not seen is forgotten"""
 EXACT = 1e-4
 """m, m/s and rad, the least standard deviation that a filter assumes"""
 

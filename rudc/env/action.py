@@ -2,8 +2,7 @@
 inverse.
 
     direct       -1 and 1 are the vehicle's limits on both axes: a from a_min to a_max, delta_f from
-    -delta_max
-                 to delta_max. As a_min is larger in size than a_max, x = 0 is a light braking of
+                 -delta_max to delta_max. As a_min is larger in size than a_max, x = 0 is a light braking of
                  (a_min + a_max) / 2
     adjustment   acceleration: a_max x for x >= 0, -a_min x below, so that 0 coasts; steering: that of a
                  driver who follows the path (rudc/env/tracking.py) + adjustment y

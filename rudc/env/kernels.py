@@ -89,9 +89,7 @@ def relevant(
 
 @kernel
 def leader(seen: Table, size: Table, ego_s: float, ego_width: float) -> tuple[int, float]:
-    """Index of the first in the band that the ego will drive over, and m along the path to its rear (or
-    inf).
-    """
+    """Index of the first in the band that the ego will drive over; m along the path to its rear, or inf."""
     first, gap = 0, math.inf
     for i in range(len(seen)):
         parallel, crosswise = abs(seen[i, 2]), abs(seen[i, 3])
@@ -134,9 +132,7 @@ def braking_way(v: float, acceleration: float, time: float) -> float:
 def free_way(
     v: float, limit: float, accel: float, most: float, tau: Vector, u: Vector, y: Vector, times: Vector
 ) -> NewVector:
-    """(T,) m driven in `times` (T,) s on a free road: v0^2 / a (y(tau + a t / v0) - y(tau)), see
-    conflict.py.
-    """
+    """(T,) m in `times` (T,) s on a free road: v0^2 / a (y(tau + a t / v0) - y(tau)), u(tau) = v / v0."""
     v0 = max(limit, v)
     rate = accel / v0
     start = interpolated(min(v / v0, most), u, tau)
@@ -292,9 +288,8 @@ def gap_features(least: NewCube, touch: float) -> NewVector:
 
 @kernel
 def occupied(which: Rows, rows: Table, path: Rows, size: Table, s: NewCube, bins: int) -> NewVector:
-    """(bins + 2,): whether anyone of `which`, by hypothesis free, is on the ego's conflict zone in each of
-    `bins` equal parts of the time; then the first part that is free, and the first that is not, as shares of
-    the time (1: none).
+    """(bins + 2,): whether anyone of `which` (hypothesis free) is on the ego's conflict zone in each of
+    `bins` equal parts of the time; then the first part that is free, and the first that is not, as shares.
     """
     result = np.zeros(bins + 2)
     each = s.shape[2] // bins

@@ -1,5 +1,5 @@
-"""Tables of a route: where other paths lie along it, and the gaps between vehicles on them. They depend
-on the network only, and are computed when they are first needed.
+"""Tables of a route: where other paths lie along it, and the gaps between vehicles on them. They do not
+depend on the episode, and are computed when they are first needed.
 
 For every 0.5 m of every way through the junction on which somebody was seen, they contain arc length, lateral
 offset and direction relative to the ego's path. For every such way that is in conflict with the ego's

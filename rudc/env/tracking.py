@@ -67,7 +67,7 @@ def slowing(scene: Scene, room: float, speed: float, deceleration: float) -> flo
 
 
 def planned(scene: Scene, deceleration: float) -> float:
-    """m/s2, `deceleration` or, on a poor road, what may be planned there if that is less."""
+    """m/s2, `deceleration` or, where the road gives too little for it, PLANNED times full braking."""
     return min(deceleration, PLANNED * -scene.vehicle.a_min)
 
 

@@ -13,8 +13,8 @@ harder than a_low counts as a_low and is passed on unchanged.
 
 Some barriers know an ego that keeps h >= 0 by following its path (`Barrier.on_path`: an ego close to the path
 stays off the road's edges). A row that this ego would violate is wrong about what comes, since it takes a
-bent edge for straight. It is relaxed by the largest violation of that ego at an acceleration between full
-braking and the proposed one.
+bent edge for straight. It is relaxed by the largest amount by which that ego would violate it at any
+acceleration between full braking and the proposed one.
 
 The result, by `Corrected.status`:
 
