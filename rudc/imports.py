@@ -235,7 +235,7 @@ def import_offered(group: str) -> None:
 
 
 class Registry(MutableMapping[str, T], Generic[T]):
-    """Registered parts by name. Before it is first read, what installed packages offer is imported."""
+    """Registered parts by name. Before they are first read, what installed packages offer is imported."""
 
     def __init__(self, group: str) -> None:
         """`group`: group of the entry points whose modules register their parts here."""

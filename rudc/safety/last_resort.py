@@ -82,7 +82,7 @@ CHANGING = 0.5
 
 
 class _Others(NamedTuple):
-    """Predictions of those whom a manoeuvre might hit, m of them: up to three for each other."""
+    """m predictions of those whom a manoeuvre might hit: up to three for each of them."""
 
     who: Index
     """(m,) index of each among the scene's others"""
