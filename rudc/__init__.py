@@ -1,8 +1,8 @@
 """RUDC: a SUMO-backed testbed for safe decision-making at unsignalized intersections.
 
 Importing it registers `rudc/Intersection-v0` (rudc/registration.py), so that `gymnasium.make` knows it.
-`rudc.register_agent` and its kin let names mean what others have written; CONTRIBUTING.md says what can be
-added, and how.
+`rudc.register_agent` and the other `register_...` functions give a name to an agent, an event or another part
+that a user has written; CONTRIBUTING.md says what can be added, and how.
 """
 
 import importlib
@@ -24,7 +24,8 @@ PUBLIC = {
     "register_event": "rudc.scenario.events",
     "register_rule": "rudc.safety.rules",
 }
-"""what can be imported from here, and where it stands; imported when asked for"""
+"""name that can be imported from here -> module that defines it; the module is imported when the name is
+first used"""
 
 
 def __getattr__(name: str) -> Any:

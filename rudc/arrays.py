@@ -1,4 +1,4 @@
-"""Types of arrays, one meaning each; shapes and units stand where an array is described."""
+"""Types of arrays, each with one meaning; shapes and units are given where an array is described."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 """geometry, motion, statistics"""
 Complex = NDArray[np.complex128]
-"""places and directions in the plane, x + iy"""
+"""positions and directions in the plane, x + iy"""
 Floats = NDArray[np.float32]
-"""what neural networks take and give"""
+"""inputs and outputs of neural networks"""
 Index = NDArray[np.int64]
-"""numbers of rows"""
+"""row numbers"""
 Flags = NDArray[np.bool_]
 Arrays = dict[str, NDArray]
 """arrays by name, as a file of weights holds them"""

@@ -1,11 +1,11 @@
 """Every exception that RUDC raises on purpose; no solver's, SUMO's or pydantic's exception leaks to a user.
 
-`exit_code` is what the command line leaves with: 2 when the input was wrong, 1 when the work failed.
+`exit_code` is the exit status of the command line: 2 when the input was wrong, 1 when the work failed.
 """
 
 
 class RudcError(Exception):
-    """Base of all of them. Its text is one clear message: what is wrong, where, and what to do."""
+    """Base of all RUDC's exceptions. Its text is one clear message: what is wrong, where, and what to do."""
 
     exit_code = 1
 
@@ -25,17 +25,19 @@ class NetworkError(InputError):
 
 
 class AgentError(InputError):
-    """No such agent or checkpoint, or it does not fit."""
+    """There is no such agent or checkpoint, or its parts or settings do not fit together."""
 
 
 class PartFailedError(RudcError):
-    """A part that is not RUDC's (a barrier, a correction, an event, ...) raised an exception, or answered
-    what cannot be used; the text says which part, when, and what it was.
+    """A part that is not RUDC's (a barrier, a correction, an event, ...) raised an exception or returned
+    something that cannot be used; the text says which part, when in the episode, and what it was.
     """
 
 
 class AgentFailedError(PartFailedError):
-    """An agent raised an exception, or answered what is no action; the text says when, and where in it."""
+    """An agent raised an exception or returned something that is no action. The text says when in the
+    episode and, for an exception, where in the agent's code.
+    """
 
 
 class SweepError(InputError):
@@ -55,8 +57,8 @@ class SolverError(RudcError):
 
 
 class StorageError(RudcError):
-    """Results could not be written though the place had been tried: a disk that is full."""
+    """Results could not be written, for example because the disk is full."""
 
 
 class TrainingError(RudcError):
-    """Training went astray, or lost a worker; the last good checkpoint is kept."""
+    """Training diverged, or a worker process failed; the last good checkpoint is kept."""

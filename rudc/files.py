@@ -1,8 +1,8 @@
-"""How files come to the disk: whole or not at all, and a StorageError with a reason where that fails.
+"""Writes files whole or not at all, and raises StorageError with the reason where that fails.
 
 A file's new content goes to a draft beside it (`.NAME.new`), is flushed to the disk, and then takes the
-file's place: a kill leaves the old content or the new, never a mixture. A draft that a kill left is written
-over by the next.
+file's place. If the process is killed, the file has either the old content or the new, never a mixture. A
+draft that a killed process left behind is overwritten by the next one.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from typing import BinaryIO, NoReturn
 from rudc.errors import InputError, StorageError
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
-"""errors of a disk, or of a user's share of it, that is full"""
+"""errors that say that the disk, or the user's share of it, is full"""
 LONGEST_NAME = 180
-"""characters"""
+"""characters of a text that a file's name keeps at most"""
 
 
 def past_links(path: Path) -> Path:
-    """What a path leads to. A ring of symbolic links leads to one of them; `Path.resolve` would raise
-    RuntimeError.
+    """The path that is reached when symbolic links are followed. Where links form a ring it is one of them;
+    `Path.resolve` would raise RuntimeError.
     """
     return Path(os.path.realpath(path))
 
@@ -41,8 +41,9 @@ def names_beside(path: Path) -> list[str]:
 
 
 def file_name(text: str) -> str:
-    """A file's name made from a text. Signs that a disk may refuse become _, and what is longer than
-    LONGEST_NAME is cut. A name changed by either ends in a digest of the text, so that no two texts share it.
+    """A file's name made from a text. Characters that a file system may refuse become _, and a text longer
+    than LONGEST_NAME is cut. A name that differs from its text ends in a digest of the text, so that no two
+    texts share a name.
     """
     name = re.sub(r"[^A-Za-z0-9.+=,-]+", "_", text)
     if name == text and len(name) <= LONGEST_NAME:
@@ -51,7 +52,7 @@ def file_name(text: str) -> str:
 
 
 def make_folder(path: Path) -> None:
-    """A folder that can be written to, made if there is none. Raises InputError when there cannot be one."""
+    """Make a folder if there is none. Raises InputError when it cannot be made or cannot be written to."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -62,8 +63,9 @@ def make_folder(path: Path) -> None:
 
 
 def take_lock(path: Path, warnings: list[str]) -> int | None:
-    """Keep others out of a folder for as long as this process lives, or the descriptor that comes back is
-    open, where the system can; where it cannot, `warnings` says so. Raises InputError when another is in it.
+    """Lock a folder against other processes until the descriptor that is returned is closed or this process
+    ends. Raises InputError when another process has locked it. None on Windows, which has no such locks;
+    where the folder's file system has none, `warnings` gets a line that says so.
     """
     try:
         import fcntl
@@ -83,16 +85,16 @@ def take_lock(path: Path, warnings: list[str]) -> int | None:
 
 
 def make_folder_of(path: Path) -> None:
-    """The folder of a file that will be written; one that is there, or a device, needs none. Raises as
-    `make_folder` does.
+    """Make the folder of a file that will be written, unless the file (or device) exists already. Raises
+    InputError as `make_folder` does.
     """
     if not path.exists():
         make_folder(path.parent)
 
 
 def try_place(path: Path) -> None:
-    """Find out, before the work is done, whether a file can be written: its folder is made, a draft written,
-    and both taken away again. Raises InputError where it cannot, StorageError where the disk is full.
+    """Test, before the work begins, whether a file can be written: its folder and a draft are made and then
+    removed again. Raises InputError where it cannot, StorageError where the disk is full.
     """
     if path.is_dir():
         raise InputError(f"cannot write {path}: it is a folder; name a file")
@@ -119,8 +121,8 @@ def try_place(path: Path) -> None:
 
 
 def check_place(path: Path, what: str, *endings: str) -> None:
-    """As `try_place`, for a file whose kind its ending says; `what`: it is. A name without an ending, such as
-    a device's, promises nothing. Raises InputError for another ending.
+    """As `try_place`, for a file that must have one of `endings`; `what`: what messages call it. A name
+    without an ending, such as a device's, is accepted. Raises InputError for any other ending too.
     """
     if path.suffix and not path.name.endswith(endings):
         kinds = " or ".join(filter(None, (", ".join(endings[:-1]), endings[-1])))
@@ -129,18 +131,18 @@ def check_place(path: Path, what: str, *endings: str) -> None:
 
 
 def write_atomically(path: Path, content: str | bytes) -> None:
-    """Replace a file's content, text as UTF-8 with its line breaks as they are. Raises StorageError."""
+    """Replace a file's content; text is written as UTF-8, its line breaks unchanged. Raises StorageError."""
     with replacing(path) as file:
         file.write(content.encode() if isinstance(content, str) else content)
 
 
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[BinaryIO]:
-    """A file to write the new content to; it takes the place of `path` when the block ends, unless by an
-    exception.
+    """A file to write the new content to; it takes the place of `path` when the block ends, unless an
+    exception ends it.
 
-    A link is kept, and what it leads to replaced. What is no plain file (a device, a pipe) is written to, not
-    replaced. An OSError in the block, or after it, is raised as StorageError.
+    Where `path` is a symbolic link, the file that it leads to is replaced. What is no plain file (a device, a
+    pipe) is written to, not replaced. An OSError in the block, or after it, is raised as StorageError.
     """
     try:
         if path.exists() and not path.is_file():
@@ -169,8 +171,8 @@ def _drafted(path: Path) -> Iterator[BinaryIO]:
 
 
 def replace_folder(new: Path, old: Path) -> None:
-    """Let the folder `new` take the place of `old`; at any time one of them stands there or aside. Raises
-    StorageError.
+    """Put the folder `new` in the place of `old`, which first moves to `aside_of(old)`: at any moment there
+    is a whole folder at one of these two places. Raises StorageError.
     """
     aside = aside_of(old)
     try:
@@ -184,7 +186,7 @@ def replace_folder(new: Path, old: Path) -> None:
 
 
 def aside_of(folder: Path) -> Path:
-    """Where the old folder stands while it is being replaced."""
+    """Where the old folder is kept while it is being replaced."""
     return folder.with_name(folder.name + ".old")
 
 

@@ -1,15 +1,18 @@
 """Oriented rectangles: their corners, the gap between two of them, and whether they overlap. Vectorised.
 
-The plane is the complex numbers: a rectangle is a centre c, a direction e^(i psi) and half sizes (l, w). Seen
-from rectangle A, rectangle B lies at z = (c_B - c_A) e^(-i psi_A), turned by r = e^(i (psi_B - psi_A)).
+Points of the plane are complex numbers: a rectangle is a centre c, a direction e^(i psi) and half sizes
+(l, w). Seen from rectangle A, rectangle B lies at z = (c_B - c_A) e^(-i psi_A), turned by
+r = e^(i (psi_B - psi_A)).
 
 Overlap (separating axes): two rectangles are apart if and only if one of their four side directions separates
-them. Along A's length that is |Re z| > l_A + l_B |Re r| + w_B |Im r|; the other three read alike. The largest
-difference of the two sides is their separation: at most the gap, and negative by how far they overlap.
+them. Along A's length that is |Re z| > l_A + l_B |Re r| + w_B |Im r|; the other three inequalities have the
+same form. The separation is the largest difference, over the four, of left side and right side. It is at most
+the gap; where the rectangles overlap it is negative, by the depth of the overlap.
 
-Gap: the shortest way between two convex polygons that are apart ends at a corner of one of them, and a point
-(x, y) seen from a rectangle is hypot(max(|x| - l, 0), max(|y| - w, 0)) away from it. So the gap is the least
-of eight such distances: four corners of B from A, four of A from B. It is exact; 0 where they overlap.
+Gap: the shortest line between two convex polygons that are apart ends at a corner of one of them, and the
+distance of a point (x, y) from a rectangle that is seen from its own frame is
+hypot(max(|x| - l, 0), max(|y| - w, 0)). So the gap is the least of eight such distances: of the four corners
+of B from A, and of the four of A from B. It is exact, and 0 where they overlap.
 """
 
 from __future__ import annotations
@@ -22,7 +25,7 @@ from rudc.arrays import Array, Complex
 
 
 class Rectangles(NamedTuple):
-    """N rectangles, such as bodies that stand."""
+    """N rectangles, such as the outlines of standing vehicles."""
 
     position: Array
     """(N, 2) m, centres"""
@@ -33,7 +36,7 @@ class Rectangles(NamedTuple):
 
     @property
     def number(self) -> int:
-        """N."""
+        """The number N of rectangles."""
         return len(self.heading)
 
 
@@ -41,9 +44,9 @@ NO_RECTANGLES = Rectangles(np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)))
 
 
 _ALONG = np.array([1.0, -1.0, -1.0, 1.0])
-"""corners' places along the length in half lengths, counter-clockwise from the front left"""
+"""positions of the corners along the length, in half lengths, counter-clockwise from the front left"""
 _ACROSS = 1j * np.array([1.0, 1.0, -1.0, -1.0])
-"""and across it, in half widths"""
+"""positions of the corners across it, in half widths, in the same order"""
 
 
 def rectangle_corners(position: Array, heading: Array, size: Array) -> Array:
@@ -88,10 +91,11 @@ def gaps_between(
 
 
 def separation(r: Complex, facing: Complex, other: Complex, half: Array, half_other: Array) -> Array:
-    """(...) m, largest separation of rectangles along their side directions; negative where they overlap.
+    """(...) m, largest separation of pairs of rectangles along their side directions; negative where they
+    overlap.
 
-    `r` m from the one's centre to the other's, `facing` and `other` their directions, all (...), and `half`
-    and `half_other` (..., 2) m their half sizes; everything is broadcast.
+    `r`: (...) m, from the first one's centre to the second one's; `facing`, `other`: (...), direction of the
+    first and of the second; `half`, `half_other`: (..., 2) m, their half sizes. Everything is broadcast.
     """
     back = facing.conj()
     return _separation(r * back, r * other.conj(), other * back, half, half_other)

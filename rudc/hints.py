@@ -24,18 +24,18 @@ def did_you_mean(word: object, known: Iterable[str]) -> str:
 
 
 def there_are(word: object, known: Iterable[str]) -> str:
-    """` (did you mean 'x'?); there are: x, y, z`, to stand behind the words that say what there is not."""
+    """` (did you mean 'x'?); there are: x, y, z`: the end of a message that says that `word` is unknown."""
     names = list(known)
     return f"{did_you_mean(word, names)}; there are: {', '.join(names)}"
 
 
 def listed(names: Sequence[str], most: int = 12) -> str:
-    """`x, y, z`; of more than `most` the first, and how many there are."""
+    """`x, y, z`; of more than `most` names only the first `most`, and how many there are in all."""
     return ", ".join(names[:most]) + (f", ... ({len(names)} in all)" if len(names) > most else "")
 
 
 def install_command(extra: str) -> str:
-    """The command that installs an extra, for a checkout (from whatever folder) and for a package alike."""
+    """The command that installs an extra, for a checkout (it works in any folder) or an installed package."""
     root = Path(__file__).resolve().parent.parent
     if not (root / "pyproject.toml").is_file():
         return f'{_near(Path(sys.executable))} -m pip install "rudc[{extra}]"'

@@ -1,11 +1,13 @@
-"""Python files and modules of other people: what a user names, and what installed packages offer.
+"""Imports Python code that is not RUDC's: files and modules that a user names, and what installed packages
+offer.
 
-A file's folder may be imported from, as when Python runs the file, and so may the working folder for modules.
+A named file can import from its own folder, as when Python runs it; a named module may lie in the working
+folder.
 
 An installed package offers agents, events, algorithms and barriers by entry points of the groups
-`rudc.agents`, `rudc.events`, `rudc.algorithms` and `rudc.barriers`. Those of agents are classes or functions,
-each imported when its name is given. The others are modules that register what they have, imported when
-somebody asks what there is of their kind:
+`rudc.agents`, `rudc.events`, `rudc.algorithms` and `rudc.barriers`. An agent's entry point is a class or
+function; it is imported when the agent's name is given. The entry points of the other groups are modules that
+register their parts; all modules of a group are imported when the parts of that kind are first looked up:
 
     [project.entry-points."rudc.agents"]
     careful = "my_package.agents:Careful"
@@ -39,21 +41,21 @@ from rudc.errors import InputError, PartFailedError, RudcError
 from rudc.hints import did_you_mean
 
 PREFIX = "rudc_own_"
-"""what the names of modules made of files begin with"""
+"""beginning of the names of modules that are made from files"""
 PLUGINS = ("rudc.events", "rudc.algorithms", "rudc.barriers")
-"""groups of entry points whose modules are all imported as soon as one of their kind is asked for"""
+"""groups of entry points whose modules are all imported when the parts of their kind are first looked up"""
 
 _PLACE = re.compile(r"(?P<module>[A-Za-z_][\w.]*):[A-Za-z_]\w*")
-"""as `found_at` takes it"""
+"""text in the form that `found_at` takes: `package.module:Class`"""
 
 T = TypeVar("T")
 
 _asked: dict[str, None] = {}
 _groups: set[str] = set()
 _broken: set[str] = set()
-"""groups of which something was left out"""
+"""groups of which an entry point was left out"""
 _tell: Callable[[str], None] | None = None
-"""is told of what is left out; None where it is refused"""
+"""gets a line for each entry point that is left out; None: one that cannot be imported raises an error"""
 
 
 def import_source(source: str) -> ModuleType:
@@ -62,7 +64,7 @@ def import_source(source: str) -> ModuleType:
 
 
 def import_first(source: str) -> None:
-    """As `import_source`, and remember it: a sweep's workers import it before anything else."""
+    """As `import_source`; also remembers the source, which a sweep's workers import before anything else."""
     import_source(source)
     _asked[str(Path(os.path.expanduser(source)).resolve()) if source.endswith(".py") else source] = None
 
@@ -73,8 +75,8 @@ def imported_first() -> tuple[str, ...]:
 
 
 def sources_digests() -> dict[str, dict[str, str]]:
-    """Of each that `import_first` was asked for, by the name of its file, with a number where another has
-    the same: see `code_beside`.
+    """File or module name -> digests of its code (`code_beside`), for each source that `import_first` was
+    asked for. Where several have the same name, the later ones get a number behind it.
     """
     found: dict[str, dict[str, str]] = {}
     alike: Counter[str] = Counter()
@@ -87,9 +89,9 @@ def sources_digests() -> dict[str, dict[str, str]]:
 
 
 def plugins() -> dict[str, dict[str, str]]:
-    """Of each installed package that offers events, algorithms or barriers, by its name: its `version`, and
-    digests of the modules that it offers, see `code_beside`. Imports none of them, so that it does not depend
-    on what somebody has asked for already.
+    """Name of each installed package that offers events, algorithms or barriers -> its `version`, and digests
+    of the modules that it offers (`code_beside`). Imports none of them, so the result does not depend on what
+    was imported before.
     """
     found: dict[str, dict[str, str]] = {}
     for group in PLUGINS:
@@ -115,11 +117,13 @@ def _place(module: str) -> Path | None:
 
 
 def code_beside(path: Path, *, named: bool = False) -> dict[str, str]:
-    """16 hexadecimal digits of a Python file and of each that it imports from its own folder or, if that is a
-    package, from that package; by path. RUDC's own code is left out, and what pip installs.
+    """Path -> first 16 hexadecimal digits of the SHA-256 digest, for a Python file and for each file that it
+    imports from its own folder or, if that folder belongs to a package, from that package. RUDC's own code is
+    left out, and so are other packages that pip has installed.
 
-    What is imported is told from the text: what is only named to `importlib.import_module` is not found.
-    `named`: modules of texts such as `"package.module:Class"` count as imported, as an algorithm names them.
+    Imports are read from the text of a file; names that are passed to `importlib.import_module` are not
+    found. `named`: a string such as `"package.module:Class"`, by which an algorithm names a class, counts as
+    an import too.
     """
     root = home = path.resolve().parent
     while (root / "__init__.py").is_file():
@@ -142,12 +146,14 @@ def code_beside(path: Path, *, named: bool = False) -> dict[str, str]:
 
 
 def _belongs(file: Path, root: Path, home: Path) -> bool:
-    """Whether a file that is imported lies under `home`, and is not RUDC's own."""
+    """Whether an imported file lies under `home` and is not RUDC's own."""
     return file.is_relative_to(home) and file.relative_to(root).parts[0] != "rudc"
 
 
 def _imported_by(file: Path, text: bytes, root: Path, named: bool) -> Iterator[Path]:
-    """The files under `root` that a Python file imports, or if `named` names as `module:Class`."""
+    """The files that a Python file imports from under `root`; if `named`, also those that it names in a
+    string `module:Class`.
+    """
     try:
         tree = ast.parse(text)
     except (SyntaxError, ValueError):
@@ -172,13 +178,13 @@ def _imported_by(file: Path, text: bytes, root: Path, named: bool) -> Iterator[P
 
 
 def found_at(place: str) -> Any:
-    """What a module of ours, or of a package, has under a name: `package.module:Class`."""
+    """The object at a place `package.module:Class`, in RUDC or in a package; its module is imported."""
     module, _, name = place.partition(":")
     return getattr(importlib.import_module(module), name)
 
 
 def load_entry(entry: EntryPoint, error: type[InputError] = InputError) -> Any:
-    """What an installed package offers there. Raises `error`."""
+    """The object that an installed package's entry point names. Raises `error` if the import fails."""
     try:
         return entry.load()
     except (Exception, SystemExit) as failed:
@@ -191,8 +197,8 @@ def load_entry(entry: EntryPoint, error: type[InputError] = InputError) -> Any:
 
 @contextmanager
 def leaving_out(tell: Callable[[str], None]) -> Iterator[None]:
-    """In the block, what installed packages offer and cannot be imported is left out, and `tell` is told why
-    in a line: for lists of what there is. Afterwards it is refused, as before.
+    """Within the block, an entry point of an installed package that cannot be imported is left out, and
+    `tell` gets a line that says why. This is for listings. After the block it raises an error again.
     """
     global _tell
     before, _tell = _tell, tell
@@ -205,7 +211,7 @@ def leaving_out(tell: Callable[[str], None]) -> Iterator[None]:
 
 
 def leave_out(error: InputError) -> None:
-    """Say that something is left out, and why, in a block of `leaving_out`; anywhere else raise the error."""
+    """In a block of `leaving_out`, tell that something is left out, and why; elsewhere raise the error."""
     if _tell is None:
         raise error
     _tell(" ".join(str(error).split()))
@@ -229,12 +235,12 @@ def import_offered(group: str) -> None:
 
 
 class Registry(MutableMapping[str, T], Generic[T]):
-    """What is registered, by name; before it is first read, what installed packages offer is imported."""
+    """Registered parts by name. Before they are first read, what installed packages offer is imported."""
 
     def __init__(self, group: str) -> None:
-        """`group`: of the entry points of modules that register theirs here."""
+        """`group`: group of the entry points whose modules register their parts here."""
         self.so_far: dict[str, T] = {}
-        """what is registered by now, to be read without importing anything"""
+        """what is registered so far; reading it imports nothing"""
         self._group = group
 
     def _all(self) -> dict[str, T]:
@@ -258,16 +264,16 @@ class Registry(MutableMapping[str, T], Generic[T]):
 
 
 class Carried:
-    """A value on its way to another process, which first imports what this one was asked to import first.
+    """A value to be sent to another process, which first imports what `import_first` was asked for here.
 
-    What arrives there is the value.
+    The other process receives the value itself, not a `Carried`.
     """
 
     def __init__(self, value: Any) -> None:
         self.value = value
 
     def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
-        """Pickled twice, so that imports come before the value is looked at."""
+        """The value is pickled inside the pickle, so that the imports are done before it is unpickled."""
         return _arrived, (imported_first(), pickle.dumps(self.value))
 
 
@@ -278,7 +284,9 @@ def _arrived(sources: tuple[str, ...], pickled: bytes) -> Any:
 
 
 def in_words(error: BaseException) -> str:
-    """`ValueError: what it says (file.py:12)`, where it was raised, or what does not parse."""
+    """`ValueError: its message (file.py:12)`, with the line that raised it or, for a SyntaxError, the line
+    that does not parse.
+    """
     if isinstance(error, SyntaxError) and error.filename:
         return f"{type(error).__name__}: {error.msg} ({Path(error.filename).name}:{error.lineno})"
     frames = traceback.extract_tb(error.__traceback__)
@@ -287,14 +295,14 @@ def in_words(error: BaseException) -> str:
 
 
 def is_own(thing: Any) -> bool:
-    """Whether a function, or the class of a thing, is not RUDC's, so that what it answers is looked at."""
+    """Whether a function, or the class of a thing, is not RUDC's, so that its answers must be checked."""
     module = getattr(thing, "__module__", None)  # instances of built-in classes have none
     return not (module or "").startswith("rudc.")
 
 
 def ask_own(who: str, time_s: float | None, method: str, call: Callable[[], T]) -> T:
-    """What code of other people answers. Raises PartFailedError, with `who` it is and the time in the episode
-    (None: in none), where that raises anything but an error of ours.
+    """The answer of code that is not RUDC's. If that raises anything but a RudcError, raises PartFailedError,
+    which names the part (`who`), the time in the episode (None: outside episodes) and the `method`.
     """
     try:
         return call()
@@ -305,12 +313,14 @@ def ask_own(who: str, time_s: float | None, method: str, call: Callable[[], T]) 
 
 
 def refused(who: str, time_s: float | None, method: str, told: str, wanted: str) -> PartFailedError:
-    """The error for an answer of other people's code: what is `told` of it, and what was `wanted`."""
+    """The error for a wrong answer of code that is not RUDC's; `told` describes the answer, `wanted` what was
+    expected.
+    """
     return PartFailedError(f"{_at(who, time_s)}: {method} answered {told}; expected {wanted}")
 
 
 def shortened(answer: Any) -> str:
-    """What somebody's code answered, in one line of a message."""
+    """An answer as text for a message: one line of at most 80 characters."""
     text = " ".join(repr(answer).split())
     return text if len(text) <= 80 else f"{text[:77]}..."
 
@@ -330,7 +340,7 @@ def _file(source: str) -> ModuleType:
 
 @lru_cache(maxsize=64)
 def _load(path: Path, _modified: int) -> ModuleType:
-    """The file as a module, run once for as long as it stays as it is."""
+    """The file as a module; it runs again only after the file has changed."""
     _importable(path.parent)
     name = f"rudc_own_{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:8]}"
     spec = importlib.util.spec_from_file_location(name, path)

@@ -1,13 +1,15 @@
-"""Kernels: functions of plain numbers and arrays that are compiled to machine code once; and rectangles.
+"""Kernels: functions of plain numbers and arrays that numba compiles to machine code; kernels of rectangles.
 
-What decides ten times a second calls numpy on arrays of ten numbers, and pays for the call. A kernel is
-written out as loops, in one call. Each floor has its kernels in one module `kernels.py`. The first call of
-any of them compiles what was never compiled on this machine (half a minute for all), or loads it (most of a
-second), numba with it; so what never drives pays for neither. `as_written` does without for a few calls.
+On arrays of ten numbers, numpy spends most of its time on the call itself, and each decision would make many
+such calls. A kernel does the same work in loops, in one call. Kernels are in modules whose names end in
+`kernels.py`. The first call of any kernel imports numba and compiles all kernels (half a minute if this
+machine has none of them yet) or loads them (most of a second). So a command that never drives waits for
+neither. Within `as_written`, kernels run uncompiled, which is faster for a few calls.
 
-Compiled code lies beside the module, or where that cannot be written to in the user's cache folder or a
-temporary one; NUMBA_CACHE_DIR says otherwise. It is kept by the content of all kernels, since one may call
-another's. There is no fast-math and no parallel loop: the same numbers on any number of workers.
+Compiled code is kept in the folder NUMBA_CACHE_DIR or, if that is not set, beside this module; if neither can
+be written to, in the user's cache folder or a temporary one. The folder's name is a digest of the source of
+all kernels, since a kernel may call one of another module. There is no fast-math and no parallel loop, so the
+numbers are the same with any number of workers.
 """
 
 from __future__ import annotations
@@ -31,7 +33,7 @@ Result = TypeVar("Result")
 
 
 class Layout(NamedTuple):
-    """Of an array, in numba's words; of a number, with no dimensions."""
+    """Layout of an array in numba's terms; a number has 0 dimensions."""
 
     dtype: str
     dimensions: int = 0
@@ -44,7 +46,7 @@ def _read(dtype: str, dimensions: int) -> Layout:
 
 
 Vector = Annotated[Array, _read("float64", 1)]
-"""(n,), read whatever its strides; the others likewise"""
+"""(n,), only read, with any strides; so are the next six"""
 Table = Annotated[Array, _read("float64", 2)]
 Cube = Annotated[Array, _read("float64", 3)]
 Places = Annotated[Complex, _read("complex128", 1)]
@@ -52,20 +54,20 @@ PlaceTable = Annotated[Complex, _read("complex128", 2)]
 Rows = Annotated[Index, _read("int64", 1)]
 Marks = Annotated[Flags, _read("boolean", 1)]
 NewVector = Annotated[Array, Layout("float64", 1)]
-"""(n,), made by a kernel or written to; the others likewise"""
+"""(n,), made by a kernel or written to; so are the others below"""
 NewTable = Annotated[Array, Layout("float64", 2)]
 WrittenTable = Annotated[Array, Layout("float64", 2, "A")]
-"""a table written to, whatever its strides"""
+"""a table that is written to, with any strides"""
 NewCube = Annotated[Array, Layout("float64", 3)]
 NewColumns = Annotated[Array, Layout("float64", 2, "F")]
-"""a table, one column after the other"""
+"""a table that is stored column by column"""
 NewPlaces = Annotated[Complex, Layout("complex128", 1)]
 NewPlaceTable = Annotated[Complex, Layout("complex128", 2)]
 NewRows = Annotated[Index, Layout("int64", 1)]
 NewRowTable = Annotated[Index, Layout("int64", 2)]
 NewFlags = Annotated[Flags, Layout("boolean", 1)]
 NewSingle = Annotated[Floats, Layout("float32", 1)]
-"""of single precision"""
+"""(n,), single precision"""
 
 _PLAIN = {float: "float64", int: "int64", bool: "boolean", complex: "complex128"}
 
@@ -83,7 +85,9 @@ def _type_of(hint: Any) -> Any:
 
 
 class _StandIn:
-    """Has a kernel's name until one is called; whoever kept it calls the kernel through it."""
+    """Takes a kernel's place until kernels are loaded. Code that still holds it then calls the kernel through
+    it.
+    """
 
     def __init__(self, written: Callable[..., Any]) -> None:
         update_wrapper(self, written)
@@ -100,14 +104,14 @@ class _StandIn:
 
 
 _waiting: list[_StandIn] = []
-"""kernels that were defined and not compiled, callees first"""
+"""kernels that are defined but not yet compiled, callees first"""
 _loaded = False
-"""whether numba is there already: kernels are then compiled where they are defined"""
+"""whether kernels were loaded: from then on, a kernel is compiled where it is defined"""
 _uncompiled = False
 
 
 def kernel(function: Callable[..., Result]) -> Callable[..., Result]:
-    """Make a function a kernel for the types that it states. Divisions by 0 are as numpy's."""
+    """Make a function a kernel for its annotated types. Division by 0 gives inf or nan, as in numpy."""
     if _loaded:
         return _compiled(function)
     _waiting.append(_StandIn(function))
@@ -115,7 +119,7 @@ def kernel(function: Callable[..., Result]) -> Callable[..., Result]:
 
 
 def load_kernels() -> None:
-    """Compile all kernels that were defined, or load them, and have them take their stand-ins' places."""
+    """Compile or load all kernels defined so far, and put them in the places of their stand-ins."""
     global _loaded
     _loaded = True
     ours = [vars(module) for name, module in [*sys.modules.items()] if name.partition(".")[0] == "rudc"]
@@ -136,9 +140,9 @@ def load_kernels() -> None:
 
 @contextlib.contextmanager
 def as_written() -> Iterator[None]:
-    """In the block kernels that are not loaded run as the Python they are: for a few calls that is sooner.
+    """Within the block, kernels that are not loaded run as plain Python, which is faster for a few calls.
 
-    The last bits may differ, so nothing whose numbers are kept is run in it.
+    The last bits of results may differ, so nothing whose numbers are kept may run in it.
     """
     global _uncompiled
     before, _uncompiled = _uncompiled, True
@@ -164,7 +168,9 @@ def _compiled(function: Callable[..., Result]) -> Callable[..., Result]:
 
 @contextlib.contextmanager
 def _alone() -> Iterator[None]:
-    """No other process compiles meanwhile: what two want at once one compiles, and the other loads."""
+    """Within the block no other process compiles. If two need a kernel at once, one compiles it and the other
+    loads it.
+    """
     with contextlib.ExitStack() as held:
         with contextlib.suppress(ImportError, OSError):  # no such locks on Windows
             import fcntl
@@ -176,7 +182,7 @@ def _alone() -> Iterator[None]:
 
 @cache
 def _folder() -> str:
-    """Where compiled kernels of this content lie."""
+    """Folder of the kernels that were compiled from the present source."""
     package = Path(__file__).parent
     digest = hashlib.sha256()
     for module in filter(Path.is_file, sorted(package.rglob("*kernels.py"))):  # no locks of editors
@@ -215,7 +221,8 @@ def separation(
 ) -> float:
     """m, largest separation of two rectangles along their side directions (see rudc/geometry.py).
 
-    `r` m from the one's centre to the other's, `facing` and `other` their directions, then half sizes m.
+    `r`: m, from the first one's centre to the second one's; `facing`, `other`: direction of the first and of
+    the second; `length`, `width`, `its_length`, `its_width`: their half sizes, m.
     """
     z, turn, back = r * facing.conjugate(), other * facing.conjugate(), r * other.conjugate()
     cos, sin = abs(turn.real), abs(turn.imag)
@@ -230,7 +237,9 @@ def separation(
 def _corners_away(
     z: complex, turn: complex, length: float, width: float, box_length: float, box_width: float
 ) -> float:
-    """m2, least squared distance from a corner of a rectangle at z, turned, to a box about the origin."""
+    """m2, least squared distance from a corner of a rectangle at z m, turned by `turn`, to a box about the
+    origin; all lengths and widths are half sizes, m.
+    """
     least = 1e300
     for along in (length, -length):
         for across in (width, -width):

@@ -1,7 +1,7 @@
 """Settings of which several kinds are registered by name, such as actions and corrections.
 
-A kind is registered by its class, or by where that is found (`module:Class`): then its file is imported when
-it is first asked for.
+A kind is registered by its class or by its place (`module:Class`); a module given by a place is imported when
+the kind is first used.
 """
 
 from __future__ import annotations
@@ -22,14 +22,15 @@ Kinds = Mapping[str, type[M] | str]
 
 
 def class_of(kind: type[M] | str) -> type[M]:
-    """The class of what is registered."""
+    """The class of a registered kind, imported if it is given by its place."""
     found: Any = found_at(kind) if isinstance(kind, str) else kind
     return found
 
 
 def of_kind(value: Any, registered: Kinds[M], base: type[M]) -> M:
-    """The settings that `value` stands for: themselves, the name of a kind (with its defaults), or a mapping
-    of `kind` and settings. For a pydantic validator: raises ValueError, or pydantic's own.
+    """The settings that `value` stands for. It may be such settings already, the name of a kind (with its
+    defaults), or a mapping of `kind` and settings. For use in a pydantic validator: raises ValueError or
+    pydantic's ValidationError.
     """
     if isinstance(value, base):
         return value
@@ -45,7 +46,7 @@ def of_kind(value: Any, registered: Kinds[M], base: type[M]) -> M:
 
 
 def read_kind(value: Any, registered: Kinds[M], base: type[M], what: str) -> M:
-    """The same, of what a user gave; `what` it is goes into messages. Raises InputError."""
+    """As `of_kind`, for a value that a user gave; messages call it `what`. Raises InputError."""
     try:
         return of_kind(value, registered, base)
     except ValidationError as error:

@@ -1,6 +1,6 @@
-"""The environment's id, made known to gymnasium when that is imported, before or after RUDC.
+"""Registers the environment's id with gymnasium, whether that is imported before RUDC or after it.
 
-Importing gymnasium takes longer than everything that `rudc --help` needs.
+RUDC does not import gymnasium for this: that takes longer than everything that `rudc --help` needs.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ ENV_ID = "rudc/Intersection-v0"
 
 
 def register_environment() -> None:
-    """Register the id now if gymnasium is there, else as soon as it is."""
+    """Register the id now if gymnasium has been imported, else as soon as it is."""
     if "gymnasium" in sys.modules:
         _register()
     elif not any(isinstance(finder, _Waiting) for finder in sys.meta_path):
@@ -31,9 +31,10 @@ def _register() -> None:
 
 
 class _Waiting(MetaPathFinder):
-    """Stands aside until gymnasium has been imported, and registers when that is done.
+    """An import hook that registers the id at the end of gymnasium's import.
 
-    Others may ask for gymnasium's specification (`importlib.util.find_spec`) long before anybody imports it.
+    It does not act when gymnasium is only looked up: code may ask for its specification
+    (`importlib.util.find_spec`) long before it imports gymnasium.
     """
 
     _asking = False
@@ -41,7 +42,7 @@ class _Waiting(MetaPathFinder):
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """gymnasium's own specification, which registers in the end; None for all others."""
+        """gymnasium's own specification, whose loader registers the id at the end; None for other modules."""
         if fullname != "gymnasium" or self._asking:
             return None
         self._asking = True

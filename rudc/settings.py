@@ -1,8 +1,9 @@
-"""`Settings`: frozen configuration with one spelling for each number that counts.
+"""`Settings`: frozen configuration that holds only what has an effect.
 
-A setting that decides nothing, as the others stand, is refused where somebody sets it, with the reason, and
-left out where settings are written. So what a file says is what was used, and two files that differ differ in
-effect. Keys are dotted, `learner.n_step`, and the same wherever a setting is given: `changed`.
+Some settings have no effect because of the values of others. Such a setting is refused, with the reason,
+where somebody sets it, and it is left out where settings are written. So a file says what was used, and two
+files that differ also differ in effect. Keys are dotted, such as `learner.n_step`, and are the same wherever
+a setting can be given (see `changed`).
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from rudc.errors import InputError
 from rudc.hints import nearest
 
 NO_EFFECT = "no_effect"
-"""type of the validation error of a setting that decides nothing"""
+"""type of the validation error for a setting that has no effect"""
 Tree = dict[str, Any]
 M = TypeVar("M", bound=BaseModel)
 
@@ -48,11 +49,12 @@ class Settings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
     def keys(self) -> Iterable[str]:
-        """Names of all settings there are."""
+        """Names of all settings."""
         return type(self).model_fields
 
     def without_effect(self) -> Mapping[str, str]:
-        """Dotted keys that decide nothing as the others stand, and why; subclasses say which."""
+        """Dotted key of each setting that has no effect because of the others -> why; subclasses override
+        this."""
         return {}
 
     @model_validator(mode="after")
@@ -82,9 +84,9 @@ class Settings(BaseModel):
 
 
 def changed(settings: M, changes: Mapping[str, Any], what: str) -> M:
-    """The same settings with values changed at dotted keys. Another `kind` of a section brings that kind's
-    own values; what has no effect any more is forgotten, unless it is among the changes. `what` is changed
-    goes into messages. Raises InputError, with a hint.
+    """The same settings with values changed at dotted keys. If the `kind` of a section changes, the section
+    gets that kind's default values. Settings that have no effect any more are dropped; one that is among the
+    changes is refused. Messages call the settings `what`. Raises InputError, with a hint.
     """
     values = settings.model_dump()
     for key in sorted(changes, key=lambda key: not key.endswith(".kind")):
@@ -93,8 +95,8 @@ def changed(settings: M, changes: Mapping[str, Any], what: str) -> M:
 
 
 def settled(model: type[M], values: Tree, given: Iterable[str], what: str, known: Iterable[str] = ()) -> M:
-    """Settings from a tree that was put together: values that have no effect in it are left out, but
-    refused at the keys that somebody has given. Raises InputError, with hints at known keys.
+    """Settings from a tree of values. Values that have no effect in it are left out, except at the keys that
+    somebody has `given`: there they are refused. Raises InputError, with hints at `known` keys.
     """
     values, given = deepcopy(values), tuple(given)
     while True:
@@ -111,7 +113,9 @@ def settled(model: type[M], values: Tree, given: Iterable[str], what: str, known
 
 
 def merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> Tree:
-    """Two trees as one, in which the upper one's values count; another `kind` replaces a section whole."""
+    """Two trees as one; values of `above` take precedence, and a section with another `kind` is replaced
+    whole.
+    """
     result = deepcopy(dict(below))
     for key, value in above.items():
         mine = result.get(key)
@@ -137,8 +141,9 @@ def known_keys(settings: BaseModel, before: str = "") -> Iterator[str]:
 
 
 def meant(key: str, known: Iterable[str]) -> str:
-    """` (did you mean 'x'?)`: a key with the same last part, of several the one most like it as a whole; or
-    else one whose last part is like it, of the same section where that is known.
+    """` (did you mean 'x'?)`, or nothing. The suggestion is a known key with the same last part (the one most
+    like `key` if there are several), else one whose last part is similar, from the same section if that is
+    known.
     """
     keys = list(known)
     section, _, last = key.rpartition(".")
@@ -159,8 +164,9 @@ def problems(
     given: Iterable[str] = (),
     values: Tree | None = None,
 ) -> str:
-    """All that pydantic found wrong with `what`, one `key: message` each, with hints at known keys; what
-    leads nowhere is named as it was given. `values`: the tree that was read, for its kinds.
+    """All that pydantic found wrong with `what`, one `key: message` for each problem, with hints at known
+    keys. An unknown key is named as it was `given`. `values`: the tree that was read; it says of which kind a
+    section is.
     """
     keys = list(known)
     parts = []
@@ -175,7 +181,7 @@ def problems(
 
 
 def _with_kind(key: str, values: Tree | None) -> str:
-    """` with correction.kind=none`, where a key's section is of a kind."""
+    """` with correction.kind=none`, where the key's section has a `kind`; else nothing."""
     section = key.rpartition(".")[0]
     kind = (_section(values, section) or {}).get("kind") if section else None
     return f" with {section}.kind={kind}" if kind else ""

@@ -1,10 +1,11 @@
-"""The ego vehicle (EV): its body and limits, and what stands between a command and its wheels."""
+"""The ego vehicle (EV): its body and limits, and how its car carries out a command."""
 
 import math
 from dataclasses import dataclass
 
 TURNING = 0.5
-"""rad, front-wheel angle of the tightest bend that is planned; what is left serves to stay on it"""
+"""rad, front-wheel angle of the tightest bend that is planned; the rest, up to `delta_max`, is kept for
+corrections that keep the EV on the planned line"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,15 +35,15 @@ class EgoVehicle:
         return math.tan(TURNING) / self.wheelbase
 
     def scaled(self, a: float, delta: float) -> float:
-        """Size of a change of an action by a (m/s2) and delta (rad), after both are scaled as an action in
-        [-1, 1] is.
+        """Size (a norm, without unit) of a change of the action by `a` m/s2 and `delta` rad, each in units in
+        which the vehicle's range is [-1, 1].
         """
         return math.hypot(a / (0.5 * (self.a_max - self.a_min)), delta / self.delta_max)
 
 
 @dataclass(frozen=True, slots=True)
 class Actuation:
-    """What stands between a command and the wheels."""
+    """How the car carries out a command: dead time, lag, and the friction of the road."""
 
     delay_s: float = 0.0
     """s, dead time of both commands"""

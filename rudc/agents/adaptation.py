@@ -1,20 +1,21 @@
-"""Driving the car that is there: what a driver is shown, and how fast it may go, with the plant as
-identified.
+"""Adapts a driver to the car and road that it has: which scene it is shown, and how fast it may go. The plant
+(dead time, lag and friction) is estimated (rudc/safety/plant.py) or known (`Scene.actuation`, for ablations).
 
-    look ahead   a command given now acts after the dead time d: the scene is predicted by d, the ego under
-                 the commands that are on their way, the others along their paths (Smith predictor)
-    haste        where the wheels follow with a lag T, they are commanded beyond the wanted angle delta, so
-                 that they reach it within a decision of t s: delta_0 + (delta - delta_0) / (1 - exp(-t / T))
-    limits       braking and accelerating within USABLE mu g, for filter, last resort and driver alike
-    govern       speed in bends as of USABLE mu g, reached by braking with BRAKING mu g; where grip is poor as
-                 of LATERAL mu g, on straights at most max(CAREFUL, what stops within STOPPING m), and before
-                 what the ego does not see, what stops in time for who may come from there (hidden.py);
-                 steering within what braking leaves of mu g, up to BRAKING of it: wheels that ask for more
-                 turn the car no further, and take all that brakes could have
-    probe        short full brakings, which ask how well the road grips (probe.py)
-    slide        where grip is poor and the ego too fast for its bend: a way to stay on the road (slide.py)
-
-The plant is estimated (rudc/safety/plant.py), or known (`Scene.actuation`: for ablations).
+    look ahead   A command given now acts after the dead time d. So the driver is shown the scene d later: the
+                 ego as the commands that are on their way move it, the others along their paths (a Smith
+                 predictor)
+    haste        Wheels with a lag T are commanded beyond the wanted angle delta, so that they reach it within
+                 one decision of t s: delta_0 + (delta - delta_0) / (1 - exp(-t / T))
+    limits       Braking and accelerating are limited to USABLE mu g, for filter, last resort and driver alike
+    govern       Bends are taken at the speed at which they need USABLE mu g, reached by braking at BRAKING mu
+                 g. Where grip is poor, bends may need LATERAL mu g only; on straights the speed is at
+                 most the larger of CAREFUL and the speed that BRAKING mu g stops within STOPPING m; and
+                 the ego can stop for anybody who may come from where it does not see (hidden.py).
+                 Steering is limited to what braking, of up to BRAKING mu g, leaves of mu g: wheels that
+                 ask for more do not turn the car any further, and take all grip from the brakes
+    probe        Short full brakings show how well the road grips (probe.py)
+    slide        Where grip is poor and the ego too fast for its bend, manoeuvres keep it on the road
+                 (slide.py)
 """
 
 from __future__ import annotations
@@ -45,18 +46,20 @@ USABLE = 0.9
 LATERAL, BRAKING = 0.75, 0.6
 """shares of mu g that bends and planned braking may ask for where grip is poor"""
 FULL = 0.98
-"""share of what can be braked, from which on the brakes are asked for all that they have: more than the road
-gives brakes no worse, and shows at once if it gives more than was thought"""
+"""share of the possible braking from which on full braking is commanded: asking for more than the road gives
+brakes no less, and shows at once if the road gives more than was thought"""
 POOR = 6.0
-"""m/s2 of grip, below which it is poor: what full braking on a dry road takes"""
+"""m/s2, grip below this is poor: it is what full braking needs on a dry road"""
 CAREFUL = 6.0
 """m/s, always allowed on straights"""
 STOPPING = 10.0
-"""m"""
+"""m, within which the ego can stop on straights where grip is poor, unless it drives at CAREFUL or less"""
 
 
 class Adaptation:
-    """Of one agent; `reset` begins an episode."""
+    """Adapts one agent to its car and road, decision by decision; call `reset` at the start of each
+    episode.
+    """
 
     def __init__(self, knowledge: Knowledge, *, probe: bool) -> None:
         self._known, self._probes = knowledge == "known", probe and knowledge == "estimated"
@@ -76,7 +79,7 @@ class Adaptation:
         self._path: ReferencePath | None = None
 
     def see(self, scene: Scene) -> Scene:
-        """The scene in which a command given now will act, with the limits that the road gives."""
+        """The scene in which a command given now will act, with the vehicle's limits as the road allows."""
         if self._seen != scene.time_s:
             self._seen = scene.time_s
             self.estimate = self._monitor.update(scene.ego, scene.last_u)
@@ -91,7 +94,9 @@ class Adaptation:
         return replace(self._ahead(scene), vehicle=limited)
 
     def govern(self, scene: Scene, u: Array, *, onwards: bool = False) -> Array:
-        """(2,) the command, bounded; `scene` as shown by `see`. `onwards`: in bends only."""
+        """(2,) m/s2 and rad, the command `u` (2,) within its bounds; `scene` as `see` showed it.
+        `onwards`: the speed is bounded in bends only, and no probe is made.
+        """
         a, delta, grip = float(u[0]), float(u[1]), min(self.estimate.grip, DRY * GRAVITY)
         allowed = self._allowed(scene, grip)
         if grip < POOR and not onwards:
@@ -130,15 +135,15 @@ class Adaptation:
         return replace(others_later(scene, later), ego=ego, ego_s=s, ego_offset=offset, waited_s=waited)
 
     def _allowed(self, scene: Scene, grip: float, reaction_s: float = 0.0) -> float:
-        """m/s, speed from which all bends ahead can be taken with that grip (m/s2); the least from here to
-        where the ego will be when its speed has followed."""
+        """m/s, speed from which all bends ahead can be taken with that `grip` (m/s2): the least of `_speeds`
+        from here to where the ego will be once its speed has followed the command."""
         profile = self._speeds(scene, grip)
         way = scene.ego.v * (RESPONSE_S + self.estimate.actuation.lag_s + reaction_s)
         first = min(max(int(scene.ego_s / SPACING), 0), len(profile) - 1)
         return min(profile[first : first + int(way / SPACING) + 1].tolist())
 
     def _speeds(self, scene: Scene, grip: float) -> Array:
-        """(M,) m/s along the ego's path, as of `_profile`; kept."""
+        """(M,) m/s, `_profile` of the ego's path; kept for the next call."""
         path = scene.route.path
         if self._path is not path:
             self._path = path
@@ -149,7 +154,7 @@ class Adaptation:
         return profile
 
     def _asks(self, scene: Scene, grip: float) -> bool:
-        """Whether to brake in order to learn how well the road grips."""
+        """Whether to brake now in order to learn how well the road grips."""
         if self._probe is None:
             return False
         allowed = self._allowed(scene, FALLEN * grip, LONGEST_S)
@@ -161,7 +166,9 @@ class Adaptation:
 
 
 def _profile(path: ReferencePath, grip: float) -> Array:
-    """(M,) m/s at each station of the path, from which all bends ahead can be taken with that grip (m/s2)."""
+    """(M,) m/s, highest speed at each station of the path from which all bends ahead can be taken with that
+    `grip` (m/s2).
+    """
     share = LATERAL if grip < POOR else USABLE
     squared = (share * grip / np.maximum(np.abs(path.curvature), 1e-4)).tolist()
     for i in range(len(squared) - 2, -1, -1):

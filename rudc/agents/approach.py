@@ -1,17 +1,18 @@
-"""How fast an ego that has to give way comes to its waiting point.
+"""How fast an ego that has to give way may approach its waiting point.
 
 While a gap in the traffic that has priority is too short (rudc/agents/gaps.py) by CLOSE or more, the ego
-comes no faster than it can stop at its waiting point, braking at PLANNED. Without that it would stop beyond,
-in the way of somebody who slowed down for a turn of his own and then sped up. Somebody fast has less speed
-to gain: a gap before him counts only if it is too short by CLOSE_TO_FAST.
+drives no faster than it can stop from at its waiting point, braking at PLANNED. Without this rule it would
+stop beyond that point, in the way of a vehicle that slowed down for a turn and then sped up. A vehicle
+that is fast already gains less speed: a gap before it counts only if it is too short by CLOSE_TO_FAST.
 
-A gap that is too short for an ego that speeds up may be long enough for one that comes later. So the command
-is bounded by the first of ACCELERATIONS with which all gaps are long enough. If the first of them will do,
-the command stays as it is; also where even HARDEST would not stop the ego at its waiting point.
+A gap that is too short for an ego that speeds up may be long enough for one that arrives later. So the
+command is bounded by the first of ACCELERATIONS with which all gaps are long enough. The command stays as
+it is if that is the first one, and also where even HARDEST could not stop the ego at its waiting point
+any more.
 
-On a poor road (rudc/agents/adaptation.py) the braking, and the speed in bends, are what that road gives. An
-ego that brakes a third as hard must begin to three times as early, so CLOSE and CLOSE_TO_FAST shrink as its
-grip does: a gap that is only just too short holds it back there.
+On a poor road (rudc/agents/adaptation.py) braking and the speed in bends are limited to what that road gives.
+An ego that can brake only a third as hard must begin three times as early. So CLOSE and CLOSE_TO_FAST shrink
+in proportion to its grip: there, a gap that is only a little too short holds the ego back already.
 """
 
 from __future__ import annotations
@@ -26,19 +27,20 @@ from rudc.env.tracking import LATERAL, at_most, hardest, planned, slowing, speed
 from rudc.world.scene import Scene
 
 PLANNED, HARDEST = 5.0, 6.0
-"""m/s2, m/s2: how hard it brakes for the waiting point, and how hard it could, on a dry road"""
+"""m/s2, m/s2: how hard the ego plans to brake for the waiting point, and how hard it could, on a dry road"""
 ACCELERATIONS = (ACCELERATION, 0.0, -2.0)
 """m/s2, tried in this order"""
 CLOSE, CLOSE_TO_FAST = 1.0, 2.0
-"""s, s: a gap counts here if it is too short by so much, before somebody slow and before somebody fast"""
+"""s, s: a gap counts here if it is too short by this much, before a slow and before a fast vehicle"""
 SLOW = 0.5
-"""who drives at less than this share of what he may is slow"""
+"""a vehicle is slow if it drives at less than this share of the speed that it may drive"""
 AT_POINT = 0.3
-"""m, kept before the waiting point"""
+"""m, distance that is kept before the waiting point"""
 
 
 def ready_to_wait(scene: Scene, u: Array) -> Array:
-    """(2,) what of the command u (2,), m/s2 and rad, leaves the ego able to stop at its waiting point."""
+    """(2,) the command u (2,), m/s2 and rad, with an acceleration after which the ego can still stop at its
+    waiting point, if it has to."""
     v, grip, braking = scene.ego.v, hardest(scene, HARDEST), planned(scene, PLANNED)
     room = scene.route.waiting_s - scene.ego_s - 0.5 * scene.vehicle.length
     if room < v**2 / (2 * grip):

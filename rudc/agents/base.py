@@ -1,4 +1,4 @@
-"""What every driver of the ego vehicle is: `Agent`, and what it answers: `Decision`."""
+"""`Agent`, the interface of every driver of the ego vehicle, and `Decision`, what a driver returns."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ class Decision(NamedTuple):
     """One decision, and what is known about how it came to be."""
 
     u: Array
-    """(2,) what is applied: acceleration m/s2, front-wheel angle rad"""
+    """(2,) the action that is applied: acceleration m/s2, front-wheel angle rad"""
     u_rl: Array
-    """(2,) what the driver itself proposed (rudc/agents/patience.py included), before any correction, in the
-    same units"""
+    """(2,) nominal action, in the same units: what the driver itself proposed, before any correction
+    (rudc/agents/patience.py is part of the driver)"""
     uncertainty: Uncertainty | None = None
-    """of the return that follows the proposal, reward units; None for drivers that state none"""
+    """uncertainty of the return that follows the proposal, reward units; None for drivers that state none"""
     corrected: Corrected | None = None
-    """what a correction, such as the safety filter, says about its work; None without one"""
+    """the result of a correction, such as the safety filter; None without one"""
     timing_ms: Mapping[str, float] = MappingProxyType({})
     """ms spent in each part (`outlook`, `observation`, `policy`, `critic`, `correction`)"""
     by_route: Uncertainty | None = None
     """the uncertainty compared with what is usual where the ego is (rudc/agents/route_sigma.py); None where
     that is not known"""
     states: Literal["paper", "route"] = "paper"
-    """which of the two the driver calls its sigma"""
+    """which one `sigma` is: `uncertainty` (`paper`) or `by_route` (`route`)"""
     plant: PlantEstimate | None = None
     """what was known of the car (rudc/agents/adaptation.py); None for drivers that do not watch it"""
     asks_grip: bool = False
@@ -46,25 +46,25 @@ class Decision(NamedTuple):
 
     @property
     def bounded(self) -> Array:
-        """(2,) m/s2 and rad, by which bounds on speed and grip (rudc/agents/outlook.py) changed what was
-        corrected; 0 without a correction.
+        """(2,) m/s2 and rad, change of the corrected action by the bounds of an outlook on speed and grip
+        (rudc/agents/outlook.py); 0 without a correction.
         """
         return np.zeros(2) if self.corrected is None else self.u - self.corrected.u
 
     @property
     def onwards(self) -> bool:
-        """Whether a correction has the ego go on, since stopping would be worse."""
+        """Whether a correction makes the ego go on because stopping would be worse."""
         return self.corrected is not None and self.corrected.onwards
 
     @property
     def sigma(self) -> float:
-        """sigma_total, or that by route; nan for drivers that state no uncertainty."""
+        """sigma_total, as in the paper or by route (see `states`); nan for drivers without it."""
         stated = self.by_route if self.states == "route" else self.uncertainty
         return math.nan if stated is None else float(stated.total)
 
 
 def unfiltered(acceleration: float, steering: float) -> Decision:
-    """The decision of a driver without uncertainty and without correction, in m/s2 and rad."""
+    """The decision of a driver without uncertainty and correction: m/s2, and front-wheel angle in rad."""
     u = np.array([acceleration, steering])
     return Decision(u, u)
 
@@ -74,12 +74,12 @@ class Agent(Protocol):
 
     @property
     def name(self) -> str:
-        """As in tables and in `rudc sweep --agent NAME`."""
+        """Its name in tables and in `rudc sweep --agent NAME`."""
         ...
 
     @property
     def ego_driver(self) -> EgoDriver:
-        """`sumo`: SUMO itself drives, and `act` is not listened to."""
+        """Who drives: `agent`, or `sumo`: then SUMO itself drives, and what `act` returns is ignored."""
         ...
 
     def reset(self, scene: Scene, seed: int) -> None:
@@ -94,7 +94,7 @@ class Agent(Protocol):
 
 
 def layers(agent: Agent) -> Iterator[Agent]:
-    """An agent, the one that it is put round, and so on: whoever is put round another names it `inner`."""
+    """An agent, the agent that it wraps, and so on: a wrapping agent has the wrapped one as `inner`."""
     here: Agent | None = agent
     while here is not None:
         yield here

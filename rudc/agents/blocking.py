@@ -1,14 +1,16 @@
-"""What blocks the way for good: bodies that stand and go nowhere, who queues behind them, who comes the
-wrong way.
+"""What blocks the way for good: bodies that stand and will not move, vehicles that queue behind them, and
+vehicles that come the wrong way.
 
-    at once      what stands and has no way through the junction: accident vehicles, closed lanes
-    in time      a vehicle that has stood for PATIENCE s with nobody before it, or somebody who blocks; before
-                 its stop line and in the junction, where one waits for others, only once it has let IDLE s
-                 in all go by since, in which nobody came whom it lets pass, or has stood for LONG s;
-                 in the junction, after IMPASSE s, one before whom the ego stands: each waits for the other
-    ahead        who drives against the ego's line without a way of its own (coming.py)
+    at once      Whatever stands and is on no path through the junction: accident vehicles, closed lanes
+    in time      A vehicle on a path that has stood for PATIENCE s, with nobody before it or with somebody
+                 before it who blocks. Near its stop line and in the junction, vehicles wait for others: there
+                 it blocks only if, besides, for IDLE s in all nobody came whom it has to let pass, or if it
+                 has stood for LONG s
+    facing       A vehicle in the junction that has stood for IMPASSE s with the ego standing in its way: each
+                 waits for the other
+    coming       Whoever drives against the ego's line and is on no path (coming.py)
 
-An ordinary queue is none of these. Pedestrians never are: they walk on.
+Vehicles in an ordinary queue do not block, and pedestrians never do: they walk on.
 """
 
 from __future__ import annotations
@@ -26,25 +28,27 @@ from rudc.geometry import NO_RECTANGLES, Rectangles, rectangle_gaps
 from rudc.world.scene import STILL, Kind, Scene
 
 PATIENCE = 6.0
-"""s"""
+"""s, how long a vehicle must have stood to count as blocking"""
 QUEUE = 10.0
-"""m between bumpers up to which one who stands waits for the one before it"""
+"""m between bumpers up to which a standing vehicle waits for the one before it"""
 BESIDE = 2.0
-"""m to each side within which another is before it"""
+"""m to each side within which another vehicle counts as before it"""
 BEFORE_STOP = 15.0
-"""m before a stop line from where vehicles wait for others"""
+"""m before a stop line from which on vehicles wait for others"""
 STEP_S = 0.2
-"""s, most that counts between two looks"""
+"""s, time that is counted at most between two calls of `look`"""
 SOON_S = 6.0
-"""s"""
+"""s, how far ahead the ground is predicted that somebody who comes the wrong way will cross"""
 IDLE, LONG = 4.0, 12.0
-"""s, s"""
+"""s, s: how long a vehicle that waits must have waited for nobody, or must have stood, to count as
+blocking"""
 IMPASSE = 3.0
-"""s, for which both have stood"""
+"""s, for which both the ego and the other must have stood"""
 FACING, MEETS = 6.0, 0.3
-"""m of its way on which the ego may stand, m of gap below which it does"""
+"""m, m: the ego stands in a vehicle's way if it is nearer than the second to the next metres of it (the
+first)"""
 COMING_S, COMING = 5.0, 10.0
-"""s and m before the junction from where on somebody is waited for, whichever is farther"""
+"""s, m: a vehicle waits for those who are nearer to the junction than this, whichever is farther"""
 PEDESTRIAN = int(Kind.PEDESTRIAN)
 """a plain number, which numpy compares ten times as fast"""
 
@@ -53,19 +57,19 @@ class Blocks(NamedTuple):
     """What blocks at one instant."""
 
     standing: Rectangles
-    """bodies that stand"""
+    """bodies that stand and block"""
     coming: Lanes
-    """of those who drive the wrong way"""
+    """lanes of those who come the wrong way"""
     soon: Rectangles
-    """where they will be within SOON_S: what they cross on their way is not to be entered"""
+    """where these will be within SOON_S, straight on: the ego must not enter what they cross"""
     later: Rectangles
-    """where they will be within LANE_S, straight on: who waits for them does so beside that"""
+    """where these will be within LANE_S, straight on: an ego that waits for them waits beside it"""
     resting: Rectangles
-    """vehicles that stand on their way, for whatever reason"""
+    """vehicles on a path that stand, for whatever reason"""
 
     @property
     def any(self) -> bool:
-        """Whether there is anything."""
+        """Whether anything blocks."""
         return bool(self.standing.number or self.coming.outside.number)
 
 
@@ -73,7 +77,7 @@ NOTHING = Blocks(NO_RECTANGLES, NOBODY, NO_RECTANGLES, NO_RECTANGLES, NO_RECTANG
 
 
 class Blocking:
-    """Watches one episode."""
+    """Finds what blocks, decision by decision, in one episode."""
 
     def __init__(self) -> None:
         self._standing = Standing()
@@ -82,7 +86,7 @@ class Blocking:
         self._seen_s = -math.inf
 
     def look(self, scene: Scene) -> Blocks:
-        """What blocks now; called once a decision."""
+        """What blocks now; call it once for each decision."""
         seen, scene = scene, self._standing.look(scene)
         if scene is seen and all_have_ways(scene.path, scene.kind, PEDESTRIAN):  # nobody stands
             self._since = {}
@@ -108,7 +112,7 @@ class Blocking:
         )
 
     def _stuck(self, scene: Scene, still: Flags, without_way: Flags) -> Flags:
-        """(N,) whether vehicles on their way have stood too long for no reason, or behind one that has."""
+        """(N,) whether each vehicle on a path has stood too long for no reason, or behind one that blocks."""
         paths, stuck = scene.network.paths, still & without_way
         if not stuck.any() and scene.time_s - min(self._since.values(), default=math.inf) <= PATIENCE:
             return stuck
@@ -131,7 +135,9 @@ class Blocking:
         return stuck
 
     def _facing(self, scene: Scene) -> Flags:
-        """(N,) who in the junction has stood for IMPASSE s, as the ego has, which stands on its way."""
+        """(N,) whether each vehicle in the junction, from another arm than the ego's, has stood for
+        IMPASSE s, and the ego too, in its way.
+        """
         paths, found = scene.network.paths, np.zeros(scene.count, dtype=np.bool_)
         if scene.waited_s < IMPASSE:
             return found
@@ -144,8 +150,8 @@ class Blocking:
         return found
 
     def _idlers(self, scene: Scene, who: Index) -> Index:
-        """Those of the others `who` (n,), who stand where one waits, that have waited for nobody for IDLE s,
-        or too long.
+        """Those of the others `who` (n,), which stand where vehicles wait, that have waited for nobody
+        for IDLE s in all, or have stood for LONG s.
         """
         passed, self._seen_s = min(max(scene.time_s - self._seen_s, 0.0), STEP_S), scene.time_s
         idle = {i: 0.0 if _lets_pass(scene, i) else passed for i in who.tolist()}
@@ -158,7 +164,7 @@ class Blocking:
 
 
 def _stands_before(scene: Scene, i: int) -> bool:
-    """Whether the ego stands on the way of the vehicle i."""
+    """Whether the ego is in the way of the vehicle i."""
     ego, body, paths = scene.ego, scene.vehicle, scene.network.paths
     s = scene.path_s[i] + np.arange(0.0, FACING, 0.5)
     x, y, psi = paths.pose(np.full(len(s), scene.path[i]), s)
@@ -168,7 +174,7 @@ def _stands_before(scene: Scene, i: int) -> bool:
 
 
 def _lets_pass(scene: Scene, i: int) -> bool:
-    """Whether somebody comes, or the ego, whom the vehicle i has to let pass."""
+    """Whether the ego, or another vehicle, comes that the vehicle i has to let pass."""
     paths, row, route = scene.network.paths, scene.path[i], scene.route
     if paths.yields[row, route.row] and scene.ego_s < route.exit_s and scene.waited_s < PATIENCE:
         return True
@@ -188,7 +194,7 @@ def _bodies(scene: Scene, who: Flags) -> Rectangles:
 
 
 def _before(scene: Scene, i: int) -> Flags:
-    """(N,) who is before the vehicle i, near enough to wait for."""
+    """(N,) whether each other is before the vehicle i, and near enough to wait for."""
     cos, sin = math.cos(scene.heading[i]), math.sin(scene.heading[i])
     away: Array = scene.position - scene.position[i]
     along, across = away[:, 0] * cos + away[:, 1] * sin, away[:, 1] * cos - away[:, 0] * sin

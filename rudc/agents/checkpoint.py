@@ -1,4 +1,4 @@
-"""Folders of learnt agents: which is meant by a name, and what is in it.
+"""Folders of learnt agents: which folder a name means, and what is in it.
 
 The files are those of rudc/learning/checkpoint.py; settings are the tree of rudc/agents/config.py. Frozen
 networks are not stored: they are rebuilt from the seed of the training.
@@ -26,16 +26,16 @@ from rudc.learning.parameters import fingerprint, frozen_arrays, group
 from rudc.settings import problems
 
 SHIPPED = "results/checkpoints"
-"""where trained agents are that come with RUDC"""
+"""folder of the trained agents that come with RUDC"""
 LATEST = "checkpoint"
-"""subfolder of a training's folder where its latest checkpoint stands"""
+"""subfolder of a training's folder that holds its latest checkpoint"""
 
 
 class Learnt(NamedTuple):
     """A learnt agent as stored."""
 
     config: AgentConfig
-    """how it sees and acts"""
+    """its settings: how it observes, acts, learns and is corrected"""
     arrays: Arrays
     """weights, as `Learner.weights` names them"""
     percentiles: tuple[float, float] | None
@@ -47,8 +47,8 @@ class Learnt(NamedTuple):
 
 
 def find_checkpoint(name: str) -> Path | None:
-    """The folder that a name stands for: a shipped agent's, itself, or the latest checkpoint of the training
-    in it.
+    """The checkpoint's folder that a name means: that of a shipped agent, or the folder of this name, or the
+    latest checkpoint of the training in that folder; None if there is none.
     """
     shipped = shipped_checkpoints()
     if name in shipped:
@@ -57,7 +57,9 @@ def find_checkpoint(name: str) -> Path | None:
 
 
 def checkpoint_in(folder: Path) -> Path | None:
-    """A folder itself, or the latest checkpoint of the training in it."""
+    """The folder if it is a checkpoint, else the latest checkpoint of the training in it; None without
+    one.
+    """
     for place in (folder, folder / LATEST):
         if os.path.isfile(place / DESCRIPTION):  # unlike pathlib's, no error for names that are too long
             return place
@@ -65,7 +67,7 @@ def checkpoint_in(folder: Path) -> Path | None:
 
 
 def shipped_checkpoints() -> dict[str, Path]:
-    """Names of the trained agents that come with RUDC, and their folders."""
+    """Name -> folder of each trained agent that comes with RUDC."""
     return {file.parent.name: file.parent for file in sorted(data_folder(SHIPPED).glob(f"*/{DESCRIPTION}"))}
 
 
@@ -106,7 +108,7 @@ def load_learnt(folder: Path) -> Learnt:
 
 
 def _from_where(error: ValidationError, stored: Checkpoint) -> str:
-    """Where a setting that there is not may come from."""
+    """The end of a message about an unknown setting: which version of RUDC it may come from."""
     if all(e["type"] != "extra_forbidden" for e in error.errors()):
         return ""
     other = stored.code != rudc.__version__
@@ -123,7 +125,7 @@ def _seed(folder: Path, training: Any, stored: Checkpoint) -> int:
 
 
 def _check(folder: Path, config: AgentConfig, problem: Problem, stored: Checkpoint) -> None:
-    """Raise AgentError where weights or spaces are not what the configuration needs; nothing is built yet."""
+    """Raise AgentError if weights or spaces are not what the configuration needs; builds no networks."""
     wrong = list(misfits(config.learner, problem, stored.arrays))
     if wrong:
         more = f", and {len(wrong) - 3} more" if len(wrong) > 3 else ""
@@ -144,14 +146,14 @@ def _spaces(config: AgentConfig, problem: Problem) -> dict[str, Any]:
 
 
 def learnt_summary(folder: Path) -> str:
-    """What drives, and how it was trained, in a sentence."""
+    """What the agent is, and how long and with which seed it was trained, in two sentences."""
     learnt = load_learnt(folder)
     summary, trained = learnt.config.entry.summary, learnt.trained
     return f"{summary} Learnt in {trained['steps']} steps with seed {learnt.training['seed']}."
 
 
 def learnt_settings(folder: Path, changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Everything that decides what a learnt agent does, with `changes` as in variation.py; of what can be
+    """Everything that decides what a learnt agent does, with `changes` as in variation.py; it can be
     written as JSON.
     """
     learnt = load_learnt(folder)

@@ -1,4 +1,4 @@
-"""Who comes the wrong way: the lanes that they take, as far along the road as they get in LANE_S s."""
+"""Those who come the wrong way, and their lanes: the ground that they will drive over within LANE_S s."""
 
 from __future__ import annotations
 
@@ -14,38 +14,41 @@ from rudc.network.paths import SPACING
 from rudc.world.scene import Scene
 
 LANE_S = 12.0
-"""s"""
+"""s, how far ahead these lanes are predicted"""
 AGAINST = -0.5
-"""cosine of the angle to the ego's line from which on somebody drives against it"""
+"""somebody drives against the ego's line if the cosine of the angle between them is below this"""
 ALONG, PIECE = 0.35, 4.0
-"""rad, angle to the line up to which one who drives against it is taken to follow its bends; m, length of a
-piece of the lane that it takes"""
+"""rad: up to this angle to the line, somebody who drives against it is taken to follow its bends; m,
+length of the pieces that such a lane is made of"""
 MEETING_S, PACE = 4.0, 4.0
-"""s between the ego at a place and one who comes the wrong way there; m/s, speed that the ego is taken to
-have at least"""
+"""s, time that passes at a place between the ego and somebody who comes the wrong way; m/s, least speed that
+the ego is assumed to have"""
 FAR_BESIDE = 8.0
 """m from the ego's line beyond which nobody is on its road"""
 
 
 class Lanes(NamedTuple):
-    """What those who come the wrong way sweep over in LANE_S s, which the ego's course has to leave free."""
+    """The ground that those who come the wrong way drive over within LANE_S s. A course must leave it
+    free.
+    """
 
     outside: Rectangles
-    """before the junction and beyond it"""
+    """ground to leave free before the junction and beyond it"""
     inside: Rectangles
-    """by those who are on the ego's line in the junction, too, since it goes straight on there, as they do"""
+    """ground to leave free in the junction: that of those who go through it along the ego's line, where this
+    leads straight on"""
 
 
 NOBODY = Lanes(NO_RECTANGLES, NO_RECTANGLES)
 
 
 def strays(scene: Scene, who: Flags) -> Index:
-    """(n,) those of the others `who` (N,) that drive against the ego's line ahead of it, on its road."""
+    """(n,) indices of those of the others `who` (N,) that drive against the ego's line, ahead on its road."""
     return np.array([i for i in np.flatnonzero(who).tolist() if _against(scene, i)], dtype=np.int64)
 
 
 def lanes_of(scene: Scene, who: Index, speed: Array) -> Lanes:
-    """What those `who` (n,) take at (n,) m/s."""
+    """The lanes of the others `who` (n,) at their `speed` (n,) m/s."""
     if not len(who):
         return NOBODY
     through = np.array([_goes_through(scene, i) for i in who.tolist()], dtype=np.bool_)
@@ -54,7 +57,7 @@ def lanes_of(scene: Scene, who: Index, speed: Array) -> Lanes:
 
 
 def swept(scene: Scene, who: Index, way: Array) -> Rectangles:
-    """What others sweep over on a straight way (n,) m."""
+    """The ground that the others `who` (n,) drive over on a straight way of (n,) m."""
     if not len(who):
         return NO_RECTANGLES
     course = np.stack([np.cos(scene.heading[who]), np.sin(scene.heading[who])], axis=1)
@@ -66,12 +69,12 @@ def swept(scene: Scene, who: Index, way: Array) -> Rectangles:
 
 
 def _taken(scene: Scene, who: Index, speed: Array, through: Flags) -> Rectangles:
-    """What others who drive against the ego's line at (n,) m/s sweep over in LANE_S: a lane as far beside it
-    as they are now, in pieces that follow its bends; straight on where they head elsewhere. It ends at the
-    junction, but for those who go `through` (n,).
+    """The ground that the others `who` (n,), who drive against the ego's line, drive over at `speed` (n,) m/s
+    within LANE_S: a lane as far beside the line as they are now, in pieces that follow its bends, or straight
+    on for those who head elsewhere. The lane ends at the junction, except for those who go `through` it (n,).
 
-    Where they drive on the same stretch of road as the ego, that lane ends at the place which they reach
-    MEETING_S after the ego: what lies nearer to the ego it has passed by then.
+    Where they drive on the same stretch of road as the ego, the lane also ends at the place that they reach
+    MEETING_S after the ego: the ego has passed everything before that place by then.
     """
     path, route, here = scene.route.path, scene.route, scene.ego_s
     beyond, pace = here + 0.5 * scene.vehicle.length > route.exit_s, max(scene.ego.v, PACE)

@@ -1,14 +1,14 @@
-"""Who in sight does not behave as ordinary traffic does: what no driver who keeps to the rules prepares for.
+"""Finds those in sight who do not behave like ordinary traffic, which drivers who keep to the rules expect.
 
-    off the lanes   drives, walks or stands where no lane leads it through the junction, or against a lane
-    fast            faster than TOLERATED times the limit, by more than SPARE
-    brakes          by more than BRAKES, at two looks, one after the other
-    slow            for LASTS_S, at less than SLOW times the limit and not about to be faster, with nobody and
-                    no stop line within ROOM before it; bicycles are not
-    stands          for LASTS_S, with nobody and no stop line within NEXT before it
+    off the lanes   it is on no path through the junction, as somebody who drives against a lane
+    fast            it drives faster than TOLERATED times the limit plus SPARE
+    brakes          it brakes by more than BRAKES in two decisions in a row
+    slow            for LASTS_S it drives at less than SLOW times the limit and does not speed up, with nobody
+                    and no stop line within ROOM before it; bicycles are excepted
+    stands          for LASTS_S it stands, with nobody and no stop line within NEXT before it
 
-Whoever has done so once counts for as long as it is seen. SUMO's ordinary drivers do none of these, but for
-an emergency now and then. A monitor for studies and records: no agent acts on it.
+Whoever has done so once counts as unusual as long as it is seen. SUMO's ordinary drivers do none of these,
+except in an emergency now and then. This is a monitor for studies and records: no agent acts on it.
 """
 
 from __future__ import annotations
@@ -21,30 +21,32 @@ from rudc.arrays import Array, Flags
 from rudc.world.scene import STANDING, Kind, Scene
 
 TOLERATED, SPARE = 1.2, 1.0
-"""times the limit, m/s; the first is what SUMO's fastest ordinary drivers drive"""
+"""factor on the limit, m/s; SUMO's fastest ordinary drivers drive at the first"""
 BRAKES = 5.0
 """m/s2; ordinary drivers brake at 4.5"""
 SLOW, SETTING_OFF = 0.5, 0.3
-"""times the limit; m/s2, from where on one who is slow is about to be faster"""
+"""factor on the limit; m/s2, acceleration from which on a slow vehicle counts as speeding up"""
 LASTS_S = 2.0
-"""s"""
+"""s, how long a vehicle must be slow or stand"""
 ROOM, NEXT = 25.0, 6.0
-"""m before the front bumper"""
+"""m, m: free way before the front bumper of one that is slow, and of one that stands"""
 BESIDE = 2.5
-"""m to each side, within which somebody is before it"""
+"""m to each side within which somebody counts as before it"""
 
 
 class Conduct:
-    """Watches one episode."""
+    """Watches the others in one episode."""
 
     def __init__(self) -> None:
         self._unusual = set[str]()
         self._braked = set[str]()
         self._dawdles: dict[str, float] = {}
-        """since when (s)"""
+        """name of each that is slow or stands -> since when (s)"""
 
     def look(self, scene: Scene) -> Flags:
-        """(N,) who of the others has been seen to behave unlike ordinary traffic; called once a decision."""
+        """(N,) whether each other has been seen to behave unlike ordinary traffic; call it once a
+        decision.
+        """
         on, limit = scene.path >= 0, scene.network.paths.speed_limit[scene.path]
         speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
         brakes = scene.acceleration < -BRAKES
@@ -60,8 +62,8 @@ class Conduct:
         return np.array([name in self._unusual for name in scene.ids], dtype=np.bool_)
 
     def _room(self, scene: Scene, who: Flags) -> Array:
-        """(N,) m that each of `who` (N,) has before it, up to its stop line or somebody else; 0 of the others
-        and of those in the junction.
+        """(N,) m of free way before each of `who` (N,), up to its stop line or somebody else; 0 for all
+        others and for those in the junction.
         """
         paths, room, ego = scene.network.paths, np.zeros(scene.count), scene.ego
         place = np.vstack([scene.position, (ego.x, ego.y)])

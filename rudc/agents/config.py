@@ -1,12 +1,13 @@
 """`AgentConfig`: all that decides how a learnt agent sees, acts, learns and is corrected.
 
-It is a part of one tree of settings, with training (rudc/training/config.py):
+With the settings of training (rudc/training/config.py) it forms one tree of settings:
 
     algorithm, observation, action, sigma, correction, outlook, learner, training
 
-Keys are dotted, `learner.n_step`, `correction.slack.gain`, and the same in `rudc train --set KEY=VALUE`, in
-config.json and agent.json, and behind an agent's name (rudc/agents/variation.py). What follows from the
-settings is not among them: the layout of the observation, seeds, the schedule of the learning rates.
+Keys are dotted, such as `learner.n_step` or `correction.slack.gain`. They are the same in `rudc train --set
+KEY=VALUE`, in config.json and agent.json, and behind an agent's name (rudc/agents/variation.py). The
+layout of the observation, seeds and the schedule of the learning rates are no settings: they follow from
+others.
 """
 
 from __future__ import annotations
@@ -27,23 +28,23 @@ from rudc.settings import Settings
 
 
 class AgentConfig(Settings):
-    """What a learnt agent is."""
+    """Settings of a learnt agent."""
 
     algorithm: AlgorithmName = "rudc-wo-cbf"
-    """what it learns by, see rudc/learning/algorithms.py"""
+    """algorithm by which it learns, see rudc/learning/algorithms.py"""
     observation: ObservationKind = "conflict"
     """the paper's observation, or the same with predicted conflicts"""
     action: ActionSettings = Adjustment()
-    """what the policy's numbers mean, see rudc/env/action.py"""
+    """what the two numbers of the policy's action mean, see rudc/env/action.py"""
     sigma: Literal["paper", "route"] = "paper"
-    """what it calls its uncertainty once it has learnt: sigma_total, as in the paper, or that compared with
-    what is usual where it is on its route (rudc/agents/route_sigma.py)"""
+    """which uncertainty it uses after training: sigma_total, as in the paper, or sigma_total compared
+    with what is usual at its place on the route (rudc/agents/route_sigma.py)"""
     correction: CorrectionSettings = NoCorrection()
-    """what corrects its actions, see rudc/agents/correction.py"""
+    """the correction of its actions, see rudc/agents/correction.py"""
     outlook: OutlookSettings = OutlookSettings()
-    """what it is shown of the world, see rudc/agents/outlook.py"""
+    """how the world is shown to it, see rudc/agents/outlook.py"""
     learner: SerializeAsAny[LearnerConfig] = Field(default_factory=dict, validate_default=True)  # pyright: ignore[reportAssignmentType] -- read below
-    """networks and objective, of the algorithm's own"""
+    """networks and objective: the settings of the algorithm itself"""
 
     @field_validator("learner", mode="before")
     @classmethod
@@ -54,7 +55,7 @@ class AgentConfig(Settings):
         return value if isinstance(value, own) else own.model_validate(value)
 
     def without_effect(self) -> Mapping[str, str]:
-        """Without correction, what is executed is what was proposed."""
+        """`learner.learns_from`, without a correction: then the executed action is the proposed one."""
         if not isinstance(self.correction, NoCorrection):
             return {}
         return {"learner.learns_from": "with correction.kind=none: what is executed is what was proposed"}
@@ -73,17 +74,17 @@ class AgentConfig(Settings):
 
     @property
     def entry(self) -> Algorithm:
-        """The algorithm that it names."""
+        """The entry of its algorithm."""
         return ALGORITHMS[self.algorithm]
 
     def problem(self, seed: int = 0, updates: int = 1) -> Problem:
-        """What its learner is given."""
+        """The problem that its learner gets: layout of the observation, number of actions, seed, updates."""
         actions = int(self.action.space().shape[0])
         return Problem(observation_layout(self.observation), actions, seed, updates)
 
 
 def observation_layout(kind: ObservationKind) -> ObservationLayout:
-    """Where each part of an observation stands."""
+    """The layout of a flat observation: how many numbers each part has."""
     vehicles, vehicle = PARTS["others"]
     waypoints, waypoint = PARTS["waypoints"]
     conflict = PARTS["conflict"][0] if kind == "conflict" else 0
@@ -110,7 +111,7 @@ RENAMED = {
 
 
 def refuse_old_keys(keys: Iterable[str], what: str) -> None:
-    """InputError with the present spelling, where a key is that of an earlier version."""
+    """Raise InputError, with the present name, for a key of an earlier version."""
     for key in keys:
         new = RENAMED.get(key.rpartition(".")[2])
         if new is not None and not new.startswith(key):

@@ -1,7 +1,7 @@
-"""Corrections by name: what they are given and give back stands in seat.py.
+"""Corrections by name. seat.py says what a correction is given and what it returns.
 
-An entry in `CORRECTIONS` is a class of settings; its `make` gives the correction. Algorithms bring others
-along (`Algorithm.corrections`); those of the baselines stand in of_actions.py.
+An entry in `CORRECTIONS` is a class of settings; its `make` gives the correction. Algorithms may bring
+further corrections (`Algorithm.corrections`); those of the paper's baselines are in of_actions.py.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ from rudc.settings import Settings
 from rudc.world.scene import Scene
 
 RESIDUAL = "residual/"
-"""what the names of the residual predictor's arrays begin with"""
+"""beginning of the names of the residual predictor's arrays"""
 
 
 class NoCorrection(CorrectionKind):
-    """What is proposed is done."""
+    """No correction: the proposed action is applied."""
 
     kind: Literal["none"] = "none"
 
     def make(
         self, arrays: Mapping[str, NDArray], percentiles: Percentiles = None, action: ActionKind = ADJUSTMENT
     ) -> None:
-        """None."""
+        """None: there is no correction."""
 
 
 class SlackSettings(Settings):
@@ -49,16 +49,17 @@ class SlackSettings(Settings):
     kind: Literal["level", "rate"] = "level"
     """what delta does: it is added to the rows, or multiplies the weight of h by exp(delta)"""
     gain: float = Field(default=0.0, ge=0, le=1e6, allow_inf_nan=False)
-    """level: m2 of h towards vehicles that one is willing to give up at rest for each unit of sigma (reward
-    units) below sigma_l; eta is this times the rows' weight of h, so that it means the same under each rule.
-    rate: eta itself. 0: sigma decides nothing
+    """gain of delta(sigma); with 0, sigma has no effect. With `level`: m2 of h towards vehicles that may
+    be lost at rest for each unit of sigma (reward units) below sigma_l; eta is this times the rows'
+    weight of h, so that it means the same with each rule. With `rate`: eta itself
     """
     constant: float = Field(default=0.0, ge=-1e6, le=1e6, allow_inf_nan=False)
-    """level: m2 of h that one is willing to give up at rest whatever sigma is. rate: logarithm of the factor
+    """slack that does not depend on sigma. With `level`: m2 of h towards vehicles that may be lost at
+    rest. With `rate`: logarithm of the factor on the weight of h
     """
 
     def without_effect(self) -> Mapping[str, str]:
-        """Where there is no slack, it has no kind."""
+        """`kind`, where there is no slack."""
         return {} if self.gain or self.constant else {"kind": "with gain=0 and constant=0"}
 
 
@@ -71,15 +72,15 @@ class CbfSettings(FilterConfig, CorrectionKind):
     slack: SlackSettings = SlackSettings()
     """how much the rows are relaxed where the policy is sure"""
     residual: bool = False
-    """whether rows take in the residuals that a learnt predictor expects (rudc/safety/residual.py)"""
+    """whether rows contain the residuals w that a learnt predictor gives (rudc/safety/residual.py)"""
 
     @property
     def asks(self) -> tuple[str, ...]:
-        """With slack, sigma."""
+        """sigma, if the slack depends on it."""
         return ("sigma",) if self.slack.gain > 0 else ()
 
     def arrays(self, action: ActionKind = ADJUSTMENT) -> Arrays:
-        """The residual predictor's for that kind of action, where it has one."""
+        """The arrays of the shipped residual predictor for that kind of action, if `residual` is on."""
         if not self.residual:
             return {}
         shipped = shipped_predictor(action.name)
@@ -88,7 +89,7 @@ class CbfSettings(FilterConfig, CorrectionKind):
     def make(
         self, arrays: Mapping[str, NDArray], percentiles: Percentiles = None, action: ActionKind = ADJUSTMENT
     ) -> Correction:
-        """The filter, with the residual predictor among `arrays` or else the shipped one for `action`."""
+        """The filter; its residual predictor, if any, is the one in `arrays`, else the shipped one."""
         own = any(name.startswith(RESIDUAL) for name in arrays)
         return CbfCorrection(self, arrays if own else self.arrays(action), percentiles)
 
@@ -108,11 +109,11 @@ class CbfCorrection:
         self.load(arrays, percentiles)
 
     def load(self, arrays: Mapping[str, NDArray], percentiles: Percentiles) -> None:
-        """Take over sigma_l and sigma_h; the residual predictor stays as it is."""
+        """Take over sigma_l and sigma_h (`percentiles`); the residual predictor stays as it is."""
         self.slack = Slack(self._eta, *percentiles) if self._eta and percentiles is not None else None
 
     def reset(self, scene: Scene, seed: int) -> None:
-        """Forget the last solution."""
+        """Begin a new episode."""
         self.filter.reset()
 
     def correct(self, scene: Scene, proposal: Proposal, critics: Critics | None) -> Corrected:
@@ -130,11 +131,13 @@ CORRECTIONS: dict[str, type[CorrectionKind]] = {
     "none": NoCorrection,
     "cbf": CbfSettings,
 }
-"""name of a kind that a learnt agent may have (`correction.kind=NAME`) -> its settings"""
+"""name of a kind of correction (`correction.kind=NAME`) -> class of its settings"""
 
 
 def known_corrections() -> Kinds[CorrectionKind]:
-    """Those, and what algorithms bring, which is imported only if it is asked for."""
+    """`CORRECTIONS`, and the corrections that algorithms bring; these are imported only when they are
+    used.
+    """
     brought = {kind: place for a in ALGORITHMS.values() for kind, place in a.corrections.items()}
     return {**CORRECTIONS, **brought, **CORRECTIONS}
 
@@ -150,7 +153,9 @@ def make_correction(
     percentiles: Percentiles = None,
     action: ActionKind = ADJUSTMENT,
 ) -> Correction | None:
-    """What `settings.make` gives, watched if it is not RUDC's."""
+    """The correction that `settings.make` gives, its answers checked if it is not RUDC's; None without
+    one.
+    """
     made = settings.make(arrays, percentiles, action)
     if made is None or not is_own(made):
         return made
@@ -161,7 +166,7 @@ CorrectionSettings = Annotated[
     SerializeAsAny[CorrectionKind],
     BeforeValidator(lambda value: of_kind(value, known_corrections(), CorrectionKind)),
 ]
-"""a field that takes any correction's settings, as it takes a name or a mapping"""
+"""type of a field for the settings of any correction; it takes a name or a mapping, too"""
 
 
 def _predictor(arrays: Mapping[str, NDArray]) -> ResidualPredictor:

@@ -1,16 +1,17 @@
-"""Going round what blocks: the course that a driver is shown, and how fast it may drive beside what stands.
+"""Going round what blocks: the course that a driver is shown, and how fast it may drive beside bodies.
 
-A course (rudc/network/course.py) is kept while it is clear. It is planned anew once it is not, and once
-those who came the wrong way have passed for whom it was taken, at most once in AGAIN_S s. While nothing is
-clear, the ego stops SHORT m before what blocks: nearer, nobody can pull out. Beside bodies it drives at most
-SLOW + PER_METRE x gap, in the bends of a course as of rudc/env/tracking.py.
+A course is a line round what blocks, for the same movement as the route that it replaces
+(rudc/network/course.py). It is kept while it is clear. A new one is planned when it is not clear any more,
+and when those who came the wrong way, for whom it was chosen, have passed; at most once in AGAIN_S s. While
+no course is clear, the ego stops SHORT m before what blocks: nearer, it could not pull out. Beside bodies it
+drives at SLOW + PER_METRE x gap at most, and in the bends of a course as rudc/env/tracking.py says.
 
-Everywhere it drives at most TOLERATED times the speed limit: on the lane before the junction, in it, and from
-its end on as of the lane behind it.
+Everywhere it drives at most TOLERATED times the speed limit. Before the junction and in it, that is the limit
+of the lane before it; beyond it, the limit of the lane beyond.
 
 Where a course enters ground that its route does not touch (the lane beside, the lane of oncoming traffic),
-the ego gives way to all who drive there: until the gap between them suffices (rudc/agents/gaps.py) it stops
-before that ground; where that lies in the junction, at the waiting point.
+the ego gives way to all who drive there. Until the gap before them suffices (rudc/agents/gaps.py), it stops
+before that ground or, if that lies in the junction, at the waiting point.
 """
 
 from __future__ import annotations
@@ -45,51 +46,54 @@ from rudc.network.route import Route
 from rudc.world.scene import STANDING, Scene
 
 LOOK = 60.0
-"""m of the course that are looked at"""
+"""m of the course ahead that are checked"""
 CLEAR = 0.25
-"""m, gap from which on a course is clear, unless the ego stands nearer to a body already"""
+"""m, a course with at least this gap to bodies is clear; less is enough if the ego is nearer to one
+already"""
 ROOMY = 0.4
-"""m, gap that is looked for first when the ego stands"""
+"""m, gap that is tried first when the ego stands"""
 CLOSER, LEAST = 0.03, 0.1
-"""m by which it may come closer then, m of gap that there must be in any case"""
+"""m, m: by how much an ego that is nearer than CLEAR may come nearer still, and the gap that must be left"""
 HERE = 1.0
-"""m of its way over which the ego is where it is, whatever course it takes"""
+"""m of way directly ahead of the ego that are not checked, since they are the same on every course"""
 SHORT = 7.0
-"""m"""
+"""m before what blocks, where the ego stops while no course is clear"""
 LEADER = 20.0
-"""m ahead within which who stands for now is looked for"""
+"""m ahead within which vehicles that stand for the moment are looked for"""
 AGAIN_S, OUTS_S = 1.0, 1.5
-"""s, s, the latter more if the ego stands and may have to pull out"""
+"""s, s: time between two plannings, and what is added to it if the ego stands and may have to pull out"""
 SLOW, PER_METRE = 2.5, 4.0
-"""m/s, and m/s for each m of gap"""
+"""m/s, and m/s for each m of gap: the speed beside bodies"""
 TOLERATED = 1.2
-"""times the speed limit: as fast as SUMO's fastest ordinary drivers"""
+"""factor on the speed limit: as fast as SUMO's fastest ordinary drivers"""
 BACK = 4.0
-"""m behind the ego's centre from where bodies slow it down"""
+"""m behind the ego's centre from where on bodies slow it down"""
 NARROW, NARROW_AHEAD = 1.2, 12.0
-"""m, gap below which, and m ahead within which, passing is close"""
+"""m, m: a passage is close if the gap is below the first within the second ahead"""
 LEEWAY = 0.03
 """rad, by which the front wheels may then differ from those of a driver who follows the course"""
 CREEPS, LOST = 2.0, 0.3
-"""m/s, m: slower, and farther off its line, the ego is led anew"""
+"""m/s, m: an ego that is slower than this and farther off its line than this may get a new course"""
 HARDEST = 4.0
-"""m/s2, with which it stops for others"""
+"""m/s2, braking with which the ego can still stop for others"""
 JUST_PAST = 3.0
-"""m, past its waiting point by less, an ego that creeps stays there for who comes the wrong way"""
+"""m: an ego that creeps and is past its waiting point by less stays there for somebody who comes the
+wrong way
+"""
 ASIDE = 1.0
-"""m beside its way, where the ego lets it pass if it has come farther"""
+"""m, gap to the way of somebody who comes the wrong way that the ego keeps while it lets that vehicle pass"""
 AT_LINE = 0.3
-"""m, kept from where it stops"""
+"""m, kept before the place where the ego has to stop"""
 STEEPEST = 0.6
-"""rad, largest angle to the path from which a course is planned"""
+"""rad, angles of the ego to the path beyond this count as this when a course is planned"""
 
 _planners: Remembered[Route, CoursePlanner] = Remembered()
 _planners_across: Remembered[Route, CoursePlanner] = Remembered()
-"""for egos that may cross the centre line"""
+"""planners for egos that may cross the centre line"""
 
 
 class Courses:
-    """Of one agent; `reset` begins an episode."""
+    """Chooses the courses of one agent; call `reset` at the start of each episode."""
 
     def reset(self, scene: Scene) -> None:
         """Begin a new episode on the route itself."""
@@ -100,14 +104,14 @@ class Courses:
         self.course: Route | None = None
         """the course driven at present; None for the route itself"""
         self._round_stray = False
-        """whether it was chosen while somebody came the wrong way"""
+        """whether the course was chosen while somebody came the wrong way"""
         self._again_s = -math.inf
         self._outs: Iterator[tuple[Route | None, float]] = iter(())
         self._blocks: Blocks | None = None
         self._stop: float = math.inf
 
     def see(self, scene: Scene) -> Scene:
-        """The scene along the course."""
+        """The scene as seen by an ego that follows its course; chooses a new course if one is needed."""
         self._route = scene.route
         blocks = self._blocks = self._blocking.look(scene)
         shown = scene if self.course is None else along(scene, self.course)
@@ -131,14 +135,16 @@ class Courses:
         return shown
 
     def urge(self, scene: Scene, u: Array) -> Array:
-        """(2,) a policy's proposal u (2,), m/s2 and rad; one that has stood sets off where rules would."""
+        """(2,) a policy's proposal u (2,), m/s2 and rad, changed to set off if the ego has stood too long and
+        the rules would go (rudc/agents/patience.py).
+        """
         return self._patience.urge(scene, u)
 
     def govern(self, scene: Scene, u: Array, *, onwards: bool = False) -> Array:
-        """(2,) the command, no faster than course and bodies allow; close beside bodies the course is
-        followed.
+        """(2,) m/s2 and rad, the command `u` (2,), no faster than course and bodies allow; close beside
+        bodies the ego steers along its course.
 
-        `scene` as shown by `see`; `onwards`: it stops for nobody.
+        `scene` as shown by `see`; `onwards`: the ego stops for nobody.
         """
         u = self._standoff.end(scene, u)
         blocks = self._blocks
@@ -163,10 +169,12 @@ class Courses:
         return np.array([min(float(u[0]), wanted), delta])
 
     def _candidates(self, scene: Scene, blocks: Blocks, clear: float) -> Iterator[tuple[Route | None, float]]:
-        """Once in AGAIN_S s the route itself where the ego is on it still, and courses round the bodies: on
-        its own carriageway, and on the lanes of oncoming traffic where these may be used. After that, if it
-        stands, those on which it pulls out, one a decision, until all have been tried. Each with the gap (m)
-        that it must have.
+        """Courses to try, each with the gap (m) that it must have; None stands for the route itself.
+
+        Once in AGAIN_S s: the route, if the ego has a course but is near its line, and courses round the
+        bodies on its own carriageway and, where these may be used, on the lanes of oncoming traffic.
+        After that, if the ego stands: the courses on which it pulls out, one in each decision, until all
+        have been tried.
         """
         stands = scene.ego.v < STANDING
         if not stands:
@@ -195,8 +203,8 @@ class Courses:
 def _outs(
     scene: Scene, blocks: Blocks, clear: float, planned: list[Route]
 ) -> Iterator[tuple[Route | None, float]]:
-    """Courses for an ego that stands, and the gap (m) that each must have: on which it pulls out, and then
-    those `planned` once more, since no way has more room.
+    """Courses for an ego that stands, and the gap (m) that each must have: those on which it pulls out, and
+    then those `planned` before once more, now with the smaller gap `clear`.
     """
     ego = scene.ego
     for planner in _planners_of(scene):
@@ -214,7 +222,7 @@ def _planners_of(scene: Scene) -> Iterator[CoursePlanner]:
 
 
 def along(scene: Scene, course: Route) -> Scene:
-    """The scene as seen by an ego that follows the course."""
+    """The scene as seen by an ego that follows `course`."""
     path = course.path
     s, offset = path.project(scene.ego.x, scene.ego.y)
     x, y, _ = scene.route.path.pose(min(scene.destination_s, scene.route.length))
@@ -223,7 +231,7 @@ def along(scene: Scene, course: Route) -> Scene:
 
 
 def _limited(scene: Scene, u: Array) -> Array:
-    """(2,) the command, m/s2 and rad, with which the ego keeps to the tolerated speed."""
+    """(2,) the command u (2,), m/s2 and rad, slowed down to TOLERATED times the speed limit."""
     route = scene.route
     way = route.exit_s - scene.ego_s
     a = slowing(scene, way, TOLERATED * route.speed_limit_after, COMFORT)
@@ -233,8 +241,8 @@ def _limited(scene: Scene, u: Array) -> Array:
 
 
 def _kept_short(scene: Scene, blocks: Blocks, u: Array) -> Array:
-    """(2,) the command, m/s2 and rad, with which the ego stops far enough behind who stands in its lane to
-    pull out, should it be for good.
+    """(2,) the command u (2,), m/s2 and rad, slowed down so that the ego stops far enough behind a
+    vehicle that stands in its lane to pull out if that vehicle turns out to block.
     """
     if not blocks.resting.number:
         return u
@@ -247,15 +255,17 @@ def _kept_short(scene: Scene, blocks: Blocks, u: Array) -> Array:
 
 
 def _clear(scene: Scene, blocks: Blocks) -> float:
-    """m, gap from which on a course is clear: CLEAR, or what there is now."""
+    """m, gap from which on a course is clear: CLEAR or, if the ego is nearer to a body now, about that
+    gap.
+    """
     ego, body, (place, heading, size) = scene.ego, scene.vehicle, blocks.standing
     now = rectangle_gaps(ego.x, ego.y, ego.psi, body.length, body.width, place, heading, size)
     return min(CLEAR, max(float(now.min(initial=math.inf)) - CLOSER, LEAST))
 
 
 def _first_hit(scene: Scene, blocks: Blocks, clear: float) -> float:
-    """m from the ego to the first place on its way to its destination, but for where it is now, with a gap of
-    less than `clear` m; inf if there is none.
+    """m from the ego to the first place on the next LOOK m of its way to its destination, without the first
+    HERE m, that has a gap of less than `clear` m; inf if there is none.
     """
     route, body, here = scene.route, scene.vehicle, scene.ego_s + HERE
     lanes = blocks.coming
@@ -275,10 +285,10 @@ def _first_hit(scene: Scene, blocks: Blocks, clear: float) -> float:
 
 
 def _wait(scene: Scene, blocks: Blocks) -> float:
-    """m to the stop line, or else the waiting point, or else the last place clear of them, if somebody is
-    about to come through the junction the wrong way.
-
-    An ego that creeps stops beside their way wherever it is. inf if nobody comes, or if the ego cannot stop.
+    """m to where the ego must wait if somebody is about to come through the junction the wrong way. It is the
+    stop line, else the waiting point, else the last place that is clear of their way: the first of these at
+    which the ego can still stop. An ego that creeps waits beside their way wherever it is. inf if nobody
+    comes, or if the ego cannot stop any more.
     """
     route, body = scene.route, scene.vehicle
     if not blocks.soon.number:
@@ -298,14 +308,14 @@ def _wait(scene: Scene, blocks: Blocks) -> float:
 
 
 def _narrow(scene: Scene, blocks: Blocks) -> bool:
-    """Whether the ego is about to pass close beside what stands."""
+    """Whether the ego passes close beside a body that stands and blocks, or is about to."""
     here = scene.ego_s
     _, gap = gaps_along(scene.route.path, here - BACK, here + NARROW_AHEAD, scene.vehicle, blocks.standing)
     return bool((gap < NARROW).any())
 
 
 def _astray(scene: Scene, blocks: Blocks) -> bool:
-    """Whether the ego creeps beside its line where that matters."""
+    """Whether the ego creeps, has left its line, and passes close beside a body."""
     return scene.ego.v < CREEPS and abs(scene.ego_offset) > LOST and _narrow(scene, blocks)
 
 
@@ -320,7 +330,7 @@ def _profile(scene: Scene, blocks: Blocks) -> Array:
 
 
 def _speed_now(scene: Scene, profile: Array) -> float:
-    """m/s from which what the profile says of the next LOOK m can be kept, braking comfortably."""
+    """m/s, speed from which comfortable braking keeps to `profile` (M,) m/s on the next LOOK m."""
     s = scene.route.path.s
     near = (s > scene.ego_s - BACK - SPACING) & (s < scene.ego_s + LOOK)
     if not near.any():
@@ -330,8 +340,8 @@ def _speed_now(scene: Scene, profile: Array) -> float:
 
 
 def _entry(scene: Scene, route: Route, profile: Array) -> float:
-    """m from the front bumper to where the ego has to stop for those whose ground its course enters; inf if
-    it may go, or cannot stop any more.
+    """m from the front bumper to where the ego has to stop for those on whose ground its course comes and its
+    `route` does not; inf if it may go, or cannot stop any more.
     """
     found = entering(scene, route)
     if found is None:

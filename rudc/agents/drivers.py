@@ -1,8 +1,8 @@
 """Drivers that need no checkpoint, by name: RUDC's own, those of installed packages, those registered.
 
-A package brings agents by entry points of the group `rudc.agents` (rudc/imports.py), a class or function for
-each name. A script or notebook registers them: `rudc.register_agent("careful", Careful)`. And without either,
-an agent is named by the place of its class, `my_agents.py:Careful(speed=6)`, see rudc/agents/own.py.
+A package offers agents by entry points of the group `rudc.agents` (rudc/imports.py): a class or function for
+each name. A script or notebook registers them: `rudc.register_agent("careful", Careful)`. Without either, an
+agent is named by the place of its class, `my_agents.py:Careful(speed=6)`: see rudc/agents/own.py.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from rudc.imports import load_entry
 MakeAgent = Callable[[], Agent]
 
 GROUP = "rudc.agents"
-"""of the entry points"""
+"""group of the entry points of agents"""
 SHIPPED: Mapping[str, MakeAgent] = MappingProxyType(
     {"sumo": SumoDriver, "follower": Follower, "gap-acceptance": GapAcceptance, "planner": Planner}
 )
@@ -35,10 +35,11 @@ _registered: dict[str, MakeAgent] = {}
 
 
 def register_agent(name: str, make: MakeAgent) -> None:
-    """Let `--agent NAME` and `make_agent(NAME)` mean what `make()` returns: a class, or a function.
+    """Give a name to an agent: `--agent NAME` and `make_agent(NAME)` then mean the agent that `make()` (a
+    class or a function) returns.
 
-    A sweep's workers know it too if they can import it. Raises InputError when the name is one of RUDC's, or
-    can be no name; one registered before is replaced.
+    A sweep's workers know the name too if they can import `make`. Raises InputError if the name belongs to
+    RUDC's own agents or is no valid name. An agent registered before with this name is replaced.
     """
     if not re.fullmatch(r"[A-Za-z]\w*([.-]\w+)*", name):
         raise InputError(
@@ -52,17 +53,17 @@ def register_agent(name: str, make: MakeAgent) -> None:
 
 
 def registered_agents() -> dict[str, MakeAgent]:
-    """All that `register_agent` was told in this process."""
+    """Name -> `make` of all agents that `register_agent` was given in this process."""
     return dict(_registered)
 
 
 def driver_names() -> tuple[str, ...]:
-    """RUDC's, those of packages, those registered."""
+    """Names of all drivers: RUDC's, those of packages, those registered."""
     return tuple(dict.fromkeys([*SHIPPED, *_installed(), *_registered]))
 
 
 def find_own(name: str) -> tuple[str, str] | None:
-    """Of an agent given by the place of its class: that part of the name, and the rest; None for others."""
+    """For a name that begins with the place of a class: that part, and the rest; None for other names."""
     if name.partition(":")[0] in driver_names():
         return None
     found = parse_own(name)
@@ -70,12 +71,12 @@ def find_own(name: str) -> tuple[str, str] | None:
 
 
 def is_driver(name: str) -> bool:
-    """Whether it is the name of one, or the place of a class."""
+    """Whether `name` is the name of a driver, or the place of a class."""
     return name in driver_names() or find_own(name) is not None
 
 
 def make_driver(name: str) -> Agent:
-    """The driver, new. Raises AgentError."""
+    """A new driver. Raises AgentError."""
     if name in SHIPPED:
         return SHIPPED[name]()
     own = _own(name)
@@ -83,14 +84,14 @@ def make_driver(name: str) -> Agent:
 
 
 def driver_summary(name: str) -> str:
-    """What it does, in a sentence."""
+    """What the driver does, in a sentence: the first line of its docstring."""
     own = _own(name)
     first = ((own.find() if own else _find(name)).__doc__ or "").strip().partition("\n")[0]
     return first or "Says nothing of itself."
 
 
 def driver_settings(name: str) -> dict[str, Any]:
-    """Everything besides its name that decides what it does; of what can be written as JSON."""
+    """Everything besides its name that decides what the driver does; it can be written as JSON."""
     if name in SHIPPED:
         return {"driver": name}
     if own := _own(name):
@@ -114,8 +115,8 @@ def _find(name: str) -> MakeAgent:
 
 
 def offered_in_vain() -> list[str]:
-    """A line for each agent of an installed package whose name means another agent: RUDC's own, or one of a
-    package that is found after it.
+    """A line for each agent of an installed package that cannot be used because its name means another agent:
+    RUDC's own, or one of a package that is found after it.
     """
     found = []
     for entry in entry_points(group=GROUP):
@@ -134,5 +135,5 @@ def _package(entry: EntryPoint) -> str:
 
 @cache
 def _installed() -> dict[str, EntryPoint]:
-    """Those that installed packages bring, by name."""
+    """Name -> entry point of each agent that installed packages offer."""
     return {entry.name: entry for entry in entry_points(group=GROUP)}

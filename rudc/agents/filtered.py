@@ -1,6 +1,6 @@
-"""A correction put behind a driver: what the driver would do is corrected before it is applied. Where it has
-corrected itself already (`rudc-t`, `usl`, an answer whose `u` is not its `u_rl`), that is what is corrected:
-`rudc-t+ttcbf` has two filters, one behind the other.
+"""A correction behind a driver: the driver's action is corrected before it is applied. If the driver has a
+correction of its own (`rudc-t`, `usl`, an own agent whose `u` differs from its `u_rl`), its corrected action
+is corrected once more: `rudc-t+ttcbf` has two filters, one behind the other.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ _FUNCTIONS = {
 
 
 def filters() -> dict[str, str]:
-    """Suffix of an agent's name -> what it puts behind the agent: a filter of each rule, registered ones
-    too."""
+    """Suffix of an agent's name -> a sentence on what it puts behind the agent: a filter with that rule.
+    Registered rules are included."""
     functions = {name: _FUNCTIONS.get(name, f"the rule {name}") for name in RULES}
     return {name: f"Behind it a safety filter with {text}." for name, text in functions.items()}
 
@@ -31,7 +31,7 @@ class FilteredAgent:
     ego_driver: EgoDriver = "agent"
 
     def __init__(self, driver: Agent, name: str, correction: Correction) -> None:
-        """`name`: of the two together, as in tables."""
+        """`name`: name of driver and correction together, as in tables."""
         self.name = name
         self.inner = driver
         self.correction = correction
@@ -42,7 +42,9 @@ class FilteredAgent:
         self.correction.reset(scene, seed)
 
     def act(self, scene: Scene) -> Decision:
-        """The driver's action, corrected; `corrected` is what this correction says, `u_rl` the driver's."""
+        """The driver's decision with `u` corrected. `corrected` is the result of this correction; `u_rl`
+        stays the driver's.
+        """
         proposed = self.inner.act(scene)
         start = time.perf_counter()
         corrected = self.correction.correct(scene, Proposal(proposed.u, sigma=proposed.sigma), None)

@@ -1,4 +1,4 @@
-"""A driver that follows its path at 8 m/s and looks at nobody: the yardstick for what recklessness costs."""
+"""A driver that follows its path at 8 m/s and ignores everybody: the reference for reckless driving."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from rudc.env.tracking import acceleration_towards, speed_allowed, speeds_in_ben
 from rudc.world.scene import Scene
 
 CRUISE = 8.0
-"""m/s"""
+"""m/s, desired speed"""
 ACCELERATION = 2.0
-"""m/s2"""
+"""m/s2, largest acceleration"""
 
 
 class Follower:

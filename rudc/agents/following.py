@@ -1,14 +1,15 @@
-"""How fast an ego comes up behind its leader: it can stop behind it on a poor road, too.
+"""How fast an ego may drive behind its leader, so that it can stop behind it on a poor road too.
 
-That the road has turned poor an ego learns only when it brakes. So at v m/s it keeps
+An ego learns that the road has become poor only when it brakes. So at v m/s it keeps
 
     v^2 / (2 PLANNED) <= gap - PULL_OUT + v_leader^2 / (2 LEADER)
 
-and can stop by braking at PLANNED, or with what a poor road gives, behind a leader that brakes at LEADER
-until it stands. This is the safe distance of Shalev-Shwartz et al., "On a formal model of safe and scalable
-self-driving cars", 2017, with a follower that brakes less hard. The leader is the first of those who move the
-ego's way, however slowly, in the band that the ego is about to sweep. Who stands still there is left to
-courses (courses.py): they may lead round it, and need PULL_OUT m for that.
+Then it can stop behind a leader that brakes at LEADER until it stands, by braking at PLANNED; on a road that
+is known to be poor, what that road gives replaces PLANNED. This is the safe distance of Shalev-Shwartz et
+al., "On a formal model of safe and scalable self-driving cars", 2017, with a follower that brakes less hard.
+The leader is the first vehicle that moves in the ego's direction, however slowly, in the band of road that
+the ego is about to drive over. Vehicles that stand still there are left to courses.py: a course may lead
+round them, and needs PULL_OUT m for that.
 """
 
 from __future__ import annotations
@@ -24,13 +25,14 @@ from rudc.safety.prediction import ALONG
 from rudc.world.scene import STILL, Scene
 
 PLANNED, LEADER = 3.0, 4.5
-"""m/s2, m/s2: how hard the ego plans to brake, about what ice gives, and how hard its leader may"""
+"""m/s2, m/s2: how hard the ego plans to brake, about what ice gives, and how hard its leader may brake"""
 PULL_OUT = 3.0
-"""m kept behind who stands: nearer, the ego cannot pull out"""
+"""m, distance kept behind vehicles that stand: nearer, the ego could not pull out"""
 
 
 def ready_to_follow(scene: Scene, u: Array) -> Array:
-    """(2,) what of the command u (2,), m/s2 and rad, leaves the ego able to stop behind its leader."""
+    """(2,) the command u (2,), m/s2 and rad, with an acceleration after which the ego can still stop
+    behind its leader."""
     line, body = scene.route.path, scene.vehicle
     gap, along = who_leads(
         line.xy, line.heading, SPACING, scene.position, scene.heading, scene.velocity, scene.size,

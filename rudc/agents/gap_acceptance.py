@@ -1,15 +1,17 @@
 """A driver that follows its path behind its leader (IDM) and enters when the gap in the traffic suffices.
 
-Leader. Whoever's rectangle lies across the band the ego is about to sweep: those who head its way, stand, or
-have no lane (pedestrians also where they will be within 2 s); once the ego has entered, whoever is there.
+Leader. The first vehicle whose rectangle overlaps the band of road that the ego is about to drive over.
+Before the conflict zone only those count that head in the ego's direction, stand, or have no lane; in it
+and beyond, everybody counts. Pedestrians also count where they will be within 2 s.
 
     a = A (1 - (v / v0)^4 - (g* / g)^2),    g* = G + v T + v (v - v_leader) / (2 sqrt(A B)).
 
-Gaps. As in rudc/agents/gaps.py.
+Gaps. Whether the gaps in the crossing traffic suffice, rudc/agents/gaps.py decides.
 
-Where it holds. Before the waiting point (the last place clear of those it must yield to; the stop line, if
-there is none inside the junction) it waits there for those it must yield to. Past it, and for those who
-should yield but are already there, it stops before the conflict itself, if it still can.
+Where it stops. Before the waiting point (the last place that is clear of those to whom it must yield, or the
+stop line if there is no such place in the junction) it waits there for those to whom it must yield. Past the
+waiting point, and for those who should yield but cannot any more, it stops before the conflict itself, if it
+still can.
 """
 
 from __future__ import annotations
@@ -26,17 +28,17 @@ from rudc.world.scene import Kind, Scene
 HEADWAY, STANDSTILL = 1.0, 2.0
 """s, m: IDM's T and G"""
 HARDEST = 5.0
-"""m/s2, braking with which it still tries to stop before a conflict"""
+"""m/s2, the ego stops before a conflict only if it can with this braking or less"""
 LOOK_AHEAD = 50.0
-"""m of the path searched for a leader"""
+"""m of the path that are searched for a leader"""
 BAND = 0.25
-"""m to each side of the ego kept clear"""
+"""m to each side of the ego that belong to the band"""
 PEDESTRIAN_S = (0.0, 1.0, 2.0)
 """s ahead at which pedestrians are looked for on the path"""
 
 
 class GapAcceptance:
-    """Path follower with IDM and gap acceptance: the yardstick for sensible driving by rules."""
+    """Path follower with IDM and gap acceptance: the reference for sensible driving by rules."""
 
     name = "gap-acceptance"
     ego_driver: EgoDriver = "agent"
@@ -45,7 +47,7 @@ class GapAcceptance:
         """Nothing is kept from one decision to the next."""
 
     def act(self, scene: Scene) -> Decision:
-        """Steer along the path; of following, holding and the bends, the slowest decides."""
+        """Steer along the path; accelerate as the strictest of leader, stopping place and bends allows."""
         self._profile = speeds_in_bends(scene.route.path)
         speed = speed_allowed(scene, self._profile, min(CRUISE, scene.route.speed_limit))
         acceleration = acceleration_towards(speed, scene, ACCELERATION)
@@ -60,7 +62,7 @@ class GapAcceptance:
     # ---- leader
 
     def _leader(self, scene: Scene) -> tuple[float, float]:
-        """Gap (m) to who is ahead on the path, and its speed along it (m/s); (inf, 0) for nobody."""
+        """Gap (m) to the leader, and its speed along the path (m/s); (inf, 0) if there is none."""
         if scene.count == 0:
             return math.inf, 0.0
         front = scene.ego_s + 0.5 * scene.vehicle.length
@@ -111,13 +113,15 @@ class GapAcceptance:
 
 
 class Planner(GapAcceptance):
-    """Gap acceptance on courses round what blocks the way: the yardstick where something does."""
+    """Gap acceptance on courses round what blocks the way: the reference where something blocks it."""
 
     name = "planner"
 
 
 def _idm(v: float, v0: float, gap: float, leader_speed: float) -> float:
-    """m/s2, IDM's acceleration; free road for an infinite gap."""
+    """m/s2, IDM's acceleration at v m/s, desired speed v0 m/s, `gap` m behind a leader at `leader_speed` m/s;
+    A for an infinite gap.
+    """
     if math.isinf(gap):
         return ACCELERATION
     wanted = STANDSTILL + max(

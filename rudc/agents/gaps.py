@@ -1,18 +1,23 @@
 """Whether the gaps in the traffic that crosses or joins the ego's way suffice.
 
-For each surrounding vehicle whose path meets the ego's (`Network.conflict`), four times from now:
-    the ego's front reaches the conflict, its tail leaves it (accelerating as it would, bends respected),
-    the other's front reaches it at the earliest (accelerating), its tail leaves it (as fast as now).
-The gap suffices if the ego is gone `margin` before the other comes, or comes after the other is gone. Where
-both ways merge, gone means far enough in, and fast enough, not to be caught up with. The margin shrinks while
-the ego waits: nobody waits for a perfect gap for ever.
+For each surrounding vehicle whose path meets the ego's (`Network.conflict`), four times from now are
+computed:
+    when the ego's front reaches the conflict, and when its tail leaves it (it accelerates as it would, and
+    slows down in bends),
+    when the other's front reaches it at the earliest (it accelerates), and when its tail leaves it (at its
+    present speed).
+The gap suffices if the ego leaves the conflict at least `margin` before the other arrives, or arrives after
+the other has left. Where both ways merge, the ego has left when it is far enough in, and fast enough, that
+the other does not catch up with it. The margin shrinks while the ego waits, so that it does not wait for a
+perfect gap for ever.
 
-Who crosses comes from another arm (`crossing`). In a roundabout the ego can meet the same vehicle at two
-places: the ego gives way where it enters the ring, the other where that one enters (`Network.crossings`).
+Vehicles that cross come from another arm (`crossing`). In a roundabout the ego can meet the same vehicle at
+two places: the ego gives way where it enters the ring, the other where the other enters
+(`Network.crossings`).
 
 A course (rudc/network/course.py) also enters ground that the route it replaces never touches: the lane
-beside, or the one against which the ego drives. There the ego gives way to everybody (`entering`), whatever
-the junction's right of way says of the two arms.
+beside, or the lane of oncoming traffic. There the ego gives way to everybody (`entering`), whatever the
+junction's right of way says about the two arms.
 """
 
 from __future__ import annotations
@@ -32,34 +37,36 @@ CRUISE = 8.5
 ACCELERATION, DECELERATION = 2.0, 2.5
 """m/s2, m/s2: IDM's A and B"""
 MARGIN, LEAST_MARGIN, PATIENCE = 1.2, 0.4, 12.0
-"""s, s, s: margin at first and after having waited for PATIENCE"""
+"""s, s, s: margin at first, and margin after the ego has waited for the third"""
 COURTESY = 3.0
-"""s of waiting after which those who stand before the conflict are taken to let it pass"""
+"""s of waiting after which vehicles that stand before the conflict are assumed to let the ego pass"""
 OTHERS_ACCELERATION = 1.5
-"""m/s2, assumed of the others where it is the worse"""
+"""m/s2, assumed of the others for their earliest arrival"""
 SLOWEST = 1.0
-"""m/s, below which a vehicle counts as stopping: twice STANDING, since when one that creeps will have passed
-says nothing"""
+"""m/s, below which a vehicle counts as stopping: twice STANDING, since it cannot be known when a vehicle that
+creeps will have passed"""
 LONGER = 5.0
-"""m by which a conflict of the course begins before, or ends behind, that of the route with the same vehicle,
-for the ego to give way there as on new ground"""
+"""m: where a course's conflict with a vehicle begins this much before, or ends this much after, the route's
+conflict with it, the ego gives way as on new ground"""
 
 
 class Conflicts(NamedTuple):
-    """The K surrounding vehicles that have yet to clear a conflict that the ego has yet to clear too."""
+    """Conflicts with K surrounding vehicles that neither the ego nor the other has left yet."""
 
     ego_in: Array
     """(K,) m from the ego's front to the conflict, negative inside"""
     ego_out: Array
-    """(K,) m the ego's front has to go until its tail is out"""
+    """(K,) m that the ego has to drive until its tail is out"""
     other_in: Array
     """(K,) m from the other's front to the conflict, negative inside"""
     other_out: Array
-    """(K,) m the other has to go until its tail is out"""
+    """(K,) m that the other has to drive until its tail is out"""
     speed: Array
-    """(K,) m/s of the other"""
+    """(K,) m/s, speed of the other"""
     limit: Array
-    """(K,) m/s, what the other may come to drive"""
+    """(K,) m/s, highest speed that is assumed of the other: its speed limit, or its speed if that is
+    higher
+    """
     yields: Flags
     """(K,) whether the ego gives way to it"""
     merges: Flags
@@ -67,7 +74,7 @@ class Conflicts(NamedTuple):
 
 
 def crossing(scene: Scene) -> Conflicts | None:
-    """With those from other arms; None if there are none."""
+    """Conflicts with vehicles from other arms; None if there are none."""
     paths, own = scene.network.paths, scene.route.row
     known = np.flatnonzero((scene.path >= 0) & (paths.origin[scene.path] != paths.origin[own]))
     if not len(known):
@@ -83,8 +90,8 @@ def crossing(scene: Scene) -> Conflicts | None:
 
 
 def entering(scene: Scene, route: Route) -> Conflicts | None:
-    """With those on whose ground the ego's course comes where it has left its `route`, which does not come
-    there; None if nobody is there.
+    """Conflicts with vehicles on ground that the ego's course enters and its `route` does not; None if there
+    are none.
     """
     driven = np.flatnonzero(scene.path >= 0)
     if not len(driven):
@@ -104,7 +111,7 @@ def entering(scene: Scene, route: Route) -> Conflicts | None:
 
 
 def _open(scene: Scene, known: Index, table: Array, merges: Flags, yields: Flags) -> Conflicts | None:
-    """Of the conflicts `table` (K, 4) with others `known` (K,) those that neither has cleared."""
+    """Those of the conflicts `table` (K, 4), with the others `known` (K,), that neither side has left."""
     paths, rows = scene.network.paths, scene.path[known]
     half, theirs = 0.5 * scene.vehicle.length, 0.5 * scene.size[known, 0]
     ego_end = np.where(merges, np.minimum(table[:, 1], table[:, 0] + MERGED), table[:, 1])
@@ -127,8 +134,8 @@ def _open(scene: Scene, known: Index, table: Array, merges: Flags, yields: Flags
 
 
 def _uncleared(scene: Scene, known: Index, ego_end: Array, other_end: Array) -> Flags:
-    """(K,) whether neither the ego nor the others `known` (K,) have cleared conflicts that end at (K,) m of
-    its way and (K,) m of theirs; False where there is none (nan)."""
+    """(K,) whether neither the ego nor the others `known` (K,) have left conflicts that end at `ego_end` (K,)
+    m of its path and `other_end` (K,) m of theirs; False where there is none (nan)."""
     theirs = scene.path_s[known] - 0.5 * scene.size[known, 0] < other_end
     return theirs & (scene.ego_s - 0.5 * scene.vehicle.length < ego_end)
 
@@ -141,10 +148,11 @@ def suffices(
     margin: Array | float | None = None,
     acceleration: float = ACCELERATION,
 ) -> Flags:
-    """(K,) whether the ego may go as far as each of the others is concerned.
+    """(K,) whether the ego may go, judged by its conflict with each of the others.
 
-    `profile`: m/s that it may drive at each station of its path; `margin`: s, for all or (K,), None: less the
-    longer it waits; `acceleration`: the ego's, m/s2, which may be negative; on a poor road what that gives.
+    `profile`: (M,) m/s that the ego may drive at each station of its path; `margin`: s, one for all or (K,);
+    None: it shrinks while the ego waits; `acceleration`: m/s2 of the ego, may be negative, and is limited to
+    what a poor road gives.
     """
     if margin is None:
         margin = max(MARGIN - (MARGIN - LEAST_MARGIN) * scene.waited_s / PATIENCE, LEAST_MARGIN)
@@ -161,8 +169,8 @@ def suffices(
 
 
 def _times(scene: Scene, found: Conflicts, profile: Array, acceleration: float) -> tuple[Array, Array, Array]:
-    """(K,) s until the ego's front reaches each conflict and its tail leaves it, and (K,) m/s its speed
-    then.
+    """(K,) s until the ego's front reaches each conflict, (K,) s until its tail leaves it, and (K,) m/s its
+    speed when it leaves.
     """
     begin = min(max(int(scene.ego_s / SPACING), 0), len(profile) - 2)
     ahead = SPACING * np.arange(len(profile) - begin)
@@ -176,8 +184,8 @@ def _times(scene: Scene, found: Conflicts, profile: Array, acceleration: float) 
 
 
 def _earliest(distance: Array, speed: Array, limit: Array) -> Array:
-    """(K,) s in which the others cover (K,) m, accelerating from their speeds to their limits; 0 for what is
-    behind.
+    """(K,) s in which the others drive `distance` (K,) m, accelerating from their speeds to their limits; 0
+    for distances below 0.
     """
     distance = np.maximum(distance, 0.0)
     rising = (limit**2 - speed**2) / (2 * OTHERS_ACCELERATION)

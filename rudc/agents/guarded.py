@@ -1,7 +1,7 @@
-"""Keeps watch over an agent, or a correction, that is not RUDC's: it answers an action, or there is an error
-that says what.
+"""Checks the answers of agents and corrections that are not RUDC's: where an answer is no action, an error
+says what it is.
 
-Such an agent's `act` returns a `Decision`, or just (acceleration m/s2, front-wheel angle rad).
+The `act` of such an agent returns a `Decision`, or just (acceleration m/s2, front-wheel angle rad).
 """
 
 from __future__ import annotations
@@ -38,11 +38,13 @@ _STATED: dict[str, tuple[Callable[[Any], bool], str]] = {
     "by_route": _UNSURE,
     "corrected": (lambda stated: isinstance(stated, Corrected), "a `Corrected`"),
 }
-"""parts of a decision that an agent need not state -> whether what it states will do, and what would"""
+"""optional part of a decision -> the check of its value, and a description of the values that are accepted"""
 
 
 class GuardedAgent:
-    """An agent of other people's; it fails by AgentFailedError, with its own exception as the cause."""
+    """An agent that is not RUDC's. Its methods raise AgentFailedError, with the agent's own exception, if
+    any, as the cause.
+    """
 
     def __init__(self, agent: Agent, name: str) -> None:
         self.name = name
@@ -50,11 +52,11 @@ class GuardedAgent:
         self.inner = agent
 
     def reset(self, scene: Scene, seed: int) -> None:
-        """Its own."""
+        """Reset the agent."""
         self._call("reset", scene, lambda: self.inner.reset(scene, seed))
 
     def act(self, scene: Scene) -> Decision:
-        """Its own, checked, and cut to what the vehicle can."""
+        """The agent's decision, checked, with actions cut to the vehicle's limits."""
         answer: Any = self._call("act", scene, lambda: self.inner.act(scene))
         if not isinstance(answer, Decision):
             u = self._action(answer, scene)
@@ -89,23 +91,25 @@ class GuardedAgent:
 
 
 class GuardedCorrection:
-    """A correction of other people's; it fails by PartFailedError, with its own exception as the cause."""
+    """A correction that is not RUDC's. Its methods raise PartFailedError, with the correction's own
+    exception, if any, as the cause.
+    """
 
     def __init__(self, correction: Correction, kind: str) -> None:
-        """`kind`: its name."""
+        """`kind`: name of the correction, for messages."""
         self.inner = correction
         self._who = f"correction {kind}"
 
     def load(self, arrays: Mapping[str, NDArray], percentiles: Percentiles) -> None:
-        """Its own."""
+        """Let the correction load them."""
         ask_own(self._who, None, "load", lambda: self.inner.load(arrays, percentiles))
 
     def reset(self, scene: Scene, seed: int) -> None:
-        """Its own."""
+        """Reset the correction."""
         ask_own(self._who, scene.time_s, "reset", lambda: self.inner.reset(scene, seed))
 
     def correct(self, scene: Scene, proposal: Proposal, critics: Critics | None) -> Corrected:
-        """Its own, checked, and cut to what the vehicle can."""
+        """The correction's result, checked, with `u` cut to the vehicle's limits."""
         time_s = scene.time_s
         answer: Any = ask_own(
             self._who, time_s, "correct", lambda: self.inner.correct(scene, proposal, critics)

@@ -1,17 +1,18 @@
-"""How fast to drive where the ego does not see all.
+"""How fast the ego may drive where it does not see everything.
 
-On its own path the ego drives no faster than it can stop, braking at PLANNED, within what it sees; CREEP is
-always allowed.
+On its own path the ego drives no faster than it can stop from within what it sees, braking at PLANNED; CREEP
+is always allowed.
 
-At a junction, behind every box and beyond the sensors' reach a vehicle may come at its road's limit, whoever
-has priority. For each row of `network.paths` from another arm that meets the ego's path, the nearest hidden
-place upstream of the conflict is looked for. A vehicle there reaches the conflict after
+At a junction, a vehicle may come at its road's speed limit from behind every box that hides something, and
+from beyond the sensors' reach, whoever has priority. For each row of `network.paths` from another arm that
+meets the ego's path, the hidden place nearest to the conflict, upstream of it, is looked for. A vehicle there
+reaches the conflict after
 
-    t = (way from there to the conflict) / (the row's limit)
+    t = (way from there to the conflict) / (the row's speed limit)
 
-and the ego either is through before that, or can stop before the conflict:
+and the ego must either have passed the conflict before that, or be able to stop before it, braking at b:
 
-    through + SPARE < t      or      v^2 <= 2 b (way to the conflict),  at least CREEP^2.
+    (time until the ego has passed) + SPARE < t      or      v^2 <= max(2 b (way to the conflict), CREEP^2)
 """
 
 from __future__ import annotations
@@ -27,24 +28,24 @@ from rudc.world.perception import in_sight
 from rudc.world.scene import Scene
 
 UPSTREAM, EVERY = 60.0, 2.0
-"""m of each row before the conflict that are looked at, m between the places"""
+"""m, m: length of each row before the conflict that is checked, and distance between the places checked"""
 AHEAD = 40.0
-"""m of the ego's path, conflicts and hidden places beyond which do not count yet"""
+"""m of the ego's path ahead; conflicts and hidden places beyond do not count yet"""
 SPARE = 0.5
-"""s"""
+"""s, by which the ego must have passed before the other arrives"""
 CREEP = 2.0
-"""m/s, always allowed: who creeps stops within a step of where it sees"""
+"""m/s, always allowed: an ego that creeps can stop within a step"""
 BEFORE = 0.5
-"""m before a conflict, or the end of what it sees, where the ego stops"""
+"""m, distance before a conflict, or before the end of what it sees, at which the ego can stop"""
 GOING = 2.0
-"""m/s2, with which the ego goes through"""
+"""m/s2, acceleration with which the ego passes"""
 PLANNED = 0.8
 """share of its hardest braking that the ego plans with"""
 
 
 def ready_for_unseen(scene: Scene, u: Array) -> Array:
-    """(2,) what of the command u (2,), m/s2 and rad, leaves the ego able to stop within what it sees of its
-    path.
+    """(2,) the command u (2,), m/s2 and rad, with an acceleration after which the ego can still stop within
+    what it sees of its path.
     """
     if scene.hidden_by is None and scene.sight_m > AHEAD + scene.vehicle.length:
         return u
@@ -58,8 +59,8 @@ def ready_for_unseen(scene: Scene, u: Array) -> Array:
 
 
 def speed_by_sight(scene: Scene, braking: float) -> float:
-    """m/s from which the ego, braking with so many m/s2, gets on with whoever may come out of hiding; inf if
-    nobody can.
+    """m/s, highest speed from which the ego, braking at `braking` m/s2, can stop before every conflict with a
+    vehicle that may come from a hidden place before the ego has passed; inf if there is none.
     """
     if scene.hidden_by is None and math.isinf(scene.sight_m):
         return math.inf
@@ -85,8 +86,8 @@ def speed_by_sight(scene: Scene, braking: float) -> float:
 
 
 def _hidden_way(scene: Scene, rows: Index, conflict: Array) -> Array:
-    """(n,) m from the nearest hidden place on each row to where its conflict (n,) m begins; inf if it is all
-    in sight.
+    """(n,) m from the nearest hidden place on each row to where its conflict begins, at `conflict` (n,)
+    m; inf if all places on it are in sight.
     """
     back = np.arange(0.0, UPSTREAM, EVERY)
     x, y, _ = scene.network.paths.pose(rows[:, None], np.maximum(conflict[:, None] - back, 0.0))
@@ -95,12 +96,12 @@ def _hidden_way(scene: Scene, rows: Index, conflict: Array) -> Array:
 
 
 def _seen(scene: Scene, points: Array) -> Flags:
-    """(...) which of the points (..., 2), m, the ego's sensors reach."""
+    """(...) whether the ego's sensors see each of the points (..., 2) m."""
     eye = scene.ego.x, scene.ego.y
     seen = np.hypot(points[..., 0] - eye[0], points[..., 1] - eye[1]) < scene.sight_m
     return seen if scene.hidden_by is None else seen & in_sight(eye, points, scene.hidden_by)
 
 
 def _time(v: float, way: Array, a: float) -> Array:
-    """(n,) s for (n,) m from v m/s at a m/s2."""
+    """(n,) s that a way of (n,) m takes from v m/s at a m/s2."""
     return (np.sqrt(v * v + 2.0 * a * np.maximum(way, 0.0)) - v) / a

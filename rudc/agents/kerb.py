@@ -1,8 +1,9 @@
-"""Keeping the wheels on the road: near its edge nobody steers farther out than the path goes.
+"""Keeps the wheels on the road: near its edge, the ego does not steer farther outwards than its path.
 
-A policy adjusts the steering that follows the path, and a filter steers away from others. Neither looks at
-the road's edge, and in a bend the path itself may come within a few centimetres of it. So where a corner of
-the ego is NEAR the edge or beyond, on the side of the path to which the ego has come, the path is followed.
+A policy adjusts the steering that follows the path, and a filter steers away from others. Neither regards the
+outline of the road surface, and in a bend the path itself may come within a few centimetres of it. So where a
+corner of the ego is within NEAR of the edge, or beyond it, on that side of the path on which the ego is, the
+steering is that which follows the path.
 """
 
 from __future__ import annotations
@@ -16,13 +17,15 @@ from rudc.env.tracking import steering
 from rudc.world.scene import Scene
 
 NEAR = 0.1
-"""m from the road's edge"""
+"""m, distance from the road's edge"""
 OFF = 0.05
-"""m beside its path, from where the ego is brought back"""
+"""m, offset from the path from which on the ego is brought back"""
 
 
 def kept_on_road(scene: Scene, u: Array) -> Array:
-    """(2,) the command u (2,), m/s2 and rad, with wheels that lead back to the path near the road's edge."""
+    """(2,) the command u (2,), m/s2 and rad; near the road's edge with steering that leads back to the
+    path.
+    """
     if abs(scene.ego_offset) < OFF or _room(scene) > NEAR:
         return u
     back = steering(scene)

@@ -1,4 +1,4 @@
-"""The agents' arithmetic as kernels; formulas stand at the heads of the modules that call them."""
+"""The agents' arithmetic as kernels; the docstrings of the modules that call them give the formulas."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ from rudc.kernels import NewRowTable, NewTable, Rows, Table, Vector, half_turn, 
 def two_way(
     x: float, y: float, knots: Vector, values: Table, other_knots: Vector, other_values: Table
 ) -> tuple[float, float, float]:
-    """f(x) + g(y) of three pairs of functions, linear between K knots with values (3, K), and L knots."""
+    """f(x) + g(y) for three pairs of functions that are linear between knots: f has K knots and `values`
+    (3, K), g has `other_knots` (L,) and `other_values` (3, L).
+    """
     return (
         interpolated(x, knots, values[0]) + interpolated(y, other_knots, other_values[0]),
         interpolated(x, knots, values[1]) + interpolated(y, other_knots, other_values[1]),
@@ -28,11 +30,11 @@ def who_leads(
     size: Table, ego_s: float, ego_length: float, ego_width: float, slowest: float, same_way: float,
     reach: float,
 ) -> tuple[float, float]:  # fmt: skip
-    """m from the ego's front along its line (M, 2) m, with directions `course` (M,) rad, to the rear of its
-    leader, inf for nobody, and m/s of the leader along it.
+    """m from the ego's front to the rear of its leader along its `line` (M, 2) m, whose directions are
+    `course` (M,) rad, and the leader's speed along it, m/s; (inf, 0) if there is none.
 
-    The `leader` among those faster than `slowest` m/s that head its way, `reach` m ahead; `same_way` is the
-    cosine of the angle up to which one does.
+    It is the `leader` among those who are faster than `slowest` m/s and drive in the ego's direction, within
+    `reach` m. Somebody does so if the cosine of the angle to the line is above `same_way`.
     """
     first = min(max(int(ego_s / spacing), 0), len(course) - 1)
     last = first + int(reach / spacing) + 1
@@ -53,8 +55,9 @@ def who_leads(
 
 @kernel
 def sighted(position: Table, velocity: Table, heading: Vector, most: int, slowest: float) -> NewTable:
-    """(N, 6) of the first others, `most` at most: place (m, m), speed (m/s, negative backwards), its
-    direction, and heading (rad); that of the body where somebody is no faster than `slowest` m/s.
+    """(N, 6) for the first `most` others: position (m, m), speed (m/s, negative for backwards), direction of
+    motion (cosine, sine), and heading (rad). The direction of motion of somebody who is no faster than
+    `slowest` m/s is that of the body.
     """
     seen = np.empty((min(len(heading), most), 6))
     for i in range(len(seen)):
@@ -72,8 +75,9 @@ def sighted(position: Table, velocity: Table, heading: Vector, most: int, slowes
 
 @kernel
 def unexplained(now: Table, before: Table, rows: Rows, acceleration: Vector, dt: float) -> NewTable:
-    """(K, 4) of those seen `now` (N, 6) that were in some row of `before` (M, 6), dt s ago, -1 for none: what
-    motion does not explain of their x and y (m), speed (m/s), and heading (rad, with full turns).
+    """(K, 4) for those of the sightings `now` (N, 6) that have a row in `before` (M, 6), dt s ago: the
+    part of the change that motion does not explain, of x and y (m), speed (m/s), and heading (rad, full turns
+    included). `rows` (N,): the row of each in `before`, -1 for none; `acceleration` (N,) m/s2.
     """
     count = 0
     found = np.empty((len(now), 4))
@@ -93,10 +97,11 @@ def unexplained(now: Table, before: Table, rows: Rows, acceleration: Vector, dt:
 
 @kernel
 def keep(found: Table, least: Vector, kept: NewTable, counts: NewRowTable) -> int:
-    """Keep what was `found` (K, 4), see `unexplained`, in rings `kept` (3, M): of places, speeds, headings.
+    """Keep what `unexplained` has `found` (K, 4) in ring buffers `kept` (3, M): of positions, speeds,
+    headings.
 
-    `counts` (3, 2): how many were ever kept, and how many of those that are there exceed `least` (3,).
-    Answers 0.
+    `counts` (3, 2): how many were ever kept, and how many of those now in the buffer exceed `least` (3,).
+    Returns 0.
     """
     for i in range(len(found)):
         for column in range(4):
@@ -118,7 +123,7 @@ def keep(found: Table, least: Vector, kept: NewTable, counts: NewRowTable) -> in
 
 @kernel
 def any_slower(velocity: Table, speed: float) -> bool:
-    """Whether one of the velocities (N, 2) m/s is slower than `speed` m/s."""
+    """Whether the size of any of the velocities (N, 2) m/s is below `speed` m/s."""
     found = False
     for i in range(len(velocity)):
         found = found or math.hypot(velocity[i, 0], velocity[i, 1]) < speed
@@ -127,7 +132,9 @@ def any_slower(velocity: Table, speed: float) -> bool:
 
 @kernel
 def all_have_ways(path: Rows, kind: Rows, walker: int) -> bool:
-    """Whether all with a path (N,) of -1, for none, are of the kind (N,) `walker`."""
+    """Whether everybody is on a path or is a pedestrian: `path` (N,) is -1 for none, `kind` (N,) is `walker`
+    for pedestrians.
+    """
     found = True
     for i in range(len(path)):
         found = found and (path[i] >= 0 or kind[i] == walker)

@@ -1,11 +1,12 @@
-"""A learnt policy at the wheel: observation -> policy -> uncertainty of the critics -> correction.
+"""The agent that drives by a learnt policy: observation -> policy -> uncertainty of the critics ->
+correction.
 
-    a       = tanh(mean of the policy)            [-1, 1]^2; while it explores, a sample instead
-    u_rl    = what a means (rudc/env/action.py)
+    a       = tanh(mean of the policy), in [-1, 1]^2; while it explores, a sample instead
+    u_rl    = the nominal action that a stands for (rudc/env/action.py)
     sigma   = sigma_total of the critics at (observation, a), or that by route (rudc/agents/route_sigma.py)
     u       = u_rl after correction (rudc/agents/correction.py)
 
-Needs numpy only; torch is for learning.
+It needs numpy only; torch is for learning.
 """
 
 from __future__ import annotations
@@ -34,13 +35,13 @@ from rudc.world.scene import Scene
 
 
 class Chosen(NamedTuple):
-    """A decision, and how it looks to whoever learns from it."""
+    """A decision, and what a learner needs to learn from it."""
 
     decision: Decision
     observation: Floats
-    """(size,)"""
+    """(size,) the flat observation"""
     executed: Floats
-    """(2,) what is executed, after correction, in [-1, 1]"""
+    """(2,) the action after correction, in [-1, 1]"""
     proposed: Floats
     """(2,) what the policy proposed, in [-1, 1]"""
 
@@ -57,8 +58,8 @@ class LearnedAgent:
         arrays: Mapping[str, NDArray],
         percentiles: tuple[float, float] | None = None,
     ) -> None:
-        """`arrays` and `percentiles`: see `load`; arrays named `residual/...` are the residual predictor's,
-        which stays as it is. Without them, the shipped one's are taken.
+        """`arrays` and `percentiles`: see `load`. Arrays named `residual/...` are those of the residual
+        predictor, which later calls of `load` do not change; without them, the shipped predictor is taken.
         """
         self.name = name
         self.config = config
@@ -69,9 +70,10 @@ class LearnedAgent:
         self.load(arrays, percentiles)
 
     def load(self, arrays: Mapping[str, NDArray], percentiles: tuple[float, float] | None = None) -> None:
-        """Take over weights, named as in `Learner.weights`, what is usual along the route, and sigma_l and
-        sigma_h of sigma_total. Without critics there is neither sigma nor slack. Until it is known what is
-        usual (in training), sigma is the paper's.
+        """Take over weights, named as in `Learner.weights`, among them those of sigma by route, and
+        sigma_l and sigma_h of sigma_total (`percentiles`). Without critics there is no sigma, and no
+        slack that depends on it. As long as sigma by route has not been fitted (in training), sigma is
+        the paper's.
         """
         self._decider.refresh(arrays)
         self._route = RouteSigma.among(arrays)
@@ -87,7 +89,7 @@ class LearnedAgent:
             self.correction.reset(scene, seed)
 
     def act(self, scene: Scene) -> Decision:
-        """The policy's mean, corrected."""
+        """The decision for the mean of the policy, corrected."""
         return self.choose(scene).decision
 
     def choose(
@@ -98,8 +100,9 @@ class LearnedAgent:
         *,
         correcting: bool = True,
     ) -> Chosen:
-        """The same, and how it looks to a learner. With `rng` it explores; `observation`: that of this scene,
-        where it is known already; `correcting`: False leaves out the correction.
+        """As `act`, with what a learner needs. With `rng`, the action is a sample of the policy
+        (exploration). `observation`: that of this scene, if it is known already; `correcting`: False
+        leaves out the correction.
         """
         clock = [time.perf_counter()]
         if observation is None:
@@ -139,7 +142,7 @@ def untrained(config: AgentConfig, seed: int = 0) -> LearnedAgent:
 
 def load_learned(name: str, folder: Path, changes: Mapping[str, Any]) -> LearnedAgent:
     """The agent in a checkpoint's folder with `changes` of its settings as in variation.py, called `name` in
-    tables. Raises AgentError, also if sigma shall be by route and nobody measured what is usual there.
+    tables. Raises AgentError, also if `sigma` is `route` but sigma by route was never fitted.
     """
     learnt = load_learnt(folder)
     config = vary(learnt.config, changes)

@@ -1,8 +1,7 @@
-"""All that can drive, and all that can be trained to: what `rudc agent list` shows.
+"""All agents that can drive, and all algorithms that can be trained: what `rudc agent list` shows.
 
-What an algorithm is called in the paper and how it differs from rudc-t stands in its entry
-(rudc/learning/algorithms.py). What else an agent has otherwise than the shipped rudc-t is read off the
-settings of both.
+An algorithm's entry (rudc/learning/algorithms.py) says what the paper calls it and how it differs from
+rudc-t. Further differences between an agent and the shipped rudc-t are found by comparing their settings.
 """
 
 from __future__ import annotations
@@ -19,29 +18,30 @@ from rudc.imports import leave_out
 from rudc.learning.algorithms import ALGORITHMS, Algorithm
 
 REFERENCE = "rudc-t"
-"""what the others are compared with"""
+"""agent with which the others are compared"""
 NAMED = 3
-"""settings named at most; beyond, how many more there are"""
+"""settings that are named at most; of the others only the number is given"""
 Status = Literal["rule-based", "added", "shipped", "trainable"]
 
 
 @dataclass(frozen=True)
 class Entry:
-    """An agent, or an algorithm of which none is shipped."""
+    """An agent, or an algorithm of which no trained agent is shipped."""
 
     name: str
     status: Status
-    """by rules; added by a package or a file; a trained agent that is shipped; to be trained first"""
+    """`rule-based`: drives by rules; `added`: by a package or a call of `register_agent`; `shipped`: a
+    trained agent; `trainable`: must be trained first"""
     summary: str
     """what it is, in a sentence"""
     differs: tuple[str, ...] = ()
-    """what a learnt one has otherwise than the shipped rudc-t"""
+    """differences between a learnt agent and the shipped rudc-t"""
     algorithm: str = ""
-    """that it learnt, or would learn, by; empty for others"""
+    """algorithm by which it learnt, or would learn; empty for others"""
     paper: str = ""
-    """what the paper's tables call it; empty for what is not in them"""
+    """what the paper's tables call it; empty if they do not contain it"""
     seed: int | None = None
-    """of its training"""
+    """seed of its training"""
     steps: int | None = None
     """decisions it was trained for"""
     checkpoint: Path | None = None
@@ -49,15 +49,15 @@ class Entry:
 
     @property
     def text(self) -> str:
-        """What it is, in short: against rudc-t, if it is learnt."""
+        """What it is, in short: its differences from rudc-t if it has any, else its summary."""
         if self.differs:
             return f"as {REFERENCE}, but: {'; '.join(self.differs)}"
         return self.summary
 
 
 def entries() -> list[Entry]:
-    """Drivers, then for each algorithm its shipped agents, or itself where none is shipped. In a block of
-    `leaving_out` without what cannot be imported; elsewhere raises InputError.
+    """Drivers, then for each algorithm its shipped agents, or the algorithm itself if none is shipped. Raises
+    InputError if something cannot be imported; in a block of `leaving_out` it is left out instead.
     """
     shipped = [_shipped(name, folder) for name, folder in shipped_checkpoints().items()]
     return [
@@ -110,7 +110,9 @@ def _shipped(name: str, folder: Path) -> Entry:
 
 
 def _otherwise(ours: Mapping[str, Any], theirs: Mapping[str, Any], but: set[str]) -> list[str]:
-    """`key=value` of each setting that both have, with other values; without sections that algorithms set."""
+    """`key=value`, from `ours`, of each setting that both have with different values; without the sections
+    in `but`.
+    """
     there = dict(_flat(theirs))
     return [
         f"{key}={value}"

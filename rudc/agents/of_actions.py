@@ -1,5 +1,5 @@
-"""Corrections that learning brings along, of what a policy proposed in [-1, 1] before that is given its
-meaning: the paper's baselines USL, QPSL and Recovery RL (appendix "Safe Reinforcement Learning").
+"""Corrections of the two numbers in [-1, 1] that a policy proposes, before they become an acceleration and a
+steering angle: the paper's baselines USL, QPSL and Recovery RL (appendix "Safe Reinforcement Learning").
 """
 
 from __future__ import annotations
@@ -25,14 +25,15 @@ from rudc.world.scene import Scene
 
 class UslSettings(CorrectionKind):
     """Unrolled corrections (paper, appendix "Unrolling Safety Layer"; Zhang et al., 2023): a <- a - step g /
-    max |g| while Q_c(s, a) > d_th, g its gradient there. d_th is the limit that the agent has learnt under.
+    max |g| while Q_c(s, a) > d_th, where g is the gradient of Q_c at a. d_th is the agent's limit in
+    training.
     """
 
     kind: Literal["usl"] = "usl"
     steps: int = Field(default=20, ge=1, le=1000)
     """K, corrections of one action at most"""
     step: float = Field(default=0.05, gt=0, le=2)
-    """eta, by how much a correction changes that number of the action in [-1, 1] which counts most"""
+    """eta, by how much one correction changes the number of the action with the larger gradient"""
 
     @property
     def asks(self) -> tuple[str, ...]:
@@ -42,7 +43,7 @@ class UslSettings(CorrectionKind):
     def make(
         self, arrays: Mapping[str, NDArray], percentiles: Percentiles = None, action: ActionKind = ADJUSTMENT
     ) -> Correction:
-        """The loop; of `arrays` it needs none."""
+        """The correction; it needs none of `arrays`."""
         return UslCorrection(self, action)
 
 
@@ -63,55 +64,55 @@ class RecoverySettings(CorrectionKind):
     def make(
         self, arrays: Mapping[str, NDArray], percentiles: Percentiles = None, action: ActionKind = ADJUSTMENT
     ) -> Correction:
-        """The switch; of `arrays` it needs none."""
+        """The correction; it needs none of `arrays`."""
         return RecoveryCorrection(self, action)
 
 
 class QpslSettings(CorrectionKind):
-    """The safety layer (paper, appendix "Safety Layer"; Dalal et al., 2018): the nearest action a to the
-    policy's with c(s) + g(s) . a <= d_th, c(s) the step-wise cost of the scene and g learnt.
+    """The safety layer (paper, appendix "Safety Layer"; Dalal et al., 2018): the action a nearest to the
+    policy's with c(s) + g(s) . a <= d_th, where c(s) is the step-wise cost of the scene and g is learnt.
     """
 
     kind: Literal["qpsl"] = "qpsl"
     cost_limit: float = Field(default=0.2, ge=0)
-    """d_th, of the next step-wise cost"""
+    """d_th, the largest step-wise cost that the next step may have"""
     solver: SolverName = "planar"
-    """of the QP: planar, or any that qpsolvers knows and that is installed"""
+    """QP solver: `planar`, or any that qpsolvers knows and that is installed"""
 
     @property
     def asks(self) -> tuple[str, ...]:
-        """g."""
+        """g, by the name of its network."""
         return ("change",)
 
     def make(
         self, arrays: Mapping[str, NDArray], percentiles: Percentiles = None, action: ActionKind = ADJUSTMENT
     ) -> Correction:
-        """The QP; of `arrays` it needs none."""
+        """The correction; it needs none of `arrays`."""
         return QpslCorrection(self, action)
 
 
 class OfActions:
-    """Corrections of what a policy proposed in [-1, 1], before that is given its meaning."""
+    """Base of corrections of the action in [-1, 1] that a policy proposes."""
 
     def __init__(self, action: ActionKind) -> None:
         self._means = action
 
     def load(self, arrays: Mapping[str, NDArray], percentiles: Percentiles) -> None:
-        """Critics come with each question."""
+        """Nothing to take over: `correct` is given the critics."""
 
     def reset(self, scene: Scene, seed: int) -> None:
-        """Nothing is kept from decision to decision."""
+        """Nothing to reset: nothing is kept from one decision to the next."""
 
     @abstractmethod
     def instead(
         self, scene: Scene, observation: Floats, action: Floats, critics: Critics
     ) -> tuple[Floats, str, bool] | None:
-        """Another action, how it came about, and whether it is infeasible all the same; None if the proposed
-        one may be taken.
+        """Another action (2,) in [-1, 1], the status that says how it came about, and whether the limit is
+        exceeded all the same; None if the proposed `action` (2,) may be taken.
         """
 
     def correct(self, scene: Scene, proposal: Proposal, critics: Critics | None) -> Corrected:
-        """See `Correction`."""
+        """See `Correction`. Raises AgentError behind a driver that is not a learnt agent."""
         if proposal.action is None or proposal.observation is None or critics is None:
             raise AgentError(
                 f"{type(self).__name__} asks what only an agent says that has learnt with it; "
@@ -126,7 +127,7 @@ class OfActions:
 
 
 class UslCorrection(OfActions):
-    """a <- psi(a), K times at most."""
+    """a <- psi(a), at most K times: see `UslSettings`."""
 
     def __init__(self, settings: UslSettings, action: ActionKind = ADJUSTMENT) -> None:
         super().__init__(action)
@@ -148,7 +149,7 @@ class UslCorrection(OfActions):
 
 
 class RecoveryCorrection(OfActions):
-    """a_task where Q_risk(s, a_task) <= d_th, else a_recovery."""
+    """a_task if Q_risk(s, a_task) <= d_th, else a_recovery: see `RecoverySettings`."""
 
     def __init__(self, settings: RecoverySettings, action: ActionKind = ADJUSTMENT) -> None:
         super().__init__(action)
@@ -157,7 +158,7 @@ class RecoveryCorrection(OfActions):
     def instead(
         self, scene: Scene, observation: Floats, action: Floats, critics: Critics
     ) -> tuple[Floats, str, bool] | None:
-        """See `OfActions`; infeasible where the recovery policy's action exceeds the limit, too."""
+        """See `OfActions`; infeasible if the recovery policy's action exceeds the limit too."""
         if critics.cost(observation, action) <= self._limit:
             return None
         other = np.tanh(critics.seen("recovery", observation)[: action.size])
@@ -165,7 +166,7 @@ class RecoveryCorrection(OfActions):
 
 
 class QpslCorrection(OfActions):
-    """argmin |a' - a|^2 / 2 with c + g . a' <= d_th, a' in [-1, 1]^2."""
+    """argmin |a' - a|^2 / 2 with c + g . a' <= d_th, a' in [-1, 1]^2: see `QpslSettings`."""
 
     def __init__(self, settings: QpslSettings, action: ActionKind = ADJUSTMENT) -> None:
         super().__init__(action)
@@ -175,7 +176,9 @@ class QpslCorrection(OfActions):
     def instead(
         self, scene: Scene, observation: Floats, action: Floats, critics: Critics
     ) -> tuple[Floats, str, bool] | None:
-        """See `OfActions`; infeasible where no action is allowed: then it is the one of the least cost."""
+        """See `OfActions`; infeasible if no action keeps the limit: then the one with the least cost is
+        taken.
+        """
         g = critics.seen("change", observation).astype(np.float64)
         room = self._limit - scene_cost(scene)
         if g @ action <= room:

@@ -1,17 +1,18 @@
-"""What a driver is shown of the world, and the bounds on what it asks for: the ways round, and the car that
-is there.
+"""The outlook of a driver: a layer that changes the scene before the driver sees it, and bounds the command
+that comes back. It leads the driver round what blocks, and adapts it to the car and the road that it has.
 
-    see      what the sensors show -> without their noise (smoothing.py) -> with those who are missing
-             (memory.py) -> as the plant makes of it (adaptation.py) -> along the course (courses.py)
-    urge     what a policy proposes -> having stood, setting off where rules would (patience.py); corrections
-             come after this
-    govern   what the driver asks for -> as fast as who must give way may come (approach.py) -> as fast as
-             who follows may come (following.py) -> as fast as it can stop within what it sees
-             (hidden.py) -> as fast as the course allows (courses.py) -> on the road (kerb.py) -> as fast as
-             grip allows
+    see      The scene as sensors show it -> without noise (smoothing.py) -> with those who are not seen for a
+             moment (memory.py) -> at the time when a command will act (adaptation.py) -> along the course
+             (courses.py)
+    urge     A policy's proposal -> changed to set off if the ego has stood too long and the rules would go
+             (patience.py). Corrections come after this
+    govern   The driver's command -> slow enough to give way (approach.py) -> to stop behind the leader
+             (following.py) -> to stop within what the ego sees (hidden.py) -> to drive along the course
+             (courses.py) -> steered so that the wheels stay on the road (kerb.py) -> slow enough for the grip
+             (adaptation.py)
 
-So that whoever drives, by rules or by a policy, and whatever corrects it, goes round what blocks and copes
-with a car that is not the one it was made for, without knowing of either.
+So every driver, by rules or by a policy, with a correction or without, goes round what blocks and copes with
+another car than the one that it was made for, and need not know of either.
 """
 
 from __future__ import annotations
@@ -35,21 +36,23 @@ from rudc.world.scene import Scene
 
 
 class OutlookSettings(Settings):
-    """Which of course and plant there are. With either, noise is smoothed and who is missing remembered."""
+    """Settings of an outlook. With `course` or `plant`, noise is smoothed too, and those who are not seen
+    for a moment are remembered.
+    """
 
     course: bool = False
     """whether the driver is led round what blocks its path"""
     approach: bool = True
-    """whether it comes no faster than it can stop to where it must give way, while gaps are too short, to its
-    leader, and to the end of what it sees; with `course` only"""
+    """whether the ego drives so that it can still stop where it must give way while gaps are too short,
+    behind its leader, and at the end of what it sees; with `course` only"""
     plant: Knowledge = "off"
-    """what is known of the car: nothing (`off`), what the history of commands tells (`estimated`), or the
-    truth (`known`, for ablations)"""
+    """what is known of dead time, lag and friction: nothing (`off`), what is estimated while driving
+    (`estimated`), or the truth (`known`, for ablations)"""
     probe: bool = True
-    """whether short full brakings ask how well the road grips; with `plant` estimated only"""
+    """whether short full brakings measure how well the road grips; with plant=estimated only"""
 
     def without_effect(self) -> Mapping[str, str]:
-        """Who knows nothing of the car, or all, need not ask; who has no course is not held back."""
+        """`probe` unless the plant is estimated; `approach` without `course`."""
         found = dict[str, str]()
         if self.plant != "estimated":
             found["probe"] = f"with plant={self.plant}: nothing is estimated"
@@ -58,21 +61,21 @@ class OutlookSettings(Settings):
         return found
 
     def make(self) -> Outlook | None:
-        """The outlook; None where it would show the world as it is."""
+        """The outlook; None if it would change nothing."""
         return Outlook(self) if self.course or self.plant != "off" else None
 
 
 class Outlook:
-    """Of one agent; `reset` begins an episode."""
+    """The outlook of one agent; call `reset` at the start of each episode."""
 
     def __init__(self, settings: OutlookSettings) -> None:
         self.courses = Courses() if settings.course else None
-        """None without"""
+        """courses round what blocks; None without `course`"""
         self._approach = settings.course and settings.approach
         self.adaptation = (
             Adaptation(settings.plant, probe=settings.probe) if settings.plant != "off" else None
         )
-        """None without"""
+        """adaptation to the car and road; None with plant=off"""
 
     def reset(self, scene: Scene) -> None:
         """Begin a new episode."""
@@ -83,16 +86,16 @@ class Outlook:
             self.courses.reset(scene)
 
     def see(self, scene: Scene) -> Scene:
-        """The scene to decide in; called once a decision."""
+        """The scene that the driver is shown; call it once for each decision."""
         scene = self.memory.see(self.smoothing.see(scene))
         if self.adaptation is not None:
             scene = self.adaptation.see(scene)
         return scene if self.courses is None else self.courses.see(scene)
 
     def govern(self, scene: Scene, u: Array, *, onwards: bool = False) -> Array:
-        """(2,) what of the command u (2,), m/s2 and rad, may be asked for; `scene` as `see` showed it.
+        """(2,) the command u (2,), m/s2 and rad, within its bounds; `scene` as `see` showed it.
 
-        `onwards`: only the road bounds it, since stopping would be worse (`Corrected.onwards`).
+        `onwards`: only road, bends and grip bound it, since stopping would be worse (`Corrected.onwards`).
         """
         if self._approach and not onwards:
             u = ready_for_unseen(scene, ready_to_follow(scene, ready_to_wait(scene, u)))
@@ -106,11 +109,11 @@ class Urged(Protocol):
     """A driver whose proposals can be changed before they are corrected."""
 
     urge: Callable[[Scene, Array], Array] | None
-    """(2,) proposal, m/s2 and rad, in a scene -> the one to be corrected; None for itself"""
+    """scene, proposal (2,) in m/s2 and rad -> proposal that is then corrected; None: it stays as it is"""
 
 
 class OutlookAgent:
-    """Any driver with an outlook, and what corrects it."""
+    """Any driver, with its corrections, behind an outlook."""
 
     ego_driver: EgoDriver = "agent"
 
@@ -125,7 +128,9 @@ class OutlookAgent:
         self.inner.reset(scene, seed)
 
     def act(self, scene: Scene) -> Decision:
-        """The driver's decision in the scene that the outlook shows."""
+        """The driver's decision in the scene that the outlook shows, its command within the outlook's
+        bounds.
+        """
         clock = [time.perf_counter()]
         shown = self.outlook.see(scene)
         clock.append(time.perf_counter())
@@ -139,7 +144,7 @@ class OutlookAgent:
         return decision._replace(u=u, timing_ms=timing, plant=car.estimate, asks_grip=car.asks)
 
     def _decide(self, shown: Scene) -> Decision:
-        """The driver's decision; its proposals are its own again afterwards, for whoever drives it then."""
+        """The driver's decision. Its proposals are changed by `urge` in this call only."""
         if self.outlook.courses is None:
             return self.inner.act(shown)
         for layer in self._urged:
@@ -152,6 +157,6 @@ class OutlookAgent:
 
 
 def with_outlook(driver: Agent, name: str, settings: OutlookSettings) -> Agent:
-    """The driver with an outlook, called `name`; itself where that would show the world as it is."""
+    """The driver behind an outlook, called `name`; the driver itself if the outlook would change nothing."""
     outlook = settings.make()
     return driver if outlook is None else OutlookAgent(driver, name, outlook)

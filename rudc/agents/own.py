@@ -1,10 +1,11 @@
-"""Agents of other people, by where their class stands: `FILE.py:Class` or `package.module:Class`.
+"""Agents that are not RUDC's, by the place of their class: `FILE.py:Class` or `package.module:Class`.
 
     examples/own_agent.py:Careful(speed=6)+ttcbf:d_safe=0.3
-    `---- source ---' `class' `arguments'  `-- rest, as behind any other driver's name
+    `---- source ---' `class' `arguments'  `-- rest, as after any other driver's name
 
-Arguments are Python literals (numbers, texts, lists, ...), read as such and never evaluated. A file's folder
-may be imported from, as when Python runs the file, and so may the working folder for `package.module`.
+Arguments are Python literals (numbers, texts, lists, ...); they are parsed, never evaluated. A file can
+import from its own folder, as when Python runs it; the module of `package.module` may lie in the working
+folder.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ _NAME = re.compile(
     re.DOTALL,
 )
 METHODS = {"reset": "reset(scene, seed)", "act": "act(scene)"}
-"""what every agent has, see `rudc.agents.base.Agent`"""
+"""methods that every agent must have (see `rudc.agents.base.Agent`) -> how messages write them"""
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class OwnAgent:
     """all of this as given"""
 
     def find(self) -> Callable[..., Any]:
-        """The class. Raises InputError where there is none."""
+        """The class, or a function that makes the agent. Raises InputError if there is none."""
         module = import_source(self.source)
         found = getattr(module, self.attribute, None)
         if callable(found):
@@ -62,12 +63,12 @@ class OwnAgent:
         raise AgentError(f"{self.source}: no class or function {self.attribute!r} in it{known}")
 
     def make(self) -> Agent:
-        """The agent, new. Raises AgentError."""
+        """A new agent. Raises InputError if there is no such class, AgentError if it makes no agent."""
         return construct(self.find(), self.text, self.positional, dict(self.named))
 
     def settings(self) -> dict[str, Any]:
-        """What decides what it does, as JSON: digests of its source, of what that imports from beside it, and
-        of files that its arguments name.
+        """Everything that decides what the agent does, to be written as JSON: its name, and digests of its
+        source, of the files that this imports from beside it, and of files that its arguments name.
         """
         given = {str(i): value for i, value in enumerate(self.positional)} | dict(self.named)
         files = {
@@ -81,8 +82,8 @@ class OwnAgent:
 
 
 def parse_own(name: str) -> tuple[OwnAgent, str] | None:
-    """The agent that a name of this kind begins with, and the rest of the name; None for other names. Raises
-    AgentError when its arguments are no literals.
+    """For a name that begins with the place of a class: the agent, and the rest of the name. None for other
+    names. Raises AgentError if the arguments are not Python literals.
     """
     match = _NAME.fullmatch(name)
     if match is None:
@@ -95,7 +96,9 @@ def parse_own(name: str) -> tuple[OwnAgent, str] | None:
 
 
 def construct(make: Callable[..., Any], name: str, positional: Any = (), named: Any = None) -> Agent:
-    """An agent of a class (or function) that is not ours. Raises AgentError where it cannot be made."""
+    """An agent made by a class (or function) that is not RUDC's. Raises AgentError if it cannot be made or
+    lacks a method.
+    """
     named = named or {}
     with contextlib.suppress(ValueError):  # a class of C has no signature to be looked at
         signature = inspect.signature(make)
@@ -117,7 +120,7 @@ def construct(make: Callable[..., Any], name: str, positional: Any = (), named: 
 
 
 def _unexpected(named: Iterable[str], signature: inspect.Signature) -> str:
-    """Says of the first named argument that there is none of that name; empty where there are all."""
+    """The message about the first named argument that is unknown; empty if all are known."""
     known = signature.parameters
     if any(parameter.kind is parameter.VAR_KEYWORD for parameter in known.values()):
         return ""
@@ -126,12 +129,12 @@ def _unexpected(named: Iterable[str], signature: inspect.Signature) -> str:
 
 
 def digest(file: Path) -> str:
-    """Of a file's content."""
+    """First 16 hexadecimal digits of the SHA-256 digest of a file's content."""
     return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
 
 
 def source_digest(thing: Any) -> str:
-    """Of the file in which a class or function is written; `unknown` where there is none."""
+    """`digest` of the file in which a class or function is written; `unknown` if there is no file."""
     try:
         return digest(Path(inspect.getfile(thing)))
     except (TypeError, OSError):
@@ -139,7 +142,7 @@ def source_digest(thing: Any) -> str:
 
 
 def imports_beside(thing: Any) -> dict[str, str]:
-    """Digests of the files that the source of a class or function imports from beside it."""
+    """Path -> digest of each file that the source of a class or function imports from beside it."""
     try:
         path = Path(inspect.getfile(thing)).resolve()
     except (TypeError, OSError):

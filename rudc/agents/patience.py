@@ -1,10 +1,10 @@
-"""Ends the waiting of a policy that stands for good where it need not: on courses, and on roads that it never
-met in training, roundabouts above all.
+"""Ends the waiting of a policy that would stand for ever without need: on courses, and on roads that it never
+saw in training, above all roundabouts.
 
-Once the ego has stood for PATIENCE s and gap acceptance (rudc/agents/gap_acceptance.py) would go, its
-acceleration takes the policy's place, up to PACE m/s, until the policy goes by itself or gap acceptance
-stops. Steering stays the policy's. A correction treats the result as any proposal; it counts as one, not as
-an intervention.
+Once the ego has stood for PATIENCE s and gap acceptance (rudc/agents/gap_acceptance.py) would go, the
+acceleration of gap acceptance replaces the policy's, up to PACE m/s, until the policy goes by itself or gap
+acceptance stops. Steering stays the policy's. The result counts as the policy's proposal, not as an
+intervention, and a correction treats it as such.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from rudc.env.tracking import acceleration_towards
 from rudc.world.scene import Scene
 
 PATIENCE = 5.0
-"""s"""
+"""s, how long the ego must have stood"""
 PACE = 3.0
-"""m/s"""
+"""m/s, speed up to which the policy's acceleration is replaced"""
 
 
 class Patience:
-    """Of one agent; `reset` begins an episode."""
+    """Urges one agent's policy on; call `reset` at the start of each episode."""
 
     def __init__(self) -> None:
         self._rules = GapAcceptance()
@@ -33,7 +33,7 @@ class Patience:
         self._going = False
 
     def urge(self, scene: Scene, u: Array) -> Array:
-        """(2,) m/s2 and rad: the policy's proposal u (2,), or that with the rules' acceleration."""
+        """(2,) m/s2 and rad: the policy's proposal u (2,), or the same with gap acceptance's acceleration."""
         if not self._going and scene.waited_s < PATIENCE:
             return u
         a = float(self._rules.act(scene).u[0])

@@ -1,10 +1,12 @@
-"""Asking the road how well it grips: short full brakings, since friction shows once a command exceeds it.
+"""Probes: short full brakings that show how well the road grips, since friction shows only when a command
+exceeds it.
 
-The ego knows the grip of the road where it has used it. A few metres on it may be another. So what it was
-shown counts for FRESH m; after that only FALLEN times that grip is trusted. An ego that is too fast for so
-little asks again: before a bend, or, where grip is poor, before its stop line. It asks at the last place from
-which it could still slow down. At the start of an episode it asks at once; in the junction it never asks.
-Braking and bends that the driver takes anyway show the grip, too; then nothing is asked.
+The ego knows the grip of the road only where it has used it; a few metres farther on, the grip may be
+different. So what the road has shown counts for FRESH m; beyond that only FALLEN times that grip is trusted.
+An ego that would be too fast with so little grip probes again: before a bend or, where grip is poor, before
+its stop line, at the last place from which it could still slow down. At the start of an episode it probes at
+once; in the junction it never does. Braking and bends that the driver takes anyway show the grip too; then no
+probe is made.
 """
 
 from __future__ import annotations
@@ -14,36 +16,36 @@ import math
 from rudc.world.scene import Scene
 
 FRESH = 8.0
-"""m driven, for which what the road has shown counts"""
+"""m, distance driven for which what the road has shown counts"""
 FALLEN = 0.5
-"""share of the grip known that the road ahead is trusted to have unasked"""
+"""share of the known grip that the road ahead is trusted to have without a probe"""
 SLOWEST = 4.0
-"""m/s, below which braking says little"""
+"""m/s, no probe is made below this speed, since braking says little there"""
 LONGEST_S = 0.5
-"""s after which a braking ends, whatever it has shown"""
+"""s after which a probe ends, whatever it has shown"""
 SHOWN = 0.9
-"""share of full braking, or of the grip known, at which the road has shown it"""
+"""share of full braking, or of the known grip, from which on the road has shown its grip"""
 SETTLED = 0.5
-"""m/s2, change of the acceleration from one decision to the next below which the response to a braking is
-there"""
+"""m/s2, the car has responded to the braking once its acceleration changes by less than this from one
+decision to the next"""
 STRAIGHT = 0.3
-"""share of the grip that a bend may take where the brakes are asked for all of it"""
+"""share of the grip that a bend may use where a probe is made"""
 
 
 class Probe:
-    """Of one episode."""
+    """Decides when to probe, in one episode."""
 
     def __init__(self) -> None:
         self._last: tuple[float, float] | None = None
         self._driven, self._shown = 0.0, -math.inf
-        """m driven, then and when the road showed its grip last"""
+        """m driven so far, and m driven when the road showed its grip last"""
         self._ends: float | None = None
-        """s, when the braking under way ends; None without one"""
+        """s, time at which the present probe ends; None without one"""
         self._braking = math.inf
-        """m/s2, acceleration a decision ago in a braking"""
+        """m/s2, acceleration one decision ago in the present probe"""
 
     def look(self, scene: Scene, grip: float) -> None:
-        """Take in what the road gives, of which `grip` (m/s2) is known; called once a decision."""
+        """Note whether the road shows its grip, of which `grip` (m/s2) is known; call it once a decision."""
         ego = scene.ego
         if self._last is not None:
             self._driven += 0.5 * (ego.v + self._last[1]) * (scene.time_s - self._last[0])
@@ -53,10 +55,10 @@ class Probe:
             self._shown = self._driven
 
     def asks(self, scene: Scene, grip: float, *, limited: bool, allowed: float) -> bool:
-        """Whether to brake now.
+        """Whether to brake fully now.
 
-        `grip` (m/s2) is what is known of the road, `limited` whether that is less than a dry road's, and
-        `allowed` (m/s) the speed that FALLEN of it allows.
+        `grip`: m/s2, what is known of the road's grip; `limited`: whether a limit of it was seen; `allowed`:
+        m/s, the speed that FALLEN times this grip allows.
         """
         if self._ends is None:
             if scene.ego.v < SLOWEST or self._driven < self._shown + FRESH:
@@ -72,8 +74,8 @@ class Probe:
 
 
 def _busy(scene: Scene, grip: float) -> bool:
-    """Whether this is no place to brake: in the junction, where others have been promised that the ego will
-    be gone, or in a bend."""
+    """Whether this is no place for a probe: in the junction, where others rely on it that the ego leaves,
+    or in a bend."""
     front = scene.ego_s + 0.5 * scene.vehicle.length
     inside = scene.route.stop_line_s < front and scene.ego_s < scene.route.exit_s
     return inside or abs(_lateral(scene)) > STRAIGHT * grip

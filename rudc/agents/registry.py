@@ -1,8 +1,8 @@
-"""Names of agents and what they stand for: a driver (rudc/agents/drivers.py), the place of a class
-(`FILE.py:Class`), a checkpoint's folder, and `NAME+FILTER`; with settings behind it as in
+"""Names of agents. A name is that of a driver (rudc/agents/drivers.py), the place of a class
+(`FILE.py:Class`), or a checkpoint's folder. After it may come `+FILTER`, and then settings as in
 rudc/agents/variation.py.
 
-What a learnt agent needs besides is imported when one is made.
+Modules that only learnt agents need are imported when one is made.
 """
 
 from __future__ import annotations
@@ -46,12 +46,13 @@ from rudc.learning.parameters import fingerprint
 from rudc.safety.residual import shipped_predictor
 
 OUTLOOKS = {"planner": OutlookSettings(course=True, approach=False)}
-"""outlook of drivers that have one by their name; the planner sees to the gaps itself"""
+"""name of a driver -> outlook that it has by default; the planner needs no `approach`, it checks gaps
+itself"""
 
 
 def agent_names() -> tuple[str, ...]:
-    """Every name that `make_agent` knows; it takes folders of learnt agents and places of classes too, with
-    filters or without.
+    """Every name that `make_agent` knows. It also takes folders of learnt agents and places of classes,
+    with or without filters.
     """
     drivers = driver_names()
     filtered = (f"{name}+{suffix}" for name in drivers if name != "sumo" for suffix in filters())
@@ -59,8 +60,8 @@ def agent_names() -> tuple[str, ...]:
 
 
 def make_agent(name: str) -> Agent:
-    """The agent of that name, place or checkpoint's folder, new. Raises AgentError, with a suggestion, when
-    there is none.
+    """A new agent of that name, place or checkpoint's folder. Raises AgentError, with a suggestion, if there
+    is none.
     """
     base, suffix, changes = _parts(name)
     shown, others = outlook_changes(changes)
@@ -79,21 +80,23 @@ def make_agent(name: str) -> Agent:
 
 
 def name_of(folder: Path) -> str:
-    """What `--agent` calls the agent in a training's folder: its path, unlike any other's name."""
+    """The name by which `--agent` takes the agent in a training's folder: its path, written so that it is not
+    another agent's name.
+    """
     name = str(folder)
     other = name in agent_names() or ":" in name  # a class's place, or settings, stand behind a colon
     return f"./{name}" if other and not folder.is_absolute() else name
 
 
 def agent_summary(name: str) -> str:
-    """What a driver does, in a sentence."""
+    """What an agent is and does, in a few sentences."""
     base, suffix, _ = _parts(name)
     summary = driver_summary(base) if is_driver(base) else learnt_summary(_folder(base))
     return f"{summary} {filters()[suffix]}" if suffix else summary
 
 
 def agent_settings(name: str) -> dict[str, Any]:
-    """Everything besides its name that decides what a driver does; of what can be written as JSON."""
+    """Everything besides its name that decides what an agent does; it can be written as JSON."""
     base, suffix, changes = _parts(name)
     shown, others = outlook_changes(changes)
     if is_driver(base):
@@ -121,7 +124,7 @@ def _folder(name: str) -> Path:
 
 
 def _parts(name: str) -> tuple[str, str, Changes]:
-    """Driver or folder, suffix of the filter behind it (empty for none), and settings."""
+    """The parts of an agent's name: driver or folder, suffix of the filter (empty for none), and settings."""
     if not name.strip():
         raise AgentError("the name of an agent is empty; `rudc agent list` lists those that there are")
     if find_checkpoint(name) is not None:
@@ -148,7 +151,7 @@ def _parts(name: str) -> tuple[str, str, Changes]:
 
 
 def _lacks_value(name: str) -> bool:
-    """Whether behind an agent's name there is a colon, but no `KEY=VALUE`."""
+    """Whether an agent's name is followed by a colon, but not by `KEY=VALUE`."""
     before, colon, text = name.rpartition(":")
     if not colon or "=" in text:
         return False
@@ -160,7 +163,9 @@ def _lacks_value(name: str) -> bool:
 
 
 def _suffix(behind: str, name: str) -> str:
-    """Of the filter that a text like `+ttcbf` puts behind the agent `name`; empty for none."""
+    """The suffix, such as `ttcbf`, in a text like `+ttcbf`; empty for none. `name`: the agent, for messages.
+    Raises AgentError if there is no such filter.
+    """
     suffix = behind.removeprefix("+")
     if behind in ("", *(f"+{known}" for known in filters())):
         return suffix
@@ -168,7 +173,7 @@ def _suffix(behind: str, name: str) -> str:
 
 
 def _base(name: str) -> tuple[str, str]:
-    """Driver or folder, and suffix of the filter behind it (empty for none)."""
+    """The parts of a name without settings: driver or folder, and suffix of the filter (empty for none)."""
     if name.partition("+")[0] not in driver_names():
         if find_checkpoint(name) is not None:
             return name, ""
@@ -207,6 +212,6 @@ def _checked(name: str) -> str:
 
 
 def _algorithm(name: str) -> Algorithm | None:
-    """The algorithm of that name, of those that can be imported."""
+    """The algorithm of that name; None if there is none that can be imported."""
     with leaving_out(lambda _: None):
         return ALGORITHMS.get(name)

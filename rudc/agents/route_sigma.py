@@ -1,20 +1,21 @@
 """sigma by route: how unsure the critics are, compared with what is usual where the ego is on its route.
 
-Most of sigma says how far the return still varies from here on, and that follows the route: the same at every
-visit of a place, whatever happens there (results/README.md). What is left once that is taken out says more of
-the situation. With x the place,
+Most of sigma says how much the return still varies from here on. That depends on the place on the route
+and is the same at every visit, whatever happens there (results/README.md). What is left when this part is
+taken out says more about the situation. With x the place,
 
-    log sigma    = f(x) + e       f fitted to the decisions of the final policy in distribution
+    log sigma    = f(x) + e       f is fitted to the decisions of the final policy in distribution
     sigma(route) = sigma exp(mean f - f(x))
 
-the sigma that the decision would have at an ordinary place: reward units still, sigma_l and sigma_h being the
-percentiles of sigma(route) itself. f is linear between knots,
+sigma(route) is the sigma that the decision would have at an average place. It is still in reward units;
+sigma_l and sigma_h are the percentiles of sigma(route) itself. f is linear between knots,
 
     f(x) = stop[task, priority](way of the front bumper to the stop line) + go(way to the destination)
 
-by ridge regression: what all tasks and priorities share, and the deviation of each, which costs more. Beyond
-the outer knots f is constant. sigma_epi, sigma_ale and sigma_total have an f each. Percentiles are taken out
-of sample: each fifth of the episodes with f fitted to the others.
+and fitted by ridge regression: a part that all tasks and priorities share, and a deviation for each,
+which has a larger price. Beyond the outer knots f is constant. sigma_epi, sigma_ale and sigma_total have
+an f each. Percentiles are taken out of sample: for each fifth of the episodes, f is fitted to the other
+episodes.
 """
 
 from __future__ import annotations
@@ -35,24 +36,24 @@ from rudc.learning.uncertainty import PERCENTILES, Uncertainty
 from rudc.world.scene import Scene
 
 ROUTE = "route"
-"""what the names of these arrays begin with in a checkpoint"""
+"""beginning of the names of these arrays in a checkpoint"""
 STOP = np.array([-40, -30, -25, -20, -15, -10, -5, 0, 5, 10, 15, 20, 25, 30, 40], dtype=float)
-"""m before the stop line (negative: behind it), knots"""
+"""m before the stop line (negative: beyond it), knots"""
 GO = np.array([0, 5, 10, 15, 20, 30, 40, 60, 80], dtype=float)
 """m to the destination, knots"""
 TASKS, PRIORITIES = 3, 2
 SHARED_PRICE, OWN_PRICE = 1.0, 20.0
-"""of the ridge, in decisions: of what all places share, and of what a task or a priority has of its own"""
+"""prices of the ridge, in decisions: for the shared part, and for the deviations of a task or a priority"""
 FOLDS = 5
 LEAST = 1e-9
-"""reward units, smallest sigma that is told from 0"""
+"""reward units; a smaller sigma counts as this, since it has no useful logarithm"""
 
 
 class Place(NamedTuple):
     """Where the ego is on its route; floats, or arrays of one shape."""
 
     stop: Array | float
-    """m from the front bumper to the stop line, negative behind it"""
+    """m from the front bumper to the stop line, negative beyond it"""
     go: Array | float
     """m to the destination"""
     task: Index | int
@@ -69,21 +70,21 @@ class Heard(NamedTuple):
     sigmas: Array
     """(n, 3) sigma_epi, sigma_ale, sigma_total, reward units"""
     succeeded: bool = True
-    """whether the episode ended so"""
+    """whether the episode ended in success"""
 
 
 def place_of(scene: Scene) -> Place:
-    """Where the ego is."""
+    """The place of the scene's ego."""
     route = scene.route
     front = scene.ego_s + 0.5 * scene.vehicle.length
     return Place(route.stop_line_s - front, destination_s(scene) - scene.ego_s, route.task, int(route.major))
 
 
 class RouteSigma:
-    """f, as fitted."""
+    """The fitted functions f, and sigma by route."""
 
     def __init__(self, arrays: Mapping[str, NDArray]) -> None:
-        """`arrays`: as `fit` gives them. Raises AgentError if they are others."""
+        """`arrays`: as `fit` returns them. Raises AgentError if their names or shapes differ from that."""
         wanted = {"stop": (3, TASKS, PRIORITIES, len(STOP)), "go": (3, len(GO)), "percentiles": (2,)}
         found = {name: np.asarray(value).shape for name, value in arrays.items()}
         if found != wanted:
@@ -95,17 +96,17 @@ class RouteSigma:
 
     @classmethod
     def among(cls, arrays: Mapping[str, NDArray]) -> RouteSigma | None:
-        """The one in a checkpoint's arrays; None if it was never fitted."""
+        """The fitted functions in a checkpoint's arrays; None if they were never fitted."""
         own = group(arrays, ROUTE)
         return cls(own) if own else None
 
     def excess(self, place: Place) -> tuple[float, float, float]:
-        """(3,) f - mean f of a place, of log sigma_epi, sigma_ale and sigma_total."""
+        """(3,) f - mean f at a place, for the logarithms of sigma_epi, sigma_ale and sigma_total."""
         stop, go, task, major = place
         return two_way(float(stop), float(go), STOP, self._stop[:, task, major], GO, self._go)
 
     def of(self, scene: Scene, unsure: Uncertainty) -> Uncertainty:
-        """What is stated in a scene, by route; reward units."""
+        """The uncertainty `unsure` that was stated in a scene, by route; reward units."""
         epistemic, aleatoric, total = self.excess(place_of(scene))
         return Uncertainty(
             unsure.epistemic * math.exp(-epistemic),
@@ -114,13 +115,15 @@ class RouteSigma:
         )
 
     def of_heard(self, heard: Heard) -> Array:
-        """(n, 3) the same of an episode's decisions."""
+        """(n, 3) sigma_epi, sigma_ale and sigma_total by route for the decisions of an episode, reward
+        units.
+        """
         places = (Place(stop, go, int(task), int(major)) for stop, go, task, major in heard.places.tolist())
         return heard.sigmas * np.exp(-np.array([self.excess(place) for place in places]).reshape(-1, 3))
 
 
 def fit(episodes: Sequence[Heard]) -> Arrays:
-    """Arrays of a `RouteSigma` fitted to these episodes; float32, small."""
+    """Arrays (float32) of a `RouteSigma` that is fitted to these episodes."""
     everything = _fitted(episodes)
     low, high = np.percentile(out_of_sample(episodes)[:, 2], PERCENTILES)
     return {
@@ -130,7 +133,9 @@ def fit(episodes: Sequence[Heard]) -> Arrays:
 
 
 def out_of_sample(episodes: Sequence[Heard]) -> Array:
-    """(n, 3) sigma(route) of all decisions, each fifth of the episodes by what was fitted to the others."""
+    """(n, 3) sigma(route) of all decisions of the episodes; for each fifth of the episodes, f is fitted
+    to the others. A single episode is fitted to itself.
+    """
     if len(episodes) < 2:
         return np.concatenate([_made(_fitted(episodes)).of_heard(heard) for heard in episodes])
     found: list[Array] = [np.zeros((0, 3))] * len(episodes)

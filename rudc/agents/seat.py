@@ -1,18 +1,19 @@
-"""The seat of whatever corrects an action: a proposal goes in, an action that may be taken comes out.
+"""The interface of corrections: a proposal goes in, and an action that may be taken comes out.
 
     correct(scene, proposal, critics) -> Corrected
 
-The proposal says what would be done, in physical units and, where a policy proposed it, in [-1, 1], how
-unsure the driver is, and what it saw. `critics` is what a learnt agent answers about other actions; None
-behind drivers that offer nothing. A correction states in `asks` what it needs of them, and only agents whose
-learner offers that (`LearnerConfig.offers`) may have it. So the seat stays as it is for
+The proposal contains the action, in physical units and, if a policy proposed it, in [-1, 1]; how unsure the
+driver is; and what it observed. `critics` answers questions about other actions; it is None behind drivers
+that are not learnt. A correction states in `asks` what it needs from the critics, and only agents whose
+learner offers that (`LearnerConfig.offers`) can have it. So one interface serves
 
-    cbf         the safety filter: asks for sigma only, which the proposal carries
-    usl         unrolled corrections: Q_c - d_th of an action and its gradient
-    qpsl        the safety layer: g of c(s') = c(s) + g . a; its QP is rudc/safety/qp.py's
-    recovery    Recovery RL: the risk of an action, and what the recovery policy does
+    cbf         the safety filter: it needs only sigma, which the proposal contains
+    usl         unrolled corrections: they need Q_c - d_th of an action, and its gradient
+    qpsl        the safety layer: it needs g of c(s') = c(s) + g . a; rudc/safety/qp.py solves its QP
+    recovery    Recovery RL: it needs the risk of an action, and the action of the recovery policy
 
-A kind is a class of settings, whose `make` gives the correction; correction.py has them by name.
+A kind of correction is a class of settings, whose `make` gives the correction; correction.py lists the
+kinds by name.
 """
 
 from __future__ import annotations
@@ -31,40 +32,44 @@ from rudc.settings import Settings
 from rudc.world.scene import Scene
 
 ADJUSTMENT = Adjustment()
-"""what the numbers of a proposed action mean unless it is said otherwise"""
+"""default meaning of the two numbers of a proposed action"""
 Percentiles = tuple[float, float] | None
 
 
 class Proposal(NamedTuple):
-    """What a driver would do."""
+    """What a driver proposes."""
 
     u: Array
     """(2,) acceleration m/s2, front-wheel angle rad"""
     action: Floats | None = None
-    """(2,) the same in [-1, 1] as the policy chose it; None of drivers that have no such action"""
+    """(2,) the same in [-1, 1] as the policy chose it; None for drivers without such an action"""
     sigma: float = math.nan
-    """sigma_total, reward units; nan of drivers that state none"""
+    """sigma_total, reward units; nan for drivers that state none"""
     observation: Floats | None = None
-    """(size,) what a policy saw"""
+    """(size,) what the policy observed; None for drivers without a policy"""
 
 
 class Critics(Protocol):
-    """What a learnt agent answers of an action (2,) at an observation (size,): rudc/learning/inference.py."""
+    """What a learnt agent tells about an action (2,) at an observation (size,):
+    rudc/learning/inference.py.
+    """
 
     def quantiles(self, observation: Floats, action: Floats) -> Floats:
-        """(members, quantiles) of the return, reward units."""
+        """(members, quantiles) quantiles of the return from each critic of the ensemble, reward units."""
         ...
 
     def cost(self, observation: Floats, action: Floats) -> float:
-        """What the cost critics expect, the larger of them; of learners that offer `cost`."""
+        """The larger of the two cost critics' expected costs; for learners that offer `cost`."""
         ...
 
     def excess_at(self, observation: Floats) -> Callable[[Floats], tuple[float, Floats]]:
-        """Gives Q_c - d_th of an action, and its gradient (2,); of learners that offer `excess`."""
+        """A function from an action (2,) to Q_c - d_th and its gradient (2,); for learners that offer
+        `excess`.
+        """
         ...
 
     def seen(self, network: str, observation: Floats) -> Floats:
-        """Outputs of a network of the observation alone, by its name in `LearnerConfig.observers`."""
+        """Outputs of a network that takes the observation alone, by its name in `LearnerConfig.observers`."""
         ...
 
 
@@ -72,7 +77,7 @@ class Correction(Protocol):
     """Corrects actions, one decision after the other."""
 
     def load(self, arrays: Mapping[str, NDArray], percentiles: Percentiles) -> None:
-        """Take over what training has changed: weights, named as in a checkpoint, and sigma_l, sigma_h."""
+        """Take over what training has changed: weights, named as in a checkpoint, and (sigma_l, sigma_h)."""
         ...
 
     def reset(self, scene: Scene, seed: int) -> None:
@@ -80,7 +85,7 @@ class Correction(Protocol):
         ...
 
     def correct(self, scene: Scene, proposal: Proposal, critics: Critics | None) -> Corrected:
-        """What to do instead; `u` is the proposal's own where nothing needs correction."""
+        """The corrected action; its `u` is that of the proposal if nothing needs correction."""
         ...
 
 
@@ -89,14 +94,14 @@ class CorrectionKind(Settings):
 
     @property
     def asks(self) -> tuple[str, ...]:
-        """What it needs of whoever drives, beyond the proposed action, by the names of
-        `LearnerConfig.offers`: `sigma`, `cost`, `excess`, or a network's name.
+        """What the correction needs from the driver besides the proposed action, by the names in
+        `LearnerConfig.offers`: `sigma`, `cost`, `excess`, or the name of a network.
         """
         return ()
 
     def arrays(self, action: ActionKind = ADJUSTMENT) -> Arrays:
-        """Weights of its own that a trained agent takes along, named as in a checkpoint: others may be
-        shipped one day. `action`: what the proposed numbers mean.
+        """Weights of the correction that are stored with a trained agent, named as in a checkpoint, since the
+        shipped weights may change in later versions. `action`: the agent's kind of action.
         """
         return {}
 

@@ -1,20 +1,21 @@
-"""A way to stay on the road for a car that is too fast for the grip that it has found.
+"""Manoeuvres that keep a car on the road which is too fast for the grip that it has found.
 
-Where grip fails before or in a bend, steering and braking share what is left of it: following the line with
-both leads off the road though the junction is wide. So what following comes to is looked at ahead, with the
-car as known. If it ends beside the road or on the wrong side, other manoeuvres are tried, judged with less
-grip and nearer to the road's edge, so that following has the benefit of the doubt:
+Where grip fails before a bend or in it, steering and braking share the little that there is. Following the
+line with both then leads off the road, although the junction has room beside the line. So it is predicted
+where following leads, with the car as it is known. If the ego would leave the road or enter the wrong side,
+other manoeuvres are tried. They are judged more strictly, with less grip and less room at the road's edge, so
+that following is preferred in doubt:
 
     swerve    straight on with all grip for the brakes, for one of FIRST_S s; then back onto the line, with
               one of SHARES of the grip for the brakes until the ego is slow enough for a tight bend
-    turn      where it is that slow: on slowly, the wheels straight or turned all the way to one side, for
-              one of FIRST_S s; then back onto the line
+    turn      if the ego is that slow already: on slowly, with the wheels straight or turned fully to one
+              side, for one of FIRST_S s; then back onto the line
     stop      on an arc, with one of LATERALS of the grip for steering and the rest for the brakes
 
-The one that gets back onto the line soonest is taken, hitting nobody and staying on the road; else the one
-that ends nearest to the line; if everything fails, the line is followed, or, slow, the ego stops. That is
-decided anew at each decision until the ego is back on its line. An ego that stands where no way leads back
-stays there, and looks again each AGAIN_S s.
+Of those that hit nobody and stay on the road, the one is taken that is back on the line first; if none gets
+back, the one that ends nearest to the line. If all fail, a fast ego follows the line and a slow one
+stops. All this is decided anew in each decision until the ego is back on its line. An ego that stands
+where no manoeuvre leads back stays there and tries again every AGAIN_S s.
 """
 
 from __future__ import annotations
@@ -37,26 +38,27 @@ from rudc.world.ego import GRAVITY, EgoPlant, widest_steering
 from rudc.world.scene import EgoState, Scene
 
 STEP_S, HORIZON_S = 0.2, 8.0
-"""s, s"""
+"""s, s: step and length of the predictions"""
 FIRST_S = 0.0, 0.4, 0.8, 1.2, 1.6, 2.0, 2.6
-"""s"""
+"""s, lengths of the first part of a manoeuvre"""
 AGAIN_S = 1.0
-"""s"""
+"""s, time after which an ego that stands tries again"""
 SHARES = 0.6, 0.0
-"""of grip"""
+"""shares of the grip for the brakes"""
 LATERALS = 0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9
-"""of grip, positive to the left"""
+"""shares of the grip for steering, positive to the left"""
 USED = 0.95
-"""share of the grip that a manoeuvre counts on"""
+"""share of the known grip with which manoeuvres are predicted"""
 SLOW_BEND, SLOW, SLOW_A = 0.25, 2.0, 1.0
-"""1/m, bend that the ego is slow enough for at the end of braking; m/s, slow in any case; m/s2, with which it
-comes to be so fast"""
+"""1/m: an ego is slow if grip is enough for a bend of this curvature; m/s: it is slow in any case; m/s2:
+largest acceleration of an ego that is slower than that"""
 BACK_M, BACK_RAD = 0.5, 0.2
-"""m and rad from the line, within which the ego is back on it"""
+"""m and rad: nearer to the line than this, in offset and direction, the ego is back on it"""
 EDGE = 0.15
-"""m, by which a corner may stick out over the road's edge: half of what counts as leaving it"""
+"""m, by which a corner may stick out over the road's edge in a manoeuvre: half of what counts as off the
+road"""
 NEAR, APART = 50.0, 0.2
-"""m within which others are looked at; m kept from them"""
+"""m within which others count; m, gap that is kept from them"""
 
 
 _Command = Callable[[float, EgoState, float, float], tuple[float, float]]
@@ -64,7 +66,7 @@ _Command = Callable[[float, EgoState, float, float], tuple[float, float]]
 
 
 class _Way(NamedTuple):
-    """What becomes of a manoeuvre."""
+    """The predicted result of a manoeuvre."""
 
     first: tuple[float, float]
     """m/s2, rad: its first command"""
@@ -73,20 +75,20 @@ class _Way(NamedTuple):
     back: bool
     """whether it ends on the line"""
     rank: float
-    """s until then, or else m from the line at its end"""
+    """s until it is back on the line; if it is not, m from the line at its end"""
 
 
 class Slide:
-    """Of one episode."""
+    """Decides on manoeuvres in one episode."""
 
     def __init__(self) -> None:
         self._under_way, self._again_s = False, -math.inf
 
     def hold(self, scene: Scene, u: Array, grip: float, lag_s: float, profile: Array) -> Array:
-        """(2,) the command, m/s2 and rad, or that of a manoeuvre that keeps the ego on the road.
+        """(2,) m/s2 and rad, the command `u` (2,), or that of a manoeuvre that keeps the ego on the road.
 
-        `grip` (m/s2) and `lag_s` are what is known of road and car, `profile` (M,) m/s the speeds from which
-        the bends of the ego's path can be taken with that grip.
+        `grip`: m/s2, the known grip of the road; `lag_s`: s, the known lag of the car; `profile`: (M,) m/s,
+        speed at each station of the ego's path from which all its bends ahead can be taken with that grip.
         """
         station = min(max(int(scene.ego_s / SPACING), 0), len(profile) - 1)
         if not self._under_way and scene.ego.v <= profile[station]:
@@ -110,7 +112,7 @@ class Slide:
 
 
 class _Ways:
-    """Manoeuvres from one scene, looked at ahead."""
+    """Predicts the manoeuvres that can begin in one scene."""
 
     def __init__(
         self,
@@ -123,14 +125,14 @@ class _Ways:
         step_s: float = STEP_S,
         edge: float = EDGE,
     ) -> None:
-        """`others`: as of `_others`, None if they do not count; `edge`: as EDGE."""
+        """`others`: as `_others` returns them, None if they do not count; `edge`: m, as EDGE."""
         self._scene, self._grip, self._profile = scene, grip, profile
         self._others, self._step_s, self._edge = others, step_s, edge
         self._actuation = Actuation(lag_s=lag_s, friction=grip / GRAVITY)
         self._slow = max(math.sqrt(grip / SLOW_BEND), SLOW)
 
     def best(self) -> _Way | None:
-        """The one to take, if there is one that does not fail."""
+        """The manoeuvre to take; None if all fail."""
         if self._scene.ego.v > self._slow:
             ways = [self.swerve(t, share) for t in FIRST_S for share in SHARES]
         else:
@@ -142,8 +144,8 @@ class _Ways:
         return min(kept, key=lambda way: way.rank, default=None)
 
     def swerve(self, first_s: float, share: float, side: float = 0.0) -> _Way:
-        """Straight on for so long, or, slow, with the wheels to one side (1 left, -1 right); then onto the
-        line with that share of the grip for the brakes.
+        """For `first_s` s straight on with full braking, or, if slow, on with the wheels to one `side` (1
+        left, -1 right, 0 straight); then back onto the line with that `share` of the grip for the brakes.
         """
         scene, grip, body = self._scene, self._grip, self._scene.vehicle
 
@@ -161,7 +163,7 @@ class _Ways:
         return self._look(command)
 
     def stop(self, lateral: float) -> _Way:
-        """On an arc with that share of the grip for steering."""
+        """A stop on an arc with the share `lateral` of the grip for steering, positive to the left."""
         grip, body = self._grip, self._scene.vehicle
 
         def command(t: float, ego: EgoState, s: float, offset: float) -> tuple[float, float]:
@@ -171,7 +173,7 @@ class _Ways:
         return self._look(command)
 
     def _look(self, command: _Command) -> _Way:
-        """What becomes of the ego under these commands."""
+        """The predicted result of these commands."""
         scene = self._scene
         plant = EgoPlant(scene.vehicle)
         plant.resume(scene.ego, self._actuation)
@@ -212,7 +214,7 @@ class _Ways:
 
 
 def _is_back(scene: Scene, ego: EgoState, s: float, offset: float, profile: Array) -> bool:
-    """Whether an ego is on its line, and slow enough for what comes."""
+    """Whether an ego is on its line, and slow enough for the bends ahead."""
     path = scene.route.path
     astray = math.remainder(ego.psi + ego.slip - path.heading_at(s), 2 * math.pi)
     station = min(max(int(s / SPACING), 0), len(profile) - 1)
@@ -220,7 +222,9 @@ def _is_back(scene: Scene, ego: EgoState, s: float, offset: float, profile: Arra
 
 
 def _others(scene: Scene) -> tuple[Complex, Complex, Array]:
-    """(n, T) m, (n, T) and (n, 2) m: places, directions and half sizes of those near, at their speeds."""
+    """(n, T) m, (n, T) and (n, 2) m: predicted positions and directions, at their present speeds, and half
+    sizes, of the others within NEAR m.
+    """
     who = np.flatnonzero(np.hypot(*(scene.position - scene.ego_position).T) < NEAR)
     times = STEP_S * np.arange(1, round(HORIZON_S / STEP_S) + 1)
     speed = np.hypot(scene.velocity[who, 0], scene.velocity[who, 1])

@@ -1,20 +1,22 @@
-"""What noisy sensors show of the others, smoothed.
+"""Smooths what noisy sensors show of the others.
 
-How noisy they are is told from what motion does not explain of a change between two decisions, dt s apart
-(p place, v velocity and its size, a acceleration, psi heading; ' is the later one):
+How noisy the sensors are is estimated from the part of a change between two decisions, dt s apart, that
+motion does not explain (p position, v velocity or its size, a acceleration, psi heading; ' marks the
+later one):
 
     place    |p' - p - dt (v + v') / 2|      each coordinate
     speed    |v' - v - dt a'|
     heading  |psi' - psi - (course' - course)|
 
-The last KEPT differences of the LISTENED nearest are kept. Their median, divided by sqrt(2) NORMAL, is the
-standard deviation of the Gaussian errors that would cause it; a few who jump or swerve do not change it.
-Where it is below LEAST, sensors count as without noise, and what they show is not touched.
+The last KEPT differences of the LISTENED nearest others are kept. Their median, divided by sqrt(2) NORMAL, is
+the standard deviation of Gaussian errors that would cause such differences; a few others that jump or swerve
+hardly change it. Where it is below LEAST, the sensors count as free of noise, and the scene is not changed.
 
-Above LEAST, each other is tracked by Kalman filters: one of its place and speed along its course, one of its
-place across, one of its heading. Between two decisions its place moves with its speed, its speed with the
-acceleration that is seen, its heading with its course; UNKNOWN, ASIDE and TURNING are what that may be off
-by. Who is seen farther than JUMP from where it was expected is tracked anew.
+Above LEAST, each other is tracked by three Kalman filters: for its position and speed along its direction of
+motion (course), for its position across it, and for its heading. Between two decisions the position changes
+with the speed, the speed with the acceleration that is seen, and the heading with the course; UNKNOWN, ASIDE
+and TURNING are the standard deviations of the errors of this model. Somebody who is seen farther than JUMP
+from where it was expected is tracked anew.
 """
 
 from __future__ import annotations
@@ -30,29 +32,29 @@ from rudc.arrays import Array, Index
 from rudc.world.scene import Scene
 
 LISTENED, KEPT, FEWEST = 4, 120, 12
-"""others whose differences are looked at, the differences that are kept, and those without which nothing is
-said"""
+"""numbers of others whose differences are used, of differences that are kept, and of differences that are
+needed for an estimate"""
 NORMAL = 0.6745
 """median of |x| for a standard normal x"""
 DIFFERING = NORMAL * math.sqrt(2.0)
-"""the same of a difference of two of them"""
+"""median of |x - y| for two independent standard normal x and y"""
 LEAST = 0.06, 0.06, 0.02
 """m, m/s and rad, standard deviations below which sensors count as without noise"""
 _LEAST: Array = DIFFERING * np.array(LEAST)
-"""the differences that these cause, by median"""
+"""medians of the differences that errors of LEAST cause"""
 UNKNOWN, ASIDE, TURNING = 1.0, 0.5, 0.1
-"""m/s2, m/s and rad/s, standard deviations of what moves the others apart from what is seen"""
+"""m/s2, m/s and rad/s, standard deviations of accelerations, lateral motion and turning that are not seen"""
 JUMP = 5.0
-"""standard deviations"""
+"""standard deviations: somebody who is seen farther than this from what is expected is tracked anew"""
 LOST_S = 1.0
-"""s, after which one who was not seen is forgotten"""
+"""s, after which somebody who was not seen is forgotten"""
 EXACT = 1e-4
-"""m, m/s and rad, the least standard deviation that a filter reckons with"""
+"""m, m/s and rad, the least standard deviation that a filter assumes"""
 
 
 @dataclass(slots=True)
 class _Other:
-    """What was last seen of another; where sensors are noisy, what is known of it."""
+    """The last sighting of another; where sensors are noisy, the filters' estimate of it."""
 
     time_s: float
     place: complex
@@ -60,14 +62,14 @@ class _Other:
     speed: float
     """m/s, negative backwards"""
     course: complex
-    """direction"""
+    """direction of motion"""
     heading: float
     """rad"""
 
 
 @dataclass(slots=True)
 class _Spread:
-    """Variances of what is known of another."""
+    """Variances of the filters' estimate of another."""
 
     along: float
     """m2"""
@@ -82,24 +84,25 @@ class _Spread:
 
 
 class Smoothing:
-    """Of one episode."""
+    """Smooths the scenes of one episode."""
 
     def __init__(self) -> None:
         self._names: tuple[str, ...] = ()
         self._seen: Array = np.zeros((0, 6))
-        """the nearest others a decision ago, as `sighted` has them"""
+        """the nearest others one decision ago, as `sighted` returns them"""
         self._known: dict[str, tuple[_Other, _Spread]] = {}
         self._time_s = -math.inf
         self._kept: Array = np.zeros((3, KEPT))
         """differences of places, speeds and headings"""
         self._counts: Index = np.zeros((3, 2), dtype=np.int64)
-        """how many were ever kept, how many of those that are there exceed what LEAST causes"""
+        """for each row of `_kept`: how many differences were ever kept, and how many of those now kept exceed
+        `_LEAST`"""
         self.noise: tuple[float, ...] = 0.0, 0.0, 0.0
         """m, m/s, rad: standard deviations of the errors of places, speeds and headings, 0 for none"""
 
     def see(self, scene: Scene) -> Scene:
-        """The scene with the others as they are known, the same where sensors have no noise; called once a
-        decision.
+        """The scene with the others as estimated, or the scene itself where sensors have no noise; call
+        it once for each decision.
         """
         dt, self._time_s = scene.time_s - self._time_s, scene.time_s
         if dt <= 0.0:
@@ -111,7 +114,7 @@ class Smoothing:
         return self._smoothed(scene)
 
     def _listen(self, scene: Scene, dt: float) -> None:
-        """Take note of what motion does not explain since the last decision."""
+        """Keep what motion does not explain since the last decision, and estimate the noise from it."""
         before, names = self._names, scene.ids[:LISTENED]
         rows = np.array([before.index(name) if name in before else -1 for name in names], dtype=np.int64)
         seen = sighted(scene.position, scene.velocity, scene.heading, LISTENED, EXACT)
@@ -123,8 +126,8 @@ class Smoothing:
         )
 
     def _noise(self, kind: int, count: int, above: int) -> float:
-        """The standard deviation of errors that causes the median of `count` differences, `above` of which
-        exceed the least; 0 below that.
+        """Standard deviation of the errors of a `kind` (position, speed or heading) that causes the median of
+        its `count` differences; 0 if that is below LEAST. `above`: how many differences exceed `_LEAST`.
         """
         if count < FEWEST or above < count - count // 2:
             return 0.0
@@ -153,7 +156,7 @@ class Smoothing:
     def _follow(
         self, name: str, seen: _Other, acceleration: float, place: float, speed: float, heading: float
     ) -> _Other:
-        """What is known of another, given how it is `seen`, and the variances of that."""
+        """The new estimate of another, which is `seen` with errors of these variances (m2, m2/s2, rad2)."""
         known = self._known.get(name)
         if (
             known is None
@@ -166,7 +169,7 @@ class Smoothing:
 
 
 def _sightings(scene: Scene) -> list[_Other]:
-    """What is seen of the others."""
+    """The others as the sensors show them."""
     rows = sighted(scene.position, scene.velocity, scene.heading, scene.count, EXACT).tolist()
     return [
         _Other(scene.time_s, complex(x, y), speed, complex(cos, sin), heading)
@@ -175,7 +178,7 @@ def _sightings(scene: Scene) -> list[_Other]:
 
 
 def _move(one: _Other, spread: _Spread, seen: _Other, acceleration: float) -> bool:
-    """Predict `one` for when it is `seen` next; False if it has turned round."""
+    """Predict the estimate `one` for the time at which it is `seen`; False if it has turned round."""
     dt = seen.time_s - one.time_s
     middle = one.course + seen.course
     if abs(middle) < 1.0:
@@ -195,7 +198,9 @@ def _move(one: _Other, spread: _Spread, seen: _Other, acceleration: float) -> bo
 
 
 def _correct(one: _Other, spread: _Spread, seen: _Other, place: float, speed: float, heading: float) -> bool:
-    """Take in what is `seen` with these variances (m2, m2/s2, rad2); False if it cannot be the same."""
+    """Correct the estimate `one` with what is `seen` with errors of these variances (m2, m2/s2, rad2);
+    False if that differs by more than JUMP.
+    """
     off = (seen.place - one.place) * one.course.conjugate()
     total = spread.across + place
     if max(off.real**2 / (spread.along + place), off.imag**2 / total) > JUMP * JUMP:

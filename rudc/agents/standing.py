@@ -1,11 +1,11 @@
-"""Who stands, and where, through noise and gaps of the ego's sensors.
+"""Finds who stands, and where, although the ego's sensors have noise and gaps.
 
-    stands    from when its speed falls below STILL, until its speed, averaged over SETTLE_S, exceeds MOVES or
-              it is seen more than AWAY m from where it stood
-    where     the mean of where it was seen, of the last MOST sightings or so
-    unseen    it is still there for MEMORY_S
+    stands    a body stands from the time when its speed falls below STILL until its speed, averaged over
+              SETTLE_S, exceeds MOVES, or until it is seen more than AWAY m from where it stood
+    where     it stands at the mean of where it was seen, over about the last MOST sightings
+    unseen    it is taken to be there for another MEMORY_S after it was last seen
 
-To sensors without flaws that is what they show, but for one who sets off: that is believed a second later.
+With perfect sensors this changes only one thing: that somebody has set off is recognised a second later.
 """
 
 from __future__ import annotations
@@ -19,42 +19,42 @@ from rudc.agents.kernels import any_slower
 from rudc.world.scene import STILL, Scene
 
 MOVES, SETTLE_S = 0.5, 1.0
-"""m/s, s"""
+"""m/s, s: a body whose speed, averaged over the second, exceeds the first does not stand any more"""
 AWAY = 1.5
-"""m"""
+"""m, a body that is seen farther than this from where it stood does not stand any more"""
 MOST = 30
 MEMORY_S = 1.5
-"""s"""
+"""s, how long a body that is not seen is remembered"""
 
 
 @dataclass(slots=True)
 class _Sighted:
-    """One who stands."""
+    """A body that stands."""
 
     scene: Scene
-    """in which it was seen last"""
+    """scene in which it was seen last"""
     row: int
-    """of the others there"""
+    """its row among the others of that scene"""
     place: complex
-    """m, mean"""
+    """m, mean position"""
     facing: complex
-    """direction, mean"""
+    """mean direction"""
     speed: float
-    """m/s, mean, negative backwards"""
+    """m/s, mean, negative for backwards"""
     count: int
-    """sightings"""
+    """number of sightings, at most MOST"""
 
 
 class Standing:
-    """Watches one episode."""
+    """Finds who stands in one episode."""
 
     def __init__(self) -> None:
         self._known: dict[str, _Sighted] = {}
         self._seen_s = -math.inf
 
     def look(self, scene: Scene) -> Scene:
-        """The scene with those who stand at rest where they stand, itself where nobody does; called once a
-        decision.
+        """The scene in which those who stand have their mean position and direction and speed 0; the scene
+        itself if nobody stands. Call it once for each decision.
         """
         passed, self._seen_s = max(scene.time_s - self._seen_s, 0.0), scene.time_s
         if not self._known and not any_slower(scene.velocity, STILL):
@@ -69,7 +69,7 @@ class Standing:
         return self._as_known(scene) if self._known else scene
 
     def _sight(self, scene: Scene, i: int, speed: float, passed: float) -> None:
-        """Take note of the other in row i, at `speed` m/s, `passed` s after the last time."""
+        """Take in a sighting of the other in row i, at `speed` m/s, `passed` s after the last decision."""
         name, psi = scene.ids[i], float(scene.heading[i])
         place, facing = complex(*scene.position[i]), complex(math.cos(psi), math.sin(psi))
         one = self._known.get(name)
@@ -87,7 +87,7 @@ class Standing:
             self._known[name] = _Sighted(scene, i, place, facing, 0.0, 1)
 
     def _as_known(self, scene: Scene) -> Scene:
-        """The scene with those known to stand as they are known."""
+        """The scene with those who are known to stand at their mean positions, unseen ones added."""
         seen = set(scene.ids)
         for name, one in self._known.items():
             if name not in seen:

@@ -1,8 +1,9 @@
-"""Who goes first where everybody waits: the ego in the junction, and those whose ways meet its own.
+"""Ends a standoff: the ego goes first where the ego in the junction and those whose ways meet its own all
+wait.
 
-At its waiting point in the junction, and past it, nobody waits for nothing: others stand because the ego
-does. Where it has stood there for PATIENCE s, those whose ways meet its own stand too or come late enough,
-and its way is clear as far beside its line as it is, it goes on at walking pace, for as long as that is so.
+When the ego stands at its waiting point in the junction, or past it, others may stand just because the ego is
+there. If it has stood there for PATIENCE s, those whose ways meet its own stand too or come late enough, and
+its way is clear at its present offset from the line, it goes on slowly (PACE), as long as all this is so.
 """
 
 from __future__ import annotations
@@ -19,26 +20,27 @@ from rudc.geometry import gaps_between, rectangle_gaps
 from rudc.world.scene import STANDING, Scene
 
 PATIENCE = 4.0
-"""s"""
+"""s, how long the ego must have stood"""
 PACE, PUSH = 2.0, 1.0
-"""m/s, m/s2"""
+"""m/s, m/s2: speed and acceleration with which it goes first"""
 AT = 0.5
-"""m before its waiting point, or beyond its stop line, from where the ego counts as being there"""
+"""m: the ego counts as being at its waiting point from this much before it, but only this much beyond its
+stop line"""
 CLEAR, AHEAD = 0.2, 8.0
-"""m beside the ego's way that must be free, and for how many m"""
+"""m, m: gap that must be free beside the ego's way, and length of that way"""
 NEAR = 10.0
-"""m between centres, within which those ahead must stand"""
+"""m between centres within which everybody ahead must stand"""
 
 
 class Standoff:
-    """Of one agent; `reset` begins an episode."""
+    """Ends the standoffs of one agent; call `reset` at the start of each episode."""
 
     def reset(self) -> None:
         """Begin a new episode."""
         self._going = False
 
     def end(self, scene: Scene, u: Array) -> Array:
-        """(2,) the command, m/s2 and rad, or that with which the ego goes first."""
+        """(2,) m/s2 and rad, the command `u` (2,), or the one with which the ego goes first."""
         if not self._going and scene.waited_s < PATIENCE:
             return u
         self._going = _all_wait(scene)
@@ -49,7 +51,9 @@ class Standoff:
 
 
 def _all_wait(scene: Scene) -> bool:
-    """Whether the ego is where others wait for it, nobody who matters comes, and the way is clear."""
+    """Whether the ego is where others wait for it, nobody comes whom it would hinder, and its way is
+    clear.
+    """
     front = scene.ego_s + 0.5 * scene.vehicle.length
     first = max(scene.route.waiting_s - AT, scene.route.stop_line_s + AT)
     if not first < front < scene.route.exit_s + scene.vehicle.length:
@@ -69,7 +73,7 @@ def _all_wait(scene: Scene) -> bool:
 
 
 def _least_gap(scene: Scene) -> float:
-    """m to anybody from where the ego is, and on the next AHEAD m, as far beside the path as now."""
+    """m, least gap to anybody, now and on the next AHEAD m at the ego's present offset from its path."""
     ego, body = scene.ego, scene.vehicle
     now = rectangle_gaps(
         ego.x, ego.y, ego.psi, body.length, body.width, scene.position, scene.heading, scene.size

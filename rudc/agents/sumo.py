@@ -1,4 +1,4 @@
-"""SUMO's own driver in the ego's seat: IDM and SUMO's right of way, on rails along its lanes."""
+"""SUMO's own driver for the ego: it follows lanes exactly, with IDM and SUMO's right of way."""
 
 from __future__ import annotations
 
@@ -16,5 +16,5 @@ class SumoDriver:
         """Nothing to prepare."""
 
     def act(self, scene: Scene) -> Decision:
-        """Zeros."""
+        """An action of zeros, which the world ignores."""
         return unfiltered(0.0, 0.0)

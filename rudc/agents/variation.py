@@ -1,8 +1,8 @@
-"""Settings written behind an agent's name, `NAME:key=value,key=value`, so that a sweep can compare variants.
+"""Settings written after an agent's name, `NAME:key=value,key=value`, so that a sweep can compare variants.
 
-Keys are those of the tree of settings (rudc/agents/config.py), values are read as in a scenario file:
-`rudc-t:correction.d_safe=0.3,correction.slack.gain=0`, `rudc-t:correction.kind=none`. What only learning
-depends on is refused.
+Keys are those of the tree of settings (rudc/agents/config.py); values are read as in a scenario file:
+`rudc-t:correction.d_safe=0.3,correction.slack.gain=0`, `rudc-t:correction.kind=none`. Settings on which only
+learning depends are refused.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ S = TypeVar("S", bound=Settings)
 
 
 def split(name: str) -> tuple[str, str]:
-    """The agent's name proper, and the text of its settings (empty for none)."""
+    """The agent's name without settings, and the text of its settings (empty for none)."""
     base, colon, text = name.rpartition(":")
     return (base, text) if colon and "=" in text else (name, "")
 
 
 def parse(text: str) -> Changes:
-    """Values by key. Raises AgentError."""
+    """Key -> value of each setting in a text `key=value,key=value`. Raises AgentError."""
     changes: Changes = {}
     for part in text.split(","):
         key, equals, value = (piece.strip() for piece in part.partition("="))
@@ -72,7 +72,7 @@ def outlook_with(outlook: OutlookSettings, changes: Mapping[str, Any]) -> Outloo
 
 
 def outlook_changes(changes: Mapping[str, Any]) -> tuple[Changes, Changes]:
-    """Those of the outlook, and the others."""
+    """The changes split in two: those of the outlook's settings, and the others."""
     shown = {key: value for key, value in changes.items() if key.partition(".")[0] == "outlook"}
     return shown, {key: value for key, value in changes.items() if key not in shown}
 

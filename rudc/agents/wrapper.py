@@ -1,4 +1,4 @@
-"""`SafetyFilterWrapper`: a correction behind whoever learns or drives through Gymnasium."""
+"""`SafetyFilterWrapper`: a correction for everything that learns or drives through Gymnasium."""
 
 from __future__ import annotations
 
@@ -23,17 +23,19 @@ class SafetyFilterWrapper(gymnasium.Wrapper):
     env = rudc.SafetyFilterWrapper(gymnasium.make("rudc/Intersection-v0"), {"kind": "cbf", "rule": "ecbf"})
     ```
 
-    The action space stays what it is. `info["correction"]` of a step says what was done: `status` (`nominal`
-    where nothing was), `u_rl` and `u` (2,) in m/s2 and rad, `action` (2,) the one that stands for u or is
-    nearest to it, for learners that replay what was executed, `active` (names of constraints), `h` (m2, least
-    of all barriers, inf without) and `infeasible`. There is no uncertainty here, hence no slack.
+    The action space is not changed. `info["correction"]` of a step says what was done: `status` (`nominal` if
+    nothing needed correction), `u_rl` and `u` (2,) in m/s2 and rad, `action` (2,) the one that stands for
+    u or is nearest to it, for learners that replay what was executed, `active` (names of constraints),
+    `h` (m2, least of all barriers, inf without barriers) and `infeasible`. There is no uncertainty here,
+    so no slack depends on it.
     """
 
     def __init__(
         self, env: gymnasium.Env, correction: str | Mapping[str, Any] | CorrectionKind = "cbf"
     ) -> None:
-        """`correction`: a kind, or a mapping of `kind` and settings, the same as `correction.KEY` of agents.
-        Raises InputError if the environment is another, or nothing is to be corrected.
+        """`correction`: the name of a kind, or a mapping of `kind` and settings, the same as `correction.KEY`
+        of agents. Raises InputError if `env` is another environment, if the correction corrects nothing,
+        or if it needs a learnt agent.
         """
         super().__init__(env)
         settings = read_correction(correction)

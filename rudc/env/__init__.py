@@ -1,6 +1,6 @@
-"""The Gymnasium face of the world: observation, reward, outcome, frames.
+"""The Gymnasium environment: observation, action, reward, outcome, frames.
 
-`import rudc` registers it; `gymnasium.make("rudc.env:rudc/Intersection-v0")` does so by itself.
+`import rudc` registers it. `gymnasium.make("rudc.env:rudc/Intersection-v0")` needs no import before it.
 """
 
 from rudc import ENV_ID

@@ -1,14 +1,15 @@
-"""What an action (2,) in [-1, 1] means: a kind of the environment, with its own settings, space and inverse.
+"""Kinds of action: what an action (x, y) in [-1, 1]^2 means. Each kind has its own settings, space and
+inverse.
 
-    direct       -1 and 1 are the vehicle's limits on both axes: a from a_min to a_max, delta_f +-delta_max.
-                 As braking is harder than acceleration, 0 on the first axis is a light braking of (a_min +
-                 a_max) / 2
+    direct       -1 and 1 are the vehicle's limits on both axes: a from a_min to a_max, delta_f from
+                 -delta_max to delta_max. As a_min is larger in size than a_max, x = 0 is a light braking of
+                 (a_min + a_max) / 2
     adjustment   acceleration: a_max x for x >= 0, -a_min x below, so that 0 coasts; steering: that of a
                  driver who follows the path (rudc/env/tracking.py) + adjustment y
 
-The first is the paper's. The second (ours) leaves to learning what is hard, when to go, and lets it deviate
-from the path where that helps. The environment, our agents, their collection and the residual predictor's
-samples all take the same kinds; a further one is a class here or elsewhere and an entry in `ACTIONS`.
+The first is the paper's. The second (ours) leaves the hard part to learning, namely when to go, and lets the
+policy deviate from the path where that helps. The environment, RUDC's agents, their training and the samples
+for the residual predictor all use these kinds. To add one, write a class and an entry in `ACTIONS`.
 """
 
 from __future__ import annotations
@@ -40,25 +41,27 @@ class ActionKind(Settings):
 
     @property
     def name(self) -> str:
-        """Its kind, as `ACTIONS` and settings name it."""
+        """The name of its kind in `ACTIONS` and in settings."""
         return type(self).model_fields["kind"].default
 
     def space(self) -> spaces.Box:
-        """What actions are drawn from."""
+        """The action space of the environment."""
         return spaces.Box(-1.0, 1.0, (2,), np.float32)
 
     @abstractmethod
     def physical(self, action: Action, scene: Scene) -> Array:
-        """(2,) acceleration m/s2 and front-wheel angle rad that an action (2,), cut to the space, stands for
-        in this scene; within the vehicle's limits.
+        """(2,) acceleration m/s2 and front-wheel angle rad that an `action` (2,) stands for in this scene.
+        The action is first cut to the space; the result is within the vehicle's limits.
         """
 
     @abstractmethod
     def normalised(self, u: Array, scene: Scene) -> Array:
-        """(2,) the action that stands for u (2,), m/s2 and rad, or for the nearest that is reached."""
+        """(2,) the action that stands for u (2,), m/s2 and rad, or for the nearest u that an action can
+        reach.
+        """
 
     def u_of(self, action: Action, scene: Scene) -> Array:
-        """What `physical` answers. Raises PartFailedError where a kind that is not RUDC's answers anything
+        """What `physical` returns. Raises PartFailedError if a kind that is not RUDC's returns anything
         but two finite numbers.
         """
         if not is_own(self):
@@ -66,7 +69,7 @@ class ActionKind(Settings):
         return self._looked_at("physical", scene, lambda: self.physical(action, scene))
 
     def action_of(self, u: Array, scene: Scene) -> Array:
-        """What `normalised` answers, looked at likewise."""
+        """What `normalised` returns, checked in the same way."""
         if not is_own(self):
             return self.normalised(u, scene)
         return self._looked_at("normalised", scene, lambda: self.normalised(u, scene))
@@ -81,7 +84,7 @@ class ActionKind(Settings):
 
 
 class Direct(ActionKind):
-    """-1 and 1 are the vehicle's limits, as in the paper."""
+    """-1 and 1 are the vehicle's limits (paper, Sec. "Observation and Action Spaces")."""
 
     kind: Literal["direct"] = "direct"
 
@@ -99,7 +102,7 @@ class Direct(ActionKind):
 
 
 class Adjustment(ActionKind):
-    """Relative to a driver who coasts along the path."""
+    """The action is relative to a driver who coasts along the path."""
 
     follows_path: ClassVar[bool] = True
     kind: Literal["adjustment"] = "adjustment"
@@ -121,8 +124,8 @@ class Adjustment(ActionKind):
 
 
 def numbers_of(answer: Any) -> Array:
-    """What somebody answers for an action, as an array. Raises TypeError for anything but real numbers, texts
-    that NumPy would read as numbers included.
+    """An answer of code that is not RUDC's, as an array. Raises TypeError for anything but real numbers, also
+    for texts that NumPy would read as numbers.
     """
     try:
         given = np.asarray(answer)
@@ -131,14 +134,14 @@ def numbers_of(answer: Any) -> Array:
         if given.dtype.kind == "c":
             raise TypeError("a complex number is no number of these")
         return given.astype(np.float64, copy=False)
-    except Exception as error:  # whatever a class of somebody's raises when it is to become an array
+    except Exception as error:  # whatever an unknown class raises when it is converted to an array
         raise TypeError(str(error)) from error
 
 
 def two_numbers(answer: Any) -> Array | None:
-    """(2,) what somebody answers for an action; None if that is anything but two finite numbers."""
+    """(2,) an action that code which is not RUDC's answers; None if it is anything but two finite numbers."""
     if type(answer) is np.ndarray and answer.shape == (2,) and answer.dtype == np.float64:
-        numbers = answer  # what nearly all are
+        numbers = answer  # the usual case
     else:
         try:
             numbers = numbers_of(answer)
@@ -159,7 +162,7 @@ def read_action(value: str | Mapping[str, Any] | ActionKind) -> ActionKind:
 ActionSettings = Annotated[
     SerializeAsAny[ActionKind], BeforeValidator(lambda value: of_kind(value, ACTIONS, ActionKind))
 ]
-"""a field that takes any kind of action, as it takes a name or a mapping"""
+"""type of a field for any kind of action; it takes a name or a mapping, too"""
 
 
 def _cut(action: Action | tuple[float, float]) -> tuple[float, float]:

@@ -1,31 +1,31 @@
-"""What is about to happen: 41 features that predict conflicts between the ego and the others over 5 s.
+"""41 features that predict conflicts between the ego and the others over the next 5 s (ours).
 
-Ego. On its reference path, once for each acceleration a in {2.5, 1, 0, -1.5, -4} m/s2, its speed kept between
-0 and the limit (or its present speed, if that is higher).
+Ego. It follows its reference path, once with each acceleration a in {2.5, 1, 0, -1.5, -4} m/s2; its speed
+stays between 0 and the limit (or its present speed, if that is higher).
 
-Others. Along their own paths, under two hypotheses each:
+Others. They follow their own paths, under two hypotheses each:
     free     IDM on a free road, v' = a (1 - (v / v0)^4): it drives on, whoever has priority
     braking  it keeps its present deceleration until it stands (constant speed if it has none)
-In units v0 and v0 / a the free road has one solution for all, u' = 1 - u^4 and y' = u, tabulated once:
+In units v0 and v0 / a, the free road has one solution for all, u' = 1 - u^4 and y' = u, tabulated once:
     s(t) = v0^2 / a (y(tau + a t / v0) - y(tau)),     u(tau) = v / v0.
 Whoever has no path (obstacles, pedestrians, wrong-way drivers) goes straight ahead, braking as it does now.
 
-Left out are those that cannot matter: on paths that come nowhere within 2.2 m of the ego's, past the place
-where they do, or following the ego (keeping clear is theirs).
+Those that cannot matter are left out: on paths that come nowhere within 2.2 m of the ego's, past the place
+where they do, or behind the ego on its path (it is their task to keep their distance).
 
-The features, each about within [-1, 1]:
+The features, most of them within [-1, 1]:
     gap_H_A         least gap between the rectangles over 5 s / 10 m, for each hypothesis H and acceleration A
     time_H_A        first time of a gap below 0.3 m / 5 s (1: none)
-    occupied_K      whether anyone is on the ego's conflict zone in the K-th half second, if free
-    first_free, first_occupied      start of the first half second that is so / 5 s (1: none)
+    occupied_K      whether anyone is on the ego's conflict zone in the K-th half second, by hypothesis free
+    first_free, first_occupied      start of the first half second that is free, or occupied / 5 s (1: none)
     leader_gap      gap to whoever is ahead on the path / 50 m (1: nobody within 50 m)
     leader_speed    its speed along the path less the ego's / 10 m/s
     leader_idm      the ego's acceleration by IDM behind it / 6 m/s2
     to_stop_line, to_waiting_point  way of the front bumper to them / 50 m
     to_zone_end     way of the ego's tail to the end of the conflict zone / 50 m
-    waited          s standing / 10 s
-    priority        whether the ego's arm has it
-    elapsed         share of the time limit gone
+    waited          time for which the ego has been standing / 10 s
+    priority        1 if the ego's arm has priority, else 0
+    elapsed         share of the time limit that has passed
 """
 
 from __future__ import annotations
@@ -41,18 +41,18 @@ from rudc.env.route_tables import RouteTables
 from rudc.world.scene import Scene
 
 ACCELERATIONS = (2.5, 1.0, 0.0, -1.5, -4.0)
-"""m/s2, what the ego might do"""
+"""m/s2, accelerations with which the ego is predicted"""
 HYPOTHESES = ("free", "braking")
 STEP, HORIZON = 0.25, 5.0
-"""s"""
+"""s, s: step and length of the prediction"""
 BINS = 10
-"""half seconds"""
+"""number of half seconds in it"""
 TOUCH = 0.3
 """m, gap below which there is a conflict"""
 IDM_ACCEL, IDM_DECEL, IDM_HEADWAY, IDM_GAP = 2.0, 3.0, 1.2, 2.0
-"""m/s2, m/s2, s, m: the driver assumed of all"""
+"""m/s2, m/s2, s, m: IDM's parameters, assumed of everybody"""
 REACH = 50.0
-"""m ahead in which a leader is looked for, and unit of distances along the path"""
+"""m ahead within which a leader is looked for, and unit of distances along the path"""
 
 FEATURES: tuple[str, ...] = (
     *(f"{what}_{h}_{a:g}" for what in ("gap", "time") for h in HYPOTHESES for a in ACCELERATIONS),
@@ -68,7 +68,8 @@ _TIMES: Array = np.linspace(STEP, HORIZON, round(HORIZON / STEP))
 _ACCELERATIONS: Array = np.array(ACCELERATIONS)
 
 _tables: Remembered[object, RouteTables] = Remembered(32)
-"""2 MB a route; those of two networks, so that a worker that sees many does not grow beyond that"""
+"""tables of the last 32 routes, which are those of two networks: at 2 MB a route, a worker that sees many
+networks must not keep all"""
 
 
 def conflict_features(scene: Scene) -> Array:
@@ -85,10 +86,10 @@ def conflict_features(scene: Scene) -> Array:
 
 
 def _meetings(scene: Scene, result: Array) -> tuple[float, float]:
-    """Write gaps, times and occupancy into `result`; gap (m, bumper to bumper along the path) and speed (m/s
-    along it) of who is ahead; (inf, 0) for nobody.
+    """Write gaps, times and occupancy into `result`. Returns gap (m, bumper to bumper along the path) and
+    speed (m/s along it) of whoever is ahead; (inf, 0) for nobody.
 
-    Whoever's rectangle lies across the band that the ego will sweep is ahead, wherever it is heading.
+    Whoever overlaps the band of road that the ego will drive over is ahead, in whatever direction it heads.
     """
     route, body, v = scene.route, scene.vehicle, scene.ego.v
     tables, line = _tables.get(route, lambda: RouteTables(scene.network, route)), route.path
@@ -110,7 +111,7 @@ def _meetings(scene: Scene, result: Array) -> tuple[float, float]:
 def _free_road() -> tuple[Array, Array, Array]:
     """tau, u(tau), y(tau) of u' = 1 - u^4, y' = u from rest, by fourth-order Runge-Kutta steps of 0.01.
 
-    To tau = 20, beyond what 5 s can reach from `_U_MOST` at any limit above 0.6 m/s.
+    They end at tau = 20, which 5 s cannot reach from `_U_MOST` at any speed limit above 0.6 m/s.
     """
     step, count = 0.01, 2000
     tau: Array = step * np.arange(count, dtype=np.float64)
@@ -144,11 +145,13 @@ def _progress_features(scene: Scene) -> tuple[float, ...]:
 
 
 def idm(v: float, v0: float, gap: float = math.inf, closing: float = 0.0) -> float:
-    """m/s2, IDM's acceleration at speed v towards v0 (m/s), `gap` m behind a leader, closing in at m/s."""
+    """m/s2, IDM's acceleration at v m/s, desired speed v0 m/s, `gap` m behind a leader, to which the distance
+    falls at `closing` m/s.
+    """
     wanted = IDM_GAP + max(v * IDM_HEADWAY + v * closing / (2 * math.sqrt(IDM_ACCEL * IDM_DECEL)), 0.0)
     return IDM_ACCEL * (1.0 - (v / v0) ** 4 - (wanted / max(gap, 0.1)) ** 2)
 
 
 _TAU, _U, _Y = _free_road()
 _U_MOST = 0.9999
-"""speed over v0 that counts as having reached it, as u = 1 has no tau"""
+"""ratio of speed to v0 that counts as having reached v0, since u = 1 has no tau"""

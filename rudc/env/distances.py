@@ -14,7 +14,7 @@ from rudc.world.scene import Scene
 
 
 class Distances(NamedTuple):
-    """d_veh, d_road and d_des of one scene."""
+    """d_veh, d_road and d_des of one scene, in m."""
 
     vehicle_m: float
     road_m: float
@@ -22,7 +22,7 @@ class Distances(NamedTuple):
 
 
 def measure(scene: Scene, vehicle_m: float | None = None) -> Distances:
-    """The distances of a scene; `vehicle_m` is d_veh where it is known already."""
+    """The distances of a scene; `vehicle_m` is d_veh in m, if it is known already."""
     ego, body = scene.ego, scene.vehicle
     nearest = vehicle_m
     if nearest is None:

@@ -1,8 +1,7 @@
 """`Episode`: one drive through the junction, decision by decision: reward, cost, outcome, metrics.
 
-How it may end is said in rudc/env/outcome.py.
-
-Used by the Gymnasium environment and by evaluation alike, so that both mean the same by every word.
+rudc/env/outcome.py lists the outcomes. The Gymnasium environment and evaluation both use this class, so that
+reward, outcome and metrics mean the same in both.
 """
 
 from __future__ import annotations
@@ -24,9 +23,10 @@ if TYPE_CHECKING:
     from rudc.world.world import Advance
 
 COLLISION, SUCCESS, BROKE_RULE = Outcome.COLLISION, Outcome.SUCCESS, (Outcome.OFF_ROAD, Outcome.WRONG_WAY)
-"""looked up here once: an enumeration takes a microsecond to name a member"""
+"""kept here, since looking up a member of an enumeration takes a microsecond"""
 BESIDE_M = 6.0
-"""m from the path up to which the destination counts as reached: in the lane beside it, not on another arm"""
+"""m from the path up to which the destination counts as reached: in the lane beside it too, but not on
+another arm"""
 
 
 class StepResult(NamedTuple):
@@ -43,25 +43,25 @@ class StepResult(NamedTuple):
     outcome: Outcome | None
     """how the episode ended; None while it goes on"""
     violation: str | None
-    """`collision`, `off_road` or `wrong_way` if it ended in one"""
+    """`collision`, `off_road` or `wrong_way` if the episode ended in one of these, else None"""
     advance: Advance
-    """what the world says about the decision"""
+    """what the world reports about the decision"""
     distances: Distances
-    """of the world as it is now"""
+    """distances in the world as it is now"""
 
 
 @dataclass(frozen=True, slots=True)
 class EpisodeMetrics:
-    """What is known of an episode so far, or of all of it once it has an outcome."""
+    """Metrics of an episode so far, or of the whole episode once it has an outcome."""
 
     outcome: str
     """see `Outcome`; empty while the episode goes on"""
     violation: str
     """the outcome if it is a violation, else empty"""
     fault: str
-    """whose a collision was: ego, other or shared; else empty"""
+    """whose fault a collision was: `ego`, `other` or `shared`; empty without a collision"""
     hit: str
-    """what a collision was with (car, pedestrian, ...); else empty"""
+    """what the ego collided with (`car`, `pedestrian`, ...); empty without a collision"""
     steps: int
     """decisions taken"""
     duration_s: float
@@ -83,7 +83,7 @@ class EpisodeMetrics:
     redraws: int
     """how often the episode was drawn again because the ego could not start safely"""
     events_fired: int | None = None
-    """how many of the scripted events happened so far; None where nothing is scripted"""
+    """how many of the scripted events have happened so far; None if none are scripted"""
     first_event_s: float = math.nan
     """s, when the first of them began; nan if none did"""
     first_event_visible_s: float = math.nan
@@ -91,7 +91,7 @@ class EpisodeMetrics:
 
 
 class Episode:
-    """Runs one episode after another in a world. The world stays its owner's, to close."""
+    """Runs one episode after another in a world. It does not close the world: whoever made that must."""
 
     def __init__(self, world: AnyWorld) -> None:
         self.world = world
@@ -105,8 +105,8 @@ class Episode:
         ego_driver: Literal["agent", "sumo"] = "agent",
         options: tuple[str, ...] = (),
     ) -> Scene:
-        """Begin an episode; returns what the ego's sensors show. Arguments and errors: `World.reset`'s, after
-        which there is no episode.
+        """Begin an episode; returns what the ego's sensors show. Arguments and errors are those of
+        `World.reset`; after an error there is no episode.
         """
         self._truth = self._outcome = None
         self._begin(self.world.reset(plan, ego_driver=ego_driver, options=options))
@@ -114,14 +114,14 @@ class Episode:
 
     @property
     def truth(self) -> Scene:
-        """The world as it is, without the sensors' flaws."""
+        """The world as it is, without the sensors' flaws. Raises SimulationError before the first `reset`."""
         if self._truth is None:
             raise SimulationError("there is no episode yet; call reset(plan) first")
         return self._truth
 
     @property
     def distances(self) -> Distances:
-        """Of the world as it is."""
+        """Distances in the world as it is."""
         return self._distances
 
     @property
@@ -130,7 +130,9 @@ class Episode:
         return self._outcome
 
     def step(self, u: Array) -> StepResult:
-        """Apply u = (acceleration m/s2, front-wheel angle rad) for one decision."""
+        """Apply u = (acceleration m/s2, front-wheel angle rad) for one decision. Raises SimulationError if no
+        episode has begun, or if it is over.
+        """
         before = self.truth
         if self._outcome is not None:
             raise SimulationError(f"the episode is over ({self._outcome}); call reset() to begin another")

@@ -1,4 +1,4 @@
-"""The observation's arithmetic as kernels; formulas stand at the heads of the modules that call them."""
+"""The observation's arithmetic as kernels; the docstrings of the modules that call them give the formulas."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from rudc.kernels import (
 )
 
 FARTHEST = 10.0
-"""m, gaps above count as this"""
+"""m, larger gaps count as this"""
 UNIT = 0.04
-"""m, step in which gaps are kept in tables"""
+"""m, unit of the whole numbers by which tables keep gaps"""
 
 Gaps = Annotated[NDArray[np.uint8], Layout("uint8", 1, "A", readonly=True)]
 Entries = Annotated[NDArray[np.int64], Layout("int64", 2, "A", readonly=True)]
@@ -37,8 +37,8 @@ Ten = tuple[float, float, float, float, float, float, float, float, float, float
 
 @kernel
 def seen_from_line(line: Table, course: Vector, spacing: float, position: Table, heading: Vector) -> NewTable:
-    """(N, 4) of poses (N, 2) m, (N,) rad seen from a line (M, 2) m with directions `course` (M,) rad: arc
-    length at the nearest station, offset to the left (m), cosine and sine of the angle to it.
+    """(N, 4) for poses (N, 2) m, (N,) rad, seen from a line (M, 2) m with directions `course` (M,) rad: arc
+    length along the line (m), offset to its left (m), cosine and sine of the angle to it.
     """
     seen = np.empty((len(heading), 4))
     for i in range(len(heading)):
@@ -56,7 +56,7 @@ def seen_from_line(line: Table, course: Vector, spacing: float, position: Table,
 
 @kernel
 def looked_up(lines: Table, per_row: int, spacing: float, path: Rows, path_s: Vector) -> NewTable:
-    """(N, 4) as `seen_from_line`, of those on paths, from `lines` (P * per_row, 4); 0 of those on none."""
+    """(N, 4) as `seen_from_line`, from tables `lines` (P * per_row, 4); 0 for those who are on no path."""
     seen = np.zeros((len(path), 4))
     for i in range(len(path)):
         if path[i] >= 0:
@@ -70,9 +70,8 @@ def looked_up(lines: Table, per_row: int, spacing: float, path: Rows, path_s: Ve
 def relevant(
     seen: Table, rows: Table, path: Rows, path_s: Vector, size: Table, ego_s: float, ego_length: float
 ) -> NewRows:
-    """(K,) who has a path, has not yet passed where it meets the ego's, and does not follow the ego.
-
-    `rows` (P, 5) as `RouteTables.rows`.
+    """(K,) indices of those who have a path, have not yet passed where it meets the ego's path (nor has the
+    ego), and do not drive behind the ego. `rows` (P, 5) as `RouteTables.rows`.
     """
     found = np.empty(len(path), np.int64)
     count = 0
@@ -90,7 +89,7 @@ def relevant(
 
 @kernel
 def leader(seen: Table, size: Table, ego_s: float, ego_width: float) -> tuple[int, float]:
-    """Who is first in the band that the ego will sweep, and m along the path to its rear; inf for nobody."""
+    """Index of the first in the band that the ego will drive over; m along the path to its rear, or inf."""
     first, gap = 0, math.inf
     for i in range(len(seen)):
         parallel, crosswise = abs(seen[i, 2]), abs(seen[i, 3])
@@ -123,7 +122,7 @@ def interpolated(x: float, xp: Vector, fp: Vector) -> float:
 
 @kernel
 def braking_way(v: float, acceleration: float, time: float) -> float:
-    """m in `time` s from v m/s on at the present deceleration, never speeding up."""
+    """m driven in `time` s from v m/s at the present deceleration; an acceleration counts as 0."""
     braking = max(-acceleration, 1e-6)
     t = min(time, v / braking)
     return t * (v - 0.5 * braking * t)
@@ -176,7 +175,7 @@ def ego_s(s: float, v: float, top: float, accelerations: Vector, times: Vector) 
 
 @kernel
 def code(row: int, length: float, width: float) -> int:
-    """A path's row and a size (m, m) in decimetres in one number."""
+    """One number that stands for a path's row and a size (m, m), rounded to decimetres."""
     return row * 1_000_000 + int(np.rint(length * 10_000.0 + width * 10.0))
 
 
@@ -187,10 +186,10 @@ def foreseen(
     path: Rows, path_s: Vector, ego_s: float, ego_length: float, ego_width: float,
     accel: float, most: float, tau: Vector, u: Vector, y: Vector, times: Vector,
 ) -> tuple[NewRows, NewCube, NewRows, float, float]:  # fmt: skip
-    """Who is `relevant` (K,), where they will be, (K, 2, T) m as `others_s`, and the `code` (K,) of each;
-    m along the path to the rear of the `leader`, and its speed (m/s) along it.
+    """Those who are `relevant` (K,), their arc lengths (K, 2, T) m as `others_s`, and the `code` (K,) of
+    each; m along the path to the rear of the `leader`, and its speed (m/s) along it.
 
-    Those on paths are seen from the ego's by `lines` (`looked_up`), others by the line itself.
+    Where those on paths are is looked up in the tables `lines`; for the others it is computed from `line`.
     """
     seen = looked_up(lines, per_row, spacing, path, path_s)
     for i in range(len(path)):
@@ -214,9 +213,9 @@ def foreseen(
 def table_gaps(
     table: Gaps, entries: Entries, spacing: float, ego_s: Table, s: NewCube, least: NewCube
 ) -> int:
-    """Lower `least` (A, H, T) m to the gaps that tables say for arc lengths `ego_s` (A, T) and s (K, H, T) m.
+    """Lower `least` (A, H, T) m to the gaps in the tables, for arc lengths `ego_s` (A, T) and s (K, H, T) m.
 
-    `entries` (K, 6) as of `RouteTables._find`. Answers 0.
+    `entries` (K, 6) as `RouteTables.find` returns them. Returns 0.
     """
     per_m = 1.0 / spacing
     for k in range(len(entries)):
@@ -237,9 +236,9 @@ def stray_gaps(
     path: Rows, position: Table, heading: Vector, velocity: Table, acceleration: Vector, size: Table,
     least: NewCube,
 ) -> int:  # fmt: skip
-    """Lower `least` (A, H, T) m to the gaps towards those without a path, straight ahead and braking.
+    """Lower `least` (A, H, T) m to the gaps towards those without a path, who go straight ahead and brake.
 
-    Answers 0.
+    Returns 0.
     """
     for i in range(len(path)):
         if path[i] >= 0:
@@ -270,8 +269,8 @@ def stray_gaps(
 
 @kernel
 def gap_features(least: NewCube, touch: float) -> NewVector:
-    """(2 H A,): of each hypothesis and acceleration the least of gaps `least` (A, H, T) m / `FARTHEST`; and
-    the first of the T instants below `touch` m, as a share of T (1: none before the last).
+    """(2 H A,): for each hypothesis and acceleration the least of the gaps `least` (A, H, T) m / `FARTHEST`;
+    then the first of the T instants with a gap below `touch` m, as a share of T (1: none before the last).
     """
     ego, others, count = least.shape
     result = np.empty(2 * others * ego)
@@ -289,8 +288,8 @@ def gap_features(least: NewCube, touch: float) -> NewVector:
 
 @kernel
 def occupied(which: Rows, rows: Table, path: Rows, size: Table, s: NewCube, bins: int) -> NewVector:
-    """(bins + 2,): whether anyone of `which`, if free, is on the ego's conflict zone in each of `bins` equal
-    parts of the time; the first part that is free and the first that is not, as shares (1: none).
+    """(bins + 2,): whether anyone of `which` (hypothesis free) is on the ego's conflict zone in each of
+    `bins` equal parts of the time; then the first part that is free, and the first that is not, as shares.
     """
     result = np.zeros(bins + 2)
     each = s.shape[2] // bins
@@ -315,8 +314,8 @@ def meetings(
     line: Table, course: Vector, length: float, width: float,
     position: Table, heading: Vector, velocity: Table, acceleration: Vector, size: Table, path: Rows,
 ) -> NewVector:  # fmt: skip
-    """(4 A + bins + 2,): `gap_features` and `occupied` of an ego at `ego_at` m and v m/s, and of others
-    `which` (K,), with futures s (K, 2, T) m and `entries` (K, 6), and of those without a path.
+    """(4 A + bins + 2,): `gap_features` and `occupied` for an ego at `ego_at` m and v m/s, towards others
+    `which` (K,), with arc lengths s (K, 2, T) m and `entries` (K, 6), and towards those without a path.
     """
     ours, count = ego_s(ego_at, v, top, accelerations, times), 4 * len(accelerations)
     least = np.full((len(accelerations), 2, len(times)), FARTHEST)
@@ -378,8 +377,8 @@ def observed(
     line: Table, station: float, stride: int, count: int, per_waypoint: float,
     task: int, tasks: int, conflict: Vector, limit: float,
 ) -> NewSingle:  # fmt: skip
-    """The whole observation, parts one after another: of the ego, `others_features`, `waypoints`, the task as
-    one-hot of `tasks`, and of conflicts; each cut to [-limit, limit].
+    """The whole observation, part after part: `ego`, `others_features`, `waypoints`, the task one-hot in
+    `tasks` numbers, and `conflict`; each number is cut to [-limit, limit].
     """
     result = np.zeros(len(ego) + 6 * most + 2 * count + tasks + len(conflict))
     for k in range(len(ego)):

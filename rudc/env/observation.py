@@ -1,4 +1,4 @@
-"""What the agent sees: the paper's observation, and the same with predicted conflicts added.
+"""What the agent observes: the paper's observation, and the same with predicted conflicts added.
 
 Paper, Sec. "Observation and Action Spaces": S = [S_EV, S_SV, S_wp, S_task]. Kind `paper` is exactly that:
 
@@ -9,10 +9,10 @@ Paper, Sec. "Observation and Action Spaces": S = [S_EV, S_SV, S_wp, S_task]. Kin
 
 105 numbers. Kind `conflict` appends `conflict` (41,), see rudc/env/conflict.py: 146 numbers.
 
-Frames: x, y and phi of the ego stand in the frame of its arm: about the junction's centre, turned so that the
-ego comes from the south heading north. dx, dy, dv_x, dv_y and the waypoints stand in the ego's body frame (x
-ahead, y to the left); v_x, v_y are the ego's velocity there; dv is the difference of velocities over ground.
-Distances are those of rudc/env/distances.py.
+Frames: x, y and phi of the ego are in the frame of its arm, which has its origin at the junction's centre and
+is turned so that the ego comes from the south heading north. dx, dy, dv_x, dv_y and the waypoints are in the
+ego's body frame (x ahead, y to the left), and so is its own velocity v_x, v_y; dv is the difference of the
+velocities over ground. Distances are those of rudc/env/distances.py.
 
 Scales: each number is divided by the unit below and cut to [-3, 3]:
 
@@ -20,8 +20,9 @@ Scales: each number is divided by the unit below and cut to [-3, 3]:
     velocities         10 m/s       yaw rate    1 rad/s
     d_veh              20 m         d_road      5 m          waypoints   30 m
 
-Headings jump by 2 pi where few are: the ego's in (-0.5, 1.5] pi (it never heads back to where it came from,
-and after a left turn heads at pi), the others' in (-0.75, 1.25] pi (oncoming traffic heads at pi).
+Headings jump by 2 pi where few vehicles head: the ego's is in (-0.5, 1.5] pi (it never heads back to where it
+came from, and after a left turn its heading is pi), the others' in (-0.75, 1.25] pi (oncoming traffic has
+pi).
 """
 
 from __future__ import annotations
@@ -94,15 +95,15 @@ def observation_size(kind: ObservationKind) -> int:
 
 
 def observation_space(kind: ObservationKind, as_dict: bool = False) -> spaces.Box | spaces.Dict:
-    """Gymnasium space of the flat observation, or of the Dict of its parts."""
+    """Gymnasium space of the flat observation or, with `as_dict`, of the Dict of its parts."""
     if not as_dict:
         return spaces.Box(-LIMIT, LIMIT, (observation_size(kind),), np.float32)
     return spaces.Dict({name: spaces.Box(-LIMIT, LIMIT, PARTS[name], np.float32) for name in parts(kind)})
 
 
 def observe_flat(scene: Scene, kind: ObservationKind, distances: Distances | None = None) -> Floats:
-    """The observation as one array of float32, the parts one after another, freshly allocated. `distances`:
-    those of this scene, where they are known already.
+    """(size,) the observation as one new float32 array, part after part. `distances`: those of this scene, if
+    they are known already.
     """
     path, ego = scene.route.path, scene.ego
     course, line = ego.psi + ego.slip, _lines.get(path, lambda: _prolonged(path))
@@ -147,6 +148,6 @@ def _ego(scene: Scene, distances: Distances) -> Ten:
 
 
 def _prolonged(path: ReferencePath) -> Array:
-    """(M, 2) m, the path every 0.5 m and straight on to where no waypoint of an ego on it can lie."""
+    """(M, 2) m, the path's points every 0.5 m, continued straight on as far as a waypoint can lie."""
     x, y, _ = path.pose(STATION * np.arange(len(path.s) + 2 * _SPAN, dtype=np.float64))
     return np.stack([x, y], axis=1)

@@ -3,10 +3,10 @@
 Every episode ends in exactly one outcome; where several hold at once, the first of:
 
     collision   the ego's rectangle touches anything
-    off_road    it leaves the drivable area
-    wrong_way   it drives against a lane's direction
-    success     its centre has reached the destination along the path, not farther than 6 m beside it
-    frozen      the time limit has passed (a truncation, not an end, for whoever learns from it)
+    off_road    the ego leaves the drivable area
+    wrong_way   the ego drives against a lane's direction
+    success     its centre has reached the destination along the path, at most 6 m beside it
+    frozen      the time limit has passed (in Gymnasium's terms, a truncation and no termination)
 """
 
 from __future__ import annotations

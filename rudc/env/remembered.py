@@ -1,4 +1,4 @@
-"""What is derived from a network or a route is computed once and kept while that object is in use."""
+"""`Remembered`: keeps what was computed from an object, such as a network or a route."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ Value = TypeVar("Value")
 
 
 class Remembered(Generic[Key, Value]):
-    """Values belonging to objects, made when first asked for and kept for the last `size` of them."""
+    """Values that belong to objects: made when first asked for, and kept for the last `size` objects."""
 
     def __init__(self, size: int = 64) -> None:
         self._size = size
-        self._known: dict[int, tuple[Key, Value]] = {}  # the key is kept too, so that its id stays its own
+        self._known: dict[int, tuple[Key, Value]] = {}  # keys are kept too, so that no other gets their id
 
     def get(self, key: Key, make: Callable[[], Value]) -> Value:
         """The value that belongs to `key`; made by `make` if there is none yet."""

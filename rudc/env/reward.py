@@ -1,6 +1,6 @@
 """The reward, term by term, and the step-wise cost of safe reinforcement learning.
 
-Reward (paper, Sec. "Reward Design"). The paper states no units; those below make its terms commensurable:
+Reward (paper, Sec. "Reward Design"). The paper states no units; those below give its terms similar sizes:
 
     collision       -50 when the ego hits anything                                     Eq. (reward_sparse)
     rule_violation  -50 when it leaves the road or drives against a lane's direction
@@ -18,16 +18,16 @@ Reward (paper, Sec. "Reward Design"). The paper states no units; those below mak
            that doing nothing costs nothing;  du its change since the last decision
     d_des  m along the path to the destination;  d_veh m between rectangles
 
-The dense terms are divided by 3, so that a step on the line at full speed near the goal earns about 1.
-r_collision is the paper's only penalty. Leaving the road or entering an opposing lane ends the episode as a
-violation too, and costs as much; the term is kept apart so that the paper's own stays visible.
+The dense terms are divided by 3, so that a step on the line at full speed near the goal earns about 1. A
+collision is the only event that the paper punishes. Leaving the road or entering an opposing lane ends the
+episode as a violation too, and costs as much; it has a term of its own so that the paper's stays visible.
 
-Measured with tests/benchmarks/reward_scale.py, mean reward of an episode of 100 seeds in
-random_destination and dense_left_turn:
+Mean reward of an episode over 100 seeds in random_destination and in dense_left_turn, measured with
+tests/benchmarks/reward_scale.py:
 
-    good      gap acceptance, arrived                        110    100
-    reckless  a path follower that ignores traffic            97     72    (arrived 113, 110)
-    crashed   those of the reckless that collided            -34    -35
+    good      gap acceptance, episodes that arrived          110    100
+    reckless  a path follower that ignores traffic            97     72    (where it arrived 113, 110)
+    crashed   episodes of the reckless that collided         -34    -35
     frozen    waits at the stop line for all of 40 s         -22    -37
 
 Cost (paper, appendix "Safe Reinforcement Learning", unified step-wise cost):
@@ -36,8 +36,9 @@ Cost (paper, appendix "Safe Reinforcement Learning", unified step-wise cost):
     z_q = clip((h - d_q) / (h - l), 0, 1),     l = 1 m, h = 3 m, q in {veh, road}
     c_dist = (z_veh^2 + z_road^2) / 2
 
-How c_dist comes from the z_q is not said. We square, as d_road is measured from the centre of gravity, 1.75 m
-in the middle of an outer lane: plain z would be 0.63 there all the time. I_road covers wrong-way driving too.
+The paper does not say how c_dist follows from the z_q. We square them, since d_road is measured from the
+centre of gravity and is 1.75 m in the middle of an outer lane: z itself would be 0.63 there all the time.
+I_road includes wrong-way driving.
 """
 
 from __future__ import annotations
@@ -57,9 +58,9 @@ R_ACCELERATION, R_STEERING = 0.05, 0.02
 R_JERK, R_STEERING_CHANGE = 0.2, 0.3
 """diagonal of R_Delta"""
 POSITION_UNIT, SPEED_UNIT, DESTINATION_UNIT = 100.0, 20.0, 10.0
-"""m, m/s, m"""
+"""m, m/s, m: units of the errors in position, in speed, and of d_des"""
 DENSE_UNIT = 3.0
-"""divides the dense terms"""
+"""the dense terms are divided by this"""
 
 COST_NEAR, COST_FAR = 1.0, 3.0
 """m, l_q and h_q"""
@@ -92,12 +93,12 @@ def step_cost(distances: Distances, *, collided: bool, broke_rule: bool) -> floa
 
 
 def scene_cost(scene: Scene) -> float:
-    """C of a scene in which nothing has happened: that of its distances alone."""
+    """The cost C of a scene in which no violation has happened: that of its distances alone."""
     return step_cost(measure(scene), collided=False, broke_rule=False)
 
 
 def _reference_error(scene: Scene) -> float:
-    """r_ref: the tracking error with respect to the candidate line that fits best."""
+    """r_ref: the tracking error with respect to the candidate line that is nearest."""
     ego, route = scene.ego, scene.route
     errors = [_line_error(scene, route.path, scene.ego_s, scene.ego_offset)]
     errors += [
@@ -116,7 +117,7 @@ def _line_error(scene: Scene, line: ReferencePath, s: float, offset: float) -> f
 
 
 def _action_effort(before: Scene, after: Scene) -> float:
-    """-r_act: size and change of the applied action."""
+    """-r_act: weighted squares of the applied action and of its change."""
     body = after.vehicle
     a_unit = max(abs(body.a_min), body.a_max)
     a, delta = float(after.last_u[0]) / a_unit, float(after.last_u[1]) / body.delta_max

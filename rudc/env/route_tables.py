@@ -1,9 +1,11 @@
-"""What can be known of a route before an episode starts: where other paths lie along it, and gaps on them.
+"""Tables of a route: where other paths lie along it, and the gaps between vehicles on them. They do not
+depend on the episode, and are computed when they are first needed.
 
-For every 0.5 m of every way through the junction: its arc length, lateral offset and direction relative to
-the ego's path. For every such way that comes into conflict with the ego's (`Network.conflict`) and every size
-of vehicle seen on it so far: the gap between the two rectangles for each pair of arc lengths, up to 10 m, in
-steps of 4 cm. With these, predicting gaps for many futures is a matter of looking up.
+For every 0.5 m of every way through the junction on which somebody was seen, they contain arc length, lateral
+offset and direction relative to the ego's path. For every such way that is in conflict with the ego's
+(`Network.conflict`), and every size of vehicle seen on it so far, they contain the gap between the two
+rectangles for each pair of arc lengths, up to 10 m, in steps of 4 cm. So gaps in many predicted futures are
+only looked up.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ from rudc.vehicle import EgoVehicle
 
 
 class RouteTables:
-    """Tables of one route of one network; gap tables are added as sizes of vehicles turn up."""
+    """Tables of one route of one network; gap tables are added when a size of vehicle is first seen."""
 
     def __init__(self, network: Network, route: Route) -> None:
         self.network, self.route = network, route
@@ -29,20 +31,20 @@ class RouteTables:
         in_zone = np.column_stack([conflict[:, 2], np.minimum(conflict[:, 3], paths.exit_s)])
         in_zone[paths.origin == paths.origin[route.row]] = np.nan
         self.rows: Array = np.column_stack([conflict[:, 1], conflict[:, 3], in_zone, paths.speed_limit])
-        """(P, 5) for each way through the junction: arc lengths (m) on the ego's path and on it where their
-        conflict ends, where it enters and leaves the ego's conflict zone (nan: never); speed limit, m/s"""
+        """(P, 5) for each way through the junction: arc length (m) on the ego's path and on this way
+        where their conflict ends; arc lengths (m) on this way where it enters and leaves the ego's
+        conflict zone (nan: never); speed limit, m/s"""
         self.per_row = paths.heading.shape[1]
         self._lines: Array = np.zeros((paths.heading.size, 4))
-        """(P * M, 4) for each station of each way: arc length on the ego's path (m), offset to its left (m),
-        cosine and sine of the angle to it; of ways that somebody was seen on"""
+        """(P * M, 4) as `lines` returns it; 0 for ways on which nobody was seen yet"""
         self._lined: set[int] = {-1}
-        """those ways, and none"""
+        """rows of the ways whose stations are filled in, and -1 for no way"""
         self._entries: dict[EgoVehicle, dict[int, tuple[int, ...]]] = {}
         self._gaps = np.zeros(0, dtype=np.uint8)
 
     def lines(self, path: Index) -> Array:
-        """(P * M, 4) for each station of the ways that others are on, `path` (N,), -1 for none: arc length on
-        the ego's path (m), offset to its left (m), cosine and sine of the angle to it.
+        """(P * M, 4) for each station of each way on which others are, `path` (N,), -1 for none: arc
+        length on the ego's path (m), offset to its left (m), cosine and sine of the angle to it.
         """
         ours = self.route.path
         for row in set(path.tolist()) - self._lined:
@@ -54,8 +56,8 @@ class RouteTables:
         return self._lines
 
     def find(self, body: EgoVehicle, codes: Index) -> tuple[NDArray[np.uint8], Index]:
-        """The gap tables, and (K, 6) where in them each vehicle's is (`_add`), by codes (K,) of path and size
-        (`kernels.code`).
+        """All gap tables in one array, and (K, 6) the place of each vehicle's table in it (see `_add`).
+        `codes` (K,): path and size of each vehicle (`kernels.code`).
         """
         known, wanted = self._entries.setdefault(body, {}), codes.tolist()
         for code in wanted:
@@ -65,9 +67,8 @@ class RouteTables:
         return self._gaps, entries
 
     def _add(self, body: EgoVehicle, code: int) -> tuple[int, ...]:
-        """Make the table for a path and a size and say where it is.
-
-        Its base in `_gaps`, the ego's first and last station in it, the other's, and how many the other has.
+        """Make the table for a path and a size, and return its place: where it begins in `_gaps`, the ego's
+        first and last station in it, those of the other, and the number of the other's stations.
         """
         row, decimetres = divmod(code, 1_000_000)
         size = np.array(divmod(decimetres, 1000)) / 10.0
@@ -78,7 +79,9 @@ class RouteTables:
         return base, first, last, their_first, their_last, table.shape[1]
 
     def _gap_table(self, row: int, size: Array, body: EgoVehicle) -> tuple[int, int, NDArray[np.uint8]]:
-        """First stations of the ego and of the other, and gaps (E, O), those at the border `FARTHEST`."""
+        """First stations of the ego and of the other, and gaps (E, O) in units of UNIT; those at the
+        border are `FARTHEST`.
+        """
         paths, path = self.network.paths, self.route.path
         count = int(paths.length[row] / self.ds) + 1
         xy, heading = paths.xy[row, :count], paths.heading[row, :count]

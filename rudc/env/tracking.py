@@ -5,12 +5,12 @@ Steering. With e the offset to the path's left and theta the angle from the path
     de/ds = theta,    dtheta/ds = c - c_path
 so that
     c = c_path - 2 theta / L - e / L^2
-brings the vehicle back critically damped within a few L metres. The front wheels that turn the plant of
-rudc/world/ego.py at curvature c stand at
+brings the vehicle back, critically damped, within a few times L. The plant of rudc/world/ego.py drives at
+curvature c if
     slip = asin(l_r c),    delta = atan(wheelbase / l_r * tan(slip)).
 Decisions last 0.1 s, so c_path is read where the vehicle will be half a decision later.
 
-Speed. v(s)^2 <= LATERAL / |c_path(s)| everywhere, reached by braking at COMFORT at most:
+Speed. v(s)^2 <= LATERAL / |c_path(s)| everywhere, and braking at COMFORT is enough to keep to it:
     v(s)^2 <= v(s + ds)^2 + 2 COMFORT ds.
 """
 
@@ -31,15 +31,15 @@ from rudc.world.scene import Scene
 LATERAL = 3.0
 """m/s2, lateral acceleration accepted in bends"""
 COMFORT = 2.0
-"""m/s2, deceleration planned with"""
+"""m/s2, planned deceleration"""
 RETURN_M = 6.0
-"""m, L above; 4 swings with actuators that respond 0.4 s late, 6 does not"""
+"""m, L above; with actuators that respond 0.4 s late, 4 m makes the vehicle oscillate, and 6 m does not"""
 PREVIEW_S = 0.05
 """s, half a decision"""
 RESPONSE_S = 0.4
-"""s in which a difference in speed is made up"""
+"""s, time in which a difference in speed is made up"""
 PLANNED = 5.0 / 6.0
-"""share of full braking that is planned with, where that is less than what is wanted"""
+"""largest share of full braking that a plan may use"""
 
 _bends: Remembered[ReferencePath, Array] = Remembered()
 
@@ -54,10 +54,12 @@ def steering(scene: Scene) -> float:
 
 
 def slowing(scene: Scene, room: float, speed: float, deceleration: float) -> float:
-    """m/s2 with which the ego comes down to a speed in `room` m, braking at `deceleration` m/s2.
+    """m/s2, acceleration to command so that the ego slows down to `speed` m/s within `room` m, braking at
+    `deceleration` m/s2.
 
-    The commands follow the speeds sqrt(speed^2 + 2 deceleration (room - RESPONSE_S v)) within RESPONSE_S s.
-    So the deceleration is constant, and the end of the room is reached no faster.
+    The ego follows the speed sqrt(speed^2 + 2 deceleration (room - RESPONSE_S v)) with a delay of
+    RESPONSE_S. So the deceleration is constant, and at the end of the room the ego is not faster than
+    `speed`.
     """
     v = scene.ego.v
     wanted = math.sqrt(speed**2 + 2 * deceleration * max(room - RESPONSE_S * v, 0.0))
@@ -65,26 +67,29 @@ def slowing(scene: Scene, room: float, speed: float, deceleration: float) -> flo
 
 
 def planned(scene: Scene, deceleration: float) -> float:
-    """m/s2, that deceleration, or what a poor road leaves of it to plan with."""
+    """m/s2, `deceleration` or, where the road gives too little for it, PLANNED times full braking."""
     return min(deceleration, PLANNED * -scene.vehicle.a_min)
 
 
 def hardest(scene: Scene, deceleration: float) -> float:
-    """m/s2, that deceleration, or full braking where the road gives less."""
+    """m/s2, `deceleration` or, where the road gives less, full braking."""
     return min(deceleration, -scene.vehicle.a_min)
 
 
 def at_most(u: Array, acceleration: float) -> Array:
-    """(2,) the command u (2,), m/s2 and rad, with at most that acceleration (m/s2)."""
+    """(2,) the command u (2,), m/s2 and rad, with an acceleration of at most `acceleration` m/s2."""
     return u if u[0] <= acceleration else np.array([acceleration, u[1]])
 
 
 def close_to_path(scene: Scene, within: float) -> Scene:
-    """The scene with an ego that, following the path by `steering`, gets no farther than `within` m from it.
+    """The scene with an ego that gets no farther than `within` m from the path if it follows it by
+    `steering`.
 
-    That is the ego itself where it does; else its offset and its angle to the path are scaled down alike.
+    It is the scene itself if its ego does so. Otherwise the ego's offset and its angle to the path are scaled
+    down by one factor.
 
-    Followed without delay, e(s) = (e + b s) exp(-s / L) with b = theta + e / L, largest at s = L - e / b.
+    If there is no delay, e(s) = (e + b s) exp(-s / L) with b = theta + e / L, which is largest at
+    s = L - e / b.
     """
     path, offset = scene.route.path, scene.ego_offset
     _, slip, astray = deviation(
@@ -104,7 +109,9 @@ def close_to_path(scene: Scene, within: float) -> Scene:
 
 
 def speeds_in_bends(path: ReferencePath) -> Array:
-    """(M,) m/s, highest speed at each station of a path from which all bends ahead can be taken; kept."""
+    """(M,) m/s, highest speed at each station of a path from which all bends ahead can be taken. It is
+    computed once for each path.
+    """
     return _bends.get(path, lambda: _speeds_in_bends(path))
 
 
@@ -116,11 +123,11 @@ def _speeds_in_bends(path: ReferencePath) -> Array:
 
 
 def speed_allowed(scene: Scene, profile: Array, cruise: float) -> float:
-    """m/s, `cruise` or what `profile` (`speeds_in_bends` of the ego's path) allows here."""
+    """m/s, `cruise` or, if less, what `profile` (`speeds_in_bends` of the ego's path) allows here."""
     index = min(max(int(scene.ego_s / SPACING), 0), len(profile) - 1)
     return min(cruise, float(profile[index]))
 
 
 def acceleration_towards(speed: float, scene: Scene, at_most: float) -> float:
-    """m/s2 that brings the ego to `speed` m/s, at most `at_most`, at least what its brakes give."""
+    """m/s2, acceleration that brings the ego to `speed` m/s: at most `at_most`, at least full braking."""
     return min(max((speed - scene.ego.v) / RESPONSE_S, scene.vehicle.a_min), at_most)

@@ -1,4 +1,4 @@
-"""Path following as kernels; formulas stand at the head of tracking.py."""
+"""Path following as kernels; the docstring of tracking.py gives the formulas."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rudc.network.line_kernels import between, on_line
 
 @kernel
 def slip_in_bend(bend: float, cg_to_rear: float) -> float:
-    """rad, slip that takes the ego round a bend (1/m)."""
+    """rad, slip with which the ego drives round a bend of curvature `bend` (1/m); the sine is cut at 0.9."""
     return math.asin(min(max(cg_to_rear * bend, -0.9), 0.9))
 
 
@@ -18,8 +18,9 @@ def slip_in_bend(bend: float, cg_to_rear: float) -> float:
 def deviation(
     poses: Table, curvature: Vector, s: float, psi: float, v: float, preview: float, cg_to_rear: float
 ) -> tuple[float, float, float]:
-    """Of an ego s m along a line, heading psi rad at v m/s: the line's curvature (1/m) `preview` s on, the
-    slip (rad) that it takes, the angle (rad) from the line to the direction of travel.
+    """For an ego at s m on a line, heading psi rad at v m/s: the line's curvature (1/m) where the ego will be
+    after `preview` s, the slip (rad) that this curvature needs, and the angle (rad) from the line to the
+    direction of travel with that slip.
     """
     bend = between(curvature, s + preview * v)
     slip = slip_in_bend(bend, cg_to_rear)
@@ -32,8 +33,8 @@ def front_wheels(
     poses: Table, curvature: Vector, s: float, offset: float, psi: float, v: float, preview: float,
     way_back: float, wheelbase: float, cg_to_rear: float, delta_max: float,
 ) -> float:  # fmt: skip
-    """rad, front-wheel angle of an ego `offset` m left of a line that it follows: rudc/env/tracking.py, where
-    `way_back` m is L.
+    """rad, front-wheel angle of an ego that follows a line and is `offset` m left of it, by the formulas of
+    rudc/env/tracking.py; `way_back` m is L there.
     """
     bend, _, astray = deviation(poses, curvature, s, psi, v, preview, cg_to_rear)
     astray, offset = min(max(astray, -1.0), 1.0), min(max(offset, -2.0), 2.0)

@@ -1,5 +1,5 @@
-"""Terms, rows and road points of the barriers as kernels; formulas stand at the heads of clearance.py,
-rows.py and road_points.py.
+"""Terms, rows and road points of the barriers as kernels; the docstrings of clearance.py, rows.py and
+road_points.py give the formulas.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from rudc.kernels import (
 )
 
 CLOSEST = 1e-6
-"""m2, |r|^2 below which a bearing means nothing; taken as this"""
+"""m2; a smaller |r|^2 is taken as this, since the bearing of r means nothing there"""
 
 
 @kernel
@@ -39,8 +39,8 @@ def _radius(r: complex, squared: float, short: float, stretch: float) -> tuple[f
 def ellipses(
     size: Table, half_length: float, half_width: float, margin: float, epsilon: float
 ) -> tuple[NewTable, NewTable]:
-    """B^2 + eps0 and A^2 - B^2, (2, N) m2 each: of the ego in the first row, of others of `size` (N, 2) m in
-    the second, whose B is `margin` m more than half their width.
+    """B^2 + eps0 and A^2 - B^2, (2, N) m2 each: for the ego in the first row, for others of `size` (N, 2) m
+    in the second; B of the others is half their width plus `margin` m.
     """
     short, stretch = np.empty((2, len(size))), np.empty((2, len(size)))
     for i in range(len(size)):
@@ -57,7 +57,7 @@ def some_bodies(
     buffer: float, places: NewPlaces, velocities: NewPlaces, directions: NewPlaces, mode: NewVector,
     margin: NewVector, its_short: WrittenTable, its_stretch: WrittenTable,
 ) -> int:  # fmt: skip
-    """Write those of the others `who` (n,) as `Bodies` have them, kept `buffer` m clear of. Answers 0."""
+    """Write the others `who` (n,) into the arrays of `Bodies`, with a margin of `buffer` m. Returns 0."""
     for k in range(len(who)):
         i = who[k]
         places[k] = complex(position[i, 0], position[i, 1])
@@ -74,7 +74,7 @@ def clearance(
     position: complex, heading: complex, v: float, wheelbase: float, places: Places, velocities: Places,
     directions: Places, offset: Vector, mode: Vector, margin: Vector, short: Table, stretch: Table,
 ) -> NewTable:  # fmt: skip
-    """(9, K) h, L_f h, L_g h, L_f^2 h, L_g L_f h of a and of z, L_f L_g h, X, Y: rudc/safety/clearance.py."""
+    """(9, K): h, L_f h, L_g h, L_f^2 h, L_g L_f h for a and for z, L_f L_g h, X, Y (see clearance.py)."""
     terms, k = np.empty((9, len(places))), v / wheelbase
     for i in range(len(places)):
         c, m = offset[i], mode[i]
@@ -134,8 +134,9 @@ def to_edges(
     ahead: Vector,
     s: float,
 ) -> NewPlaces:
-    """(E n,) m from the nearest place on each of E edges (E, M) m to each of n points: those `ahead` (n,) m
-    of `position` m in the direction `heading`. Within `reach` m of path before and after s m.
+    """(E n,) m, vectors from the nearest point on each of E edges (E, M) m to each of n reference points.
+    These lie `ahead` (n,) m of `position` m in the direction `heading`. Only the stretch of edge within
+    `reach` m of path before and after s m is searched.
     """
     pieces = edges.shape[1] - 1
     window = min(int(np.rint(2 * reach / spacing)), pieces)
@@ -159,9 +160,9 @@ def on_edges(
     away: Places, offset: Vector, position: complex, heading: complex, motion: complex, buffer: float,
     places: NewPlaces, velocities: NewPlaces, directions: NewPlaces, offsets: NewVector, margin: NewVector,
 ) -> int:  # fmt: skip
-    """Write the projections of n points as `Bodies` have them, kept `buffer` m clear of: of points `offset`
-    (n,) m ahead of `position` m in the direction `heading`, which are `away` (n,) m from them and move by
-    `motion` m/s. Answers 0.
+    """Write the projections of n reference points into the arrays of `Bodies`, with a margin of `buffer` m.
+    The points lie `offset` (n,) m ahead of `position` m in the direction `heading`; `away` (n,) m are the
+    vectors from the projections to the points, `motion` m/s the velocity of the points. Returns 0.
     """
     for i in range(len(away)):
         r = away[i]

@@ -1,4 +1,4 @@
-"""The barriers there are, by name."""
+"""All barriers by name."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ BARRIERS.update({"vehicle": VehicleBarrier, "road": RoadBarrier})
 
 
 def register_barrier(barrier: type[Barrier]) -> None:
-    """Make a barrier known by its name: `correction.NAME=true` puts it to work, `correction.NAME_KEY=VALUE`
-    sets what its `Settings` have. Raises InputError where it is not complete.
+    """Make a barrier known by its name: `correction.NAME=true` switches it on, and
+    `correction.NAME_KEY=VALUE` changes one of its `Settings`. Raises InputError if it lacks a method.
     """
     missing: list[str] = sorted(barrier.__abstractmethods__)
     if barrier.inputs and barrier.features is Barrier.features:

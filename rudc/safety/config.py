@@ -1,12 +1,13 @@
-"""`FilterConfig`: everything that the safety filter can be told.
+"""`FilterConfig`: all settings of the safety filter.
 
-Barriers and rules bring settings of their own, which stand beside the filter's, each key with its owner's
-prefix: `ttcbf_rate` is the rule's, `road_d_safe` the road's; those towards vehicles (`d_safe`) have none.
-Only the settings of what is at work have an effect; others are refused.
+Barriers and rules have settings of their own. They stand beside the filter's, and their keys begin with the
+owner's prefix: `ttcbf_rate` belongs to the rule, `road_d_safe` to the barrier towards road edges; the keys of
+the barrier towards vehicles (`d_safe`) have no prefix. Only the settings of the rule and the barriers that
+are switched on have an effect; others are refused.
 
-Defaults are the paper's (Tab. "Hyper-Parameters") where a docstring does not say "ours". The paper's filter
-as written is in the preset `paper.yaml`. It gives neither d_safe, dbar, the bounds of the steering nor the
-weights of the QP: these are ours.
+Defaults are the paper's (Tab. "Hyper-Parameters") where a docstring does not say "ours". The preset
+`paper.yaml` is the paper's filter as written. The paper gives no values for d_safe, dbar, the bounds of the
+steering and the weights of the QP: these are ours.
 """
 
 from __future__ import annotations
@@ -46,25 +47,26 @@ Unbounded = Annotated[
 """at least 0; infinity, which JSON lacks, is written "inf" """
 
 Weight = Annotated[Positive, within(1e-6, 1e9, "beyond, the QP has no accurate solution")]
-"""of a term of the QP's objective"""
+"""weight of a term of the QP's objective"""
 
 
 class FilterConfig(Settings):
-    """Settings of a `SafetyFilter`. What has no effect under the others (`ecbf_rate1` under `ttcbf`) is
-    refused, and is not written.
+    """Settings of a `SafetyFilter`. A setting that has no effect because of the others (`ecbf_rate1` with
+    rule `ttcbf`) is refused, and is not written.
     """
 
     model_config = ConfigDict(extra="allow")  # rules and barriers bring settings of their own
 
     rule: str = "ttcbf"
-    """what makes rows of barriers, a name in `RULES`: `ttcbf`, `ecbf`"""
+    """rule that makes a row from h and its derivatives, a name in `RULES`: `ttcbf`, `ecbf`"""
     dt: Annotated[Positive, within(1e-3, 10, "s that an action is held")] = 0.1
     """s, how long an action is held"""
     max_steering_correction: Unbounded = 0.05
     """largest change of tan(delta_f) (ours); inf for none, as in the paper"""
     max_added_acceleration: Unbounded = 0.0
-    """m/s2, by how much the filter may raise the acceleration (ours): not at all, it brakes and steers. Free
-    to do so (inf, as in the paper) it drives into whoever is ahead to get away from whoever comes from behind
+    """m/s2, by how much the filter may raise the acceleration (ours): with 0 it only brakes and steers. A
+    filter that may accelerate (inf, as in the paper) drives into a vehicle ahead to get away from one that
+    comes from behind
     """
     acceleration_weight: Weight = 1.0
     """w_a, cost of a squared correction of 1 m/s2 (ours)"""
@@ -73,13 +75,14 @@ class FilterConfig(Settings):
     vehicle_violation_weight: Weight = 1e5
     """cost of a squared violation of 1 m2 per step of a row when no action satisfies all (ours)"""
     road_violation_weight: Weight = 1e2
-    """the same of a road-edge point's row (ours)"""
+    """the same cost for the row of a road-edge point (ours)"""
     last_resort: bool = True
-    """whether an action must leave the ego a way to stop, or to go on, without hitting anybody (ours)"""
+    """whether an action is taken only if the ego can then still stop, or go on, without hitting anybody
+    (ours)"""
     last_resort_margin: Annotated[NotNegative, within(0, 20, "farther than that nobody matters")] = 0.3
-    """m, how far it stays away from others then (ours)"""
+    """m, distance that the ego keeps from others when it stops or goes on so (ours)"""
     solver: SolverName = "planar"
-    """QP solver: `planar`, ours (rudc/safety/qp.py), or any that is installed, by its name in qpsolvers"""
+    """QP solver: `planar`, ours (rudc/safety/qp.py), or the qpsolvers name of any that is installed"""
 
     @field_validator("rule")
     @classmethod
@@ -100,7 +103,7 @@ class FilterConfig(Settings):
         return self
 
     def without_effect(self) -> dict[str, str]:
-        """Name of each setting that the others leave without effect -> where (`with rule=ttcbf`)."""
+        """Name of each setting that has no effect because of the others -> which (`with rule=ttcbf`)."""
         idle, barriers = (
             {} if self.last_resort else {"last_resort_margin": "with last_resort=false"},
             self.barriers,
@@ -125,15 +128,15 @@ class FilterConfig(Settings):
         return {key: value for key, value in written.items() if key not in self.without_effect()}
 
     def __eq__(self, other: object) -> bool:
-        """Whether both mean the same, however much of it was written out."""
+        """Whether both have the same values, whether these were given or are defaults."""
         return type(other) is type(self) and self.model_dump() == other.model_dump()
 
     def __hash__(self) -> int:
-        """Of what it means."""
+        """Hash of all values in effect."""
         return hash(self.model_dump_json())
 
     def keys(self) -> list[str]:
-        """All settings there are."""
+        """Names of all settings, those of all rules and barriers included."""
         return [*type(self).model_fields, *BARRIERS, *(key for key, _, _ in _keys())]
 
     @property
@@ -147,7 +150,7 @@ class FilterConfig(Settings):
 
     @property
     def barriers(self) -> dict[str, BarrierSettings]:
-        """Name of each barrier at work -> its settings."""
+        """Name of each barrier that is switched on -> its settings."""
         at_work = (name for name, barrier in BARRIERS.items() if self._extra.get(name, barrier.at_work))
         return {name: self._read(name, BARRIERS[name].Settings) for name in at_work}
 
@@ -163,8 +166,8 @@ class FilterConfig(Settings):
 
     @classmethod
     def preset(cls, rule: str, **changes: Any) -> Self:
-        """`ttcbf` or `ecbf` as agents named `+ttcbf`, `+ecbf` have it; `changes` are settings that differ.
-        Raises InputError.
+        """The filter that agents named `+ttcbf` or `+ecbf` have, by its `rule`; `changes` are settings that
+        differ. Raises InputError.
         """
         known = cls().keys()
         for name in changes:
@@ -176,7 +179,7 @@ class FilterConfig(Settings):
             raise InputError(problems(error, "correction")) from None
 
     def row_weights(self, *, road: bool) -> RowWeights:
-        """What makes a row out of h, h' and h'', for vehicles or for road-edge points."""
+        """The weights of h, h' and h'' in a row, for vehicles or for road-edge points."""
         return self.rule_settings.weights(self.dt, road=road)
 
 
@@ -187,7 +190,7 @@ def _error(kind: PydanticCustomError | str, key: str, value: Any) -> ValidationE
 
 
 def _keys() -> Iterator[tuple[str, str, str]]:
-    """Key, owner, and the owner's name of each setting of a rule or barrier."""
+    """For each setting of a rule or barrier: its key, its owner, and its name in the owner's settings."""
     for owner, rule in RULES.items():
         yield from ((f"{owner}_{name}", owner, name) for name in rule.model_fields)
     for owner, barrier in BARRIERS.items():
@@ -195,6 +198,6 @@ def _keys() -> Iterator[tuple[str, str, str]]:
 
 
 def _prefix(barrier: str) -> str:
-    """What the keys of a barrier's settings begin with."""
+    """The beginning of the keys of a barrier's settings."""
     prefix = BARRIERS[barrier].prefix
     return f"{barrier}_" if prefix is None else prefix

@@ -1,4 +1,4 @@
-"""From a `Scene` to the `Constraints` of the filter: what all barriers at work find in it, in one table."""
+"""From a `Scene` to the filter's `Constraints`: what all its barriers find in the scene, in one table."""
 
 from __future__ import annotations
 
@@ -31,24 +31,24 @@ class Part(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Constraints:
-    """K constraints, those of one barrier after the other; first those that keep a distance."""
+    """K constraints, barrier by barrier; those of barriers that keep a distance come first."""
 
     names: tuple[str, ...]
     """(K,) `veh:ID`, `road:left:cg` and the like"""
     parts: tuple[Part, ...]
-    """whose they are"""
+    """the constraints of each barrier"""
     bodies: Bodies
-    """what to keep clear of: the first of the K"""
+    """what to keep clear of, for the first of the K constraints"""
     mode: Array
-    """(K,) 0 for those with the rates and the price of road edges, 1 for the others"""
+    """(K,) 0 for those with the rates and the violation weight of road edges, 1 for the others"""
 
     @property
     def count(self) -> int:
-        """K."""
+        """The number K of constraints."""
         return len(self.names)
 
     def terms(self, scene: Scene) -> Terms:
-        """h and derivatives (K,) of all."""
+        """h and its derivatives, (K,) each, of all constraints."""
         terms, near = clearance_terms(*ego_pose(scene), self.bodies), len(self.bodies.offset)
         for barrier, found, rows in self.parts:
             if rows.stop > near:
@@ -58,9 +58,9 @@ class Constraints:
     def lacking(
         self, scene: Scene, weights: RowWeights, relief: Array, a: tuple[float, float]
     ) -> Array | None:
-        """(K,) m2 per step that rows with these weights and that relief (K,) lack of holding for an ego that
-        follows its path (see `Barrier.on_path`) at any acceleration between those `a` (2,) m/s2; None where
-        no barrier knows such an ego.
+        """(K,) m2 per step, the largest violation of each row, with these weights and this `relief` (K,), by
+        an ego that follows its path (see `Barrier.on_path`) at an acceleration anywhere between the two in
+        `a` (2,) m/s2. It is 0 for the rows of barriers that know no such ego; None if none knows one.
         """
         lacks: Array | None = None
         for barrier, found, rows in self.parts:
@@ -74,7 +74,7 @@ class Constraints:
         return lacks
 
     def in_conflict(self, scene: Scene) -> Flags:
-        """(K,) whose rows come first where no action satisfies all."""
+        """(K,) whether each constraint is in conflict with the ego (see `Barrier.in_conflict`)."""
         return np.concatenate([barrier.in_conflict(scene, found) for barrier, found, _ in self.parts])
 
 
@@ -115,7 +115,7 @@ class ConstraintBuilder:
 
 
 def _joined(first: Terms, second: Terms) -> Terms:
-    """Terms of those of `first` and then those of `second`."""
+    """The terms of `first`, followed by those of `second`."""
     zeros = np.zeros(len(first.h)), np.zeros(len(second.h))
     pairs = zip(first, second, strict=True)
     return Terms._make(

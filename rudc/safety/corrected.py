@@ -10,34 +10,38 @@ from rudc.arrays import Array
 
 
 class Corrected(NamedTuple):
-    """An action after correction, and how it came about; corrections without barriers leave out the rest."""
+    """An action after correction, and how it came about. Corrections without barriers give only the first
+    three fields, and `infeasible`.
+    """
 
     u: Array
     """(2,) safe action: acceleration m/s2, front-wheel angle rad"""
     correction: Array
     """(2,) u minus the nominal action, m/s2 and rad"""
     status: str
-    """how it came about: `nominal` where nothing needed correction, else as the correction names it"""
+    """how it came about: `nominal` where nothing needed correction, else a name that the correction gives"""
     active: tuple[str, ...] = ()
-    """names of the constraints that hold the solution where it is, or that had to be violated"""
+    """names of the constraints that determine the solution, or that had to be violated"""
     h: Array = np.zeros(0)
     """(K,) m2, barrier values of all constraints"""
     names: tuple[str, ...] = ()
     """(K,) their names"""
     violation: float = 0.0
-    """m2 per step, largest violation of a row by a `relaxed` solution; inf when braking"""
+    """m2 per step, largest violation of a row by a `relaxed` solution; inf with status `braking`"""
     optimality_gap: float = 0.0
-    """largest violation of the QP's optimality conditions; 0 where nothing was solved, inf when braking"""
+    """largest violation of the QP's optimality conditions; 0 where nothing was solved, inf with status
+    `braking`"""
     solve_ms: float = 0.0
-    """ms in QP solvers"""
+    """ms, time spent in QP solvers"""
     infeasible: bool = False
     """whether no action within bounds satisfied all rows, as far as the solver could tell"""
     slack: float = 0.0
-    """delta by which rows were relaxed, or tightened where negative: m2 per step, or 1 as a rate"""
+    """delta by which rows were relaxed, or tightened where negative: in m2 per step, or without unit for
+    slack of kind `rate` (rudc/safety/slack.py)"""
 
     @property
     def onwards(self) -> bool:
-        """Whether it goes on because stopping would be worse (rudc/safety/last_resort.py): what would hold
-        the EV back for other reasons must not.
+        """Whether the EV goes on because stopping would be worse (rudc/safety/last_resort.py). Then nothing
+        else may hold it back.
         """
         return self.status == "onwards"

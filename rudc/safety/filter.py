@@ -1,35 +1,38 @@
-"""`SafetyFilter`: the least change to an action that keeps every barrier's condition.
+"""`SafetyFilter`: the least change to an action that satisfies every barrier's condition.
 
-Paper, Sec. "Safety Correction Formulation": with rows A u >= b from `rows`, u = (a, z) and
+Paper, Sec. "Safety Correction Formulation": with rows A u >= b from rows.py, u = (a, z) and
 z = tan(delta_f),
 
     minimise  w_a (a - a_rl)^2 / 2 + w_z (z - z_rl)^2 / 2
     subject to  A u >= b,   a_low <= a <= min(a_max, a_rl + max_added_acceleration),
                 |z - z_rl| <= max_steering_correction,   |z| <= tan(delta_max)
 
-and delta_f = atan(z). a_low = max(a_min, -v / dt): the model would drive backwards where the vehicle
-stands, and a row that holds only by driving backwards does not hold. A nominal action that brakes
-harder than that counts as a_low and is passed on unchanged.
+and delta_f = atan(z). a_low = max(a_min, -v / dt), since the model would drive backwards from standstill,
+and a row that holds only by driving backwards must not count as satisfied. A nominal action that brakes
+harder than a_low counts as a_low and is passed on unchanged.
 
-Where a barrier knows an ego that keeps h >= 0 by following its path (`Barrier.on_path`: who is close to the
-path stays off the road's edges), a row that this ego's action would violate is wrong about what comes: it
-takes a bent edge for straight. It is relaxed by as much as that action, between full braking and the proposed
-acceleration, would violate it.
+Some barriers know an ego that keeps h >= 0 by following its path (`Barrier.on_path`: an ego close to the path
+stays off the road's edges). A row that this ego would violate is wrong about what comes, since it takes a
+bent edge for straight. It is relaxed by the largest amount by which that ego would violate it at any
+acceleration between full braking and the proposed one.
 
-What comes out, by `Corrected.status`:
+The result, by `Corrected.status`:
 
-    nominal   the action satisfies all rows (or there are none): it is the solution, nothing is solved
-    solved    the QP's solution, certified (see `qp`); rows are linearised about it and the QP is solved again
-              until the conditions themselves hold, not only rows made about an action that is not taken
-    relaxed   no action satisfies all rows; the one that violates them least, a violation s >= 0 of each row,
-              minimise ... + sum_i r_i s_i^2 / 2,  A u + s >= b,  r of vehicles a thousand times r of the
-              road. Where vehicles' rows pull the acceleration both ways, those in conflict (see `gating`)
-              come first: they must hold, and only if no action does that are they violated, and those that
-              pass not looked at. And where acceleration would violate any vehicle's row more,
-              a <= min(a_rl, 0): squares alone let a car that passes outbid the truck ahead
+    nominal   the action satisfies all rows (or there are none), so it is the solution and no QP is solved
+    solved    the QP's solution, certified (see qp.py). The rows are linearised about it and the QP is solved
+              again until the solution satisfies rows that are linearised about itself, which are exact there
+    relaxed   no action satisfies all rows. The one that violates them least is taken: with a violation s >= 0
+              of each row, minimise ... + sum_i r_i s_i^2 / 2,  A u + s >= b; by default r of vehicles is a
+              thousand times r of the road. If some vehicles' rows ask for more acceleration and others for
+              less, those in conflict (see gating.py) must hold, and the others may be violated; if no
+              action does that, only those in conflict and the road's count, and all of them may be violated.
+              If acceleration would violate any vehicle's row more, a <= 0 as well: otherwise the squares of
+              a passing car's row can outweigh those of a truck ahead
     braking   not even that could be solved: full braking, steering as proposed
-    last_resort   whatever of the above, it would have left the ego no way to stop or to go on without
-              hitting somebody (see `last_resort`): full braking instead
+    last_resort   whichever of these came out, it would leave the ego no way to stop or to go on without
+              hitting somebody (see last_resort.py): full braking instead
+    onwards   as last_resort, but somebody would hit the ego even at full braking, and by accelerating it
+              hits nobody: full acceleration along the route instead
 """
 
 from __future__ import annotations
@@ -62,18 +65,18 @@ __all__ = ["Corrected", "FilterConfig", "SafetyFilter", "Status"]
 Status = Literal["nominal", "solved", "relaxed", "braking", "last_resort", "onwards"]
 
 MOST_PASSES = 4
-"""how often rows are linearised at most; two do nearly always"""
+"""how often rows are linearised at most; two times nearly always suffice"""
 LEAST_ROOM = 1e-3
-"""m/s2 between the bounds of acceleration at least, since interior-point solvers need an interior"""
+"""m/s2, least difference of the bounds of acceleration, since interior-point solvers need an interior"""
 LEAST_LEVER = 1e-6
-"""m2 per unit of tan(steering) below which a row says nothing about steering"""
+"""m2 per unit of tan(steering): a row with a smaller coefficient of steering says nothing about it"""
 PUSHING = 1e-6
 """multiplier (cost per m2) above which a row counts as active"""
 _NOBODY: Flags = np.zeros(1, dtype=np.bool_)
 
 
 class _Bounds(NamedTuple):
-    """The nominal action within limits, and the box around it, in (a, z)."""
+    """The nominal action cut to the limits, and the QP's bounds, all as (a, z) in m/s2 and without unit."""
 
     nominal: Array
     """(2,)"""
@@ -84,7 +87,7 @@ class _Bounds(NamedTuple):
 
 
 class _Slack(NamedTuple):
-    """How much the rows are relaxed (rudc/safety/slack.py); 0 for not at all."""
+    """How much the rows are relaxed (rudc/safety/slack.py); 0 means not at all."""
 
     level: float
     """m2 per step, added to all rows"""
@@ -101,8 +104,8 @@ class _Conditions(NamedTuple):
     """(K,) w + delta, m2 per step"""
 
     def sparing(self, scene: Scene, constraints: Constraints, bounds: _Bounds) -> _Conditions | None:
-        """The same, asking no more of the ego than of one that follows its path; None where no barrier knows
-        such an ego, so that nothing changes.
+        """The same conditions, relaxed so far that an ego that follows its path satisfies them; None where no
+        barrier knows such an ego.
         """
         a = float(bounds.lower[0]), float(bounds.nominal[0])
         lacking = constraints.lacking(scene, self.weights, self.relief, a)
@@ -119,9 +122,9 @@ class SafetyFilter:
     def __init__(self, config: FilterConfig | None = None) -> None:
         self.config = config = config or FilterConfig()
         self.counts: dict[str, int] = {}
-        """how often each status came out since the last `reset`"""
+        """status -> number of decisions with it since the last `reset`"""
         self.last_problem: Problem | None = None
-        """the last QP of the last decision, solved or not; None if it had no constraints"""
+        """the last QP of the last decision, whether it was solved or not; None if it had no constraints"""
         self._weights = config.row_weights(road=False), config.row_weights(road=True)
         self._most = config.rule_settings.most(road=False), config.rule_settings.most(road=True)
         self._builder = ConstraintBuilder(config)
@@ -141,7 +144,9 @@ class SafetyFilter:
         self._seen = None
 
     def constraints(self, scene: Scene) -> Constraints:
-        """What `filter` will constrain in this scene, in the order of its rows; `residual` follows it."""
+        """What `filter` will constrain in this scene, in the order of its rows; its argument `residual` must
+        be in the same order. Raises SolverError if the scene is not finite.
+        """
         if self._seen is None or self._seen[0] is not scene:
             _refuse_unknown_world(scene)
             self._seen = scene, self._builder.build(scene)
@@ -157,10 +162,10 @@ class SafetyFilter:
     ) -> Corrected:
         """The safe action for a nominal one `u_rl` (2,): acceleration m/s2, front-wheel angle rad.
 
-        `slack`: delta(sigma), m2 per step, for all rows. `rate`: the same as a rate (rudc/safety/slack.py).
-        `residual`: (K,) m2 per step, predicted h(x_next)
-        minus the model's, in the order of `constraints(scene)`. Both as in `rows`, whichever kind of barrier.
-        Raises SolverError if anything is not finite.
+        `slack`: delta(sigma) of kind `level`, m2 per step, added to all rows. `rate`: delta(sigma) of kind
+        `rate`, without unit (rudc/safety/slack.py explains both). `residual`: (K,) m2 per step, predicted
+        h(x_next) minus that of the filter's model, in the order of `constraints(scene)`; see rows.py. Raises
+        SolverError if anything is not finite, or if `residual` does not fit the constraints.
         """
         a, delta = float(u_rl[0]), float(u_rl[1])
         proposed = np.array([a, delta])
@@ -177,13 +182,13 @@ class SafetyFilter:
         return filtered
 
     def _replaced(self, scene: Scene, proposed: Array, filtered: Corrected, instead: Instead) -> Corrected:
-        """What the last resort does instead."""
+        """The result with the last resort's action instead."""
         names = tuple(["veh:" + scene.ids[i] for i in instead.hit.tolist()])
         u, status = instead.u, "onwards" if instead.onwards else "last_resort"
         return filtered._replace(u=u, correction=u - proposed, status=status, active=names)
 
     def _corrected(self, scene: Scene, proposed: Array, slack: _Slack, residual: Array | None) -> Corrected:
-        """What the rows make of the action."""
+        """The action as the rows correct it, before the last resort."""
         constraints = self.constraints(scene)
         bounds = self._bounds(scene, proposed)
         if not constraints.count:
@@ -243,7 +248,7 @@ class SafetyFilter:
         terms = constraints.terms(scene)
         if residual is not None and np.shape(residual) != (constraints.count,):
             raise SolverError(
-                f"the filter has {constraints.count} constraints, not {np.shape(residual)} as the residuals"
+                f"the filter has {constraints.count} constraints, but residuals of shape {np.shape(residual)}"
             )
         relief = slack.level + (np.zeros(constraints.count) if residual is None else residual)
         modes = constraints.mode.tobytes()
@@ -258,7 +263,7 @@ class SafetyFilter:
     def _solve(
         self, scene: Scene, constraints: Constraints, problem: Problem, conditions: _Conditions
     ) -> tuple[Status, Solution, Index]:
-        """Status, solution, and the indices (k,) of the rows that the solution has multipliers of."""
+        """Status, solution, and the indices (k,) of the rows to which the solution's multipliers belong."""
         self._spent_ms = 0.0
         kept, hopeless = _undecided(problem)
         for _ in range(MOST_PASSES):
@@ -278,7 +283,9 @@ class SafetyFilter:
     def _relax(
         self, scene: Scene, constraints: Constraints, problem: Problem, kept: Index
     ) -> tuple[Solution, Index]:
-        """What violates the rows `kept` least, those in conflict first; the rows it has multipliers of."""
+        """The solution that violates the rows `kept` least, those in conflict first, and the indices of the
+        rows to which its multipliers belong.
+        """
         part, mode = _part(problem, kept), constraints.mode[kept]
         brakes, hastens = pulls(part.A, mode)
         if brakes < 0.0:  # towards somebody the ego does not accelerate
@@ -297,17 +304,17 @@ class SafetyFilter:
         return solution, kept
 
     def _answer(self, scene: Scene, problem: Problem) -> Solution:
-        """The solver's; its time is added to the decision's."""
+        """The solver's answer; its time is added to the decision's."""
         solution = answer_of(self._solver, self.config.solver, problem, scene.time_s)
         self._spent_ms += solution.solve_ms
         return solution
 
     def _relaxed(self, problem: Problem, mode: Array, hard: Flags) -> Problem:
-        """The same problem with a violation of every row that is not `hard` (k,) as variable, in (a, z, s_1
-        ..); s < 0 is never worth it.
+        """The same problem in the variables (a, z, s_1, ...), with a violation s_i of every row that is not
+        `hard` (k,). s_i >= 0 needs no bound, since a negative one only costs more.
 
-        The whole cost is scaled to the middle of its weights: interior-point solvers diverge now and then on
-        the bare numbers.
+        The whole cost is scaled by one over the geometric mean of the two violation weights: without that,
+        interior-point solvers diverge now and then.
         """
         road, vehicle = self.config.road_violation_weight, self.config.vehicle_violation_weight
         _, q, rows, b, lower, upper = problem
@@ -317,7 +324,7 @@ class SafetyFilter:
         return Problem(cost, q, rows, b, lower, upper)
 
     def _passed(self, scene: Scene, proposed: Array, h: Array, names: tuple[str, ...]) -> Corrected:
-        """The nominal action itself."""
+        """The nominal action itself, cut to the vehicle's limits, as a result."""
         u = _within(scene.vehicle, proposed)
         return Corrected(u, u - proposed, "nominal", (), h, names)
 
@@ -338,12 +345,14 @@ class SafetyFilter:
 
 
 def _undecided(problem: Problem) -> tuple[Index, bool]:
-    """Indices (k,) of the rows that do not hold everywhere between the bounds; whether any holds nowhere."""
+    """Indices (k,) of the rows that do not hold everywhere between the bounds; whether any row holds nowhere
+    there.
+    """
     return undecided(problem.A, problem.b, problem.lower, problem.upper)
 
 
 def _part(problem: Problem, kept: Index) -> Problem:
-    """The problem with some of its rows only."""
+    """The problem with the rows `kept` only."""
     if len(kept) == len(problem.b):
         return problem
     P, q, A, b, lower, upper = problem
@@ -351,7 +360,7 @@ def _part(problem: Problem, kept: Index) -> Problem:
 
 
 def _on_the_road(x: Array, problem: Problem, mode: Array) -> Array:
-    """A relaxed solution (a, z, violations) that stays on the road (see the kernel)."""
+    """A relaxed solution (a, z, violations) with steering that keeps to the road (see the kernel)."""
     return on_the_road(x, *problem[2:], mode, LEAST_LEVER)
 
 
@@ -369,7 +378,7 @@ def _within(body: EgoVehicle, u: Array) -> Array:
 
 
 def _refuse_unknown_world(scene: Scene) -> None:
-    """Raise SolverError where the scene is not finite."""
+    """Raise SolverError if a number of the scene that the filter uses is not finite."""
     ego = scene.ego
     if not math.isfinite(ego.x + ego.y + ego.psi + ego.v + scene.ego_s):
         raise SolverError(f"the filter was given an ego state that is not finite: {ego}")

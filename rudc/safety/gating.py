@@ -1,24 +1,25 @@
-"""Which others the filter constrains: those whose predicted path meets the ego's.
+"""The gate: which others the filter constrains, namely those whose predicted path meets the ego's.
 
-The barrier assumes that others keep their velocity, so that a vehicle which turns off before the ego, or
-oncoming traffic on its own lane, looks like a threat. The gate asks first whether the two meet when each
-follows its own path (see `prediction`) at its present speed. A vehicle is let through to the rows if at some
-instant within the horizon
+The barrier assumes that others keep their velocity, so that a vehicle which turns off before it reaches the
+ego, or oncoming traffic on its own lane, looks like a threat. The gate therefore checks first whether the two
+meet when each follows its own path (see prediction.py) at its present speed. A vehicle is let through, that
+is, constrained, if at some instant within the horizon
 
     |r| < rho_e + rho_o + gate_distance
 
-with the ellipses' support radii (see `barrier`) at the predicted poses.
+with the ellipses' support radii (see clearance.py) at the predicted poses.
 
-Of those that are constrained, the ones in conflict come first where no action satisfies all rows: their
-ellipses meet the ego's, without any distance added, if it goes on at its present speed or if it accelerates
-along its route. A car that passes on the next lane is constrained, but not in conflict.
+Of those that are constrained, some are in conflict: their ellipses meet the ego's, with no distance added, if
+the ego goes on at its present speed or if it accelerates along its route. Their rows come first where no
+action satisfies all rows. A car that passes on the next lane is constrained, but not in conflict.
 
-Who stands is let through only if the rectangles on the ego's way say so, since nothing is to be predicted of
-it: an ellipse and a distance around it would close a gap of a metre and a half.
+A body that stands needs no prediction. It is let through only if, besides, its rectangle comes closer than
+PASSING to the ego's rectangle on the ego's way: by ellipse and distance alone, a gap of a metre and a half
+would count as closed.
 
-Not let through, and in no conflict, is who drives behind the ego on the ego's own path: that distance is
-theirs to keep. The barrier has the two push each other apart, so that a vehicle coming up from behind at
-constant speed makes a waiting ego drive into the one ahead.
+A vehicle that drives behind the ego on the ego's own path is neither let through nor in conflict, since it is
+that vehicle's task to keep its distance. The barrier would push the two apart: a vehicle that comes from
+behind at constant speed would make a waiting ego drive into the one ahead.
 """
 
 from __future__ import annotations
@@ -34,30 +35,32 @@ from rudc.safety.prediction import ALONG, GO_ACCELERATION, GO_SPEED, LANE, TAIL,
 from rudc.world.scene import STILL, Scene
 
 CONFLICT_TIMES: Array = np.linspace(0.0, 3.0, 16)
-"""(T,) s, when conflicts are looked for"""
+"""(T,) s, instants at which conflicts are looked for"""
 
 PASSING = 0.2
-"""m beside the ego's rectangle on its way, with which somebody who stands is passed; courses keep more"""
+"""m, gap between rectangles with which the ego may pass a body that stands; courses keep more"""
 SLOWEST = 3.0
-"""m/s, at least, of an ego that is taken to pass"""
+"""m/s, least speed that is assumed for the length of the ego's way past bodies that stand"""
 _SHARES: Array = np.linspace(0.0, 1.0, 40)
-"""of that way, where it is looked at"""
+"""shares of that way at which it is checked"""
 
 
 class Gate:
     """Picks the others that the ego may meet."""
 
     def __init__(self, horizon: float, step: float, distance: float) -> None:
-        """`horizon` s, looked at every `step` s at most; `distance` m between the ellipses."""
+        """`horizon`: s, how far ahead the gate predicts; `step`: s, at most this much between the instants
+        that it checks; `distance`: m, the gate distance between the ellipses.
+        """
         self._times: Array = np.linspace(0.0, horizon, math.ceil(horizon / step - 1e-9) + 1)
         self._horizon = horizon
         self._gap = distance
 
     def meeting(self, scene: Scene, short: Array, stretch: Array) -> Index:
-        """Indices, nearest first, of those whose ellipse comes closer to the ego's than the gate distance.
+        """(n,) indices, nearest first, of the others that the gate lets through.
 
-        `short` and `stretch` (2, N) m2: squares of the half axes across, and along minus across, of ego and
-        others.
+        `short`, `stretch`: (2, N) m2, for the ego (first row) and for the others, the squared half axis
+        across plus eps0, and the squared half axis along minus that across.
         """
         ego, body = scene.ego, scene.vehicle
         way = self._horizon * max(ego.v, SLOWEST) * _SHARES
@@ -68,8 +71,8 @@ class Gate:
         )  # fmt: skip
 
     def in_conflict(self, scene: Scene, who: Index, short: Array, stretch: Array) -> Flags:
-        """(n,) which of the others `who` (n,) are in conflict with the ego; `short` and `stretch` (2, N) as
-        for `meeting`.
+        """(n,) whether each of the others `who` (n,) is in conflict with the ego; `short` and `stretch`
+        (2, N) as for `meeting`.
         """
         ego = scene.ego
         return in_conflict(

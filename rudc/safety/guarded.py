@@ -1,8 +1,8 @@
-"""Keeps watch over barriers and solvers that are not RUDC's: what they answer fits together, or there is an
-error that says whose answer does not, and how.
+"""Checks the answers of barriers and solvers that are not RUDC's: where an answer does not fit, an error says
+whose it is and what is wrong with it.
 
-The filter puts the numbers of all barriers into one table, row behind row. An array that is too long or too
-short would move the rows of the others.
+The filter puts the numbers of all barriers into one table, row after row. An array that is too long or too
+short would shift the rows of other barriers.
 """
 
 from __future__ import annotations
@@ -24,7 +24,9 @@ _FLOAT = np.dtype(np.float64)
 
 
 class GuardedBarrier(Barrier):
-    """A barrier of other people's; it fails by PartFailedError."""
+    """A barrier that is not RUDC's. Every method raises PartFailedError where the barrier's own method raises
+    an exception or its answer does not fit.
+    """
 
     def __init__(self, inner: Barrier) -> None:
         super().__init__(inner.settings)
@@ -34,7 +36,7 @@ class GuardedBarrier(Barrier):
             setattr(self, fixed, getattr(inner, fixed))
 
     def find(self, scene: Scene) -> Found:
-        """Its own, with names that can be told apart."""
+        """The barrier's own answer; its names must all differ."""
         found: Any = self._ask("find", scene, lambda: self.inner.find(scene))
         if isinstance(found, Found) and _different_texts(found.names):
             return found
@@ -43,7 +45,7 @@ class GuardedBarrier(Barrier):
         )
 
     def terms(self, scene: Scene, found: Found) -> Terms:
-        """Its own: for each name a number of each."""
+        """The barrier's own answer; each array must have one number for each name."""
         terms: Any = self._ask("terms", scene, lambda: self.inner.terms(scene, found))
         if not isinstance(terms, Terms):
             raise refused(self._who, scene.time_s, "terms", shortened(terms), "`Terms`")
@@ -54,7 +56,7 @@ class GuardedBarrier(Barrier):
         return terms
 
     def in_conflict(self, scene: Scene, found: Found) -> Flags:
-        """Its own: for each name whether it is."""
+        """The barrier's own answer; it must have one truth value for each name."""
         flags: Any = self._ask("in_conflict", scene, lambda: self.inner.in_conflict(scene, found))
         if isinstance(flags, np.ndarray) and flags.shape == (len(found.names),) and flags.dtype == np.bool_:
             return flags
@@ -62,18 +64,20 @@ class GuardedBarrier(Barrier):
         raise refused(self._who, scene.time_s, "in_conflict", shortened(flags), wanted)
 
     def on_path(self, scene: Scene) -> Scene | None:
-        """Its own."""
+        """The barrier's own answer."""
         followed: Any = self._ask("on_path", scene, lambda: self.inner.on_path(scene))
         if followed is None or isinstance(followed, Scene):
             return followed
         raise refused(self._who, scene.time_s, "on_path", shortened(followed), "a `Scene` or None")
 
     def features(self, scene: Scene, found: Found, part: Any, xi: Array) -> None:
-        """Its own."""
+        """Let the barrier write its inputs."""
         self._ask("features", scene, lambda: self.inner.features(scene, found, part, xi))
 
     def _mended(self, scene: Scene, terms: Terms, wanted: tuple[int]) -> Terms:
-        """The same as arrays of floats. Raises PartFailedError where that changes more than their type."""
+        """The terms as arrays of floats. Raises PartFailedError where a term is no array of numbers or has a
+        shape other than `wanted`.
+        """
         mended: dict[str, Array] = {}
         for name, given in terms._asdict().items():
             if given is None and name == "lg_a":
@@ -100,20 +104,20 @@ class GuardedBarrier(Barrier):
 
 
 class GuardedClearance(GuardedBarrier, Clearance):
-    """The same of the family that keeps a distance."""
+    """As `GuardedBarrier`, for a barrier that keeps a distance."""
 
     def __init__(self, inner: Clearance) -> None:
         super().__init__(inner)
         self._fill = inner.fill
 
     def fill(self, scene: Scene, found: Found, to: Bodies) -> None:
-        """Its own."""
+        """Let the barrier write what was found."""
         self._ask("fill", scene, lambda: self._fill(scene, found, to))
 
 
 def answer_of(solver: Solver, name: str, problem: Problem, time_s: float) -> Solution:
-    """The solver's answer at that time in the episode. Raises PartFailedError for one that is not RUDC's and
-    says that it found what is no solution.
+    """The solver's answer. Raises PartFailedError if the solver is not RUDC's and either raises an exception
+    or answers with something that is no `Solution` of the problem. `time_s`: s, time in the episode.
     """
     if not is_own(solver):
         return solver.solve(problem)
@@ -129,7 +133,7 @@ def answer_of(solver: Solver, name: str, problem: Problem, time_s: float) -> Sol
 
 
 def refuse_alike(scene: Scene, barriers: Iterable[Barrier], names: Sequence[str]) -> None:
-    """Raise PartFailedError where two barriers give a constraint the same name."""
+    """Raise PartFailedError if two constraints have the same name."""
     alike = sorted(name for name, times in Counter(names).items() if times > 1)
     if alike:
         who = f"barriers {', '.join(barrier.name for barrier in barriers)}"

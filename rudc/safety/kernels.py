@@ -1,4 +1,4 @@
-"""Prediction and gate as kernels; formulas stand at the heads of the modules that call them."""
+"""Prediction and gate as kernels; prediction.py and gating.py, which call them, explain the method."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ from rudc.safety.barrier_kernels import CLOSEST
 def follow(
     poses: Table, stations: int, row: int, s: float, here: complex, heading: complex, way: Vector
 ) -> tuple[NewPlaces, NewPlaces]:
-    """(T,) m and (T,): who is at `here` m facing `heading`, after `way` (T,) m along a line on which that is
-    s m, keeping its offset from the line and its angle to it.
+    """(T,) m and (T,): position and direction, after `way` (T,) m along a line, of a body that is now `here`
+    m facing `heading`, at s m on the line, and keeps its offset from the line and its angle to it.
     """
     start, psi = on_line(poses, stations, row, s)
     back = cmath.exp(-1j * psi)
@@ -44,7 +44,9 @@ def other_ahead(
     position: Table, heading: Vector, velocity: Table, size: Table, path: Rows, path_s: Vector,
     poses: Table, stations: int, i: int, way: Vector,
 ) -> tuple[NewPlaces, NewPlaces]:  # fmt: skip
-    """(T,) m and (T,): somebody else after `way` (T,) m along its path, straight on if it has none."""
+    """(T,) m and (T,): position and direction of the other i after `way` (T,) m along its path, or straight
+    on if it has none.
+    """
     here, direction = complex(position[i, 0], position[i, 1]), cmath.exp(1j * heading[i])
     if path[i] >= 0:
         start, along = body_on_line(poses, stations, path[i], path_s[i], size[i, 0])
@@ -63,7 +65,7 @@ def others_ahead(
     position: Table, heading: Vector, velocity: Table, size: Table, path: Rows, path_s: Vector,
     poses: Table, stations: int, who: Rows, way: Table,
 ) -> tuple[NewPlaceTable, NewPlaceTable]:  # fmt: skip
-    """(n, T) m and (n, T): others `who` (n,) after `way` (n, T) m."""
+    """(n, T) m and (n, T): positions and directions of the others `who` (n,) after `way` (n, T) m."""
     there, turned = np.empty(way.shape, np.complex128), np.empty(way.shape, np.complex128)
     for k in range(len(who)):
         there[k], turned[k] = other_ahead(
@@ -76,10 +78,10 @@ def others_ahead(
 def drives_on(
     poses: Table, first: int, end: int, lane: float, along_it: float, here: complex, heading: complex
 ) -> bool:
-    """Whether somebody `here` m facing `heading` drives on a line, between its stations `first` and `end`.
+    """Whether somebody `here` m facing `heading` drives on a line, between its stations `first` and `end`:
+    less than `lane` m beside it, at an angle to it whose cosine is above `along_it`.
 
-    Within `lane` m of it, turned from it by a cosine of more than `along_it`. Every other station is
-    looked at.
+    Every second station is checked.
     """
     best, nearest = 1e300, 0
     for i in range(first, end, 2):
@@ -95,7 +97,7 @@ def drives_on(
 def drives_behind(
     poses: Table, s: float, tail: float, lane: float, along_it: float, here: complex, heading: complex
 ) -> bool:
-    """Whether somebody drives on the line, up to `tail` m behind an ego at s m; else as `drives_on`."""
+    """Whether somebody drives on the line (`drives_on`), from `tail` m to 2 m behind an ego at s m."""
     at = int(s / SPACING)
     first, end = max(at - int(tail / SPACING), 0), max(at - int(2.0 / SPACING), 1)
     return drives_on(poses, first, end, lane, along_it, here, heading)
@@ -136,9 +138,11 @@ def meeting(
     poses: Table, stations: int, ego: PlaceTable, ego_facing: PlaceTable, times: Vector, reach: float,
     gap: float, short: Table, stretch: Table,
 ) -> NewFlags:  # fmt: skip
-    """(N,) whose ellipse comes closer than `gap` m to that of an ego at any of W x T poses (W, T).
+    """(N,) whether each other's ellipse comes closer than `gap` m to that of an ego which drives in W ways:
+    its positions are `ego` (W, T) m and its directions `ego_facing` (W, T).
 
-    `times` (T,) s of the poses, the ego's longest way is `reach` m; `short`, `stretch` (2, N) m2.
+    `times`: (T,) s of the poses; `reach`: m, length of the ego's longest way; `short`, `stretch`: (2, N) m2
+    as for `Gate.meeting`.
     """
     met = np.zeros(len(heading), np.bool_)
     for i in range(len(heading)):
@@ -168,9 +172,8 @@ def least_separation(
     place: Places, facing: Places, length: float, width: float, its_place: complex, its_facing: complex,
     its_length: float, its_width: float,
 ) -> float:  # fmt: skip
-    """m, least separation of an ego at `place` (T,) m facing `facing` (T,) from a body that stands.
-
-    Lengths and widths are half sizes, m.
+    """m, least separation (rudc/geometry.py) between an ego at `place` (T,) m facing `facing` (T,) and a body
+    that stands. Lengths and widths are half sizes, m.
     """
     least = 1e300
     for t in range(len(place)):
@@ -187,11 +190,12 @@ def let_through(
     tail: float, lane: float, along: float, still: float, passing: float, way: Vector,
     length: float, width: float,
 ) -> NewRows:  # fmt: skip
-    """Who meets the ego, does not drive behind it (`drives_behind`), and is not passed by it while standing.
+    """(n,) indices of the others that meet the ego (`meeting`), unless they drive behind it (`drives_behind`)
+    or stand and the ego passes them.
 
-    An ego at `ego` m facing `ego_heading` at `speed` m/s; `still` m/s and less stands, and is passed if
-    rectangles stay `passing` m apart on a `way` of the ego, whose half sizes are `length` and `width` m, or,
-    where they are nearer already, come no nearer.
+    The ego is at `ego` m facing `ego_heading` at `speed` m/s; its half sizes are `length` and `width` m. A
+    body slower than `still` m/s stands. The ego passes it if their rectangles stay `passing` m apart at all
+    points of the ego's `way` (m) or, where they are nearer than that now but do not touch, come no nearer.
     """
     there, turned = follow(line, len(line), 0, ego_s, ego, ego_heading, speed * times)
     met = meeting(
@@ -225,8 +229,9 @@ def in_conflict(
     speed: float, acceleration: float, top: float, times: Vector, short: Table, stretch: Table, who: Rows,
     tail: float, lane: float, along: float,
 ) -> NewFlags:  # fmt: skip
-    """(n,) which of the others `who` (n,) meet an ego that goes on along its line at `speed` m/s, or at
-    `acceleration` m/s2 up to `top` m/s, at any of `times` (T,) s, and do not drive behind it.
+    """(n,) whether each of the others `who` (n,) meets the ego at any of `times` (T,) s and does not drive
+    behind it. The ego goes on along its line either at `speed` m/s or, from there, at `acceleration` m/s2 up
+    to `top` m/s.
     """
     there, turned = np.empty((2, len(times)), np.complex128), np.empty((2, len(times)), np.complex128)
     rising = np.minimum(times, max(top - speed, 0.0) / acceleration)
@@ -242,7 +247,7 @@ def in_conflict(
 
 @kernel
 def all_finite(position: Table, heading: Vector, velocity: Table, path_s: Vector, size: Table) -> bool:
-    """Whether all of them are."""
+    """Whether all numbers of the arrays are finite."""
     total = 0.0
     for i in range(len(heading)):
         total += position[i, 0] * 0.0 + position[i, 1] * 0.0 + velocity[i, 0] * 0.0 + velocity[i, 1] * 0.0

@@ -1,38 +1,38 @@
 """The last resort: an action is only taken if the ego can still stop, or go on, without hitting anybody.
 
-Barrier rows look one step ahead, at ellipses that leave the corners of the bodies out, and a positive slack
-delta lets h rest at -delta / lambda for good. Therefore, whatever the rows have made of it, an action u is
-judged by two manoeuvres that begin with it (commit or stop):
+Barrier rows look one step ahead only, at ellipses that leave out the corners of the bodies, and with a
+positive slack delta h can stay at -delta / lambda. Therefore the action u that the rows give is judged by
+manoeuvres that begin with it:
 
-    stop   u for one step, then full braking with the steering held, and standing there; where somebody
-           stands, also the same with steering along the route, for who passes close by in a bend
-    go     u for one step, then on along the route at GO_ACCELERATION up to GO_SPEED, on a poor road no
-           faster than its bends allow
+    stop   u for one step, then full braking with the steering held until the ego stands. Where some body
+           stands still, also the same with steering along the route, which can pass close to one in a bend
+    go     u for one step, then along the route at GO_ACCELERATION up to GO_SPEED; on a poor road no faster
+           than its bends allow
 
-A manoeuvre's room is the least that it leaves at any of the instants within the horizon towards anybody of
+The room of a manoeuvre is the least value, over all instants within the horizon and all others, of
 
     separation - min(margin, separation now)
 
-with last_resort_margin, towards who stands at most STILL_MARGIN
+margin is last_resort_margin; towards those who stand still it is STILL_MARGIN at most. The separation of two
+rectangles (rudc/geometry.py) is at most their gap. Others are predicted along their paths (see prediction.py)
+at their present speed. Those whose speed changes are also predicted a second time: braking on as they do, or
+speeding up for another SPEEDS_UP_S. Whoever leads the ego on its path is also predicted braking with HARDEST.
+So, if the room of a manoeuvre is not negative, the ego comes no closer to anybody than the margin or, where
+it is closer already, than it is now.
 
-separation being the largest along the four side directions of the ego's rectangle and the other's, which
-their distance is not below. Others are predicted along their paths (see `prediction`), at their present speed
-and, where that changes, also braking on as they do, or speeding up for another SPEEDS_UP_S; who leads the ego
-on its path also braking with HARDEST. So a manoeuvre whose room is not negative comes neither closer than the
-margin to anybody nor, where it is that close already, any closer.
-
-    u is taken         if a manoeuvre's room is not negative (towards who stands still, that of stopping)
-    going on           if both are negative, somebody would hit the ego even if it braked fully (room below
-                       -margin by every prediction of that one), and accelerating fully along the route leaves
-                       room towards everybody
-    full braking       if both are negative, and stopping at once leaves more, or at least more towards
-                       those who stand still, whatever comes from elsewhere; steering as in the stop that
-                       leaves more
+    u is taken         if the room of a manoeuvre is not negative; towards those who stand still, the room of
+                       stopping counts in every manoeuvre
+    going on           else, if somebody would hit the ego even at full braking (the room of that is below
+                       -margin by every prediction of that other), and accelerating fully along the route
+                       leaves room towards everybody
+    full braking       else, if braking fully at once has more room than each of these manoeuvres, or if no
+                       stop that begins with u has room towards those who stand still and braking at once has
+                       more towards them, whatever else comes; steering as in the stop with more room
     u is taken         otherwise
 
-What stands still is therefore never hit, as long as it was seen in time and the vehicle does as the model:
-where u was taken since it could be followed by a stop, stopping is free in the next step again. Who drives
-behind the ego on its path is not looked at.
+So the ego never hits what stands still, provided that it was seen in time and that the vehicle moves as in
+the model: if u was taken because a stop can follow it, a stop is possible again in the next step. Those who
+drive behind the ego on its path are left out.
 """
 
 from __future__ import annotations
@@ -61,33 +61,35 @@ from rudc.world.kernels import slip_of
 from rudc.world.scene import STILL, Scene
 
 HORIZON = 2.5
-"""s, how far manoeuvres are looked at, at every step: at 15 m/s full braking takes as long; on a poor road,
-where it takes longer, until the ego stands"""
+"""s, how far ahead manoeuvres are predicted, at every step: from 15 m/s full braking takes as long. On a poor
+road, where braking takes longer, until the ego stands"""
 CREEPING = 1e-3
-"""m, by which two may come closer without it counting"""
+"""m of negative room that are tolerated"""
 STILL_MARGIN = 0.15
-"""m, margin at most towards who stands still: nobody can pass in 0.3 m less than there is"""
+"""m, largest margin towards those who stand still: with more, the ego could not pass where there is just
+enough space"""
 AS_GOOD = 0.01
-"""m/s2, from full braking, which is as good"""
+"""m/s2, an acceleration closer than this to full braking counts as full braking"""
 BENDS = 0.8
-"""share of what brakes may use that bends may where the road is poor (rudc/agents/adaptation.py)"""
+"""share, of the acceleration that brakes may use, that bends may use where the road is poor
+(rudc/agents/adaptation.py)"""
 HARDEST = -9.0
-"""m/s2, with which who leads the ego may brake: what a good car can on a dry road"""
+"""m/s2, hardest braking that is assumed of whoever leads the ego: what a good car can on a dry road"""
 SPEEDS_UP_S = 2.0
-"""s; who sets off may speed up for that long yet"""
+"""s, for which somebody who speeds up now is predicted to go on doing so"""
 CHANGING = 0.5
-"""m/s2, who brakes or speeds up by more is taken to go on doing so, too"""
+"""m/s2, whoever brakes or speeds up by more is also predicted to go on doing so"""
 
 
 class _Others(NamedTuple):
-    """Those whom a manoeuvre might hit, m of them: some twice, for two predictions."""
+    """m predictions of those whom a manoeuvre might hit: up to three for each of them."""
 
     who: Index
-    """(m,) indices of the scene's others"""
+    """(m,) index of each among the scene's others"""
     place: Complex
-    """(m, T) m"""
+    """(m, T) m, positions of their centres"""
     facing: Complex
-    """(m, T)"""
+    """(m, T) directions e^(i psi)"""
     half: Array
     """(m, 2) m, half lengths and half widths"""
     still: Flags
@@ -98,24 +100,24 @@ class Instead(NamedTuple):
     """What is done instead of an action."""
 
     u: Array
-    """(2,) m/s2 and rad"""
+    """(2,) m/s2 and rad, the action"""
     onwards: bool
-    """whether it goes on; else it is full braking"""
+    """whether the ego goes on; else it brakes fully"""
     hit: Index
-    """indices of the scene's others for whose sake"""
+    """indices of the others that are the reason: they would be hit, or would hit the ego"""
 
 
 class LastResort:
-    """Judges actions."""
+    """Judges actions, and replaces those that would end in hitting somebody."""
 
     def __init__(self, config: FilterConfig) -> None:
         self._dt, self._margin = config.dt, config.last_resort_margin
         self._usual = self._times = self._until(HORIZON)
-        """(T,) s, the instants of a dry road, and of the scene at hand"""
+        """(T,) s, instants of the predictions: on a dry road, and in the present scene"""
 
     def instead_of(self, scene: Scene, u: Array) -> Instead | None:
-        """What to do instead of `u` (2,), m/s2 and rad, where `u` would end in hitting somebody and that is
-        better. None if `u` may be taken.
+        """What to do instead of `u` (2,), m/s2 and rad, if `u` would end in hitting somebody and something
+        else is better. None if `u` is taken.
         """
         stopping = self._dt - (scene.ego.v + scene.vehicle.a_max * self._dt) / scene.vehicle.a_min
         self._times = self._usual if stopping <= HORIZON else self._until(stopping)
@@ -146,18 +148,20 @@ class LastResort:
         return Instead(braking, False, hit)
 
     def _until(self, end_s: float) -> Array:
-        """(T,) s, the instants up to `end_s` at least."""
+        """(T,) s, instants from 0 to `end_s` or the first one after it."""
         steps = max(math.ceil(end_s / self._dt - 1e-9), 1)
         return np.linspace(0.0, steps * self._dt, steps + 1)
 
     def _struck(self, others: _Others, kept: Flags, room: Array) -> Index:
-        """Who moves and hits an ego that brakes with such a room (m,) m, whatever is predicted of it."""
+        """Indices of the others that move and, by every prediction of them, hit an ego that brakes; `room`
+        (m,) m is that of braking.
+        """
         hits = kept & ~others.still & (room < -self._margin)
         return np.setdiff1d(others.who[hits], others.who[~hits])
 
     def _may_take(self, scene: Scene, onwards: Array) -> bool:
-        """Whether going on at once like that (2,), m/s2 and rad, leaves room towards everybody but who drives
-        behind, and the ego can still stop before those who stand still.
+        """Whether the action `onwards` (2,), m/s2 and rad, and going on like that leaves room towards
+        everybody but those who drive behind, and the ego can still stop before those who stand still.
         """
         first, v = self._first(scene.ego.v, float(onwards[0]))
         way = self._go(scene, first, v, float(onwards[0]))
@@ -170,8 +174,8 @@ class LastResort:
         return bool(np.isin(near, self._behind(scene, near)).all())
 
     def _stops(self, scene: Scene, others: _Others, u: Array) -> Array:
-        """(1 or 2, m) m, room of stopping after `u` with the steering held, and, where somebody stands, of
-        stopping along the route.
+        """(1 or 2, m) m, room of stopping after `u` with the steering held and, where somebody stands still,
+        of stopping along the route.
         """
         held = self._stop(scene, u)
         rooms = [self._room(scene, others, *held)]
@@ -181,8 +185,8 @@ class LastResort:
         return np.stack(rooms)
 
     def _brake(self, scene: Scene, others: _Others, kept: Flags, delta: float) -> tuple[Array, Array]:
-        """(2,) full braking, and (m,) m its room: steering at `delta` rad or, where somebody stands and that
-        leaves more, along the route.
+        """(2,) m/s2 and rad, full braking, and (m,) m its room. It steers at `delta` rad or, if somebody
+        stands still and that has more room, along the route.
         """
         ways = [delta, steering(scene)] if others.still.any() else [delta]
         actions = [np.array([scene.vehicle.a_min, way]) for way in ways]
@@ -195,11 +199,11 @@ class LastResort:
         return who[following(scene, who)]
 
     def _others(self, scene: Scene, way: float) -> _Others:
-        """Those whom the ego might meet on a way of so many m."""
+        """Those whom the ego might meet on a way of `way` m."""
         return _Others(*in_reach(*self._around(scene, way)))
 
     def _around(self, scene: Scene, way: float) -> tuple[Any, ...]:
-        """What `in_reach` takes, for a way of so many m."""
+        """The arguments of `in_reach` for a way of `way` m."""
         body, ego = scene.vehicle, scene.ego
         reach = way + 0.5 * (body.length + body.width) + self._margin
         return (
@@ -209,7 +213,9 @@ class LastResort:
         )  # fmt: skip
 
     def _room_to_stop(self, scene: Scene, first: float, v: float, u: Array) -> float:
-        """m, least room of `_stop`, `first` m in a step, to v m/s; inf if plenty."""
+        """m, least room of `_stop` under `u`, which drives `first` m in the first step and v m/s after it;
+        inf if nobody comes near.
+        """
         body = scene.vehicle
         return room_to_stop(
             *self._around(scene, first + v * v / (-2.0 * body.a_min)),
@@ -218,7 +224,9 @@ class LastResort:
         )  # fmt: skip
 
     def _room(self, scene: Scene, others: _Others, place: Complex, facing: Complex) -> Array:
-        """(m,) m, room towards each of an ego at `place` (T,) m facing `facing` (T,); inf if plenty."""
+        """(m,) m, room that an ego at `place` (T,) m facing `facing` (T,) has towards each; inf if it does
+        not come near.
+        """
         body = scene.vehicle
         return room_left(
             others.place, others.facing, others.half, others.still, place, facing,
@@ -226,15 +234,17 @@ class LastResort:
         )  # fmt: skip
 
     def _stop(self, scene: Scene, u: Array) -> tuple[Complex, Complex]:
-        """(T,) m and (T,): the ego on an arc, under `u` for a step and then braking."""
+        """(T,) m and (T,): position and direction of the ego on an arc, under `u` for a step and then
+        braking.
+        """
         ego, body = scene.ego, scene.vehicle
         first, v = self._first(ego.v, float(u[0]))
         way = way_of_stopping(self._times, self._dt, first, v, -body.a_min)
         return on_arc(complex(ego.x, ego.y), ego.psi, way, _slip(body, float(u[1])), body.cg_to_rear)
 
     def _stop_along(self, scene: Scene, stop: tuple[Complex, Complex], v: float) -> tuple[Complex, Complex]:
-        """(T,) m and (T,): the first step of `stop`, to v m/s, and then braking while steering along the
-        route.
+        """(T,) m and (T,): position and direction of the ego in the first step of `stop`, after which it
+        drives v m/s, and then braking while it steers along the route.
         """
         body, path = scene.vehicle, scene.route.path
         return stop_along(
@@ -243,8 +253,8 @@ class LastResort:
         )  # fmt: skip
 
     def _go(self, scene: Scene, first: float, v: float, a: float = GO_ACCELERATION) -> Array:
-        """(T,) m along the route: `first` m in a step, then from `v` m/s on at `a` m/s2, on a poor road no
-        faster than its bends allow.
+        """(T,) m driven along the route: `first` m in the first step, then at `a` m/s2 from `v` m/s; on a
+        poor road no faster than its bends allow.
         """
         if scene.vehicle.a_min > scene.network.vehicle.a_min:
             return self._go_slowly(scene, first, v, a)
@@ -254,7 +264,7 @@ class LastResort:
         return np.where(self._times > 0.0, way, 0.0)
 
     def _go_slowly(self, scene: Scene, first: float, v: float, a: float) -> Array:
-        """The same where the road gives less than the brakes could use."""
+        """As `_go`, on a road that gives less than the brakes could use."""
         path, a_min, a = scene.route.path, scene.vehicle.a_min, min(a, scene.vehicle.a_max)
         bends, way = np.abs(path.curvature), [0.0, first]
         for _ in self._times[2:]:
@@ -266,10 +276,10 @@ class LastResort:
         return np.array(way)
 
     def _first(self, v: float, a: float) -> tuple[float, float]:
-        """m travelled in the first step, and m/s after it."""
+        """m driven in the first step at `a` m/s2 from `v` m/s, and m/s after it."""
         return step_onwards(v, a, self._dt)
 
 
 def _slip(body: EgoVehicle, delta: float) -> float:
-    """rad, slip with the front wheels at `delta` rad."""
+    """rad, slip angle of the centre of gravity with the front wheels at `delta` rad."""
     return slip_of(delta, body.wheelbase, body.cg_to_rear)

@@ -34,7 +34,7 @@ from rudc.world.kernels import slip_of
 def leads(
     poses: Table, s: float, ahead: float, lane: float, along_it: float, here: complex, heading: complex
 ) -> bool:
-    """Whether somebody drives on the line, 1 to `ahead` m before an ego at s m; else as `drives_on`."""
+    """Whether somebody drives on the line (`drives_on`), 1 m to 1 + `ahead` m ahead of an ego at s m."""
     first = min(max(int((s + 1.0) / SPACING), 0), len(poses) - 1)
     end = min(first + int(ahead / SPACING), len(poses))
     return drives_on(poses, first, end, lane, along_it, here, heading)
@@ -48,11 +48,12 @@ def in_reach(
     times: Vector, changing: float, speeds_up: float,
     line: Table, ego_s: float, lane: float, along: float, hardest: float, slowest: float,
 ) -> tuple[NewRows, NewPlaceTable, NewPlaceTable, NewTable, NewFlags]:  # fmt: skip
-    """Others (m,) whom the ego might meet within `reach` m of it, their places (m, T) m, directions (m, T)
-    and half sizes (m, 2) m, and whether (m,) they stand: drive less than `slowest` m/s.
+    """(m,) indices of others whom the ego might meet within `reach` m of it, their positions (m, T) m,
+    directions (m, T) and half sizes (m, 2) m, and (m,) whether they stand still: slower than `slowest` m/s.
 
-    Then once more those whose speed changes by more than `changing` m/s2: braking on, or speeding up for
-    another `speeds_up` s. Then once more those who lead the ego (`leads`), braking with `hardest` m/s2.
+    First come all of them at their present speed. Those whose speed changes by more than `changing` m/s2 come
+    once more, braking on or speeding up for another `speeds_up` s; then those who lead the ego (`leads`) come
+    once more, braking with `hardest` m/s2.
     """
     n, horizon = len(heading), times[-1]
     who, rate = np.empty(3 * n, np.int64), np.zeros(3 * n)
@@ -100,11 +101,12 @@ def room_left(
     others: PlaceTable, others_facing: PlaceTable, half: Table, still: Marks, place: Places, facing: Places,
     length: float, width: float, margin: float, still_margin: float,
 ) -> NewVector:  # fmt: skip
-    """(m,) m, least separation - min(margin, separation now) towards each of m others; `still_margin`
-    towards those who stand `still` (m,).
+    """(m,) m, least separation - min(margin, separation now) towards each of m others; the margin is
+    `still_margin` at most towards those who stand `still` (m,).
 
-    Others at (m, T) m with half sizes (m, 2) m, the ego (T,) with half sizes `length` and `width` m; inf
-    where centres stay farther apart than the sum of half sizes and `margin` m.
+    The others are at `others` (m, T) m with half sizes `half` (m, 2) m, the ego at `place` (T,) m with half
+    sizes `length` and `width` m. inf where centres stay farther apart than all half sizes and `margin` m
+    together.
     """
     room = np.full(len(half), np.inf)
     for k in range(len(half)):
@@ -128,7 +130,9 @@ def room_left(
 def on_arc(
     here: complex, psi: float, way: Vector, slip: float, cg_to_rear: float
 ) -> tuple[NewPlaces, NewPlaces]:
-    """(T,) m and (T,): an ego at `here` m, heading psi rad, after `way` (T,) m with that slip (rad) held."""
+    """(T,) m and (T,): position and direction of an ego, now at `here` m and heading psi rad, after `way`
+    (T,) m with its slip angle (rad) held.
+    """
     place, facing = np.empty(len(way), np.complex128), np.empty(len(way), np.complex128)
     for t in range(len(way)):
         turn = 0.5 * way[t] * (math.sin(slip) / cg_to_rear)
@@ -140,7 +144,9 @@ def on_arc(
 
 @kernel
 def way_of_stopping(times: Vector, step: float, first: float, v: float, braking: float) -> NewVector:
-    """(T,) m at `times` (T,) s: `first` m in a step of `step` s, to v m/s, and then braking, in m/s2."""
+    """(T,) m driven at `times` (T,) s: `first` m in a step of `step` s, and then braking from v m/s at
+    `braking` m/s2.
+    """
     way = np.zeros(len(times))
     for t in range(len(times)):
         if times[t] > 0.0:
@@ -151,7 +157,7 @@ def way_of_stopping(times: Vector, step: float, first: float, v: float, braking:
 
 @kernel
 def step_onwards(v: float, a: float, step: float) -> tuple[float, float]:
-    """m travelled in a step of `step` s from v m/s at a m/s2, and m/s after it; nobody drives backwards."""
+    """m driven in a step of `step` s from v m/s at a m/s2, and m/s after it; never backwards."""
     after = v + a * step
     if after < 0.0:
         return v * v / (-2.0 * a), 0.0
@@ -163,8 +169,9 @@ def stop_along(
     line: Table, curvature: Vector, s: float, place: Places, facing: Places, v: float, braking: float,
     step: float, preview: float, way_back: float, wheelbase: float, cg_to_rear: float, delta_max: float,
 ) -> tuple[NewPlaces, NewPlaces]:  # fmt: skip
-    """(T,) m and (T,): the first step of an ego at `place` (T,) m facing `facing` (T,), after which it drives
-    v m/s, and then braking, in m/s2, while steering along a line on which it was s m.
+    """(T,) m and (T,): position and direction of an ego that first drives one step as given by `place` (T,) m
+    and `facing` (T,), to v m/s, and then brakes at `braking` m/s2 while it steers along a line, on which it
+    is at s m in the beginning.
     """
     places, directions = place.copy(), facing.copy()
     here, heading = place[1], cmath.phase(facing[1])
@@ -191,8 +198,8 @@ def room_to_stop(
     slowest: float, psi: float, step: float, first: float, v: float, braking: float, slip: float,
     cg_to_rear: float, length: float, width: float, margin: float, still_margin: float,
 ) -> float:  # fmt: skip
-    """m, the least `room_left` to an ego that stops (`way_of_stopping`) on an arc (`on_arc`), towards those
-    `in_reach`; inf for plenty.
+    """m, the least `room_left` for an ego that stops (`way_of_stopping`) on an arc (`on_arc`), towards those
+    `in_reach`; inf if nobody comes near.
     """
     who, there, turned, half, still = in_reach(
         position, heading, velocity, size, path, path_s, acceleration, poses, stations, ego, reach,

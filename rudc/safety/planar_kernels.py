@@ -2,17 +2,17 @@
 
     minimise 1/2 x' P x + q' x + sum_i r_i s_i^2 / 2   subject to   a_i' x + s_i >= b_i,  lower <= x <= upper
 
-x has two variables. A row that must hold has s_i = 0; the violation s_i of any other costs r_i, and is
-max(b_i - a_i' x, 0) at the solution. Where no such row is violated this is the point of a polygon (the
-rectangle between the bounds, cut by each row that must hold) nearest to where the cost is least: inside of
-it, or on one of few edges. Which rows are violated is found by Newton's method: the cost of those violated
-at x is quadratic, the best point of the polygon for it is where to go, and how far is where the true cost is
-least on the way. That cost is convex, its slope continuous, and there are finitely many sets of rows, so a
-few steps end it.
+x has two variables. A row that must hold has s_i = 0. Any other row has a price r_i for its violation s_i,
+which is max(b_i - a_i' x, 0) at the solution. The rows that must hold, and the bounds, leave a polygon. If no
+row with a price is violated, the solution is the point of the polygon with the least cost: a point inside it,
+or one on an edge. Which rows are violated is found by Newton's method. At a point x, the cost with the rows
+that are violated there is quadratic; the step goes towards the best point of the polygon for that cost, as
+far as the true cost falls. The true cost is convex, its slope is continuous, and there are finitely many sets
+of violated rows, so a few steps suffice.
 
-A quadratic cost is kept as |R x - c|^2 / 2, R upper triangular, in the order (R_00, R_01, R_11, c_0, c_1).
-A row r (b - a' x)^2 / 2 is added to it by rotations: sums of weights a million apart would lose digits.
-Bounds are rows as the others; a line (a_0, a_1, b) is a row.
+A quadratic cost is kept as |R x - c|^2 / 2 with R upper triangular, in the order (R_00, R_01, R_11, c_0,
+c_1). A row's r (b - a' x)^2 / 2 is added to it by rotations: sums of weights a million apart would lose
+digits. Bounds are treated as rows too; a row is kept as a line (a_0, a_1, b).
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ from rudc.kernels import NewRows, NewTable, NewVector, Rows, Table, Vector, kern
 from rudc.safety.qp_kernels import optimality_gap
 
 SOLVED, NOTHING, NOT_PLANAR = 0, 1, 2
-"""what `planar_solution` answers"""
+"""statuses that `planar_solution` returns"""
 EASE = 1e-9
-"""by how much a row may be violated, so that rounding does not empty a polygon that is a point"""
+"""by how much a row may be violated, so that rounding does not empty a polygon that is a single point"""
 MOST_STEPS = 50
-"""of Newton's method; five are many"""
+"""steps of Newton's method at most; it seldom needs more than five"""
 LEAST_STEP = 1e-15
-"""by which a variable has to change for another step"""
+"""change of a variable in a step up to which no further step is made"""
 
 
 @kernel
 def violation_prices(P: Table, q: Vector, A: Table, lower: Vector, upper: Vector) -> tuple[bool, NewVector]:
-    """Whether the problem is one of two variables between finite bounds and violations of single rows; the
-    price r (m,) of each row's violation, inf of one that must hold.
+    """Whether the problem has two variables between finite bounds and, if more, violations of single rows;
+    and the price r (m,) of each row's violation, inf for a row that must hold.
     """
     n, m = len(q), len(A)
     prices = np.full(m, np.inf)
@@ -61,7 +61,7 @@ def violation_prices(P: Table, q: Vector, A: Table, lower: Vector, upper: Vector
 
 @kernel
 def all_lines(A: Table, b: Vector, lower: Vector, upper: Vector) -> NewTable:
-    """Lines (m + 4, 3) of the rows, and of lower[1], upper[0], upper[1], lower[0]."""
+    """Lines (m + 4, 3): of the rows, then of the bounds lower[1], upper[0], upper[1], lower[0]."""
     m = len(b)
     lines = np.zeros((m + 4, 3))
     for i in range(m):
@@ -75,14 +75,14 @@ def all_lines(A: Table, b: Vector, lower: Vector, upper: Vector) -> NewTable:
 
 @kernel
 def beyond(line: Vector, x: float, y: float) -> float:
-    """a' x - b of a line: negative where it does not hold."""
+    """a' x - b of a line at (x, y): negative where the row does not hold."""
     return line[0] * x + line[1] * y - line[2]
 
 
 @kernel
 def polygon(lines: Table, prices: Vector) -> tuple[NewTable, NewRows]:
-    """Corners (k, 2), in order, of what the rows that must hold leave of the rectangle; the line (k,) of the
-    edge that begins in each.
+    """Corners (k, 2), in order, of the polygon that the rows that must hold leave of the rectangle between
+    the bounds; and for each corner the line (k,) of the edge that begins in it.
     """
     m = len(prices)
     corners, cut = np.empty((m + 4, 2)), np.empty((m + 4, 2))
@@ -157,7 +157,7 @@ def best_point(cost: Vector, lines: Table, prices: Vector, corners: Table) -> tu
 
 @kernel
 def slope_at(base: Vector, lines: Table, prices: Vector, x: float, y: float) -> tuple[float, float]:
-    """The slope of the true cost: of `base`, and of the violations that there are at (x, y)."""
+    """The two components of the true cost's gradient at (x, y): of `base` and of the rows violated there."""
     over, under = base[0] * x + base[1] * y - base[3], base[2] * y - base[4]
     slope, other = base[0] * over, base[1] * over + base[2] * under
     for i in range(len(prices)):
@@ -170,8 +170,8 @@ def slope_at(base: Vector, lines: Table, prices: Vector, x: float, y: float) -> 
 
 @kernel
 def way_to_go(base: Vector, lines: Table, prices: Vector, x: float, y: float, dx: float, dy: float) -> float:
-    """t of [0, 1] where the true cost of (x, y) + t (dx, dy) is least: its slope along the way rises from one
-    place where a row begins or ceases to hold to the next, and is straight between two.
+    """t in [0, 1] where the true cost at (x, y) + t (dx, dy) is least. Its slope along the way rises, and is
+    linear in t between the points where a row begins or ceases to hold.
     """
     low, high = 0.0, 1.0
     slope, other = slope_at(base, lines, prices, x, y)
@@ -200,8 +200,9 @@ def way_to_go(base: Vector, lines: Table, prices: Vector, x: float, y: float, dx
 
 @kernel
 def what_pushes(lines: Table, makers: Rows, x: float, y: float, slope: float, other: float) -> NewVector:
-    """Multipliers (m + 4,) of the lines that make up the slope at a point of the polygon's edge: of the edges
-    that meet there the one, or the two, with which that is done best and none has to pull.
+    """Multipliers (m + 4,) of the lines at a point on the polygon's edge, where the cost has the gradient
+    (slope, other). Of the lines through the point, the one or the two are taken whose combination with
+    multipliers >= 0 comes closest to the gradient.
     """
     found = np.zeros(len(lines))
     touching, count = np.empty(len(makers), np.int64), 0
@@ -236,7 +237,7 @@ def what_pushes(lines: Table, makers: Rows, x: float, y: float, slope: float, ot
 def least_cost(
     base: Vector, lines: Table, prices: Vector, corners: Table, newton: bool
 ) -> tuple[float, float, bool]:
-    """x_0 and x_1 of the solution; whether no line holds it there. `newton`: whether any row has a price."""
+    """x_0 and x_1 of the solution; whether no line limits it. `newton`: whether any row has a price."""
     m = len(prices)
     x, y, inside = best_point(base, lines, prices, corners)
     for _ in range(MOST_STEPS if newton else 0):
@@ -260,8 +261,9 @@ def least_cost(
 def planar_solution(
     P: Table, q: Vector, A: Table, b: Vector, lower: Vector, upper: Vector, unbounded: float
 ) -> tuple[int, NewVector, NewVector, float]:
-    """SOLVED, x (n,), the multipliers of the rows (m,), and the optimality gap (`unbounded` as there); or
-    NOTHING, where no x satisfies all rows that must hold, or NOT_PLANAR.
+    """A status, x (n,), the multipliers of the rows (m,), and the optimality gap (see `optimality_gap`, also
+    for `unbounded`). The status is SOLVED; NOTHING, if no x satisfies all rows that must hold; or NOT_PLANAR,
+    if the problem is of another form. The rest has a meaning only with SOLVED.
     """
     n, m = len(q), len(b)
     x, y, y_lower, y_upper = np.zeros(n), np.zeros(m), np.zeros(n), np.zeros(n)

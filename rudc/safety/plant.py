@@ -1,19 +1,20 @@
-"""What the ego's car does with a command: friction, dead time and lag, identified while it drives.
+"""How the ego's car carries out commands: dead time, lag and friction, identified while it drives.
 
-A bank of M models of the plant (rudc/world/ego.py), each with a dead time d, a lag T and a coefficient of
-friction mu, is driven by the commands that were given. Each keeps the acceleration a_m and the front-wheel
-angle delta_m that its car would have now. What the car really does is compared with all of them,
+A bank of M models of the plant (the car with its actuators, rudc/world/ego.py), each with a dead time d, a
+lag T and a coefficient of friction mu, is driven by the commands that were given. Each model keeps the
+acceleration a_m and the front-wheel angle delta_m that its car would have now. They are compared with those
+of the real car,
 
-    J_m <- forget J_m + (a - a_m)^2 / A^2 + ((delta - delta_m) / D)^2        each term cut at CUT
+    J_m <- FORGET J_m + min((a - a_m)^2 / A^2, CUT) + min((delta - delta_m)^2 / D^2, CUT)
 
-and the estimate is the model with the least J. An ordinary car (no dead time, no lag, no limit of friction)
-stays the estimate until another is better by SURE: no false alarm. Models that the drive so far does not
-tell apart have the same J; of those the one nearest to an ordinary car is taken, so that nothing is claimed
-that was not seen. Friction shows only where a command asks for more than the road gives: short brakings ask
-(rudc/agents/probe.py).
+(the acceleration only while the car drives faster than STANDING and slower than its top speed), and the
+estimate is the model with the least J. An ordinary car (no dead time, no lag, a dry road) stays the estimate
+until another model is better by SURE, so that there are no false alarms. Models that the drive so far does
+not tell apart have the same J; of these the one nearest to an ordinary car is taken, so that nothing is
+claimed that was not seen. Friction shows only where a command asks for more than the road gives, which is why
+the agents now and then brake fully for a moment (rudc/agents/probe.py).
 
-This is the plant that the paper leaves to future work (Sec. "Conclusion": input-constrained barrier
-functions).
+The paper leaves this to future work (Sec. "Conclusion": input-constrained barrier functions).
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from rudc.world.scene import EgoState
 DECISION_S = 0.1
 """s between two decisions (the paper: 10 Hz), unless a study says otherwise"""
 SUBSTEP_S = 0.05
-"""s, the step in which models are driven and dead times are counted"""
+"""s, the step with which the models are driven; dead times are multiples of it"""
 DELAYS = np.arange(13) * SUBSTEP_S
 """s, dead times of the bank"""
 LAGS = np.array([0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6])
@@ -43,28 +44,28 @@ FRICTIONS = np.array(
 """coefficients of friction of the bank; inf for a dry road"""
 _LIMITS: Array = np.minimum(FRICTIONS, DRY) * GRAVITY
 ACCELERATION_STD, STEERING_STD = 0.25, 0.01
-"""m/s2, rad: A and D, what readings may be off by without telling anything"""
+"""m/s2, rad: A and D, sizes of errors of the readings that say nothing about the car"""
 CUT = 16.0
-"""largest term of one reading: an outlier does not decide"""
+"""largest term of one reading, so that one outlier does not decide"""
 FORGET = 0.97
-"""share of J that is left a decision later: about three seconds of memory"""
+"""share of J that is left after a decision: about three seconds of memory"""
 WORST = 24.0
-"""largest difference in J that is kept: a car that changes on the way is noticed after three readings"""
+"""largest difference in J that is kept, so that a change of the car is noticed after three readings"""
 SURE = 12.0
-"""by how much another model must be better than an ordinary car"""
+"""difference in J by which another model must be better to replace an ordinary car"""
 BETTER = 4.0
-"""the same for one unusual car after another: what was learnt stays until something else fits better"""
+"""difference in J by which another model must be better to replace an unusual car"""
 SAME = 1.0
 """difference in J below which two models are not told apart"""
 STANDING = 0.3
-"""m/s, below which acceleration says nothing about the brakes: a car that stands does not brake. Lower than
-the scene's: the last decimetres of a braking count, too
+"""m/s, below which acceleration says nothing about the brakes, since a car that stands does not brake. Lower
+than the scene's STANDING, so that the last decimetres of a braking count too
 """
 
 
 @dataclass(frozen=True, slots=True)
 class PlantEstimate:
-    """What is known of the car."""
+    """What is known of the ego's car."""
 
     actuation: Actuation
     """dead time, lag and friction, as the plant has them"""
@@ -79,7 +80,7 @@ class PlantEstimate:
 
 
 ORDINARY = PlantEstimate(Actuation(), unusual=False)
-"""a car that does at once what it is told"""
+"""a car that carries out each command at once, on a dry road"""
 
 
 class PlantMonitor:
@@ -113,7 +114,9 @@ class PlantMonitor:
         self.estimate = ORDINARY
 
     def update(self, ego: EgoState, last_u: Array | tuple[float, float]) -> PlantEstimate:
-        """Take in the state after the command `last_u` (2,), m/s2 and rad, has been given for a decision."""
+        """The new estimate, after the command `last_u` (2,), m/s2 and rad, was given for a decision and has
+        led to the state `ego`. In the first call of an episode `last_u` is not used.
+        """
         if self._v is not None:
             self._drive(float(last_u[0]), float(last_u[1]), ego.v)
             self._score(ego)
@@ -122,7 +125,7 @@ class PlantMonitor:
         return self.estimate
 
     def _drive(self, a: float, delta: float, v_after: float) -> None:
-        """Let all models take the command for one decision."""
+        """Drive all models with the command for one decision."""
         body = self._vehicle
         command = complex(*within_limits(body, a, delta))
         drive_bank(
@@ -150,6 +153,6 @@ class PlantMonitor:
         )
 
     def pending(self, delay_s: float) -> list[tuple[float, float]]:
-        """Commands (m/s2, rad) given within the last delay_s s, oldest first, one a sub-step."""
+        """Commands (m/s2, rad) of the last `delay_s` s, oldest first, one for each sub-step of SUBSTEP_S."""
         late = min(round(delay_s / SUBSTEP_S), len(self._given))
         return [(a, delta) for a, delta in self._given[:late][::-1].tolist()]

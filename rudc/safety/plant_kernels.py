@@ -9,12 +9,12 @@ import numpy as np
 from rudc.kernels import NewCube, NewTable, NewVector, Vector, kernel
 
 SLOW = 0.1
-"""m/s up to which the front wheels turn as far as they are told, as in rudc/world/ego.py"""
+"""m/s, speed up to which friction does not limit the front wheels, as in rudc/world/ego.py"""
 
 
 @kernel
 def widest_angles(limit: Vector, v: float, cg_to_rear: float, ratio: float) -> tuple[NewVector, NewVector]:
-    """(F,) rad, front-wheel angles at which tyres that give `limit` (F,) m/s2 begin to slip; (F,) tangents.
+    """(F,) rad, front-wheel angles at which tyres that give `limit` (F,) m/s2 begin to slide; (F,) tangents.
 
     sin(slip) = limit l_r / v^2, tan(delta) = tan(slip) / ratio with ratio = l_r / wheelbase.
     """
@@ -31,9 +31,10 @@ def widest_angles(limit: Vector, v: float, cg_to_rear: float, ratio: float) -> t
 def within_friction(
     a: float, tangent: float, limit: float, v: float, cg_to_rear: float, ratio: float
 ) -> float:
-    """m/s2, what the friction circle leaves of an acceleration at a front-wheel angle of that tangent.
+    """m/s2, what the friction circle leaves of an acceleration `a` (m/s2) at a front-wheel angle whose
+    tangent is `tangent`.
 
-    Across: v^2 sin(slip) / l_r with tan(slip) = ratio tan(delta).
+    The lateral acceleration is v^2 sin(slip) / l_r with tan(slip) = ratio tan(delta).
     """
     tan_slip = ratio * tangent
     across = v**2 * (tan_slip / math.sqrt(1.0 + tan_slip * tan_slip)) / cg_to_rear
@@ -46,10 +47,11 @@ def drive_bank(
     a: NewCube, delta: NewCube, given: NewTable, keep: Vector, limit: Vector,
     command: complex, substeps: int, v: float, v_after: float, cg_to_rear: float, ratio: float,
 ) -> int:  # fmt: skip
-    """Let accelerations `a` m/s2 and front-wheel angles `delta` rad (D, L, F) take a command, a + i delta,
-    for some sub-steps, while speed goes from v to v_after m/s. Answers 0.
+    """Drive the bank's accelerations `a` m/s2 and front-wheel angles `delta` rad (D, L, F) with a `command`
+    a + i delta for some sub-steps, while the speed goes from v to v_after m/s. Returns 0.
 
-    `given` (D + 1, 2): past commands, newest first; `keep` (L,): share of a difference left after a sub-step.
+    `given`: (D + 1, 2) m/s2 and rad, past commands, newest first; `keep`: (L,) share of the difference from
+    the command that is left after a sub-step; `limit`: (F,) m/s2, what friction gives.
     """
     delays, lags, frictions = a.shape
     wanted_a, wanted_delta = np.empty(frictions), np.empty(frictions)
@@ -78,9 +80,11 @@ def score_bank(
     cost: NewVector, a: NewVector, delta: NewVector, acceleration: float, steering: float, counts: float,
     forget: float, a_std: float, delta_std: float, cut: float, worst: float,
 ) -> int:  # fmt: skip
-    """J of the M models after a reading, the least 0, the largest `worst`. Answers 0.
+    """Update `cost`, the J of the M models, with a reading; their least is 0, their largest `worst` at most.
+    Returns 0.
 
-    `counts`: 1 if the acceleration does, else 0. Arrays without gaps are worked through several at a time.
+    `counts`: 1 if the acceleration counts, else 0. The arrays are contiguous, so that compiled code can
+    process several models at a time.
     """
     for m in range(len(cost)):
         off_a, off_delta = (a[m] - acceleration) / a_std, (delta[m] - steering) / delta_std

@@ -1,10 +1,12 @@
-"""Where everybody will be, if each follows its own path: what the gate and the last resort look at.
+"""Where everybody will be if each follows its own path: the predictions of the gate and the last resort.
 
-Others follow their row of `network.paths` with both their ends on it, as SUMO moves them, straight on if they
-have none; the ego its route. All keep the offset from the path, and the angle to it, that they have now.
+The others follow their row of `network.paths` with both ends of the vehicle on it, as SUMO moves them; those
+without a row go straight on. The ego follows its route. All keep the offset from the path, and the angle to
+it, that they have now.
 
-Surrounding vehicles are predicted the same way where they yield (rudc/world/yielding.py), but for the angle:
-they turn with their lane. `env.conflict` needs no poses: it looks gaps up by arc length.
+Two other places predict too. Where surrounding vehicles yield (rudc/world/yielding.py), they are predicted in
+the same way, except that they turn with their lane. rudc/env/conflict.py needs no poses: it looks gaps up by
+arc length.
 """
 
 from __future__ import annotations
@@ -19,50 +21,54 @@ from rudc.safety.kernels import driving_behind, follow, others_ahead
 from rudc.world.scene import Scene
 
 GO_ACCELERATION = 2.0
-"""m/s2, of an ego that goes on along its route"""
+"""m/s2, acceleration of an ego that goes on along its route"""
 GO_SPEED = 9.0
-"""m/s up to which it then accelerates, unless it is faster already"""
+"""m/s, up to which it then accelerates, unless it is faster already"""
 TAIL = 45.0
-"""m behind the ego on its path, within which those who follow it are looked for"""
+"""m behind the ego on its path within which those who follow it are looked for"""
 LANE = 1.5
-"""m from the path within which one drives on it"""
+"""m, a vehicle less than this beside a path drives on it"""
 ALONG = 0.7
-"""cosine of the angle to the path up to which one drives along it"""
+"""a vehicle drives along a path if the cosine of the angle between them is above this"""
 
 
 def bodies(scene: Scene) -> tuple[Array, Array, Array, Array, Index, Array]:
-    """What kernels take of the others: positions, headings, velocities, sizes, paths and arc lengths on
-    them.
+    """The arrays of the others that kernels take: positions, headings, velocities, sizes, paths and arc
+    lengths on them.
     """
     return scene.position, scene.heading, scene.velocity, scene.size, scene.path, scene.path_s
 
 
 def lines(scene: Scene) -> tuple[Array, int]:
-    """The ways through the junction as kernels take them: poses (P * M, 3), and M."""
+    """The P ways through the junction as kernels take them: poses (P * M, 3), and their number of stations
+    M.
+    """
     paths = scene.network.paths
     return paths.poses, paths.stations
 
 
 def ego_ahead(scene: Scene, way: Array) -> tuple[Complex, Complex]:
-    """(T,) m and (T,): the ego after `way` (T,) m along its route."""
+    """(T,) m and (T,): position and direction of the ego after `way` (T,) m along its route."""
     ego, line = scene.ego, scene.route.path.poses
     here, heading = complex(ego.x, ego.y), cmath.exp(1j * ego.psi)
     return follow(line, len(line), 0, scene.ego_s, here, heading, way)
 
 
 def those_ahead(scene: Scene, who: Index, way: Array) -> tuple[Complex, Complex]:
-    """(n, T) m and (n, T): the same of others `who` (n,) after `way` (n, T) m."""
+    """(n, T) m and (n, T): position and direction of the others `who` (n,) after `way` (n, T) m."""
     return others_ahead(*bodies(scene), *lines(scene), who, way)
 
 
 def following(scene: Scene, who: Index) -> Flags:
-    """(n,) which of the others `who` (n,) drive behind the ego on its path."""
+    """(n,) whether each of the others `who` (n,) drives behind the ego on its path."""
     poses, s = scene.route.path.poses, scene.ego_s
     return driving_behind(poses, s, TAIL, LANE, ALONG, scene.position, scene.heading, who)
 
 
 def others_later(scene: Scene, later: float) -> Scene:
-    """The others `later` s on, along their paths at their speeds."""
+    """The scene `later` s later as far as the others go: each has driven on along its path at its speed. The
+    ego stays as it is.
+    """
     if not scene.count:
         return replace(scene, time_s=scene.time_s + later)
     speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])

@@ -2,16 +2,16 @@
 
     minimise 1/2 x' P x + q' x    subject to    A x >= b,    lower <= x <= upper
 
-No solver's word is taken for it: each answer comes with the largest violation of the optimality
-conditions, computed here from the solver's x and multipliers y, y_lower, y_upper (y without sign: taken
-as zero where negative),
+No solver is trusted: each answer comes with the largest violation of the optimality conditions, its
+optimality gap. It is computed here from the solver's x and its multipliers y, y_lower, y_upper (where y is
+negative, it is taken as zero),
 
     primal          max(b - A x, lower - x, x - upper, 0)
     stationarity    max |P x + q - A' y - y_lower + y_upper| / (1 + max(|q|, y))
     complementarity max |y (A x - b)|, |y_lower (x - lower)|, |y_upper (upper - x)| / (1 + max(|q|, y))
 
-and is `found` only if that is below TOLERANCE. piqp leaves whatever it has in x when it finds nothing;
-daqp and quadprog return x for an input with NaN in it.
+and an answer is `found` only if the gap is at most TOLERANCE. This is needed: piqp leaves its last x in the
+answer when it finds nothing, and daqp and quadprog return an x even for an input with NaN in it.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ ACCURATE = {
     "osqp": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 50_000},
     "piqp": {"eps_duality_gap_abs": 1e-12, "eps_duality_gap_rel": 1e-14, "max_iter": 60},
 }
-"""settings of solvers whose own are too loose for TOLERANCE"""
+"""settings of solvers whose defaults are too inaccurate for TOLERANCE"""
 UNBOUNDED = 1e30
-"""stands for inf in the distance to a bound, where 0 * inf would not be 0"""
+"""taken for the distance to a bound that is infinite, since 0 * inf is not 0"""
 
 
 class Problem(NamedTuple):
@@ -62,15 +62,15 @@ class Solution(NamedTuple):
     """What a solver answered."""
 
     x: Array
-    """(n,), of no meaning unless `found`"""
+    """(n,), without meaning unless `found`"""
     found: bool
-    """whether the solver says so and the optimality gap is below TOLERANCE"""
+    """whether the solver found a solution and the optimality gap is at most TOLERANCE"""
     optimality_gap: float
     """largest violation of the optimality conditions; inf if the solver found nothing"""
     multipliers: Array
-    """(m,) of the rows, not negative; zeros unless `found`"""
+    """(m,) multipliers of the rows, not negative; zeros unless `found`"""
     solve_ms: float
-    """ms"""
+    """ms, time that the solver took"""
 
 
 class Solver(Protocol):
@@ -82,19 +82,20 @@ class Solver(Protocol):
 
 
 class PlanarSolver:
-    """Ours (rudc/safety/planar_kernels.py): exact, for problems of two variables between finite bounds, with
-    or without violations of single rows as further variables, which is what the filter asks.
+    """RUDC's own solver (rudc/safety/planar_kernels.py). It is exact, for problems of two variables between
+    finite bounds, with or without violations of single rows as further variables. All QPs of the filter are
+    such problems.
     """
 
     def solve(self, problem: Problem) -> Solution:
-        """The problem's solution. Raises SolverError for other problems."""
+        """The problem's solution. Raises SolverError if the problem is of another form."""
         began = time.perf_counter()
         status, x, multipliers, gap = planar_solution(*problem, UNBOUNDED)
         spent = 1e3 * (time.perf_counter() - began)
         if status == NOT_PLANAR:
             raise SolverError(
-                "QP solver 'planar' solves problems of two variables between finite bounds, and such with "
-                "violations of single rows as further variables; this is another: take 'piqp'"
+                "QP solver 'planar' solves problems of two variables between finite bounds, and problems "
+                "with violations of single rows as further variables; this is neither: take 'piqp'"
             )
         if status == NOTHING or not gap <= TOLERANCE:
             return _nothing(problem, spent)
@@ -125,7 +126,7 @@ class NamedSolver:
         h = np.concatenate([-problem.b, -problem.lower[bounded_below], problem.upper[bounded_above]])
         stated = self._qpsolvers.Problem(problem.P, problem.q, G, h)
         try:
-            with warnings.catch_warnings():  # they are about speed, and about what is checked below
+            with warnings.catch_warnings():  # about speed, and about what `certified` checks
                 warnings.simplefilter("ignore")
                 answer = self._qpsolvers.solve_problem(stated, solver=self._name, **self._settings)
         except (self._qpsolvers.exceptions.QPError, ValueError, ArithmeticError):
@@ -139,7 +140,7 @@ class NamedSolver:
 
 
 SOLVERS: dict[str, Callable[[], Solver]] = {"planar": PlanarSolver}
-"""name -> what makes a solver by its own interface; all others are those of qpsolvers"""
+"""name -> what makes the solver; all other names are those of qpsolvers"""
 
 
 def make_solver(name: str) -> Solver:
@@ -156,13 +157,15 @@ def _installed(name: str) -> str:
 
 
 SolverName = Annotated[str, AfterValidator(_installed)]
-"""name of a solver, as a setting: `planar`, or any that qpsolvers knows and that is installed"""
+"""name of a solver as a setting: `planar`, or any that qpsolvers knows and that is installed"""
 
 
 def certified(
     problem: Problem, x: Array, y: Array, y_lower: Array, y_upper: Array, spent_ms: float
 ) -> Solution:
-    """`x` with its optimality gap, given the multipliers of rows and bounds."""
+    """The solution `x` (n,) with its optimality gap, given the multipliers of rows `y` (m,) and of bounds
+    `y_lower`, `y_upper` (n,).
+    """
     gap, multipliers = optimality_gap(*problem, x, y, y_lower, y_upper, UNBOUNDED)
     found = gap <= TOLERANCE
     return Solution(x, found, gap, multipliers if found else np.zeros(len(multipliers)), spent_ms)

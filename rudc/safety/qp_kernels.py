@@ -1,4 +1,4 @@
-"""Small quadratic programmes as kernels: what stands at the heads of qp.py and filter.py."""
+"""Small quadratic programmes as kernels; the docstrings of qp.py and filter.py give the formulas."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ def optimality_gap(
     P: Table, q: Vector, A: Table, b: Vector, lower: Vector, upper: Vector, x: Vector, y: Vector,
     y_lower: Vector, y_upper: Vector, unbounded: float,
 ) -> tuple[float, NewVector]:  # fmt: skip
-    """Largest violation of the optimality conditions, inf where a number is not finite; and y (m,) without
-    what is negative. `unbounded` stands for the distance to a bound that is not there.
+    """Largest violation of the optimality conditions, inf if a number is not finite; and y (m,) with 0 where
+    it is negative. `unbounded`: largest distance to a bound that is counted, for bounds that are infinite.
     """
     m, n = len(b), len(x)
     multipliers, largest = np.empty(m), 0.0
@@ -46,7 +46,7 @@ def optimality_gap(
 
 @kernel
 def least_excess(A: Table, b: Vector, u: Vector) -> float:
-    """The least of A u - b, nan if any is not finite."""
+    """The least of A u - b, nan if any of these numbers is not finite."""
     least, unknown = np.inf, 0.0
     for i in range(len(b)):
         excess = -b[i]
@@ -59,7 +59,9 @@ def least_excess(A: Table, b: Vector, u: Vector) -> float:
 
 @kernel
 def undecided(A: Table, b: Vector, lower: Vector, upper: Vector) -> tuple[NewRows, bool]:
-    """Indices (k,) of the rows that do not hold everywhere between the bounds; whether any holds nowhere."""
+    """Indices (k,) of the rows that do not hold everywhere between the bounds; whether any row holds nowhere
+    there.
+    """
     kept, count, hopeless = np.empty(len(b), np.int64), 0, False
     for i in range(len(b)):
         middle, reach = -b[i], 0.0
@@ -86,7 +88,7 @@ def some_rows(A: Table, b: Vector, kept: Rows) -> tuple[NewColumns, NewVector]:
 
 @kernel
 def pulls(A: Table, mode: Vector) -> tuple[float, float]:
-    """Least and largest of what rows of mode 1 have before the acceleration, and 0."""
+    """Least and largest coefficient of the acceleration in the rows of mode 1; at most 0, and at least 0."""
     least, most = 0.0, 0.0
     for i in range(len(mode)):
         if mode[i] > 0.0:
@@ -99,10 +101,11 @@ def with_violations(
     q: Vector, A: Table, lower: Vector, upper: Vector, prices: Vector, mode: Vector, hard: Marks, road: float,
     vehicle: float,
 ) -> tuple[NewTable, NewVector, NewColumns, NewVector, NewVector]:  # fmt: skip
-    """P, q, A, lower and upper of the same problem in two variables, of the diagonal cost `prices` (2,), with
-    a violation of every row that is not `hard` (k,) as a further variable.
+    """P, q, A, lower and upper of a problem in two variables with the diagonal cost `prices` (2,), after the
+    violation of every row that is not `hard` (k,) has been added as a further variable.
 
-    It costs `road` in rows of mode 0, `vehicle` in those of mode 1; all costs times (road vehicle)^(-1/2).
+    A squared violation costs `road` in rows of mode 0 and `vehicle` in those of mode 1. All costs are
+    multiplied by (road vehicle)^(-1/2).
     """
     k, scale = len(mode), 1.0 / math.sqrt(road * vehicle)
     n = 2
@@ -128,10 +131,11 @@ def with_violations(
 def on_the_road(
     x: Vector, A: Table, b: Vector, lower: Vector, upper: Vector, mode: Vector, least_lever: float
 ) -> NewVector:
-    """A relaxed solution (a, z, violations) with the steering that the road's rows (mode 0) want at its
-    acceleration, where they want one; `least_lever` as LEAST_LEVER of filter.py.
+    """A relaxed solution (a, z, violations), its steering changed as little as the road's rows (mode 0)
+    require at its acceleration. It stays as it is if both edges push. `least_lever`: LEAST_LEVER of
+    filter.py.
 
-    The ego brakes for the vehicles already; leaving the road for them as well would gain nothing.
+    The ego brakes for the vehicles already; if it left the road for them as well, nothing would be gained.
     """
     low, high = -np.inf, np.inf
     for i in range(len(b)):
@@ -140,7 +144,7 @@ def on_the_road(
             wanted = (b[i] - A[i, 0] * x[0]) / lever
             low, high = (max(low, wanted), high) if lever > 0.0 else (low, min(high, wanted))
     z = min(max(max(x[1], low), lower[1]), min(high, upper[1]))
-    if low > high or z == x[1]:  # low > high: pushed from both edges
+    if low > high or z == x[1]:  # low > high: both edges push
         return x.copy()
     moved = np.empty(2 + len(b))
     moved[0], moved[1] = x[0], z

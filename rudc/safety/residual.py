@@ -1,29 +1,30 @@
-"""What the filter's one-step prediction of h lacks, as a small learnt network expects it.
+"""The residual w: the error of the filter's one-step prediction of h, as a small learnt network predicts it.
 
 Paper, Sec. "Uncertainty-embedded Constraints": h(x_next) = h + dt h' + dt^2/2 h'' + w, where w is due to
 what the filter's model leaves out: slip, actuators, vehicles that brake, accelerate or turn, the rest of the
-Taylor series. f_c with c = vehicle or road predicts w from xi: the normalised proposed action, the state of
-the ego and of the constraint (`Barrier.inputs`). Both are networks of two hidden layers,
+Taylor series. f_c with c = vehicle or road predicts w from features xi: the normalised proposed action, the
+state of the ego and that of the constraint (`Barrier.inputs`). Both are networks with two hidden layers,
 
     w = scale (gelu(gelu((xi - mean) / spread W1 + b1) W2 + b2) W3 + b3)
 
-xi is first clipped to the range that it was fitted on, [low, high]: beyond it a network says anything. A
-predictor that has only seen cars takes a truck, or a closed lane, for a car; left to extrapolate from their
-sizes it cancelled the filter's rows about them.
+xi is first clipped to the range that the network was fitted on, [low, high], since its output outside that
+range is arbitrary. So a predictor that was fitted on cars treats a truck, or a closed lane, like a car; when
+it was left to extrapolate from their sizes, it cancelled the filter's rows towards them.
 
-There is one predictor for each kind of action: what slip and actuators make of a proposal depends on how
-proposals steer. Towards standstill w fades, in proportion to the ego's speed below FADING: an ego that stands
-moves as the model says, and an error of 0.01 m2 is enough to hold it for good.
+There is one predictor for each kind of action, since the effect of slip and actuators on a proposal depends
+on how proposals steer. Near standstill, w is reduced in proportion to the ego's speed below FADING: an ego
+that stands moves as the model says, and an error of 0.01 m2 would be enough to keep it from ever starting.
 
-A predictor fitted on dry roads takes for granted that the road gives what is asked of it. On ice it is right
-for as long as that is so, and worse than none where far more is asked. So w fades with what a proposal asks,
-from HOLDS to GIVES_OUT times the known limit. Known is what the scene's vehicle is said to brake with: the
-outlook (rudc/agents/outlook.py) shows its estimate of the grip, or the truth, so. Without an outlook nobody
-knows, and w counts in full.
+A predictor fitted on dry roads assumes that the road gives the acceleration that is asked for. On ice it is
+right as long as that is so, and worse than no predictor where far more is asked for. So w is reduced as a
+proposal asks for more: from HOLDS times the known limit of the road on, to 0 at GIVES_OUT times that
+limit. The known limit is the hardest braking of the scene's vehicle: an outlook (rudc/agents/outlook.py)
+sets it from its estimate of the grip, or from the truth. Without an outlook the limit is unknown, and w
+counts in full.
 
 One predictor serves TTCBF and ECBF: both predict the same h by the same model and need the same w, in m2 per
-step; rows.py derives where it enters ECBF's row. The buffer (`Bodies.margin`) is part of xi, so that it
-also serves whatever d_safe.
+step; rows.py derives where it enters ECBF's row. The buffer (`Bodies.margin`) is part of xi, so that one
+predictor serves every d_safe.
 """
 
 from __future__ import annotations
@@ -49,29 +50,30 @@ from rudc.vehicle import EgoVehicle
 from rudc.world.scene import Scene
 
 SHIPPED = "results/residual"
-"""where the predictors that come with RUDC lie"""
+"""folder of the predictors that come with RUDC"""
 SUFFIX = ".safetensors"
-"""behind the name of the kind of action that a predictor was fitted on"""
+"""end of a predictor's file name, after the kind of action that it was fitted on"""
 SPEED = COMMON.index("speed / 10")
 FADING = 1.0
-"""m/s, speed of the ego below which w fades, in proportion, to 0"""
+"""m/s, speed of the ego below which w is reduced in proportion to the speed"""
 
 DRY = EgoVehicle()
-"""the car on the road that predictors are fitted on"""
+"""the car, on the dry road, that predictors are fitted on"""
 HOLDS, GIVES_OUT = 1.5, 2.5
-"""acceleration asked for, over what the road is known to give, up to which w counts in full, and from which
-on it does not count: at mu of 0.2, 0.35 and 0.65 w mended the prediction up to 1.6 and spoilt it beyond 2.5
+"""ratios of the acceleration asked for to what the road is known to give: w counts in full up to the
+first, and not at all from the second on. At mu of 0.2, 0.35 and 0.65, w improved the prediction up to 1.6
+and made it worse beyond 2.5
 """
 
 
 def heads() -> dict[str, tuple[str, ...]]:
-    """Name of each barrier that has one -> what xi is."""
+    """Name of each barrier that has a network of its own, its head -> names of its features xi."""
     return {name: COMMON + barrier.inputs for name, barrier in BARRIERS.items() if barrier.inputs}
 
 
 def features(scene: Scene, constraints: Constraints, u_rl: Array) -> dict[str, Array]:
-    """xi (k, F) of the constraints of each barrier that has a head, for a proposed action `u_rl` (2,):
-    acceleration m/s2, front-wheel angle rad.
+    """Name of each barrier with a head -> features xi (k, F) of its k constraints, for a proposed action
+    `u_rl` (2,): acceleration m/s2, front-wheel angle rad.
     """
     ego, to = scene.ego, constraints.bodies
     a = max(float(u_rl[0]), -ego.v / STEP)  # no driving backwards, as in the filter
@@ -92,14 +94,14 @@ def features(scene: Scene, constraints: Constraints, u_rl: Array) -> dict[str, A
 
 
 def predicted_change(terms: Terms, a: float, z: float) -> Array:
-    """(K,) m2, dt h' + dt^2/2 h'' at acceleration `a` m/s2 and z = tan of the steering angle."""
+    """(K,) m2, dt h' + dt^2/2 h'' at acceleration `a` m/s2 and z = tan(front-wheel angle)."""
     first = terms.lf + terms.lg * z + (0.0 if terms.lg_a is None else terms.lg_a * a)
     second = terms.lf2 + terms.lglf_a * a + (terms.lglf_z + terms.lflg + terms.az * a + terms.zz * z) * z
     return STEP * first + 0.5 * STEP * STEP * second
 
 
 def trust(vehicle: EgoVehicle, v: float, u: Array) -> float:
-    """0 to 1, how much w counts for a proposal u (2,), m/s2 and rad, at v m/s; `vehicle` is the scene's."""
+    """Factor on w, from 0 to 1, for a proposal u (2,), m/s2 and rad, at v m/s; `vehicle` is the scene's."""
     limit = -vehicle.a_min
     if limit >= -DRY.a_min:
         return 1.0
@@ -110,7 +112,7 @@ def trust(vehicle: EgoVehicle, v: float, u: Array) -> float:
 
 
 class ResidualPredictor:
-    """f_vehicle and f_road, and one head for each further barrier that has been fitted."""
+    """The networks (heads) f_vehicle and f_road, and one for each further barrier that was fitted."""
 
     def __init__(self, arrays: Mapping[str, NDArray]) -> None:
         """`arrays`: for each head `HEAD/mean`, `/spread`, `/low`, `/high`, `/scale`, and `/w1`, `/b1` to
@@ -132,7 +134,9 @@ class ResidualPredictor:
         return head
 
     def __call__(self, scene: Scene, constraints: Constraints, u_rl: Array) -> Array:
-        """(K,) m2 per step, w of all constraints for the proposed action (2,), m/s2 and rad."""
+        """(K,) m2 per step, w of all constraints for the proposed action `u_rl` (2,), m/s2 and rad; 0 for
+        those of barriers without a head.
+        """
         w = np.zeros(constraints.count)
         counts = trust(scene.vehicle, scene.ego.v, u_rl)
         if counts == 0.0:
@@ -153,10 +157,10 @@ _PARTS = ("mean", "spread", "low", "high", "scale", "w1", "b1", "w2", "b2", "w3"
 
 
 class _Head:
-    """One network; the inputs' scaling is part of its first layer."""
+    """The network of one barrier; the scaling of its inputs is part of its first layer."""
 
     def __init__(self, arrays: Mapping[str, NDArray], head: str) -> None:
-        """Raises KeyError for what is missing, AgentError for what does not fit."""
+        """Raises KeyError if an array is missing, AgentError if one does not fit."""
         _ = [arrays[f"{head}/{name}"] for name in _PARTS]
         inputs, width = arrays[f"{head}/mean"].size, arrays[f"{head}/w2"].shape[:1]
         last = arrays[f"{head}/b2"].shape
@@ -197,6 +201,6 @@ def load_predictor(path: Path) -> ResidualPredictor:
 
 @cache
 def shipped_predictor(action: str = "adjustment") -> ResidualPredictor:
-    """The one that comes with RUDC for a kind of action; that of `adjustment` for kinds that have none."""
+    """The predictor that comes with RUDC for a kind of action; that of `adjustment` for kinds without one."""
     own = data_folder(SHIPPED) / f"{action}{SUFFIX}"
     return load_predictor(own if own.is_file() else own.with_name(f"adjustment{SUFFIX}"))

@@ -16,7 +16,9 @@ def common_features(
     own: tuple[float, float, float, float, float], position: Places, offset: Vector, ego: complex, psi: float,
     inputs: int,
 ) -> NewTable:  # fmt: skip
-    """xi (k, inputs), the first 8 written: `own`, then where each of k lies in the ego's frame."""
+    """xi (k, inputs) with the first 8 columns written: `own`, then where each of k bodies lies in the ego's
+    frame (see `COMMON` of barrier.py). The other columns are not set.
+    """
     xi, back = np.empty((len(position), inputs)), cmath.exp(-1j * psi)
     for i in range(len(position)):
         for n in range(5):
@@ -32,9 +34,9 @@ def vehicle_features(
     margin: Vector, who: Rows, acceleration: Vector, path: Rows, path_s: Vector,
     heading: Table, spacing: float,
 ) -> int:  # fmt: skip
-    """Write the inputs of vehicles behind the first 8 of xi (k, 17). Answers 0.
+    """Write the inputs of vehicles after the first 8 columns of xi (k, 17). Returns 0.
 
-    The yaw rate is that of a vehicle which follows its path, whose headings are in `heading` (P, M) rad.
+    The yaw rate is that of a vehicle that follows its path; the headings of paths are `heading` (P, M) rad.
     """
     back = cmath.exp(-1j * psi)
     for k in range(len(who)):
@@ -66,8 +68,8 @@ def network(
     speed: int,
     per_speed: float,
 ) -> NewVector:
-    """(k,): gelu(gelu(xi W1 + b1) W2 + b2) w3 + b3 with xi (k, F) between `low` and `high`, times
-    min(xi_s per_speed, 1) of its column s = `speed`.
+    """(k,): gelu(gelu(xi W1 + b1) W2 + b2) w3 + b3, with xi (k, F) clipped to `low` and `high`, times
+    min(xi_s per_speed, 1), where s = `speed` is the column of the ego's speed.
     """
     w, x = np.empty(len(xi)), np.empty(len(low), np.float32)
     for i in range(len(xi)):

@@ -1,4 +1,6 @@
-"""The barrier towards road edges: points on the ego's axis and their projections (`road_points`)."""
+"""The barrier towards road edges: reference points on the ego's axis and their projections on the edges (see
+road_points.py).
+"""
 
 from __future__ import annotations
 
@@ -25,16 +27,19 @@ class RoadSettings(BarrierSettings):
     """Settings of the barrier towards road edges."""
 
     points: Literal["sliding", "fixed"] = "sliding"
-    """whether a projection on the road's edge moves along with the ego (ours), or stands still as in the
-    paper
+    """whether a projection on the road's edge moves along with the ego (`sliding`, ours) or stands still
+    (`fixed`, as in the paper)
     """
     d_safe: Annotated[NotNegative, within(0, 20, "wider than half a road it leaves no way")] = 0.2
-    """m, buffer beside half the vehicle's width (dbar) (ours): a lane has no room for that towards vehicles
+    """m, buffer in addition to half the vehicle's width (dbar) (ours): a lane has no room for the buffer that
+    is kept towards vehicles
     """
 
 
 class RoadBarrier(Clearance):
-    """Towards the edges of the road along the ego's route; remembers those of the route it saw last."""
+    """The barrier towards the edges of the road along the ego's route. Keeps the reference points and
+    edges of the last route.
+    """
 
     name: ClassVar[str] = "road"
     at_work: ClassVar[bool] = True
@@ -45,7 +50,7 @@ class RoadBarrier(Clearance):
         "path's curvature * 10",
         "distance one step straight on / 20",
     )
-    """the last one tells where the edge leads, which the row takes for straight"""
+    """the last one tells where the edge leads, since the row takes the edge for straight"""
     Settings: ClassVar[type[BarrierSettings]] = RoadSettings
 
     def __init__(self, settings: RoadSettings) -> None:
@@ -74,9 +79,9 @@ class RoadBarrier(Clearance):
         )  # fmt: skip
 
     def on_path(self, scene: Scene) -> Scene | None:
-        """See `Barrier`: whoever follows the path stays off its edges (rudc/network/road_edges.py), also
-        where they bend and close in on it before a corner, which rows take for straight. The paper's rows
-        know no such thing.
+        """See `Barrier`: an ego that follows the path stays off the edges (rudc/network/road_edges.py), even
+        where they bend or come nearer to the path before a corner. The rows take the edges for straight
+        there. None with `points` fixed: the paper has no such exception.
         """
         settings = self.settings
         if settings.points == "fixed":

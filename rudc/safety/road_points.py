@@ -1,17 +1,18 @@
 """Road-edge points: the places on the road's edges that are nearest to the ego's reference points.
 
 The paper (Fig. "Spatial safety constraints" b) projects the centre of gravity and the points at 1/3 and
-2/3 of the wheelbase on the edges. Each is constrained against its own projection; against another's, |r|
-would not be a distance to the edge.
+2/3 of the wheelbase on the edges. Each point is constrained against its own projection; against that of
+another, |r| would not be a distance to the edge.
 
-A projection slides along the edge as the ego drives. The paper lets it stand (v_o = 0), and then driving
-along the edge counts as driving away from it: h'' gains 2 v^2, at 10 m/s 1 m2 a step, more than any drift
-towards the edge takes. Measured on the four-way junction, with a driver that drifts sideways: such rows
-change nothing. Where they slide, v_o is the reference point's velocity without its part along r, so that r
-keeps square to the edge: exact for a straight edge, on the safe side where it bends away from the road.
+A projection slides along the edge as the ego drives. In the paper it stands still (v_o = 0). Then driving
+along the edge counts as driving away from it: h'' grows by 2 v^2, which at 10 m/s is 1 m2 per step, more than
+any drift towards the edge takes away. Measured on the four-way junction with a driver that drifts sideways,
+such rows change nothing. For projections that slide, v_o is the reference point's velocity without its part
+along r, so that r stays at a right angle to the edge. This is exact for a straight edge, and on the safe side
+where the edge bends away from the road.
 
-|r| has no sign: a reference point beyond the edge is pushed away from it, outwards. With half the
-vehicle's width inside d, h is negative long before.
+|r| has no sign: a reference point beyond the edge is pushed farther outwards. But d contains half the
+vehicle's width, so h is negative long before a point is there.
 """
 
 from __future__ import annotations
@@ -27,11 +28,11 @@ REACH = 8.0
 """m of path before and after the ego within which projections are looked for"""
 POINTS = ("cg", "third", "two_thirds")
 NAMES = tuple(f"road:{side}:{point}" for side in ("left", "right") for point in POINTS)
-"""of the six constraints, left edge first"""
+"""names of the six constraints, left edge first"""
 
 
 class RoadPoints:
-    """Both edges of one route, and the reference points of one vehicle to be kept off them."""
+    """Both edges of one route, and the reference points of one vehicle that are to be kept off them."""
 
     def __init__(self, route: Route, vehicle: EgoVehicle) -> None:
         edges = np.stack([route.left_edge, route.right_edge])
@@ -45,7 +46,7 @@ class RoadPoints:
         self._spacing = float(route.path.s[1] - route.path.s[0])
 
     def away(self, position: complex, heading: complex, s: float) -> Complex:
-        """(6,) m from each reference point's projection on its edge to the point itself (r).
+        """(6,) m, vector r from each reference point's projection on its edge to the point itself.
 
         `position` m and `heading` e^(i psi) of the centre of gravity, `s` m its arc length on the route.
         """

@@ -1,7 +1,7 @@
-"""Rules: what they make of h, h' and h'' in a row (the formulas are in rudc/safety/rows.py).
+"""Rules: how a row is made from h, h' and h'' (rudc/safety/rows.py has the formulas).
 
-A rule is a class of settings with `weights`. A further one is a class and an entry in `RULES`, or a call of
-`register_rule`; its settings have keys that begin with its name: `ttcbf_rate` is `rate` of `ttcbf`.
+A rule is a class of settings with a method `weights`. To add one, write a class and an entry in `RULES`, or
+call `register_rule`. The keys of a rule's settings begin with its name: `ttcbf_rate` is `rate` of `ttcbf`.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ class Rule(BaseModel):
 
     @abstractmethod
     def weights(self, dt: float, *, road: bool) -> RowWeights:
-        """What makes a row out of h, h' and h'' for an action held for `dt` s, of vehicles or of road edges.
-        `second` and `required` must be the same for both.
+        """The weights of h, h' and h'' in a row, for an action held for `dt` s, towards vehicles or road
+        edges. `second` and `required` must be the same for both.
         """
 
     def most(self, *, road: bool) -> float:
-        """By what factor, 1 at least, the weight of h may grow or shrink such that rows still keep h >= 0;
-        1 of a rule that does not say, whose rate can therefore not be relaxed.
+        """The largest factor M >= 1 by which the weight of h may be multiplied or divided so that rows still
+        keep h >= 0. 1 for a rule that does not define it: slack of kind `rate` then changes nothing.
         """
         return 1.0
 
@@ -44,9 +44,10 @@ class Ttcbf(Rule):
     rate: Share = 0.1
     """class-K factor lambda, in (0, 1]: the share of h that may be lost in a step"""
     gamma: Annotated[NotNegative, within(0, 1e6, RATE)] = 100.0
-    """m2/s3, Gamma; Gamma dt^3 bounds what the truncated series leaves out"""
+    """m2/s3, Gamma; Gamma dt^3 is a bound on what the truncated series leaves out"""
     road_rate: Share = 0.3
-    """lambda towards road edges (ours): the paper's, as towards vehicles, brakes in every bend"""
+    """lambda towards road edges (ours): with the paper's, the same as towards vehicles, the filter brakes in
+    every bend"""
 
     def weights(self, dt: float, *, road: bool) -> RowWeights:
         """See `Rule`."""
@@ -86,5 +87,7 @@ RULES: dict[str, type[Rule]] = {"ttcbf": Ttcbf, "ecbf": Ecbf}
 
 
 def register_rule(name: str, rule: type[Rule]) -> None:
-    """Make a rule known as `+NAME` behind any driver, and as `correction.rule=NAME` of a learnt agent."""
+    """Make a rule known by its name, for `+NAME` behind any driver and `correction.rule=NAME` of a learnt
+    agent.
+    """
     RULES[name] = rule

@@ -1,7 +1,8 @@
-"""The barrier towards vehicles, pedestrians and obstacles: ellipses with half their length and half their
-width plus a margin as half axes, at their present velocity.
+"""The barrier towards vehicles, pedestrians and obstacles. Each is an ellipse that moves at its present
+velocity; the half axes are half its length, and half its width plus a margin.
 
-Of those that qualify (all, or let through by the gate, see `gating`), the nearest twelve are constrained.
+Of all of them, or of those that the gate lets through (see gating.py), the nearest twelve are constrained
+unless settings say otherwise.
 """
 
 from __future__ import annotations
@@ -29,35 +30,36 @@ class VehicleSettings(BarrierSettings):
     """Settings of the barrier towards vehicles."""
 
     constrained: Literal["gated", "all"] = "gated"
-    """those whose predicted path meets the ego's (ours), or all, as in the paper"""
+    """who is constrained: those whose predicted path meets the ego's (`gated`, ours), or `all`, as in the
+    paper"""
     d_safe: Annotated[NotNegative, within(0, 20, FAR)] = 0.5
     """m, safety buffer added to the support radii of ego and vehicle"""
     half_length: Annotated[Positive, within(0.1, 20, BODY)] = 2.5
-    """m, half axis a of the ego's ellipse; others' is half their length"""
+    """m, half axis a of the ego's ellipse; that of others is half their length"""
     half_width: Annotated[Positive, within(0.1, 20, BODY)] = 1.0
     """m, half axis b of the ego's ellipse"""
     width_margin: Annotated[NotNegative, within(0, 20, FAR)] = 0.1
     """m, added to half the width of others to give their half axis b (ours)"""
     max_vehicles: Annotated[int | None, within(0, 1000, "null is all there are")] = 12
-    """the nearest so many vehicles, pedestrians and obstacles are constrained at most (ours); null for all of
-    them, as in the paper
+    """how many vehicles, pedestrians and obstacles are constrained at most, the nearest first (ours);
+    null for all of them, as in the paper
     """
     gate_distance: Annotated[NotNegative, within(0, 100, FAR)] = 0.8
     """m, a vehicle is constrained if the predicted gap between the ellipses falls below this (ours)"""
     gate_horizon: Annotated[Positive, within(0.01, 60, "nobody's path is known for longer")] = 3.0
     """s, how far ahead the gate predicts (ours)"""
     gate_step: Annotated[Positive, within(0.01, 60, "each instant looked at takes memory and time")] = 0.2
-    """s, between the instants that the gate looks at (ours)"""
+    """s, time between the instants that the gate checks (ours)"""
 
     def without_effect(self) -> dict[str, str]:
-        """The gate's, where all are constrained."""
+        """The gate's settings, where all are constrained."""
         if self.constrained == "gated":
             return {}
         return {name: "with constrained=all" for name in type(self).model_fields if name.startswith("gate_")}
 
 
 class VehicleBarrier(Clearance):
-    """Towards whoever moves or stands in the way."""
+    """The barrier towards everybody and everything that moves or stands in the way."""
 
     name: ClassVar[str] = "vehicle"
     prefix: ClassVar[str | None] = ""
@@ -93,7 +95,7 @@ class VehicleBarrier(Clearance):
         )  # fmt: skip
 
     def in_conflict(self, scene: Scene, found: Found) -> Flags:
-        """Those that the ego would meet, see `gating`."""
+        """See `Barrier`: those that the ego would meet, as gating.py explains."""
         return self._gate.in_conflict(scene, found.others, *found.data)
 
     def features(self, scene: Scene, found: Found, part: Bodies, xi: Array) -> None:
@@ -105,7 +107,9 @@ class VehicleBarrier(Clearance):
         )  # fmt: skip
 
     def _ellipses(self, scene: Scene) -> tuple[Array, Array]:
-        """B^2 + eps0 and A^2 - B^2, (2, N) m2 each: ego in the first row, the others in the second."""
+        """B^2 + eps0 and A^2 - B^2, (2, N) m2 each: for the ego in the first row, the others in the
+        second.
+        """
         settings = self.settings
         return ellipses(scene.size, settings.half_length, settings.half_width, settings.width_margin, EPSILON)
 
