@@ -60,7 +60,8 @@ class Stage(ABC):
 
     @abstractmethod
     def slow_down(self, name: str, deceleration: float) -> None:
-        """Have a vehicle brake with deceleration m/s2 until the next decision, and not drive backwards."""
+        """Have a vehicle brake with deceleration m/s2, if the road lets it, until the next decision, and not
+        drive backwards."""
 
     @abstractmethod
     def set_speed_factor(self, name: str, factor: float | None, event: str = "") -> None:
