@@ -170,7 +170,7 @@ class World:
         self._last_u = np.array(within_limits(self.vehicle, float(u[0]), float(u[1])))
         reached = self._drive(scene, *self._last_u.tolist())
         if self._driven_by_sumo:
-            passed_s = self._sumo.time() - self._time0 - scene.time_s
+            passed_s = round(self._sumo.time() - self._time0 - scene.time_s, 6)
             self._last_u = np.array(realised(scene.ego, self._plant.state, passed_s, self.vehicle))
         before, scene = scene, self._refresh()
         if reached.touched is None:
@@ -362,7 +362,7 @@ class World:
         state = self._plant.state
         self._ego_s, offset = self.route.path.project(state.x, state.y, self._ego_s)
         ego = EgoView(
-            self._sumo.time() - self._time0, self.plan.timeout_s, state, self.vehicle, self.route,
+            round(self._sumo.time() - self._time0, 6), self.plan.timeout_s, state, self.vehicle, self.route,
             self._ego_s, offset, self._waited, self._last_u, self._destination_s,
             self._plant.actuation, self.plan.ego.may_cross_centre,
         )  # fmt: skip
