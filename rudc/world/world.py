@@ -7,8 +7,7 @@
 
 A decision lasts `decision_s` and is simulated in sub-steps. In each: the ego's plant moves, SUMO moves the
 surrounding vehicles (SVs), props move, and the ego's rectangle is tested against everything. Before the first
-sub-step, events act; at every fifth decision (every second while something scripted moves) the yielding layer
-brakes SVs.
+sub-step, events act; twice a second (five times if something scripted moves) the yielding layer brakes SVs.
 """
 
 from __future__ import annotations
@@ -51,9 +50,9 @@ CLOSE_M = 2.0
 """m, gaps at least so small are looked at in every sub-step; larger ones at the end of a decision"""
 FAR_M = 10_000.0
 """m, far off any road"""
-LAYER_EVERY = 5
-"""decisions from one pass of the yielding layer to the next: 2 Hz, as in the paper's simulator"""
-LAYER_EVERY_MOVING = 2
+LAYER_S = 0.5
+"""s from one pass of the yielding layer to the next, in whole decisions: 2 Hz, as in the paper's simulator"""
+LAYER_MOVING_S = 0.2
 """the same while pedestrians or wrong-way drivers move about"""
 OVERLAPS_EVERY = 5
 """decisions from one test for overlaps among SVs to the next"""
@@ -162,7 +161,8 @@ class World:
         or up to the first violation."""
         scene = self.scene()
         began = self._script.step(scene)
-        every = LAYER_EVERY_MOVING if any(prop.moves for prop in self.stage.props) else LAYER_EVERY
+        layer_s = LAYER_MOVING_S if any(prop.moves for prop in self.stage.props) else LAYER_S
+        every = max(1, round(layer_s / self.config.decision_s))
         if self._decisions % every == 0:
             self._brake(scene, every * self.config.decision_s)
         self._lane_keeping.step(scene)
