@@ -15,9 +15,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rudc.world.scene import Kind
-from rudc.world.sumo import BRAKE_HARD, HEEDLESS, OWN_SPEED, Motion, Sumo
+from rudc.world.sumo import BRAKE_HARD, HEEDLESS, OWN_SPEED, Sumo
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from rudc.network.network import Lane, Movement, Network
     from rudc.scenario.plan import TrafficPlan
     from rudc.vehicle import EgoVehicle
@@ -172,17 +174,14 @@ class Traffic:
         """How many SVs fewer there are than that; a surplus counts below 0."""
         return self.target - len(self.drivers)
 
-    def refill(self, motion: Motion, lengths: np.ndarray) -> None:
-        """Let new SVs enter where there is room, up to the target."""
-        missing = self.missing
-        if missing <= 0:
-            return
+    def refill(self, rears: Iterable[tuple[str, float, float]]) -> None:
+        """Let new SVs enter where there is room, up to the target. `rears` of all on the road: lane, m along
+        it, m/s."""
         entry: dict[str, tuple[float, float]] = {}
-        rears = motion.lane_pos - lengths
-        for lane, rear, speed in zip(motion.lane, rears, motion.speed, strict=True):
+        for lane, rear, speed in rears:
             if rear < entry.get(lane, (math.inf, 0.0))[0]:
-                entry[lane] = (float(rear), float(speed))
-        for _ in range(missing):
+                entry[lane] = (rear, speed)
+        for _ in range(self.missing):
             self._enter(entry)
 
     def add(self, movement: Movement, place: Entry, kind: str, speed: float) -> str:

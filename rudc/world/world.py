@@ -322,21 +322,19 @@ class World:
         self._plant.state = EgoState(x, y, psi, v, 0.0, turned / self.config.substep_s, a, 0.0)
 
     def _nearest_now(self, scene: Scene) -> Nearest:
-        """What is nearest now of the bodies that were close to the ego in the scene, and have not left the
-        road."""
+        """What is nearest of the bodies that were close to the ego in the scene and are still on the road."""
         props = {prop.name: prop for prop in self.stage.props}
         present = self._sumo.vehicles()
         rows, poses = list[int](), list[tuple[float, float, float]]()
         for i, name in enumerate(scene.ids[: self._close]):
-            if name in props or name in present:
+            known = props.get(name)
+            if known or name in present:
                 rows.append(i)
-                known = props.get(name)
                 poses.append(known.pose() if known else self._sumo.pose(name, scene.size.item(i, 0)))
         if not rows:
             return NOTHING
-        pose, names = np.array(poses), [scene.ids[i] for i in rows]
-        ego, body = self._plant.state, self.vehicle
-        return nearest_of(ego, body, names, pose[:, :2], pose[:, 2], scene.size[rows])[0]
+        pose, names, ego = np.array(poses), [scene.ids[i] for i in rows], self._plant.state
+        return nearest_of(ego, self.vehicle, names, pose[:, :2], pose[:, 2], scene.size[rows])[0]
 
     def _collision(self, hit: str, scene: Scene, before: Scene) -> Collision:
         """Judged in the scene after the contact, or in the one before it should the other have left since."""
@@ -355,7 +353,9 @@ class World:
 
     def _refill(self) -> None:
         """Read the road anew, let others enter where some have left."""
-        self.traffic.refill(self._reader.read(), self._reader.lengths)
+        self._reader.read()
+        if self.traffic.missing > 0:
+            self.traffic.refill(self._reader.rears())
 
     def _look(self) -> Scene:
         """Compose the scene from what was read, and find what is near the ego."""
