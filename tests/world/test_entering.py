@@ -1,9 +1,14 @@
 """Where surrounding vehicles (SVs) come onto the road, and how fast."""
 
+from collections import Counter
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
-from tests.plans import PlanSource, event
+from rudc.world.kernels import overlapping
+from tests.plans import ALL_KINDS, PlanSource, event
+from tests.world.networks import PIECES, in_pieces
 
 STAND = np.array([-6.0, 0.0])
 
@@ -42,3 +47,24 @@ def test_who_enters_behind_an_ego_at_the_outer_end_can_stop_behind_it(world):
             assert (speed**2 - ego.v**2 < 2 * 2.5 * gap).all(), "at the usual deceleration"
             came += len(gap)
     assert came >= 3
+
+
+def test_at_first_traffic_stands_all_along_arms_of_several_edges(world_on, tmp_path):
+    """It stood on their outermost edges, and driving away on their innermost ones only."""
+    path = in_pieces(tmp_path)
+    world = world_on(str(path))
+    source = PlanSource(str(path), density=40.0, mix=ALL_KINDS, warm_up_s=0.1)
+    found: Counter[str] = Counter()
+    for seed in range(12):
+        scene = world.reset(source.plan(seed))
+        assert len(world.traffic.drivers) == world.traffic.target == len(world._reader.names)
+        assert not len(overlapping(scene.position, scene.heading, scene.size))
+        found.update(world._reader.motion.lane)
+        assert world.advance(STAND).sv_collisions == 0
+    per_m = sum(found.values()) / (2 * sum(places[-1] for places in PIECES.values()))
+    long = [
+        (arm, i, b - a) for arm, at in PIECES.items() for i, (a, b) in enumerate(pairwise(at)) if b - a > 50
+    ]
+    for arm, i, length in long:
+        for way in ("in", "out"):
+            assert 0.4 < found[f"{arm}_{way}{i}_0"] / (per_m * length) < 1.8
