@@ -60,6 +60,8 @@ class Prop:
         self.speed = wanted
         self.travelled = 0.0
         """m along the way"""
+        self.beyond_m = 0.0
+        """m that it goes on beyond its way's end"""
         self.grip = math.inf
         """m/s2, how hard the road lets a vehicle brake and accelerate"""
         legs = np.diff(way, axis=0)
@@ -76,8 +78,8 @@ class Prop:
 
     @property
     def finished(self) -> bool:
-        """Whether it has come to the end of its way."""
-        return self.moves and self.travelled >= self._ends[-1]
+        """Whether it has come to the end of its way, and beyond as far as it should."""
+        return self.moves and self.travelled >= self._ends[-1] + self.beyond_m
 
     def look_out(self, scene: Scene) -> None:
         """Decide by what is around whether to go on, to stop, or to go back."""

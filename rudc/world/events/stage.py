@@ -201,9 +201,11 @@ class WorldStage(NetworkStage):
             ahead += LOOK_M
         return False
 
-    def send(self, name: str, body: Body, way: Array, speed: float, late_m: float = 0.0) -> None:
+    def send(
+        self, name: str, body: Body, way: Array, speed: float, late_m: float = 0.0, beyond_m: float = 0.0
+    ) -> None:
         prop = Prop(name, Kind[body.upper()], size_of(body), way, wanted=speed)
-        prop.travelled, prop.grip = -late_m, self.traffic.grip
+        prop.travelled, prop.beyond_m, prop.grip = -late_m, beyond_m, self.traffic.grip
         self.props.append(prop)
 
     def things_of(self, event: str) -> frozenset[str]:
