@@ -1,7 +1,8 @@
 """Surrounding vehicles (SVs) go round what blocks their way for good, or wait where they are in nobody's.
 
 A row of `network.paths` is blocked where a car on it would touch something that stands on the road for good
-(an accident, a closed lane, a stalled vehicle). An SV whose row is blocked ahead of it
+(an accident, a closed lane, a stalled vehicle); it may be so in several places. An SV whose row is blocked
+ahead of it
 
     takes another lane, if its movement has a row from there that is free;
     before the stop line, else takes another movement from its arm that is free;
@@ -34,6 +35,8 @@ BODY = np.array([5.0, 1.9])
 """(2,) m, length and width of the car that a row must let through"""
 TOUCH = 0.1
 """m, gap below which a row is blocked"""
+PASSED = 0.5
+"""m that a front bumper may be short of a place and still counts as past it"""
 WAIT = 1.0
 """m before the stop line where those wait for whom no way is free"""
 COMFORT = 2.5
@@ -48,7 +51,7 @@ class Detours:
     def __init__(self, sumo: Sumo, network: Network, traffic: Traffic) -> None:
         self._sumo, self._network, self._traffic = sumo, network, traffic
         self._seen: tuple[tuple[str, float, float], ...] = ()
-        self._block: Array = np.full(network.paths.count, np.inf)
+        self._begins, self._end = self._blocked([])
         self.redirected = False
         """whether the last step gave somebody another movement"""
 
@@ -63,25 +66,29 @@ class Detours:
         standing = [prop for prop in props if not prop.moves and prop.kind != Kind.PEDESTRIAN]
         key = tuple((prop.name, *prop.pose()[:2]) for prop in standing)
         if key != self._seen:
-            self._seen, self._block = key, self._blocked(standing)
+            self._seen = key
+            self._begins, self._end = self._blocked(standing)
             self._traffic.avoid(self._closed())
         if not standing:
             return {}
         waits = {}
         rows = np.flatnonzero(scene.path >= 0)
         front = scene.path_s[rows] + 0.5 * scene.size[rows, 0]
-        ahead = self._block[scene.path[rows]] > front - 0.5
-        for i, at in zip(rows[ahead].tolist(), front[ahead].tolist(), strict=True):
-            if np.isfinite(self._block[scene.path[i]]):
-                need = self._redirect(scene, i, at)
-                if need is not None:
-                    waits[scene.ids[i]] = need
+        station = np.floor((front - PASSED - 0.5 * BODY[0]) / SPACING).astype(int) + 1
+        block = self._begins[scene.path[rows], np.clip(station, 0, self._begins.shape[1] - 1)]
+        ahead = np.isfinite(block)
+        for i, *places in zip(*(part[ahead].tolist() for part in (rows, front, block)), strict=True):
+            need = self._redirect(scene, i, *places)
+            if need is not None:
+                waits[scene.ids[i]] = need
         return waits
 
-    def _blocked(self, standing: list[Prop]) -> Array:
-        """(P,) m, arc length of the front bumper at which each row is blocked; inf where it is not."""
+    def _blocked(self, standing: list[Prop]) -> tuple[Array, Array]:
+        """(P, stations + 1) and (P,) m, arc lengths of the front bumper: where, from each station of each row
+        on, the next block begins, inf for none, and where the row's last block ends, -inf for none."""
         paths = self._network.paths
-        result = np.full(paths.count, np.inf)
+        count = paths.xy.shape[1]
+        blocked = np.zeros((paths.count, count), dtype=np.bool_)
         for prop in standing:
             x, y, psi = prop.pose()
             size = np.array([prop.length, prop.width])
@@ -97,19 +104,24 @@ class Detours:
                 np.tile([x, y], (n, 1)), np.full(n, psi), size,
             )  # fmt: skip
             hit = gap < TOUCH
-            np.minimum.at(result, row[hit], station[hit] * SPACING + 0.5 * BODY[0])
-        return result
+            blocked[row[hit], station[hit]] = True
+        front = np.arange(count) * SPACING + 0.5 * BODY[0]
+        begins = np.full((paths.count, count + 1), np.inf)
+        begins[:, :-1] = np.where(np.diff(blocked, axis=1, prepend=False) & blocked, front, np.inf)
+        begins = np.minimum.accumulate(begins[:, ::-1], axis=1)[:, ::-1]
+        return begins, np.where(blocked, front, -np.inf).max(axis=1)
 
     def _closed(self) -> set[tuple[str, str]]:
         """Movements of which no row is free."""
         return {
             (movement.origin, movement.destination)
             for movement in self._network.movements
-            if np.isfinite(self._block[list(movement.rows)]).all()
+            if not any(self._free(row, -np.inf) for row in movement.rows)
         }
 
-    def _redirect(self, scene: Scene, i: int, front: float) -> tuple[float, float] | None:
-        """What an SV does whose row is blocked ahead: None, or how it brakes to wait."""
+    def _redirect(self, scene: Scene, i: int, front: float, block: float) -> tuple[float, float] | None:
+        """What an SV does, its front bumper at front m, whose row is blocked from block m on: None, or how it
+        brakes to wait."""
         network, paths, name = self._network, self._network.paths, scene.ids[i]
         row = int(scene.path[i])
         driver = self._traffic.drivers.get(name)
@@ -119,8 +131,8 @@ class Detours:
         before = front < paths.stop_s[row]
         if not before and front < paths.exit_s[row]:
             return None
-        free = [other for other in movement.rows if self._free(other, front, before)]
-        here = not before or self._block[row] < paths.stop_s[row]
+        free = [other for other in movement.rows if self._free(other, front)]
+        here = not before or block < paths.stop_s[row]
         if free and driver.keeps_lane and not here:
             return None
         if free:
@@ -128,7 +140,7 @@ class Detours:
             self._sumo.ask_lane(name, lane.index, HOLD_S)
             if here:
                 return None
-        elif before and self._take_another(name, movement):
+        elif before and self._take_another(name, movement, front):
             return None
         if not before:
             return None
@@ -137,13 +149,14 @@ class Detours:
         need = speed**2 / (2 * max(room, 0.1))
         return (speed, need) if need > COMFORT or room < 0.5 else None
 
-    def _free(self, row: int, front: float, before: bool) -> bool:
-        return not np.isfinite(self._block[row]) or (not before and self._block[row] < front)
+    def _free(self, row: int, front: float) -> bool:
+        """Whether nothing blocks a row from front m on."""
+        return bool(self._end[row] <= front - PASSED)
 
-    def _take_another(self, name: str, movement: Movement) -> bool:
+    def _take_another(self, name: str, movement: Movement, front: float) -> bool:
         """Whether the SV could be given another movement from its arm that is free."""
         for other in self._network.movements:
-            free = not np.isfinite(self._block[list(other.rows)]).all()
+            free = any(self._free(row, front) for row in other.rows)
             may_go = self._traffic.may_go(name, other.origin, other.destination)
             if other.origin == movement.origin and other.turn != "u_turn" and free and may_go:
                 self._traffic.redirect(name, other.origin, other.destination)

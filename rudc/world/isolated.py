@@ -77,18 +77,22 @@ class IsolatedWorld:
     """As `World`, same episodes, but run in a process of its own, which ends with this object.
 
     Its errors are those of `World`, and SimulationError if its process dies. A call that is interrupted ends
-    the process.
+    the process. `reset` starts another then.
     """
 
     def __init__(self, network: Network, config: WorldConfig | None = None) -> None:
         self.network = network
         self.config = config or WorldConfig()
-        paths = [os.path.abspath(path) for path in sys.path]
         if _script is not None:
             raise InputError(
                 "the script makes environments while it is imported; put what drives under "
                 "`if __name__ == '__main__':`"
             )
+        self._closed = False
+        self._start()
+
+    def _start(self) -> None:
+        paths = [os.path.abspath(path) for path in sys.path]
         code = (
             f"import sys; sys.path[:] = {paths!r}; from rudc.world.isolated import serve; serve({script()!r})"
         )
@@ -101,10 +105,11 @@ class IsolatedWorld:
         self._end = weakref.finalize(self, _end, self._process, os.getpid())
         self._reply = _Reply(None)
         self._imported: tuple[str, ...] = ()
-        self._ask("open", network, self.config)
+        self._ask("open", self.network, self.config)
 
     def close(self) -> None:
         """End the world and its process."""
+        self._closed = True
         self._end()
 
     def reset(
@@ -115,6 +120,8 @@ class IsolatedWorld:
         options: tuple[str, ...] = (),
     ) -> Scene:
         """As `World.reset`."""
+        if not self._end.alive and not self._closed:
+            self._start()
         if (sources := imported_first()) != self._imported:
             self._ask("import", sources)
             self._imported = sources
@@ -155,8 +162,10 @@ class IsolatedWorld:
         return value
 
     def _ask(self, method: str, *arguments: Any, **named: Any) -> Any:
-        if not self._end.alive:
+        if self._closed:
             raise SimulationError("this world is closed; make another")
+        if not self._end.alive:
+            raise SimulationError("the world's own process has ended; reset the environment to start another")
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         request = _pickled((method, arguments, named))

@@ -22,7 +22,7 @@ from rudc.geometry import rectangle_gaps
 from rudc.world.scene import STANDING, Kind, Scene
 
 BRAKING = 6.0
-"""m/s2, with which a moving prop stops"""
+"""m/s2, with which a moving prop stops, if the road lets it"""
 ACCELERATION = 2.0
 """m/s2, with which it goes on"""
 CLEARANCE_M = 0.8
@@ -60,6 +60,10 @@ class Prop:
         self.speed = wanted
         self.travelled = 0.0
         """m along the way"""
+        self.beyond_m = 0.0
+        """m that it goes on beyond its way's end"""
+        self.grip = math.inf
+        """m/s2, how hard the road lets a vehicle brake and accelerate"""
         legs = np.diff(way, axis=0)
         self._way = way
         self._free, self._back_is_free = True, False
@@ -74,8 +78,8 @@ class Prop:
 
     @property
     def finished(self) -> bool:
-        """Whether it has come to the end of its way."""
-        return self.moves and self.travelled >= self._ends[-1]
+        """Whether it has come to the end of its way, and beyond as far as it should."""
+        return self.moves and self.travelled >= self._ends[-1] + self.beyond_m
 
     def look_out(self, scene: Scene) -> None:
         """Decide by what is around whether to go on, to stop, or to go back."""
@@ -93,7 +97,8 @@ class Prop:
         if self._is_held_up and self._back_is_free and not self._free:
             self.speed = -BACK_SPEED if self._walks else -DRIVER_BACK_SPEED
         else:
-            change = (ACCELERATION if self._free else -math.inf if self._walks else -BRAKING) * dt
+            braking = math.inf if self._walks else self._braking
+            change = (min(ACCELERATION, self.grip) if self._free else -braking) * dt
             self.speed = min(max(self.speed + change, 0.0), self.wanted)
         self.travelled += self.speed * dt
         self._stepped_back = max(self._stepped_back - self.speed * dt, 0.0)
@@ -101,6 +106,11 @@ class Prop:
     @property
     def _walks(self) -> bool:
         return self.kind == Kind.PEDESTRIAN
+
+    @property
+    def _braking(self) -> float:
+        """m/s2, with which a vehicle stops."""
+        return min(BRAKING, self.grip)
 
     @property
     def _is_held_up(self) -> bool:
@@ -124,7 +134,7 @@ class Prop:
         back = self._stepped_back > 0.0
         if self._walks:
             return CLEARANCE_M + (self._stepped_back + MORE_M if back else 0.0)
-        reach = CLEARANCE_M + self.speed**2 / (2 * BRAKING)
+        reach = CLEARANCE_M + self.speed**2 / (2 * self._braking)
         return max(reach, DRIVER_BACK_M + MORE_M) if back else reach
 
     def _is_free(self, scene: Scene, reach: float) -> bool:
@@ -140,7 +150,7 @@ class Prop:
             if (rectangle_gaps(*box, here, facing, np.array([[body.length, body.width]])) == 0.0).any():
                 return False
         speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
-        way = np.zeros_like(speed) if walks else speed**2 / (2 * BRAKING)
+        way = np.zeros_like(speed) if walks else speed**2 / (2 * self._braking)
         heeded = np.array([name != self.name for name in scene.ids], dtype=bool)
         if not walks:
             heeded &= (scene.path >= 0) | (speed < STANDING)

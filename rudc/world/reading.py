@@ -67,6 +67,17 @@ class Reader:
             self._locate()
         return self.motion
 
+    def rears(self) -> list[tuple[str, float, float]]:
+        """Of all on the road as last read, the ego and obstacles' stand-ins included: lane, m along it of the
+        rear, m/s."""
+        motion, sumo = self.motion, self._sumo
+        svs = motion.lane, (motion.lane_pos - self.lengths).tolist(), motion.speed.tolist()
+        found = list(zip(*svs, strict=True))
+        for name in self._others:
+            lane, front = sumo.lane_place(name)
+            found.append((lane, front - sumo.length(name), sumo.drive(name)[0]))
+        return found
+
     def relocate(self) -> None:
         """Find anew along which path each SV drives: the next time, for one has been sent another way."""
         self._lanes = []
@@ -77,6 +88,7 @@ class Reader:
         """names of all that SUMO moves, the ego and obstacles' stand-ins included"""
         self.names = [name for name in active if name in drivers]
         """of the n SVs on the road"""
+        self._others = [name for name in active if name not in drivers]
         types = [drivers[name].type for name in self.names]
         self._sizes = np.array([(t.length, t.width) for t in types]).reshape(-1, 2)
         self.lengths = np.ascontiguousarray(self._sizes[:, 0])

@@ -284,6 +284,11 @@ class Sumo:
         """Speed m/s and acceleration m/s2 of a vehicle."""
         return libsumo.vehicle.getSpeed(vehicle), libsumo.vehicle.getAcceleration(vehicle)
 
+    @_to("say how long a vehicle is")
+    def length(self, vehicle: str) -> float:
+        """m."""
+        return libsumo.vehicle.getLength(vehicle)
+
     @_to("say on which lane a vehicle is")
     def lane_place(self, vehicle: str) -> tuple[str, float]:
         """Lane of a vehicle, and where its front bumper is on it, m."""

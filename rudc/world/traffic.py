@@ -15,9 +15,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rudc.world.scene import Kind
-from rudc.world.sumo import BRAKE_HARD, HEEDLESS, OWN_SPEED, Motion, Sumo
+from rudc.world.sumo import BRAKE_HARD, HEEDLESS, OWN_SPEED, Sumo
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
     from rudc.network.network import Lane, Movement, Network
     from rudc.scenario.plan import TrafficPlan
     from rudc.vehicle import EgoVehicle
@@ -117,11 +119,17 @@ class Traffic:
         shares = np.cumsum(lanes / lanes.sum())
         self._shares: list[float] = (shares / shares[-1]).tolist()
         """of each of them and those before it, as `Generator.choice` reckons"""
-        self._entry_lanes = {
-            (movement.origin, movement.destination): _entry_lanes(network, movement)
+        self._lanes: dict[str, list[Lane]] = {}
+        """of each edge"""
+        for lane in network.lanes.values():
+            self._lanes.setdefault(lane.edge, []).append(lane)
+        self._inbound = {
+            (movement.origin, movement.destination): [
+                self._lanes_for(movement, edge) for edge in self._arms[movement.origin].in_edges
+            ]
             for movement in network.movements
         }
-        """ids of the lanes on which each movement enters"""
+        """lanes that each movement has on each edge of its arm, outermost first"""
         self._refused = {
             (movement.origin, movement.destination): _refused(network, movement)
             for movement in network.movements
@@ -172,17 +180,14 @@ class Traffic:
         """How many SVs fewer there are than that; a surplus counts below 0."""
         return self.target - len(self.drivers)
 
-    def refill(self, motion: Motion, lengths: np.ndarray) -> None:
-        """Let new SVs enter where there is room, up to the target."""
-        missing = self.missing
-        if missing <= 0:
-            return
+    def refill(self, rears: Iterable[tuple[str, float, float]]) -> None:
+        """Let new SVs enter where there is room, up to the target. `rears` of all on the road: lane, m along
+        it, m/s."""
         entry: dict[str, tuple[float, float]] = {}
-        rears = motion.lane_pos - lengths
-        for lane, rear, speed in zip(motion.lane, rears, motion.speed, strict=True):
+        for lane, rear, speed in rears:
             if rear < entry.get(lane, (math.inf, 0.0))[0]:
-                entry[lane] = (float(rear), float(speed))
-        for _ in range(missing):
+                entry[lane] = (rear, speed)
+        for _ in range(self.missing):
             self._enter(entry)
 
     def add(self, movement: Movement, place: Entry, kind: str, speed: float) -> str:
@@ -259,6 +264,12 @@ class Traffic:
         vclass = VEHICLE_TYPES[kind].vclass
         return vclass not in self._refused[movement.origin, movement.destination] | {*lane.refuses}
 
+    def _lanes_for(self, movement: Movement, edge: str) -> list[Lane]:
+        """Those of an edge on which a movement drives; all where its own begin later."""
+        own = {name for row in movement.rows for name in self._network.paths.lane_ids[row]}
+        lanes = sorted(self._lanes.get(edge, []), key=lambda lane: lane.id)
+        return [lane for lane in lanes if lane.id in own] or lanes
+
     def _add(self, movement: Movement, route: str, kind: str, lane: Lane, front: float, speed: float) -> str:
         name = f"sv{self._count}"
         self._count += 1
@@ -298,31 +309,66 @@ class Traffic:
             movement, kind = self._draw_movement(), self.draw_type()
             inbound = self._rng.random() < 0.5
             arm = self._arms[movement.origin if inbound else movement.destination]
-            lanes = self._entry_lanes[movement.origin, movement.destination] if inbound else arm.out_lanes
-            lane = self._network.lanes[lanes[self._rng.integers(len(lanes))]]
-            if not self.may_drive(kind, movement, lane):
-                continue
+            edges = arm.in_edges if inbound else arm.out_edges
+            k = self._draw_edge(edges)
+            lanes = (
+                self._inbound[movement.origin, movement.destination][k] if inbound else self._lanes[edges[k]]
+            )
+            lane = lanes[self._rng.integers(len(lanes))]
             length = VEHICLE_TYPES[kind].length
-            front = self._rng.uniform(length + 1.0, max(lane.length - 1.0, length + 1.5))
+            first = length + 1.0 if k == 0 else 0.0
+            too_short = len(edges) > 1 and lane.length < first + 0.5
+            if too_short or not self.may_drive(kind, movement, lane):
+                continue
+            front = self._rng.uniform(first, max(lane.length - 1.0, first + 0.5))
             speed = self._plan.speed.sample(self._rng)
-            to_stop = lane.length - front if inbound else math.inf
+            further = sum(self._length(edge) for edge in edges[k + 1 :])
+            to_stop = lane.length - front + further if inbound else math.inf
             speed = min(
                 speed,
                 VEHICLE_TYPES[kind].max_speed,
                 math.sqrt(1.6 * self._plan.decel.mean * max(to_stop, 0.1)),
             )
             room = 4.0 + 0.7 * speed
-            if all(front < r - room or front - length > f + room for r, f in occupied.get(lane.id, [])):
+            there = self._there(occupied, edges, k, lane)
+            if all(front < r - room or front - length > f + room for r, f in there):
                 occupied.setdefault(lane.id, []).append((front - length, front))
                 route = _route(movement) if inbound else f"leave:{arm.name}"
+                if k > 0:
+                    route = f"added:{self._count}"
+                    self._sumo.add_route(route, (movement.edges if inbound else edges)[k:])
                 self._add(movement, route, kind, lane, front, speed)
                 return
+
+    def _draw_edge(self, edges: Sequence[str]) -> int:
+        """Which of an arm's edges, each as often as it is long."""
+        if len(edges) == 1:
+            return 0
+        lengths = np.array([max(self._length(edge) - 1.0, 0.0) for edge in edges])
+        return int(self._rng.choice(len(edges), p=lengths / lengths.sum()))
+
+    def _length(self, edge: str) -> float:
+        """m; 0 for an edge too short to be drawn."""
+        return self._lanes[edge][0].length if edge in self._lanes else 0.0
+
+    def _there(
+        self, occupied: Mapping[str, list[tuple[float, float]]], edges: Sequence[str], k: int, lane: Lane
+    ) -> list[tuple[float, float]]:
+        """Stretches (m, m along a lane of edge k) that are occupied on it, or on any lane of the arm's other
+        edges."""
+        starts = np.cumsum([0.0, *map(self._length, edges)])
+        return [
+            (rear + starts[j] - starts[k], front + starts[j] - starts[k])
+            for j, edge in enumerate(edges)
+            for one in ([lane] if j == k else self._lanes.get(edge, []))
+            for rear, front in occupied.get(one.id, [])
+        ]
 
     def _enter(self, entry: dict[str, tuple[float, float]]) -> None:
         for _ in range(8):
             movement, kind = self._draw_movement(), self.draw_type()
-            lanes = self._entry_lanes[movement.origin, movement.destination]
-            lane = self._network.lanes[lanes[self._rng.integers(len(lanes))]]
+            lanes = self._inbound[movement.origin, movement.destination][0]
+            lane = lanes[self._rng.integers(len(lanes))]
             if not self.may_drive(kind, movement, lane):
                 continue
             length = VEHICLE_TYPES[kind].length
@@ -336,13 +382,6 @@ class Traffic:
             self._add(movement, _route(movement), kind, lane, length + 0.1, speed)
             entry[lane.id] = (0.1, speed)
             return
-
-
-def _entry_lanes(network: Network, movement: Movement) -> list[str]:
-    """Ids of the lanes on which a movement enters; all of the outermost edge where its own begin later."""
-    own = {network.paths.lane_ids[row][0] for row in movement.rows}
-    outermost = {lane.id for lane in network.lanes.values() if lane.edge == movement.edges[0]}
-    return sorted(own & outermost or outermost)
 
 
 def _refused(network: Network, movement: Movement) -> frozenset[str]:

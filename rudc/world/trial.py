@@ -68,7 +68,7 @@ def _orders(network: Network) -> str:
             first = next((known for known in network.lanes.values() if known.edge == movement.edges[0]), None)
             alone = network.arm(movement.origin).in_edges == movement.edges[:1]
             front = 0.0 if first is None else min(first.length, max(5.0, 0.5 * first.length))
-            cars.append((movement.edges, lane if alone else 0, front))
+            cars.append((movement.edges, lane if alone or first is None else first.index, front))
     return json.dumps(cars)
 
 

@@ -7,8 +7,7 @@
 
 A decision lasts `decision_s` and is simulated in sub-steps. In each: the ego's plant moves, SUMO moves the
 surrounding vehicles (SVs), props move, and the ego's rectangle is tested against everything. Before the first
-sub-step, events act; at every fifth decision (every second while something scripted moves) the yielding layer
-brakes SVs.
+sub-step, events act; twice a second (five times if something scripted moves) the yielding layer brakes SVs.
 """
 
 from __future__ import annotations
@@ -51,9 +50,9 @@ CLOSE_M = 2.0
 """m, gaps at least so small are looked at in every sub-step; larger ones at the end of a decision"""
 FAR_M = 10_000.0
 """m, far off any road"""
-LAYER_EVERY = 5
-"""decisions from one pass of the yielding layer to the next: 2 Hz, as in the paper's simulator"""
-LAYER_EVERY_MOVING = 2
+LAYER_S = 0.5
+"""s from one pass of the yielding layer to the next, in whole decisions: 2 Hz, as in the paper's simulator"""
+LAYER_MOVING_S = 0.2
 """the same while pedestrians or wrong-way drivers move about"""
 OVERLAPS_EVERY = 5
 """decisions from one test for overlaps among SVs to the next"""
@@ -162,7 +161,8 @@ class World:
         or up to the first violation."""
         scene = self.scene()
         began = self._script.step(scene)
-        every = LAYER_EVERY_MOVING if any(prop.moves for prop in self.stage.props) else LAYER_EVERY
+        layer_s = LAYER_MOVING_S if any(prop.moves for prop in self.stage.props) else LAYER_S
+        every = max(1, round(layer_s / self.config.decision_s))
         if self._decisions % every == 0:
             self._brake(scene, every * self.config.decision_s)
         self._lane_keeping.step(scene)
@@ -170,7 +170,7 @@ class World:
         self._last_u = np.array(within_limits(self.vehicle, float(u[0]), float(u[1])))
         reached = self._drive(scene, *self._last_u.tolist())
         if self._driven_by_sumo:
-            passed_s = self._sumo.time() - self._time0 - scene.time_s
+            passed_s = round(self._sumo.time() - self._time0 - scene.time_s, 6)
             self._last_u = np.array(realised(scene.ego, self._plant.state, passed_s, self.vehicle))
         before, scene = scene, self._refresh()
         if reached.touched is None:
@@ -322,21 +322,19 @@ class World:
         self._plant.state = EgoState(x, y, psi, v, 0.0, turned / self.config.substep_s, a, 0.0)
 
     def _nearest_now(self, scene: Scene) -> Nearest:
-        """What is nearest now of the bodies that were close to the ego in the scene, and have not left the
-        road."""
+        """What is nearest of the bodies that were close to the ego in the scene and are still on the road."""
         props = {prop.name: prop for prop in self.stage.props}
         present = self._sumo.vehicles()
         rows, poses = list[int](), list[tuple[float, float, float]]()
         for i, name in enumerate(scene.ids[: self._close]):
-            if name in props or name in present:
+            known = props.get(name)
+            if known or name in present:
                 rows.append(i)
-                known = props.get(name)
                 poses.append(known.pose() if known else self._sumo.pose(name, scene.size.item(i, 0)))
         if not rows:
             return NOTHING
-        pose, names = np.array(poses), [scene.ids[i] for i in rows]
-        ego, body = self._plant.state, self.vehicle
-        return nearest_of(ego, body, names, pose[:, :2], pose[:, 2], scene.size[rows])[0]
+        pose, names, ego = np.array(poses), [scene.ids[i] for i in rows], self._plant.state
+        return nearest_of(ego, self.vehicle, names, pose[:, :2], pose[:, 2], scene.size[rows])[0]
 
     def _collision(self, hit: str, scene: Scene, before: Scene) -> Collision:
         """Judged in the scene after the contact, or in the one before it should the other have left since."""
@@ -355,14 +353,16 @@ class World:
 
     def _refill(self) -> None:
         """Read the road anew, let others enter where some have left."""
-        self.traffic.refill(self._reader.read(), self._reader.lengths)
+        self._reader.read()
+        if self.traffic.missing > 0:
+            self.traffic.refill(self._reader.rears())
 
     def _look(self) -> Scene:
         """Compose the scene from what was read, and find what is near the ego."""
         state = self._plant.state
         self._ego_s, offset = self.route.path.project(state.x, state.y, self._ego_s)
         ego = EgoView(
-            self._sumo.time() - self._time0, self.plan.timeout_s, state, self.vehicle, self.route,
+            round(self._sumo.time() - self._time0, 6), self.plan.timeout_s, state, self.vehicle, self.route,
             self._ego_s, offset, self._waited, self._last_u, self._destination_s,
             self._plant.actuation, self.plan.ego.may_cross_centre,
         )  # fmt: skip

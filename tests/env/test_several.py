@@ -10,6 +10,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import rudc
+from rudc.errors import SimulationError
 from rudc.world.isolated import IsolatedWorld
 from rudc.world.world import World
 
@@ -100,6 +101,20 @@ def test_closed_and_reset_again():
     np.testing.assert_array_equal(observation, first.reset(seed=0)[0])
     first.close()
     second.close()
+
+
+def test_reset_after_its_process_has_died():
+    """It told to do so, and then refused for ever."""
+    env = gymnasium.make(rudc.ENV_ID, isolated=True)
+    observation, _ = env.reset(seed=0)
+    process = env.unwrapped.episode.world._process
+    process.kill()
+    with pytest.raises(SimulationError, match=r"has died .* reset the environment to start another"):
+        env.step(COAST)
+    np.testing.assert_array_equal(env.reset(seed=0)[0], observation)
+    env.step(COAST)
+    assert process.stdin.closed
+    env.close()
 
 
 SCRIPT = """

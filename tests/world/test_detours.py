@@ -73,6 +73,25 @@ def test_who_waits_before_a_block_brakes_no_harder_than_tyres_let_it(world, monk
     assert asked == [pytest.approx(0.3 * 9.81)]
 
 
+def test_nobody_who_is_past_one_block_drives_up_to_the_next(world):
+    """Of several blocks on a row only the first was known."""
+    stalled = [event("stalled_vehicle", lane=f"west_in_{k}", at=at) for k, at in ((0, 112.0), (1, 106.0))]
+    beyond = event("accident", vehicles=[{"lane": f"west_to_east_{k}", "at": 11} for k in (0, 1)])
+    plan = PlanSource(
+        density=45.0, origin="south", turn="right", warm_up_s=0.1, distance=(60.0, 60.0),
+        events=(*stalled, beyond),
+    )  # fmt: skip
+    rows, paths = list(world.network.movement("west", "east").rows), world.network.paths
+    for seed in (5, 7):
+        world.reset(plan.plan(seed))
+        for _ in range(200):
+            world.advance(np.array([-6.0, 0.0]))
+        scene = world.scene()
+        there = np.isin(scene.path, rows)
+        past_line = (scene.path_s - paths.stop_s[scene.path])[there]
+        assert not ((past_line > 0.0) & (past_line < 20.0)).any()
+
+
 def test_a_movement_is_open_again_once_nothing_blocks_it(world):
     stalled = [event("stalled_vehicle", lane=f"north_out_{k}", at=8.0, duration=2.0) for k in (0, 1)]
     world.reset(PlanSource(origin="south", turn="left", density=10.0, events=tuple(stalled)).plan(0))

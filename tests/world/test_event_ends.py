@@ -37,6 +37,25 @@ def test_the_last_of_several_events_counts_and_ends_for_itself(world):
     assert found[6.0] == (30.0, False, 10.0)
 
 
+@pytest.mark.parametrize("warm_up_s", [5.0, 4.3])
+def test_times_are_kept_to_the_decision_whatever_the_warm_up(world, warm_up_s):
+    """Some events began or ended one decision off, by how SUMO's clock and ours were rounded."""
+    surges = [
+        event("density_surge", density=20.0, duration=t, when={"simulation_time": {"above": after}})
+        for t, after in ((0.7, 0.55), (1.1, 1.0), (1.3, 2.0), (2.2, 1.05), (2.2, 3.0))
+    ]
+    ends: dict[str, float] = {}
+    world.reset(replace(CALM, warm_up_s=warm_up_s, events=tuple(surges)).plan(0))
+    for _ in range(60):
+        before = world.scene().time_s
+        world.advance(STAND)
+        ends |= {h.name: before for h in world.happenings() if h.is_over and h.name not in ends}
+    begun = [happening.begun_s for happening in world.happenings()]
+    assert begun == [0.6, 1.1, 2.1, 1.1, 3.1]
+    assert [*ends.values()] == [1.3, 2.2, 3.3, 3.4, 5.3]
+    assert world.scene().time_s == 6.0
+
+
 def test_what_stood_in_the_way_leaves_no_stand_in_that_comes_later(world):
     """Where an SV stood in its place SUMO let it onto the road when the thing was gone, for good."""
     stalled = [

@@ -119,6 +119,31 @@ def test_hard_brake_brakes_as_hard_as_it_says(world):
     assert hardest[1] == pytest.approx(7.0, abs=0.5)
 
 
+@pytest.mark.parametrize("kind", ["hard_brake", "stalled_vehicle"])
+def test_on_ice_nobody_brakes_harder_than_the_road_lets_it(world, kind):
+    """Whom an event had brake did: with 7 and 3 m/s2."""
+    ice, brake = event("low_friction", friction=0.1), event(kind, vehicle="nearest", when=LATER)
+    source = replace(CALM, density=30.0, speed=(8.0, 8.0), distance=(60.0, 60.0), events=(ice, brake))
+    scenes = run(world, source, 6.0, seed=2)
+    assert world.happenings()[1].begun_s is not None
+    seen = [speeds(scene) for scene in scenes]
+    pairs = [(a[name], b[name]) for a, b in pairwise(seen) for name in a.keys() & b.keys()]
+    assert max(before - after for before, after in pairs) / 0.1 == pytest.approx(0.981, abs=0.01)
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_on_ice_a_wrong_way_driver_brakes_no_harder_than_the_road_lets_it(world, first):
+    wrong = event("wrong_way", lane="west_out_1", at=70, speed=7, when=LATER)
+    ice = event("low_friction", friction=0.1, when={"simulation_time": {"above": 0.5 if first else 2.0}})
+    run(world, replace(CALM, density=0.0, origin="east", events=(wrong, ice)), 3.0)
+    (driver,) = world.stage.props
+    driver._free = False
+    before = driver.speed
+    driver.step(0.1)
+    assert before - driver.speed == pytest.approx(0.0981)
+    assert driver._needed() > 0.5 * driver.speed**2 / 0.981, "and looks out as far as it needs to stop"
+
+
 def test_priority_violation_drives_into_the_junction_without_looking(world):
     """On the minor road, those who would wait for the major road's traffic do not."""
     source = replace(CALM, density=35.0, origin="east")

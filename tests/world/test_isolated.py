@@ -120,19 +120,26 @@ def test_its_errors_are_ours():
     os.kill(world._process.pid, signal.SIGKILL)
     with pytest.raises(SimulationError, match="has died"):
         world.advance(COAST)
-    with pytest.raises(SimulationError, match="closed"):
+    with pytest.raises(SimulationError, match="has ended; reset"):
         world.advance(COAST)
 
 
-def test_an_interrupt_ends_it():
+def test_an_interrupt_ends_it_and_a_reset_starts_another():
     world = IsolatedWorld(load_network("four_way"))
-    world.reset(load_scenario("random_destination").plan(0))
+    scene = world.reset(load_scenario("random_destination").plan(0))
     signal.signal(signal.SIGALRM, signal.default_int_handler)
     os.kill(world._process.pid, signal.SIGSTOP)  # it will not answer
     signal.setitimer(signal.ITIMER_REAL, 0.2)
     with pytest.raises(KeyboardInterrupt):
         world.advance(COAST)
     assert world._process.returncode is not None
+    with pytest.raises(SimulationError, match="has ended; reset"):
+        world.advance(COAST)
+    assert world.reset(load_scenario("random_destination").plan(0)) == scene
+    world.advance(COAST)
+    world.close()
+    with pytest.raises(SimulationError, match="closed"):
+        world.reset(load_scenario("random_destination").plan(0))
 
 
 PARENT = """

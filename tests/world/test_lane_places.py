@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rudc.geometry import rectangle_corners
 from rudc.scenario import load_scenario
 from rudc.world.fitting import misfits
 from rudc.world.scene import Kind
@@ -128,6 +129,25 @@ def test_vehicles_cross_the_arm_one_behind_the_other(world, kind, size):
     assert np.ptp(first[:, 2]) < 0.1
     gap = np.interp(0.0, -second[:, 1], second[:, 0]) - np.interp(0.0, -first[:, 1], first[:, 0])
     assert gap == pytest.approx(1.2 + VEHICLE_TYPES[kind].length / 5.0, abs=0.05)
+
+
+@pytest.mark.parametrize("kind", ["bicycle", "car", "bus"])
+def test_who_crosses_is_there_until_no_part_of_it_is_on_the_road(world, kind):
+    """A bus was gone as soon as its centre was off the road."""
+    crossing = event("vehicle_crossing", arm="north", type=kind, at=6, speed=5)
+    scene = world.reset(replace(EMPTY, origin="south", turn="right", events=(crossing,)).plan(0))
+    body, places = VEHICLE_TYPES[kind], []
+    while scene.time_s < 8:
+        places += zip(scene.position, scene.heading, strict=True)
+        world.advance(STAND)
+        scene = world.scene()
+    assert scene.count == 0
+    corners = rectangle_corners(*places[-1], np.array([body.length, body.width]))
+    last_step = 0.5
+    wanted = 1.5 - (0.5 * body.length if kind == "bicycle" else 0.0)
+    assert -world.network.surface.signed_distance(corners).max() == pytest.approx(
+        wanted - last_step / 2, abs=0.3
+    )
 
 
 def test_crossing_cyclists_cross_where_the_ego_leaves(world):

@@ -164,6 +164,21 @@ def test_traffic_enters_before_a_pocket_that_is_reached_by_changing_lanes(tmp_pa
     assert before > 20
 
 
+@pytest.mark.parametrize("other", ["pedestrian", "bus", "bicycle"])
+def test_an_arm_whose_outermost_edge_has_a_lane_without_cars_is_driven(tmp_path, other):
+    """The network was refused: SUMO had been asked for a car on that lane."""
+    own = f'numLanes="2"><lane index="0" allow="{other}" width="2"/><lane index="1" width="3.5"/></edge>'
+    more = (
+        '<node id="far" x="0" y="-240"/>\n'
+        f'<edge id="before" from="far" to="south" speed="10" {own}\n'
+        f'<edge id="after" from="south" to="far" speed="10" {own}'
+    )
+    network = load_network(str(crossing(tmp_path, lambda arm, way: own, more)))
+    assert len(network.arm("south").in_edges) == 2
+    with World(network) as world:
+        drive(world, PlanSource(str(network.path), 20.0, "south", "straight"), 2.0)
+
+
 @pytest.mark.parametrize("stated", [60, 240])
 def test_who_is_put_before_the_ego_is_before_it_whatever_length_is_stated(tmp_path, stated):
     def lanes(arm: str, way: str) -> str:

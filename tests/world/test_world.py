@@ -276,6 +276,25 @@ def test_sub_steps_are_configurable(world_on, substep):
     assert world.scene().time_s == pytest.approx(scene.time_s + 0.1)
 
 
+@pytest.mark.parametrize(
+    ("decision", "calm", "moving"), [(0.05, 6, 15), (0.1, 6, 15), (0.25, 6, 12), (0.5, 6, 6)]
+)
+def test_the_yielding_layer_looks_twice_a_second_however_long_a_decision_is(
+    world_on, monkeypatch, decision, calm, moving
+):
+    """It looked at every fifth decision; five times a second while pedestrians move about."""
+    world, looks = world_on(config=WorldConfig(decision_s=decision)), []
+    walk = event("pedestrian_crossing", arm="north")
+    brake = world._brake
+    monkeypatch.setattr(World, "_brake", lambda _, scene, s: (looks.append(scene), brake(scene, s)))
+    for events, wanted in (((), calm), ((walk,), moving)):
+        world.reset(replace(FOLLOW, events=events).plan(1))
+        looks.clear()
+        for _ in range(round(3.0 / decision)):
+            world.advance(np.array([-6.0, 0.0]))
+        assert len(looks) == wanted
+
+
 def test_a_decision_is_a_whole_number_of_sub_steps():
     with pytest.raises(ValueError, match="whole multiple"):
         WorldConfig(substep_s=0.03)

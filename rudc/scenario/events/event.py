@@ -23,6 +23,10 @@ Speed = Annotated[AnyDistribution, Bounds(0, 40, "m/s")]
 MovingSpeed = Annotated[AnyDistribution, Bounds(0, 40, "m/s", above=True)]
 
 
+ROUNDED_S = 1e-6
+"""s by which a sum of times may be off"""
+
+
 class Event(FileModel, frozen=True):
     """Something that happens in an episode: what a file says of it."""
 
@@ -83,7 +87,7 @@ class Effect(ABC, Generic[E]):
     def is_over(self, stage: Stage) -> bool:
         """Whether the event's duration, if it has one, has passed."""
         duration: Distribution | None = getattr(self.event, "duration", None)
-        return duration is not None and stage.time_s >= self.begun_s + float(duration)
+        return duration is not None and stage.time_s >= self.begun_s + float(duration) - ROUNDED_S
 
     def end(self, stage: Stage) -> None:
         """Stop, once it is over."""

@@ -15,6 +15,8 @@ from rudc.scenario.poses import Pose, VehicleType
 from rudc.scenario.triggers import Selector
 
 XYHeading = tuple[float, float, float]
+ROADSIDE_M = 1.5
+"""m beyond the road's edge where the way across an arm begins and ends"""
 Body = VehicleType | Literal["pedestrian", "obstacle"]
 
 
@@ -60,7 +62,8 @@ class Stage(ABC):
 
     @abstractmethod
     def slow_down(self, name: str, deceleration: float) -> None:
-        """Have a vehicle brake with deceleration m/s2 until the next decision, and not drive backwards."""
+        """Have a vehicle brake with deceleration m/s2, if the road lets it, until the next decision, and not
+        drive backwards."""
 
     @abstractmethod
     def set_speed_factor(self, name: str, factor: float | None, event: str = "") -> None:
@@ -128,10 +131,16 @@ class Stage(ABC):
 
     @abstractmethod
     def send(
-        self, name: str, body: Body, way: NDArray[np.float64], speed: float, late_m: float = 0.0
+        self,
+        name: str,
+        body: Body,
+        way: NDArray[np.float64],
+        speed: float,
+        late_m: float = 0.0,
+        beyond_m: float = 0.0,
     ) -> None:
         """Have something, called `EVENT:...`, move along a way (K, 2) m at speed m/s; it starts `late_m` m
-        before the way's begin."""
+        before the way's begin, and is gone `beyond_m` m beyond its end."""
 
     @abstractmethod
     def remove_things(self, event: str) -> None:

@@ -9,7 +9,7 @@ from typing import Any, Literal
 from pydantic import SerializerFunctionWrapHandler, model_serializer
 
 from rudc.scenario.base import Identifier
-from rudc.scenario.events.event import Duration, Held, VehicleEvent
+from rudc.scenario.events.event import ROUNDED_S, Duration, Held, VehicleEvent
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import Stage
 from rudc.scenario.poses import VehicleType
@@ -87,9 +87,8 @@ class StalledVehicleEffect(Held[StalledVehicle]):
     def is_over(self, stage: Stage) -> bool:
         if self.event.vehicle is None or self.event.duration is None:
             return super().is_over(stage)
-        return self._stands_since is not None and stage.time_s >= self._stands_since + float(
-            self.event.duration
-        )
+        over_s = math.inf if self._stands_since is None else self._stands_since + float(self.event.duration)
+        return stage.time_s >= over_s - ROUNDED_S
 
     def command(self, stage: Stage, name: str) -> None:
         stage.slow_down(name, STALL_DECEL)

@@ -8,7 +8,7 @@ from rudc.scenario.base import Identifier
 from rudc.scenario.distributions import AnyDistribution, Bounds, Constant
 from rudc.scenario.events.event import Effect, Event, MovingSpeed
 from rudc.scenario.events.registry import register_event
-from rudc.scenario.events.stage import Stage
+from rudc.scenario.events.stage import ROADSIDE_M, Stage
 from rudc.scenario.poses import VehicleType
 from rudc.scenario.triggers import Metre
 
@@ -36,7 +36,9 @@ class VehicleCrossing(Event, frozen=True):
 
 
 class VehicleCrossingEffect(Effect[VehicleCrossing]):
-    """They ride straight across, one behind the other; the first begins with its front at the roadside."""
+    """They ride straight across, one behind the other; the first begins with its front at the roadside. Long
+    ones end with their rear there, so that no part of them is still on the road.
+    """
 
     def begin(self, stage: Stage) -> bool:
         event, speed = self.event, float(self.event.speed)
@@ -44,9 +46,10 @@ class VehicleCrossingEffect(Effect[VehicleCrossing]):
         if event.from_side == "left":
             way = way[::-1]
         length = stage.length_of(event.type)
+        beyond_m = 0.5 * length if 0.5 * length > ROADSIDE_M else 0.0
         for i in range(event.count):
             late_m = 0.5 * length + i * (length + FOLLOWING_S * speed)
-            stage.send(f"{self.name}:{i}", event.type, way, speed, late_m)
+            stage.send(f"{self.name}:{i}", event.type, way, speed, late_m, beyond_m)
         return True
 
 

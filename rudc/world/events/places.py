@@ -9,7 +9,7 @@ import numpy as np
 
 from rudc.arrays import Array
 from rudc.geometry import rectangle_corners, rectangle_gaps
-from rudc.scenario.events.stage import Body, Stage, XYHeading
+from rudc.scenario.events.stage import ROADSIDE_M, Body, Stage, XYHeading
 from rudc.world.traffic import VEHICLE_TYPES
 
 if TYPE_CHECKING:
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
 PEDESTRIAN_M = 0.5
 """m, side of the square a pedestrian takes"""
-ROADSIDE_M = 1.5
-"""m beyond the road's edge where a pedestrian starts and ends"""
 BEYOND_M = 80.0
 """m that a wrong-way driver goes straight on beyond its lane"""
 ON_THE_ROAD = "it reaches onto the road; move it beside the road, or use `accident` for what stands on it"

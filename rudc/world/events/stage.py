@@ -116,7 +116,7 @@ class WorldStage(NetworkStage):
         self.sumo.set_mode(name, driver.mode)
 
     def slow_down(self, name: str, deceleration: float) -> None:
-        slower = self.speed(name) - deceleration * self.decision_s
+        slower = self.speed(name) - min(deceleration, self.traffic.grip) * self.decision_s
         self.sumo.slow_down(name, max(slower, 0.0), self.decision_s)
 
     def set_speed_factor(self, name: str, factor: float | None, event: str = "") -> None:
@@ -201,9 +201,11 @@ class WorldStage(NetworkStage):
             ahead += LOOK_M
         return False
 
-    def send(self, name: str, body: Body, way: Array, speed: float, late_m: float = 0.0) -> None:
+    def send(
+        self, name: str, body: Body, way: Array, speed: float, late_m: float = 0.0, beyond_m: float = 0.0
+    ) -> None:
         prop = Prop(name, Kind[body.upper()], size_of(body), way, wanted=speed)
-        prop.travelled = -late_m
+        prop.travelled, prop.beyond_m, prop.grip = -late_m, beyond_m, self.traffic.grip
         self.props.append(prop)
 
     def things_of(self, event: str) -> frozenset[str]:
@@ -236,6 +238,8 @@ class WorldStage(NetworkStage):
     def set_friction(self, friction: float) -> None:
         self.plant.actuation = replace(self.plant.actuation, friction=friction)
         self.traffic.lose_grip(friction * GRAVITY)
+        for prop in self.props:
+            prop.grip = self.traffic.grip
 
     def set_actuators(self, delay_s: float, lag_s: float) -> None:
         self.plant.actuation = replace(self.plant.actuation, delay_s=delay_s, lag_s=lag_s)

@@ -1,0 +1,70 @@
+"""Where surrounding vehicles (SVs) come onto the road, and how fast."""
+
+from collections import Counter
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from rudc.world.kernels import overlapping
+from tests.plans import ALL_KINDS, PlanSource, event
+from tests.world.networks import PIECES, in_pieces
+
+STAND = np.array([-6.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    "blocked",
+    [
+        event("stalled_vehicle", lane="west_in_0", at=117),
+        event("lane_closure", lane="west_in_0", at=103, length=17),
+    ],
+)
+def test_density_holds_where_something_stands_at_a_lanes_outer_end(world, blocked):
+    """SVs were asked for there, never got onto the road, and counted as present."""
+    source = PlanSource(density=30.0, origin="south", events=(blocked,))
+    for seed in range(2):
+        world.reset(source.plan(seed))
+        found = [world.advance(STAND).density for _ in range(400)]
+        assert found[-1] == pytest.approx(30.0, rel=0.05)
+        assert not world.traffic._waiting
+
+
+def test_who_enters_behind_an_ego_at_the_outer_end_can_stop_behind_it(world):
+    """They came as if the lane were free, and some hit it."""
+    source = PlanSource(density=45.0, origin="south", distance=(95.0, 112.0), speed=(0.0, 3.0))
+    came = 0
+    for seed in (0, 3, 4, 7, 15, 18):
+        scene = world.reset(source.plan(seed))
+        for _ in range(30):
+            known, ego = set(scene.ids), scene.ego
+            world.advance(np.array([-1.0, 0.0]))
+            scene = world.scene()
+            ahead = (scene.position - (ego.x, ego.y)) @ (np.cos(ego.psi), np.sin(ego.psi))
+            beside = np.abs(scene.position[:, 0] - ego.x) > 1.5
+            new = (ahead < 0.0) & ~beside & [name not in known for name in scene.ids]
+            gap, speed = -ahead[new] - 5.0, np.hypot(*scene.velocity[new].T)
+            assert (speed**2 - ego.v**2 < 2 * 2.5 * gap).all(), "at the usual deceleration"
+            came += len(gap)
+    assert came >= 3
+
+
+def test_at_first_traffic_stands_all_along_arms_of_several_edges(world_on, tmp_path):
+    """It stood on their outermost edges, and driving away on their innermost ones only."""
+    path = in_pieces(tmp_path)
+    world = world_on(str(path))
+    source = PlanSource(str(path), density=40.0, mix=ALL_KINDS, warm_up_s=0.1)
+    found: Counter[str] = Counter()
+    for seed in range(12):
+        scene = world.reset(source.plan(seed))
+        assert len(world.traffic.drivers) == world.traffic.target == len(world._reader.names)
+        assert not len(overlapping(scene.position, scene.heading, scene.size))
+        found.update(world._reader.motion.lane)
+        assert world.advance(STAND).sv_collisions == 0
+    per_m = sum(found.values()) / (2 * sum(places[-1] for places in PIECES.values()))
+    long = [
+        (arm, i, b - a) for arm, at in PIECES.items() for i, (a, b) in enumerate(pairwise(at)) if b - a > 50
+    ]
+    for arm, i, length in long:
+        for way in ("in", "out"):
+            assert 0.4 < found[f"{arm}_{way}{i}_0"] / (per_m * length) < 1.8
