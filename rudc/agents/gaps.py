@@ -67,6 +67,8 @@ class Conflicts(NamedTuple):
     """(K,) m/s, highest speed that is assumed of the other: its speed limit, or its speed if that is
     higher
     """
+    braking: Array
+    """(K,) m/s2, how hard the other brakes; negative if it speeds up"""
     yields: Flags
     """(K,) whether the ego gives way to it"""
     merges: Flags
@@ -128,6 +130,7 @@ def _open(scene: Scene, known: Index, table: Array, merges: Flags, yields: Flags
         other_out=(other_end - s + theirs)[keep],
         speed=speed[keep],
         limit=np.maximum(paths.speed_limit[rows], speed)[keep],
+        braking=-scene.acceleration[known][keep],
         yields=yields[keep],
         merges=merges[keep],
     )

@@ -189,7 +189,7 @@ def validate(
         ),
     ],
     seeds: Annotated[
-        int, typer.Option(min=0, metavar="N", help="Drive N episodes of each; how often do its events happen?")
+        int, typer.Option(min=0, metavar="N", help="Drive N episodes, to see how often its events happen.")
     ] = 0,
     watch: Annotated[
         bool, typer.Option("--watch", help="Do it again whenever a file changes, until Ctrl-C.")

@@ -1,0 +1,49 @@
+"""How an ego that has right of way meets a vehicle that should give way to it, but does not look like it.
+
+Such a vehicle needs NEEDED or more to stop before the place where the two ways meet, and brakes with less
+than SHARE of it. In ordinary traffic that is rare: drivers who give way begin to brake earlier. If both
+would come to that place at nearly the same time (rudc/agents/gaps.py), the ego drives no faster than it can
+stop from before it, braking at PLANNED. Where it cannot stop there any more, the command stays as it is.
+
+Without this rule only the filter and the last resort would slow the ego down, and only when a collision is
+near: on a wet road it then stops in the way of the other.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rudc.agents.approach import AT_POINT, HARDEST, PLANNED
+from rudc.agents.gaps import crossing, suffices
+from rudc.arrays import Array
+from rudc.env.tracking import at_most, hardest, planned, slowing, speeds_in_bends
+from rudc.world.scene import Scene
+
+NEEDED = 1.5
+"""m/s2, least braking to stop before the ego's way from which on a vehicle that gives way brakes already"""
+SHARE = 0.5
+"""share of the braking that it needs; a vehicle that brakes with less does not look like giving way"""
+MARGIN = 0.5
+"""s between the ego and the other, below which they come at nearly the same time"""
+LEAST_ROOM = 0.1
+"""m, distance to the ego's way that is assumed of a vehicle that is there already"""
+
+
+def ready_for_not_yielding(scene: Scene, u: Array) -> Array:
+    """(2,) the command u (2,), m/s2 and rad, with an acceleration after which the ego can still stop before
+    the ways of those who do not look like giving way to it."""
+    found = crossing(scene)
+    if found is None or found.yields.all():
+        return u
+    needed = found.speed**2 / (2 * np.maximum(found.other_in, LEAST_ROOM))
+    least = scene.ego.v**2 / (2 * hardest(scene, HARDEST))
+    heeded = ~found.yields & (needed > NEEDED) & (found.braking < SHARE * needed) & (found.ego_in > least)
+    if not heeded.any():
+        return u
+    as_first = found._replace(yields=np.ones_like(found.yields))
+    profile, a = speeds_in_bends(scene.route.path), max(float(u[0]), 0.0)
+    heeded &= ~suffices(scene, as_first, profile, margin=MARGIN, acceleration=a)
+    if not heeded.any():
+        return u
+    room = float(found.ego_in[heeded].min()) - AT_POINT
+    return at_most(u, slowing(scene, room, 0.0, planned(scene, PLANNED)))
