@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from rudc.env.kernels import interpolated, leader, seen_from_line
-from rudc.kernels import NewRowTable, NewTable, Rows, Table, Vector, half_turn, kernel
+from rudc.kernels import Marks, NewRowTable, NewTable, Rows, Table, Vector, half_turn, kernel
 
 
 @kernel
@@ -139,3 +139,35 @@ def all_have_ways(path: Rows, kind: Rows, walker: int) -> bool:
     for i in range(len(path)):
         found = found and (path[i] >= 0 or kind[i] == walker)
     return found
+
+
+# ---- who gives way
+
+
+@kernel
+def any_unbraked(
+    path: Rows, path_s: Vector, size: Table, velocity: Table, acceleration: Vector, origin: Rows,
+    own_origin: int, gives_way: Marks, table: Table, again: Table, front: float, least: float,
+    needed: float, share: float, nearest: float,
+) -> bool:  # fmt: skip
+    """Whether one of the others (N,), from another arm than the ego's, needs more than `needed` m/s2 to stop
+    before a conflict in which it gives way to the ego, and brakes with less than `share` of that.
+
+    Conflicts are those of `Crossings`, `table` and `again` (P, 4): the ego gives way in the first one to the
+    rows `gives_way` (P,). Only those more than `least` m ahead of the ego's `front` m count. Distances to
+    them are at least `nearest` m.
+    """
+    for i in range(len(path)):
+        row, half = path[i], 0.5 * size[i, 0]
+        if row < 0 or origin[row] == own_origin:
+            continue
+        v2 = velocity[i, 0] ** 2 + velocity[i, 1] ** 2
+        for second in range(2):
+            if second == 0 and gives_way[row]:
+                continue
+            met = again[row] if second else table[row]
+            ahead = met[0] - front > least and path_s[i] - half < met[3]  # False for nan: no conflict
+            braking = v2 / (2.0 * max(met[2] - path_s[i] - half, nearest))
+            if ahead and braking > needed and -acceleration[i] < share * braking:
+                return True
+    return False

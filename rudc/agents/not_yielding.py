@@ -15,6 +15,7 @@ import numpy as np
 
 from rudc.agents.approach import AT_POINT, HARDEST, PLANNED
 from rudc.agents.gaps import crossing, suffices
+from rudc.agents.kernels import any_unbraked
 from rudc.arrays import Array
 from rudc.env.tracking import at_most, hardest, planned, slowing, speeds_in_bends
 from rudc.world.scene import Scene
@@ -32,11 +33,11 @@ LEAST_ROOM = 0.1
 def ready_for_not_yielding(scene: Scene, u: Array) -> Array:
     """(2,) the command u (2,), m/s2 and rad, with an acceleration after which the ego can still stop before
     the ways of those who do not look like giving way to it."""
-    found = crossing(scene)
-    if found is None or found.yields.all():
+    least = scene.ego.v**2 / (2 * hardest(scene, HARDEST))
+    found = crossing(scene) if _may_heed(scene, least) else None
+    if found is None:
         return u
     needed = found.speed**2 / (2 * np.maximum(found.other_in, LEAST_ROOM))
-    least = scene.ego.v**2 / (2 * hardest(scene, HARDEST))
     heeded = ~found.yields & (needed > NEEDED) & (found.braking < SHARE * needed) & (found.ego_in > least)
     if not heeded.any():
         return u
@@ -47,3 +48,15 @@ def ready_for_not_yielding(scene: Scene, u: Array) -> Array:
         return u
     room = float(found.ego_in[heeded].min()) - AT_POINT
     return at_most(u, slowing(scene, room, 0.0, planned(scene, PLANNED)))
+
+
+def _may_heed(scene: Scene, least: float) -> bool:
+    """Whether there may be somebody to heed, for an ego that needs `least` m to stop: a quick look, since
+    mostly there is not."""
+    route, paths = scene.route, scene.network.paths
+    met = scene.network.crossings(route, route.row)
+    return any_unbraked(
+        scene.path, scene.path_s, scene.size, scene.velocity, scene.acceleration, paths.origin,
+        int(paths.origin[route.row]), scene.network.gives_way(route, route.row), met.table, met.again,
+        scene.ego_s + 0.5 * scene.vehicle.length, least, NEEDED, SHARE, LEAST_ROOM,
+    )  # fmt: skip

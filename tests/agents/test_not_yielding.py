@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rudc.agents import not_yielding
 from rudc.agents.gaps import crossing
 from rudc.agents.not_yielding import NEEDED, SHARE, ready_for_not_yielding
 from rudc.agents.registry import make_agent
@@ -117,3 +118,23 @@ def test_agents_are_bounded_by_it_with_approach_only(four_way, make_scene, minor
         shown = layer.outlook.see(scene)
         held[approach] = float(layer.outlook.govern(shown, FULL)[0])
     assert held["true"] < held["false"] - 1.0
+
+
+def test_the_quick_look_overlooks_nobody(four_way, make_scene, monkeypatch):
+    """With and without it the same bounds, in scenes at random."""
+    rng, bounds = np.random.default_rng(3), []
+    scenes = []
+    for _ in range(1000):
+        others = [
+            {"row": int(row), "s": float(rng.uniform(95, 125)), "v": float(rng.uniform(4, 12))}
+            for row in rng.integers(0, four_way.paths.count, 10)
+        ]
+        turn = str(rng.choice(["left", "straight", "right"]))
+        origin, front, v = str(rng.choice(["west", "south"])), rng.uniform(-8, 4), rng.uniform(2, 7)
+        scene = make_scene(*others, origin=origin, turn=turn, front=float(front), v=float(v))
+        scenes.append(replace(scene, acceleration=rng.uniform(-3.0, 1.0, scene.count)))
+    for look in (not_yielding._may_heed, lambda *_: True):
+        monkeypatch.setattr(not_yielding, "_may_heed", look)
+        bounds.append([bounded(scene) for scene in scenes])
+    assert bounds[0] == bounds[1]
+    assert 20 < sum(a < FULL[0] for a in bounds[0]) < 980
