@@ -202,7 +202,7 @@ def serve(pipe: Connection, make_runner: RunnerFactory) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(signal, "SIGHUP"):
         signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    signal.signal(signal.SIGTERM, _end)
     return_large_blocks()
     try:
         run = make_runner()
@@ -216,6 +216,12 @@ def serve(pipe: Connection, make_runner: RunnerFactory) -> None:
             getattr(run, "prepare", lambda _: None)(task)
             pipe.send(BEGINS)
             pipe.send(run(task))
+
+
+def _end(*_: object) -> None:
+    """End this process; a second SIGTERM changes nothing: a terminal's and the parent's may both come."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    sys.exit(0)
 
 
 def _cause(exit_code: int | None) -> str:

@@ -2,7 +2,10 @@
 
 import math
 import multiprocessing
+import signal
+import subprocess
 import sys
+import time
 import types
 from contextlib import closing
 from functools import partial
@@ -211,3 +214,32 @@ def test_as_long_a_limit_as_there_can_be_is_waited_for(fakes, make_plan, tmp_pat
         with pytest.raises(SweepError, match="--episode-limit is more than 0 and at most"):
             run_sweep(plan, tmp_path / "more", fakes.Runner, limit_s=limit_s)
     assert not (tmp_path / "more").exists()
+
+
+TOLD_TWICE = """
+import atexit, time
+from multiprocessing import Pipe
+from rudc.evaluation.engine import serve
+
+def make_runner():
+    atexit.register(time.sleep, 3.0)
+    print("here", flush=True)
+    return lambda task: None
+
+ours, theirs = Pipe()
+serve(ours, make_runner)
+"""
+
+
+def test_a_worker_that_is_told_to_end_twice_ends_without_a_word():
+    """As where `timeout` ends the whole process group, and then the sweep its workers."""
+    worker = subprocess.Popen(
+        [sys.executable, "-c", TOLD_TWICE], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert worker.stdout is not None
+    assert worker.stdout.readline() == "here\n"
+    for _ in range(5):
+        worker.send_signal(signal.SIGTERM)
+        time.sleep(0.3)
+    _, told = worker.communicate(timeout=30)
+    assert (worker.returncode, told) == (0, "")
