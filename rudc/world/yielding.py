@@ -21,8 +21,8 @@ another way.
 SVs are predicted along their own lanes at constant speed, the ego along its reference path (straight ahead
 when it is off this path), each in steps of 0.25 s. The SVs' rectangles are slightly enlarged. An SV that must
 yield needs the deceleration b = v^2 / (2 d), where d is the way that it can go before the first overlap. It
-brakes with b once b exceeds a threshold, and until then goes no faster. It is released as soon as no overlap
-is predicted.
+brakes with b once b exceeds BRAKE_FROM or the overlap is at most 0.5 s away. Until then it goes no faster, if
+it drives faster than CREEP. It is released as soon as no overlap is predicted.
 """
 
 from __future__ import annotations
@@ -121,9 +121,7 @@ def _heeding(scene: Scene, stray: bool) -> Flags | None:
         if scene.ego_s - half > route.exit_s + PAST_M:
             return None
         front, stands = scene.ego_s + half, ego.v < LINGERS
-        if (
-            front <= route.waiting_s + 1.0
-        ):  # it waits: for SVs of which it stands in the way, or that must give way
+        if front <= route.waiting_s + 1.0:  # it waits: only SVs that it blocks or that owe it the way heed it
             behind = paths.origin == paths.origin[route.row]
             owe = paths.yields[:, route.row] & ~scene.network.yields_on_entering(route.row)
             heeds = ~behind if stands else owe

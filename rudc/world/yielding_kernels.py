@@ -37,7 +37,7 @@ GROW_LENGTH, GROW_WIDTH = 1.0, 0.4
 SQUEEZED = 0.1
 """m, added instead to the width of an SV that stands or creeps, where the ego stands"""
 BRAKE_FROM = 1.5
-"""m/s2, needed deceleration above which an SV brakes"""
+"""m/s2, needed deceleration above which an SV brakes, even if the overlap is not near"""
 CREEP = 1.0
 """m/s, speed at which a standing SV is taken to set off"""
 LINGERS = 1.0
@@ -58,8 +58,7 @@ STEADY = 4.5
 SWEPT_M = 2.5
 """m between the INSTANTS places that an SV, driving on through the junction, is taken to sweep over"""
 NEAR_M = 10.0
-"""m: two bodies can overlap within the horizon only if their centres are nearer than the ways that both can
-drive in it, and so much more"""
+"""m: bodies whose centres are farther apart than both drive within the horizon, and this, cannot overlap"""
 
 
 @kernel
