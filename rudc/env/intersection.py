@@ -32,7 +32,7 @@ from rudc.world.scene import Scene
 
 Observation = np.ndarray | dict[str, np.ndarray]
 OPTIONS = ("scenario", "plan")
-"""what `reset(options=...)` takes"""
+"""keys of the mapping that `reset(options=...)` takes"""
 
 
 class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
@@ -50,37 +50,39 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
     observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
     ```
 
-    `import rudc` registers the environment; where only a name is asked for, `rudc.env:rudc/Intersection-v0`
-    imports what it needs. `env.spec.max_episode_steps` is the scenario's time limit in decisions.
+    `import rudc` registers the environment. A tool that takes only a name can be given
+    `rudc.env:rudc/Intersection-v0`: gymnasium then imports `rudc.env` itself. `env.spec.max_episode_steps` is
+    the scenario's time limit in decisions.
 
     ## Action Space
 
-    `Box(-1, 1, (2,), float32)`; actions beyond are cut. With `action="direct"` mapped affinely:
+    `Box(-1, 1, (2,), float32)`; values outside are cut. With `action="direct"`, -1 to 1 is mapped linearly to
+    Min to Max:
 
     | Num | Action                              | Min        | Max       | Unit |
     |-----|-------------------------------------|------------|-----------|------|
     | 0   | longitudinal acceleration           | a_min (-6) | a_max (3) | m/s2 |
     | 1   | front-wheel angle, left is positive | -0.6       | 0.6       | rad  |
 
-    As braking is harder than acceleration, 0 on the first axis is the middle of the two: -1.5 m/s2, a light
+    Since a_min and a_max differ in size, 0 on the first axis is the middle between them: -1.5 m/s2, light
     braking.
 
-    With `action="adjustment"`, as the shipped agents have it, relative to a driver who coasts along the path:
-    0 on the first axis is 0 m/s2 (a_min and a_max at its ends), and the second adds up to 0.1 rad to the
-    steering that follows the path. `action={"kind": "adjustment", "adjustment": 0.2}` gives settings; kinds
-    and their inverses are in `rudc/env/action.py`.
+    With `action="adjustment"`, which the shipped agents use, an action is relative to a driver who coasts
+    along the path: 0 on the first axis is 0 m/s2 (its ends are a_min and a_max), and the second axis adds up
+    to 0.1 rad to the steering that follows the path. `action={"kind": "adjustment", "adjustment": 0.2}` also
+    gives settings. The kinds of action and their inverses are in `rudc/env/action.py`.
 
     ## Observation Space
 
     `Box(-3, 3, (105,), float32)` for `observation="paper"`, the paper's observation, and `Box(-3, 3, (146,),
-    float32)` for `observation="conflict"`, the same and 41 features that predict conflicts; with
-    `as_dict=True` a `Dict` of the parts. Each number is divided by its unit and cut to [-3, 3]; the range is
-    what is not cut.
+    float32)` for `observation="conflict"`, which has 41 more features that predict conflicts. With
+    `as_dict=True` it is a `Dict` of the parts. Each number is divided by its unit and cut to [-3, 3]; the
+    column Range gives the values that are not cut.
 
     | Num     | Part        | Observation                                         | Unit    | Range       |
     |---------|-------------|-----------------------------------------------------|---------|-------------|
     | 0       | `ego`       | validity                                            |         | 1           |
-    | 1-2     |             | x, y about the junction, the EV's arm to the south  | 50 m    | +-150 m     |
+    | 1-2     |             | x, y from the junction, the EV's arm to the south   | 50 m    | +-150 m     |
     | 3-4     |             | longitudinal and lateral velocity                   | 10 m/s  | +-30 m/s    |
     | 5       |             | heading in that frame, counter-clockwise from x     | pi rad  | -0.5 to 1.5 |
     | 6       |             | yaw rate                                            | 1 rad/s | +-3 rad/s   |
@@ -88,10 +90,10 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
     | 8       |             | d_road, centre of gravity to the road's edge        | 5 m     | +-15 m      |
     | 9       |             | d_des, along the path to the destination            | 50 m    | 0 to 150 m  |
     | 10-81   | `others`    | for each of the 12 nearest, nearest first:          |         |             |
-    |         |             | - validity; 0 for none, then all is 0               |         | 0 or 1      |
+    |         |             | - validity; 0 for none, then the rest is 0, too     |         | 0 or 1      |
     |         |             | - x ahead, y left of the EV                         | 50 m    | +-150 m     |
-    |         |             | - velocity less the EV's, in the EV's frame         | 10 m/s  | +-30 m/s    |
-    |         |             | - heading less the EV's                             | pi rad  | -0.75, 1.25 |
+    |         |             | - velocity minus the EV's, in the EV's frame        | 10 m/s  | +-30 m/s    |
+    |         |             | - heading minus the EV's                            | pi rad  | -0.75, 1.25 |
     | 82-101  | `waypoints` | the path 3, 6, ... 30 m on: x ahead, y left         | 30 m    | +-90 m      |
     | 102-104 | `task`      | one-hot: left, straight, right                      |         | 0 or 1      |
     | 105-145 | `conflict`  | see `rudc/env/conflict.py`, names in `FEATURES`     |         | about +-1   |
@@ -110,23 +112,25 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
     | `progress`       | -0.02 (d_des / 10 m)^2 / 3                                       |
     | `safe`           | -1 to 0: gaps below 2 m                                          |
 
-    A mean episode of random_destination earns 110 when good (gap acceptance, arrived), 97 when reckless
-    (traffic ignored), -34 when it ends in a collision, and -22 when it waits at the stop line to the end.
+    The mean return of an episode of random_destination is 110 for good driving (gap acceptance, arrived), 97
+    for reckless driving (traffic ignored), -34 if it ends in a collision, and -22 if the EV waits at the stop
+    line to the end.
     `info["cost"]` is the paper's unified step-wise cost for constrained learning.
 
     ## Starting State
 
-    Drawn from the scenario with the seed of the episode: `reset(seed=s)` plays the scenario's episode s, the
-    one that `rudc run SCENARIO --seed s` shows; a `reset()` after it draws the next seed from the generator
-    so seeded. An EV that could not start safely is drawn again (`redraws` in the metrics says how often).
+    The start is drawn from the scenario with the seed of the episode: `reset(seed=s)` plays the scenario's
+    episode s, the same as `rudc run SCENARIO --seed s`. It also seeds the environment's random generator,
+    from which each later `reset()` draws its seed. A start that is not safe for the EV is drawn again
+    (`redraws` in the metrics says how often).
 
     ## Episode End
 
     Terminated: collision, off the road, wrong way (violations), or arrival at the destination (success).
     Truncated: the scenario's time limit has passed (frozen). `info["outcome"]` says which.
 
-    `info` carries `scene` (the `Scene` that the EV's sensors show), `seed` (the episode's) and `cost` (0 at a
-    reset); after a step also `reward_terms` and `outcome` (empty while the episode goes on); at the end
+    `info` has `scene` (the `Scene` that the EV's sensors show), `seed` (the episode's) and `cost` (0 at a
+    reset); after a step also `reward_terms` and `outcome` (empty while the episode goes on); and at the end
     `metrics`, the fields of `rudc.env.episode.EpisodeMetrics`.
 
     ## Arguments
@@ -144,13 +148,15 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
     | `isolated`    | `None`                 | whether SUMO runs in a process of its own, see below          |
     | `vehicle`     | `None`                 | `EgoVehicle`: the EV's body and limits                        |
 
-    `reset(options={"scenario": ...})` plays another scenario this once, `{"plan": ...}` a given plan.
-    SUMO holds one simulation a process. The first environment with an episode runs it in this process; one
-    that is reset while another has it starts a process for its own (`isolated=True`: always, `False`: never,
-    a WorldBusyError instead). Episodes are the same either way; a decision takes about twice as long there.
-    The simulation ends with `close()`, or with the environment. For a frame's caption and marks
-    to say who drives and what a safety filter does, set `env.unwrapped.driving` (`rudc.drawing.view.Driving`)
-    before each step; a reset keeps the agent's name alone.
+    `reset(options={"scenario": ...})` plays another scenario for one episode, `{"plan": ...}` a given plan.
+
+    SUMO holds one simulation per process. The first environment with an episode runs it in this process. An
+    environment that is reset while another runs here starts a process of its own for SUMO (`isolated=True`:
+    always; `False`: never, it raises WorldBusyError instead). Episodes are the same in both cases, but a
+    decision takes about twice as long there. The simulation ends with `close()`, or with the environment.
+
+    To show in frames who drives and what a safety filter does, set `env.unwrapped.driving`
+    (`rudc.drawing.view.Driving`) before each step; a reset keeps only the agent's name.
 
     ## Version History
 
@@ -200,13 +206,13 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         self._as_dict = as_dict
         self.observation_space = observation_space(observation, as_dict)
         self.action = read_action(action)
-        """what an action means"""
+        """the kind of action: what the numbers of an action mean"""
         self.action_space = self.action.space()
         self._scene: Scene | None = None
         self.correct: Callable[[Scene, np.ndarray, Array], Array] | None = None
-        """what makes of (scene, action, u) the u (2,) that is applied, if anything does"""
+        """function of (scene, action, u) that returns the u (2,) to apply; None: u is applied as it is"""
         self.driving = Driving()
-        """what the driver says of itself, for frames"""
+        """who drives and what a safety filter does, for frames"""
         self._spec: EnvSpec | None = None
         self._episode: Episode | None = None
         self._renderer: Renderer | None = None
@@ -214,7 +220,9 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
 
     @property
     def spec(self) -> EnvSpec | None:
-        """As gymnasium made it; `max_episode_steps` is the longest that an episode of the scenario can be."""
+        """Gymnasium's own; `max_episode_steps` is the largest number of decisions in an episode of the
+        scenario.
+        """
         return self._spec
 
     @spec.setter
@@ -241,8 +249,10 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode. Raises SimulationError if it cannot be set up as its scenario asks; then there is
-        none.
+        """Begin an episode. Returns the observation and `info`.
+
+        Raises SimulationError if the episode cannot be set up as its scenario asks; the environment then has
+        no episode. Raises InputError for `options` that it does not know.
         """
         super().reset(seed=seed)
         plan = self._plan(seed, options or {})
@@ -256,16 +266,16 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         return self._observe(scene, episode.distances), info
 
     def step(self, action: np.ndarray) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Apply an action for one decision (0.1 s). Raises InputError where it is not of `action_space`'s
-        shape, or not finite.
+        """Apply an action for one decision (0.1 s). Raises InputError if it does not have the shape of
+        `action_space`, or is not finite.
         """
         _refuse_no_action(action, self.action_space.shape)
         u = self.action.u_of(action, self.scene)
         return self._apply(u if self.correct is None else self.correct(self.scene, action, u))
 
     def step_physical(self, u: Array) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """As `step`, with u (2,) in physical units: acceleration m/s2, front-wheel angle rad; cut to what the
-        vehicle can.
+        """As `step`, with u (2,) in physical units: acceleration m/s2, front-wheel angle rad; cut to the
+        vehicle's limits.
         """
         _refuse_no_action(u, (2,))
         return self._apply(u)
@@ -291,7 +301,9 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         return observation, result.reward, terminated, frozen, info
 
     def render(self) -> Any:
-        """The frame, (600, 600, 3) uint8, in render mode `rgb_array`; in `human` None: the window has it."""
+        """The frame (600, 600, 3), uint8, in render mode `rgb_array`; None in `human`, where the window shows
+        it.
+        """
         return self._frame() if self.render_mode == "rgb_array" else None
 
     def close(self) -> None:
@@ -334,7 +346,7 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         return scenario.plan(drawn)
 
     def _episode_on(self, plan: EpisodePlan) -> Episode:
-        """The episode of the world that the plan needs; another network takes another world."""
+        """The episode in the world that the plan needs; if its network is another, a new world is made."""
         network = load_network(plan.network, plan.junction, self._vehicle)
         if self._episode is not None and self._episode.world.network is not network:
             self._episode.world.close()
@@ -345,7 +357,7 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         return self._episode
 
     def _observe(self, scene: Scene, distances: Distances) -> Observation:
-        """`distances` are the world's own; those of a scene that sensors spoil are measured anew."""
+        """`distances`: of the true scene. If the EV's sensors show another scene, its own are measured."""
         known = distances if scene is self.episode.truth else None
         flat = observe_flat(scene, self._kind, known)
         return unflatten(flat, self._kind) if self._as_dict else flat
@@ -365,7 +377,7 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
 def _refuse_no_action(action: Any, wanted: tuple[int, ...] | None) -> None:
     """Raise InputError where an action is not of the shape `wanted`, or not finite."""
     numbers = isinstance(action, np.ndarray) and action.shape == wanted and action.dtype.kind == "f"
-    if numbers and math.isfinite(action.dot(action)):  # what nearly all are
+    if numbers and math.isfinite(action.dot(action)):  # true of nearly all actions
         return
     try:
         given = numbers_of(action)

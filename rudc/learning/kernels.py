@@ -48,7 +48,7 @@ def exponential(z: float) -> float:
 
 @kernel
 def gelu_of(x: NewSingle) -> int:
-    """Put x Phi(x) in place of x (n,), to 3e-7. Answers 0.
+    """Put x Phi(x) in place of x (n,), to 3e-7. Returns 0.
 
     Phi by erf's formula 7.1.26 of Abramowitz and Stegun.
     """
@@ -76,7 +76,7 @@ def gelu_slope(x: Singles) -> NewSingles:
 
 @kernel
 def gelu_tanh_of(x: NewSingle) -> int:
-    """Put x (1 + tanh(sqrt(2 / pi) (x + 0.044715 x^3))) / 2 in place of x (n,). Answers 0."""
+    """Put x (1 + tanh(sqrt(2 / pi) (x + 0.044715 x^3))) / 2 in place of x (n,). Returns 0."""
     for i in range(len(x)):
         inner = _ROOT_TWO_BY_PI * (x[i] + _CUBIC * x[i] * x[i] * x[i])
         e = np.float32(exponential(_TWICE * -abs(inner)))
@@ -140,7 +140,7 @@ def decoded_with(
 def huber_slopes(
     predicted: SingleCube, target: Singles, tau: Single, kappa: float, slope: NewSingleCube, loss: NewSingles
 ) -> int:
-    """Put sums over targets in `slope` (N, B, Q) and, over predictions too, in `loss` (N, B). Answers 0.
+    """Put sums over targets in `slope` (N, B, Q) and, over predictions too, in `loss` (N, B). Returns 0.
 
     `predicted` (N, B, Q), `target` (B, M), `tau` (Q,): see rudc/learning/quantiles.py.
     """

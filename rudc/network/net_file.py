@@ -1,4 +1,4 @@
-"""Reads a .net.xml by sumolib, and says in words what is wrong with a file that is none."""
+"""Reads a .net.xml with sumolib, and says in words what is wrong with a file that cannot be read as one."""
 
 from __future__ import annotations
 
@@ -17,19 +17,22 @@ UNEXPECTED = (
     LookupError, ValueError, ArithmeticError, AttributeError, TypeError, AssertionError, RecursionError,
     MemoryError,
 )  # fmt: skip
-"""what Python, numpy and sumolib raise over a file that contradicts itself"""
+"""exceptions of Python, numpy and sumolib that a file which contradicts itself causes"""
 NO_NETWORK = "not a SUMO network (.net.xml; netconvert makes one)"
 
 
 def read_net(path: Path) -> Any:
-    """The sumolib network of a .net.xml (or .net.xml.gz) file."""
+    """The sumolib network of a .net.xml (or .net.xml.gz) file.
+
+    Raises NetworkError if the file cannot be read, is not a network, or drives on the left.
+    """
     from sumolib.net import NetReader
 
     class Reader(NetReader):
-        """sumolib's reader, which by itself does not check what file it is given, nor the side of traffic."""
+        """sumolib's reader, with checks of its own: that the file is a network and has right-hand traffic."""
 
         place = ""
-        """where it is: the element that it began last"""
+        """the element that the reader began last, and its line"""
 
         def setDocumentLocator(self, locator: Any) -> None:
             self.locator = locator
@@ -66,7 +69,7 @@ def read_net(path: Path) -> Any:
 
 
 def _in_words(error: BaseException, place: str) -> str:
-    """The error that sumolib raised over an element, in words."""
+    """What is wrong with the element at `place`, by the error that sumolib raised over it."""
     if isinstance(error, ValueError):
         return f"{place}: {error}"
     return f"{place} lacks something, or names something that is not there"
@@ -74,7 +77,7 @@ def _in_words(error: BaseException, place: str) -> str:
 
 @contextlib.contextmanager
 def understood(path: Path) -> Iterator[None]:
-    """Raise NetworkError for any error in the block that comes from a file that contradicts itself."""
+    """Turn errors of the kinds `UNEXPECTED` in the block into a NetworkError about the file."""
     try:
         yield
     except UNEXPECTED as error:

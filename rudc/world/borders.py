@@ -9,29 +9,34 @@ from rudc.vehicle import EgoVehicle
 from rudc.world.scene import EgoState
 
 OFF_ROAD_M = 0.3
-"""m, by which a corner may stick out over the road's edge"""
+"""m by which a corner of the ego's rectangle may reach over the road's edge"""
 
 
 class Borders:
-    """Of one episode."""
+    """Tests, in one episode, whether the ego has left the road or drives the wrong way."""
 
     def __init__(
         self, surface: Surface, vehicle: EgoVehicle, may_cross_centre: bool, over_m: float = OFF_ROAD_M
     ) -> None:
-        """`may_cross_centre`: no direction is the wrong one; `over_m`: m, by which a corner may stick out."""
+        """`may_cross_centre`: the ego may drive against a lane's direction, so that no direction is wrong.
+
+        `over_m`: m by which a corner may reach over the road's edge.
+        """
         self._over_m = over_m
         self._surface, self._vehicle, self._one_way = surface, vehicle, not may_cross_centre
         self._on_road = (0.0, 0.0, 0.0, -math.inf)
-        """m, m, rad, m: the pose last looked up, and how far no corner may move without leaving the road"""
+        """x, y (m) and psi (rad) for which the corners were tested last, and a distance (m): while no corner
+        has moved farther than this, the ego cannot be off the road
+        """
 
     def left(self, state: EgoState) -> tuple[bool, bool]:
-        """Whether the ego is off the road, and whether its centre goes the wrong way."""
+        """Whether the ego is off the road, and whether its heading is against the lane at its centre."""
         direction = self._surface.direction(state.x, state.y)
         wrong_way = self._one_way and not math.isnan(direction) and math.cos(state.psi - direction) < 0
         return self._off_road(state), wrong_way
 
     def _off_road(self, state: EgoState) -> bool:
-        """Whether a corner sticks out too far; looked up anew once one may have moved that far."""
+        """Whether a corner reaches too far over the edge. Tested anew only if one may have moved so far."""
         x, y, psi, room = self._on_road
         body = self._vehicle
         radius = 0.5 * math.hypot(body.length, body.width)

@@ -1,4 +1,4 @@
-"""Has SUMO's vehicles brake as the yielding layer decides."""
+"""Makes SUMO's vehicles brake as the yielding layer decides."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ from rudc.world.traffic import EGO, Traffic
 
 
 class Brakes:
-    """Of one episode. Vehicles that an event commands are left alone. Those that it has disregard the right
-    of way brake for the ego as for any leader: where they drive behind it.
+    """The braking of vehicles in one episode.
+
+    Vehicles whose speed an event commands are left alone. Vehicles that an event makes disregard the right of
+    way are braked only while they drive behind the ego, as they would brake for any other leader.
     """
 
     def __init__(self, sumo: Sumo, traffic: Traffic) -> None:
@@ -21,9 +23,10 @@ class Brakes:
     def apply(
         self, wanted: Mapping[str, tuple[float, float]], duration_s: float, behind_ego: Collection[str]
     ) -> None:
-        """For the next duration_s: name -> (speed now in m/s, deceleration in m/s2). All others go free.
+        """Brake vehicles for the next duration_s seconds, and release all others.
 
-        `behind_ego`: names of those who drive behind it.
+        `wanted`: name -> (present speed in m/s, deceleration in m/s2). `behind_ego`: names of the vehicles
+        that drive behind the ego.
         """
         drivers, hard = self._traffic.drivers, set()
         for name, (speed, deceleration) in wanted.items():

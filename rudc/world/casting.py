@@ -1,14 +1,15 @@
-"""Sees to it that the vehicles which a scenario's events select are there when the ego starts.
+"""Makes sure that the vehicles which a scenario's events select are on the road when the ego starts.
 
-An event acts on the leader, or an oncoming vehicle, when its trigger says so. Where traffic has one, nothing
-is added:
+An event acts on the leader, or on an oncoming vehicle, for example, when its trigger holds. Nothing is added
+if the traffic already has such a vehicle:
 
-    leader, follower     the next in the ego's lane, at most a few seconds away. A leader takes the ego's
-                         route, so that it leads all the way; both keep their lane.
-    oncoming, crossing   one that reaches its stop line about when the ego does, and crosses the ego's path.
+    leader, follower     the next vehicle in the ego's lane, at most a few seconds away. A leader is given the
+                         ego's route, so that it leads all the way; both keep their lane.
+    oncoming, crossing   a vehicle that reaches its stop line at about the same time as the ego, and crosses
+                         the ego's path.
 
-Else one more vehicle is put on the road, besides those that the density asks for. Where the network has no
-place for it (a T-junction without an opposite arm) the event waits in vain.
+Otherwise one vehicle is added, on top of those that the density asks for. Where the network has no place for
+it (a T-junction without an opposite arm), none is added and the event never begins.
 """
 
 from __future__ import annotations
@@ -29,28 +30,31 @@ if TYPE_CHECKING:
     from rudc.world.events.stage import WorldStage
 
 HEADWAY_S = (0.8, 1.6)
-"""s of headway, beyond `APART_M`, at which a leader or follower is put on the road"""
+"""s, least and greatest headway, in addition to `APART_M`, at which a leader or follower is added"""
 APART_M = 2.0
-"""m"""
+"""m, the part of the gap to a leader or follower that does not depend on speed"""
 NEAR_S = 3.0
-"""s of headway up to which one that is there will do"""
+"""s of headway, in addition to `APART_M`, up to which a vehicle of the traffic serves as leader or follower
+"""
 EARLY_S, LATE_S = 1.0, 5.0
-"""s before and after the ego at which an oncoming or crossing vehicle may reach its stop line"""
+"""s by which an oncoming or crossing vehicle may reach its stop line before and after the ego does"""
 CLEAR_M = 12.0
-"""m between the centre of a vehicle that is added and any other's"""
+"""m, least distance between the centre of an added vehicle and that of any other"""
 TRIES = 20
-"""places tried for an oncoming or crossing vehicle"""
+"""how many places are tried for an oncoming or crossing vehicle"""
 
 
 def selected(events: Iterable[Event]) -> set[str]:
-    """The selectors that events and the conditions of their triggers name."""
+    """The selectors that are named by events and by the conditions of their triggers."""
     asked: list[Any] = [*events]
     asked += [condition for event in events if event.when for condition in event.when.conditions.values()]
     return {str(part.vehicle) for part in asked if getattr(part, "vehicle", None)}
 
 
 def cast(events: Iterable[Event], scene: Scene, stage: WorldStage, rng: np.random.Generator) -> list[str]:
-    """Put on the road whom the events select and traffic lacks; names of those who enter with the ego."""
+    """Add the vehicles that the events select and the traffic lacks. Returns their names; they enter the road
+    together with the ego.
+    """
     wanted, added = selected(events), []
     for selector in ("leader", "follower"):
         if selector in wanted:
@@ -97,8 +101,9 @@ def _keep_lane(stage: WorldStage, name: str) -> None:
 
 
 def _can_take_part(scene: Scene, stage: WorldStage, row: int, ahead: bool) -> bool:
-    """Whether a neighbour is before its stop line; a leader that reaches beyond cannot change its route, nor
-    can one that may not drive where the ego does.
+    """Whether a neighbour in the ego's lane can be its leader or follower: its centre must be before its stop
+    line. A leader with another route must take the ego's: its front must be before the stop line, too, and
+    the ego's route must be open to its kind of vehicle.
     """
     to_stop = float(scene.network.paths.stop_s[scene.path[row]] - scene.path_s[row])
     driver, route = stage.traffic.drivers[scene.ids[row]], scene.route
@@ -115,12 +120,12 @@ def _room_ahead(scene: Scene) -> float:
 
 
 def _arrival_s(scene: Scene) -> float:
-    """s until the ego reaches its stop line at its present speed."""
+    """s until the ego reaches its stop line at its present speed, taken as at least 1 m/s."""
     return _room_ahead(scene) / max(scene.ego.v, 1.0)
 
 
 def _due(scene: Scene, selector: str) -> bool:
-    """Whether one that the selector may name reaches its stop line about when the ego does."""
+    """Whether a vehicle that the selector can name reaches its stop line at about the ego's time."""
     due = towards_junction(scene, oncoming=selector == "oncoming") - _arrival_s(scene)
     return bool(np.any((due > -EARLY_S) & (due < LATE_S)))
 
@@ -142,7 +147,9 @@ def _towards_junction(scene: Scene, stage: WorldStage, rng: np.random.Generator,
 
 
 def _crossing(scene: Scene, oncoming: bool) -> list[Movement]:
-    """Movements from the opposite arm, or from those to the sides, that cross the ego's path if any do."""
+    """Movements from the opposite arm (`oncoming`), or else from the arms to the sides: those that cross the
+    ego's path, or all of them if none does.
+    """
     network, there = scene.network, comes_from(scene, oncoming)
     crosses = ~np.isnan(network.conflict(scene.route)[:, 0])
     found, crossing = [], []

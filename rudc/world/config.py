@@ -10,16 +10,16 @@ class WorldConfig:
     decision_s: float = 0.1
     """s between two decisions (the paper: 10 Hz)"""
     substep_s: float = 0.05
-    """s between two simulation steps (the paper: 15 Hz; 20 Hz divides the decision evenly)"""
+    """s between two simulation steps: 20 Hz (the paper's 15 Hz would not divide a decision evenly)"""
     yielding: bool = True
-    """whether surrounding vehicles look 2 s ahead for what SUMO does not see (Sec. "Simulation
+    """whether surrounding vehicles look 2 s ahead for what SUMO does not see (paper, Sec. "Simulation
     Environment")"""
     sumo_options: tuple[str, ...] = ()
-    """further options of the SUMO command line, for studies"""
+    """further options for SUMO's command line, for studies"""
 
     @property
     def substeps(self) -> int:
-        """Simulation steps in one decision."""
+        """How many simulation steps one decision has."""
         return round(self.decision_s / self.substep_s)
 
     def __post_init__(self) -> None:

@@ -1,4 +1,4 @@
-"""What the ego touches, and how near the nearest thing is, at one instant."""
+"""What the ego touches at one instant, and how near the nearest thing is."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ class Nearest(NamedTuple):
     """The smallest gap and what is touched."""
 
     gap: float
-    """m, 0 in contact, inf with nothing around"""
+    """m, 0 in contact, inf if there is nothing else"""
     touched: str | None
-    """name of what the ego touches"""
+    """name of what the ego touches; None if it touches nothing"""
 
 
 NOTHING = Nearest(math.inf, None)
@@ -28,9 +28,10 @@ def nearest_of(
     ego: EgoState, body: EgoVehicle, names: Sequence[str], position: Array, heading: Array, size: Array,
     reach: float = 0.0,
 ) -> tuple[Nearest, int]:  # fmt: skip
-    """What of rectangles with centres (N, 2) m, headings (N,) rad and sizes (N, 2) m is nearest to the ego's.
+    """Which of N rectangles is nearest to the ego's rectangle, and how many of the first rows are close.
 
-    And how many of the first of them hold all whose gap is at most `reach` m, and perhaps some more.
+    The rectangles have centres (N, 2) m, headings (N,) rad and sizes (N, 2) m. Every rectangle whose gap to
+    the ego is at most `reach` m is among the first so many rows; others may be among them, too.
     """
     gap, nearest, close = around(
         ego.x, ego.y, ego.psi, body.length, body.width, position, heading, size, reach
@@ -39,5 +40,5 @@ def nearest_of(
 
 
 def survey(scene: Scene, reach: float) -> tuple[Nearest, int]:
-    """`nearest_of` a scene."""
+    """As `nearest_of`, for all the others of a scene."""
     return nearest_of(scene.ego, scene.vehicle, scene.ids, scene.position, scene.heading, scene.size, reach)

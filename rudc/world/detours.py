@@ -1,16 +1,18 @@
-"""Surrounding vehicles (SVs) go round what blocks their way for good, or wait where they are in nobody's.
+"""Surrounding vehicles (SVs) go round things that block their way for good, or wait where they block nobody.
 
 A row of `network.paths` is blocked where a car on it would touch something that stands on the road for good
-(an accident, a closed lane, a stalled vehicle); it may be so in several places. An SV whose row is blocked
-ahead of it
+(an accident, a closed lane, a stalled vehicle). It may be blocked in several places. An SV whose row is
+blocked ahead of it
 
-    takes another lane, if its movement has a row from there that is free;
-    before the stop line, else takes another movement from its arm that is free;
-    before the stop line, else waits there: nobody drives into a junction whose way on is blocked.
+    changes to another lane, if its movement has a row that is free from there on;
+    otherwise, if it is before the stop line, takes another movement from its arm that is free;
+    otherwise, if it is before the stop line, waits there: no SV drives into a junction if the way out of it
+        is blocked.
 
-Who leads or follows the ego for an event takes another lane no sooner than on the road that is blocked.
+An SV that leads or follows the ego for an event changes lanes only once it is on the road that is blocked,
+not already before the junction for something behind the junction.
 
-Those who enter the road choose among the movements that are free.
+SVs that enter the road choose among the movements that are free.
 """
 
 from __future__ import annotations
@@ -34,26 +36,26 @@ if TYPE_CHECKING:
 BODY = np.array([5.0, 1.9])
 """(2,) m, length and width of the car that a row must let through"""
 TOUCH = 0.1
-"""m, gap below which a row is blocked"""
+"""m, gap between that car and a thing below which the row is blocked"""
 PASSED = 0.5
-"""m that a front bumper may be short of a place and still counts as past it"""
+"""m by which a front bumper may be before a place and still count as past it"""
 WAIT = 1.0
-"""m before the stop line where those wait for whom no way is free"""
+"""m before the stop line where an SV waits if no way is free"""
 COMFORT = 2.5
-"""m/s2, with which they stop there"""
+"""m/s2: an SV begins to brake for that place once it needs more than this"""
 HOLD_S = 2.0
-"""s for which a lane is asked of SUMO"""
+"""s for which SUMO is asked to keep an SV on another lane"""
 
 
 class Detours:
-    """Of one episode."""
+    """The detours of one episode's SVs."""
 
     def __init__(self, sumo: Sumo, network: Network, traffic: Traffic) -> None:
         self._sumo, self._network, self._traffic = sumo, network, traffic
         self._seen: tuple[tuple[str, float, float], ...] = ()
         self._begins, self._end = self._blocked([])
         self.redirected = False
-        """whether the last step gave somebody another movement"""
+        """whether the last step gave an SV another movement"""
 
     @property
     def round_something(self) -> bool:
@@ -61,7 +63,7 @@ class Detours:
         return bool(self._seen)
 
     def step(self, scene: Scene, props: list[Prop]) -> dict[str, tuple[float, float]]:
-        """Redirect SVs; those that have to wait: name -> (speed m/s, deceleration m/s2)."""
+        """Redirect SVs. Returns those that have to wait: name -> (speed in m/s, deceleration in m/s2)."""
         self.redirected = False
         standing = [prop for prop in props if not prop.moves and prop.kind != Kind.PEDESTRIAN]
         key = tuple((prop.name, *prop.pose()[:2]) for prop in standing)
@@ -84,8 +86,11 @@ class Detours:
         return waits
 
     def _blocked(self, standing: list[Prop]) -> tuple[Array, Array]:
-        """(P, stations + 1) and (P,) m, arc lengths of the front bumper: where, from each station of each row
-        on, the next block begins, inf for none, and where the row's last block ends, -inf for none."""
+        """Where rows are blocked, as arc lengths (m) of a front bumper.
+
+        (P, stations + 1): where the next block begins at or after each station of each row, inf for none.
+        (P,): where the last block of each row ends, -inf for none.
+        """
         paths = self._network.paths
         count = paths.xy.shape[1]
         blocked = np.zeros((paths.count, count), dtype=np.bool_)
@@ -112,7 +117,7 @@ class Detours:
         return begins, np.where(blocked, front, -np.inf).max(axis=1)
 
     def _closed(self) -> set[tuple[str, str]]:
-        """Movements of which no row is free."""
+        """(origin, destination) of the movements of which no row is free."""
         return {
             (movement.origin, movement.destination)
             for movement in self._network.movements
@@ -120,8 +125,9 @@ class Detours:
         }
 
     def _redirect(self, scene: Scene, i: int, front: float, block: float) -> tuple[float, float] | None:
-        """What an SV does, its front bumper at front m, whose row is blocked from block m on: None, or how it
-        brakes to wait."""
+        """Let an SV change lanes or movements, whose front bumper is at `front` m and whose row is blocked
+        from `block` m on. Returns (speed in m/s, deceleration in m/s2) if it has to brake to wait, else None.
+        """
         network, paths, name = self._network, self._network.paths, scene.ids[i]
         row = int(scene.path[i])
         driver = self._traffic.drivers.get(name)
@@ -150,11 +156,11 @@ class Detours:
         return (speed, need) if need > COMFORT or room < 0.5 else None
 
     def _free(self, row: int, front: float) -> bool:
-        """Whether nothing blocks a row from front m on."""
+        """Whether nothing blocks a row from `front` m on."""
         return bool(self._end[row] <= front - PASSED)
 
     def _take_another(self, name: str, movement: Movement, front: float) -> bool:
-        """Whether the SV could be given another movement from its arm that is free."""
+        """Give the SV another movement from its arm that is free. Returns whether there was one."""
         for other in self._network.movements:
             free = any(self._free(row, front) for row in other.rows)
             may_go = self._traffic.may_go(name, other.origin, other.destination)

@@ -6,19 +6,19 @@
     psi' = v sin(beta) / l_r
     v'   = a,  0 <= v <= v_max
 
-The safety filter's model (paper, Sec. "Safety Correction Formulation") is simpler on purpose: no slip, yaw
-rate v tan(delta) / L. The difference is what the residual predictor learns.
+The safety filter's model (paper, Sec. "Safety Correction Formulation") is simpler on purpose: it has no slip,
+and its yaw rate is v tan(delta) / L. The residual predictor learns the difference.
 
-Actuators: a command may arrive late (dead time) and is followed with a first-order lag,
+Actuators: a command may take effect late (dead time) and is followed with a first-order lag,
     a(t) = a_cmd + (a_0 - a_cmd) exp(-t / T),     the same for delta.
-Friction: lateral acceleration v^2 sin(beta) / l_r stays below mu g (the wheels turn in, the car does not),
-and longitudinal acceleration within what the friction circle leaves; on a dry road mu is DRY.
+Friction: the lateral acceleration v^2 sin(beta) / l_r is at most mu g (a larger steering angle has no further
+effect), and the longitudinal acceleration is within what the friction circle leaves. On a dry road mu is DRY.
 
-Without lag, beta is constant over a step and the way is an arc of length s = v t + a t^2 / 2 and of curvature
-k = sin(beta) / l_r, so with theta = psi + beta, exactly
+Without lag, beta is constant over a step and the vehicle drives an arc of length s = v t + a t^2 / 2 and of
+curvature k = sin(beta) / l_r. So, with theta = psi + beta, exactly
     psi += k s,   (x, y) += 2 sin(k s / 2) / k (cos, sin)(theta + k s / 2).
-With lag, v is integrated in closed form and x, y and psi by fourth-order Runge-Kutta steps. Either way the
-step is cut where the vehicle comes to a stop.
+With lag, v is integrated in closed form and x, y and psi by fourth-order Runge-Kutta steps. In both cases
+the motion ends where the vehicle comes to a stop.
 """
 
 from __future__ import annotations
@@ -35,18 +35,20 @@ GRAVITY = 9.81
 DRY = 0.9
 """coefficient of friction of a dry road"""
 CRAWL_M = 0.02
-"""m driven, below which a turn says nothing about the wheels"""
+"""m of way below which a change of heading says nothing about the steering"""
 PIECES_PER_LAG = 4.0
 """Runge-Kutta steps in one time constant of the actuators"""
 
 
 def widest_steering(body: EgoVehicle, v: float, lateral: float) -> float:
-    """rad, front-wheel angle that takes a lateral acceleration (m/s2) at v m/s; at a stand the largest."""
+    """rad, front-wheel angle that gives a lateral acceleration of `lateral` m/s2 at v m/s; at a stand, the
+    vehicle's largest.
+    """
     return widest(v, lateral, body.delta_max, body.wheelbase, body.cg_to_rear)
 
 
 def within_limits(body: EgoVehicle, a: float, delta: float) -> tuple[float, float]:
-    """The commands a (m/s2) and delta (rad), cut to what the vehicle can."""
+    """The commands a (m/s2) and delta (rad), cut to the vehicle's limits."""
     return min(max(a, body.a_min), body.a_max), min(max(delta, -body.delta_max), body.delta_max)
 
 
@@ -61,14 +63,14 @@ class EgoPlant:
         self.state = EgoState(0, 0, 0, 0, 0, 0, 0, 0)
 
     def reset(self, x: float, y: float, psi: float, v: float, actuation: Actuation | None = None) -> None:
-        """Put the vehicle at a pose (m, m, rad) with a speed (m/s), wheels straight."""
+        """Put the vehicle at a pose (m, m, rad) with a speed (m/s) and straight wheels."""
         self.actuation = actuation or Actuation()
         self._pending.clear()
         self._given = (0.0, 0.0)
         self.state = EgoState(x, y, psi, min(max(v, 0.0), self.vehicle.v_max), 0.0, 0.0, 0.0, 0.0)
 
     def resume(self, state: EgoState, actuation: Actuation) -> None:
-        """Go on from a state, with no command on its way."""
+        """Go on from a state; commands that have not yet taken effect are dropped."""
         self.actuation = actuation
         self._pending.clear()
         self.state = state
@@ -90,7 +92,9 @@ class EgoPlant:
         return self.state
 
     def _delayed(self, a: float, delta: float, dt: float) -> tuple[float, float]:
-        """What takes effect now; a dead time that begins holds the last command that it finds."""
+        """a (m/s2) and delta (rad) that take effect now. When a dead time begins, the last command before it
+        stays in effect until the first delayed one arrives.
+        """
         steps, last = round(self.actuation.delay_s / dt), self._given
         self._given = a, delta
         if not steps:
@@ -119,7 +123,7 @@ class EgoPlant:
     def _integrate(
         self, a: float, delta: float, a0: float, delta0: float, dt: float
     ) -> tuple[float, float, float]:
-        """x, y, psi after dt s of lagged acceleration and steering, in pieces shorter than the lag."""
+        """x, y, psi after dt s of lagged acceleration and steering, in steps shorter than the lag."""
         old, body, lag = self.state, self.vehicle, self.actuation.lag_s
         ratio, rear, v_max = body.cg_to_rear / body.wheelbase, body.cg_to_rear, body.v_max
 
@@ -144,8 +148,8 @@ class EgoPlant:
 
 
 def realised(before: EgoState, after: EgoState, duration_s: float, body: EgoVehicle) -> tuple[float, float]:
-    """The a (m/s2) and delta (rad) that lead from one state to another within duration_s, where somebody else
-    drove; standing, the wheels are straight."""
+    """The a (m/s2) and delta (rad) that lead from one state to another within duration_s, for an ego that
+    another driver than this plant moved. At a stand, delta is 0."""
     way = 0.5 * (before.v + after.v) * duration_s
     if way < CRAWL_M:
         return (after.v - before.v) / duration_s, 0.0

@@ -1,15 +1,16 @@
-"""Whose fault a collision of the ego is, by a rule that can be stated in a sentence each; the first that fits
-decides.
+"""Whose fault a collision of the ego is, by the rules below; the first rule that fits decides.
 
-0. An event put the other where it is, nearer than the ego could have stopped: the other's.
-1. The other stands or is a pedestrian: the ego's if it drove, else shared. A car that the yielding layer
-   holds in the way of an ego on its reference path is asked for its right of way first: rules 3 to 6.
-2. The ego stands (below 0.5 m/s) on its reference path, either before the point up to which it may wait or
-   with the other behind it: the other's.
-3. The two head the same way (within 45 degrees): the one behind is at fault; side by side, shared.
-4. The other drives against its lane, or an event has it break the rules: the other's.
-5. One had to yield to the other by the junction's right of way: that one's. In a roundabout each may have to
-   yield at its own entry; then it is the fault of the one that has driven less far beyond its stop line.
+0. An event put the other where it is, so near that the ego could not stop: the other's fault.
+1. The other stands or is a pedestrian: the ego's fault if the ego moved, else shared. Where an ego that moves
+   on its reference path hits a car that the yielding layer makes brake or stand, this rule does not apply:
+   rules 3 to 6 decide.
+2. The ego stands (below 0.5 m/s) on its reference path, and either is not beyond the point up to which it may
+   wait, or has the other behind it, heading the same way: the other's fault.
+3. The two head the same way (within 45 degrees): the fault of the one behind; side by side, shared.
+4. The other drives against its lane, or an event makes it break the rules: the other's fault.
+5. One of the two had to yield to the other by the junction's right of way: the fault of that one. In a
+   roundabout each may have to yield at its own entry; then it is the fault of the one that has driven less
+   far beyond its stop line.
 6. Otherwise shared.
 """
 
@@ -32,8 +33,9 @@ class Collision(NamedTuple):
 
 
 def judge(scene: Scene, index: int, unlawful: bool, held: bool = False, sudden: bool = False) -> Fault:
-    """Fault of a contact between the ego and the scene's vehicle `index`; `unlawful`: an event has it break
-    the rules; `held`: the yielding layer has it brake or stand; `sudden`: it appeared too near to stop."""
+    """Whose fault a contact between the ego and row `index` of the scene's others is. `unlawful`: an event
+    makes the other break the rules; `held`: the yielding layer makes it brake or stand; `sudden`: an event
+    put it so near that the ego could not stop."""
     if sudden:
         return "other"
     ego = scene.ego

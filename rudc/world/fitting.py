@@ -1,7 +1,7 @@
-"""What of a scenario does not fit its network, found out before anything is run.
+"""Finds what in a scenario does not fit its network, before anything is run.
 
-A scenario file is checked by its own floor; whether its arms, lanes and turns exist only the network knows.
-Where the ego's route is random, every route that may be drawn is looked at.
+rudc/scenario checks a scenario file by itself; but only the network knows whether the file's arms, lanes and
+turns exist. Where the ego's route is random, every route that may be drawn is checked.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ TOLERANCE_M = 0.05
 SURE = 5.0
 """standard deviations of a normal distribution beyond which its values are taken not to be drawn"""
 ASTRAY_M = 50.0
-"""m; farther from every road nothing is put on purpose"""
+"""m from the nearest road beyond which a position is taken for a mistake"""
 
 
 def misfits(parts: Parts) -> list[Problem]:
-    """What does not fit; none when all does."""
+    """A problem for each thing that does not fit; empty if everything fits."""
     try:
         network = load_network(parts.network, parts.junction)
         network.refuse_lights()
@@ -50,7 +50,7 @@ def misfits(parts: Parts) -> list[Problem]:
 
 
 def _movements(network: Network, ego: Ego | None) -> tuple[list[Movement], list[Problem]]:
-    """Every movement that the ego may be given, and what is wrong with what the file says of it."""
+    """Every movement that the ego may be given, and the problems with the file's `ego` section."""
     if ego is None:
         return [], []
     problems = []
@@ -70,7 +70,7 @@ def _movements(network: Network, ego: Ego | None) -> tuple[list[Movement], list[
 
 
 def _too_far(network: Network, movements: list[Movement], ego: Ego) -> list[Problem]:
-    """Whether some arm is too short for the ego's start."""
+    """The problem of an arm that is too short for the ego's start, if there is one."""
     room = {
         m.origin: float(network.paths.stop_s[list(m.rows)].min()) - network.vehicle.length for m in movements
     }
@@ -83,7 +83,7 @@ def _too_far(network: Network, movements: list[Movement], ego: Ego) -> list[Prob
 
 
 def likely(value: Distribution) -> tuple[float, float]:
-    """Least and greatest value that is drawn; of a normal distribution, within SURE standard deviations."""
+    """Least and greatest value that is drawn; for a normal distribution, within SURE standard deviations."""
     low, high = value.support
     if isinstance(value, Normal):
         mean, spread = value.normal.mean, SURE * value.normal.std
@@ -92,7 +92,7 @@ def likely(value: Distribution) -> tuple[float, float]:
 
 
 def _placed(value: Any, path: Path) -> Iterator[tuple[Path, FileModel]]:
-    """Every part of an event that names a place, a lane or an arm, and where it stands in the file."""
+    """Every part of an event that names a place, a lane or an arm, and its own place in the file."""
     if isinstance(value, tuple):
         for i, item in enumerate(value):
             yield from _placed(item, (*path, i))
@@ -105,8 +105,8 @@ def _placed(value: Any, path: Path) -> Iterator[tuple[Path, FileModel]]:
 
 
 def _misplaced(network: Network, movements: list[Movement], path: Path, part: Any) -> list[Problem]:
-    """What is wrong with a part's place, lane or arm; relative to the ego, on the first route it is wrong
-    for.
+    """The problems with a part's place, lane or arm. For one relative to the ego: those on the first route on
+    which there are any.
     """
     if isinstance(getattr(part, "position", None), tuple):
         return _astray(network, (*path, "position"), part.position)
@@ -118,7 +118,7 @@ def _misplaced(network: Network, movements: list[Movement], path: Path, part: An
 
 
 def _astray(network: Network, path: Path, position: tuple[Distribution, Distribution]) -> list[Problem]:
-    """What is wrong with a position that is far from every road, wherever in its range it is drawn."""
+    """The problem of a position that is far from every road, wherever in its range it is drawn."""
     (west, east), (south, north) = map(likely, position)
     middle = 0.5 * (west + east), 0.5 * (south + north)
     places = network.center + np.array([middle, *itertools.product((west, east), (south, north))])
@@ -145,7 +145,7 @@ def _misplaced_on(network: Network, route: Route | None, path: Path, part: Any) 
         return [Problem((*path, key), str(error))]
     reach = min(stretch.reach for stretch in stretches)
     far = 0.0 if at is None else likely(at)[1]
-    # What closes a lane of an arm may reach beyond the arm's outer end, not with its middle nor in a bend.
+    # A thing on a lane of an arm may reach beyond the arm's outer end, but not with its middle or in a bend.
     end = 0.0 if length is None else likely(length)[1]
     if not stretches[0].inside and stretches[0].pieces(far, far + end) == 1:
         end *= 0.5
@@ -156,7 +156,7 @@ def _misplaced_on(network: Network, route: Route | None, path: Path, part: Any) 
 
 
 def _sides(arm: Arm) -> tuple[str, ...]:
-    """The lanes at an arm's two sides, from which ways across it are counted."""
+    """The lanes at an arm's two sides, on which the places of ways across the arm are counted."""
     if arm.in_lanes and arm.out_lanes:
         return arm.in_lanes[0], arm.out_lanes[0]
     lanes = arm.in_lanes or arm.out_lanes

@@ -1,14 +1,14 @@
-"""`IsolatedWorld`: a `World` in a process of its own, for what libsumo cannot: two worlds beside one another.
+"""`IsolatedWorld`: a `World` in a process of its own, since libsumo allows only one world per process.
 
     this process                              the world's process
     starts it, with network and configuration ->  opens the world
-    sends a method's name and arguments       ->  calls it; answers with what it returned and the new scenes
-    closes the pipe, or is gone               ->  ends
+    sends a method's name and arguments       ->  calls it; sends back its result and the new scenes
+    closes the pipe, or has ended             ->  ends
 
-A plain interpreter is started, not one that `multiprocessing` spawns: that would run the user's script once
-more, and a notebook has none. What crosses (plans, scenes) is pickled; networks and routes cross by name.
-Where something arrives that the script itself defines (an event), the script is imported there after all, as
-sweeps' workers do: under another name than `__main__`.
+A plain interpreter is started, not one that `multiprocessing` spawns: that one would run the user's script
+once more, and a notebook has no script. Plans and scenes are sent pickled; networks and routes are sent by
+name. Only if something arrives that the script itself defines (an event) is the script imported there, as in
+the workers of a sweep: under another name than `__main__`.
 """
 
 from __future__ import annotations
@@ -42,15 +42,15 @@ if TYPE_CHECKING:
     from rudc.world.world import Advance
 
 MAIN = ("__main__", "__mp_main__")
-"""modules that are the script; the latter in processes that had to import it"""
+"""names of the module that is the script; the second in processes that had to import it"""
 CHANGING = ("reset", "advance", "put_ego")
-"""methods after which there is another scene"""
+"""methods that change the scene"""
 ORPHAN_S = 2.0
-"""s after which the world's process looks whether its parent is still there"""
+"""s between two looks of the world's process at whether its parent still runs"""
 
 
 class _Reply(NamedTuple):
-    """What comes back for one call; scenes and plan from those that change them."""
+    """What is sent back for one call; scenes and plan only after methods that change the scene."""
 
     value: Any
     """what the method returned, or the exception it raised"""
@@ -60,8 +60,10 @@ class _Reply(NamedTuple):
 
 
 def open_world(network: Network, config: WorldConfig, isolated: bool | None = None) -> AnyWorld:
-    """A world in this process, or, if `isolated`, in one of its own; None: only if this one has a world
-    already. Raises WorldBusyError if it has and `isolated` is False.
+    """A world, in this process or in one of its own.
+
+    `isolated`: True for a process of its own, False for this one, None for a process of its own only if this
+    process already has a world. Raises WorldBusyError if it has and `isolated` is False.
     """
     if isolated:
         return IsolatedWorld(network, config)
@@ -74,10 +76,10 @@ def open_world(network: Network, config: WorldConfig, isolated: bool | None = No
 
 
 class IsolatedWorld:
-    """As `World`, same episodes, but run in a process of its own, which ends with this object.
+    """As `World` and with the same episodes, but run in a process of its own, which ends with this object.
 
-    Its errors are those of `World`, and SimulationError if its process dies. A call that is interrupted ends
-    the process. `reset` starts another then.
+    Raises the errors of `World`, and SimulationError if its process dies. If a call is interrupted, the
+    process is ended; the next `reset` then starts another.
     """
 
     def __init__(self, network: Network, config: WorldConfig | None = None) -> None:
@@ -85,7 +87,7 @@ class IsolatedWorld:
         self.config = config or WorldConfig()
         if _script is not None:
             raise InputError(
-                "the script makes environments while it is imported; put what drives under "
+                "the script makes environments while it is imported; put the code that makes them under "
                 "`if __name__ == '__main__':`"
             )
         self._closed = False
@@ -178,7 +180,7 @@ class IsolatedWorld:
                 f"the world's own process has died (exit code {self._process.returncode}); "
                 "reset the environment to start another"
             ) from None
-        except BaseException:  # an interrupt: its answer is still to come, and would be taken for the next
+        except BaseException:  # an interrupt: the late reply would be taken for that of the next call
             self._end()
             raise
         if isinstance(reply.value, RudcError):
@@ -192,7 +194,7 @@ AnyWorld = World | IsolatedWorld
 
 
 def _end(process: subprocess.Popen[bytes], owner: int) -> None:
-    """End the world's process at once, and leave no zombie; in a fork of its parent, nothing."""
+    """End the world's process at once, and leave no zombie. Does nothing in a fork of its parent."""
     if os.getpid() != owner:
         return
     process.kill()
@@ -204,8 +206,8 @@ def _end(process: subprocess.Popen[bytes], owner: int) -> None:
 
 
 def script() -> dict[str, str]:
-    """Where this process' script can be imported from, in `multiprocessing`'s words; empty for a notebook, a
-    console, or `python -c`.
+    """Where this process's script can be imported from, as `multiprocessing.spawn.prepare` takes it; empty
+    for a notebook, a console, or `python -c`.
     """
     main = sys.modules["__main__"]
     if main.__spec__ is not None:
@@ -215,11 +217,11 @@ def script() -> dict[str, str]:
 
 
 def serve(script: dict[str, str]) -> None:
-    """What the world's process does, until its pipe closes or its parent is gone. `script`: see above."""
+    """Run the world's process, until its pipe closes or its parent has ended. `script`: of `script()`."""
     global _script
     _script = script
     requests, answers = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what is printed goes to stderr, not among the answers
+    os.dup2(2, 1)  # what is printed goes to stderr, not between the replies
     threading.Thread(target=_leave_with, args=(os.getppid(),), daemon=True).start()
     world: World | None = None
     with contextlib.suppress(EOFError, BrokenPipeError):
@@ -248,14 +250,14 @@ def serve(script: dict[str, str]) -> None:
 
 
 _script: dict[str, str] | None = None
-"""in the world's process: what it can import its parent's script from; None elsewhere"""
+"""in the world's process: where it can import its parent's script from; None in other processes"""
 
 
 class _Arriving(pickle.Unpickler):
-    """Reads requests; imports the script where something in them was defined by it."""
+    """Reads requests; imports the script if it defines something in them."""
 
     def find_class(self, module_name: str, name: str) -> Any:
-        """See `pickle`. Raises InputError where the script cannot be imported, or was not the place."""
+        """As in `pickle`. Raises InputError if the script cannot be imported or does not define `name`."""
         if module_name not in MAIN:
             return super().find_class(module_name, name)
         try:
@@ -263,7 +265,7 @@ class _Arriving(pickle.Unpickler):
             return super().find_class("__main__", name)
         except (Exception, SystemExit) as error:
             cause = in_words(error) if _script else "a notebook or a console cannot be imported"
-            guard = "what drives under `if __name__ == '__main__':`, or " if _script else ""
+            guard = "the code that drives under `if __name__ == '__main__':`, or " if _script else ""
             raise InputError(
                 f"the process that SUMO runs in for a second environment must import {name}, which stands in "
                 f"the script itself: {cause}. Put {guard}{name} into a module that the script imports"
@@ -272,7 +274,7 @@ class _Arriving(pickle.Unpickler):
 
 @cache
 def _import_script() -> None:
-    """Import the parent's script, once. What it starts meanwhile is refused, as in sweeps' workers."""
+    """Import the parent's script, once. It may start no processes while it is imported."""
     process: Any = multiprocessing.current_process()
     process._inheriting = True  # `multiprocessing` refuses to start processes then
     try:
@@ -282,7 +284,7 @@ def _import_script() -> None:
 
 
 def _translated(error: Exception) -> SimulationError:
-    """One of ours for what is not, with the place, and the whole traceback as a note."""
+    """A SimulationError for an error that is not RUDC's own, with its place, and its traceback as a note."""
     last = traceback.extract_tb(error.__traceback__)[-1]
     ours = SimulationError(
         f"in the world's own process: {type(error).__name__}: {error} "
@@ -293,14 +295,14 @@ def _translated(error: Exception) -> SimulationError:
 
 
 def _leave_with(parent: int) -> None:
-    """End this process soon after its parent, whoever else holds the other end of the pipe."""
+    """End this process soon after its parent, even if another process holds the pipe open."""
     while os.getppid() == parent:
         time.sleep(ORPHAN_S)
     os._exit(0)
 
 
 def _pickled(request: Any) -> bytes:
-    """Raises InputError where something of a user's cannot be pickled."""
+    """The request, pickled. Raises InputError if something of the user's in it cannot be pickled."""
     try:
         return pickle.dumps(request, pickle.HIGHEST_PROTOCOL)
     except (pickle.PicklingError, AttributeError, TypeError) as error:
@@ -315,13 +317,13 @@ def _send(pipe: IO[bytes], message: Any) -> None:
 
 
 def _write(pipe: IO[bytes], data: bytes) -> None:
-    """Length, then the pickled message: one that cannot be unpickled is still read to its end."""
+    """Write the length and the pickled message: one that cannot be unpickled is still read as a whole."""
     pipe.write(len(data).to_bytes(8, "big") + data)
     pipe.flush()
 
 
 def _receive(pipe: IO[bytes], unpickler: type[pickle.Unpickler] = pickle.Unpickler) -> Any:
-    """The next message. Raises EOFError when there is none."""
+    """The next message. Raises EOFError if the pipe has ended."""
     head = pipe.read(8)
     size = int.from_bytes(head, "big")
     data = pipe.read(size) if len(head) == 8 else b""

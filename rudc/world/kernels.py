@@ -1,4 +1,6 @@
-"""The world's arithmetic as kernels: who is near the ego, who touches whom, scenes put in order."""
+"""The world's arithmetic as kernels: the ego's motion, what is near the ego, what touches what, and the order
+of a scene's rows.
+"""
 
 from __future__ import annotations
 
@@ -27,13 +29,15 @@ State = tuple[float, float, float, float, float, float, float, float]
 
 @kernel
 def slip_of(delta: float, wheelbase: float, cg_to_rear: float) -> float:
-    """rad, slip with the front wheels at `delta` rad."""
+    """rad, slip angle with the front wheels at `delta` rad."""
     return math.atan(cg_to_rear / wheelbase * math.tan(delta))
 
 
 @kernel
 def widest(v: float, lateral: float, delta_max: float, wheelbase: float, cg_to_rear: float) -> float:
-    """rad, front-wheel angle that takes a lateral acceleration (m/s2) at v m/s; at a stand the largest."""
+    """rad, front-wheel angle that gives a lateral acceleration of `lateral` m/s2 at v m/s; `delta_max` at a
+    stand (up to 0.1 m/s).
+    """
     if v <= 0.1:
         return delta_max
     sin_slip = min(lateral * cg_to_rear / (v * v), 0.999)
@@ -44,7 +48,7 @@ def widest(v: float, lateral: float, delta_max: float, wheelbase: float, cg_to_r
 def within_friction(
     a: float, delta: float, v: float, limit: float, delta_max: float, wheelbase: float, cg_to_rear: float
 ) -> tuple[float, float]:
-    """What tyres that give `limit` m/s2 leave of the commands a (m/s2) and delta (rad) at v m/s."""
+    """The commands a (m/s2) and delta (rad) at v m/s, cut so that the tyres give at most `limit` m/s2."""
     most = widest(v, limit, delta_max, wheelbase, cg_to_rear)
     delta = min(max(delta, -most), most)
     lateral = v * v * math.sin(slip_of(delta, wheelbase, cg_to_rear)) / cg_to_rear
@@ -57,7 +61,7 @@ def on_an_arc(
     x: float, y: float, psi: float, v: float, a: float, delta: float, dt: float, v_max: float,
     wheelbase: float, cg_to_rear: float,
 ) -> State:  # fmt: skip
-    """The numbers of the `EgoState` after dt s at constant acceleration a (m/s2) and steering delta (rad)."""
+    """The fields of the `EgoState` after dt s of constant acceleration a (m/s2) and steering delta (rad)."""
     after, way = v + a * dt, v * dt + 0.5 * a * dt * dt
     if after < 0.0:
         after, way = 0.0, v * v / (-2.0 * a)
@@ -80,10 +84,9 @@ def around(
     x: float, y: float, psi: float, length: float, width: float, position: Table, heading: Vector,
     size: Table, reach: float,
 ) -> tuple[float, int, int]:  # fmt: skip
-    """m, gap from a rectangle at (x, y) m turned by psi rad to the nearest of N others, and that one's row;
-    inf and -1 for none.
-
-    And how many of the first rows, nearest centre first, hold everybody within `reach` m.
+    """Gap (m) from a rectangle at (x, y) m, turned by psi rad, to the nearest of N others, and the row of
+    that one; inf and -1 if there is none. And a number of rows: all others within `reach` m are among the
+    first so many.
     """
     least, nearest, close = math.inf, -1, 0
     facing, radius = complex(math.cos(psi), math.sin(psi)), 0.5 * math.hypot(length, width)
@@ -103,7 +106,7 @@ def around(
 
 @kernel
 def overlapping(position: Table, heading: Vector, size: Table) -> NewRowTable:
-    """(K, 2) pairs of N rectangles that overlap or touch, lower row first."""
+    """(K, 2) rows of the pairs among N rectangles that overlap or touch, lower row first."""
     count = 0
     found = np.empty((len(heading) * (len(heading) - 1) // 2, 2), np.int64)
     for i in range(len(heading)):
@@ -125,9 +128,9 @@ def near_on_paths(
     x: float, y: float, reach: float, inside_only: bool, position: Table, size: Table, path: Rows,
     path_s: Vector, stop_s: Vector, exit_s: Vector,
 ) -> NewRows:  # fmt: skip
-    """(K,) rows of those on paths whose centres are within `reach` m of (x, y) m.
+    """(K,) rows of the vehicles on paths whose centres are within `reach` m of (x, y) m.
 
-    `inside_only`: without those who are not, or no more, in the junction: from stop_s to exit_s (P,) m.
+    `inside_only`: only those of which some part is in the junction, from stop_s to exit_s (P,) m.
     """
     found = np.empty(len(path), np.int64)
     count = 0
@@ -150,11 +153,11 @@ def nearest_first(
 ) -> tuple[
     NewRows, NewTable, NewVector, NewTable, NewVector, NewTable, NewRows, NewRows, NewVector
 ]:  # fmt: skip
-    """Order (N,) of others by the distance of their centres from (x, y) m, and what a scene says of them in
-    it; velocities are speed (N,) m/s along course (N, 2).
+    """Order (N,) of the others by the distance of their centres from (x, y) m, then the arrays of a scene in
+    this order. Velocities are speed (N,) m/s along course (N, 2).
 
-    Centres are `half` (N,) m behind `position` (N, 2) m and `lane_pos` (N,) m. Arc lengths count `scale` (N,)
-    for each m of a lane, from `start` (N,) m.
+    Centres are `half` (N,) m behind `position` (N, 2) m and behind `lane_pos` (N,) m. The arc length of a
+    front bumper is start + scale * lane_pos, with `start` (N,) m and `scale` (N,).
     """
     n = len(heading)
     order, away, centre = np.empty(n, np.int64), np.empty(n), np.empty((n, 2))
@@ -182,7 +185,7 @@ def nearest_first(
 
 @kernel
 def largest(table: Table) -> float:
-    """The largest magnitude in a table (N, 2), 0 in an empty one."""
+    """The largest absolute value in a table (N, 2), 0 for an empty one."""
     found = 0.0
     for i in range(len(table)):
         found = max(found, abs(table[i, 0]), abs(table[i, 1]))

@@ -1,8 +1,8 @@
-"""Surrounding vehicles (SVs) near the ego change no lanes where SUMO would not see it.
+"""Surrounding vehicles (SVs) near the ego do not change lanes where SUMO would not see the ego.
 
-SUMO changes lanes from one step to the next, a lane's width sideways, and looks only along the two lanes.
-Inside a junction, and beside an ego between two lanes, that puts a vehicle onto the ego. There SVs within
-NEAR m of the ego stay in their lanes.
+In SUMO a vehicle changes lanes within one step, by a whole lane's width, and SUMO checks only these two
+lanes. Inside a junction, or beside an ego that is between two lanes, this can put a vehicle onto the ego.
+There SVs within NEAR m of the ego stay in their lanes.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ if TYPE_CHECKING:
 NEAR = 15.0
 """m between centres"""
 BETWEEN = 0.8
-"""m beside its route from where the ego may reach into another lane"""
+"""m of lateral offset from its route from which on the ego may reach into another lane"""
 
 
 class LaneKeeping:
-    """Of one episode."""
+    """Keeps SVs near the ego in their lanes, in one episode."""
 
     def __init__(self, sumo: Sumo) -> None:
         self._sumo = sumo
         self._modes: dict[str, int] = {}
 
     def step(self, scene: Scene) -> None:
-        """Hold who is near now; all others change lanes as they did."""
+        """Hold the SVs that are near now in their lanes; all others change lanes as before."""
         ego, paths = scene.ego, scene.network.paths
         near = near_on_paths(
             ego.x, ego.y, NEAR, abs(scene.ego_offset) < BETWEEN,

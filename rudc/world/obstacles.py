@@ -1,8 +1,9 @@
-"""Things that a file has stand in the same place, or where the ego starts, and boxes beside the road that
-reach onto it, as far as the file alone says so.
+"""Problems with things that a scenario file places: two things in the same place, things where the ego
+starts, and boxes that should hide what is beside the road but reach onto it.
 
-The events are played on a stage on which nothing moves, and what they would have stand there is noted. Only
-those are played whose places are fixed numbers; what is drawn is looked at when the episode is set up.
+They are found from the file alone. Each event is played on a stage on which nothing moves and which notes the
+things that would stand there. Only events whose numbers are all fixed are played; where a number is drawn,
+places are checked when the episode is set up.
 """
 
 from __future__ import annotations
@@ -41,11 +42,11 @@ if TYPE_CHECKING:
 
 
 _Thing = tuple[Path, Event, Standing]
-"""where in the file something that stands is said, its event, and the thing itself"""
+"""where the file places a thing, the event of that thing, and the thing itself"""
 
 
 class _Site(NetworkStage):
-    """A stage that notes what is to stand on it."""
+    """A stage that only notes what events put there; nothing moves on it."""
 
     decision_s = 0.1
 
@@ -112,8 +113,11 @@ class _Site(NetworkStage):
 def in_the_way(
     network: Network, movements: Sequence[Movement], ego: Ego, events: Mapping[int, Event]
 ) -> list[Problem]:
-    """What stands where something else does on some of the routes that the ego may be given, what stands
-    too close to its start on all of them, and what is to hide things beside the road but reaches onto it."""
+    """The problems with things that events place.
+
+    Things that overlap on some route that the ego may be given, things that are too close to the ego's start
+    on every such route, and boxes that should hide what is beside the road but reach onto it.
+    """
     placed = [event for event in events.values() if _is_placed(event)]
     if not placed:
         return []
@@ -146,7 +150,7 @@ def _overlaps(network: Network, things: list[_Thing]) -> list[Problem]:
 
 
 def _at_start(route: Route, ego: Ego, path: Path, event: Event, thing: Standing) -> list[Problem]:
-    """That it is there from the start, too close to a fixed place where the ego starts."""
+    """The problem of a thing that is there from the start, too close to the ego's start, if that is fixed."""
     if event.when is not None or not isinstance(ego.distance, Constant):
         return []
     body = route.key.vehicle
@@ -159,30 +163,30 @@ def _at_start(route: Route, ego: Ego, path: Path, event: Event, thing: Standing)
 
 
 def _is_placed(event: Event) -> bool:
-    """Whether its places, if it has any, are not drawn."""
+    """Whether all numbers of an event are fixed, not drawn; its trigger (`when`) does not count."""
     return all(_is_fixed(getattr(event, name)) for name in type(event).model_fields if name != "when")
 
 
 def _follows_ego(event: Event) -> bool:
-    """Whether it stands on a lane that is about the ego."""
+    """Whether an event names a lane relative to the ego (`EGO_LANES`)."""
     parts = (event, *getattr(event, "vehicles", ()), *getattr(event, "boxes", ()))
     return any(getattr(part, "lane", None) in EGO_LANES for part in parts)
 
 
 def _played(network: Network, route: Route, i: int, event: Event) -> _Site | None:
-    """A stage on which an event has begun; None where its places are drawn or are not there."""
+    """A stage on which an event has begun; None if some number of it is drawn, or a place does not exist."""
     if not _is_placed(event):
         return None
     site = _Site(network, route)
     try:
         ask_effect(effect_of(event, f"{event.kind}{i}"), "begin", site)
     except NetworkError:
-        return None  # said elsewhere
+        return None  # rudc/world/fitting.py reports it
     return site
 
 
 def _standing(network: Network, route: Route, i: int, event: Event) -> Iterator[_Thing]:
-    """What an event has stand on the road, and where the file says so."""
+    """The things that an event puts on the road to stand there."""
     site = None if effect_of(event, event.kind).felt else _played(network, route, i, event)
     parts: Any = getattr(event, "vehicles", ())
     for thing in site.found if site is not None else ():
@@ -191,7 +195,7 @@ def _standing(network: Network, route: Route, i: int, event: Event) -> Iterator[
 
 
 def _boxes_on_the_road(network: Network, route: Route, i: int, event: Event) -> dict[Path, Problem]:
-    """Where the file says of a box that it hides things, which it may only do beside the road."""
+    """The problem of each box that reaches onto the road, by the box's place in the file."""
     boxes: Any = getattr(event, "boxes", ())
     site = _played(network, route, i, event) if boxes else None
     found = {}
@@ -213,5 +217,7 @@ def _is_fixed(value: Any) -> bool:
 
 
 def _at_once(a: Event, b: Event) -> bool:
-    """Whether both may stand there at the same time: those that go away again may not."""
+    """Whether the things of both events are sure to stand there at the same time: not if one of two events
+    has a duration, after which its things are gone.
+    """
     return a is b or (getattr(a, "duration", None) is None and getattr(b, "duration", None) is None)

@@ -1,5 +1,5 @@
-"""What the ego's sensors give of the world: occlusion by opaque boxes, Gaussian noise, missed detections,
-limited range."""
+"""What the ego's sensors show of the world, given occlusion by opaque boxes, Gaussian noise, missed
+detections and limited range."""
 
 from __future__ import annotations
 
@@ -26,18 +26,19 @@ class Sensors:
     own_acceleration_std: float = 0.0
     """m/s2, of the ego's own acceleration"""
     miss: float = 0.0
-    """probability that a vehicle goes unseen at one decision"""
+    """probability that one of the others is not seen at a decision"""
     range_m: float = np.inf
+    """m, others whose centres are farther away are not seen"""
 
     @property
     def perfect(self) -> bool:
-        """Whether perception equals truth."""
+        """Whether the ego perceives the world as it is."""
         noise = self.position_std, self.speed_std, self.heading_std, self.own_acceleration_std
         flawless = not any(noise) and self.miss == 0
         return flawless and not len(self.occluders) and self.range_m == np.inf
 
     def perceive(self, scene: Scene, rng: np.random.Generator) -> Scene:
-        """The scene as the ego sees it."""
+        """The scene as the ego sees it; misses and noise are drawn from `rng`."""
         if self.perfect:
             return scene
         boxes = self.occluders if len(self.occluders) else None
@@ -74,8 +75,8 @@ class Sensors:
 
 
 def visible(scene: Scene, occluders: Array) -> Flags:
-    """(N,) whether some line of sight from the ego's centre to a vehicle's centre or corners clears all boxes
-    (K, 5)."""
+    """(N,) whether at least one straight line from the ego's centre to the centre or a corner of each of the
+    others meets none of the boxes (K, 5)."""
     along = 0.5 * scene.size[:, :1] * np.stack([np.cos(scene.heading), np.sin(scene.heading)], axis=1)
     across = 0.5 * scene.size[:, 1:] * np.stack([-np.sin(scene.heading), np.cos(scene.heading)], axis=1)
     signs = np.array([(0, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)])
@@ -84,7 +85,9 @@ def visible(scene: Scene, occluders: Array) -> Flags:
 
 
 def in_sight(eye: tuple[float, float], points: Array, occluders: Array) -> Flags:
-    """(...) whether the line from the eye (m, m) to each of the points (..., 2) m clears all boxes (K, 5)."""
+    """(...) whether the line from the eye (m, m) to each of the points (..., 2) m meets none of the boxes
+    (K, 5).
+    """
     start = np.array(eye)
     clear = np.ones(points.shape[:-1], dtype=bool)
     for x, y, heading, length, width in occluders:

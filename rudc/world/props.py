@@ -1,14 +1,14 @@
 """Props: things on the road that SUMO does not move: accident vehicles, wrong-way drivers, pedestrians.
 
-A prop stands, or follows a polyline. A vehicle that does stops short of what stands in its way and of
-surrounding vehicles (SVs), and goes on when the way is free. It stops for an ego below walking pace, not for
-a faster one: that it is a hazard is the point. Once it stands, it waits until no ego is before it, however
-fast that is. A pedestrian stops only for what is already before its feet. The yielding layer makes SVs see
-all props.
+A prop stands, or follows a polyline. A vehicle that follows one stops before things that stand in its way and
+before surrounding vehicles (SVs), and goes on when the way is free. It stops for an ego below walking pace,
+but not for a faster one, since it is meant to be a hazard. Once it stands, it waits while an ego is before
+it, however fast. A pedestrian stops only for what is already right before it. The yielding layer makes SVs
+see all props.
 
-Who has to stand for long goes back and waits until its way is free. A pedestrian goes back a step; a driver
-goes back until the other has room to pull out, and then stops for a moving ego, too. Without that, two who
-let each other pass would stand for good.
+A moving prop that has had to stand for long goes back and waits until its way is free. A pedestrian goes back
+a step. A driver goes back until the other has room to drive off, and then stops for a moving ego, too.
+Without this, two that wait for each other would stand for good.
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ from rudc.geometry import rectangle_gaps
 from rudc.world.scene import STANDING, Kind, Scene
 
 BRAKING = 6.0
-"""m/s2, with which a moving prop stops, if the road lets it"""
+"""m/s2, with which a moving prop brakes, unless the road allows less"""
 ACCELERATION = 2.0
-"""m/s2, with which it goes on"""
+"""m/s2, with which it starts again"""
 CLEARANCE_M = 0.8
-"""m, it stops short by at least this"""
+"""m, least gap at which it stops before something"""
 PATIENCE_S, BACK_M, BACK_SPEED = 3.0, 1.0, 0.5
-"""s, m, m/s: a pedestrian that has been held up for so long steps back so far, so fast"""
+"""s after which a prop that is held up goes back; how far (m) and how fast (m/s) a pedestrian does"""
 DRIVER_BACK_M, DRIVER_BACK_SPEED = 8.0, 1.5
-"""m, m/s: a driver goes back until so much before it is free, so fast"""
+"""m before a driver that must be free until it stops going back; how fast it goes back (m/s)"""
 WALKING_PACE = 2.0
-"""m/s, an ego slower than this is about to stop: a driver comes to stand before it"""
+"""m/s, an ego slower than this is taken to be about to stop: a driver stops before it"""
 MORE_M = 0.1
-"""m more than before that must be free for it to go on"""
+"""m that must be free beyond the room a prop has made by going back, before it goes on"""
 
 
 class Prop:
-    """One of them; angles in rad, lengths in m, speeds in m/s."""
+    """One prop; angles in rad, lengths in m, speeds in m/s."""
 
     def __init__(
         self,
@@ -51,7 +51,7 @@ class Prop:
     ) -> None:
         """`size`: length and width; `way`: (K, 2) m, the polyline its centre follows at speed `wanted`.
 
-        One point is enough for a prop that stands, and `heading` is where it looks then.
+        For a prop that stands (`wanted` is 0), one point is enough, and `heading` is its heading.
         """
         self.name = name
         self.kind = kind
@@ -61,7 +61,7 @@ class Prop:
         self.travelled = 0.0
         """m along the way"""
         self.beyond_m = 0.0
-        """m that it goes on beyond its way's end"""
+        """m that it goes straight on beyond its way's end"""
         self.grip = math.inf
         """m/s2, how hard the road lets a vehicle brake and accelerate"""
         legs = np.diff(way, axis=0)
@@ -78,11 +78,11 @@ class Prop:
 
     @property
     def finished(self) -> bool:
-        """Whether it has come to the end of its way, and beyond as far as it should."""
+        """Whether it has come `beyond_m` m beyond the end of its way."""
         return self.moves and self.travelled >= self._ends[-1] + self.beyond_m
 
     def look_out(self, scene: Scene) -> None:
-        """Decide by what is around whether to go on, to stop, or to go back."""
+        """Decide, by what is around it in the scene, whether to go on, to stop, or to go back."""
         self._free = not self.moves or self._is_free(scene, self._needed())
         if self._is_held_up:
             room = BACK_M - self._stepped_back if self._walks else CLEARANCE_M
@@ -90,7 +90,7 @@ class Prop:
             self._back_is_free = wanted and self._is_free(scene, -room)
 
     def step(self, dt: float) -> None:
-        """Move on by dt s."""
+        """Move for dt s."""
         if not self.moves:
             return
         self._held_s = min(max(self._held_s + (-dt if self._free else dt), 0.0), PATIENCE_S + dt)
@@ -109,7 +109,7 @@ class Prop:
 
     @property
     def _braking(self) -> float:
-        """m/s2, with which a vehicle stops."""
+        """m/s2, with which a driver brakes."""
         return min(BRAKING, self.grip)
 
     @property
@@ -128,8 +128,8 @@ class Prop:
         return float(x) - back * math.cos(psi), float(y) - back * math.sin(psi), psi
 
     def _needed(self) -> float:
-        """m before it that must be free: what it stops in; more for who has gone back, a pedestrian as far as
-        it was, a driver the room that it has made.
+        """m before it that must be free: the way in which it can stop. After going back it needs more: a
+        pedestrian the way that it went back, a driver the room that it has made.
         """
         back = self._stepped_back > 0.0
         if self._walks:
@@ -138,8 +138,10 @@ class Prop:
         return max(reach, DRIVER_BACK_M + MORE_M) if back else reach
 
     def _is_free(self, scene: Scene, reach: float) -> bool:
-        """Whether `reach` m of its way from its front on, or from its rear back where that is negative, are
-        clear of what stands, and of where SVs come to stand if they brake.
+        """Whether `reach` m of its way before its front are free (behind its rear if negative).
+
+        For a driver: free of things that stand, of SVs on all the way that they need to stop, and of an ego
+        for which it stops. For a pedestrian: free of everything that is there now.
         """
         walks = self._walks
         middle, reach = 0.5 * (math.copysign(self.length, reach) + reach), abs(reach)

@@ -1,7 +1,7 @@
-"""Reads the surrounding vehicles (SVs) off the road and composes scenes.
+"""Reads from SUMO where the surrounding vehicles (SVs) are, and composes scenes.
 
-What changes only when somebody enters or leaves (sizes, kinds) or comes to another lane (path) is kept from
-one decision to the next.
+Values that change only when a vehicle enters or leaves (sizes, kinds) or comes to another lane (path) are
+kept from one decision to the next.
 """
 
 from __future__ import annotations
@@ -25,7 +25,9 @@ if TYPE_CHECKING:
 
 
 class EgoView(NamedTuple):
-    """The part of a scene that is about the ego; fields as in `Scene`, in its order save the last three."""
+    """The part of a scene that is about the ego; fields as in `Scene`, in the same order but for the last
+    three.
+    """
 
     time_s: float
     timeout_s: float
@@ -42,7 +44,7 @@ class EgoView(NamedTuple):
 
 
 class Reader:
-    """Reads the road of one episode."""
+    """Reads the vehicles on the road in one episode."""
 
     def __init__(self, sumo: Sumo, network: Network, traffic: Traffic) -> None:
         self._sumo = sumo
@@ -53,14 +55,14 @@ class Reader:
         self._name(())
 
     def meet(self) -> None:
-        """See who is on the road now; those who have left are forgotten."""
+        """Find out which vehicles are on the road now; those that have left are forgotten."""
         active = self._sumo.vehicles()
         if active != self.active:
             self._traffic.forget(active)
             self._name(active)
 
     def read(self) -> Motion:
-        """Where all SVs are now, who is on the road being seen first."""
+        """Find out which SVs are on the road now, and where."""
         self.meet()
         self.motion = self._sumo.motion(self.names)
         if self.motion.lane != self._lanes:
@@ -68,8 +70,9 @@ class Reader:
         return self.motion
 
     def rears(self) -> list[tuple[str, float, float]]:
-        """Of all on the road as last read, the ego and obstacles' stand-ins included: lane, m along it of the
-        rear, m/s."""
+        """Lane, position of the rear along it (m) and speed (m/s) of each vehicle on the road as last read.
+        The ego and the vehicles that stand in for obstacles in SUMO are included.
+        """
         motion, sumo = self.motion, self._sumo
         svs = motion.lane, (motion.lane_pos - self.lengths).tolist(), motion.speed.tolist()
         found = list(zip(*svs, strict=True))
@@ -79,27 +82,29 @@ class Reader:
         return found
 
     def relocate(self) -> None:
-        """Find anew along which path each SV drives: the next time, for one has been sent another way."""
+        """At the next `read`, find anew which path each SV drives along; for when one got another route."""
         self._lanes = []
 
     def _name(self, active: tuple[str, ...]) -> None:
         drivers = self._traffic.drivers
         self.active = active
-        """names of all that SUMO moves, the ego and obstacles' stand-ins included"""
+        """names of all vehicles in SUMO, with the ego and the stand-ins for obstacles"""
         self.names = [name for name in active if name in drivers]
-        """of the n SVs on the road"""
+        """names of the n SVs on the road"""
         self._others = [name for name in active if name not in drivers]
         types = [drivers[name].type for name in self.names]
         self._sizes = np.array([(t.length, t.width) for t in types]).reshape(-1, 2)
         self.lengths = np.ascontiguousarray(self._sizes[:, 0])
-        """(n,) m"""
+        """(n,) m, lengths of the SVs"""
         self._halves = 0.5 * self.lengths
         self._kinds = np.array([int(t.kind) for t in types], dtype=np.int64)
         self._lanes: list[str] = []
         self._path, self._start, self._scale = np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0)
 
     def _locate(self) -> None:
-        """Row of `network.paths` of each SV, and how its position on its lane becomes an arc length there."""
+        """Find the row of `network.paths` of each SV, and how to turn its position on its lane into an arc
+        length on that row.
+        """
         drivers, self._lanes = self._traffic.drivers, self.motion.lane
         places = [
             self._place(drivers[name].origin, drivers[name].destination, lane)
@@ -110,8 +115,9 @@ class Reader:
         self._scale = np.array([scale for _, _, scale in places])
 
     def _place(self, origin: str, destination: str, lane: str) -> tuple[int, float, float]:
-        """Row of `network.paths` of somebody on a lane between two arms, m there where the lane begins, and
-        m along it for each m on the lane; what was found is kept."""
+        """Row of `network.paths` of a vehicle that drives on a lane from one arm to another, arc length (m)
+        on that row where the lane begins, and m of arc length for each m on the lane. Results are kept.
+        """
         known = self._places.get((origin, destination, lane))
         if known is None:
             paths = self._network.paths
@@ -125,7 +131,7 @@ class Reader:
         return known
 
     def scene(self, ego: EgoView, props: Sequence[Prop]) -> Scene:
-        """The world as last read: SVs and props, nearest to the ego first."""
+        """The scene with the SVs as last read and the props, nearest to the ego first."""
         ids, (position, heading, course, speed, acceleration, _, lane_pos) = self.names, self.motion
         size, kind, path = self._sizes, self._kinds, self._path
         half, start, scale = self._halves, self._start, self._scale
@@ -166,15 +172,15 @@ class Reader:
         )
 
     def locate_ego(self, route: Route, length: float) -> tuple[int, float]:
-        """Row of `network.paths` and arc length (m) there of a SUMO-driven ego's centre; row -1 when
-        unknown."""
+        """Row of `network.paths` and arc length (m) on it of a SUMO-driven ego's centre; row -1 if it is on
+        none."""
         lane, front = self._sumo.lane_place(EGO)
         row, s = self._network.paths.locate(route.origin, route.destination, lane, front)
         return row, s - 0.5 * length
 
     def new_overlaps(self, scene: Scene) -> int:
-        """Pairs that overlap in the scene and have not before: two SVs, or an SV and something on the
-        road."""
+        """How many pairs overlap in the scene that have not overlapped before: two SVs, or an SV and a
+        prop."""
         found = overlapping(scene.position, scene.heading, scene.size).tolist()
         driven = scene.path >= 0
         pairs = [(scene.ids[i], scene.ids[j]) for i, j in found if driven[i] or driven[j]]

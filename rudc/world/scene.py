@@ -1,4 +1,4 @@
-"""`Scene`: the world at one instant, as arrays. What agents, filter, observation and reward see of the world.
+"""`Scene`: the world at one instant, as arrays. Agents, filter, observation and reward know the world by it.
 
 World frame: x east, y north, heading psi counter-clockwise from x. SI units, radians. Positions are those of
 a vehicle's centre; the ego's centre of gravity is the centre of its rectangle.
@@ -21,9 +21,11 @@ if TYPE_CHECKING:
 
 
 STANDING = 0.5
-"""m/s, below which a road user stands; a threshold that differs says why"""
+"""m/s, a road user slower than this counts as standing; other thresholds than this one give a reason"""
 STILL = 0.2
-"""m/s, below which it stands still: less than STANDING, since who creeps may yet clear the way"""
+"""m/s, a road user slower than this counts as standing still; less than STANDING, since one that creeps may
+still clear the way
+"""
 
 
 class Kind(IntEnum):
@@ -55,20 +57,23 @@ class EgoState:
     yaw_rate: float
     """rad/s"""
     acceleration: float
-    """m/s2, realised (after lag, delay and friction); where actuators lag, a stopped car still shows what its
-    brakes do
+    """m/s2, realised (after lag, delay and friction); where actuators lag, it is not 0 in a stopped car whose
+    brakes still act
     """
     steering: float
     """rad, realised front-wheel angle"""
 
 
 OF_OTHERS = "position", "heading", "velocity", "acceleration", "size", "kind", "path", "path_s"
-"""the arrays of a scene that have a row for each of the others"""
+"""names of the arrays of a scene that have a row for each of the others"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """The world at one instant. N counts surrounding vehicles, pedestrians and obstacles, nearest first."""
+    """The world at one instant.
+
+    Its N others are the surrounding vehicles, pedestrians and obstacles, nearest to the ego first.
+    """
 
     time_s: float
     """s since the episode began"""
@@ -83,7 +88,7 @@ class Scene:
     ego_offset: float
     """m, lateral offset from `route.path`, positive to its left"""
     waited_s: float
-    """s the ego has been standing (below STANDING) without a break"""
+    """s for which the ego has been standing (below STANDING) without a break"""
     last_u: Array
     """(2,) the action applied before this instant: acceleration m/s2, front-wheel angle rad"""
     network: Network
@@ -102,23 +107,27 @@ class Scene:
     kind: Index
     """(N,) `Kind`"""
     path: Index
-    """(N,) row of `network.paths` along which each drives, -1 for none (obstacle, pedestrian, wrong way)"""
+    """(N,) row of `network.paths` along which each drives, -1 for none (obstacle, pedestrian, wrong-way
+    driver)
+    """
     path_s: Array
     """(N,) m, arc length of each one's centre along that path"""
     destination_s: float = math.inf
-    """m, arc length on `route.path` where the episode succeeds; where the path ends if that comes first"""
+    """m, arc length on `route.path` where the episode succeeds, or the end of the path if that comes first"""
     actuation: Actuation | None = None
-    """what stands between a command and the wheels; for ablations, since no car knows that of itself"""
+    """dead time, lag and friction between a command and the motion; for ablations only, since no real car
+    knows them
+    """
     may_cross_centre: bool = False
     """whether the ego may drive on the lanes of oncoming traffic"""
     hidden_by: Array | None = None
     """(K, 5) opaque boxes that hide what is behind them: centre x, y (m), heading (rad), length, width (m);
     None for none"""
     sight_m: float = math.inf
-    """m, how far the ego's sensors reach"""
+    """m, range of the ego's sensors"""
 
     def __post_init__(self) -> None:
-        """Its arrays are read-only: agents are handed those that the world goes on with."""
+        """Make the arrays read-only, since the world goes on using those that it gives to agents."""
         for array in (
             self.position, self.heading, self.velocity, self.acceleration, self.size, self.kind, self.path,
             self.path_s, self.last_u,
@@ -147,14 +156,15 @@ class Scene:
         return np.array([self.ego.x, self.ego.y])
 
     def with_others_of(self, *scenes: Scene) -> Scene:
-        """The scene with the others of more scenes after its own."""
+        """The scene with the others of further scenes after its own."""
         all_of = (self, *scenes)
         rows = {name: np.concatenate([getattr(scene, name) for scene in all_of]) for name in OF_OTHERS}
         return replace(self, ids=tuple([name for scene in all_of for name in scene.ids]), **rows)
 
     def only(self, index: Index) -> Scene:
-        """The scene with just the others of these rows, in this order; itself where they are all, in
-        order."""
+        """The scene with only the others of these rows, in this order; the same object if these are all rows
+        in their order.
+        """
         if len(index) == self.count and bool((index[1:] > index[:-1]).all()):
             return self
         return replace(

@@ -1,5 +1,4 @@
-"""Where the ego starts: its route drawn from the network, and whether the start leaves everybody a way
-out."""
+"""Where the ego starts: its route, drawn from the network, and whether the start is safe for everybody."""
 
 from __future__ import annotations
 
@@ -19,16 +18,17 @@ if TYPE_CHECKING:
 MARGIN_M = 2.0
 """m, least gap between the ego and anything at the start"""
 REACTION_S = 0.5
-"""s, after which the one behind brakes"""
+"""s after which the vehicle behind brakes"""
 BRAKING = 4.0
-"""m/s2, with which the one behind can brake; the one ahead is taken to brake as hard"""
+"""m/s2, with which the vehicle behind can brake; the one ahead is taken to brake as hard"""
 
 ROUNDED_M = 0.1
-"""m by which the length that a file states for a lane may differ from the drawn one by rounding"""
+"""m by which the length of a lane as stated in its file may differ, by rounding, from that of its centre line
+"""
 
 
 def movements_of(network: Network, plan: EgoPlan) -> list[Movement]:
-    """The movements that a plan leaves open, one at least. Raises NetworkError."""
+    """The movements that fit a plan, at least one. Raises NetworkError if there is none."""
     movements = [m for m in network.movements if m.turn != "u_turn"]
     if plan.origin is not None:
         wanted = network.arm(plan.origin).name
@@ -51,8 +51,8 @@ def movements_of(network: Network, plan: EgoPlan) -> list[Movement]:
 
 
 def draw_route(network: Network, plan: EgoPlan, rng: np.random.Generator) -> Route:
-    """The plan's route; what it leaves open is drawn evenly, first the arm, then the movement. Raises
-    NetworkError."""
+    """The plan's route. What the plan leaves open is drawn with equal probabilities, first the arm, then the
+    movement. Raises NetworkError if no movement fits the plan."""
     movements = movements_of(network, plan)
     origins = sorted({m.origin for m in movements})
     origin = origins[rng.integers(len(origins))]
@@ -65,17 +65,17 @@ class Entry(NamedTuple):
     """Where a vehicle enters a route."""
 
     edges: tuple[str, ...]
-    """what is left of the route, SUMO's edges"""
+    """the rest of the route from there on, as SUMO's edges"""
     lane: Lane
-    """which lane"""
+    """lane on which it enters"""
     front: float
-    """m along the lane, of its front bumper"""
+    """m along the lane at which its front bumper is"""
 
 
 def entry(network: Network, route: Route, front_s: float) -> Entry:
-    """Where a vehicle enters a route whose front bumper is at front_s m of its path.
+    """Where a vehicle enters a route if its front bumper is at front_s m of the route's path.
 
-    An arm may consist of several edges one behind the other, and the outermost is not always the one.
+    An arm may consist of several edges one behind the other; the vehicle need not enter on the outermost.
     """
     edges, ids = network.arm(route.origin).in_edges, network.paths.lane_ids[route.row]
     inbound = [lane for lane in map(network.lanes.get, ids) if lane is not None and lane.edge in edges]
@@ -89,7 +89,8 @@ def entry(network: Network, route: Route, front_s: float) -> Entry:
 
 
 def safe_to_start(scene: Scene) -> bool:
-    """Whether the ego keeps a margin to all and can stop behind its leader, and its follower behind it.
+    """Whether the ego is at least MARGIN_M m from everything, can stop behind its leader, and its follower
+    can stop behind the ego.
 
     Both brake at 4 m/s2, the one behind 0.5 s later.
     """

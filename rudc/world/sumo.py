@@ -1,9 +1,11 @@
-"""The one file that imports libsumo, and the one that converts SUMO's conventions to ours.
+"""The only file that imports libsumo and that converts between SUMO's conventions and ours.
 
 SUMO measures angles in degrees clockwise from north and places a vehicle by the centre of its front bumper;
-all that leaves this file is in radians counter-clockwise from east and placed by the vehicle's centre.
+outside this file, angles are in radians counter-clockwise from east, and a vehicle is placed by its centre
+(except in `Motion` and on lanes, where positions are those of front bumpers).
 
-libsumo holds one simulation per process: a second `start` would silently destroy the first, so it is refused.
+libsumo holds one simulation per process. A second `start` would silently destroy the first, so a second
+`Sumo` is refused.
 """
 
 from __future__ import annotations
@@ -37,11 +39,11 @@ OWN_SPEED = 31
 HEEDLESS = 55
 """as OWN_SPEED, but right of way is ignored, before and inside a junction"""
 BRAKE_HARD = 27
-"""as OWN_SPEED, but neither commands nor leaders are bound to the comfortable deceleration"""
+"""as OWN_SPEED, but a vehicle may brake harder than its comfortable deceleration, for commands and leaders"""
 ONLY_WHEN_ASKED = 0b111100000000
-"""the bits of SUMO's lane-change mode that say how requests are obeyed; the others are reasons of its own"""
+"""the bits of SUMO's lane-change mode that say how requests are obeyed; the others hold SUMO's own reasons"""
 OBEDIENT = 0
-"""no check at all: the speed that is set is the speed that is driven"""
+"""SUMO's speed mode without any check: the speed that is set is the speed that is driven"""
 
 _OPTIONS = (
     "--no-step-log", "--no-warnings", "--time-to-teleport", "-1", "--collision.action", "none",
@@ -51,14 +53,14 @@ _OPTIONS = (
 _QUARTER = math.pi / 2
 _RADIAN = math.pi / 180
 MATCH_M = 5.0
-"""m within which SUMO looks for the lane under a vehicle that is placed; it searches them all, so not
-wider"""
+"""m within which SUMO looks for the lane under a vehicle that is placed; small, since it searches them
+all"""
 
 _owner: int | None = None
 
 
 def _function(name: str) -> Callable[..., Any]:
-    """A function of libsumo.vehicle, without its Python wrapper where libsumo shows it: a third faster."""
+    """A function of libsumo.vehicle, without its Python wrapper if libsumo allows: that is a third faster."""
     inner = getattr(libsumo, "_libsumo", None)
     return getattr(inner, f"vehicle_{name}", getattr(libsumo.vehicle, name))
 
@@ -99,7 +101,9 @@ Method = TypeVar("Method", bound=Callable[..., Any])
 
 
 def _to(what: str) -> Callable[[Method], Method]:
-    """Has a method raise SimulationError where SUMO refuses: `what` it was asked to do, and its arguments."""
+    """Decorate a method so that it raises SimulationError where SUMO refuses, with `what` SUMO was asked to
+    do and the arguments.
+    """
 
     def decorate(method: Method) -> Method:
         @functools.wraps(method)
@@ -117,7 +121,9 @@ def _to(what: str) -> Callable[[Method], Method]:
 
 @contextlib.contextmanager
 def _as_file(text: str) -> Iterator[str]:
-    """Path of a file with that text, there only while SUMO loads: a process that is killed leaves nothing."""
+    """Path of a temporary file with that text. It exists only while SUMO loads, so that a process that is
+    killed later leaves no file.
+    """
     try:
         descriptor, path = tempfile.mkstemp(prefix="rudc-", suffix=".add.xml")
     except OSError as error:
@@ -137,7 +143,9 @@ def _as_file(text: str) -> Iterator[str]:
 
 @contextlib.contextmanager
 def _plain(path: str) -> Iterator[str]:
-    """The path of a file as SUMO takes it: SUMO splits paths at commas and puts variables in for ${...}."""
+    """A path by which SUMO can open a file: SUMO splits paths at commas and replaces ${...} by variables, so
+    a path with either is given as /dev/fd/N.
+    """
     if "," not in path and "${" not in path:
         yield path
         return
@@ -152,7 +160,7 @@ def _plain(path: str) -> Iterator[str]:
 
 
 class _Running:
-    """Whether libsumo holds a simulation for one `Sumo`; apart from it, so that it outlives it."""
+    """Whether libsumo holds a simulation for one `Sumo`; kept apart, so that it outlives the `Sumo`."""
 
     def __init__(self) -> None:
         self.pid = os.getpid()
@@ -160,7 +168,7 @@ class _Running:
 
 
 def _release(running: _Running) -> None:
-    """End the simulation, so that this process may have another; in a fork of its process, nothing."""
+    """End the simulation, so that this process may have another. Does nothing in a fork of that process."""
     global _owner
     if running.pid != os.getpid():
         return
@@ -170,7 +178,7 @@ def _release(running: _Running) -> None:
 
 
 class Sumo:
-    """A running simulation of one road network, ended by `close` or when nobody holds it any more.
+    """A running simulation of one road network, ended by `close` or when no reference to it is left.
 
     Raises WorldBusyError when this process already runs one; its methods raise SimulationError where SUMO
     refuses.
@@ -190,7 +198,7 @@ class Sumo:
         _owner = os.getpid()
 
     def refused(self, what: str, error: Exception) -> SimulationError:
-        """What to raise where SUMO could not do `what`."""
+        """The error to raise where SUMO could not do `what`."""
         if isinstance(error, libsumo.FatalTraCIError):
             self._running.started = False  # SUMO has ended the simulation; the next load starts it anew
         return SimulationError(f"network {self._net_file.name}: SUMO could not {what}: {error}")
@@ -200,8 +208,8 @@ class Sumo:
         self._release()
 
     def load(self, seed: int, additional: str, options: Sequence[str] = ()) -> None:
-        """Begin anew: empty roads, the vehicle types of the additional file (its text), SUMO's generator
-        seeded. Raises SimulationError after `close`."""
+        """Begin a new simulation: empty roads, vehicle types of `additional` (text of SUMO's additional
+        file), SUMO's random generator seeded. Raises SimulationError after `close`."""
         if not self._release.alive:
             raise SimulationError("this world is closed; make another")
         with _as_file(additional) as path, _plain(path) as types, _plain(str(self._net_file)) as network:
@@ -226,12 +234,12 @@ class Sumo:
 
     @_to("say the time")
     def time(self) -> float:
-        """s since `load`."""
+        """Simulated time since `load`, s."""
         return libsumo.simulation.getTime()
 
     @_to("name a route")
     def add_route(self, name: str, edges: Sequence[str]) -> None:
-        """Name a sequence of edges."""
+        """Define a route: a name for a sequence of edges."""
         libsumo.route.add(name, list(edges))
 
     @_to("add a vehicle")
@@ -286,29 +294,29 @@ class Sumo:
 
     @_to("say how long a vehicle is")
     def length(self, vehicle: str) -> float:
-        """m."""
+        """Length of a vehicle, m."""
         return libsumo.vehicle.getLength(vehicle)
 
     @_to("say on which lane a vehicle is")
     def lane_place(self, vehicle: str) -> tuple[str, float]:
-        """Lane of a vehicle, and where its front bumper is on it, m."""
+        """Lane of a vehicle, and position of its front bumper along it, m."""
         return libsumo.vehicle.getLaneID(vehicle), libsumo.vehicle.getLanePosition(vehicle)
 
     @_to("say how a lane runs")
     def lane_line(self, lane: str) -> tuple[Array, float]:
-        """(K, 2) m, a lane's centre line, and its length as stated, m."""
+        """A lane's centre line (K, 2) m, and its length as stated in the network file, m."""
         return np.array(libsumo.lane.getShape(lane)), libsumo.lane.getLength(lane)
 
     @_to("place a vehicle")
     def place(self, vehicle: str, x: float, y: float, psi: float, v: float, length: float) -> None:
-        """Put a vehicle's centre at (x, y) m, heading psi rad, speed v m/s, whatever its lane."""
+        """Put a vehicle's centre at (x, y) m with heading psi rad and speed v m/s, whatever its lane."""
         front_x, front_y, angle = sumo_pose(x, y, psi, length)
         _move(vehicle, "", -1, front_x, front_y, angle, 2, MATCH_M)
         _set_speed(vehicle, v)
 
     @_to("block a lane")
     def block(self, vehicle: str, edge: str, lane: int, start: float, end: float) -> None:
-        """Have something stand for good on a lane of an edge, from start to end m."""
+        """Add a vehicle that stands for good on a lane of an edge, from `start` to `end` m."""
         self.add_route(vehicle, [edge])
         self.add(vehicle, vehicle, "car", lane, end - 0.1, 0.0)
         libsumo.vehicle.setLength(vehicle, end - start)
@@ -317,7 +325,7 @@ class Sumo:
 
     @_to("lengthen what blocks a lane")
     def lengthen(self, vehicle: str, length: float) -> None:
-        """Have a vehicle be so many m long, its front where it is."""
+        """Set a vehicle's length in m; its front stays where it is."""
         libsumo.vehicle.setLength(vehicle, length)
 
     @_to("hand a vehicle over")
@@ -328,7 +336,9 @@ class Sumo:
 
     @_to("give a driver its character")
     def personality(self, vehicle: str, **values: float) -> None:
-        """Set a driver's `tau` s, `min_gap` m, `accel` and `decel` m/s2, `speed_factor`."""
+        """Set values of a driver: `tau` (headway, s), `min_gap` (m), `accel`, `decel` and `emergency_decel`
+        (m/s2), `speed_factor`.
+        """
         setters = {
             "tau": libsumo.vehicle.setTau,
             "min_gap": libsumo.vehicle.setMinGap,
@@ -347,34 +357,34 @@ class Sumo:
 
     @_to("keep a vehicle in its lane")
     def keep_lane(self, vehicle: str) -> None:
-        """From now on a vehicle changes lanes no more."""
+        """From now on a vehicle changes lanes no longer."""
         libsumo.vehicle.setLaneChangeMode(vehicle, 0)
 
     @_to("hold a vehicle in its lane")
     def hold_lane(self, vehicle: str) -> int:
-        """Have a vehicle change lanes only when asked to, and if there is room; what it did before."""
+        """Have a vehicle change lanes only when asked to, and if there is room. Returns its previous mode."""
         mode = libsumo.vehicle.getLaneChangeMode(vehicle)
         libsumo.vehicle.setLaneChangeMode(vehicle, mode & ONLY_WHEN_ASKED)
         return mode
 
     @_to("set how a vehicle changes lanes")
     def set_lane_changes(self, vehicle: str, mode: int) -> None:
-        """For which reasons a vehicle changes lanes, as `hold_lane` answered."""
+        """Set a vehicle's lane-change mode, as `hold_lane` returned it."""
         libsumo.vehicle.setLaneChangeMode(vehicle, mode)
 
     @_to("slow a vehicle down")
     def slow_down(self, vehicle: str, speed: float, duration: float) -> None:
-        """Bring a vehicle to a speed (m/s) evenly within duration s; then it is SUMO's again."""
+        """Bring a vehicle to a speed (m/s) evenly within `duration` s; then SUMO sets its speed again."""
         libsumo.vehicle.slowDown(vehicle, speed, duration)
 
     @_to("have a vehicle change lanes")
     def ask_lane(self, vehicle: str, lane: int, duration: float) -> None:
-        """Have a vehicle change to a lane of its edge as soon as there is room, and stay for duration s."""
+        """Have a vehicle change to a lane of its edge as soon as there is room, and stay for `duration` s."""
         libsumo.vehicle.changeLane(vehicle, lane, duration)
 
     @_to("set a vehicle's speed mode")
     def set_mode(self, vehicle: str, mode: int) -> None:
-        """Which of SUMO's checks hold for a vehicle's speed."""
+        """Set a vehicle's speed mode: which of SUMO's checks limit its speed."""
         libsumo.vehicle.setSpeedMode(vehicle, mode)
 
     @_to("limit a vehicle's speed")

@@ -1,8 +1,8 @@
 """Surrounding vehicles (SVs): who they are, how many there are, and where they come from.
 
-Density counts vehicles per km of two-way road. It is held: each SV that leaves at the end of an arm is
-replaced by one that enters at the start of an arm whose entry is free, so that the count stays at
-round(density * road_km) while there is room.
+The density is the number of SVs per km of two-way road. It is kept constant: each SV that leaves at the end
+of an arm is replaced by one that enters at the start of an arm where there is room, so that the number of SVs
+stays at round(density * road_km) while there is room.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ EMERGENCY_DECEL = 9.0
 
 @dataclass(frozen=True, slots=True)
 class VehicleType:
-    """A class of road users; sizes in m, speed in m/s."""
+    """A class of vehicles; sizes in m, speed in m/s. `vclass` is SUMO's name of the class."""
 
     kind: Kind
     vclass: str
@@ -52,7 +52,7 @@ VEHICLE_TYPES = {
 
 @dataclass(slots=True)
 class Driver:
-    """One SV: its body, its movement, and what is known of its mood."""
+    """One SV: its body, its movement, and its driver's character."""
 
     type: VehicleType
     origin: str
@@ -62,27 +62,27 @@ class Driver:
     decel: float
     """m/s2, comfortable on a dry road"""
     speed_factor: float
-    """desired speed over the limit"""
+    """desired speed divided by the speed limit"""
     overridden: int = 0
-    """how many events command its speed at present, so that the yielding layer does not"""
+    """how many events command its speed at present; the yielding layer does not brake it if there are any"""
     heedless: int = 0
-    """how many events have it disregard the right of way at present: the yielding layer then brakes it only
-    behind the ego"""
+    """how many events make it disregard the right of way at present; if there are any, the yielding layer
+    brakes it only behind the ego"""
     slips: bool = False
-    """whether the road holds it to less than it can"""
+    """whether the road's friction keeps it from braking or accelerating as hard as it could"""
     keeps_lane: bool = False
-    """whether it leads or follows the ego for an event: up to the junction it stays in its lane"""
+    """whether it leads or follows the ego for an event: it then stays in its lane up to the junction"""
 
     @property
     def mode(self) -> int:
-        """SUMO's speed mode as of the events that have taken hold of it."""
+        """SUMO's speed mode, by the events that act on it at present."""
         if self.overridden:
             return BRAKE_HARD
         return HEEDLESS if self.heedless else OWN_SPEED
 
 
 def type_file(plan: TrafficPlan, ego: EgoVehicle) -> str:
-    """SUMO's additional file: one vehicle type a class, and the ego's."""
+    """Text of SUMO's additional file: one vehicle type for each class, and the ego's."""
     common = (
         f'carFollowModel="IDM" speedDev="0" '
         f'impatience="{plan.impatience:g}" jmTimegapMinor="{plan.minor_gap_s:g}" '
@@ -102,7 +102,7 @@ def type_file(plan: TrafficPlan, ego: EgoVehicle) -> str:
 class Traffic:
     """Keeps the SVs of one episode at their density.
 
-    `density` (veh/km) may be changed at any time; a surplus drains by itself.
+    `density` (veh/km) may be changed at any time; a surplus shrinks as SVs leave the network.
     """
 
     def __init__(self, sumo: Sumo, network: Network) -> None:
@@ -118,9 +118,9 @@ class Traffic:
         lanes = np.array([len(self._arms[name].in_lanes) for name in self._origins], dtype=float)
         shares = np.cumsum(lanes / lanes.sum())
         self._shares: list[float] = (shares / shares[-1]).tolist()
-        """of each of them and those before it, as `Generator.choice` reckons"""
+        """cumulative shares of these arms, computed as `numpy.random.Generator.choice` does"""
         self._lanes: dict[str, list[Lane]] = {}
-        """of each edge"""
+        """lanes of each edge"""
         for lane in network.lanes.values():
             self._lanes.setdefault(lane.edge, []).append(lane)
         self._inbound = {
@@ -129,12 +129,12 @@ class Traffic:
             ]
             for movement in network.movements
         }
-        """lanes that each movement has on each edge of its arm, outermost first"""
+        """lanes that each movement uses on each edge of its arm, outermost edge first"""
         self._refused = {
             (movement.origin, movement.destination): _refused(network, movement)
             for movement in network.movements
         }
-        """SUMO's classes of vehicles that may not drive all of a movement"""
+        """SUMO's classes of vehicles that may not drive the whole of each movement"""
         self.drivers: dict[str, Driver] = {}
         self._waiting: set[str] = set()
 
@@ -162,11 +162,11 @@ class Traffic:
                 self._sumo.add_route(f"leave:{arm.name}", arm.out_edges)
 
     def reserve(self, lane: str, start: float, end: float) -> None:
-        """Keep a stretch (m, m) of a lane free when the roads are populated."""
+        """Keep a lane free from `start` to `end` m when the roads are populated."""
         self._occupied.setdefault(lane, []).append((start, end))
 
     def populate(self) -> None:
-        """Fill the roads to the density, in- and outbound."""
+        """Put SVs on the roads, towards the junction and away from it, until the density is reached."""
         for _ in range(self.target):
             self._place_somewhere(self._occupied)
 
@@ -177,12 +177,12 @@ class Traffic:
 
     @property
     def missing(self) -> int:
-        """How many SVs fewer there are than that; a surplus counts below 0."""
+        """How many SVs are missing to reach `target`; negative for a surplus."""
         return self.target - len(self.drivers)
 
     def refill(self, rears: Iterable[tuple[str, float, float]]) -> None:
-        """Let new SVs enter where there is room, up to the target. `rears` of all on the road: lane, m along
-        it, m/s."""
+        """Let new SVs enter where there is room, up to the target. `rears`: lane, position of the rear along
+        it (m) and speed (m/s) of every vehicle on the road."""
         entry: dict[str, tuple[float, float]] = {}
         for lane, rear, speed in rears:
             if rear < entry.get(lane, (math.inf, 0.0))[0]:
@@ -191,13 +191,13 @@ class Traffic:
             self._enter(entry)
 
     def add(self, movement: Movement, place: Entry, kind: str, speed: float) -> str:
-        """One SV more than the density asks for, to enter at a place at the next step; its name."""
+        """Add an SV beyond those that the density asks for; it enters at the next step. Returns its name."""
         route = f"added:{self._count}"
         self._sumo.add_route(route, place.edges)
         return self._add(movement, route, kind, place.lane, place.front, speed)
 
     def may_go(self, name: str, origin: str, destination: str) -> bool:
-        """Whether the roads of a movement are open to an SV."""
+        """Whether all roads of a movement are open to an SV's class of vehicles."""
         return self.drivers[name].type.vclass not in self._refused[origin, destination]
 
     def redirect(self, name: str, origin: str, destination: str) -> None:
@@ -207,15 +207,15 @@ class Traffic:
         self._sumo.redirect(name, f"{origin}>{destination}")
 
     def draw_speed(self) -> float:
-        """m/s, the initial speed of one more SV."""
+        """m/s, drawn initial speed of a further SV."""
         return self._plan.speed.sample(self._rng)
 
     def avoid(self, closed: set[tuple[str, str]]) -> None:
-        """From now on nobody enters the road for one of these movements (origin, destination)."""
+        """From now on no SV enters for these movements (origin, destination), if its arm has any other."""
         self._closed = closed
 
     def lose_grip(self, limit: float) -> None:
-        """From now on nobody whom SUMO drives brakes or accelerates harder than limit m/s2."""
+        """From now on no vehicle that SUMO drives brakes or accelerates harder than `limit` m/s2."""
         self.grip = limit
         for name, driver in self.drivers.items():
             self._slip(name, driver)
@@ -223,7 +223,7 @@ class Traffic:
             self._slip(EGO, self._ego)
 
     def drive_ego(self) -> None:
-        """SUMO drives the ego, too: the road holds it as it does the SVs."""
+        """From now on SUMO drives the ego, too; the road's friction limits it as it does the SVs."""
         self._ego = Driver(
             VEHICLE_TYPES["car"], "", "", self._plan.accel.mean, self._plan.decel.mean, speed_factor=1.0
         )
@@ -241,7 +241,7 @@ class Traffic:
             )
 
     def forget(self, active: tuple[str, ...]) -> None:
-        """Drop the SVs that have left; those asked for and not yet on the road are kept."""
+        """Forget the SVs that have left; those that were added but are not yet on the road are kept."""
         present = set(active)
         self._waiting -= present
         for name in self.drivers.keys() - present - self._waiting:
@@ -255,17 +255,17 @@ class Traffic:
         return choices[self._rng.integers(len(choices))]
 
     def draw_type(self) -> str:
-        """The kind of one more SV, as the mix has it."""
+        """The kind of a further SV, drawn from the scenario's mix."""
         names, weights = self._mix
         return names[0] if len(names) == 1 else names[self._rng.choice(len(names), p=weights)]
 
     def may_drive(self, kind: str, movement: Movement, lane: Lane) -> bool:
-        """Whether a kind of vehicle may enter on that lane and drive that movement."""
+        """Whether a kind of vehicle may enter on a lane and drive a movement."""
         vclass = VEHICLE_TYPES[kind].vclass
         return vclass not in self._refused[movement.origin, movement.destination] | {*lane.refuses}
 
     def _lanes_for(self, movement: Movement, edge: str) -> list[Lane]:
-        """Those of an edge on which a movement drives; all where its own begin later."""
+        """The lanes of an edge that a movement uses; all of them if its own begin on a later edge."""
         own = {name for row in movement.rows for name in self._network.paths.lane_ids[row]}
         lanes = sorted(self._lanes.get(edge, []), key=lambda lane: lane.id)
         return [lane for lane in lanes if lane.id in own] or lanes
@@ -294,8 +294,8 @@ class Traffic:
             "decel": (driver.decel, plan.decel.mean),
             "speed_factor": (driver.speed_factor, 1.0),
         }
-        # What its type already says need not be said again: each vehicle that differs costs SUMO a type of
-        # its own.
+        # Values that equal those of its type are not set again, since SUMO makes a type of its own for each
+        # vehicle that is set.
         self._sumo.personality(
             name, **{trait: own for trait, (own, usual) in character.items() if own != usual}
         )
@@ -341,21 +341,21 @@ class Traffic:
                 return
 
     def _draw_edge(self, edges: Sequence[str]) -> int:
-        """Which of an arm's edges, each as often as it is long."""
+        """Index of one of an arm's edges, drawn with probabilities in proportion to their lengths."""
         if len(edges) == 1:
             return 0
         lengths = np.array([max(self._length(edge) - 1.0, 0.0) for edge in edges])
         return int(self._rng.choice(len(edges), p=lengths / lengths.sum()))
 
     def _length(self, edge: str) -> float:
-        """m; 0 for an edge too short to be drawn."""
+        """Length of an edge, m; 0 for an edge without lanes in the network (it is too short to be drawn)."""
         return self._lanes[edge][0].length if edge in self._lanes else 0.0
 
     def _there(
         self, occupied: Mapping[str, list[tuple[float, float]]], edges: Sequence[str], k: int, lane: Lane
     ) -> list[tuple[float, float]]:
-        """Stretches (m, m along a lane of edge k) that are occupied on it, or on any lane of the arm's other
-        edges."""
+        """Occupied stretches (rear, front) on a lane of edge k, and on all lanes of the arm's other edges; m
+        along the lane, negative before it."""
         starts = np.cumsum([0.0, *map(self._length, edges)])
         return [
             (rear + starts[j] - starts[k], front + starts[j] - starts[k])
@@ -385,7 +385,7 @@ class Traffic:
 
 
 def _refused(network: Network, movement: Movement) -> frozenset[str]:
-    """SUMO's classes of vehicles to which some edge of a movement is closed on all lanes."""
+    """SUMO's classes of vehicles that may use no lane of some edge of a movement."""
     found = set[str]()
     for edge in movement.edges:
         lanes = [{*lane.refuses} for lane in network.lanes.values() if lane.edge == edge]

@@ -1,9 +1,9 @@
 """Trying a network out in a process of its own, before SUMO runs it in ours.
 
-SUMO trusts a .net.xml: one that contradicts itself can end the whole process, without an exception. So a
-network that does not come with RUDC is first driven in a child: a car on every movement, from every lane that
-permits it, for `TRIAL_S` of simulated time. What has passed is remembered by the file's digest, in this
-process and in the user's cache folder, and is not tried again.
+SUMO trusts a .net.xml: one that contradicts itself can end the whole process, without an exception. So
+cars first drive on a network that does not come with RUDC in a child process: one on every movement, from
+every lane that permits it, for `TRIAL_S` of simulated time. A network that has passed is remembered by a
+digest of its file, in this process and in the user's cache folder, and is not tried again.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ if TYPE_CHECKING:
     from rudc.network.network import Network
 
 TRIAL_S = 40.0
-"""s of simulated time"""
+"""s of simulated time for which the cars drive"""
 STEP_S = 0.1
-"""s"""
+"""s, one simulation step"""
 PATIENCE_S = 30.0
 """s of wall time after which SUMO is taken to hang"""
 MEMORY = 4 * 2**30
-"""bytes of addresses that the child may take"""
+"""bytes of address space that the child may use"""
 REFUSED = 3
-"""exit code of a child whose network SUMO refuses; it says why"""
+"""exit code of a child whose network SUMO refuses; it then prints why"""
 _CAR = '<additional><vType id="car" vClass="passenger" carFollowModel="IDM" speedDev="0"/></additional>'
 
 
 def refuse_untried(network: Network) -> None:
-    """Raise NetworkError where SUMO crashes over a network, hangs, or refuses it; shipped ones pass."""
+    """Raise NetworkError if SUMO crashes over a network, hangs, or refuses it; shipped ones are not tried."""
     if network.path not in _shipped():
         _try_once(network.path, network.path.stat().st_mtime_ns, _orders(network))
 
@@ -55,13 +55,13 @@ def _try_once(path: Path, _modified: int, orders: str) -> None:
     if mark.exists():
         return
     _try_out(path, orders)
-    with contextlib.suppress(OSError):  # without a place to remember it in, it is tried again
+    with contextlib.suppress(OSError):  # where nothing can be stored, it is tried again next time
         mark.parent.mkdir(parents=True, exist_ok=True)
         mark.touch()
 
 
 def _orders(network: Network) -> str:
-    """What the child is asked to do: edges, lane and first position of each car."""
+    """What the child is asked to do, as JSON: edges, lane and first position (m) of each car."""
     cars = []
     for movement in network.movements:
         for lane in sorted({network.inbound_lane(row).index for row in movement.rows}):
@@ -106,7 +106,7 @@ def _try_out(path: Path, orders: str) -> None:
 
 
 def drive() -> None:
-    """What the child does: reads its orders, drives, and leaves with 0 or REFUSED."""
+    """Run the child: read its orders, let the cars drive, and exit with 0 or REFUSED."""
     from rudc.world.sumo import Sumo
 
     with contextlib.suppress(ImportError, OSError, ValueError):  # no such limits on Windows

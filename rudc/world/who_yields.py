@@ -1,13 +1,13 @@
-"""Who yields to whom at an instant: what pictures show of the traffic's manners. Nothing is driven by it.
+"""Who yields to whom at an instant, for pictures only: nothing in the simulation depends on it.
 
-Surrounding vehicles (SVs) yield for two reasons, and this names for each SV the one it yields to first:
+Surrounding vehicles (SVs) yield for two reasons. For each SV, this module names whom it yields to first:
 
     the yielding layer (rudc/world/yielding.py): the ego if the SV brakes for it, or else the obstacle or SV
         that alone makes it brake hardest;
-    SUMO's right of way: an SV that stands or brakes, as the first of its arm, before a way that meets its own
-        and has priority; whoever is there, or comes there within GAP_S, is yielded to.
+    SUMO's right of way: an SV that is the first of its arm and stands or brakes before a way that meets its
+        own and has priority yields to the SV that is there, or comes there first within GAP_S.
 
-SUMO does not say for whom its drivers wait, so that the second is read off the scene.
+SUMO does not say for whom its drivers wait, so the second is concluded from the scene.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from rudc.world.yielding import must_yield
 from rudc.world.yielding_kernels import CREEPS
 
 GAP_S = 6.0
-"""s, within which somebody comes to where the ways meet who is waited for"""
+"""s: an SV is taken to wait for another that comes to where their ways meet within this time"""
 NEAR_M = 20.0
-"""m from there within which an SV that brakes does so for who has priority"""
+"""m before that place within which an SV that brakes is taken to brake for those with priority"""
 BRAKES = -0.5
-"""m/s2, below which an SV brakes"""
+"""m/s2, an SV with an acceleration below this brakes"""
 BESIDE_M = 1.5
-"""m off a way within which a centre is on it"""
+"""m from a way within which a vehicle's centre counts as on it"""
 
 
 def who_yields(scene: Scene) -> dict[str, str]:
-    """Name of each SV that yields -> whom it yields to first: a name of the scene's, or `ego`."""
+    """Name of each SV that yields -> name of whom it yields to first, as in `Scene.ids`, or `ego`."""
     speed = np.hypot(*scene.velocity.T)
     found = {}
     for i in np.flatnonzero(scene.path >= 0).tolist():
@@ -50,7 +50,9 @@ def who_yields(scene: Scene) -> dict[str, str]:
 
 
 def _braked_for(scene: Scene, i: int) -> str | None:
-    """Whom an SV i that the yielding layer brakes yields to; None if no single one makes it."""
+    """Whom SV i, which the yielding layer brakes, yields to; None if no single road user alone makes it
+    brake.
+    """
     if must_yield(scene.only(np.array([i]))).rows:
         return EGO
     hardest, whom = -math.inf, None
@@ -63,7 +65,7 @@ def _braked_for(scene: Scene, i: int) -> str | None:
 
 
 def _first_with_priority(scene: Scene, i: int, speed: Array) -> int | None:
-    """Who of those to whom SUMO makes an SV i give way is first where their ways meet; None if i goes on."""
+    """Row of the SV with priority over SV i that comes first to where their ways meet; None if i goes on."""
     if speed[i] >= STANDING and scene.acceleration[i] >= BRAKES:
         return None
     paths, row, front = scene.network.paths, int(scene.path[i]), scene.path_s[i] + 0.5 * scene.size[i, 0]
@@ -83,7 +85,7 @@ def _first_with_priority(scene: Scene, i: int, speed: Array) -> int | None:
 
 
 def _follows(scene: Scene, i: int, front: float, until: float) -> bool:
-    """Whether somebody from the same arm is on an SV i's way from its front up to `until` m."""
+    """Whether another SV from the same arm is on SV i's way, from its front up to `until` m."""
     paths, row = scene.network.paths, int(scene.path[i])
     stations = paths.xy[row, max(int(front / SPACING), 0) : max(int(until / SPACING), 0) + 2]
     others = [j for j in range(scene.count) if j != i and scene.path[j] >= 0]

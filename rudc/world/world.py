@@ -5,9 +5,9 @@
         advance = world.advance(np.array([0.5, 0.0]))     # m/s2, rad
         scene = world.scene()
 
-A decision lasts `decision_s` and is simulated in sub-steps. In each: the ego's plant moves, SUMO moves the
-surrounding vehicles (SVs), props move, and the ego's rectangle is tested against everything. Before the first
-sub-step, events act; twice a second (five times if something scripted moves) the yielding layer brakes SVs.
+A decision lasts `decision_s` and is simulated in sub-steps. In each, the ego's plant moves, SUMO moves the
+surrounding vehicles (SVs), props move, and the ego's rectangle is tested against what is near. Before the
+first sub-step events act, and twice a second (five times while a prop moves) the yielding layer brakes SVs.
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ if TYPE_CHECKING:
     from rudc.scenario.plan import EpisodePlan
 
 REDRAWS = 30
-"""how often an unsafe start is drawn again before giving up"""
+"""how often an unsafe start is drawn again before `reset` raises SimulationError"""
 CLOSE_M = 2.0
-"""m, gaps at least so small are looked at in every sub-step; larger ones at the end of a decision"""
+"""m, gaps up to this size are measured in every sub-step, larger ones only at the end of a decision"""
 FAR_M = 10_000.0
 """m, far off any road"""
 LAYER_S = 0.5
@@ -65,22 +65,22 @@ class Advance(NamedTuple):
     off_road: bool
     wrong_way: bool
     min_dtc_m: float
-    """m, smallest gap between the ego's rectangle and any other during the decision; inf when alone"""
+    """m, smallest gap between the ego's rectangle and any other during the decision; inf if alone"""
     sv_collisions: int
-    """pairs that began to overlap: two SVs, or an SV and something on the road"""
+    """how many pairs began to overlap: two SVs, or an SV and a prop"""
     density: float
     """veh/km on the road at the end"""
     gap_m: float | None = None
-    """m, the smallest gap at the end, where the world has measured it"""
+    """m, smallest gap at the end of the decision; None if not measured"""
     events: tuple[str, ...] = ()
-    """names of the scripted events that took effect at its beginning"""
+    """names of the events that took effect at the beginning of the decision"""
 
 
 class World:
-    """The simulation, ended by `close` or when nobody holds it any more.
+    """The simulation, ended by `close` or when no reference to it is left.
 
-    Raises WorldBusyError when this process already has one open (`rudc.world.isolated` runs one in a process
-    of its own), NetworkError for a junction with traffic lights, or a file that SUMO crashes over.
+    Raises WorldBusyError if this process already has one open (`rudc.world.isolated` runs one in a process of
+    its own), and NetworkError for a junction with traffic lights or a network over which SUMO crashes.
     """
 
     def __init__(self, network: Network, config: WorldConfig | None = None) -> None:
@@ -133,22 +133,22 @@ class World:
         return self.scene()
 
     def scene(self) -> Scene:
-        """The world as it is. Raises SimulationError before `reset`."""
+        """The scene as it really is. Raises SimulationError before `reset`."""
         if self._scene is None:
             raise SimulationError("the world has no episode yet; call reset(plan) first")
         return self._scene
 
     def perceived(self) -> Scene:
-        """The world as the ego's sensors show it; the same object until the next `advance`."""
+        """The scene as the ego's sensors show it; the same object until the next `advance`."""
         if self._perceived is None:
             self._perceived = self.stage.sensors.perceive(self.scene(), self._sensor_rng)
             self._script.look(self._perceived)
         return self._perceived
 
     def happenings(self) -> tuple[Happening, ...]:
-        """How each event of the episode stands, in the order of `plan.events`.
+        """The state of each event of the episode, in the order of `plan.events`.
 
-        What the ego sees of them is noted whenever it looks: at each call of `perceived`.
+        What the ego sees of them is noted at each call of `perceived`.
         """
         return self._script.happenings()
 
@@ -157,8 +157,8 @@ class World:
         return self.stage.sensors
 
     def advance(self, u: Array) -> Advance:
-        """Apply u = (acceleration m/s2, front-wheel angle rad; cut to the vehicle's limits) for one decision,
-        or up to the first violation."""
+        """Apply u (2,), acceleration (m/s2) and front-wheel angle (rad), cut to the vehicle's limits, for one
+        decision or up to a collision in it."""
         scene = self.scene()
         began = self._script.step(scene)
         layer_s = LAYER_MOVING_S if any(prop.moves for prop in self.stage.props) else LAYER_S
@@ -182,10 +182,10 @@ class World:
         return Advance(hit, off_road, wrong_way, reached.gap, overlaps, density, self._nearest.gap, began)
 
     def put_ego(self, x: float, y: float, psi: float, v: float = 0.0) -> Scene:
-        """Place the ego anew (m, m, rad, m/s), as studies and tests need it, and return the scene."""
+        """Put the ego at a pose (m, m, rad) with a speed (m/s), for studies and tests; return the scene."""
         length = self.vehicle.length
-        # A vehicle that jumps within its lane keeps its rank in SUMO's list of that lane, and others change
-        # lanes into it; so it leaves the road for a step.
+        # A vehicle that jumps within its lane keeps its rank in SUMO's list of that lane, and others would
+        # change lanes into it. So it leaves the road for a step.
         self._sumo.place(EGO, x + FAR_M, y + FAR_M, psi, v, length)
         self._sumo.step()
         self._move_props()
@@ -248,7 +248,7 @@ class World:
             self._reader.meet()
             if decision == last or self.stage.props or self.traffic.missing > 0:
                 self._refill()
-            if self.stage.props:  # only they are looked at, and look out, before the ego enters
+            if self.stage.props:  # only these need a scene before the ego enters
                 scene = self._look()
                 self._brake(scene, self.config.decision_s)
                 for prop in self.stage.props:
@@ -280,8 +280,8 @@ class World:
     # ---- one decision
 
     def _drive(self, scene: Scene, a: float, delta: float) -> Nearest:
-        """Simulate the sub-steps, up to a contact before the last; what is near after the last, the next
-        scene shows."""
+        """Simulate the sub-steps, or those up to a contact, and return what was nearest before the last one.
+        What is near after the last one is measured in the next scene."""
         last, reached = self.config.substeps - 1, NOTHING
         for prop in self.stage.props:
             prop.look_out(scene)
@@ -322,7 +322,7 @@ class World:
         self._plant.state = EgoState(x, y, psi, v, 0.0, turned / self.config.substep_s, a, 0.0)
 
     def _nearest_now(self, scene: Scene) -> Nearest:
-        """What is nearest of the bodies that were close to the ego in the scene and are still on the road."""
+        """The nearest of the bodies that were close to the ego in the scene and are still on the road."""
         props = {prop.name: prop for prop in self.stage.props}
         present = self._sumo.vehicles()
         rows, poses = list[int](), list[tuple[float, float, float]]()
@@ -337,7 +337,7 @@ class World:
         return nearest_of(ego, self.vehicle, names, pose[:, :2], pose[:, 2], scene.size[rows])[0]
 
     def _collision(self, hit: str, scene: Scene, before: Scene) -> Collision:
-        """Judged in the scene after the contact, or in the one before it should the other have left since."""
+        """The collision, judged in the scene after the contact, or in the one before if the other is gone."""
         if hit not in scene.ids:
             scene = before
         index = scene.ids.index(hit)
@@ -347,12 +347,12 @@ class World:
     # ---- after the sub-steps
 
     def _refresh(self) -> Scene:
-        """Read the road anew, let others enter where some have left, compose the scene."""
+        """Read the SVs anew, let others enter where some have left, compose the scene."""
         self._refill()
         return self._look()
 
     def _refill(self) -> None:
-        """Read the road anew, let others enter where some have left."""
+        """Read the SVs anew, let others enter where some have left."""
         self._reader.read()
         if self.traffic.missing > 0:
             self.traffic.refill(self._reader.rears())
@@ -376,7 +376,7 @@ class World:
         return scene
 
     def _brake(self, scene: Scene, duration_s: float) -> None:
-        """Have the SVs that the yielding layer names brake for the next duration_s."""
+        """Make the SVs that must yield or wait brake for the next duration_s seconds."""
         if not self.config.yielding:
             return
         most = min(BRAKE_MOST, self.traffic.grip)

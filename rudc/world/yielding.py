@@ -4,23 +4,25 @@ Paper, Sec. "Simulation Environment": each SV predicts heading and position for 
 potential collisions according to road priority. Among SVs, SUMO's right of way already does this, so the
 layer looks only at pairs of an SV and
 
-    an obstacle (accident, pedestrian, wrong-way driver): always yielded to;
+    an obstacle (accident, pedestrian, wrong-way driver): the SV always yields to it;
     the ego where it stands in the SV's way now, whoever has priority;
     the ego's predicted path, if the SV has the lower priority, or if the ego has left its lane or heading, or
         if it is committed: its front is past the point where it could still wait;
     an ego that comes towards the SV in the SV's own lane, since it goes round something: the SV stops FACED_M
         before it, so that the ego can return to its lane;
-    an SV that drives through the junction, by one from another arm that creeps in it: SUMO lets vehicles
-        wait in places that others, long ones above all, sweep over.
+    an SV from another arm that drives through the junction, if the first SV creeps inside it: SUMO lets
+        vehicles wait in places that others, above all long ones, sweep over.
 
 An ego that waits where it should (before its stop line, or at its waiting point inside the junction) is in
-nobody's way, unless it stands beside its path there. Who queues behind it before the stop line is SUMO's
-business; in the junction SUMO does not see the rear of one that drives another way.
+nobody's way, unless it stands beside its path there. SVs that queue behind it before the stop line are left
+to SUMO. Inside the junction they are not, since there SUMO does not see the rear of a vehicle that drives
+another way.
 
 SVs are predicted along their own lanes at constant speed, the ego along its reference path (straight ahead
-when off it), each at 0.25 s steps, as slightly enlarged rectangles. An SV that must yield brakes with b = v^2
-/ (2 d), d the way it can go before the first overlap, once b exceeds a threshold, and goes no faster until
-then; it is released as soon as no overlap is predicted.
+when it is off this path), each in steps of 0.25 s. The SVs' rectangles are slightly enlarged. An SV that must
+yield needs the deceleration b = v^2 / (2 d), where d is the way that it can go before the first overlap. It
+brakes with b once b exceeds BRAKE_FROM or the overlap is at most 0.5 s away. Until then it goes no faster, if
+it drives faster than CREEP. It is released as soon as no overlap is predicted.
 """
 
 from __future__ import annotations
@@ -48,17 +50,17 @@ from rudc.world.yielding_kernels import (
 BRAKE_MOST = 9.0
 """m/s2, on a dry road"""
 PAST_M = 3.0
-"""m of the ego's rear beyond the junction, from where it is one vehicle in a lane like any other"""
+"""m beyond the junction from which on the ego's rear counts as that of any other vehicle in its lane"""
 
 TIMES: Array = STEP_S * np.arange(INSTANTS, dtype=np.float64)
-"""(INSTANTS,) s, looked at"""
+"""(INSTANTS,) s, the instants that are predicted"""
 
 _COS_OFF = math.cos(math.pi / 6)
 _COS_BEHIND = math.cos(math.pi / 4)
 
 
 class Yielding(NamedTuple):
-    """What m of the scene's vehicles must do."""
+    """What m of the scene's SVs must do."""
 
     rows: list[int]
     """(m,) rows of the scene"""
@@ -67,8 +69,10 @@ class Yielding(NamedTuple):
 
 
 def must_yield(scene: Scene, *, ego_present: bool = True, brake_most: float = BRAKE_MOST) -> Yielding:
-    """Which SVs must brake or hold back, and how hard, at most brake_most m/s2. Without the ego on the road,
-    it does not count."""
+    """Which SVs must brake or must not go faster, and how hard they brake, at most brake_most m/s2.
+
+    `ego_present`: False while the ego is not on the road; SVs then do not yield to it.
+    """
     ego, body, paths, stray = scene.ego, scene.vehicle, scene.network.paths, off_path(scene)
     heeding = _heeding(scene, stray) if ego_present else None
     if heeding is None:
@@ -83,8 +87,8 @@ def must_yield(scene: Scene, *, ego_present: bool = True, brake_most: float = BR
 
 
 def ego_must_yield(scene: Scene, path: int, path_s: float) -> float:
-    """How hard, in m/s2, a SUMO-driven ego on row `path` at path_s m must brake for obstacles, as an SV
-    would; 0 for not."""
+    """m/s2, how hard a SUMO-driven ego on row `path` at path_s m must brake for obstacles, as an SV would; 0
+    if it need not."""
     obstacles = (scene.path < 0).nonzero()[0]
     ego, body = scene.ego, scene.vehicle
     course = np.array([math.cos(ego.psi), math.sin(ego.psi)])
@@ -102,7 +106,7 @@ def ego_must_yield(scene: Scene, path: int, path_s: float) -> float:
 
 
 def drives_behind(scene: Scene, row: int) -> bool:
-    """Whether an SV drives behind the ego, where it does, within 45 degrees."""
+    """Whether the SV of a row has the ego ahead of it and heads as the ego does, within 45 degrees."""
     ego, heading = scene.ego, float(scene.heading[row])
     dx, dy = (ego.x, ego.y) - scene.position[row]
     ahead = dx * math.cos(heading) + dy * math.sin(heading)
@@ -110,14 +114,14 @@ def drives_behind(scene: Scene, row: int) -> bool:
 
 
 def _heeding(scene: Scene, stray: bool) -> Flags | None:
-    """(N,) SVs that have the ego ahead, within reach, and yield to it; None where nobody has to."""
+    """(N,) whether each is an SV that has the ego ahead and near and must yield to it; None if none must."""
     ego, half, route, paths = scene.ego, 0.5 * scene.vehicle.length, scene.route, scene.network.paths
     heeds = np.ones(paths.count, dtype=np.bool_)
     if not stray:
         if scene.ego_s - half > route.exit_s + PAST_M:
             return None
         front, stands = scene.ego_s + half, ego.v < LINGERS
-        if front <= route.waiting_s + 1.0:  # it waits: only where it stands, or who owes it its way
+        if front <= route.waiting_s + 1.0:  # it waits: only SVs that it blocks or that owe it the way heed it
             behind = paths.origin == paths.origin[route.row]
             owe = paths.yields[:, route.row] & ~scene.network.yields_on_entering(route.row)
             heeds = ~behind if stands else owe
@@ -131,8 +135,8 @@ def _heeding(scene: Scene, stray: bool) -> Flags | None:
 
 
 def _predicted(scene: Scene, stray: bool) -> tuple[Complex, Complex]:
-    """(INSTANTS,) m and (INSTANTS,): place and direction of the ego over the horizon: standing, along its
-    path, or straight on.
+    """Place (INSTANTS,) m and direction (INSTANTS,) of the ego at each instant, as complex numbers: it
+    stands, or follows its path, or goes straight on.
     """
     ego = scene.ego
     if ego.v >= LINGERS and not stray:
@@ -143,8 +147,8 @@ def _predicted(scene: Scene, stray: bool) -> tuple[Complex, Complex]:
 
 
 def off_path(scene: Scene) -> bool:
-    """Whether the ego is more than 1 m or 30 degrees off its reference path, so that its route says little of
-    its future."""
+    """Whether the ego is more than 1 m or 30 degrees off its reference path, so that its route says little
+    about its future."""
     heading = scene.route.path.heading
     along = heading.item(min(max(int(scene.ego_s / SPACING), 0), len(heading) - 1))
     return abs(scene.ego_offset) > 1.0 or math.cos(scene.ego.psi - along) < _COS_OFF

@@ -1,4 +1,7 @@
-"""The yielding layer's arithmetic as kernels; what it decides: see the head of rudc/world/yielding.py."""
+"""The yielding layer's arithmetic as kernels; the head of rudc/world/yielding.py says what it decides.
+
+Places are complex numbers x + iy in m, and directions complex numbers of magnitude 1.
+"""
 
 from __future__ import annotations
 
@@ -24,46 +27,49 @@ from rudc.network.line_kernels import body_along_line, body_on_line, on_line
 from rudc.world.scene import STANDING
 
 STEP_S = 0.25
-"""s between the instants looked at"""
+"""s between the instants that are predicted"""
 INSTANTS = 9
-"""how many they are; the first is now"""
+"""how many instants are predicted; the first is now"""
 HORIZON_S = STEP_S * (INSTANTS - 1)
-"""s, the last of them"""
+"""s, the last instant"""
 GROW_LENGTH, GROW_WIDTH = 1.0, 0.4
 """m, added to an SV's length and width"""
 SQUEEZED = 0.1
-"""m, added to the width of an SV that stands or creeps, and comes past an ego that stands"""
+"""m, added instead to the width of an SV that stands or creeps, where the ego stands"""
 BRAKE_FROM = 1.5
-"""m/s2, needed deceleration at which an SV begins to brake"""
+"""m/s2, needed deceleration above which an SV brakes, even if the overlap is not near"""
 CREEP = 1.0
 """m/s, speed at which a standing SV is taken to set off"""
 LINGERS = 1.0
-"""m/s, below which the ego is taken to stay where it is: twice STANDING, since one that creeps is in the way
-for the next 2 s all the same"""
+"""m/s, below which the ego is taken to stay where it is: twice STANDING, since an ego that creeps is still in
+the way for the next 2 s"""
 CREEPS = 3.0
-"""m/s, up to which an SV in the junction looks out for faster ones"""
+"""m/s, up to which an SV inside the junction yields to faster ones"""
 FACED_M = 20.0
-"""m that an SV leaves before an ego that faces it in its lane, to return to its own"""
+"""m that an SV leaves free before an ego that faces it in the SV's lane, so that the ego can return to its
+own
+"""
 FACED_AHEAD = 60
-"""m of its way on which an SV looks for such an ego"""
+"""m of an SV's way on which it looks for such an ego"""
 FACING = -math.cos(math.pi / 6)
 """cosine of the angle between an SV's lane and the ego, below which the ego faces it"""
 STEADY = 4.5
-"""m/s2, with which it stops nearer than FACED_M"""
+"""m/s2, with which an SV stops that is already nearer to such an ego than FACED_M"""
 SWEPT_M = 2.5
-"""m between the places ahead of those, INSTANTS in number, that they will sweep over"""
+"""m between the INSTANTS places that an SV, driving on through the junction, is taken to sweep over"""
 NEAR_M = 10.0
-"""m between centres beyond what both cover in the horizon, within which bodies may come to overlap"""
+"""m: bodies whose centres are farther apart than both drive within the horizon, and this, cannot overlap"""
 
 
 @kernel
 def in_lane(
     poses: Table, stations: int, row: int, s: float, x: float, y: float, length: float, step: float
 ) -> tuple[NewPlaces, NewPlaces]:
-    """(INSTANTS,) m and (INSTANTS,): place and direction of a body `length` m long that is at (x, y) m now,
-    0, 1, 2, ... steps of `step` m on along its row from s m on, as far beside it as now.
+    """Places (INSTANTS,) m and directions (INSTANTS,) of a body `length` m long that is at (x, y) m now,
+    after 0, 1, 2, ... steps of `step` m along its row from s m on. Its lateral offset from the row stays as
+    now.
 
-    Somebody that passes an obstacle on a lane without a way to its destination drives beside its row.
+    A vehicle may drive beside its row: it passes an obstacle on a lane that does not lead to its destination.
     """
     start, along = body_on_line(poses, stations, row, s, length)
     beside = ((complex(x, y) - start) * along.conjugate()).imag
@@ -75,7 +81,9 @@ def in_lane(
 
 @kernel
 def straight_on(x: float, y: float, psi: float, velocity: complex) -> tuple[NewPlaces, NewPlaces]:
-    """(INSTANTS,) m and (INSTANTS,): place and direction of a body with a velocity (m/s)."""
+    """Places (INSTANTS,) m and directions (INSTANTS,) of a body with a constant velocity (m/s) and heading
+    psi (rad), from (x, y) m on.
+    """
     place = np.empty(INSTANTS, np.complex128)
     for t in range(INSTANTS):
         place[t] = complex(x, y) + velocity * (t * STEP_S)
@@ -87,8 +95,8 @@ def near_ego(
     position: Table, heading: Vector, velocity: Table, size: Table, path: Rows, heeds: Marks,
     x: float, y: float, v: float,
 ) -> NewFlags:  # fmt: skip
-    """(N,) whose path heeds the ego (`heeds` (P,)), who has it, at (x, y) m, ahead and may meet it, wherever
-    that goes at v m/s.
+    """(N,) whether each is an SV whose path must heed the ego (`heeds` (P,)), that has the ego, at (x, y) m,
+    ahead and could meet it, in whatever direction the ego drives at v m/s.
     """
     found = np.zeros(len(path), np.bool_)
     for i in range(len(path)):
@@ -105,8 +113,8 @@ def mark_overlaps(
     hits: NewFlags, place: Places, facing: Places, length: float, width: float,
     its_place: Places, its_facing: Places, its_length: float, its_width: float,
 ) -> int:  # fmt: skip
-    """Set hits (INSTANTS,) where two rectangles overlap, given their places m and directions (INSTANTS,) and
-    half sizes, m. Answers 0.
+    """Set `hits` (INSTANTS,) where two rectangles overlap, given their places (m) and directions (INSTANTS,)
+    and half their lengths and widths (m). Returns 0.
     """
     reach = length + width + its_length + its_width
     for t in range(INSTANTS):
@@ -119,9 +127,9 @@ def mark_overlaps(
 
 @kernel
 def braking(hits: NewFlags, speed: float, passed: bool, most: float) -> float:
-    """m/s2, how hard somebody brakes at `speed` m/s that overlaps at `hits` (INSTANTS,).
+    """m/s2, how hard a vehicle at `speed` m/s brakes that would overlap with another at `hits` (INSTANTS,).
 
-    0 for not going faster, negative for nothing at all. `passed`: it stands while the other passes it.
+    0: it only must not go faster; negative: it need do nothing. `passed`: it stands and the other passes it.
     """
     first, always = 0, hits[0]
     for t in range(INSTANTS - 1, 0, -1):
@@ -142,8 +150,8 @@ def braking(hits: NewFlags, speed: float, passed: bool, most: float) -> float:
 def room_before(
     poses: Table, stations: int, row: int, s: float, width: float, ego: complex, facing: complex
 ) -> float:
-    """m along an SV's row, from s m on, to an ego at `ego` m with direction `facing`, if that faces the SV
-    and is less than `width` m beside the row, so that there is no way past. inf otherwise, and beyond
+    """m along an SV's row, from s m on, to an ego at `ego` m with direction `facing`, if the ego faces the SV
+    and is less than `width` m beside the row, so that the SV cannot pass it. inf otherwise, and beyond
     FACED_AHEAD m.
     """
     for m in range(FACED_AHEAD):
@@ -157,14 +165,14 @@ def room_before(
 
 @kernel
 def braking_before(room: float, speed: float, most: float) -> float:
-    """m/s2, how hard somebody brakes at `speed` m/s that shall stop within `room` m; negative for not."""
+    """m/s2, how hard an SV at `speed` m/s brakes to stop within `room` m; negative if it need not yet."""
     need = STEADY if room <= 0.3 else speed**2 / (2.0 * room)
     return min(need, most) if need > BRAKE_FROM else -1.0
 
 
 @kernel
 def in_junction(size: Table, path: Rows, path_s: Vector, stop_s: Vector, exit_s: Vector) -> NewFlags:
-    """(N,) who is on a path and in the junction, from stop_s to exit_s (P,) m."""
+    """(N,) whether some part of each is in the junction, from stop_s to exit_s (P,) m of its path."""
     found = np.zeros(len(path), np.bool_)
     for i in range(len(path)):
         half, row = 0.5 * size[i, 0], path[i]
@@ -178,10 +186,11 @@ def braking_for_others(
     speed: Vector, inside: NewFlags, position: Table, heading: Vector, velocity: Table, size: Table,
     path: Rows, path_s: Vector, poses: Table, stations: int, origin: Rows,
 ) -> float:  # fmt: skip
-    """m/s2, as `braking`: how hard an SV i at `place` m facing `facing` (INSTANTS,) brakes for the obstacle
-    that asks for most, or, if it creeps in the junction, for what faster ones from other arms sweep over.
+    """m/s2, as `braking`: how hard SV i, with predicted places `place` m and directions `facing` (INSTANTS,),
+    brakes for obstacles, and, if it creeps in the junction, for places that faster SVs from other arms will
+    sweep over. The largest value counts.
 
-    Each is looked at by itself: who is beside one already still brakes for the next.
+    Each is tested by itself, so that an SV that already overlaps with one of them still brakes for the next.
     """
     need = -1.0
     for j in range(len(path)):
@@ -215,10 +224,11 @@ def yielding(
     heeding: NewFlags, ego: Places, ego_facing: Places, length: float, width: float, moves: bool,
     astray: bool, most: float,
 ) -> tuple[NewRows, NewVector]:  # fmt: skip
-    """(m,) rows of the SVs that must brake or go no faster, and how hard (m,) m/s2.
+    """Rows (m,) of the SVs that must brake or must not go faster, and how hard each brakes (m,) m/s2.
 
-    Who looks out for the ego (`heeding` (N,)), where that will be, m, and its directions (INSTANTS,), its
-    length and width, m, and whether it `moves` and has gone `astray`, off its path.
+    `heeding` (N,): which SVs yield to the ego; `ego`, `ego_facing` (INSTANTS,): the ego's predicted places
+    (m) and directions; `length`, `width`: the ego's, m; `moves`: whether it moves; `astray`: whether it is
+    off its path; `most`: m/s2, hardest braking.
     """
     n, count, obstacles = len(path), 0, False
     rows, needs, speed = np.empty(n, np.int64), np.empty(n), np.empty(n)

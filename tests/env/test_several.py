@@ -174,7 +174,11 @@ def drive():
             False,
             "must import Zap, which stands in the script itself: WorldBusyError",
         ),
-        ("drive()", False, "Put what drives under `if __name__ == '__main__':`, or Zap into a module"),
+        (
+            "drive()",
+            False,
+            "Put the code that drives under `if __name__ == '__main__':`, or Zap into a module",
+        ),
         (
             "drive()",
             True,

@@ -1,4 +1,4 @@
-"""Scenes made by hand, and a world that the tests of a file share."""
+"""Scenes made by hand, and a world that all tests of a file share."""
 
 import math
 from collections.abc import Callable, Iterator

@@ -1,4 +1,4 @@
-"""Networks that tests make for themselves: four_way with other limits, arms in pieces, a two-lane ring."""
+"""Networks for tests: four_way with other speed limits, arms of several edges, a two-lane roundabout."""
 
 import re
 from collections.abc import Callable

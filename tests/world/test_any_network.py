@@ -1,4 +1,4 @@
-"""The world on networks that are not ours: slower and faster roads, arms in several edges, traffic lights."""
+"""The world on networks that RUDC does not ship: other speeds, arms of several edges, traffic lights."""
 
 import re
 import shlex

@@ -1,4 +1,4 @@
-"""Whom a scenario's events select is on the road when the ego starts, and stays what it is."""
+"""A vehicle that a scenario's events select is on the road when the ego starts, and keeps its role."""
 
 import math
 from dataclasses import replace

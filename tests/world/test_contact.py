@@ -1,4 +1,4 @@
-"""Gaps between single rectangles against the vectorised ones, and who counts as near."""
+"""Gaps between single rectangles agree with the vectorised ones; which bodies count as near."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Surrounding vehicles go round what stands for good, or wait where they block nobody."""
+"""Surrounding vehicles go round things that stand for good, or wait where they block nobody."""
 
 import numpy as np
 import pytest

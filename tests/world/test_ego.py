@@ -1,5 +1,4 @@
-"""The ego's plant against an independent integration of its equations, and against what must hold of any
-car."""
+"""The ego's plant agrees with an independent integration of its equations, and does what any car does."""
 
 # pyright: reportPossiblyUnboundVariable=false, reportOperatorIssue=false
 # states are read after loops that always run

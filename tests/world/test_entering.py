@@ -1,4 +1,4 @@
-"""Where surrounding vehicles (SVs) come onto the road, and how fast."""
+"""Where surrounding vehicles (SVs) enter the road, and how fast."""
 
 from collections import Counter
 from itertools import pairwise

@@ -1,4 +1,4 @@
-"""Events that overlap, end, or appear before the ego: what is left of each, and what counts meanwhile."""
+"""Events that overlap, end, or put things before the ego: what counts meanwhile, and what is left of each."""
 
 from dataclasses import replace
 

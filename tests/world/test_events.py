@@ -1,5 +1,4 @@
-"""Every kind of event changes what it says it changes, on real traffic; triggers and selectors choose as they
-say."""
+"""Every kind of event has the effect that it describes, on real traffic; so have triggers and selectors."""
 
 import math
 from dataclasses import replace

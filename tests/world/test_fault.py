@@ -1,4 +1,4 @@
-"""The rule of fault, a hand-made contact for each of its sentences and for the borders between them."""
+"""The rules of fault: a contact made by hand for each rule, and for the limits between rules."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What does not fit a network is found in the file, where it stands, once."""
+"""What in a scenario file does not fit its network is reported once, with its place in the file."""
 
 import re
 import textwrap

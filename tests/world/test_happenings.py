@@ -1,4 +1,4 @@
-"""What is said of an episode's events: which wait, when each began, who is involved, when the ego saw it."""
+"""The states of an episode's events: which wait, when each began, who is involved, when the ego saw it."""
 
 from dataclasses import replace
 

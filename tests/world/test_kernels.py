@@ -1,4 +1,4 @@
-"""The world's kernels against rudc/geometry.py and numpy."""
+"""The world's kernels agree with rudc/geometry.py and numpy."""
 
 from __future__ import annotations
 

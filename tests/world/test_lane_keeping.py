@@ -1,4 +1,4 @@
-"""Nobody jumps into another lane where SUMO does not see the ego."""
+"""No surrounding vehicle jumps into another lane where SUMO does not see the ego."""
 
 from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode

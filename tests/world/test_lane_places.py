@@ -1,4 +1,4 @@
-"""Events on lanes inside the junction, on a ring, and about the ego; vehicles that cross an arm."""
+"""Events on lanes inside the junction, in a roundabout, or relative to the ego; ways across an arm."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Which lanes a thing that stands leaves too narrow to drive, where the road bends."""
+"""Which lanes a standing thing leaves too narrow to drive, where the road bends."""
 
 from types import SimpleNamespace
 

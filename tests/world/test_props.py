@@ -1,4 +1,4 @@
-"""Props: where they are on their ways, and what they stop for."""
+"""Props: where they are on their ways, and for what they stop."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Scenes cross to other processes small, and their network and route are that process's own."""
+"""A scene sent to another process is small, and there has that process's own network and route."""
 
 import pickle
 import subprocess

@@ -1,4 +1,4 @@
-"""What SUMO would crash over is found out in a child; this process lives on."""
+"""A network over which SUMO would crash is found out in a child process; this process goes on."""
 
 import shutil
 

@@ -1,5 +1,6 @@
-"""Roads that imported maps have: lanes for buses and bicycles, lanes that end, pockets that one changes into,
-arms closed to lorries, stated lengths that are not the drawn ones, lights on an arm.
+"""Roads that imported maps have: lanes for buses and bicycles, lanes that end, lanes that begin just before
+the junction, arms closed to lorries, stated lengths that differ from the drawn ones, traffic lights on an
+arm.
 """
 
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""The world as a whole, on real SUMO traffic: repeatable, one at a time, and what it says is so."""
+"""The world as a whole, on real SUMO traffic: it is repeatable, one at a time, and reports what happens."""
 
 import hashlib
 import shutil

@@ -1,4 +1,4 @@
-"""Who the yielding layer brakes, in scenes made by hand, and that it spares an ego in awkward poses."""
+"""Which SVs the yielding layer brakes, in scenes made by hand; no SV hits an ego in an unusual pose."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The yielding layer's kernels against the path table, rudc/geometry.py and the formula of braking."""
+"""The yielding layer's kernels agree with the path table, rudc/geometry.py and the formula of braking."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Says of the events of an episode, in words, since when they are there, or why they are not."""
+"""Describes in words when each event of an episode began, or why it has not begun."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def event_lines(plan: EpisodePlan, happenings: Sequence[Happening]) -> list[str]
 
 
 def numbered(number: int, kind: str) -> str:
-    """`2 (events.1) hard_brake`: an event's number in its file, as pictures show it and as keys have it."""
+    """`2 (events.1) hard_brake`: an event's number as pictures show it, its key in the file, and its kind."""
     return f"{number} (events.{number - 1}) {kind}"
 
 

@@ -1,4 +1,4 @@
-"""Whether an event's trigger holds: one function a condition, named as in `rudc.scenario.triggers`."""
+"""Whether an event's trigger holds: one function for each condition, named as in `rudc.scenario.triggers`."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def _time_headway(condition: Any, scene: Scene, stage: WorldStage) -> bool:
 
 
 def _time_to_collision(condition: Any, scene: Scene, stage: WorldStage) -> bool:
-    """By the gap and the speed at which the centres approach; never, when they do not."""
+    """Uses the gap divided by the speed at which the centres approach; False if they do not approach."""
     rows = pick(scene, condition.vehicle, stage.rng)
     ego = scene.ego
     course = ego.psi + ego.slip

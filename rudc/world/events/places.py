@@ -1,4 +1,6 @@
-"""Where events take place on a network, for the ego's route of an episode; and what stands in whose place."""
+"""Where events take place on a network, given the ego's route, and which things would stand in the same
+place.
+"""
 
 from __future__ import annotations
 
@@ -17,17 +19,17 @@ if TYPE_CHECKING:
     from rudc.scenario.poses import Pose
 
 PEDESTRIAN_M = 0.5
-"""m, side of the square a pedestrian takes"""
+"""m, side of the square that a pedestrian takes up"""
 BEYOND_M = 80.0
 """m that a wrong-way driver goes straight on beyond its lane"""
 ON_THE_ROAD = "it reaches onto the road; move it beside the road, or use `accident` for what stands on it"
-"""what is wrong with a box that is to hide what is beside the road"""
+"""what is wrong with a box that should hide what is beside the road"""
 TOUCH_M = 0.01
-"""m by which things that stand may overlap: they touch"""
+"""m by which standing things may overlap and still count as only touching"""
 
 
 class NetworkStage(Stage):
-    """A stage of which network and route are known; what happens on it is another's business."""
+    """The part of a stage that needs only the network and the ego's route; subclasses implement the rest."""
 
     __slots__ = ()
 
@@ -67,7 +69,7 @@ class Standing(NamedTuple):
     """Something that stands on the road."""
 
     name: str
-    """`EVENT:I`"""
+    """`EVENT:I`, the I-th thing of an event, from 0"""
     body: str
     place: XYHeading
     size: tuple[float, float]
@@ -75,7 +77,7 @@ class Standing(NamedTuple):
 
 
 def overlapped(new: Standing, others: Sequence[Standing]) -> list[Standing]:
-    """Those in whose place another would stand; pieces of one closed lane may overlap each other."""
+    """Those of `others` that `new` would overlap. The pieces by which one event closes a lane may overlap."""
     event = new.name.partition(":")[0]
     others = [o for o in others if o.body != "obstacle" or o.name.partition(":")[0] != event]
     if not others:
@@ -90,14 +92,14 @@ def overlapped(new: Standing, others: Sequence[Standing]) -> list[Standing]:
 
 
 def said(network: Network, place: XYHeading) -> str:
-    """A place as scenario files count it, from the junction's centre."""
+    """A place in words, in m from the junction's centre as in scenario files."""
     x, y = (float(value) for value in np.array(place[:2]) - network.center)
     return f"at ({x:.1f}, {y:.1f}) m"
 
 
 def reaches_onto_road(network: Network, place: XYHeading, size: tuple[float, float]) -> bool:
     """Whether any part of a rectangle with length and width `size` (m) is on the road: a corner or the middle
-    is, or an edge of the road passes through it."""
+    of it is, or an edge of the road passes through it."""
     x, y, heading = place
     corners = rectangle_corners(np.array([x, y]), np.array(heading), np.array(size))
     if network.surface.signed_distance(np.vstack([corners, [(x, y)]])).max() > 0:
@@ -106,13 +108,16 @@ def reaches_onto_road(network: Network, place: XYHeading, size: tuple[float, flo
 
 
 def _passes_through(pieces: Array, place: XYHeading, size: tuple[float, float]) -> bool:
-    """Whether any of straight pieces (B, 2, 2) m passes through a rectangle: from the last of its slabs'
-    beginnings on the piece to the first of their ends."""
+    """Whether any of the straight pieces (B, 2, 2) m passes through a rectangle.
+
+    A rectangle is where two slabs meet, one along and one across it. A piece passes through the rectangle if
+    it enters the second of them before it leaves the first.
+    """
     x, y, heading = place
     ends = (pieces[..., 0] - x + 1j * (pieces[..., 1] - y)) * np.exp(-1j * heading)
     ends = np.stack([ends.real, ends.imag], axis=-1)
     step = ends[:, 1] - ends[:, 0]
-    step[step == 0.0] = np.finfo(float).tiny  # along a slab: it begins and ends infinitely far away
+    step[step == 0.0] = np.finfo(float).tiny  # parallel to a slab: it meets its sides infinitely far away
     half = 0.5 * np.array(size)
     with np.errstate(over="ignore"):
         sides = np.sort([(-half - ends[:, 0]) / step, (half - ends[:, 0]) / step], axis=0)
@@ -120,7 +125,7 @@ def _passes_through(pieces: Array, place: XYHeading, size: tuple[float, float]) 
 
 
 def size_of(body: Body) -> tuple[float, float]:
-    """Length and width (m) of a body that has them."""
+    """Length and width (m) of a vehicle or pedestrian."""
     if body in VEHICLE_TYPES:
         return VEHICLE_TYPES[body].length, VEHICLE_TYPES[body].width
     return PEDESTRIAN_M, PEDESTRIAN_M

@@ -1,4 +1,4 @@
-"""`Script`: the events of one episode, each waiting for its trigger, in effect, or over."""
+"""`Script`: the events of one episode; each waits for its trigger, is in effect, or is over."""
 
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ if TYPE_CHECKING:
 
 
 class Happening(NamedTuple):
-    """How one event of an episode stands."""
+    """The state of one event of an episode."""
 
     name: str
-    """its kind and its number in keys (`hard_brake1` is `events.1`); what it puts on the road is named
-    `NAME:I`"""
+    """its kind and its number in keys (`hard_brake1` is `events.1`); things that it puts on the road are
+    named `NAME:I`
+    """
     event: Event
     begun_s: float | None
     """s when it took effect; None while it waits"""
@@ -27,7 +28,7 @@ class Happening(NamedTuple):
     """s when the ego's sensors first showed it, or, if it has no body, when it took effect; None before"""
     is_over: bool
     bodies: frozenset[str]
-    """names, as in `Scene.ids`, of whom it put on the road or has taken hold of so far"""
+    """names, as in `Scene.ids`, of the vehicles that it has acted on so far and of its things on the road"""
 
 
 class Script:
@@ -45,7 +46,9 @@ class Script:
         self._begin([e for e in self._waiting if e.from_the_start and e.event.when is None])
 
     def step(self, scene: Scene) -> tuple[str, ...]:
-        """Go on with what is in effect, end what is over, begin what is triggered; names of what began."""
+        """Go on with events in effect, end those that are over, begin those that are triggered. Returns the
+        names of those that began.
+        """
         if not self._waiting and not self._active:
             return ()
         stage = self._stage
@@ -68,7 +71,7 @@ class Script:
                 self._visible[effect.name] = perceived.time_s
 
     def happenings(self) -> tuple[Happening, ...]:
-        """How each event stands, in the order of the episode's plan."""
+        """The state of each event, in the order of the episode's plan."""
         return tuple(
             Happening(
                 effect.name,

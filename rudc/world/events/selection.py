@@ -8,17 +8,17 @@ from rudc.arrays import Array, Flags
 from rudc.world.scene import Scene
 
 ASIDE_M = 2.0
-"""m beside the ego's path up to which another is in line with it: turning, SUMO's vehicles cut the corner"""
+"""m beside the ego's path up to which an SV counts as on it: SUMO's vehicles cut corners where they turn"""
 ALONG = 0.7
-"""cosine of the angle between two lines from which on one leads along the other"""
+"""two directions count as the same if the cosine of the angle between them is larger than this"""
 
 
 def pick(scene: Scene, selector: str, rng: np.random.Generator) -> list[int]:
-    """Rows of the scene's SVs that a selector names; empty when there is none such now.
+    """Rows of the scene's SVs that a selector names; empty if there is none now.
 
-    leader: the nearest ahead on the ego's path; follower: the nearest behind in its lane; oncoming and
-    crossing: the one that reaches the junction first among those from the opposite arm, or from the arms to
-    the sides, and among these of those whose path crosses the ego's; nearest; random; all.
+    leader: the nearest ahead on the ego's path; follower: the nearest behind on it; oncoming and crossing:
+    the SV that reaches its stop line first, of those from the opposite arm, or from the arms to the sides,
+    and of these only those whose path crosses the ego's, if there are any; nearest; random; all.
     """
     svs = np.flatnonzero(scene.path >= 0)
     if selector == "all" or svs.size == 0:
@@ -46,9 +46,10 @@ def _in_line(scene: Scene, svs: np.ndarray, ahead: bool) -> list[int]:
 
 
 def towards_junction(scene: Scene, oncoming: bool) -> Array:
-    """(N,) s until each one from the opposite arm, or from those to the sides, reaches its stop line.
+    """(N,) s until each SV from the opposite arm (`oncoming`), or else from the arms to the sides, reaches
+    its stop line.
 
-    inf for all others, and for those whose path does not cross the ego's if there are any whose does.
+    inf for all others. If the path of any of these SVs crosses the ego's, inf also for those whose does not.
     """
     paths = scene.network.paths
     due = np.full(scene.count, np.inf)
@@ -63,8 +64,8 @@ def towards_junction(scene: Scene, oncoming: bool) -> Array:
 
 
 def comes_from(scene: Scene, oncoming: bool) -> Flags:
-    """(P,) which paths come from the opposite arm, or else from those to the sides, by their headings at the
-    stop line: what arms do farther out does not count.
+    """(P,) which paths come from the opposite arm (`oncoming`), or else from the arms to the sides. Only
+    their headings at the stop line count, not how arms run farther out.
     """
     paths, row = scene.network.paths, scene.route.row
     turned = np.cos(paths.stop_heading - paths.stop_heading[row])

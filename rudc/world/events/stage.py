@@ -1,4 +1,4 @@
-"""`WorldStage`: what an event may do, done to SUMO's traffic, the ego's plant and its sensors."""
+"""`WorldStage`: carries out what events do, on SUMO's traffic, the ego's plant and the ego's sensors."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ if TYPE_CHECKING:
     from rudc.world.traffic import Traffic
 
 BLOCK = "block"
-"""how the names of SUMO's stand-ins for obstacles begin"""
+"""beginning of the names of stand-ins: vehicles that SUMO has in place of things that block a lane"""
 SQUEEZE_M = 0.4
 """m that an obstacle may reach into a lane without closing it"""
 LOOK_M = 0.5
-"""m between the places at which the ego is looked at that cannot stop"""
+"""m between the places ahead at which it is tested whether the ego would touch a thing"""
 JOINED_M = 0.5
-"""m between pieces of an event that close a lane as one"""
+"""m, largest gap between pieces of one event that close a lane together"""
 
 
 @dataclass(slots=True)
@@ -60,22 +60,23 @@ class WorldStage(NetworkStage):
     sensors: Sensors
     decision_s: float
     start_s: float
-    """m, where on its path the ego starts"""
+    """m, arc length on its path at which the ego starts"""
     scene: Scene | None = None
-    """the world as it is; None before there is traffic"""
+    """the scene as it really is; None before there is traffic"""
     props: list[Prop] = field(default_factory=list)
     unlawful: set[str] = field(default_factory=set)
     sudden: set[str] = field(default_factory=set)
-    """what was put in the ego's way nearer than it could stop; nothing once the ego has stood"""
+    """names of things put so near before the ego that it could not stop; empty again once the ego has stood
+    """
     _asked: dict[tuple[str, str], dict[str, float]] = field(default_factory=dict)
-    """`speed`, `factor` or `density`, and the vehicle's name -> the value that each event which is not over
-    asks for, by the event's name, the latest last
+    """(`speed`, `factor` or `density`; name of the vehicle) -> the value that each event asks for which is
+    not over, by the event's name; the latest is the last
     """
     _stand_ins: dict[str, list[str]] = field(default_factory=dict)
-    """of each event, those for SUMO of what it has put on the road"""
+    """names of each event's stand-ins in SUMO"""
     _blocks: int = 0
     _closed: dict[tuple[str, str], tuple[str, float, float]] = field(default_factory=dict)
-    """by event and lane: the stand-in put there last, and from where to where (m) it closes the lane"""
+    """(event, lane) -> the stand-in put there last, and from where to where (m) it closes the lane"""
 
     # ---- time and vehicles
 
@@ -128,7 +129,7 @@ class WorldStage(NetworkStage):
         self.sumo.limit_speed(name, self._last("speed", name, event, speed, own))
 
     def _last(self, what: str, name: str, event: str, value: float | None, own: float) -> float:
-        """Note what an event asks for, None once it is over; what counts: the latest, or `own` for none."""
+        """Note the value that an event asks for, None once it is over. Returns the latest, else `own`."""
         asked = self._asked.setdefault((what, name), {})
         asked.pop(event, None)
         if value is not None:
@@ -145,9 +146,10 @@ class WorldStage(NetworkStage):
     # ---- things
 
     def stand(self, name: str, body: Body, place: XYHeading, size: tuple[float, float] | None = None) -> None:
-        """Inside the junction SVs see it by the yielding layer alone.
+        """As `Stage.stand`. Raises SimulationError if something already stands in that place.
 
-        On a lane of an arm they queue behind it or change lanes around it.
+        On a lane of an arm, a stand-in makes SVs queue behind it or change lanes. Inside the junction only
+        the yielding layer makes SVs see it.
         """
         x, y, heading = place
         length, width = size or size_of(body)
@@ -170,7 +172,8 @@ class WorldStage(NetworkStage):
     def _block(self, name: str, lane: Lane, start: float, end: float) -> None:
         """Close a lane from start to end m for SUMO's traffic.
 
-        A piece upstream of another of the same event makes that longer, since SUMO lets nobody in so near.
+        A piece just before another of the same event makes that one's stand-in longer, since SUMO would let
+        no vehicle enter so near to it.
         """
         self.traffic.reserve(lane.id, start, end)
         key = name.partition(":")[0], lane.id
@@ -186,8 +189,8 @@ class WorldStage(NetworkStage):
         self._closed[key] = stand_in, start, end
 
     def _too_near(self, place: XYHeading, size: tuple[float, float]) -> bool:
-        """Whether the ego, straight on or on its path, could not stop before what is put there, braking fully
-        on a dry road.
+        """Whether the ego, straight on or on its path, would touch what is put there even with its
+        hardest braking on a dry road.
         """
         assert self.scene is not None
         ego, car, ahead = self.scene.ego, self.scene.network.vehicle, 0.0
@@ -209,7 +212,7 @@ class WorldStage(NetworkStage):
         self.props.append(prop)
 
     def things_of(self, event: str) -> frozenset[str]:
-        """Names of what an event has put on the road and is still there."""
+        """Names of the things that an event has put on the road and that are still there."""
         return frozenset(prop.name for prop in self.props if prop.name.startswith(f"{event}:"))
 
     def remove_things(self, event: str) -> None:
@@ -250,11 +253,11 @@ def _as_standing(prop: Prop) -> Standing:
 
 
 def _obstructed(lane: Lane, corners: Array) -> tuple[float, float] | None:
-    """Stretch (m, m, as SUMO counts it) of a lane that a rectangle with these corners (4, 2) leaves too
-    narrow to drive, if any."""
+    """From where to where (m of SUMO's positions on the lane) a rectangle with these corners (4, 2) leaves a
+    lane too narrow to drive; None if it does nowhere."""
     s, aside = beside(lane.xy, corners)
     drawn = float(arc_length(lane.xy)[-1])
-    if abs(drawn - lane.length) > ROUNDED_M:  # in bends, SUMO has all lanes of an edge be as long
+    if abs(drawn - lane.length) > ROUNDED_M:  # SUMO gives all lanes of an edge the same length, also in bends
         s = s * (lane.length / drawn)
     free = 0.5 * lane.width - SQUEEZE_M
     if aside.max() < -free or aside.min() > free or s.max() < 1.0 or s.min() > lane.length - 1.0:
