@@ -31,8 +31,8 @@ LEAST_ROOM = 0.1
 
 
 def ready_for_not_yielding(scene: Scene, u: Array) -> Array:
-    """(2,) the command u (2,), m/s2 and rad, with an acceleration after which the ego can still stop before
-    the ways of those who do not look like giving way to it."""
+    """(2,) the command u (2,), m/s2 and rad, with its acceleration bounded so that the ego can still stop
+    before the way of each vehicle that should give way to it and does not look like it."""
     least = scene.ego.v**2 / (2 * hardest(scene, HARDEST))
     found = crossing(scene) if _may_heed(scene, least) else None
     if found is None:
@@ -41,9 +41,9 @@ def ready_for_not_yielding(scene: Scene, u: Array) -> Array:
     heeded = ~found.yields & (needed > NEEDED) & (found.braking < SHARE * needed) & (found.ego_in > least)
     if not heeded.any():
         return u
-    as_first = found._replace(yields=np.ones_like(found.yields))
+    if_ego_yields = found._replace(yields=np.ones_like(found.yields))
     profile, a = speeds_in_bends(scene.route.path), max(float(u[0]), 0.0)
-    heeded &= ~suffices(scene, as_first, profile, margin=MARGIN, acceleration=a)
+    heeded &= ~suffices(scene, if_ego_yields, profile, margin=MARGIN, acceleration=a)
     if not heeded.any():
         return u
     room = float(found.ego_in[heeded].min()) - AT_POINT
@@ -51,8 +51,8 @@ def ready_for_not_yielding(scene: Scene, u: Array) -> Array:
 
 
 def _may_heed(scene: Scene, least: float) -> bool:
-    """Whether there may be somebody to heed, for an ego that needs `least` m to stop: a quick look, since
-    mostly there is not."""
+    """Whether there may be somebody to heed, if the ego needs `least` m to stop. Usually there is nobody, and
+    this check is much cheaper than the full one."""
     route, paths = scene.route, scene.network.paths
     met = scene.network.crossings(route, route.row)
     return any_unbraked(
