@@ -1,4 +1,4 @@
-"""Near the road's edge the path is followed; elsewhere the command stays what it is."""
+"""Near the road's edge the path is followed, and no corner is cut; elsewhere the command stays what it is."""
 
 # ruff: noqa: F811 -- fixtures come by import
 import math
@@ -18,13 +18,13 @@ PUSH = -0.12
 """rad to the right of what follows the path: 1.5 m beside it in the end"""
 
 
-def drive(scene, bound):
-    """The scenes of 8 s in which the wheels are always turned to the right of what follows the path."""
+def drive(scene, bound, push=PUSH):
+    """The scenes of 8 s in which the wheels are always turned by `push` from what follows the path."""
     plant, path = EgoPlant(scene.vehicle), scene.route.path
     plant.resume(scene.ego, Actuation())
     scenes = [scene]
     for _ in range(80):
-        u = np.array([0.0, steering(scene) + PUSH])
+        u = np.array([0.0, steering(scene) + push])
         a, delta = kept_on_road(scene, u) if bound else u
         ego = plant.step(float(a), float(delta), 0.1)
         s, offset = path.project(ego.x, ego.y, scene.ego_s)
@@ -69,3 +69,23 @@ def test_beyond_the_centre_line_is_no_edge(make_scene):
     scene = beside_the_path(make_scene(front=-40.0), 3.0)
     out = np.array([1.0, steering(scene) + 0.05])
     assert kept_on_road(scene, out) is out
+
+
+def test_the_rear_does_not_cut_the_corner(make_scene):
+    """In right turns, wherever on the inner side the ego sets off, with all its corners on the road."""
+    cut = 0
+    for origin in ("south", "west"):
+        for front in np.arange(-2.0, 8.0, 1.0):
+            straight = make_scene(origin=origin, turn="right", front=front, v=2.0)
+            for offset in (-0.3, -0.6, -0.9, -1.2):
+                scene = beside_the_path(straight, offset)
+                if not Borders(scene.network.surface, scene.vehicle, True, 0.0).left(scene.ego)[0]:
+                    cut += any(map(leaves_road, drive(scene, bound=False, push=0.0)))
+                    assert not any(map(leaves_road, drive(scene, bound=True, push=0.0)))
+    assert cut >= 4
+
+
+def test_in_a_bend_the_command_stays_while_the_rear_stays_on_the_road(make_scene):
+    scene = make_scene(turn="right", front=3.0, v=2.0)
+    u = np.array([1.0, steering(scene)])
+    assert kept_on_road(beside_the_path(scene, -0.1), u) is u
