@@ -15,8 +15,9 @@ layer looks only at pairs of an SV and
 
 An ego that waits where it should (before its stop line, or at its waiting point inside the junction) is in
 nobody's way, unless it stands beside its path there. SVs that queue behind it before the stop line are left
-to SUMO. Inside the junction they are not, since there SUMO does not see the rear of a vehicle that drives
-another way.
+to SUMO, unless its front is BESIDE_M beside its path: SUMO takes a vehicle to be on the lane of its front
+bumper alone. Inside the junction they are not left to SUMO either, since there SUMO does not see the rear of
+a vehicle that drives another way.
 
 SVs are predicted along their own lanes at constant speed, the ego along its reference path (straight ahead
 when it is off this path), each in steps of 0.25 s. The SVs' rectangles are slightly enlarged. An SV that must
@@ -51,6 +52,8 @@ BRAKE_MOST = 9.0
 """m/s2, on a dry road"""
 PAST_M = 3.0
 """m beyond the junction from which on the ego's rear counts as that of any other vehicle in its lane"""
+BESIDE_M = 1.0
+"""m: less than half a narrow lane"""
 
 TIMES: Array = STEP_S * np.arange(INSTANTS, dtype=np.float64)
 """(INSTANTS,) s, the instants that are predicted"""
@@ -125,7 +128,7 @@ def _heeding(scene: Scene, stray: bool) -> Flags | None:
             behind = paths.origin == paths.origin[route.row]
             owe = paths.yields[:, route.row] & ~scene.network.yields_on_entering(route.row)
             heeds = ~behind if stands else owe
-            if front > route.stop_line_s:
+            if front > route.stop_line_s or _front_offset(scene) > BESIDE_M:
                 heeds = heeds | behind
             if not heeds.any():
                 return None
@@ -149,6 +152,15 @@ def _predicted(scene: Scene, stray: bool) -> tuple[Complex, Complex]:
 def off_path(scene: Scene) -> bool:
     """Whether the ego is more than 1 m or 30 degrees off its reference path, so that its route says little
     about its future."""
+    return abs(scene.ego_offset) > 1.0 or math.cos(_turned(scene)) < _COS_OFF
+
+
+def _front_offset(scene: Scene) -> float:
+    """m, distance of the middle of the ego's front bumper from the line of its path's direction."""
+    return abs(scene.ego_offset + 0.5 * scene.vehicle.length * math.sin(_turned(scene)))
+
+
+def _turned(scene: Scene) -> float:
+    """rad, angle from the path at the ego to the ego's heading, not brought into one turn."""
     heading = scene.route.path.heading
-    along = heading.item(min(max(int(scene.ego_s / SPACING), 0), len(heading) - 1))
-    return abs(scene.ego_offset) > 1.0 or math.cos(scene.ego.psi - along) < _COS_OFF
+    return scene.ego.psi - heading.item(min(max(int(scene.ego_s / SPACING), 0), len(heading) - 1))

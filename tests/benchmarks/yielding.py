@@ -2,7 +2,7 @@
 
     python -m tests.benchmarks.yielding [--tries N] [--density D] [--network NAME] [--list]
 
-The ego stands on its arm for a moment and then appears, at rest, in an awkward pose: one of six or anywhere
+The ego stands on its arm for a moment and then appears, at rest, in an awkward pose: one of seven or anywhere
 within 35 m of the junction's centre at any heading. It appears only when that is fair: no SV is nearer to it,
 along its own lane, than it needs to stop (0.5 s of reaction, then 4 m/s2, plus 2 m). So every hit in the 20 s
 that follow could have been avoided, and counts. A try without a fair moment within 15 s is left out.
@@ -47,6 +47,7 @@ def awkward_poses(network: Network, origin: str) -> dict[str, tuple[float, float
     return {
         "across both lanes of its arm": at(straight, before, 1.75, np.pi / 2),
         "between two lanes": at(straight, before, 1.75),
+        "its front in the lane beside, its rear in its own": at(left, before, -0.98, -0.34),
         "in the oncoming lane": at(left, before, 3.5),
         "in the junction, at 45 degrees": at(straight, middle - 3.0, 0.0, np.pi / 4),
         "in the junction, on its left turn": at(left, 0.5 * (left.zone_start_s + left.zone_end_s)),

@@ -201,6 +201,17 @@ def test_one_that_creeps_in_the_junction_holds_before_one_that_passes(make_scene
     assert found({"row": fast, "s": 80.0, "v": 9.0}) == [], "it is not there yet: SUMO's right of way decides"
 
 
+@pytest.mark.parametrize("turned, brakes", [(-0.34, True), (0.0, False)])
+def test_sees_the_rear_of_an_ego_whose_front_is_in_the_lane_beside(make_scene, four_way, turned, brakes):
+    """Before the stop line, where whoever queues behind the ego is left to SUMO."""
+    row = row_of(four_way, "south", "left")
+    behind = {"row": row, "s": four_way.route("south", "left").stop_line_s - 25.0, "v": 4.0}
+    scene = make_scene(behind, turn="left", front=-12.0, v=0.0)
+    ego = replace(scene.ego, x=scene.ego.x + 0.5, psi=scene.ego.psi + turned)
+    found = must_yield(replace(scene, ego=ego, ego_offset=-0.5))
+    assert found.rows == [0] * brakes
+
+
 def test_spares_an_ego_in_awkward_poses(four_way, world):
     source = PlanSource(density=30.0, speed=(0.0, 0.0))
     results = []
