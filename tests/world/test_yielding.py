@@ -201,7 +201,7 @@ def test_one_that_creeps_in_the_junction_holds_before_one_that_passes(make_scene
     assert found({"row": fast, "s": 80.0, "v": 9.0}) == [], "it is not there yet: SUMO's right of way decides"
 
 
-@pytest.mark.parametrize("turned, brakes", [(-0.34, True), (0.0, False)])
+@pytest.mark.parametrize(("turned", "brakes"), [(-0.34, True), (0.0, False)])
 def test_sees_the_rear_of_an_ego_whose_front_is_in_the_lane_beside(make_scene, four_way, turned, brakes):
     """Before the stop line, where whoever queues behind the ego is left to SUMO."""
     row = row_of(four_way, "south", "left")
