@@ -300,6 +300,15 @@ def test_a_decision_is_a_whole_number_of_sub_steps():
         WorldConfig(substep_s=0.03)
 
 
+@pytest.mark.parametrize(
+    ("decision", "substep"), [(1 / 15, 1 / 15), (0.05, 0.0125), (0.1, 0.0), (0.1, -0.05), (0.1, np.nan)]
+)
+def test_a_sub_step_is_a_whole_number_of_milliseconds(decision, substep):
+    """SUMO rounded 12.5 ms up to 13, the ego's plant did not; a sub-step of 0 was a ZeroDivisionError."""
+    with pytest.raises(ValueError, match="milliseconds"):
+        WorldConfig(decision_s=decision, substep_s=substep)
+
+
 def test_waiting_time_and_last_action_are_told(world):
     scene = world.reset(PlanSource(density=0.0, speed=(1.0, 1.0)).plan(0))
     assert scene.waited_s == 0.0
