@@ -69,13 +69,20 @@ def test_brakes_that_are_asked_for_all_that_is_thought_to_be_there_are_asked_for
 
 @pytest.mark.parametrize("lag_s", [0.05, 0.2, 0.4])
 @pytest.mark.parametrize("now", [0.0, 0.08])
-def test_lagging_wheels_are_where_they_were_wanted_after_a_decision(make_scene, lag_s, now):
+@pytest.mark.parametrize("decision_s", [0.1, 0.3])
+def test_lagging_wheels_are_where_they_were_wanted_after_a_decision(make_scene, lag_s, now, decision_s):
+    """However long a decision is: it was taken to last 0.1 s, so that wheels went far beyond."""
     scene = make_scene(turn="left", front=-40.0, v=5.0)
-    scene = replace(scene, ego=replace(scene.ego, steering=now))
-    u = adapted(scene, lag_s=lag_s).govern(scene, np.array([0.0, 0.05]))
+    adaptation = adapted(scene, lag_s=lag_s)
+    known = adaptation.estimate
+    for k in range(2):
+        scene = replace(scene, time_s=k * decision_s, ego=replace(scene.ego, steering=now))
+        adaptation.see(scene)
+    adaptation.estimate = known
+    u = adaptation.govern(scene, np.array([0.0, 0.05]))
     plant = EgoPlant(scene.vehicle)
     plant.resume(scene.ego, Actuation(lag_s=lag_s))
-    assert plant.step(*u.tolist(), 0.1).steering == pytest.approx(0.05)
+    assert plant.step(*u.tolist(), decision_s).steering == pytest.approx(0.05)
 
 
 def test_a_bend_is_followed_with_late_wheels_as_with_prompt_ones(make_scene):
