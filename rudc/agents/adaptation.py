@@ -166,7 +166,8 @@ class Adaptation:
         if grip < POOR and room > 0.0:
             room = max(room - LONGEST_S * scene.ego.v, 0.0)
             allowed = min(allowed, math.sqrt(2 * USABLE * FALLEN * grip * room))
-        return self._probe.asks(scene, grip, limited=math.isfinite(self.estimate.grip), allowed=allowed)
+        limited = self.estimate.actuation.friction is not None
+        return self._probe.asks(scene, grip, limited=limited, allowed=allowed)
 
 
 def _profile(path: ReferencePath, grip: float) -> Array:

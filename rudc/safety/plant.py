@@ -78,9 +78,9 @@ class PlantEstimate:
 
     @property
     def grip(self) -> float:
-        """m/s2, largest acceleration that the road gives; inf if no limit was seen."""
+        """m/s2, largest acceleration that the road gives."""
         mu = self.actuation.friction
-        return math.inf if mu is None else mu * GRAVITY
+        return (DRY if mu is None else mu) * GRAVITY
 
 
 ORDINARY = PlantEstimate(Actuation(), unusual=False)

@@ -11,7 +11,7 @@ import pytest
 from rudc.agents.adaptation import BRAKING, FULL, USABLE, Adaptation
 from rudc.env.tracking import steering
 from rudc.network.paths import SPACING
-from rudc.safety.plant import PlantEstimate
+from rudc.safety.plant import PlantEstimate, PlantMonitor
 from rudc.vehicle import Actuation
 from rudc.world.ego import DRY, GRAVITY, EgoPlant, widest_steering
 from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
@@ -55,6 +55,20 @@ def test_steering_leaves_the_brakes_their_share(make_scene, friction):
     plant.reset(0.0, 0.0, 0.0, 11.0, Actuation(friction=friction))
     unbounded = 11.0 - plant.step(float(a), scene.vehicle.delta_max, 0.1).v
     assert slowed > 0.9 * BRAKING * grip * 0.1 > unbounded
+
+
+def test_a_car_that_brakes_harder_than_a_dry_road_lets_it_is_known_to(make_scene, monkeypatch):
+    """Without a coefficient of friction the plant took that of a dry road, and the estimate no limit."""
+    scene = make_scene(turn="left", front=-40.0, v=11.0)
+    body = replace(scene.vehicle, a_min=-12.0)
+    late = PlantEstimate(Actuation(lag_s=0.1), unusual=True)
+    adaptation = adapted(scene, lag_s=0.1)
+    monkeypatch.setattr(PlantMonitor, "update", lambda *_: late)
+    seen = adaptation.see(replace(scene, vehicle=body, actuation=late.actuation))
+    plant = EgoPlant(body)
+    plant.reset(0.0, 0.0, 0.0, 11.0)
+    assert late.grip == pytest.approx(-plant.step(-12.0, 0.0, 0.1).acceleration)
+    assert seen.vehicle.a_min == pytest.approx(-USABLE * late.grip)
 
 
 def test_brakes_that_are_asked_for_all_that_is_thought_to_be_there_are_asked_for_more(make_scene):
