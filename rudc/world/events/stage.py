@@ -13,7 +13,7 @@ from rudc.errors import SimulationError
 from rudc.geometry import rectangle_corners, rectangle_gaps
 from rudc.network.polyline import arc_length, beside
 from rudc.scenario.events.stage import Body, XYHeading
-from rudc.world.ego import GRAVITY
+from rudc.world.ego import DRY, GRAVITY
 from rudc.world.events.places import (
     ON_THE_ROAD,
     NetworkStage,
@@ -189,13 +189,13 @@ class WorldStage(NetworkStage):
         self._closed[key] = stand_in, start, end
 
     def _too_near(self, place: XYHeading, size: tuple[float, float]) -> bool:
-        """Whether the ego, straight on or on its path, would touch what is put there even with its
-        hardest braking on a dry road.
+        """Whether the ego, straight on or on its path, would touch what is put there even with its hardest
+        braking, as road and car are now.
         """
         assert self.scene is not None
         ego, car, ahead = self.scene.ego, self.scene.network.vehicle, 0.0
-        at = np.array([place[:2]]), np.array([place[2]]), np.array([size])
-        while ahead <= ego.v**2 / (-2.0 * car.a_min):
+        at, way = (np.array([place[:2]]), np.array([place[2]]), np.array([size])), self._stopping(ego.v)
+        while ahead <= way:
             straight = ego.x + ahead * math.cos(ego.psi), ego.y + ahead * math.sin(ego.psi), ego.psi
             on_path = self.scene.route.path.pose(self.scene.ego_s + ahead)
             for x, y, psi in (straight, on_path):
@@ -203,6 +203,13 @@ class WorldStage(NetworkStage):
                     return True
             ahead += LOOK_M
         return False
+
+    def _stopping(self, v: float) -> float:
+        """m that the ego needs to stop from v m/s."""
+        car, now = self.network.vehicle, self.plant.actuation
+        braking = min(-car.a_min, (DRY if now.friction is None else now.friction) * GRAVITY)
+        late = max(v * now.lag_s - 0.5 * braking * now.lag_s**2, 0.0)  # exact unless it stops within the lag
+        return v * now.delay_s + late + v * v / (2.0 * braking)
 
     def send(
         self, name: str, body: Body, way: Array, speed: float, late_m: float = 0.0, beyond_m: float = 0.0
