@@ -39,8 +39,6 @@ if TYPE_CHECKING:
 
 BLOCK = "block"
 """beginning of the names of stand-ins: vehicles that SUMO has in place of things that block a lane"""
-SQUEEZE_M = 0.4
-"""m that an obstacle may reach into a lane without closing it"""
 LOOK_M = 0.5
 """m between the places ahead at which it is tested whether the ego would touch a thing"""
 JOINED_M = 0.5
@@ -165,7 +163,7 @@ class WorldStage(NetworkStage):
         corners = rectangle_corners(np.array([x, y]), np.array(heading), np.array([length, width]))
         for arm in self.network.arms:
             for lane in self.network.lanes_of(arm):
-                span = _obstructed(lane, corners)
+                span = _obstructed(lane, corners, self.traffic.needs_m)
                 if span is not None:
                     self._block(name, lane, *span)
 
@@ -259,14 +257,13 @@ def _as_standing(prop: Prop) -> Standing:
     return Standing(prop.name, prop.kind.name.lower(), prop.pose(), (prop.length, prop.width))
 
 
-def _obstructed(lane: Lane, corners: Array) -> tuple[float, float] | None:
-    """From where to where (m of SUMO's positions on the lane) a rectangle with these corners (4, 2) leaves a
-    lane too narrow to drive; None if it does nowhere."""
+def _obstructed(lane: Lane, corners: Array, free: float) -> tuple[float, float] | None:
+    """From where to where (m of SUMO's positions on the lane) a rectangle with these corners (4, 2) leaves
+    less than `free` m to a side of a lane's centre line; None if it does nowhere."""
     s, aside = beside(lane.xy, corners)
     drawn = float(arc_length(lane.xy)[-1])
     if abs(drawn - lane.length) > ROUNDED_M:  # SUMO gives all lanes of an edge the same length, also in bends
         s = s * (lane.length / drawn)
-    free = 0.5 * lane.width - SQUEEZE_M
     if aside.max() < -free or aside.min() > free or s.max() < 1.0 or s.min() > lane.length - 1.0:
         return None
     return max(float(s.min()), 0.2), min(float(s.max()), lane.length - 0.2)
