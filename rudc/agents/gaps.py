@@ -176,7 +176,7 @@ def _times(scene: Scene, found: Conflicts, profile: Array, acceleration: float) 
     speed when it leaves.
     """
     begin = min(max(int(scene.ego_s / SPACING), 0), len(profile) - 2)
-    ahead = SPACING * np.arange(len(profile) - begin)
+    ahead: Array = SPACING * np.arange(len(profile) - begin, dtype=np.float64)
     cruise = _cruise(scene.route, SPACING * begin + ahead, scene.ego.v)
     rising = np.sqrt(np.maximum(max(scene.ego.v, 0.5) ** 2 + 2 * acceleration * ahead, 0.25))
     speed = np.minimum(np.minimum(rising, cruise), profile[begin:])
