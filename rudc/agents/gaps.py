@@ -177,7 +177,7 @@ def _times(scene: Scene, found: Conflicts, profile: Array, acceleration: float) 
     """
     begin = min(max(int(scene.ego_s / SPACING), 0), len(profile) - 2)
     ahead: Array = SPACING * np.arange(len(profile) - begin, dtype=np.float64)
-    cruise = _cruise(scene.route, SPACING * begin + ahead, scene.ego.v)
+    cruise = _cruise(scene, SPACING * begin + ahead)
     rising = np.sqrt(np.maximum(max(scene.ego.v, 0.5) ** 2 + 2 * acceleration * ahead, 0.25))
     speed = np.minimum(np.minimum(rising, cruise), profile[begin:])
     time = np.concatenate([[0.0], np.cumsum(2 * SPACING / (speed[1:] + speed[:-1]))])
@@ -186,9 +186,11 @@ def _times(scene: Scene, found: Conflicts, profile: Array, acceleration: float) 
     return ego_in, ego_out, np.interp(np.maximum(found.ego_out, 0.0), ahead, speed)
 
 
-def _cruise(route: Route, s: Array, v: float) -> Array | float:
-    """(M,) m/s, or one for all: the speed that an ego that drives v m/s does not exceed at s (M,) m."""
-    before, beyond = (max(min(CRUISE, limit), v) for limit in (route.speed_limit, route.speed_limit_after))
+def _cruise(scene: Scene, s: Array) -> Array | float:
+    """(M,) m/s, or one for all: the speed that the ego does not exceed at s (M,) m."""
+    route, most = scene.route, min(CRUISE, scene.vehicle.v_max)
+    limits = route.speed_limit, route.speed_limit_after
+    before, beyond = (max(min(most, limit), scene.ego.v) for limit in limits)
     return before if before == beyond else np.where(s < route.exit_s, before, beyond)
 
 

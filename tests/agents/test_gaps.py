@@ -75,6 +75,17 @@ def test_who_comes_out_of_a_slow_road_is_expected_to_speed_up(make_scene, slow_t
     assert limits.tolist() == [5.0, 13.9, 13.9]
 
 
+def test_a_slow_vehicle_takes_longer_to_be_gone(make_scene, four_way):
+    """Gaps were judged as if every vehicle could drive 8.5 m/s."""
+    row = four_way.movement("west", "straight").rows[0]
+    other = {"row": row, "s": float(four_way.paths.stop_s[row]) - 45.0, "v": 9.0}
+    may_go = []
+    for vehicle in (four_way.vehicle, replace(four_way.vehicle, v_max=3.0)):
+        scene = make_scene(other, front=-1.0, v=0.0, vehicle=vehicle)
+        may_go.append(suffices(scene, crossing(scene), speeds_in_bends(scene.route.path)).all())
+    assert may_go == [True, False]
+
+
 def test_on_a_poor_road_the_ego_takes_longer_to_be_gone(make_scene, four_way):
     """Gaps were judged as if it sped up as on a dry one."""
     row = four_way.movement("west", "straight").rows[0]
