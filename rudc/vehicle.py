@@ -50,4 +50,4 @@ class Actuation:
     lag_s: float = 0.0
     """s, first-order time constant of both"""
     friction: float | None = None
-    """coefficient mu; None if none is given: the ego's plant then takes that of a dry road"""
+    """coefficient mu; None for that of a dry road (`DRY` of rudc/world/ego.py)"""

@@ -33,7 +33,7 @@ from rudc.arrays import Array
 from rudc.env.tracking import RESPONSE_S
 from rudc.network.paths import SPACING
 from rudc.network.route import ReferencePath
-from rudc.safety.plant import DECISION_S, SUBSTEP_S, PlantEstimate, PlantMonitor
+from rudc.safety.plant import DECISION_S, PlantEstimate, PlantMonitor
 from rudc.safety.prediction import others_later
 from rudc.vehicle import Actuation
 from rudc.world.ego import DRY, GRAVITY, EgoPlant, widest_steering
@@ -72,6 +72,8 @@ class Adaptation:
         """Begin a new episode with an ordinary car."""
         self._monitor = PlantMonitor(scene.vehicle)
         self._seen: float | None = None
+        self._decision_s = DECISION_S
+        """s between the last two decisions"""
         self._probe = Probe() if self._probes else None
         self._slide = Slide()
         self._profiles: dict[float, Array] = {}
@@ -81,8 +83,10 @@ class Adaptation:
     def see(self, scene: Scene) -> Scene:
         """The scene in which a command given now will act, with the vehicle's limits as the road allows."""
         if self._seen != scene.time_s:
+            if self._seen is not None:
+                self._decision_s = round(scene.time_s - self._seen, 6)
             self._seen = scene.time_s
-            self.estimate = self._monitor.update(scene.ego, scene.last_u)
+            self.estimate = self._monitor.update(scene.ego, scene.last_u, self._decision_s)
             if self._known and scene.actuation is not None:
                 self.estimate = PlantEstimate(scene.actuation, unusual=scene.actuation != Actuation())
             if self._probe is not None:
@@ -117,7 +121,7 @@ class Adaptation:
     def _hastened(self, now: float, wanted: float) -> float:
         """rad, the command that takes lagging wheels from `now` to `wanted` within a decision."""
         lag = self.estimate.actuation.lag_s
-        return now + (wanted - now) / (1.0 - math.exp(-DECISION_S / lag)) if lag > 0.0 else wanted
+        return now + (wanted - now) / (1.0 - math.exp(-self._decision_s / lag)) if lag > 0.0 else wanted
 
     def _ahead(self, scene: Scene) -> Scene:
         """The scene after the dead time, if there is one."""
@@ -128,8 +132,8 @@ class Adaptation:
         plant = EgoPlant(scene.vehicle)
         plant.resume(scene.ego, replace(actuation, delay_s=0.0))
         for a, delta in pending:
-            plant.step(a, delta, SUBSTEP_S)
-        later, ego = len(pending) * SUBSTEP_S, plant.state
+            plant.step(a, delta, self._monitor.substep_s)
+        later, ego = len(pending) * self._monitor.substep_s, plant.state
         s, offset = scene.route.path.project(ego.x, ego.y, scene.ego_s + 0.5 * later * (scene.ego.v + ego.v))
         waited = 0.0 if ego.v >= STANDING else scene.waited_s
         return replace(others_later(scene, later), ego=ego, ego_s=s, ego_offset=offset, waited_s=waited)
@@ -162,7 +166,8 @@ class Adaptation:
         if grip < POOR and room > 0.0:
             room = max(room - LONGEST_S * scene.ego.v, 0.0)
             allowed = min(allowed, math.sqrt(2 * USABLE * FALLEN * grip * room))
-        return self._probe.asks(scene, grip, limited=math.isfinite(self.estimate.grip), allowed=allowed)
+        limited = self.estimate.actuation.friction is not None
+        return self._probe.asks(scene, grip, limited=limited, allowed=allowed)
 
 
 def _profile(path: ReferencePath, grip: float) -> Array:

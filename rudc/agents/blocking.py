@@ -36,7 +36,7 @@ BESIDE = 2.0
 BEFORE_STOP = 15.0
 """m before a stop line from which on vehicles wait for others"""
 STEP_S = 0.2
-"""s, time that is counted at most between two calls of `look`"""
+"""s, time that is counted at most when a vehicle is looked at; a decision, if that is longer"""
 SOON_S = 6.0
 """s, how far ahead the ground is predicted that somebody who comes the wrong way will cross"""
 IDLE, LONG = 4.0, 12.0
@@ -83,10 +83,11 @@ class Blocking:
         self._standing = Standing()
         self._since: dict[str, float] = {}
         self._idle: dict[str, float] = {}
-        self._seen_s = -math.inf
+        self._seen_s, self._looked_s, self._decision_s = -math.inf, math.inf, 0.0
 
     def look(self, scene: Scene) -> Blocks:
         """What blocks now; call it once for each decision."""
+        self._decision_s, self._looked_s = scene.time_s - self._looked_s, scene.time_s
         seen, scene = scene, self._standing.look(scene)
         if scene is seen and all_have_ways(scene.path, scene.kind, PEDESTRIAN):  # nobody stands
             self._since = {}
@@ -153,7 +154,8 @@ class Blocking:
         """Those of the others `who` (n,), which stand where vehicles wait, that have waited for nobody
         for IDLE s in all, or have stood for LONG s.
         """
-        passed, self._seen_s = min(max(scene.time_s - self._seen_s, 0.0), STEP_S), scene.time_s
+        most = max(STEP_S, self._decision_s)
+        passed, self._seen_s = min(max(scene.time_s - self._seen_s, 0.0), most), scene.time_s
         idle = {i: 0.0 if _lets_pass(scene, i) else passed for i in who.tolist()}
         self._idle = {scene.ids[i]: self._idle.get(scene.ids[i], 0.0) + more for i, more in idle.items()}
         vain = [

@@ -47,7 +47,8 @@ class Conduct:
         """(N,) whether each other has been seen to behave unlike ordinary traffic; call it once a
         decision.
         """
-        on, limit = scene.path >= 0, scene.network.paths.speed_limit[scene.path]
+        on, s = scene.path >= 0, scene.path_s
+        limit = scene.network.paths.highest_limit(scene.path, s, s)
         speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
         brakes = scene.acceleration < -BRAKES
         slow = (speed < SLOW * limit) & (scene.acceleration < SETTING_OFF) & (scene.kind != Kind.BICYCLE)

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from numpy.typing import NDArray
-from pydantic import BeforeValidator, ConfigDict, Field, SerializeAsAny
+from pydantic import BeforeValidator, ConfigDict, Field, SerializeAsAny, model_validator
 
 from rudc.agents.guarded import GuardedCorrection
 from rudc.agents.seat import ADJUSTMENT, Correction, CorrectionKind, Critics, Percentiles, Proposal
@@ -20,6 +20,7 @@ from rudc.env.action import ActionKind
 from rudc.imports import is_own
 from rudc.kinds import Kinds, of_kind, read_kind
 from rudc.learning.algorithms import ALGORITHMS
+from rudc.safety.barrier import STEP
 from rudc.safety.config import FilterConfig
 from rudc.safety.corrected import Corrected
 from rudc.safety.filter import SafetyFilter
@@ -73,6 +74,14 @@ class CbfSettings(FilterConfig, CorrectionKind):
     """how much the rows are relaxed where the policy is sure"""
     residual: bool = False
     """whether rows contain the residuals w that a learnt predictor gives (rudc/safety/residual.py)"""
+
+    @model_validator(mode="after")
+    def _residuals_are_of_its_steps(self) -> Self:
+        if self.residual and self.dt != STEP:
+            raise ValueError(
+                f"residuals are predicted for steps of {STEP:g} s, not of dt={self.dt:g}; add residual=off"
+            )
+        return self
 
     @property
     def asks(self) -> tuple[str, ...]:

@@ -49,7 +49,9 @@ class GapAcceptance:
     def act(self, scene: Scene) -> Decision:
         """Steer along the path; accelerate as the strictest of leader, stopping place and bends allows."""
         self._profile = speeds_in_bends(scene.route.path)
-        speed = speed_allowed(scene, self._profile, min(CRUISE, scene.route.speed_limit))
+        route = scene.route
+        limit = route.speed_limit if scene.ego_s < route.exit_s else route.speed_limit_after
+        speed = speed_allowed(scene, self._profile, min(CRUISE, limit))
         acceleration = acceleration_towards(speed, scene, ACCELERATION)
         gap, leader_speed = self._leader(scene)
         acceleration = min(acceleration, _idm(scene.ego.v, speed, gap, leader_speed))

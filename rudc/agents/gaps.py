@@ -64,8 +64,8 @@ class Conflicts(NamedTuple):
     speed: Array
     """(K,) m/s, speed of the other"""
     limit: Array
-    """(K,) m/s, highest speed that is assumed of the other: its speed limit, or its speed if that is
-    higher
+    """(K,) m/s, highest speed that is assumed of the other: the highest speed limit on its way to the
+    conflict, or its speed if that is higher
     """
     braking: Array
     """(K,) m/s2, how hard the other brakes; negative if it speeds up"""
@@ -129,7 +129,7 @@ def _open(scene: Scene, known: Index, table: Array, merges: Flags, yields: Flags
         other_in=(table[:, 2] - s - theirs)[keep],
         other_out=(other_end - s + theirs)[keep],
         speed=speed[keep],
-        limit=np.maximum(paths.speed_limit[rows], speed)[keep],
+        limit=np.maximum(paths.highest_limit(rows, s, table[:, 2]), speed)[keep],
         braking=-scene.acceleration[known][keep],
         yields=yields[keep],
         merges=merges[keep],
@@ -176,14 +176,22 @@ def _times(scene: Scene, found: Conflicts, profile: Array, acceleration: float) 
     speed when it leaves.
     """
     begin = min(max(int(scene.ego_s / SPACING), 0), len(profile) - 2)
-    ahead = SPACING * np.arange(len(profile) - begin)
-    cruise = max(min(CRUISE, scene.route.speed_limit), scene.ego.v)
+    ahead: Array = SPACING * np.arange(len(profile) - begin, dtype=np.float64)
+    cruise = _cruise(scene, SPACING * begin + ahead)
     rising = np.sqrt(np.maximum(max(scene.ego.v, 0.5) ** 2 + 2 * acceleration * ahead, 0.25))
     speed = np.minimum(np.minimum(rising, cruise), profile[begin:])
     time = np.concatenate([[0.0], np.cumsum(2 * SPACING / (speed[1:] + speed[:-1]))])
     ego_in = np.interp(np.maximum(found.ego_in, 0.0), ahead, time)
     ego_out = np.interp(np.maximum(found.ego_out, 0.0), ahead, time)
     return ego_in, ego_out, np.interp(np.maximum(found.ego_out, 0.0), ahead, speed)
+
+
+def _cruise(scene: Scene, s: Array) -> Array | float:
+    """(M,) m/s, or one for all: the speed that the ego does not exceed at s (M,) m."""
+    route, most = scene.route, min(CRUISE, scene.vehicle.v_max)
+    limits = route.speed_limit, route.speed_limit_after
+    before, beyond = (max(min(most, limit), scene.ego.v) for limit in limits)
+    return before if before == beyond else np.where(s < route.exit_s, before, beyond)
 
 
 def _earliest(distance: Array, speed: Array, limit: Array) -> Array:

@@ -8,7 +8,7 @@ from beyond the sensors' reach, whoever has priority. For each row of `network.p
 meets the ego's path, the hidden place nearest to the conflict, upstream of it, is looked for. A vehicle there
 reaches the conflict after
 
-    t = (way from there to the conflict) / (the row's speed limit)
+    t = (way from there to the conflict) / (the highest speed limit on that way)
 
 and the ego must either have passed the conflict before that, or be able to stop before it, braking at b:
 
@@ -78,7 +78,7 @@ def speed_by_sight(scene: Scene, braking: float) -> float:
     )
     way = _hidden_way(scene, rows, theirs_in)
     through = _time(scene.ego.v, ours_out, min(GOING, body.a_max))
-    threat = through + SPARE >= way / paths.speed_limit[rows]
+    threat = through + SPARE >= way / paths.highest_limit(rows, theirs_in - way, theirs_in)
     if not threat.any():
         return math.inf
     room = max(float(ours_in[threat].min()) - BEFORE, 0.0)

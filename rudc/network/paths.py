@@ -44,6 +44,8 @@ class PathSource:
     """how many of the lanes come after the junction"""
     speed: float
     """m/s, limit on the last lane before the junction"""
+    speed_after: float
+    """m/s, limit on the first lane beyond it"""
 
 
 class PathTable:
@@ -71,7 +73,9 @@ class PathTable:
         self.destination: Index = np.array([source.destination for source in sources])
         """(P,) index into `Network.arms`"""
         self.speed_limit: Array = np.array([source.speed for source in sources])
-        """(P,) m/s"""
+        """(P,) m/s, before the junction and in it"""
+        self.speed_limit_after: Array = np.array([source.speed_after for source in sources])
+        """(P,) m/s, beyond the junction"""
         spans = [lane_spans(source.shapes) for source in sources]
         self.stop_s: Array = np.array(
             [a[p.before_junction - 1, 1] for a, p in zip(spans, sources, strict=True)]
@@ -95,7 +99,9 @@ class PathTable:
             self._rows.setdefault((arms[source.origin], arms[source.destination]), []).append(row)
         for array in (self.length, self.xy, self.heading, self.origin, self.destination, self.speed_limit):
             array.flags.writeable = False
-        for array in (self.stop_s, self.exit_s, self.stop_heading, self.yields, self.poses):
+        for array in (
+            self.speed_limit_after, self.stop_s, self.exit_s, self.stop_heading, self.yields, self.poses,
+        ):  # fmt: skip
             array.flags.writeable = False
 
     @property
@@ -113,6 +119,15 @@ class PathTable:
         low = self.poses[i]
         pose = low + t * (self.poses[i + 1] - low)
         return pose[..., 0], pose[..., 1], pose[..., 2]
+
+    def highest_limit(self, rows: Index, begin: Array, end: Array) -> Array:
+        """(n,) m/s, the highest speed limit on rows (n,) from `begin` (n,) m to `end` (n,) m, or at `begin`
+        if that is farther on.
+        """
+        exits = self.exit_s[rows]
+        before = np.where(begin < exits, self.speed_limit[rows], 0.0)
+        beyond = np.where(np.maximum(begin, end) >= exits, self.speed_limit_after[rows], 0.0)
+        return np.maximum(before, beyond)
 
     def locate(self, origin: str, destination: str, lane_id: str, lane_pos: float) -> tuple[int, float]:
         """Row and s (m) of a vehicle on that movement at lane_pos m on the lane; (-1, 0.0) when unknown.

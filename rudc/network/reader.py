@@ -287,6 +287,7 @@ def _way(junction: Junction, arms: list[RawArm], origin: int, destination: int, 
         before_junction=len(before),
         after_junction=len(after),
         speed=float(before[-1].getSpeed()),
+        speed_after=float(after[0].getSpeed()),
     )
     return Way(source, tuple((c.getJunction().getID(), c.getJunctionIndex()) for c in connections))
 

@@ -74,9 +74,10 @@ class Gate:
         """(n,) whether each of the others `who` (n,) is in conflict with the ego; `short` and `stretch`
         (2, N) as for `meeting`.
         """
-        ego = scene.ego
+        ego, body = scene.ego, scene.vehicle
         return in_conflict(
             *bodies(scene), *lines(scene), scene.route.path.poses, scene.ego_s,
-            complex(ego.x, ego.y), cmath.exp(1j * ego.psi), ego.v, GO_ACCELERATION, GO_SPEED,
+            complex(ego.x, ego.y), cmath.exp(1j * ego.psi), ego.v,
+            min(GO_ACCELERATION, body.a_max), min(GO_SPEED, body.v_max),
             CONFLICT_TIMES, short, stretch, who, TAIL, LANE, ALONG,
         )  # fmt: skip

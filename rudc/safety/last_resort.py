@@ -6,8 +6,8 @@ manoeuvres that begin with it:
 
     stop   u for one step, then full braking with the steering held until the ego stands. Where some body
            stands still, also the same with steering along the route, which can pass close to one in a bend
-    go     u for one step, then along the route at GO_ACCELERATION up to GO_SPEED; on a poor road no faster
-           than its bends allow
+    go     u for one step, then along the route at GO_ACCELERATION up to GO_SPEED, as far as the vehicle can;
+           on a poor road no faster than its bends allow
 
 The room of a manoeuvre is the least value, over all instants within the horizon and all others, of
 
@@ -259,17 +259,18 @@ class LastResort:
         if scene.vehicle.a_min > scene.network.vehicle.a_min:
             return self._go_slowly(scene, first, v, a)
         rest = np.maximum(self._times - self._dt, 0.0)
-        rising = np.minimum(rest, max(GO_SPEED - v, 0.0) / a)
+        a, top = min(a, scene.vehicle.a_max), min(GO_SPEED, scene.vehicle.v_max)
+        rising = np.minimum(rest, max(top - v, 0.0) / a)
         way = first + v * rest + a * rising * (rest - 0.5 * rising)
         return np.where(self._times > 0.0, way, 0.0)
 
     def _go_slowly(self, scene: Scene, first: float, v: float, a: float) -> Array:
         """As `_go`, on a road that gives less than the brakes could use."""
         path, a_min, a = scene.route.path, scene.vehicle.a_min, min(a, scene.vehicle.a_max)
-        bends, way = np.abs(path.curvature), [0.0, first]
+        bends, way, top = np.abs(path.curvature), [0.0, first], min(GO_SPEED, scene.vehicle.v_max)
         for _ in self._times[2:]:
             station = min(int((scene.ego_s + way[-1]) / SPACING), len(bends) - 1)
-            most = min(max(GO_SPEED, v), math.sqrt(BENDS * -a_min / max(float(bends[station]), 1e-4)))
+            most = min(max(top, v), math.sqrt(BENDS * -a_min / max(float(bends[station]), 1e-4)))
             after = max(min(v + a * self._dt, most), v + a_min * self._dt, 0.0)
             way.append(way[-1] + 0.5 * (v + after) * self._dt)
             v = after

@@ -3,9 +3,9 @@
 A bank of M models of the plant (the car with its actuators, rudc/world/ego.py), each with a dead time d, a
 lag T and a coefficient of friction mu, is driven by the commands that were given. Each model keeps the
 acceleration a_m and the front-wheel angle delta_m that its car would have now. They are compared with those
-of the real car,
+of the real car, dt s after the last reading,
 
-    J_m <- FORGET J_m + min((a - a_m)^2 / A^2, CUT) + min((delta - delta_m)^2 / D^2, CUT)
+    J_m <- FORGET^(dt / DECISION_S) J_m + min((a - a_m)^2 / A^2, CUT) + min((delta - delta_m)^2 / D^2, CUT)
 
 (the acceleration only while the car drives faster than STANDING and slower than its top speed), and the
 estimate is the model with the least J. An ordinary car (no dead time, no lag, a dry road) stays the estimate
@@ -31,11 +31,15 @@ from rudc.world.ego import DRY, GRAVITY, within_limits
 from rudc.world.scene import EgoState
 
 DECISION_S = 0.1
-"""s between two decisions (the paper: 10 Hz), unless a study says otherwise"""
+"""s between two decisions (the paper: 10 Hz), as long as no two have been seen"""
 SUBSTEP_S = 0.05
-"""s, the step with which the models are driven; dead times are multiples of it"""
+"""s, the step with which the models are driven, or the nearest to it that divides a decision evenly; dead
+times are multiples of it
+"""
 DELAYS = np.arange(13) * SUBSTEP_S
 """s, dead times of the bank"""
+LONGEST_S = 2.0
+"""s, longest dead time whose commands are remembered; scenarios allow no longer one"""
 LAGS = np.array([0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6])
 """s, lags of the bank"""
 FRICTIONS = np.array(
@@ -48,7 +52,7 @@ ACCELERATION_STD, STEERING_STD = 0.25, 0.01
 CUT = 16.0
 """largest term of one reading, so that one outlier does not decide"""
 FORGET = 0.97
-"""share of J that is left after a decision: about three seconds of memory"""
+"""share of J that is left after DECISION_S: about three seconds of memory"""
 WORST = 24.0
 """largest difference in J that is kept, so that a change of the car is noticed after three readings"""
 SURE = 12.0
@@ -74,9 +78,9 @@ class PlantEstimate:
 
     @property
     def grip(self) -> float:
-        """m/s2, largest acceleration that the road gives; inf if no limit was seen."""
+        """m/s2, largest acceleration that the road gives."""
         mu = self.actuation.friction
-        return math.inf if mu is None else mu * GRAVITY
+        return (DRY if mu is None else mu) * GRAVITY
 
 
 ORDINARY = PlantEstimate(Actuation(), unusual=False)
@@ -86,15 +90,12 @@ ORDINARY = PlantEstimate(Actuation(), unusual=False)
 class PlantMonitor:
     """Identifies the plant from one decision to the next."""
 
-    def __init__(self, vehicle: EgoVehicle, decision_s: float = DECISION_S) -> None:
+    def __init__(self, vehicle: EgoVehicle) -> None:
         self._vehicle = vehicle
-        self._substeps = round(decision_s / SUBSTEP_S)
         delay, lag, friction = np.meshgrid(np.arange(len(DELAYS)), LAGS, FRICTIONS, indexing="ij")
         self._delay: Index = delay.ravel()
         self._lag: Array = lag.ravel()
         self._limit: Array = friction.ravel() * GRAVITY
-        with np.errstate(divide="ignore"):
-            self._keep: Array = np.where(LAGS > 0, np.exp(-SUBSTEP_S / np.maximum(LAGS, 1e-9)), 0.0)
         self._plainness = (
             self._delay * 1.0
             + self._lag / 0.05
@@ -106,38 +107,52 @@ class PlantMonitor:
     def reset(self) -> None:
         """Begin a new episode with an ordinary car."""
         bank = len(DELAYS), len(LAGS), len(FRICTIONS)
-        self._given: Array = np.zeros((len(DELAYS) + 1, 2))
-        """m/s2, rad, commands of the last sub-steps, newest first"""
+        self._take_steps_of(SUBSTEP_S)
+        self._timed = False
+        """whether the time between two decisions is known"""
         self._a, self._delta, self._cost = np.zeros(bank), np.zeros(bank), np.zeros(len(self._delay))
         self._v: float | None = None
         self._believed = self._nominal
         self.estimate = ORDINARY
 
-    def update(self, ego: EgoState, last_u: Array | tuple[float, float]) -> PlantEstimate:
-        """The new estimate, after the command `last_u` (2,), m/s2 and rad, was given for a decision and has
-        led to the state `ego`. In the first call of an episode `last_u` is not used.
+    def update(
+        self, ego: EgoState, last_u: Array | tuple[float, float], passed_s: float = DECISION_S
+    ) -> PlantEstimate:
+        """The new estimate, after the command `last_u` (2,), m/s2 and rad, was given for a decision of
+        `passed_s` s and has led to the state `ego`. In the first call of an episode only `ego` is used.
         """
         if self._v is not None:
-            self._drive(float(last_u[0]), float(last_u[1]), ego.v)
-            self._score(ego)
+            if not self._timed:
+                self._timed = True
+                self._take_steps_of(passed_s / max(round(passed_s / SUBSTEP_S), 1))
+            self._drive(float(last_u[0]), float(last_u[1]), ego.v, passed_s)
+            self._score(ego, passed_s)
             self.estimate = self._best()
         self._v = ego.v
         return self.estimate
 
-    def _drive(self, a: float, delta: float, v_after: float) -> None:
+    def _take_steps_of(self, substep_s: float) -> None:
+        """From now on drive the models with steps of `substep_s` s; no command is on its way."""
+        self.substep_s = substep_s
+        """s, the step with which the models are driven"""
+        self._keep: Array = np.where(LAGS > 0, np.exp(-substep_s / np.maximum(LAGS, 1e-9)), 0.0)
+        self._given: Array = np.zeros((max(len(DELAYS), math.ceil(LONGEST_S / substep_s)) + 1, 2))
+        """m/s2, rad, commands of the last sub-steps, newest first"""
+
+    def _drive(self, a: float, delta: float, v_after: float, passed_s: float) -> None:
         """Drive all models with the command for one decision."""
-        body = self._vehicle
+        body, substeps = self._vehicle, max(round(passed_s / self.substep_s), 1)
         command = complex(*within_limits(body, a, delta))
         drive_bank(
-            self._a, self._delta, self._given, self._keep, _LIMITS, command, self._substeps,
+            self._a, self._delta, self._given, self._keep, _LIMITS, command, substeps,
             self._v or 0.0, v_after, body.cg_to_rear, body.cg_to_rear / body.wheelbase,
         )  # fmt: skip
 
-    def _score(self, ego: EgoState) -> None:
+    def _score(self, ego: EgoState, passed_s: float) -> None:
         counts = float(STANDING < ego.v < self._vehicle.v_max - 0.1)
         score_bank(
             self._cost, self._a.ravel(), self._delta.ravel(), ego.acceleration, ego.steering, counts,
-            FORGET, ACCELERATION_STD, STEERING_STD, CUT, WORST,
+            FORGET ** (passed_s / DECISION_S), ACCELERATION_STD, STEERING_STD, CUT, WORST,
         )  # fmt: skip
 
     def _best(self) -> PlantEstimate:
@@ -149,10 +164,12 @@ class PlantMonitor:
             return ORDINARY
         mu = None if math.isinf(self._limit[i]) else float(self._limit[i] / GRAVITY)
         return PlantEstimate(
-            Actuation(float(self._delay[i] * SUBSTEP_S), float(self._lag[i]), mu), unusual=True
+            Actuation(float(self._delay[i] * self.substep_s), float(self._lag[i]), mu), unusual=True
         )
 
     def pending(self, delay_s: float) -> list[tuple[float, float]]:
-        """Commands (m/s2, rad) of the last `delay_s` s, oldest first, one for each sub-step of SUBSTEP_S."""
-        late = min(round(delay_s / SUBSTEP_S), len(self._given))
+        """Commands (m/s2, rad) of the last `delay_s` s, LONGEST_S at most, oldest first, one for each
+        `substep_s`.
+        """
+        late = min(round(delay_s / self.substep_s), len(self._given))
         return [(a, delta) for a, delta in self._given[:late][::-1].tolist()]

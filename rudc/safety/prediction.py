@@ -21,7 +21,7 @@ from rudc.safety.kernels import driving_behind, follow, others_ahead
 from rudc.world.scene import Scene
 
 GO_ACCELERATION = 2.0
-"""m/s2, acceleration of an ego that goes on along its route"""
+"""m/s2, acceleration of an ego that goes on along its route, if its vehicle can"""
 GO_SPEED = 9.0
 """m/s, up to which it then accelerates, unless it is faster already"""
 TAIL = 45.0

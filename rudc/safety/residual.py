@@ -58,7 +58,7 @@ FADING = 1.0
 """m/s, speed of the ego below which w is reduced in proportion to the speed"""
 
 DRY = EgoVehicle()
-"""the car, on the dry road, that predictors are fitted on"""
+"""the car, on the dry road, that the shipped predictors are fitted on"""
 HOLDS, GIVES_OUT = 1.5, 2.5
 """ratios of the acceleration asked for to what the road is known to give: w counts in full up to the
 first, and not at all from the second on. At mu of 0.2, 0.35 and 0.65, w improved the prediction up to 1.6
@@ -100,10 +100,12 @@ def predicted_change(terms: Terms, a: float, z: float) -> Array:
     return STEP * first + 0.5 * STEP * STEP * second
 
 
-def trust(vehicle: EgoVehicle, v: float, u: Array) -> float:
-    """Factor on w, from 0 to 1, for a proposal u (2,), m/s2 and rad, at v m/s; `vehicle` is the scene's."""
+def trust(vehicle: EgoVehicle, v: float, u: Array, dry: EgoVehicle = DRY) -> float:
+    """Factor on w, from 0 to 1, for a proposal u (2,), m/s2 and rad, at v m/s; `vehicle` is the scene's,
+    `dry` the same on a dry road.
+    """
     limit = -vehicle.a_min
-    if limit >= -DRY.a_min:
+    if limit >= -dry.a_min:
         return 1.0
     slip = math.atan(vehicle.cg_to_rear / vehicle.wheelbase * math.tan(u[1]))
     lateral = v * v * math.sin(slip) / vehicle.cg_to_rear
@@ -138,7 +140,7 @@ class ResidualPredictor:
         those of barriers without a head.
         """
         w = np.zeros(constraints.count)
-        counts = trust(scene.vehicle, scene.ego.v, u_rl)
+        counts = trust(scene.vehicle, scene.ego.v, u_rl, scene.network.vehicle)
         if counts == 0.0:
             return w
         xi = features(scene, constraints, u_rl)

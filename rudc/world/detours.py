@@ -1,8 +1,9 @@
 """Surrounding vehicles (SVs) go round things that block their way for good, or wait where they block nobody.
 
-A row of `network.paths` is blocked where a car on it would touch something that stands on the road for good
-(an accident, a closed lane, a stalled vehicle). It may be blocked in several places. An SV whose row is
-blocked ahead of it
+A row of `network.paths` is blocked where the widest of the SVs would come too near to something that stands
+on the road for good (an accident, a closed lane, a stalled vehicle): nearer than `Traffic.needs_m` to the
+row's line, as lanes are closed for SUMO (rudc/world/events/stage.py). It may be blocked in several places. An
+SV whose row is blocked ahead of it
 
     changes to another lane, if its movement has a row that is free from there on;
     otherwise, if it is before the stop line, takes another movement from its arm that is free;
@@ -33,10 +34,10 @@ if TYPE_CHECKING:
     from rudc.world.sumo import Sumo
     from rudc.world.traffic import Traffic
 
-BODY = np.array([5.0, 1.9])
-"""(2,) m, length and width of the car that a row must let through"""
+LENGTH = 5.0
+"""m, length of the vehicle that a row must let through"""
 TOUCH = 0.1
-"""m, gap between that car and a thing below which the row is blocked"""
+"""m, gap between that vehicle and a thing below which the row is blocked"""
 PASSED = 0.5
 """m by which a front bumper may be before a place and still count as past it"""
 WAIT = 1.0
@@ -76,7 +77,7 @@ class Detours:
         waits = {}
         rows = np.flatnonzero(scene.path >= 0)
         front = scene.path_s[rows] + 0.5 * scene.size[rows, 0]
-        station = np.floor((front - PASSED - 0.5 * BODY[0]) / SPACING).astype(int) + 1
+        station = np.floor((front - PASSED - 0.5 * LENGTH) / SPACING).astype(int) + 1
         block = self._begins[scene.path[rows], np.clip(station, 0, self._begins.shape[1] - 1)]
         ahead = np.isfinite(block)
         for i, *places in zip(*(part[ahead].tolist() for part in (rows, front, block)), strict=True):
@@ -94,10 +95,11 @@ class Detours:
         paths = self._network.paths
         count = paths.xy.shape[1]
         blocked = np.zeros((paths.count, count), dtype=np.bool_)
+        body = np.array([LENGTH, 2.0 * (self._traffic.needs_m - TOUCH)])
         for prop in standing:
             x, y, psi = prop.pose()
             size = np.array([prop.length, prop.width])
-            reach = 0.5 * float(np.hypot(*size) + np.hypot(*BODY)) + TOUCH
+            reach = 0.5 * float(np.hypot(*size) + np.hypot(*body)) + TOUCH
             row, station = np.nonzero(np.hypot(paths.xy[..., 0] - x, paths.xy[..., 1] - y) < reach)
             inside = station * SPACING < paths.length[row]
             row, station = row[inside], station[inside]
@@ -105,12 +107,12 @@ class Detours:
             if not n:
                 continue
             gap = gaps_between(
-                paths.xy[row, station], paths.heading[row, station], BODY,
+                paths.xy[row, station], paths.heading[row, station], body,
                 np.tile([x, y], (n, 1)), np.full(n, psi), size,
             )  # fmt: skip
             hit = gap < TOUCH
             blocked[row[hit], station[hit]] = True
-        front = np.arange(count) * SPACING + 0.5 * BODY[0]
+        front = np.arange(count) * SPACING + 0.5 * LENGTH
         begins = np.full((paths.count, count + 1), np.inf)
         begins[:, :-1] = np.where(np.diff(blocked, axis=1, prepend=False) & blocked, front, np.inf)
         begins = np.minimum.accumulate(begins[:, ::-1], axis=1)[:, ::-1]

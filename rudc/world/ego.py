@@ -36,8 +36,10 @@ DRY = 0.9
 """coefficient of friction of a dry road"""
 CRAWL_M = 0.02
 """m of way below which a change of heading says nothing about the steering"""
-PIECES_PER_LAG = 4.0
-"""Runge-Kutta steps in one time constant of the actuators"""
+PIECES_PER_LAG, MOST_PIECES = 4.0, 100
+"""Runge-Kutta steps in one time constant of the actuators, and in a simulation step at most: a lag that would
+need more is over at once
+"""
 
 
 def widest_steering(body: EgoVehicle, v: float, lateral: float) -> float:
@@ -133,7 +135,7 @@ class EgoPlant:
             return v * math.cos(psi + slip), v * math.sin(psi + slip), v * math.sin(slip) / rear
 
         x, y, psi = old.x, old.y, old.psi
-        pieces = math.ceil(PIECES_PER_LAG * dt / lag)
+        pieces = min(math.ceil(PIECES_PER_LAG * min(dt / lag, MOST_PIECES)), MOST_PIECES)
         h = dt / max(pieces, 1)
         for i in range(pieces):
             t = i * h

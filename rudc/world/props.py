@@ -64,6 +64,8 @@ class Prop:
         """m that it goes straight on beyond its way's end"""
         self.grip = math.inf
         """m/s2, how hard the road lets a vehicle brake and accelerate"""
+        moved = np.append(True, np.hypot(*np.diff(way, axis=0).T) > 0.0)
+        way = way[moved]  # a leg of no length has no direction
         legs = np.diff(way, axis=0)
         self._way = way
         self._free, self._back_is_free = True, False

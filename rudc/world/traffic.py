@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 EGO = "ego"
 EMERGENCY_DECEL = 9.0
 """m/s2, hardest braking of an SV on a dry road"""
+BESIDE_M = 0.2
+"""m beside an SV that must be free so that it drives on: less, and the yielding layer stops it"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +155,9 @@ class Traffic:
         names = sorted(plan.mix)
         weights = np.array([plan.mix[name] for name in names], dtype=float)
         self._mix = names, weights / weights.sum()
+        widest = max(VEHICLE_TYPES[name].width for name in names if plan.mix[name] > 0)
+        self.needs_m = 0.5 * widest + BESIDE_M
+        """m to each side of a lane's centre line that must be free so that every SV of the mix drives on"""
         self.density = self.usual_density = plan.density
         for movements in self._movements.values():
             for movement in movements:

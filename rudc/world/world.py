@@ -13,13 +13,12 @@ first sub-step events act, and twice a second (five times while a prop moves) th
 from __future__ import annotations
 
 import math
-from types import TracebackType
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
 from rudc.arrays import Array
-from rudc.errors import SimulationError
+from rudc.errors import InputError, SimulationError
 from rudc.world.borders import Borders
 from rudc.world.brakes import Brakes
 from rudc.world.casting import cast
@@ -98,9 +97,7 @@ class World:
     def __enter__(self) -> World:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:
@@ -141,25 +138,27 @@ class World:
     def perceived(self) -> Scene:
         """The scene as the ego's sensors show it; the same object until the next `advance`."""
         if self._perceived is None:
-            self._perceived = self.stage.sensors.perceive(self.scene(), self._sensor_rng)
+            scene = self.scene()
+            self._perceived = self.stage.sensors.perceive(scene, self._sensor_rng)
             self._script.look(self._perceived)
         return self._perceived
 
     def happenings(self) -> tuple[Happening, ...]:
-        """The state of each event of the episode, in the order of `plan.events`.
-
-        What the ego sees of them is noted at each call of `perceived`.
-        """
+        """The state of each event, in the order of `plan.events`; `perceived` notes what the ego sees."""
+        self.scene()  # refuses where there is no episode yet
         return self._script.happenings()
 
     def sensors(self) -> Sensors:
         """The flaws of the ego's perception as they are now."""
+        self.scene()
         return self.stage.sensors
 
     def advance(self, u: Array) -> Advance:
         """Apply u (2,), acceleration (m/s2) and front-wheel angle (rad), cut to the vehicle's limits, for one
-        decision or up to a collision in it."""
+        decision or up to a collision in it. Raises InputError if a number of u is nan."""
         scene = self.scene()
+        if np.isnan(u).any():
+            raise InputError(f"the action {u} is not acceleration (m/s2) and front-wheel angle (rad)")
         began = self._script.step(scene)
         layer_s = LAYER_MOVING_S if any(prop.moves for prop in self.stage.props) else LAYER_S
         every = max(1, round(layer_s / self.config.decision_s))
@@ -183,6 +182,7 @@ class World:
 
     def put_ego(self, x: float, y: float, psi: float, v: float = 0.0) -> Scene:
         """Put the ego at a pose (m, m, rad) with a speed (m/s), for studies and tests; return the scene."""
+        self.scene()
         length = self.vehicle.length
         # A vehicle that jumps within its lane keeps its rank in SUMO's list of that lane, and others would
         # change lanes into it. So it leaves the road for a step.

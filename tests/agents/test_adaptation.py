@@ -11,7 +11,7 @@ import pytest
 from rudc.agents.adaptation import BRAKING, FULL, USABLE, Adaptation
 from rudc.env.tracking import steering
 from rudc.network.paths import SPACING
-from rudc.safety.plant import PlantEstimate
+from rudc.safety.plant import PlantEstimate, PlantMonitor
 from rudc.vehicle import Actuation
 from rudc.world.ego import DRY, GRAVITY, EgoPlant, widest_steering
 from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
@@ -57,6 +57,20 @@ def test_steering_leaves_the_brakes_their_share(make_scene, friction):
     assert slowed > 0.9 * BRAKING * grip * 0.1 > unbounded
 
 
+def test_a_car_that_brakes_harder_than_a_dry_road_lets_it_is_known_to(make_scene, monkeypatch):
+    """Without a coefficient of friction the plant took that of a dry road, and the estimate no limit."""
+    scene = make_scene(turn="left", front=-40.0, v=11.0)
+    body = replace(scene.vehicle, a_min=-12.0)
+    late = PlantEstimate(Actuation(lag_s=0.1), unusual=True)
+    adaptation = adapted(scene, lag_s=0.1)
+    monkeypatch.setattr(PlantMonitor, "update", lambda *_: late)
+    seen = adaptation.see(replace(scene, vehicle=body, actuation=late.actuation))
+    plant = EgoPlant(body)
+    plant.reset(0.0, 0.0, 0.0, 11.0)
+    assert late.grip == pytest.approx(-plant.step(-12.0, 0.0, 0.1).acceleration)
+    assert seen.vehicle.a_min == pytest.approx(-USABLE * late.grip)
+
+
 def test_brakes_that_are_asked_for_all_that_is_thought_to_be_there_are_asked_for_more(make_scene):
     """Else an estimate that is too low would never be found out."""
     scene = make_scene(turn="left", front=-30.0, v=8.0)
@@ -69,13 +83,20 @@ def test_brakes_that_are_asked_for_all_that_is_thought_to_be_there_are_asked_for
 
 @pytest.mark.parametrize("lag_s", [0.05, 0.2, 0.4])
 @pytest.mark.parametrize("now", [0.0, 0.08])
-def test_lagging_wheels_are_where_they_were_wanted_after_a_decision(make_scene, lag_s, now):
+@pytest.mark.parametrize("decision_s", [0.1, 0.3])
+def test_lagging_wheels_are_where_they_were_wanted_after_a_decision(make_scene, lag_s, now, decision_s):
+    """However long a decision is: it was taken to last 0.1 s, so that wheels went far beyond."""
     scene = make_scene(turn="left", front=-40.0, v=5.0)
-    scene = replace(scene, ego=replace(scene.ego, steering=now))
-    u = adapted(scene, lag_s=lag_s).govern(scene, np.array([0.0, 0.05]))
+    adaptation = adapted(scene, lag_s=lag_s)
+    known = adaptation.estimate
+    for k in range(2):
+        scene = replace(scene, time_s=k * decision_s, ego=replace(scene.ego, steering=now))
+        adaptation.see(scene)
+    adaptation.estimate = known
+    u = adaptation.govern(scene, np.array([0.0, 0.05]))
     plant = EgoPlant(scene.vehicle)
     plant.resume(scene.ego, Actuation(lag_s=lag_s))
-    assert plant.step(*u.tolist(), 0.1).steering == pytest.approx(0.05)
+    assert plant.step(*u.tolist(), decision_s).steering == pytest.approx(0.05)
 
 
 def test_a_bend_is_followed_with_late_wheels_as_with_prompt_ones(make_scene):

@@ -15,6 +15,7 @@ from rudc.scenario import load_scenario
 from rudc.world.scene import Kind
 from rudc.world.world import World
 from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
+from tests.world.networks import with_limits
 
 
 @pytest.fixture(scope="module")
@@ -42,6 +43,16 @@ def test_who_is_fast(make_scene, four_way, oncoming):
     speeds = limit, TOLERATED * limit + 0.9 * SPARE, TOLERATED * limit + 1.1 * SPARE
     scene = make_scene(*({"row": oncoming, "s": 20.0 + 30.0 * k, "v": v} for k, v in enumerate(speeds)))
     assert looks(scene) == [False, False, True]
+
+
+def test_the_limit_is_that_of_the_road_that_somebody_is_on(make_scene, tmp_path):
+    """Beyond the junction the limit before it was looked at: who left a slow road was fast for good."""
+    network = load_network(with_limits(tmp_path, lambda edge: 13.9 if edge.startswith("south") else 5.0))
+    (row, *_), paths = network.movement("north", "straight").rows, network.paths
+    assert (paths.speed_limit[row], paths.speed_limit_after[row]) == (5.0, 13.9)
+    places = float(paths.stop_s[row]) - 20.0, float(paths.exit_s[row]) + 20.0
+    scene = make_scene(*({"row": row, "s": s, "v": 12.0} for s in places), network=network)
+    assert looks(scene) == [True, False]
 
 
 def test_who_brakes_hard_is_not_trusted_again_while_it_is_seen(make_scene, oncoming):

@@ -216,3 +216,10 @@ def test_as_a_rate_the_slack_gives_nothing_away_at_rest_and_a_factor_else():
     assert answer.status == "relaxed"
     with pytest.raises(InputError, match="has no effect with gain=0"):
         read_correction({"kind": "cbf", "slack": {"kind": "rate"}})
+
+
+def test_residuals_of_another_step_are_refused():
+    """w of a step of 0.1 s was added to rows of any other step."""
+    with pytest.raises(InputError, match=r"residuals are predicted for steps of 0\.1 s, not of dt=0\.2"):
+        read_correction({"kind": "cbf", "dt": 0.2, "residual": True})
+    assert read_correction({"kind": "cbf", "dt": 0.2}).model_dump()["dt"] == 0.2

@@ -8,13 +8,15 @@ import pytest
 
 from rudc.agents.courses import Courses, along
 from rudc.agents.gap_acceptance import GapAcceptance
-from rudc.agents.gaps import crossing, entering, suffices
-from rudc.env.tracking import speeds_in_bends
+from rudc.agents.gaps import ACCELERATION, crossing, entering, suffices
+from rudc.env.tracking import RESPONSE_S, speeds_in_bends
 from rudc.geometry import Rectangles
 from rudc.network.course import CoursePlanner
+from rudc.network.network import load_network
 from rudc.world.ego import EgoPlant
 from rudc.world.scene import STANDING, Kind
 from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
+from tests.world.networks import with_limits
 
 
 @pytest.fixture(scope="module")
@@ -43,6 +45,45 @@ def shown(four_way, scene):
     seen = courses.see(scene)
     assert courses.course is not None
     return seen, courses.govern(seen, np.array([2.0, 0.0]))
+
+
+@pytest.fixture(scope="module")
+def slow_to_the_north(tmp_path_factory):
+    """four_way, with 5 m/s on the north arm and 13.9 m/s elsewhere."""
+    folder = tmp_path_factory.mktemp("limits")
+    return load_network(with_limits(folder, lambda edge: 5.0 if edge.startswith("north") else 13.9))
+
+
+def test_beyond_the_junction_the_limit_there_counts(make_scene, slow_to_the_north):
+    """The limit before the junction counted for good: 13.9 m/s was driven where 5 are allowed."""
+    driver = GapAcceptance()
+    for front, wanted in ((-20.0, 8.0), (40.0, 5.0)):
+        scene = make_scene(front=front, v=5.0, network=slow_to_the_north)
+        assert scene.ego_s > scene.route.exit_s or front < 0.0
+        a = float(driver.act(scene).u[0])
+        assert a == pytest.approx(min((wanted - 5.0) / RESPONSE_S, ACCELERATION), abs=1e-9)
+
+
+def test_who_comes_out_of_a_slow_road_is_expected_to_speed_up(make_scene, slow_to_the_north):
+    """Beyond the junction too, others were assumed to keep to the limit before it."""
+    paths = slow_to_the_north.paths
+    (row, *_) = slow_to_the_north.movement("north", "left").rows
+    inside, beyond = float(paths.stop_s[row]) + 1.0, float(paths.exit_s[row]) + 1.0
+    limits = paths.highest_limit(
+        np.array([row] * 3), np.array([inside, inside, beyond]), np.array([inside, beyond, inside])
+    )
+    assert limits.tolist() == [5.0, 13.9, 13.9]
+
+
+def test_a_slow_vehicle_takes_longer_to_be_gone(make_scene, four_way):
+    """Gaps were judged as if every vehicle could drive 8.5 m/s."""
+    row = four_way.movement("west", "straight").rows[0]
+    other = {"row": row, "s": float(four_way.paths.stop_s[row]) - 45.0, "v": 9.0}
+    may_go = []
+    for vehicle in (four_way.vehicle, replace(four_way.vehicle, v_max=3.0)):
+        scene = make_scene(other, front=-1.0, v=0.0, vehicle=vehicle)
+        may_go.append(suffices(scene, crossing(scene), speeds_in_bends(scene.route.path)).all())
+    assert may_go == [True, False]
 
 
 def test_on_a_poor_road_the_ego_takes_longer_to_be_gone(make_scene, four_way):

@@ -91,6 +91,16 @@ def test_who_stands_in_the_junction_blocks_once_it_has_waited_for_nobody_or_too_
     assert [_standing_at(busy, share * LONG) for share in (0.9, 1.1)] == [0, 1]
 
 
+@pytest.mark.parametrize("decision_s", [0.05, 0.1, 0.5, 1.0])
+def test_time_is_counted_however_long_a_decision_is(make_scene, four_way, decision_s):
+    """Of a decision of 0.5 s, 0.2 s were counted: it took 12.5 s instead of 10."""
+    scene, _ = _waits_to_turn_left(make_scene, four_way)
+    watch, k = Blocking(), 0
+    while not watch.look(replace(scene, time_s=k * decision_s)).any:
+        k += 1
+    assert k * decision_s == pytest.approx(PATIENCE + IDLE, abs=decision_s + 0.15)
+
+
 def test_each_gap_that_it_lets_go_by_counts(make_scene, four_way):
     scene, coming = _waits_to_turn_left(make_scene, four_way)
     watch, seen = Blocking(), []

@@ -214,6 +214,14 @@ def test_who_goes_on_on_a_poor_road_reckons_with_its_bends() -> None:
     assert speeds[inside][-1] == pytest.approx(math.sqrt(0.8 * 2.0 * 8.0), rel=0.05)
 
 
+@pytest.mark.parametrize(("v", "farthest"), [(6.0, 15.0), (2.0, 7.5)])
+def test_who_goes_on_does_so_as_far_as_the_vehicle_can(v: float, farthest: float) -> None:
+    """A vehicle that drives 6 m/s at most was thought to be 20 m on after 2.5 s, where it is 15."""
+    weak = EgoVehicle(a_max=0.8, v_max=6.0)
+    way = LastResort(ALONE)._go(make_scene([], v=v, vehicle=weak), 0.1 * v, v)
+    assert way[-1] <= min(farthest, v * 2.5 + 0.4 * 2.5**2) + 1e-9
+
+
 @pytest.mark.parametrize("dt", [0.2, 0.4, 5.0])
 def test_instants_are_whole_steps_apart(dt: float) -> None:
     """One step or more, over the horizon; 0.1 s apart they are 26."""

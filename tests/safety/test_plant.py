@@ -67,6 +67,22 @@ def test_dead_time_and_lag_are_known_within_a_step(delay, lag, noise):
     assert found[-1].friction is None
 
 
+@pytest.mark.parametrize(("decision_s", "substep_s"), [(0.05, 0.05), (0.12, 0.04), (0.2, 0.05)])
+def test_dead_time_and_lag_are_known_however_long_a_decision_is(decision_s, substep_s):
+    """Decisions were taken to last 0.1 s: at 0.2 s, half the dead time was found, at 0.05 s twice as much."""
+    plant, monitor, rng = EgoPlant(BODY), PlantMonitor(BODY), np.random.default_rng(0)
+    plant.reset(0.0, 0.0, 0.0, 6.0, Actuation(delay_s=0.2, lag_s=0.2))
+    monitor.update(plant.state, (0.0, 0.0), decision_s)
+    for _ in range(round(8.0 / decision_s)):
+        u = rng.normal(0.0, 1.0), rng.normal(0.0, 0.04)
+        for _ in range(round(decision_s / substep_s)):
+            plant.step(*u, substep_s)
+        found = monitor.update(plant.state, u, decision_s).actuation
+    assert found.delay_s == pytest.approx(0.2, abs=0.061)
+    assert found.lag_s == pytest.approx(0.2, abs=0.061)
+    assert found.friction is None
+
+
 def test_all_three_at_once():
     _, found = drive(Actuation(0.2, 0.1, 0.3), noise=0.15, seconds=6.0)
     assert found[-1].delay_s == pytest.approx(0.2, abs=0.051)
@@ -107,6 +123,16 @@ def test_commands_on_their_way_are_those_given_within_the_dead_time():
         monitor.update(replace(state, v=5.0), (a, 0.0))
     assert monitor.pending(0.0) == []
     assert [a for a, _ in monitor.pending(0.2)] == [2.0, 2.0, 3.0, 3.0]
+
+
+def test_the_commands_of_the_longest_dead_time_are_remembered():
+    """Only those of the last 0.7 s were."""
+    monitor, state = PlantMonitor(BODY), EgoPlant(BODY).state
+    for k in range(30):
+        monitor.update(replace(state, v=5.0), (0.1 * k, 0.0))
+    assert [a for a, _ in monitor.pending(2.0)] == pytest.approx(
+        [0.1 * k for k in range(10, 30) for _ in "ab"]
+    )
 
 
 def test_the_bank_covers_what_scenarios_ask_for():

@@ -9,8 +9,9 @@ from rudc.safety.barrier import STEP
 from rudc.safety.config import FilterConfig
 from rudc.safety.constraints import ConstraintBuilder
 from rudc.safety.filter import SafetyFilter
-from rudc.safety.residual import features, heads, predicted_change, shipped_predictor
+from rudc.safety.residual import features, heads, predicted_change, shipped_predictor, trust
 from rudc.safety.rows import affine_rows, ttcbf_weights
+from rudc.vehicle import EgoVehicle
 from tests.safety.scenes import Other, make_scene
 
 VEHICLE, ROAD = heads().values()
@@ -24,6 +25,13 @@ def test_the_prediction_is_the_rows_own():
     a, z = -2.0, 0.1
     rows, b = affine_rows(terms, ttcbf_weights(0.1, 0.0, STEP), a, z)
     np.testing.assert_allclose(rows @ [a, z] - b - 0.1 * terms.h, predicted_change(terms, a, z), atol=1e-9)
+
+
+def test_weak_brakes_are_no_poor_road():
+    """w was halved where a vehicle braked as hard as it can, on a dry road."""
+    weak, u = EgoVehicle(a_min=-2.5), np.array([-2.5, 0.2])
+    assert trust(weak, 8.0, u, weak) == 1.0
+    assert trust(replace(weak, a_min=-1.0), 8.0, u, weak) < 1.0
 
 
 def test_features_say_what_they_are_named_after():

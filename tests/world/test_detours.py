@@ -5,6 +5,8 @@ import pytest
 
 from rudc.world.brakes import Brakes
 from rudc.world.detours import Detours
+from rudc.world.traffic import BESIDE_M
+from rudc.world.yielding_kernels import GROW_WIDTH
 from tests.plans import PlanSource, event
 
 ACCIDENT = event(
@@ -116,3 +118,35 @@ def test_a_lane_that_is_blocked_is_left_for_the_other(world):
         passed |= {scene.ids[i] for i in np.flatnonzero(arm & west & (scene.path >= 0))}
     assert len(passed) >= 3
     assert len(world.traffic.drivers) > 0
+
+
+@pytest.mark.parametrize(("mix", "closes"), [({"car": 1.0}, 1.1), ({"car": 0.9, "bus": 0.1}, 1.45)])
+@pytest.mark.parametrize("beside", [-0.2, -0.05, 0.05, 0.2])
+def test_a_lane_is_closed_exactly_where_its_way_counts_as_blocked(world, mix, closes, beside):
+    """SUMO's stand-in closed a lane up to 1.35 m beside its centre line, its way was blocked up to 1.05 m."""
+    aside = closes + beside
+    parked = event("accident", vehicles=[{"lane": "west_in_0", "at": 40, "lateral": -(aside + 0.9)}])
+    world.reset(PlanSource(origin="south", density=20.0, mix=mix, events=(parked,)).plan(0))
+    world.advance(np.array([-6.0, 0.0]))
+    (row,) = world.network.movement("west", "south").rows
+    assert bool(world.stage._stand_ins) == bool(np.isfinite(world._detours._end[row])) == (beside < 0.0)
+
+
+def test_nobody_queues_for_good_behind_what_leaves_room_to_pass(world):
+    """A car 1.2 m beside the centre line closed the lane for SUMO alone: who turns right stood for 32 s."""
+    parked = event("accident", vehicles=[{"lane": "west_in_0", "at": 5, "lateral": -2.1}])
+    plan = PlanSource(origin="south", turn="right", density=30.0, warm_up_s=0.1, events=(parked,))
+    world.reset(plan.plan(2))
+    stood: dict[str, float] = {}
+    for _ in range(400):
+        world.advance(np.array([-6.0, 0.0]))
+        scene = world.scene()
+        before = (np.abs(scene.position[:, 1] + 5.25) < 0.5) & (scene.position[:, 0] < -15.0)
+        slow = np.hypot(*scene.velocity.T) < 0.3
+        for i in np.flatnonzero(before & slow & (scene.path >= 0)):
+            stood[scene.ids[i]] = stood.get(scene.ids[i], 0.0) + 0.1
+    assert max(stood.values(), default=0.0) < 8.0
+
+
+def test_what_must_be_free_beside_vehicles_is_what_the_yielding_layer_looks_at():
+    assert pytest.approx(0.5 * GROW_WIDTH) == BESIDE_M

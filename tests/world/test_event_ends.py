@@ -94,6 +94,21 @@ def test_the_road_holds_an_ego_that_sumo_drives_as_it_does_others(world):
     assert libsumo.vehicle.getEmergencyDecel("ego") == 9.0
 
 
+@pytest.mark.parametrize(
+    ("state", "sudden"),
+    [((), False), (("low_friction", {"friction": 0.2}), True), (("actuator_delay", {"delay": 1.5}), True)],
+)
+def test_sudden_is_what_the_ego_cannot_stop_before_on_that_road_with_that_car(world, state, sudden):
+    """16 m before an ego at 9 m/s: on ice, or with late brakes, it could not stop, and was at fault."""
+    road = [event(state[0], **state[1])] if state else []
+    stalled = event("stalled_vehicle", lane="ego_in", at=10, when={"simulation_time": {"above": 0.15}})
+    start = {"distance": (30.0, 30.0), "speed": (9.0, 9.0)}
+    world.reset(replace(CALM, density=0.0, events=(*road, stalled), **start).plan(0))
+    for _ in range(3):
+        world.advance(np.array([0.0, 0.0]))
+    assert bool(world.stage.sudden) == sudden
+
+
 @pytest.mark.parametrize(("lane", "at", "sudden"), [("south_in_0", 6, True), ("south_out_1", 12, False)])
 def test_sudden_is_what_appears_in_the_way_until_the_ego_has_stood(world, lane, at, sudden):
     """Beside the ego, in the lane of oncoming traffic, it is not."""

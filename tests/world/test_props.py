@@ -173,3 +173,10 @@ def test_a_pedestrian_does_not_step_back_into_somebody_nor_off_its_way(make_scen
             prop.look_out(make_scene(*others))
             prop.step(0.05)
         assert prop.travelled == travelled
+
+
+def test_a_place_that_its_way_names_twice_turns_nobody():
+    """Behind a start inside the junction a driver looked to the east, not back along its way."""
+    way = np.array([[0.0, 0.0], [0.0, 0.0], [0.0, 10.0]])
+    driver = Prop("driver", Kind.CAR, (5.0, 1.8), way, wanted=5.0)
+    assert driver.pose(-3.0) == pytest.approx((0.0, -3.0, math.pi / 2))

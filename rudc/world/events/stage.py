@@ -13,7 +13,7 @@ from rudc.errors import SimulationError
 from rudc.geometry import rectangle_corners, rectangle_gaps
 from rudc.network.polyline import arc_length, beside
 from rudc.scenario.events.stage import Body, XYHeading
-from rudc.world.ego import GRAVITY
+from rudc.world.ego import DRY, GRAVITY
 from rudc.world.events.places import (
     ON_THE_ROAD,
     NetworkStage,
@@ -39,8 +39,6 @@ if TYPE_CHECKING:
 
 BLOCK = "block"
 """beginning of the names of stand-ins: vehicles that SUMO has in place of things that block a lane"""
-SQUEEZE_M = 0.4
-"""m that an obstacle may reach into a lane without closing it"""
 LOOK_M = 0.5
 """m between the places ahead at which it is tested whether the ego would touch a thing"""
 JOINED_M = 0.5
@@ -165,7 +163,7 @@ class WorldStage(NetworkStage):
         corners = rectangle_corners(np.array([x, y]), np.array(heading), np.array([length, width]))
         for arm in self.network.arms:
             for lane in self.network.lanes_of(arm):
-                span = _obstructed(lane, corners)
+                span = _obstructed(lane, corners, self.traffic.needs_m)
                 if span is not None:
                     self._block(name, lane, *span)
 
@@ -189,13 +187,13 @@ class WorldStage(NetworkStage):
         self._closed[key] = stand_in, start, end
 
     def _too_near(self, place: XYHeading, size: tuple[float, float]) -> bool:
-        """Whether the ego, straight on or on its path, would touch what is put there even with its
-        hardest braking on a dry road.
+        """Whether the ego, straight on or on its path, would touch what is put there even with its hardest
+        braking, as road and car are now.
         """
         assert self.scene is not None
         ego, car, ahead = self.scene.ego, self.scene.network.vehicle, 0.0
-        at = np.array([place[:2]]), np.array([place[2]]), np.array([size])
-        while ahead <= ego.v**2 / (-2.0 * car.a_min):
+        at, way = (np.array([place[:2]]), np.array([place[2]]), np.array([size])), self._stopping(ego.v)
+        while ahead <= way:
             straight = ego.x + ahead * math.cos(ego.psi), ego.y + ahead * math.sin(ego.psi), ego.psi
             on_path = self.scene.route.path.pose(self.scene.ego_s + ahead)
             for x, y, psi in (straight, on_path):
@@ -203,6 +201,13 @@ class WorldStage(NetworkStage):
                     return True
             ahead += LOOK_M
         return False
+
+    def _stopping(self, v: float) -> float:
+        """m that the ego needs to stop from v m/s."""
+        car, now = self.network.vehicle, self.plant.actuation
+        braking = min(-car.a_min, (DRY if now.friction is None else now.friction) * GRAVITY)
+        late = max(v * now.lag_s - 0.5 * braking * now.lag_s**2, 0.0)  # exact unless it stops within the lag
+        return v * now.delay_s + late + v * v / (2.0 * braking)
 
     def send(
         self, name: str, body: Body, way: Array, speed: float, late_m: float = 0.0, beyond_m: float = 0.0
@@ -252,14 +257,13 @@ def _as_standing(prop: Prop) -> Standing:
     return Standing(prop.name, prop.kind.name.lower(), prop.pose(), (prop.length, prop.width))
 
 
-def _obstructed(lane: Lane, corners: Array) -> tuple[float, float] | None:
-    """From where to where (m of SUMO's positions on the lane) a rectangle with these corners (4, 2) leaves a
-    lane too narrow to drive; None if it does nowhere."""
+def _obstructed(lane: Lane, corners: Array, free: float) -> tuple[float, float] | None:
+    """From where to where (m of SUMO's positions on the lane) a rectangle with these corners (4, 2) leaves
+    less than `free` m to a side of a lane's centre line; None if it does nowhere."""
     s, aside = beside(lane.xy, corners)
     drawn = float(arc_length(lane.xy)[-1])
     if abs(drawn - lane.length) > ROUNDED_M:  # SUMO gives all lanes of an edge the same length, also in bends
         s = s * (lane.length / drawn)
-    free = 0.5 * lane.width - SQUEEZE_M
     if aside.max() < -free or aside.min() > free or s.max() < 1.0 or s.min() > lane.length - 1.0:
         return None
     return max(float(s.min()), 0.2), min(float(s.max()), lane.length - 0.2)
