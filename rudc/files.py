@@ -131,9 +131,12 @@ def check_place(path: Path, what: str, *endings: str) -> None:
 
 
 def write_atomically(path: Path, content: str | bytes) -> None:
-    """Replace a file's content; text is written as UTF-8, its line breaks unchanged. Raises StorageError."""
+    """Replace a file's content. Text is written as UTF-8, its line breaks unchanged; what UTF-8 has no sign
+    for (parts of file names that are no text) is spelt out, `\\udcff`. Raises StorageError.
+    """
+    data = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
     with replacing(path) as file:
-        file.write(content.encode() if isinstance(content, str) else content)
+        file.write(data)
 
 
 @contextlib.contextmanager

@@ -34,6 +34,8 @@ def path(tmp_path):
 def test_text_and_bytes_are_written_as_they_are(path):
     write_atomically(path, "ä\r\nb\n")
     assert path.read_bytes() == "ä\r\nb\n".encode()
+    write_atomically(path, "\udcff")  # of a file name that is no text
+    assert path.read_bytes() == rb"\udcff"
     write_atomically(path, b"\x00\r\n")
     assert path.read_bytes() == b"\x00\r\n"
     assert os.listdir(path.parent) == ["file.txt"]
