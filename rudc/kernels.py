@@ -20,6 +20,7 @@ import math
 import os
 import sys
 import tempfile
+import threading
 from collections.abc import Callable, Iterator
 from functools import cache, update_wrapper
 from pathlib import Path
@@ -103,6 +104,8 @@ class _StandIn:
         return self.compiled(*arguments)
 
 
+_loading = threading.RLock()
+"""held by the thread that loads kernels"""
 _waiting: list[_StandIn] = []
 """kernels that are defined but not yet compiled, callees first"""
 _loaded = False
@@ -119,7 +122,14 @@ def kernel(function: Callable[..., Result]) -> Callable[..., Result]:
 
 
 def load_kernels() -> None:
-    """Compile or load all kernels defined so far, and put them in the places of their stand-ins."""
+    """Compile or load all kernels defined so far, and put them in the places of their stand-ins. After an
+    interruption, the next call goes on with the rest.
+    """
+    with _loading:
+        _load_waiting()
+
+
+def _load_waiting() -> None:
     global _loaded
     _loaded = True
     ours = [vars(module) for name, module in [*sys.modules.items()] if name.partition(".")[0] == "rudc"]
@@ -131,8 +141,9 @@ def load_kernels() -> None:
         if isinstance(value, _StandIn)
     ]
     while _waiting:
-        stand_in = _waiting.pop(0)
+        stand_in = _waiting[0]
         stand_in.compiled = _compiled(stand_in.written)
+        _waiting.pop(0)
         for space, name, value in names:
             if value is stand_in:
                 space[name] = stand_in.compiled

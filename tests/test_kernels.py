@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -114,3 +115,48 @@ def test_a_folder_for_compiled_code_is_found_where_nothing_can_be_written(tmp_pa
         folder = done.stdout.strip()
         assert "kernels-" in folder
         assert folder.startswith(str(begins)) if begins else not folder.startswith(str(blocked))
+
+
+def test_who_interrupts_the_loading_can_go_on():
+    code = """
+from rudc import kernels
+compiled, calls = kernels._compiled, []
+def interrupted(function):
+    calls.append(function)
+    if len(calls) == 2:
+        raise KeyboardInterrupt
+    return compiled(function)
+kernels._compiled = interrupted
+separation, where = kernels.separation, (3.0 + 4.0j, 1.0 + 0.0j, 1.0j, 1.0, 2.0, 0.5, 0.25)
+try:
+    separation(*where)
+except KeyboardInterrupt:
+    print("interrupted")
+print(separation(*where) == kernels.separation(*where))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["interrupted", "True"]
+
+
+def test_threads_wait_for_each_other(tmp_path):
+    code = """
+import threading, time
+from rudc import kernels
+compiled = kernels._compiled
+def slowly(function):
+    time.sleep(2.0 * (function.__name__ == "separation"))  # others call it
+    return compiled(function)
+kernels._compiled = slowly
+where = (3.0 + 4.0j, 1.0 + 0.0j, 1.0j, 1.0, 2.0, 0.5, 0.25)
+calls = [(kernels.half_turn, (1.0,)), (kernels.separation, where), (kernels.rectangle_gap, where)]
+threads = [threading.Thread(target=kernel, args=given) for kernel, given in calls]
+for thread in threads:
+    thread.start()
+for thread in threads:
+    thread.join()
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True,
+        env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
+    )  # fmt: skip
+    assert done.stderr == ""
