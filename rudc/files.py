@@ -51,6 +51,16 @@ def file_name(text: str) -> str:
     return f"{name[:LONGEST_NAME]}-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
 
 
+def user_cache() -> Path | None:
+    """RUDC's folder in the user's cache, there or not: in $XDG_CACHE_HOME, or in ~/.cache. None where neither
+    is an absolute path, such as without a home.
+    """
+    for base in (os.environ.get("XDG_CACHE_HOME", ""), os.path.join(os.path.expanduser("~"), ".cache")):
+        if os.path.isabs(base):
+            return Path(base, "rudc")
+    return None
+
+
 def make_folder(path: Path) -> None:
     """Make a folder if there is none. Raises InputError when it cannot be made or cannot be written to."""
     try:
