@@ -41,14 +41,26 @@ def names_beside(path: Path) -> list[str]:
 
 
 def file_name(text: str) -> str:
-    """A file's name made from a text. Characters that a file system may refuse become _, and a text longer
-    than LONGEST_NAME is cut. A name that differs from its text ends in a digest of the text, so that no two
-    texts share a name.
+    """A file's name made from a text. Characters that a file system may refuse become _, and so do points at
+    the beginning: it is neither hidden nor a folder above. A text longer than LONGEST_NAME is cut. A name
+    that differs from its text ends in a digest of the text, so that no two texts share a name.
     """
-    name = re.sub(r"[^A-Za-z0-9.+=,-]+", "_", text)
+    name = re.sub(r"[^A-Za-z0-9.+=,-]+|^\.+", "_", text)
     if name == text and len(name) <= LONGEST_NAME:
         return name
-    return f"{name[:LONGEST_NAME]}-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
+    return (
+        f"{name[:LONGEST_NAME]}-{hashlib.sha256(text.encode('utf-8', 'backslashreplace')).hexdigest()[:12]}"
+    )
+
+
+def user_cache() -> Path | None:
+    """RUDC's folder in the user's cache, there or not: in $XDG_CACHE_HOME, or in ~/.cache. None where neither
+    is an absolute path, such as without a home.
+    """
+    for base in (os.environ.get("XDG_CACHE_HOME", ""), os.path.join(os.path.expanduser("~"), ".cache")):
+        if os.path.isabs(base):
+            return Path(base, "rudc")
+    return None
 
 
 def make_folder(path: Path) -> None:
@@ -64,12 +76,14 @@ def make_folder(path: Path) -> None:
 
 def take_lock(path: Path, warnings: list[str]) -> int | None:
     """Lock a folder against other processes until the descriptor that is returned is closed or this process
-    ends. Raises InputError when another process has locked it. None on Windows, which has no such locks;
-    where the folder's file system has none, `warnings` gets a line that says so.
+    ends. Raises InputError when another process has locked it. Where there are no such locks, `warnings` gets
+    a line that says so; on Windows, which has none at all, None is returned.
     """
+    unlocked = f"{path} cannot be locked; run nothing else into it meanwhile"
     try:
         import fcntl
-    except ImportError:  # no such locks on Windows
+    except ImportError:  # Windows
+        warnings.append(unlocked)
         return None
     lock = os.open(path, os.O_RDONLY)
     try:
@@ -80,7 +94,7 @@ def take_lock(path: Path, warnings: list[str]) -> int | None:
             f"another rudc is writing to {path} at this moment: wait for its end, or give another folder"
         ) from None
     except OSError:
-        warnings.append(f"{path} cannot be locked; run nothing else into it meanwhile")
+        warnings.append(unlocked)
     return lock
 
 
@@ -131,9 +145,12 @@ def check_place(path: Path, what: str, *endings: str) -> None:
 
 
 def write_atomically(path: Path, content: str | bytes) -> None:
-    """Replace a file's content; text is written as UTF-8, its line breaks unchanged. Raises StorageError."""
+    """Replace a file's content. Text is written as UTF-8, its line breaks unchanged; what UTF-8 has no sign
+    for (parts of file names that are no text) is spelt out, `\\udcff`. Raises StorageError.
+    """
+    data = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
     with replacing(path) as file:
-        file.write(content.encode() if isinstance(content, str) else content)
+        file.write(data)
 
 
 @contextlib.contextmanager

@@ -39,8 +39,8 @@ def install_command(extra: str) -> str:
     root = Path(__file__).resolve().parent.parent
     if not (root / "pyproject.toml").is_file():
         return f'{_near(Path(sys.executable))} -m pip install "rudc[{extra}]"'
-    constraints, editable = _near(root / "constraints.txt"), "." if root == Path.cwd() else str(root)
-    python = _near(Path(sys.executable))
+    constraints, python = _near(root / "constraints.txt"), _near(Path(sys.executable))
+    editable = "." if constraints == "constraints.txt" else str(root)
     return f'{python} -m pip install --constraint {constraints} --editable "{editable}[{extra}]"'
 
 

@@ -342,7 +342,7 @@ def _file(source: str) -> ModuleType:
 def _load(path: Path, _modified: int) -> ModuleType:
     """The file as a module; it runs again only after the file has changed."""
     _importable(path.parent)
-    name = f"{PREFIX}{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:8]}"
+    name = f"{PREFIX}{path.stem}_{hashlib.sha256(os.fsencode(path)).hexdigest()[:8]}"
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None
     assert spec.loader is not None

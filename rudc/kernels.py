@@ -8,7 +8,9 @@ neither. Within `as_written`, kernels run uncompiled, which is faster for a few 
 
 Compiled code is kept in the folder NUMBA_CACHE_DIR or, if that is not set, beside this module; if neither can
 be written to, in the user's cache folder or a temporary one. The folder's name is a digest of the source of
-all kernels, since a kernel may call one of another module. There is no fast-math and no parallel loop, so the
+all kernels, since a kernel may call one of another module, and of the modules that they import, since a
+kernel holds the constants that it uses. Where a new folder is made beside this module, those of other
+versions of the source go that nobody has used for a day. There is no fast-math and no parallel loop, so the
 numbers are the same with any number of workers.
 """
 
@@ -18,8 +20,12 @@ import contextlib
 import hashlib
 import math
 import os
+import re
+import shutil
 import sys
 import tempfile
+import threading
+import time
 from collections.abc import Callable, Iterator
 from functools import cache, update_wrapper
 from pathlib import Path
@@ -28,8 +34,11 @@ from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, ge
 import numpy as np
 
 from rudc.arrays import Array, Complex, Flags, Floats, Index
+from rudc.files import user_cache
 
 Result = TypeVar("Result")
+UNUSED_S = 86_400.0
+"""s after which kernels of another version of the source, which no process has begun to use since, may go"""
 
 
 class Layout(NamedTuple):
@@ -103,6 +112,8 @@ class _StandIn:
         return self.compiled(*arguments)
 
 
+_loading = threading.RLock()
+"""held by the thread that loads kernels"""
 _waiting: list[_StandIn] = []
 """kernels that are defined but not yet compiled, callees first"""
 _loaded = False
@@ -119,7 +130,14 @@ def kernel(function: Callable[..., Result]) -> Callable[..., Result]:
 
 
 def load_kernels() -> None:
-    """Compile or load all kernels defined so far, and put them in the places of their stand-ins."""
+    """Compile or load all kernels defined so far, and put them in the places of their stand-ins. After an
+    interruption, the next call goes on with the rest.
+    """
+    with _loading:
+        _load_waiting()
+
+
+def _load_waiting() -> None:
     global _loaded
     _loaded = True
     ours = [vars(module) for name, module in [*sys.modules.items()] if name.partition(".")[0] == "rudc"]
@@ -131,8 +149,9 @@ def load_kernels() -> None:
         if isinstance(value, _StandIn)
     ]
     while _waiting:
-        stand_in = _waiting.pop(0)
+        stand_in = _waiting[0]
         stand_in.compiled = _compiled(stand_in.written)
+        _waiting.pop(0)
         for space, name, value in names:
             if value is stand_in:
                 space[name] = stand_in.compiled
@@ -184,23 +203,53 @@ def _alone() -> Iterator[None]:
 def _folder() -> str:
     """Folder of the kernels that were compiled from the present source."""
     package = Path(__file__).parent
-    digest = hashlib.sha256()
-    for module in filter(Path.is_file, sorted(package.rglob("*kernels.py"))):  # no locks of editors
-        digest.update(module.read_bytes())
-    home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
-    places = (
-        os.environ.get("NUMBA_CACHE_DIR"), package / "__pycache__", Path(home) / "rudc",
-        Path(tempfile.gettempdir()) / f"rudc-{os.getuid() if hasattr(os, 'getuid') else ''}",
-    )  # fmt: skip
+    temporary = Path(tempfile.gettempdir()) / f"rudc-{os.getuid() if hasattr(os, 'getuid') else ''}"
+    places = (os.environ.get("NUMBA_CACHE_DIR"), package / "__pycache__", user_cache(), temporary)
+    name = f"kernels-{_source_digest(package)}"
     for place in filter(None, places):
-        folder = Path(place) / f"kernels-{digest.hexdigest()[:12]}"
+        folder = Path(place).absolute() / name
         try:
+            is_new = not folder.exists()
             folder.mkdir(parents=True, exist_ok=True)
         except OSError:
             continue
-        if os.access(folder, os.W_OK | os.X_OK):
+        if os.access(folder, os.W_OK | os.X_OK) and (place != temporary or _is_mine(temporary)):
+            with contextlib.suppress(OSError):
+                (folder / "lock").touch()  # says when it was last used
+            if is_new and place == package / "__pycache__":  # elsewhere, other copies of RUDC have theirs
+                _remove_unused(folder)
             return str(folder)
     return tempfile.mkdtemp(prefix="rudc-kernels-")
+
+
+def _source_digest(package: Path) -> str:
+    """12 hexadecimal digits that change with any module of kernels, and any of RUDC's that these import."""
+    modules = [*filter(Path.is_file, package.rglob("*kernels.py"))]  # no locks of editors
+    for module in [*modules]:
+        for name in re.findall(r"^from rudc\.([\w.]+) import", module.read_text("utf-8"), re.MULTILINE):
+            modules.append(package.joinpath(*name.split(".")).with_suffix(".py"))
+    digest = hashlib.sha256()
+    for module in sorted({*filter(Path.is_file, modules)}):
+        digest.update(module.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def _is_mine(place: Path) -> bool:
+    """Whether nobody else has made a folder in this user's name: the code in it is run."""
+    return not hasattr(os, "getuid") or place.stat().st_uid == os.getuid()
+
+
+def _remove_unused(folder: Path) -> None:
+    """Remove the folders beside it that no process has begun to use for UNUSED_S. One that still needs its
+    folder then compiles anew.
+    """
+    for other in folder.parent.glob("kernels-*"):
+        if other == folder or not re.fullmatch(r"kernels-[0-9a-f]{12}", other.name):
+            continue
+        with contextlib.suppress(OSError):
+            lock = other / "lock"
+            if time.time() - (lock if lock.exists() else other).stat().st_mtime > UNUSED_S:
+                shutil.rmtree(other)
 
 
 @kernel

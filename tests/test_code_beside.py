@@ -1,7 +1,9 @@
 """Which files a Python file depends on; that a sweep is not resumed, nor said to be the same, with others."""
 
 import json
+import os
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -10,7 +12,7 @@ from rudc.agents.registry import agent_settings
 from rudc.errors import InputError, SweepError
 from rudc.evaluation.manifest import Manifest, manifest, resumed
 from rudc.evaluation.tasks import SweepPlan
-from rudc.imports import code_beside, import_first, imported_first, plugins, sources_digests
+from rudc.imports import code_beside, import_first, import_source, imported_first, plugins, sources_digests
 from rudc.scenario import load_scenario
 from tests.offering import offer
 
@@ -180,3 +182,11 @@ def test_an_agent_of_a_package_is_another_when_what_it_imports_is(offered):
     before = agent_settings("slow")
     write(offered, kit__speed="SPEED = 9.0\n")
     assert agent_settings("slow")["imports"]["kit/speed.py"] != before["imports"]["kit/speed.py"]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere, names of files are text")
+def test_a_file_whose_path_is_no_text_can_be_imported(tmp_path):
+    folder = Path(os.fsdecode(os.fsencode(tmp_path / "own") + b"\xff"))
+    folder.mkdir()
+    (folder / "mine.py").write_text("ANSWER = 42\n")
+    assert import_source(str(folder / "mine.py")).ANSWER == 42

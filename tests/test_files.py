@@ -12,6 +12,7 @@ import pytest
 from rudc.errors import InputError, StorageError
 from rudc.files import (
     aside_of,
+    file_name,
     make_folder,
     make_folder_of,
     replace_folder,
@@ -34,6 +35,8 @@ def path(tmp_path):
 def test_text_and_bytes_are_written_as_they_are(path):
     write_atomically(path, "ä\r\nb\n")
     assert path.read_bytes() == "ä\r\nb\n".encode()
+    write_atomically(path, "\udcff")  # of a file name that is no text
+    assert path.read_bytes() == rb"\udcff"
     write_atomically(path, b"\x00\r\n")
     assert path.read_bytes() == b"\x00\r\n"
     assert os.listdir(path.parent) == ["file.txt"]
@@ -151,3 +154,18 @@ def test_a_folder_that_another_writes_to_is_refused(tmp_path):
     os.close(lock)
     os.close(take_lock(tmp_path, warnings))
     assert warnings == []
+
+
+def test_where_there_are_no_locks_is_said(tmp_path, monkeypatch):
+    warnings = []
+    monkeypatch.setitem(sys.modules, "fcntl", None)  # as on Windows
+    assert take_lock(tmp_path, warnings) is None
+    assert warnings == [f"{tmp_path} cannot be locked; run nothing else into it meanwhile"]
+
+
+@pytest.mark.parametrize("text", ["..", ".", ".hidden", "a/../b", "no \udcff text", "x" * 300])
+def test_any_text_has_a_file_name_of_its_own(text, tmp_path):
+    name = file_name(text)
+    (tmp_path / name).write_text("")
+    assert os.listdir(tmp_path) == [name]
+    assert not name.startswith(".")

@@ -30,6 +30,14 @@ def test_a_list_that_is_cut_says_so():
     assert listed(KNOWN, 2) == "density, speed, ... (3 in all)"
 
 
+def test_an_install_hint_needs_no_working_folder(monkeypatch, tmp_path):
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    assert install_command("video").endswith(f'"{Path(__file__).parents[1]}[video]"')
+
+
 @pytest.mark.parametrize("inside", [True, False])
 def test_an_install_hint_is_a_command_that_works_where_it_is_read(inside, monkeypatch, tmp_path):
     root = Path(__file__).parents[1]

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import rudc
+from rudc import kernels
 from rudc.data import data_folder
+from rudc.files import user_cache
 from rudc.geometry import gaps_between
 from rudc.geometry import separation as numpys
-from rudc.kernels import rectangle_gap, separation
+from rudc.kernels import UNUSED_S, rectangle_gap, separation
 
 
 def test_rectangles_are_as_far_apart_as_numpy_says():
@@ -114,3 +118,92 @@ def test_a_folder_for_compiled_code_is_found_where_nothing_can_be_written(tmp_pa
         folder = done.stdout.strip()
         assert "kernels-" in folder
         assert folder.startswith(str(begins)) if begins else not folder.startswith(str(blocked))
+
+
+def test_who_interrupts_the_loading_can_go_on():
+    code = """
+from rudc import kernels
+compiled, calls = kernels._compiled, []
+def interrupted(function):
+    calls.append(function)
+    if len(calls) == 2:
+        raise KeyboardInterrupt
+    return compiled(function)
+kernels._compiled = interrupted
+separation, where = kernels.separation, (3.0 + 4.0j, 1.0 + 0.0j, 1.0j, 1.0, 2.0, 0.5, 0.25)
+try:
+    separation(*where)
+except KeyboardInterrupt:
+    print("interrupted")
+print(separation(*where) == kernels.separation(*where))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["interrupted", "True"]
+
+
+def test_threads_wait_for_each_other(tmp_path):
+    code = """
+import threading, time
+from rudc import kernels
+compiled = kernels._compiled
+def slowly(function):
+    time.sleep(2.0 * (function.__name__ == "separation"))  # others call it
+    return compiled(function)
+kernels._compiled = slowly
+where = (3.0 + 4.0j, 1.0 + 0.0j, 1.0j, 1.0, 2.0, 0.5, 0.25)
+calls = [(kernels.half_turn, (1.0,)), (kernels.separation, where), (kernels.rectangle_gap, where)]
+threads = [threading.Thread(target=kernel, args=given) for kernel, given in calls]
+for thread in threads:
+    thread.start()
+for thread in threads:
+    thread.join()
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True,
+        env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
+    )  # fmt: skip
+    assert done.stderr == ""
+
+
+def test_a_constant_that_kernels_import_is_part_of_their_source(tmp_path):
+    (tmp_path / "my_kernels.py").write_text("from rudc.some.where import (\n    STEP,\n)\n")
+    (tmp_path / "some").mkdir()
+    found = []
+    for step in (0.5, 0.25, 0.5):
+        (tmp_path / "some" / "where.py").write_text(f"STEP = {step}\n")
+        found.append(kernels._source_digest(tmp_path))
+    assert found[0] == found[2] != found[1]
+
+
+def test_without_a_home_nothing_is_put_into_the_working_folder(tmp_path, monkeypatch):
+    monkeypatch.setattr(os.path, "expanduser", lambda path: path)
+    monkeypatch.setenv("XDG_CACHE_HOME", "relative")
+    assert user_cache() is None
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert user_cache() == tmp_path / "rudc"
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no users by number")
+def test_a_temporary_folder_that_somebody_else_made_is_passed_over(tmp_path, monkeypatch):
+    mine, other = os.getuid(), os.getuid() + 1
+    monkeypatch.setattr(kernels.tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(kernels, "user_cache", lambda: None)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "")
+    monkeypatch.setattr(kernels, "__file__", "/proc/nowhere/kernels.py")
+    for user, found in ((mine, f"rudc-{mine}"), (other, "rudc-kernels-")):
+        monkeypatch.setattr(os, "getuid", lambda user=user: user)
+        folder = Path(kernels._folder.__wrapped__())
+        assert folder.relative_to(tmp_path).parts[0].startswith(found)
+
+
+def test_what_was_compiled_of_other_versions_goes_once_nobody_uses_it(tmp_path):
+    own, used, unused = (tmp_path / f"kernels-{digit * 12}" for digit in "abc")
+    others = tmp_path / "kernels-of-mine"
+    for folder in (own, used, unused, others):
+        folder.mkdir()
+        (folder / "lock").touch()
+        long_ago = time.time() - UNUSED_S - 60.0
+        if folder != used:
+            os.utime(folder / "lock", (long_ago, long_ago))
+    kernels._remove_unused(own)
+    assert {own, used, others} == {*tmp_path.iterdir()}

@@ -41,7 +41,7 @@ WIDE = 200
 def console(*, to_stderr: bool = False) -> Console:
     """A console as wide as the terminal or as COLUMNS says, or else wide enough for anything."""
     stream = sys.stderr if to_stderr else sys.stdout
-    told = stream.isatty() or os.environ.get("COLUMNS", "").isdigit()
+    told = stream.isatty() or "COLUMNS" in os.environ  # `main` has dropped what is no number
     return Console(file=stream, width=None if told else WIDE, highlight=False)
 
 

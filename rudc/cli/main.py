@@ -22,6 +22,7 @@ def main() -> None:
     """Run the command line and leave with its exit status."""
     _interrupt_alike()
     _spell_out(sys.stdout)
+    _drop_odd_sizes()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # for arrays this small, more gain nothing
     try:
         try:
@@ -74,6 +75,16 @@ def _spell_out(stream: TextIO) -> None:
     """Write signs that the stream's encoding lacks as stderr does (`\\u2191`), unless users say otherwise."""
     if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
         stream.reconfigure(errors="backslashreplace")
+
+
+def _drop_odd_sizes() -> None:
+    """Pass over COLUMNS and LINES that are no size of a screen: rich fails at some digits, and at 0 shows
+    nothing.
+    """
+    for name in ("COLUMNS", "LINES"):
+        said = os.environ.get(name, "")
+        if not (said.isascii() and said.isdigit() and len(said) < 6 and int(said) > 0):
+            os.environ.pop(name, None)
 
 
 def _drop_output() -> None:

@@ -22,6 +22,9 @@ from rudc.cli.console import (
 from rudc.cli.options import ResultsFolder, Workers, cores
 from rudc.errors import InputError
 
+SEED_DIGITS = 20
+"""a training seed has fewer"""
+
 
 def study(
     name: Annotated[str, typer.Argument(metavar="NAME", help="A study; `list` says which there are.")],
@@ -130,8 +133,8 @@ def study(
 
 def _numbers(text: str | None) -> tuple[int, ...]:
     parts = [part.strip() for part in (text or "").split(",") if part.strip()]
-    if not all(part.isascii() and part.isdigit() for part in parts):
-        raise InputError(f"--seeds {text}: expected numbers with commas between, such as 0,1,2")
+    if not all(part.isascii() and part.isdigit() and len(part) < SEED_DIGITS for part in parts):
+        raise InputError(f"--seeds {(text or '')[:80]}: expected numbers with commas between, such as 0,1,2")
     return tuple(dict.fromkeys(map(int, parts)))
 
 

@@ -259,7 +259,8 @@ def sweep_rows(path: Path) -> SweepRows:
             nothing = [""] * len(cells[0])
             yield {name: known.get(name, nothing) for name in names}
 
-    return SweepRows(names, parameters, lambda: undamaged(columns(), parameters, file))
+    lacking = frozenset(missing_columns(there))
+    return SweepRows(names, parameters, lambda: undamaged(columns(), parameters, file), lacking)
 
 
 def _swept(path: Path) -> set[str] | None:

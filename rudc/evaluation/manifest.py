@@ -7,6 +7,7 @@ import hashlib
 import importlib.metadata
 import json
 import math
+import os
 import platform
 import re
 import shutil
@@ -91,17 +92,26 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
 def code_version() -> str:
     """`git describe` of the checkout that RUDC runs from, with a digest of the code where that differs from
-    what is committed; or the version of the installed package.
+    what is committed; or the version of the package, with a digest of the code for a checkout that git does
+    not read (there is none, or the checkout is another user's).
     """
     root = Path(rudc.__file__).resolve().parent.parent
     git = shutil.which("git")
-    if git is None or not (root / ".git").exists() or not (root / "pyproject.toml").exists():
+    if not (root / ".git").exists() or not (root / "pyproject.toml").exists():
         return rudc.__version__
-    command = [git, "-C", str(root), "describe", "--always", "--dirty", "--tags"]
-    found = subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
-    status = [git, "-C", str(root), "status", "--porcelain", "--", "rudc", "sumo_networks"]
-    changed = subprocess.run(status, capture_output=True, text=True, check=False).stdout.strip()
-    return f"{found}-{code_digest()}" if found and changed else found or rudc.__version__
+    own = {name: value for name, value in os.environ.items() if name not in ("GIT_DIR", "GIT_WORK_TREE")}
+
+    def said(*command: str) -> str:
+        if git is None:
+            return ""
+        asked = [git, "-C", str(root), *command]
+        return subprocess.run(asked, capture_output=True, text=True, check=False, env=own).stdout.strip()
+
+    found = said("describe", "--always", "--dirty", "--tags")
+    if not found:
+        return f"{rudc.__version__}-{code_digest()}"
+    changed = said("status", "--porcelain", "--", "rudc", "sumo_networks")
+    return f"{found}-{code_digest()}" if changed else found
 
 
 def agent_digest(name: str) -> str:

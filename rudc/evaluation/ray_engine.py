@@ -91,7 +91,7 @@ def _refuse_silent(address: str) -> None:
         return
     try:
         socket.create_connection((host, int(port)), timeout=ANSWER_S).close()
-    except (OSError, OverflowError) as error:
+    except (OSError, OverflowError, ValueError) as error:  # ValueError: digits that make no number
         raise InputError(
             f"--engine ray: no cluster at RAY_ADDRESS={address} ({error}); `ray start --head` starts one, "
             "or unset RAY_ADDRESS"

@@ -9,6 +9,9 @@ from dataclasses import dataclass
 from rudc.evaluation.columns import COLUMNS, Cell
 from rudc.evaluation.store import one_line
 
+LONGEST_ERROR = 2_000
+"""characters of an error that a row keeps at most"""
+
 
 @dataclass(frozen=True, slots=True)
 class EpisodeRecord:
@@ -24,8 +27,11 @@ class EpisodeRecord:
 
     @staticmethod
     def failed(scenario: str, agent: str, seed: int, error: str, traceback: str = "") -> EpisodeRecord:
-        """The record of an episode that could not be run."""
+        """The record of an episode that could not be run. A long error is cut: readers of CSV files refuse
+        cells beyond some size; a traceback stays whole.
+        """
         told = " ".join(error.split()) or "unknown"
+        told = told if len(told) <= LONGEST_ERROR else f"{told[: LONGEST_ERROR - 3]}..."
         return EpisodeRecord({"scenario": scenario, "agent": agent, "seed": seed, "error": told}, traceback)
 
     @property

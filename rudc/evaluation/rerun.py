@@ -13,11 +13,11 @@ from pydantic import ValidationError
 from rudc.agents.registry import agent_settings
 from rudc.errors import SweepError
 from rudc.evaluation.columns import COLUMNS, TIMING
-from rudc.evaluation.folder import TRACEBACK, read_sweep
+from rudc.evaluation.folder import TRACEBACK, sweep_rows
 from rudc.evaluation.manifest import read_manifest, versions
 from rudc.evaluation.own_networks import kept_scenario
 from rudc.evaluation.record import EpisodeRecord, as_text
-from rudc.evaluation.rows import is_whole
+from rudc.evaluation.rows import by_row, is_whole
 from rudc.evaluation.tasks import Task
 from rudc.hints import did_you_mean, listed
 from rudc.imports import plugins, sources_digests
@@ -34,6 +34,7 @@ class Rerun(NamedTuple):
     number: int
     """number of its row, from 1"""
     row: Mapping[str, str]
+    """without the columns that did not exist yet when it was written"""
     task: Task
     changes: tuple[str, ...]
     """what differs from when the sweep ran"""
@@ -51,7 +52,10 @@ class Swept:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._content = read_manifest(folder)
-        self.rows, self.parameters = read_sweep(folder)
+        swept = sweep_rows(folder)
+        self.rows, self.parameters = by_row(swept.blocks()), swept.parameters
+        """its rows; columns that did not exist yet when it was written are empty"""
+        self._lacking = swept.lacking
         self._families: dict[str, _Family] = {}
         self._changes: dict[tuple[str, str], tuple[str, ...]] = {}
 
@@ -69,7 +73,8 @@ class Swept:
         swept, scenario = family.points[wanted]
         if (name, agent) not in self._changes:
             self._changes[name, agent] = tuple(_changes(self._content, family, agent))
-        return Rerun(number, row, Task(scenario, swept, agent, int(row["seed"])), self._changes[name, agent])
+        said = {name: text for name, text in row.items() if name not in self._lacking}
+        return Rerun(number, said, Task(scenario, swept, agent, int(row["seed"])), self._changes[name, agent])
 
     def _family(self, name: str) -> _Family:
         said = self._content["configuration"]["scenarios"].get(name)
@@ -126,12 +131,13 @@ class Difference(NamedTuple):
 
 
 def differences(row: Mapping[str, str], record: EpisodeRecord) -> list[Difference]:
-    """Columns in which an episode came out differently from its row; timing is left out, and so are cells
-    that are empty in the row, except `error` and `fault`.
+    """Columns in which an episode came out differently from its row. Left out are timing, columns that the
+    row does not have and, where it has an error, those that are empty because of it.
     """
     said = {**row, "error": row["error"].partition(TRACEBACK)[0]}
-    pairs = (Difference(name, said[name], record.text(name)) for name in COLUMNS if name not in TIMING)
-    return [d for d in pairs if d.then != d.now and (d.then or d.column in ("error", "fault"))]
+    names = [name for name in COLUMNS if name in said and name not in TIMING]
+    pairs = (Difference(name, said[name], record.text(name)) for name in names)
+    return [d for d in pairs if d.then != d.now and (d.then or not said["error"])]
 
 
 def _number(rows: Sequence[Mapping[str, str]], parameters: Sequence[str], which: str, folder: Path) -> int:

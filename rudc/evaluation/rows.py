@@ -39,6 +39,8 @@ class SweepRows:
     """dotted keys that were swept, columns too"""
     blocks: Callable[[], Iterator[Columns]]
     """reads them from the first on. Raises SweepError, with the line's number, where one is damaged"""
+    lacking: frozenset[str] = frozenset()
+    """columns of `COLUMNS` that the file does not have; they read as empty"""
 
 
 def by_column(rows: Sequence[Row], names: Iterable[str]) -> Columns:

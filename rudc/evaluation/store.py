@@ -34,8 +34,11 @@ _BLOCK = 1_000_000
 
 
 def one_line(text: str) -> str:
-    """A text as it reads back from a row: each line break in it is a blank, all else stays."""
-    return " ".join(text.splitlines())
+    """A text as it reads back from a row: each line break in it is a blank; what UTF-8 has no sign for (parts
+    of file names that are no text) is spelt out, `\\udcff`; all else stays.
+    """
+    line = " ".join(text.splitlines())
+    return line if line.isascii() else line.encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 def format_row(cells: Sequence[str]) -> str:

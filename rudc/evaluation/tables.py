@@ -56,12 +56,14 @@ def written(
 
 
 def named_metrics(names: Sequence[str]) -> tuple[Metric, ...]:
-    """Metrics by name, those of the paper and means of columns. Raises InputError for an unknown one."""
+    """Metrics by name, those of the paper and means of columns, each once, however often and in whichever
+    spelling it is named. Raises InputError for an unknown one.
+    """
     found = {name: metric_of(name) for name in names}
     for name, metric in found.items():
         if metric is None:
             raise InputError(f"no metric {name!r}{there_are(name, metric_names())}")
-    return tuple(metric for metric in found.values() if metric is not None)
+    return tuple(dict.fromkeys(metric for metric in found.values() if metric is not None))
 
 
 def measured(

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from rudc.learning.distortion import Distortion, make_distortion
 from rudc.settings import Settings
@@ -112,8 +112,14 @@ class Problem:
     """gradient steps over which learning rates fall linearly; they stay at the last value afterwards"""
 
 
+Rate = Annotated[float, Field(ge=0)]
+"""a learning rate; 0 learns nothing"""
+
+
 class LearnerConfig(Settings):
     """Settings that all soft actor-critics have; plain SAC has no others."""
+
+    model_config = ConfigDict(allow_inf_nan=False)  # an agent's file can hold neither
 
     offers: ClassVar[tuple[str, ...]] = ()
     """what a correction may ask for (rudc/agents/seat.py): `sigma`, `cost`, `excess`, an observer's name"""
@@ -132,9 +138,9 @@ class LearnerConfig(Settings):
     """rewards summed before bootstrapping"""
     batch_size: int = Field(default=256, ge=1, le=1000000)
     """transitions in an update"""
-    actor_rate: tuple[float, float] = (3e-4, 1e-5)
+    actor_rate: tuple[Rate, Rate] = (3e-4, 1e-5)
     """learning rate of the policy, first and last"""
-    critic_rate: tuple[float, float] = (3e-3, 1e-4)
+    critic_rate: tuple[Rate, Rate] = (3e-3, 1e-4)
     """learning rate of the critics, first and last"""
     temperature_rate: float = Field(default=3e-4, ge=0)
     """learning rate of the logarithm of the temperature; 0 keeps it"""

@@ -98,18 +98,22 @@ class Replay:
             with path.open("rb") as file, np.load(file, allow_pickle=False) as saved:
                 state = json.loads(str(saved["state"]))
                 columns = {name: saved[name] for name in Batch._fields}
-        except DAMAGED as error:
+            capacity, stored = int(state["capacity"]), int(state["stored"])
+            generator = np.random.default_rng()
+            generator.bit_generator.state = state["generator"]
+        except (*DAMAGED, TypeError) as error:
             raise InputError(f"{path}: is not a saved replay: {error}") from error
-        self._check(path, state, columns)
+        self._check(path, capacity, stored, columns)
         for name, column in columns.items():
             getattr(self._columns, name)[: len(column)] = column
-        self._stored = int(state["stored"])
-        self._rng.bit_generator.state = state["generator"]
+        self._stored, self._rng = stored, generator
 
-    def _check(self, path: Path, state: Mapping[str, object], columns: Mapping[str, NDArray]) -> None:
-        if state["capacity"] != self.capacity:
-            raise InputError(f"{path}: holds {state['capacity']} transitions, not {self.capacity}")
+    def _check(self, path: Path, capacity: int, stored: int, columns: Mapping[str, NDArray]) -> None:
+        if capacity != self.capacity:
+            raise InputError(f"{path}: holds {capacity} transitions, not {self.capacity}")
         for name, column in columns.items():
-            expected = getattr(self._columns, name).shape[1:]
-            if column.shape[1:] != expected:
-                raise InputError(f"{path}: each {name} has shape {column.shape[1:]}, not {expected}")
+            expected = (min(stored, capacity), *getattr(self._columns, name).shape[1:])
+            if column.shape[1:] != expected[1:]:
+                raise InputError(f"{path}: each {name} has shape {column.shape[1:]}, not {expected[1:]}")
+            if column.shape != expected:
+                raise InputError(f"{path}: holds {len(column)} of {name}, not {expected[0]}")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rudc.evaluation.text import MISSING
 from rudc.reporting.figures import INK, PALETTE, grid
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def _lines(axes: Axes, members: Sequence[Line], paper: float) -> None:
         axes.fill_between(x, low, high, color=colour, alpha=0.15, lw=0)
         axes.plot(x, y, color=colour, marker=marker, markersize=3.5, lw=1.2)
         chosen = [(m["rate1"], m[rate]) for m in members if m["chosen"]]
-        axes.plot(*zip(*chosen, strict=True), "o", mfc="none", mec=INK, markersize=8)
+        axes.plot([x for x, _ in chosen], [y for _, y in chosen], "o", mfc="none", mec=INK, markersize=8)
     axes.axvline(paper, color=INK, lw=0.9, ls="--")
     axes.set_xscale("log")
     axes.set_xticks([0.05, 0.1, 0.2, 0.5, 1.0], ["0.05", "0.1", "0.2", "0.5", "1"], fontsize=7.5)
@@ -77,7 +78,7 @@ def _map(axes: Axes, members: Sequence[Line], rate: str) -> None:
         axes.text(
             k,
             i,
-            f"{m[rate]:.0f}",
+            MISSING if np.isnan(m[rate]) else f"{m[rate]:.0f}",
             ha="center",
             va="center",
             fontsize=7.0,

@@ -35,7 +35,9 @@ def draw_sensitivity(
     scenarios = list(dict.fromkeys(line["scenario"] for line in lines))
     rows = -(-len(metrics) // COLUMNS)
     with grid(rows, COLUMNS, (7.2, 0.5 + 1.9 * rows), path, sharex=True) as (figure, panels):
-        for axes, metric in zip(panels.ravel(), metrics, strict=True):
+        for axes in panels.ravel()[len(metrics) :]:
+            axes.axis("off")
+        for axes, metric in zip(panels.ravel(), metrics, strict=False):
             axes.tick_params(labelsize=7.5)
             axes.set_ylabel(LABELS.get(metric, metric), fontsize=8.5)
             if f"{metric}_low" in lines[0]:
@@ -49,7 +51,8 @@ def draw_sensitivity(
                     )
             else:
                 _alone(axes, [m for m in lines if m["scenario"] == pooled], key, metric)
-        for axes in panels[-1]:
+        for axes in panels.ravel()[max(len(metrics) - COLUMNS, 0) : len(metrics)]:  # lowest of their columns
+            axes.tick_params(labelbottom=True)
             axes.set_xlabel(label, fontsize=8.5)
             axes.set_xticks(sorted({line[key] for line in lines}))
         legend_below(figure, [_handle(k, scenario, pooled) for k, scenario in enumerate(scenarios)])
@@ -59,7 +62,7 @@ def draw_sensitivity(
 def _look(k: int, scenario: str, pooled: str) -> dict[str, Any]:
     if scenario == pooled:
         return {"color": INK, "lw": 1.8, "marker": "o", "markersize": 4}
-    return {"color": PALETTE[k], "lw": 1.0, "marker": "s^v"[k % 3], "markersize": 3}
+    return {"color": PALETTE[k % len(PALETTE)], "lw": 1.0, "marker": "s^v"[k % 3], "markersize": 3}
 
 
 def _line(

@@ -28,12 +28,12 @@ def inherit(child: Sheet, parent: Sheet) -> tuple[Sheet, tuple[str, ...]]:
     differing: list[str] = []
     _merge(child.data, child.marks, merged.data, merged.marks, (), differing)
     if "sweep" not in child.data and isinstance(merged.data.get("sweep"), dict):
-        for key in [key for key in merged.data["sweep"] if _gives(child.data, str(key))]:
+        for key in [key for key in merged.data["sweep"] if gives(child.data, str(key))]:
             del merged.data["sweep"][key]
     return merged, tuple(differing)
 
 
-def _gives(data: dict[str, Any], key: str) -> bool:
+def gives(data: dict[str, Any], key: str) -> bool:
     """Whether data have a value at a dotted key, or replace whole something that it is part of."""
     path, here = tuple(key.split(".")), data
     for i, part in enumerate(path):

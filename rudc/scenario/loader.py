@@ -13,7 +13,7 @@ from rudc.errors import ScenarioError
 from rudc.hints import did_you_mean
 from rudc.scenario.dotted import DottedKeyError, Path, dotted, value_at, value_text, with_value
 from rudc.scenario.fit import Fit, fit_reports
-from rudc.scenario.inheritance import inherit
+from rudc.scenario.inheritance import gives, inherit
 from rudc.scenario.library import find_file, find_files, find_parent, parents_known, shown
 from rudc.scenario.model import Scalar, Scenario
 from rudc.scenario.networks import is_network_path
@@ -155,9 +155,8 @@ def _override(sheet: Sheet, key: str, value: object) -> list[Report]:
     sheet.marks.update(dict.fromkeys(made, Mark("override", 0, 0, 0, 0)))
     if isinstance(swept := sheet.data.get("sweep"), dict):
         swept.pop(key, None)  # or the file's own values would take the place of those given
-        below = [known for known in swept if str(known).startswith(f"{key}.")]
-        for known in below:
-            if value_at(sheet.data, known) is not None:
+        for known in [known for known in swept if str(known).startswith(f"{key}.")]:
+            if gives(sheet.data, known):
                 del swept[known]
     return []
 

@@ -169,8 +169,9 @@ class Scenario(FileModel, frozen=True):
 
     def plan(self, seed: int, attempt: int = 0) -> EpisodePlan:
         """One episode, the same for the same seed and attempt, with its numbers drawn."""
-        if seed < 0 or attempt < 0:
-            raise InputError(f"a seed cannot be negative, got {seed}")
+        for what, value in (("a seed", seed), ("an attempt", attempt)):
+            if value < 0:
+                raise InputError(f"{what} cannot be negative, got {value}")
 
         def generator(section: int) -> np.random.Generator:
             return np.random.default_rng((seed, attempt, section))

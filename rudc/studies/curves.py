@@ -3,14 +3,15 @@
 With x_1 ... x_n the values of n trainings at one number of decisions, mean +- t s / sqrt(n), s their standard
 deviation and t the 97.5 percentile of Student's distribution with n - 1 degrees of freedom; rates are cut off
 at 0 and 100 %. There is no band for a single training. Trainings are alike if their folders' names differ
-only in `-seedN`. Only what all of them reached is shown. Where the values come from says
-rudc/training/log_curves.py.
+only in `-seedN`; of two folders of the same name, those that lie together. Only what all of them reached is
+shown. Where the values come from says rudc/training/log_curves.py.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +21,7 @@ from rudc.arrays import Array
 from rudc.errors import InputError
 from rudc.evaluation.sweep import Progress
 from rudc.evaluation.text import csv_text, interval, markdown
-from rudc.files import make_folder
+from rudc.files import make_folder, past_links
 from rudc.reporting.curves import Curve, draw_curves
 from rudc.studies.base import Order, Report, family, write
 from rudc.training.log_curves import BIN, RATE_COLUMNS, Key, Series, read_training
@@ -40,9 +41,9 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
         raise InputError("which trainings? give their folders: rudc study curves DIR...")
     trainings: dict[str, list[dict[Key, Series]]] = {}
     without: list[str] = []
-    for folder in dict.fromkeys(order.folders):
+    for folder, name in names_of(order.folders).items():
         training = read_training(folder)
-        trainings.setdefault(family(folder.resolve().name), []).append(training)
+        trainings.setdefault(name, []).append(training)
         if not training:
             without.append(
                 f"{folder} has no curve yet: fewer than {BIN:,} decisions are logged, and no evaluation"
@@ -59,6 +60,26 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
         draw_curves(curves(lines), order.out / "curves.png"),
     )
     return Report(table, files, (*without, *shortened(trainings)))
+
+
+def names_of(folders: Sequence[Path]) -> dict[Path, str]:
+    """Each folder once -> what its training is called: its last name without `-seedN`; where two have the
+    very same last name, with as much of the path before it as tells them apart.
+    """
+    found = {past_links(folder): folder for folder in folders}
+    named: dict[Path, str] = {}
+    for path, folder in found.items():
+        own = family(path.name)
+        alike = [other for other in found if family(other.name) == own]
+        parts: tuple[str, ...] = ()
+        if len({other.name for other in alike}) < len(alike):
+            ways = [other.parent.parts for other in alike if other.parent != path.parent]
+            way = path.parent.parts
+            parts = next(
+                (way[-n:] for n in range(1, len(way)) if way[-n:] not in [w[-n:] for w in ways]), way
+            )
+        named[folder] = "/".join([*parts, own])
+    return named
 
 
 def combine(name: str, trainings: Sequence[Mapping[Key, Series]]) -> list[dict[str, object]]:

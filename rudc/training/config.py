@@ -79,7 +79,7 @@ class Training(Settings):
     """held-out episodes for each scenario of `evaluate_on` that the final policy drives as it is deployed,
     and from which sigma_l and sigma_h are taken; 0 keeps those of the last decisions of training
     """
-    loss_limit: float = Field(default=1e6, gt=0)
+    loss_limit: float = Field(default=1e6, gt=0, allow_inf_nan=False)
     """largest magnitude of a loss or a value, reward units, beyond which training is stopped as failed"""
 
     def without_effect(self) -> Mapping[str, str]:

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rudc.errors import NetworkError, SimulationError
+from rudc.files import user_cache
 from rudc.network.network import shipped_networks
 
 if TYPE_CHECKING:
@@ -51,13 +52,15 @@ def _shipped() -> frozenset[Path]:
 
 @functools.lru_cache(maxsize=64)
 def _try_once(path: Path, _modified: int, orders: str) -> None:
-    mark = _cache_folder() / _digest(path, orders)
-    if mark.exists():
+    cache = user_cache()
+    mark = None if cache is None else cache / "networks_tried" / _digest(path, orders)
+    if mark is not None and os.path.exists(mark):
         return
     _try_out(path, orders)
-    with contextlib.suppress(OSError):  # where nothing can be stored, it is tried again next time
-        mark.parent.mkdir(parents=True, exist_ok=True)
-        mark.touch()
+    if mark is not None:
+        with contextlib.suppress(OSError):  # where nothing can be stored, it is tried again next time
+            mark.parent.mkdir(parents=True, exist_ok=True)
+            mark.touch()
 
 
 def _orders(network: Network) -> str:
@@ -75,11 +78,6 @@ def _orders(network: Network) -> str:
 def _digest(path: Path, orders: str) -> str:
     version = importlib.metadata.version("libsumo")
     return hashlib.sha256(path.read_bytes() + f"{orders}{version}".encode()).hexdigest()
-
-
-def _cache_folder() -> Path:
-    base = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
-    return Path(base, "rudc", "networks_tried")
 
 
 def _try_out(path: Path, orders: str) -> None:

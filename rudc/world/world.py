@@ -123,8 +123,8 @@ class World:
         while not self._set_up(ego_driver, options):
             if self.plan.attempt >= REDRAWS:
                 raise SimulationError(
-                    f"scenario {plan.scenario}, seed {plan.seed}: no safe start for the ego "
-                    f"in {REDRAWS} draws; lower traffic.density, or move ego.distance or what stands there"
+                    f"scenario {plan.scenario}, seed {plan.seed}: no safe start for the ego in {1 + REDRAWS} "
+                    "draws; lower traffic.density, or move ego.distance or what stands there"
                 )
             self.plan = self.plan.redrawn()
         return self.scene()

@@ -180,6 +180,14 @@ def test_off_a_terminal_columns_may_be_told(rudc, tmp_path, monkeypatch):
     assert "too narrow for RC, AER, decision" in answer.err
 
 
+@pytest.mark.parametrize("columns", ["0", "\u00b2", "9" * 5000, "wide"])
+def test_columns_that_say_no_width_are_passed_over(rudc, columns, monkeypatch):
+    shown = rudc("agent", "list")
+    monkeypatch.setenv("COLUMNS", columns)
+    assert rudc("agent", "list") == shown
+    assert "Commands" in rudc("--help").out
+
+
 def test_long_names_get_a_line_of_their_own(shown):
     long = "rudc-t:correction.d_safe=0.3,correction.slack.gain=0.05,correction.residual=off"
     lines, _ = shown(100, [{**row, "agent": f"{long},{row['agent']}"} for row in ROWS])

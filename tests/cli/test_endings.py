@@ -14,6 +14,8 @@ from functools import partial
 import pytest
 
 from rudc.cli.main import main
+from rudc.errors import InputError
+from rudc.evaluation.ray_engine import _refuse_silent
 
 RUDC = [sys.executable, "-m", "rudc"]
 
@@ -89,6 +91,12 @@ def test_fcd_makes_its_folder(rudc, tmp_path):
     command = ("run", "random_destination", "-a", "follower", "--set", "episode.timeout=1")
     assert rudc(*command, "--fcd", file).status == 0
     assert file.stat().st_size > 100
+
+
+@pytest.mark.parametrize("port", ["\u00b2", "9" * 5000])
+def test_a_port_that_is_no_number_is_no_cluster(port):
+    with pytest.raises(InputError, match=r"no cluster at RAY_ADDRESS=127\.0\.0\.1:"):
+        _refuse_silent(f"127.0.0.1:{port}")
 
 
 def test_no_cluster_is_said_at_once_and_before_the_folder_is_touched(tmp_path):

@@ -7,6 +7,7 @@ import pytest
 
 from rudc.agents import drivers
 from rudc.errors import SweepError
+from rudc.evaluation.folder import read_sweep
 from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.sweep import run_sweep
 from rudc.evaluation.tasks import SweepPlan, Task
@@ -39,6 +40,14 @@ class Slow(Steady):
             time.sleep(60.0)
         except Exception:
             pass
+
+class Long(Steady):
+    def act(self, scene):
+        raise ValueError('it said "' + "x" * 200_000)
+
+class NoText(Steady):
+    def act(self, scene):
+        raise ValueError("no file \\udcff")
 """
 
 
@@ -77,6 +86,16 @@ def test_the_others_go_on(folder):
     (folder / "mine.py").write_text(SOURCE.replace("time_s > 0.5", "time_s > 99"), encoding="utf-8")
     with pytest.raises(SweepError, match=r"agents\.mine\.py:Raises\.source"):
         run_sweep(plan, folder / "out", EpisodeRunner, resume=True)
+
+
+def test_errors_that_are_long_or_no_text_leave_a_table_that_can_be_read(folder):
+    run_sweep(plan_of(["mine.py:Long", "mine.py:NoText"]), folder / "out", EpisodeRunner)
+    long, no_text = read_sweep(folder / "out")[0]
+    assert 'it said "xxx' in long["error"]
+    assert len(long["error"]) < 2_100
+    assert "x" * 200_000 in (folder / "out" / "errors" / "1.txt").read_text(encoding="utf-8")
+    assert r"no file \udcff" in no_text["error"]
+    assert r"no file \udcff" in (folder / "out" / "errors" / "2.txt").read_text(encoding="utf-8")
 
 
 def test_tracebacks_of_episodes_that_are_run_again_go(folder):

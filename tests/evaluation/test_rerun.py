@@ -3,6 +3,7 @@
 import json
 import shutil
 
+import pandas as pd
 import pytest
 
 from rudc.errors import SweepError
@@ -42,6 +43,22 @@ def test_a_row_that_says_otherwise_is_noticed(folder):
     run.close()
     other = differences({**found.row, "outcome": "frozen", "decision_ms_mean": "99"}, record)
     assert [str(difference) for difference in other] == [f"outcome: frozen then, {record.outcome} now"]
+
+
+def test_a_cell_that_was_empty_and_is_not_now_is_noticed(folder, tmp_path):
+    run = EpisodeRunner()
+    found = find_episode(folder, "1")
+    record = run(found.task)
+    run.close()
+    assert record.text("destination")
+    (other,) = differences({**found.row, "destination": ""}, record)
+    assert str(other) == f"destination: nothing then, {record.text('destination')} now"
+    failed = {**dict.fromkeys(found.row, ""), "error": "fell over"}
+    assert [d.column for d in differences(failed, record)] == ["error"]
+    shutil.copytree(folder, tmp_path / "old")
+    rows = pd.read_csv(folder / "episodes.csv", dtype=str, keep_default_na=False)
+    rows.drop(columns="destination").to_csv(tmp_path / "old" / "episodes.csv", index=False)
+    assert differences(find_episode(tmp_path / "old", "1").row, record) == []
 
 
 @pytest.mark.parametrize(

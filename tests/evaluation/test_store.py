@@ -40,6 +40,11 @@ def test_blanks_in_a_cell_are_kept(file):
     assert list(file.rows()) == [("f.py:Slow(speed=3,  gain=2)", "two lines")]
 
 
+def test_what_utf_8_has_no_sign_for_is_spelt_out(file):
+    file.append(["ä", "no \udcff file"])
+    assert list(file.rows()) == [("ä", r"no \udcff file")]
+
+
 @settings(deadline=None)  # it writes to the disk, which may be busy
 @given(cut=st.integers(0, 60))
 def test_a_torn_file_is_whole_up_to_its_last_line_break(tmp_path_factory, cut):

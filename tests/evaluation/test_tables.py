@@ -106,6 +106,7 @@ def test_values_without_spread_are_not_best_beyond_chance():
 
 
 def test_any_metric_can_be_shown(rows):
+    assert named_metrics(["min-DTC", "sr", "min_DTC", "SR"]) == named_metrics(["min_DTC", "SR"])
     chosen = named_metrics(["VR", "interventions", "duration_s"])
     lines = make_table(rows, BY, "markdown", metrics=chosen).splitlines()
     assert [cell.strip() for cell in lines[0].split("|")[4:-1]] == [

@@ -38,6 +38,27 @@ def filled(count: int, capacity: int = 8, probability: float = 0.9) -> Replay:
     return replay
 
 
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"reward": np.zeros(2, np.float32)}, "holds 2 of reward, not 5"),
+        ({"reward": np.zeros(20, np.float32)}, "holds 20 of reward, not 5"),
+        ({"state": np.array("[]")}, "is not a saved replay"),
+        ({"state": np.array('{"capacity": 8}')}, "is not a saved replay"),
+        ({"state": np.array('{"capacity": 8, "stored": 5, "generator": 3}')}, "is not a saved replay"),
+    ],
+)
+def test_a_damaged_file_is_refused_and_changes_nothing(tmp_path, changes, said):
+    filled(5).save(tmp_path / "replay.npz")
+    with np.load(tmp_path / "replay.npz") as saved:
+        arrays = {**saved, **changes}
+    np.savez(tmp_path / "replay.npz", **arrays)
+    replay, same = filled(3), filled(3)
+    with pytest.raises(InputError, match=rf"replay\.npz: {said}"):
+        replay.load(tmp_path / "replay.npz")
+    assert np.array_equal(replay.sample(9).reward, same.sample(9).reward)
+
+
 def test_the_last_ones_are_kept_whole() -> None:
     replay = filled(21)
     assert len(replay) == 8

@@ -7,8 +7,10 @@ import pytest
 from PIL import Image
 
 from rudc.errors import StorageError
+from rudc.reporting import cbf_grid
 from rudc.reporting.curves import Curve, draw_curves
 from rudc.reporting.figures import INK, Label, grid, legend_below, place_labels
+from rudc.reporting.sensitivity import draw_sensitivity
 from rudc.reporting.separation import Mark, draw_separation
 from rudc.reporting.tradeoff import Point, draw_tradeoff
 
@@ -46,6 +48,40 @@ CURVES = [
     for place in ("while training", "fog")
     for metric in ("SR", "VR", "reward")
 ]
+
+
+def test_a_grid_of_filters_that_could_not_be_driven_keeps_its_axes(monkeypatch, tmp_path):
+    """No point was chosen: the mark of chosen ones is no datum."""
+    drawn = []
+    lines = cbf_grid._lines
+    monkeypatch.setattr(cbf_grid, "_lines", lambda axes, *rest: (lines(axes, *rest), drawn.append(axes)))
+    rates = {f"{rate}{end}": math.nan for rate in ("SR", "FR", "VR") for end in ("", "_low", "_high")}
+    either = {"driver": "d", "constrained": "all", "paper": False, "chosen": False, **rates}
+    members = [{**either, "rule": "ttcbf", "rate1": 0.1, "rate2": math.nan}]
+    members += [{**either, "rule": "ecbf", "rate1": 0.1, "rate2": 0.2}]
+    cbf_grid.draw_grid(members, {"ttcbf": (0.1,), "ecbf": (0.1, 0.2)}, tmp_path / "grid.png")
+    (axes,) = drawn
+    assert axes.get_ylim() == (-3.0, 103.0)
+    assert "o" not in [label.get_text() for label in axes.get_yticklabels()]
+
+
+@pytest.mark.parametrize("count", [1, 4, 6])
+def test_any_number_of_metrics_and_scenarios_is_drawn_over_a_setting(count, tmp_path):
+    scenarios = ["both tasks", *(f"scenario {k}" for k in range(9))]
+    lines = [
+        {"beta": beta, "scenario": name}
+        | {
+            f"m{k}{end}": value
+            for k in range(count)
+            for end, value in (("", 2.0), ("_low", 1.0), ("_high", 3.0))
+        }
+        for beta in (0.1, 0.5)
+        for name in scenarios
+    ]
+    names = [f"m{k}" for k in range(count)]
+    path = draw_sensitivity(lines, "beta", "CVaR level", names, "both tasks", tmp_path / "figure.png")
+    with Image.open(path) as picture:
+        assert min(picture.size) > 200
 
 
 @pytest.mark.parametrize(

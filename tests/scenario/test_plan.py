@@ -187,9 +187,9 @@ def test_a_changed_probability_leaves_an_events_numbers():
         assert scenario(events=[RARE_BRAKE]).plan(seed).events == scenario(events=[likely]).plan(seed).events
 
 
-@pytest.mark.parametrize(("seed", "attempt"), [(-1, 0), (0, -1)])
-def test_negative_seeds_are_refused(seed, attempt):
-    with pytest.raises(InputError, match="negative"):
+@pytest.mark.parametrize(("seed", "attempt", "what"), [(-1, 0, "a seed"), (0, -1, "an attempt")])
+def test_negative_seeds_are_refused(seed, attempt, what):
+    with pytest.raises(InputError, match=f"{what} cannot be negative, got -1"):
         scenario().plan(seed, attempt)
 
 

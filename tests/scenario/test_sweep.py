@@ -230,6 +230,7 @@ def test_a_value_given_is_not_swept_over_by_the_files_own():
         ({"traffic": {"density": 5, "idm": {"headway": 2}}}, ["events.0.friction"]),
         ({"events.0": {"kind": "low_friction", "friction": 0.9}}, ["traffic.density", "traffic.idm.headway"]),
         ({"events": [{"kind": "low_friction", "friction": 0.9}]}, ["traffic.density", "traffic.idm.headway"]),
+        ({"events": [{"kind": "hard_brake"}]}, ["traffic.density", "traffic.idm.headway"]),
     ],
 )
 def test_a_section_given_ends_the_sweeps_of_what_it_says(tmp_path, given, left):
@@ -241,6 +242,16 @@ def test_a_section_given_ends_the_sweeps_of_what_it_says(tmp_path, given, left):
     assert [*scenario.sweep] == left
     if "traffic.density" not in left:
         assert float(scenario.traffic.density) == 5
+
+
+@pytest.mark.parametrize("given", [{"traffic.mix": {"car": 1}}, {"traffic": {"mix": {"car": 1}}}])
+def test_a_mix_given_ends_the_sweep_of_its_parts(tmp_path, given):
+    (tmp_path / "s.yaml").write_text(
+        "name: a\ntraffic: {mix: {car: 1, truck: 1}}\nsweep: {traffic.mix.truck: [0, 1], ego.speed: [5, 6]}\n"
+    )
+    scenario = load_scenario(tmp_path / "s.yaml", given)
+    assert [*scenario.sweep] == ["ego.speed"]
+    assert all(at.given["traffic"]["mix"].get("truck", 0) == 0 for _, at in scenario.grid())
 
 
 @pytest.mark.parametrize(

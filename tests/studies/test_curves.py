@@ -11,7 +11,7 @@ from rudc.errors import InputError
 from rudc.evaluation.store import read_table
 from rudc.evaluation.sweep import Silent
 from rudc.studies.base import Order
-from rudc.studies.curves import band_of, run
+from rudc.studies.curves import band_of, names_of, run
 from rudc.training.log import BEFORE, EVALUATION
 from rudc.training.log_curves import read_training
 
@@ -58,6 +58,20 @@ def test_trainings_are_put_together(tmp_path):
     assert "| mine  | fog      | all  |" in report.table
     with Image.open(tmp_path / "out" / "curves.png") as picture:
         assert picture.size[0] > 600
+
+
+def test_folders_of_the_same_name_are_curves_of_their_own(tmp_path):
+    (tmp_path / "one").mkdir()
+    (tmp_path / "other").mkdir()
+    one = training(tmp_path / "one" / "mine", 0.8)
+    seed = training(tmp_path / "one" / "mine-seed1", 0.8)
+    other = training(tmp_path / "other" / "mine", 0.4)
+    (tmp_path / "link").symlink_to(one)
+    run(Order(tmp_path / "out", folders=(one, tmp_path / "link", seed, other)), lambda _: Silent())
+    lines = [m for m in read_table(tmp_path / "out" / "curves.csv") if m["metric"] == "SR"]
+    found = {(m["agent"], m["trainings"], float(m["mean"])) for m in lines}
+    assert found == {("one/mine", "2", 80.0), ("other/mine", "1", 40.0)}
+    assert set(names_of((seed, other)).values()) == {"mine"}
 
 
 def test_a_bin_that_is_not_full_is_left_out(tmp_path):

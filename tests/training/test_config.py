@@ -101,6 +101,12 @@ def test_presets_hold_nothing_that_nobody_knows():
         ("rudc-t", {"": 1}, "dotted key"),
         ("rudc-t", {"algorithm": "sac"}, "training: sets algorithm to 'sac', but 'rudc-t' is to be trained"),
         ("rudc-t", {"training.evaluate_on": []}, "training.evaluate_on: .* at least 1 item"),
+        ("rudc-t", {"learner.actor_rate": [-1e-3, 1e-5]}, "learner.actor_rate.0: .*greater than or equal"),
+        ("sac", {"learner.critic_rate": [1e-3, math.nan]}, "learner.critic_rate.1: .*finite"),
+        ("rudc-t", {"learner.value_scale": math.inf}, "learner.value_scale: .*finite"),
+        ("rudc-t", {"learner.log_std": [-math.inf, 1.0]}, "learner.log_std.0: .*finite"),
+        ("rudc-t", {"learner.target_entropy": math.nan}, "learner.target_entropy: .*finite"),
+        ("sac", {"training.loss_limit": math.inf}, "training.loss_limit: .*finite"),
     ],
 )
 def test_wrong_settings_are_refused_in_words(algorithm: str, wrong: dict, said: str):

@@ -18,7 +18,7 @@ from rudc.world.config import WorldConfig
 from rudc.world.contact import Nearest
 from rudc.world.kernels import overlapping
 from rudc.world.scene import Scene
-from rudc.world.world import World
+from rudc.world.world import REDRAWS, World
 from tests.plans import ALL_KINDS, PlanSource, event
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -115,8 +115,9 @@ def test_an_unsafe_start_is_drawn_again_and_said_so(world):
 
 def test_no_safe_start_at_all_is_an_error(world):
     jammed = replace(FOLLOW, density=240.0, distance=(40.0, 40.0), warm_up_s=0.5)
-    with pytest.raises(SimulationError, match="no safe start"):
+    with pytest.raises(SimulationError, match=f"no safe start for the ego in {REDRAWS + 1} draws"):
         world.reset(jammed.plan(0))
+    assert world.plan.attempt == REDRAWS
     with pytest.raises(SimulationError, match="does not fit on the arm"):
         world.reset(replace(FOLLOW, distance=(118.0, 118.0)).plan(0))
 

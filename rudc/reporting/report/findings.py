@@ -96,7 +96,8 @@ def _hard(agent: str, data: Mapping[str, Any]) -> list[str]:
     ]
     hard = [f"{name} ({rate:.1f} %)" for rate, name in sorted(known)[:_NAMED] if rate < 100.0]
     if not hard:
-        return [f"{agent} succeeds in every episode of every scenario."]
+        driven = "every scenario" if len(known) == len(data["scenarios"]) else "all scenarios that it drove"
+        return [f"{agent} succeeds in every episode of {driven}."]
     return [f"The hardest scenarios for {agent}, by SR: {', '.join(hard)}."]
 
 

@@ -189,6 +189,22 @@ def test_events_are_said_to_happen_only_where_rows_say_so():
         assert findings(told, [], data, None)[1:] == said
 
 
+@pytest.mark.parametrize(
+    ("failed", "where"), [("", "every scenario"), ("fell over", "all scenarios that it drove")]
+)
+def test_an_agent_is_praised_for_what_it_drove(failed, where):
+    rows = [
+        dict.fromkeys(COLUMNS, "") | row("success", scenario=s, seed=str(k)) for s in "st" for k in range(3)
+    ]
+    if failed:
+        rows = [{**r, "outcome": "", "error": failed} if r["scenario"] == "t" else r for r in rows]
+    told = Episodes.of(rows, ())
+    rates = [[[100.0, 90.0, 100.0]], [None if failed else [100.0, 90.0, 100.0]]]
+    data = {"scenarios": told.scenarios, "agents": told.agents, "events": [], "heat": {"SR": rates}}
+    said = findings(told, group_metrics(rows, ("agent",), METRICS), data | {"pairs": differences(told)}, None)
+    assert said[-1] == f"{told.agents[0]} succeeds in every episode of {where}."
+
+
 def test_agents_that_succeed_equally_often_are_all_named():
     ends = {"a": "success", "b": "success", "c": "frozen"}
     blank = dict.fromkeys(COLUMNS, "")
