@@ -278,7 +278,8 @@ def test_each_algorithm_trains_400_steps_the_same_twice_and_drives(tmp_path: Pat
     short.write_text("name: short\nextends: random_destination\nepisode: {timeout: 4}\n")
     config = _config(
         algorithm, envs=1, steps=400, round_decisions=50, update_every=10, replay_size=200,
-        checkpoint_every=200, evaluate_every=400, log_every=100, scenario=str(short), evaluate_on=(str(short),),
+        checkpoint_every=200, evaluate_every=400, log_every=100,
+        scenario=str(short), evaluate_on=(str(short),),
     )  # fmt: skip
     whole, stopped = tmp_path / "whole", tmp_path / "stopped"
     assert train(config, whole, Watcher())
