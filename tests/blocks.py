@@ -16,7 +16,8 @@ from rudc.cli.main import main
 
 FENCE = re.compile(r'^```(\w+)(?: title="([^"]+)")?\n(.*?)^```', re.M | re.S)
 PLAIN = re.compile(r"rudc [^|&;$<\\\\]*$")
-"""a line that is one command, with no more of bash than quotes, a comment, or `> FILE`"""
+"""a line that is one command, with no more of bash than quotes, or `> FILE`"""
+COMMENT = re.compile(r"(^|\s)\s*# .*")
 QUICK = " ".join(
     f"--set training.{key}"
     for key in (
@@ -29,7 +30,7 @@ QUICK = " ".join(
 )
 LESS = (
     (r"--steps \d+", "--steps 50"),
-    (r"--episodes \d+", "--episodes 1"),
+    (r"(--episodes |\bepisodes=)\d+", r"\g<1>1"),
     (r"--workers \d+", "--workers 1"),
     (r"--seeds \d+", "--seeds 1"),
     (r" --envs \d+", ""),  # QUICK has it
@@ -55,7 +56,7 @@ def blocks_of(path: Path) -> list[Block]:
 
 
 def smaller(script: str) -> str:
-    """The same command with few steps and episodes."""
+    """The same commands, or Python, with few steps and episodes."""
     for long, short in LESS:
         script = re.sub(long, short, script)
     return script
@@ -75,11 +76,11 @@ def run_commands(script: str, folder: Path) -> None:
     Blocks with more than plain commands go to bash; those with `--import`, whose entries would stay, to one
     process of their own.
     """
-    lines = [line for line in script.splitlines() if line.strip()]
+    lines = [line for line in (COMMENT.sub("", line) for line in script.splitlines()) if line.strip()]
     if not all(PLAIN.match(line) for line in lines):
         run_script(script, folder)
         return
-    commands = [shlex.split(line, comments=True) for line in lines]
+    commands = [shlex.split(line) for line in lines]
     if any("--import" in words for words in commands):
         assert not any(">" in words for words in commands)
         run_apart(*commands, folder=folder)
@@ -126,8 +127,14 @@ def run_here(words: list[str], folder: Path) -> str:
     return out.getvalue()
 
 
+def run_python_here(code: str, folder: Path) -> None:
+    """Run Python code in this process."""
+    with contextlib.chdir(folder), contextlib.redirect_stdout(io.StringIO()):
+        exec(compile(code, "block", "exec"), {"__name__": "block"})
+
+
 def run_python(code: str, folder: Path) -> None:
-    """Run Python code."""
+    """Run Python code in a process of its own."""
     _run([sys.executable, "-c", code], folder)
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from rudc.imports import import_source
 from tests.blocks import run_here
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -97,7 +98,7 @@ def test_an_agent_trained_elsewhere(desk):
 
 
 @pytest.mark.slow
-def test_a_model_that_was_never_evaluated_is_kept(desk):
+def test_a_model_that_was_never_evaluated_is_kept(tmp_path):
     pytest.importorskip("stable_baselines3")
-    model = run(desk, "examples/sb3_agent.py", "--steps", 20, "--every", 1000, "--episodes", 1).strip()
-    assert (desk / model).is_file()
+    example = import_source(str(EXAMPLES / "sb3_agent.py"))
+    assert example.train(20, tmp_path, every=1000, episodes=1).is_file()

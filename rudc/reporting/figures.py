@@ -148,7 +148,6 @@ def legend_below(figure: Figure, handles: Sequence[Any]) -> None:
     """One legend for all panels, in as few lines as the figure's width takes."""
     for columns in range(len(handles), 0, -1):
         legend = figure.legend(handles=list(handles), loc="outside lower center", ncols=columns)
-        figure.draw_without_rendering()
         if columns == 1 or legend.get_window_extent().width <= figure.bbox.width:
             return
         legend.remove()

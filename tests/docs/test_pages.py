@@ -7,7 +7,8 @@ import pytest
 import yaml
 
 from rudc.scenario import load_scenario
-from tests.blocks import blocks_of, run_commands, run_python, smaller
+from rudc.studies import base, filter_variants
+from tests.blocks import blocks_of, run_commands, run_python_here, smaller
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
@@ -21,15 +22,19 @@ def test_there_are_pages():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", WITH_BLOCKS, ids=lambda page: page.stem)
-def test_what_a_page_says_works(page, tmp_path):
+def test_what_a_page_says_works(page, tmp_path, monkeypatch):
+    monkeypatch.setattr(base, "QUICK_OOD", ("ignored_priority",))
+    monkeypatch.setattr(filter_variants, "CONSTRAINED", ("gated",))  # both, ...: tests/studies/test_quick.py
+    monkeypatch.setattr(filter_variants, "LEVELS", (1.0,))
+    monkeypatch.setattr(filter_variants, "RATES", ())
     for block in blocks_of(page):
         if block.file:
             (tmp_path / block.file).parent.mkdir(exist_ok=True)
-            (tmp_path / block.file).write_text(block.text, encoding="utf-8")
+            (tmp_path / block.file).write_text(smaller(block.text), encoding="utf-8")
         elif block.language == "bash":
             run_commands(smaller(block.text), tmp_path)
         elif block.language == "python":
-            run_python(block.text, tmp_path)
+            run_python_here(block.text, tmp_path)
         elif block.language == "yaml":
             (tmp_path / "block.yaml").write_text(block.text, encoding="utf-8")
             load_scenario(tmp_path / "block.yaml")

@@ -242,6 +242,7 @@ def test_from_training_to_tables(tmp_path, monkeypatch):
     assert parameters == ("training_seed",)
     table = make_table(rows, ("scenario", "agent"), against="paper")
     assert table.index("| sac ") < table.index("| SAC (paper) ")
+    monkeypatch.setattr(comparison, "draw_curves", not_drawn)
     assert comparison.run(replace(order, resume=True), nothing_is_driven) == report
     made = tmp_path / "a" / "trainings"
     more = Order(
@@ -261,7 +262,10 @@ def test_from_training_to_tables(tmp_path, monkeypatch):
 
 @pytest.fixture
 def first(tmp_path, monkeypatch):
-    """An order of rudc-t as it is shipped, an episode of one scenario in either domain."""
+    """An order of rudc-t as it is shipped, an episode of one scenario in either domain; curves are not
+    drawn.
+    """
+    monkeypatch.setattr(comparison, "draw_curves", not_drawn)
     monkeypatch.setattr("rudc.evaluation.manifest.code_version", lambda: "v0")
     monkeypatch.setattr(comparison, "in_distribution", lambda: find_scenarios(["dense_left_turn"]))
     monkeypatch.setattr(comparison, "out_of_distribution", lambda _: find_scenarios(["blocked_left_turn"]))
@@ -318,6 +322,13 @@ class Finished(Silent):
 
     def begin(self, total, finished, warnings):
         assert total == finished
+
+
+def not_drawn(_, path):
+    """Instead of `draw_curves`, which takes seconds: leaves empty files."""
+    for file in (path, path.with_suffix(".pdf")):
+        file.touch()
+    return path
 
 
 def nothing_is_driven(_: str) -> Finished:

@@ -9,7 +9,7 @@ from PIL import Image
 
 from rudc.cli.main import main
 from rudc.evaluation.store import read_table
-from rudc.studies import sensitivity
+from rudc.studies import filter_variants, sensitivity
 from rudc.studies.catalogue import STUDIES
 from tests.studies.test_trained import TINIER
 
@@ -42,6 +42,8 @@ def test_a_study_runs_by_one_command(name, tmp_path, monkeypatch, capsys):
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(sensitivity.TRAINING, "quick", TINIER)
+    monkeypatch.setattr(filter_variants, "LEVELS", (1.0,))
+    monkeypatch.setattr(filter_variants, "RATES", (0.5,))
     given = [shipped_checkpoints()["rudc-t"] if g == "CHECKPOINT" else g for g in COMMANDS[name]]
     wanted = {"budget": ("--budget", "quick"), "workers": ("--workers", 1)}
     given += [part for what, option in wanted.items() if what in STUDIES[name].takes for part in option]

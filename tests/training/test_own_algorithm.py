@@ -62,6 +62,9 @@ SMALL = (
 )  # fmt: skip
 
 
+SHORT = ("--set", "episode.timeout=5")
+
+
 @pytest.mark.parametrize("brought", ["by a file", "by a package"])
 def test_an_algorithm_of_somebody_else_trains_and_drives(tmp_path, brought):
     if brought == "by a package":
@@ -77,7 +80,7 @@ def test_an_algorithm_of_somebody_else_trains_and_drives(tmp_path, brought):
     agents = ("-a", "calm", "-a", "calm:correction.kind=none")
     run_apart(
         (*rudc, "train", "calm-sac", *(part for c in changes for part in ("--set", c)), "--out", "calm"),
-        (*rudc, "sweep", "random_destination", *agents, "-n", 1, "-w", 1, "-o", "out"),
+        (*rudc, "sweep", "random_destination", *agents, "-n", 1, "-w", 1, *SHORT, "-o", "out"),
         folder=tmp_path, PYTHONPATH=os.pathsep.join([str(tmp_path), *sys.path]),
     )  # fmt: skip
     with (tmp_path / "out/episodes.csv").open(newline="") as file:
