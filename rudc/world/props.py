@@ -1,10 +1,10 @@
 """Props: things on the road that SUMO does not move: accident vehicles, wrong-way drivers, pedestrians.
 
-A prop stands, or follows a polyline. A vehicle that follows one stops before things that stand in its way and
-before surrounding vehicles (SVs), and goes on when the way is free. It stops for an ego below walking pace,
-but not for a faster one, since it is meant to be a hazard. Once it stands, it waits while an ego is before
-it, however fast. A pedestrian stops only for what is already right before it. The yielding layer makes SVs
-see all props.
+A prop stands, or follows a polyline. A vehicle that follows one stops before things that stand in its way,
+before surrounding vehicles (SVs) and behind props that go the same way, and goes on when the way is free. It
+stops for an ego below walking pace, but not for a faster one, since it is meant to be a hazard. Once it
+stands, it waits while an ego is before it, however fast. A pedestrian stops only for what is there already,
+right before it. The yielding layer makes SVs see all props.
 
 A moving prop that has had to stand for long goes back and waits until its way is free. A pedestrian goes back
 a step. A driver goes back until the other has room to drive off, and then stops for a moving ego, too.
@@ -22,7 +22,7 @@ from rudc.geometry import rectangle_gaps
 from rudc.world.scene import STANDING, Kind, Scene
 
 BRAKING = 6.0
-"""m/s2, with which a moving prop brakes, unless the road allows less"""
+"""m/s2, with which a moving prop brakes; a vehicle with less if the road allows no more"""
 ACCELERATION = 2.0
 """m/s2, with which it starts again"""
 CLEARANCE_M = 0.8
@@ -33,6 +33,8 @@ DRIVER_BACK_M, DRIVER_BACK_SPEED = 8.0, 1.5
 """m before a driver that must be free until it stops going back; how fast it goes back (m/s)"""
 WALKING_PACE = 2.0
 """m/s, an ego slower than this is taken to be about to stop: a driver stops before it"""
+SAME_WAY = math.cos(math.pi / 4)
+"""cosine of the angle between their headings, above which a prop drives behind another as in a column"""
 MORE_M = 0.1
 """m that must be free beyond the room a prop has made by going back, before it goes on"""
 
@@ -99,8 +101,7 @@ class Prop:
         if self._is_held_up and self._back_is_free and not self._free:
             self.speed = -BACK_SPEED if self._walks else -DRIVER_BACK_SPEED
         else:
-            braking = math.inf if self._walks else self._braking
-            change = (min(ACCELERATION, self.grip) if self._free else -braking) * dt
+            change = (min(ACCELERATION, self.grip) if self._free else -self._braking) * dt
             self.speed = min(max(self.speed + change, 0.0), self.wanted)
         self.travelled += self.speed * dt
         self._stepped_back = max(self._stepped_back - self.speed * dt, 0.0)
@@ -111,8 +112,8 @@ class Prop:
 
     @property
     def _braking(self) -> float:
-        """m/s2, with which a driver brakes."""
-        return min(BRAKING, self.grip)
+        """m/s2, with which it brakes."""
+        return BRAKING if self._walks else min(BRAKING, self.grip)
 
     @property
     def _is_held_up(self) -> bool:
@@ -134,16 +135,17 @@ class Prop:
         pedestrian the way that it went back, a driver the room that it has made.
         """
         back = self._stepped_back > 0.0
-        if self._walks:
-            return CLEARANCE_M + (self._stepped_back + MORE_M if back else 0.0)
         reach = CLEARANCE_M + self.speed**2 / (2 * self._braking)
+        if self._walks:
+            return reach + (self._stepped_back + MORE_M if back else 0.0)
         return max(reach, DRIVER_BACK_M + MORE_M) if back else reach
 
     def _is_free(self, scene: Scene, reach: float) -> bool:
         """Whether `reach` m of its way before its front are free (behind its rear if negative).
 
-        For a driver: free of things that stand, of SVs on all the way that they need to stop, and of an ego
-        for which it stops. For a pedestrian: free of everything that is there now.
+        For a driver: free of things that stand, of SVs and of props that go the same way on all the way that
+        they need to stop, and of an ego for which it stops. For a pedestrian: free of everything that is
+        there now.
         """
         walks = self._walks
         middle, reach = 0.5 * (math.copysign(self.length, reach) + reach), abs(reach)
@@ -157,7 +159,8 @@ class Prop:
         way = np.zeros_like(speed) if walks else speed**2 / (2 * self._braking)
         heeded = np.array([name != self.name for name in scene.ids], dtype=bool)
         if not walks:
-            heeded &= (scene.path >= 0) | (speed < STANDING)
+            same_way = np.cos(scene.heading - box[2]) > SAME_WAY
+            heeded &= (scene.path >= 0) | (speed < STANDING) | same_way
         away = scene.position - box[:2]
         rows = np.flatnonzero(heeded & (np.hypot(away[:, 0], away[:, 1]) < reach + way + 10.0))
         course = np.column_stack([np.cos(scene.heading[rows]), np.sin(scene.heading[rows])])

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rudc.world.props import BACK_M, DRIVER_BACK_M, PATIENCE_S, WALKING_PACE, Prop, standing
+from rudc.world.props import BACK_M, BRAKING, DRIVER_BACK_M, PATIENCE_S, WALKING_PACE, Prop, standing
 from rudc.world.scene import Kind
 
 BEND = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 20.0]])
@@ -156,7 +156,7 @@ def test_a_pedestrian_who_is_held_up_steps_back_and_goes_on_once_its_way_is_free
         seen.append((prop.pose()[1], prop.speed))
     y, speed = np.array(seen).T
     stopped = np.flatnonzero(speed == 0.0)[0]
-    patient = int(PATIENCE_S / 0.05)
+    patient = int(PATIENCE_S / 0.05) - 6  # while it stops it waits already
     assert (y[stopped : stopped + patient] == y[stopped]).all(), "it waits first"
     assert y[stopped] - y[300] == pytest.approx(BACK_M, abs=0.05), "then it is back so far, and no farther"
     assert (speed[stopped + patient + 50 : 300] == 0.0).all(), "and stays there while the way is not free"
@@ -168,11 +168,41 @@ def test_a_pedestrian_does_not_step_back_into_somebody_nor_off_its_way(make_scen
     before_it, behind = {"at": (0.0, 100.0, 0.0)}, {"at": (0.0, 96.5, 0.0)}
     for others, travelled in (([before_it, behind], 0.1), ([before_it], 0.0)):
         prop = Prop("walker", Kind.PEDESTRIAN, (0.5, 0.5), way, wanted=1.4)
-        prop.travelled = travelled
+        prop.travelled, prop.speed = travelled, 0.0
         for _ in range(200):
             prop.look_out(make_scene(*others))
             prop.step(0.05)
         assert prop.travelled == travelled
+
+
+def test_who_runs_needs_some_way_to_stop_and_stops_before_who_stands(make_scene):
+    """A runner came to rest from 4 m/s in one step."""
+    prop = Prop("runner", Kind.PEDESTRIAN, (0.5, 0.5), np.array([[0.0, 90.0], [0.0, 110.0]]), wanted=4.0)
+    speeds = [prop.speed]
+    for _ in range(90):
+        prop.look_out(make_scene({"at": (0.0, 100.0, 0.0)}))
+        prop.step(0.05)
+        speeds.append(prop.speed)
+    assert min(np.diff(speeds)) == pytest.approx(-BRAKING * 0.05)
+    assert prop.speed == 0.0
+    assert 98.0 < prop.pose()[1] + 0.25 < 99.1, "before the car's side at 99.1"
+
+
+def test_who_is_faster_does_not_drive_into_the_one_ahead(make_scene):
+    """Cyclists of a column whose speeds differ rode through one another."""
+    way = np.array([[0.0, 90.0], [0.0, 130.0]])
+    column = [Prop(str(i), Kind.BICYCLE, (1.8, 0.6), way, wanted=v) for i, v in enumerate((3.0, 6.0))]
+    column[0].travelled, gaps = 8.0, []
+    for _ in range(120):
+        poses = [prop.pose() for prop in column]
+        gaps.append(poses[0][1] - poses[1][1] - 1.8)
+        scene = make_scene(*({"at": pose, "v": p.speed} for pose, p in zip(poses, column, strict=True)))
+        scene = replace(scene, ids=("0", "1"), size=np.tile([1.8, 0.6], (2, 1)))
+        for prop in column:
+            prop.look_out(scene)
+            prop.step(0.05)
+    assert min(gaps) > 0.3
+    assert column[0].speed == 3.0, "who is ahead goes on"
 
 
 def test_a_place_that_its_way_names_twice_turns_nobody():
