@@ -11,7 +11,7 @@ import typer
 from rudc.cli.console import AsJson, print_json, print_table, warn
 
 if TYPE_CHECKING:
-    from rudc.network.check import NetworkReport
+    from rudc.network.check import ArmReport, NetworkReport
 
 app = typer.Typer(
     no_args_is_help=True, help="Road networks: what is there, what is understood of yours, building one."
@@ -100,10 +100,17 @@ def _show(report: NetworkReport, lanes: bool) -> None:
     """Tables of arms and movements, and of lanes if wanted."""
     road = f"{report.road_km:.3f} km of two-way road"
     typer.echo(f"{report.name}: junction {report.junction} ({report.kind}), {road}\n")
-    alike = report.kind != "roundabout" and len({a.major for a in report.arms}) == 1
+    entered = {a.major for a in report.arms if a.in_lanes}
+    alike = report.kind != "roundabout" and len(entered) == 1
+
+    def priority(arm: ArmReport) -> str:
+        if not arm.in_lanes:
+            return "-"
+        return "equal" if alike else "major" if arm.major else "minor"
+
     arms = [
         [a.name, f"{a.bearing_deg:.0f}", f"{a.length_m:.0f}", str(a.in_lanes), str(a.out_lanes),
-         f"{a.lane_width_m:.2f}", f"{a.speed_mps:.1f}", "equal" if alike else "major" if a.major else "minor"]
+         f"{a.lane_width_m:.2f}", f"{a.speed_mps:.1f}", priority(a)]
         for a in report.arms
     ]  # fmt: skip
     headings = [

@@ -7,6 +7,7 @@ import pytest
 from PIL import Image
 
 from rudc.cli import scenario as commands
+from rudc.data import data_folder
 from rudc.scenario import load_scenario, shipped_scenarios
 
 
@@ -102,6 +103,13 @@ def test_arms_of_equal_right_are_called_so(rudc):
     assert told.count("equal") >= 4
     assert "minor" not in told
     assert "major" in rudc("network", "check", "four_way").out
+
+
+def test_an_arm_that_nobody_comes_in_by_has_no_priority(rudc):
+    crossing = data_folder("results") / "held-out-11" / "one_way_grid" / "one_way_grid.net.xml"
+    told = rudc("network", "check", str(crossing)).out.splitlines()
+    priorities = {line.split()[0]: line.split()[-1] for line in told if line.startswith(tuple("nwse"))}
+    assert priorities == {"north": "-", "west": "-", "south": "major", "east": "minor"}
 
 
 def test_a_misspelt_network_file_is_told_of_its_neighbour(rudc, tmp_path):
