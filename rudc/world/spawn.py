@@ -8,6 +8,7 @@ import numpy as np
 
 from rudc.errors import NetworkError
 from rudc.geometry import rectangle_gaps
+from rudc.world.ego import DRY, GRAVITY
 from rudc.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ MARGIN_M = 2.0
 REACTION_S = 0.5
 """s after which the vehicle behind brakes"""
 BRAKING = 4.0
-"""m/s2, with which the vehicle behind can brake; the one ahead is taken to brake as hard"""
+"""m/s2, with which the vehicle behind can brake, if the road lets it, and the one ahead may"""
 
 ROUNDED_M = 0.1
 """m by which the length of a lane as stated in its file may differ, by rounding, from that of its centre line
@@ -92,9 +93,10 @@ def safe_to_start(scene: Scene) -> bool:
     """Whether the ego is at least MARGIN_M m from everything, can stop behind its leader, and its follower
     can stop behind the ego.
 
-    Both brake at 4 m/s2, the one behind 0.5 s later.
+    Both brake at 4 m/s2, or as hard as the road lets them if that is less, the one behind 0.5 s later.
     """
-    ego, body = scene.ego, scene.vehicle
+    ego, body, mu = scene.ego, scene.vehicle, None if scene.actuation is None else scene.actuation.friction
+    braking = min(BRAKING, (DRY if mu is None else mu) * GRAVITY)
     if scene.count == 0:
         return True
     gaps = rectangle_gaps(
@@ -110,5 +112,5 @@ def safe_to_start(scene: Scene) -> bool:
     speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
     behind = np.where(ahead > 0, ego.v, speed)
     front = np.where(ahead > 0, speed, ego.v)
-    needed = MARGIN_M + REACTION_S * behind + (behind**2 - front**2) / (2 * BRAKING)
+    needed = MARGIN_M + REACTION_S * behind + (behind**2 - front**2) / (2 * braking)
     return bool(np.all(gaps[in_lane] >= needed[in_lane]))

@@ -155,8 +155,7 @@ class Traffic:
         names = sorted(plan.mix)
         weights = np.array([plan.mix[name] for name in names], dtype=float)
         self._mix = names, weights / weights.sum()
-        widest = max(VEHICLE_TYPES[name].width for name in names if plan.mix[name] > 0)
-        self.needs_m = 0.5 * widest + BESIDE_M
+        self.needs_m = 0.5 * max(VEHICLE_TYPES[name].width for name in names if plan.mix[name]) + BESIDE_M
         """m to each side of a lane's centre line that must be free so that every SV of the mix drives on"""
         self.density = self.usual_density = plan.density
         for movements in self._movements.values():
@@ -186,8 +185,7 @@ class Traffic:
         return self.target - len(self.drivers)
 
     def refill(self, rears: Iterable[tuple[str, float, float]]) -> None:
-        """Let new SVs enter where there is room, up to the target. `rears`: lane, position of the rear along
-        it (m) and speed (m/s) of every vehicle on the road."""
+        """Let new SVs enter where there is room, up to the target. `rears`: see `Reader.rears`."""
         entry: dict[str, tuple[float, float]] = {}
         for lane, rear, speed in rears:
             if rear < entry.get(lane, (math.inf, 0.0))[0]:

@@ -6,7 +6,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from rudc.vehicle import Actuation
 from rudc.world.kernels import overlapping
+from rudc.world.spawn import safe_to_start
 from tests.plans import ALL_KINDS, PlanSource, event
 from tests.world.networks import PIECES, in_pieces
 
@@ -68,3 +70,12 @@ def test_at_first_traffic_stands_all_along_arms_of_several_edges(world_on, tmp_p
     for arm, i, length in long:
         for way in ("in", "out"):
             assert 0.4 < found[f"{arm}_{way}{i}_0"] / (per_m * length) < 1.8
+
+
+@pytest.mark.parametrize(("friction", "safe"), [(None, True), (0.9, True), (0.2, False)])
+def test_a_start_is_safe_if_the_road_lets_the_ego_stop_behind_its_leader(make_scene, friction, safe):
+    """22 m behind a leader at 3 m/s, at 10 m/s: on ice the ego needs 30 m; a dry road was reckoned with."""
+    scene = make_scene(front=-40.0, v=10.0, actuation=Actuation(friction=friction))
+    row = scene.route.row
+    leader = {"row": row, "s": scene.ego_s + 27.0, "v": 3.0}
+    assert safe_to_start(make_scene(leader, front=-40.0, v=10.0, actuation=scene.actuation)) == safe

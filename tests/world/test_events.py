@@ -222,11 +222,9 @@ def test_a_wrong_way_driver_vanishes_off_the_road(network):
     """It vanished 80 m beyond its lane, where that is the middle of the road opposite."""
     network = load_network(network)
     route = network.route(network.arms[0].name, network.movements[0].destination)
-    for arm in network.arms:
-        for lane in (*arm.in_lanes, *arm.out_lanes):
-            _, *_, turn, end = against_lane(network, route, lane, 40.0)
-            assert not network.surface.depth(*end) > 0.0
-            assert np.hypot(*(end - turn)) >= 80.0
+    for lane in (name for arm in network.arms for name in (*arm.in_lanes, *arm.out_lanes)):
+        *_, turn, end = against_lane(network, route, lane, 40.0)
+        assert network.surface.depth(*end) <= 0.0 and np.hypot(*(end - turn)) >= 80.0  # noqa: PT018
 
 
 def test_density_surge_fills_the_road_and_drains(world):
