@@ -134,10 +134,11 @@ class TileMaker:
         grid = drivable.reshape(side, side)
         dilated = np.asarray(binary_dilation(grid, iterations=HALO), dtype=bool)
         beside = np.flatnonzero(dilated.ravel() & ~drivable)
-        for angle in np.arange(0.0, np.pi, np.pi / 4):
-            step = GAP * np.array([np.cos(angle), np.sin(angle)])
-            between = in_any(polygons, points[beside] + step) & in_any(polygons, points[beside] - step)
-            drivable[beside[between]] = True
+        angles = np.arange(0.0, np.pi, np.pi / 4)
+        steps = GAP * np.column_stack([np.cos(angles), np.sin(angles)])
+        sides = points[beside] + np.array([steps, -steps])[:, :, None]  # (2, 4, n, 2)
+        held = in_any(polygons, sides.reshape(-1, 2)).reshape(sides.shape[:-1])
+        drivable[beside[held.all(axis=0).any(axis=0)]] = True
         return grid[HALO:-HALO, HALO:-HALO].ravel()
 
     def _directions(self, points: Array) -> Array:
