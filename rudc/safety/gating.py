@@ -37,8 +37,9 @@ from rudc.world.scene import STILL, Scene
 CONFLICT_TIMES: Array = np.linspace(0.0, 3.0, 16)
 """(T,) s, instants at which conflicts are looked for"""
 
-PASSING = 0.2
-"""m, gap between rectangles with which the ego may pass a body that stands; courses keep more"""
+PASSING = 0.15
+"""m, gap between rectangles with which the ego may pass a body that stands, the same as in the last resort;
+courses keep more"""
 SLOWEST = 3.0
 """m/s, least speed that is assumed for the length of the ego's way past bodies that stand"""
 _SHARES: Array = np.linspace(0.0, 1.0, 40)

@@ -24,6 +24,11 @@ from rudc.network.line_kernels import along_line, body_along_line, body_on_line,
 from rudc.network.paths import SPACING
 from rudc.safety.barrier_kernels import CLOSEST
 
+CLOSER, LEAST = 0.03, 0.12
+"""m, m: by how much an ego that is near a body that stands may come nearer still, and the gap that must be
+left
+"""
+
 # ---- prediction
 
 
@@ -168,6 +173,14 @@ def meeting(
 
 
 @kernel
+def creeping_past(now: float) -> float:
+    """m, gap that an ego which is `now` m from a body that stands has to keep to it, however narrow the
+    passage: CLOSER less, but not less than LEAST.
+    """
+    return max(now - CLOSER, min(now, LEAST))
+
+
+@kernel
 def least_separation(
     place: Places, facing: Places, length: float, width: float, its_place: complex, its_facing: complex,
     its_length: float, its_width: float,
@@ -195,7 +208,7 @@ def let_through(
 
     The ego is at `ego` m facing `ego_heading` at `speed` m/s; its half sizes are `length` and `width` m. A
     body slower than `still` m/s stands. The ego passes it if their rectangles stay `passing` m apart at all
-    points of the ego's `way` (m) or, where they are nearer than that now but do not touch, come no nearer.
+    points of the ego's `way` (m) or, where they are nearer than that now but do not touch, `creeping_past`.
     """
     there, turned = follow(line, len(line), 0, ego_s, ego, ego_heading, speed * times)
     met = meeting(
@@ -215,7 +228,7 @@ def let_through(
         if math.hypot(velocity[i, 0], velocity[i, 1]) < still:
             now = least_separation(there[:1], turned[:1], length, width, here, direction, half[0], half[1])
             least = least_separation(there, turned, length, width, here, direction, half[0], half[1])
-            if least >= min(passing, now) and now > 0.0:
+            if least >= min(passing, creeping_past(now)) and now > 0.0:
                 continue
         found[count] = i
         count += 1

@@ -13,7 +13,8 @@ The room of a manoeuvre is the least value, over all instants within the horizon
 
     separation - min(margin, separation now)
 
-margin is last_resort_margin; towards those who stand still it is STILL_MARGIN at most. The separation of two
+margin is last_resort_margin. Towards those who stand still it is STILL_MARGIN at most, and an ego that is
+nearer may come a little nearer still (`creeping_past` in kernels.py). The separation of two
 rectangles (rudc/geometry.py) is at most their gap. Others are predicted along their paths (see prediction.py)
 at their present speed. Those whose speed changes are also predicted a second time: braking on as they do, or
 speeding up for another SPEEDS_UP_S. Whoever leads the ego on its path is also predicted braking with HARDEST.

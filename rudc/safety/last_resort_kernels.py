@@ -26,7 +26,7 @@ from rudc.kernels import (
 )
 from rudc.network.line_kernels import projected
 from rudc.network.paths import SPACING
-from rudc.safety.kernels import drives_on, other_ahead
+from rudc.safety.kernels import creeping_past, drives_on, other_ahead
 from rudc.world.kernels import slip_of
 
 
@@ -101,8 +101,9 @@ def room_left(
     others: PlaceTable, others_facing: PlaceTable, half: Table, still: Marks, place: Places, facing: Places,
     length: float, width: float, margin: float, still_margin: float,
 ) -> NewVector:  # fmt: skip
-    """(m,) m, least separation - min(margin, separation now) towards each of m others; the margin is
-    `still_margin` at most towards those who stand `still` (m,).
+    """(m,) m, least separation - min(margin, separation now) towards each of m others. Towards those who
+    stand `still` (m,), the margin is `still_margin` at most, and `creeping_past` takes the place of the
+    separation now.
 
     The others are at `others` (m, T) m with half sizes `half` (m, 2) m, the ego at `place` (T,) m with half
     sizes `length` and `width` m. inf where centres stay farther apart than all half sizes and `margin` m
@@ -121,7 +122,7 @@ def room_left(
             r = others[k, t] - place[t]
             apart = separation(r, facing[t], others_facing[k, t], length, width, half[k, 0], half[k, 1])
             if t == 0:
-                allowed = min(allowed, apart)
+                allowed = min(allowed, creeping_past(apart) if still[k] else apart)
             room[k] = min(room[k], apart - allowed)
     return room
 

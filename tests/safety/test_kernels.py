@@ -279,7 +279,7 @@ def test_who_is_let_through_meets_does_not_follow_and_is_not_passed():
         centre[:, None] - place, facing, turned[:, None], np.array([2.5, 0.9]), size[:, None] / 2
     )
     least, now = apart.min(axis=1), apart[:, 0]
-    nearer = (least < 0.3) & (least >= now)
+    nearer = (least < 0.3) & (least >= np.maximum(now - kernels.CLOSER, np.minimum(now, kernels.LEAST)))
     passed = (np.hypot(*bodies[2].T) < 0.2) & ((least >= 0.3) | nearer) & (now > 0.0)
     assert (met & passed & nearer).any()
     assert (met & behind).any()

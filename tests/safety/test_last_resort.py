@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from rudc.geometry import gaps_between
 from rudc.network.route import ReferencePath
 from rudc.safety.filter import FilterConfig, SafetyFilter
-from rudc.safety.last_resort import HORIZON, LastResort
+from rudc.safety.kernels import LEAST
+from rudc.safety.last_resort import HORIZON, STILL_MARGIN, LastResort
 from rudc.vehicle import EgoVehicle
 from rudc.world.ego import EgoPlant
 from rudc.world.scene import Scene
@@ -153,6 +154,15 @@ def test_beside_somebody_it_may_drive_off_but_not_come_closer() -> None:
     assert status(beside, np.array([1.0, -0.3])) == "nominal"
     towards = make_scene([Other(1.0, 2.0)], v=1.0)
     assert status(towards, np.array([1.0, 0.4])) == "last_resort"
+
+
+@pytest.mark.parametrize("delta", [0.0, 0.01])
+def test_beside_who_stands_it_creeps_a_little_closer(delta: float) -> None:
+    """Where a centimetre less than now was refused, the ego stood for good beside who waited for it."""
+    beside = make_scene([Other(6.0, 1.94)], v=0.0)
+    least, last = drive(beside, np.array([0.3, delta]), seconds=8.0)
+    assert last.ego.x - beside.ego.x > 2.0
+    assert LEAST - 0.03 < least < STILL_MARGIN
 
 
 CROSSING = Other(0.0, -13.5, math.pi / 2, 10.0, row=0, s=86.5)
