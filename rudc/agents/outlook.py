@@ -8,8 +8,9 @@ that comes back. It leads the driver round what blocks, and adapts it to the car
              (patience.py). Corrections come after this
     govern   The driver's command -> slow enough to give way (approach.py) -> to stop for those who do not
              give way to it (not_yielding.py) -> to stop behind the leader (following.py) -> to stop within
-             what the ego sees (hidden.py) -> to drive along the course (courses.py) -> steered so that the
-             wheels stay on the road (kerb.py) -> slow enough for the grip (adaptation.py)
+             what the ego sees (hidden.py) -> to stop for those who may run out (runners.py) -> to drive
+             along the course (courses.py) -> steered so that the wheels stay on the road (kerb.py) -> slow
+             enough for the grip (adaptation.py)
 
 So every driver, by rules or by a policy, with a correction or without, goes round what blocks and copes with
 another car than the one that it was made for, and need not know of either.
@@ -30,6 +31,7 @@ from rudc.agents.hidden import ready_for_unseen
 from rudc.agents.kerb import kept_on_road
 from rudc.agents.memory import Memory
 from rudc.agents.not_yielding import ready_for_not_yielding
+from rudc.agents.runners import ready_for_runners
 from rudc.agents.smoothing import Smoothing
 from rudc.arrays import Array
 from rudc.settings import Settings
@@ -45,8 +47,8 @@ class OutlookSettings(Settings):
     """whether the driver is led round what blocks its path"""
     approach: bool = True
     """whether the ego drives so that it can still stop where it must give way while gaps are too short,
-    before vehicles that do not look like giving way to it, behind its leader, and at the end of what it
-    sees; with `course` only"""
+    before vehicles that do not look like giving way to it, behind its leader, at the end of what it sees,
+    and before those who may run out from behind a box; with `course` only"""
     plant: Knowledge = "off"
     """what is known of dead time, lag and friction: nothing (`off`), what is estimated while driving
     (`estimated`), or the truth (`known`, for ablations)"""
@@ -102,6 +104,7 @@ class Outlook:
         if self._approach and not onwards:
             u = ready_for_not_yielding(scene, ready_to_wait(scene, u))
             u = ready_for_unseen(scene, ready_to_follow(scene, u))
+            u = ready_for_runners(scene, u)
         if self.courses is not None:
             u = kept_on_road(scene, self.courses.govern(scene, u, onwards=onwards))
         return u if self.adaptation is None else self.adaptation.govern(scene, u, onwards=onwards)

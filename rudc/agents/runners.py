@@ -1,0 +1,51 @@
+"""Slows down before places from which somebody may run onto the ego's way.
+
+Wherever a box hides something from the ego, a pedestrian may stand up to ASIDE m beside the ego's way, if
+nothing bars the straight way from there. It may set off at any time with RUNS m/s, and reaches the ego's side
+after
+
+    t = (distance from there to the ego's side) / RUNS
+
+The ego must either be past that place before it does, or be able to stop before it, braking at b:
+
+    (way to the place) / v <= t      or      v^2 <= max(2 b (way to the place), CREEP^2)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rudc.agents.hidden import BEFORE, CREEP, PLANNED
+from rudc.arrays import Array
+from rudc.env.tracking import at_most, slowing
+from rudc.world.perception import in_sight
+from rudc.world.scene import Scene
+
+RUNS = 3.0
+"""m/s, a jogger"""
+AHEAD, EVERY = 20.0, 1.0
+"""m, m: length of the ego's way ahead that is checked, and distance between the places checked"""
+ASIDE: Array = np.arange(0.5, 3.25, 0.5)
+"""m, distances from the ego's side that are checked"""
+_SIDES: Array = np.array([1.0, -1.0])
+
+
+def ready_for_runners(scene: Scene, u: Array) -> Array:
+    """(2,) the command u (2,), m/s2 and rad, with an acceleration after which the ego is past whoever may
+    run out from behind a box, or can still stop.
+    """
+    if scene.hidden_by is None or scene.ego.v <= CREEP:
+        return u
+    body, way = scene.vehicle, np.arange(EVERY, AHEAD, EVERY)
+    x, y, psi = scene.route.path.pose(scene.ego_s + 0.5 * body.length + way)
+    line, left = np.stack([x, y], axis=-1), np.stack([-np.sin(psi), np.cos(psi)], axis=-1)
+    away = _SIDES[:, None] * (0.5 * body.width + ASIDE)
+    places = line[:, None, None] + away[:, :, None] * left[:, None, None]  # (S, 2, A, 2)
+    hides = ~in_sight((scene.ego.x, scene.ego.y), places, scene.hidden_by)
+    hides &= in_sight(np.broadcast_to(line[:, None, None], places.shape), places, scene.hidden_by)
+    run = np.where(hides, ASIDE, np.inf).min(axis=(1, 2))
+    late = np.flatnonzero(way > scene.ego.v * run / RUNS)
+    if not len(late):
+        return u
+    room = float(way[late[0]]) - BEFORE
+    return at_most(u, slowing(scene, room, CREEP, PLANNED * -body.a_min))

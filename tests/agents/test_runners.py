@@ -1,0 +1,68 @@
+"""The ego is ready for whoever may run out from behind a box."""
+
+# ruff: noqa: F811 -- fixtures come by import
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rudc.agents.hidden import CREEP
+from rudc.agents.runners import RUNS, ready_for_runners
+from rudc.vehicle import Actuation
+from rudc.world.ego import EgoPlant
+from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
+
+FULL = np.array([3.0, 0.0])
+END, LONG = 20.0, 20.0
+"""m, distance from the ego's centre to the wall's end, in the beginning, and length of the wall"""
+
+
+def beside_a_wall(scene, aside, end=END):
+    """The scene with a wall to the right of the ego's way, `aside` m from the ego's side."""
+    ego = scene.ego
+    wall = [ego.x + 0.5 * scene.vehicle.width + aside + 0.5, ego.y + end - 0.5 * LONG, np.pi / 2, LONG, 1.0]
+    return replace(scene, hidden_by=np.array([wall]))
+
+
+def drive(scene):
+    """Speeds (m/s) and ways (m) of an ego that accelerates as it may, for 5 s."""
+    plant, path = EgoPlant(scene.vehicle), scene.route.path
+    plant.resume(scene.ego, Actuation())
+    speeds, ways = [], []
+    for _ in range(50):
+        u = ready_for_runners(scene, FULL)
+        ego = plant.step(float(u[0]), 0.0, 0.1)
+        s, offset = path.project(ego.x, ego.y, scene.ego_s)
+        scene = replace(scene, ego=ego, ego_s=s, ego_offset=offset)
+        speeds.append(ego.v)
+        ways.append(s)
+    return np.array(speeds), np.array(ways)
+
+
+@pytest.mark.parametrize("aside", [0.8, 1.3, 1.8])
+def test_it_stops_for_whoever_runs_out_or_is_past_before(make_scene, aside):
+    scene = beside_a_wall(make_scene(front=-40.0, v=9.0), aside)
+    speeds, ways = drive(scene)
+    end = scene.ego_s + END - 0.5 * scene.vehicle.length
+    room = end - ways
+    for v, way in zip(speeds[room > 0.0], room[room > 0.0], strict=True):
+        passes = way / v <= (aside + 0.5) / RUNS
+        assert passes or v <= CREEP or v * v / (2 * 6.0) <= way
+    assert CREEP <= speeds.min() < 8.0
+    assert speeds[-1] > speeds.min() + 2.0, "past the wall it goes on"
+
+
+def test_only_what_hides_near_the_way_slows_it_down(make_scene):
+    scene = make_scene(front=-40.0, v=9.0)
+    assert ready_for_runners(scene, FULL) is FULL
+    assert ready_for_runners(beside_a_wall(scene, 3.5, end=10.0), FULL) is FULL
+    assert ready_for_runners(beside_a_wall(scene, 1.0, end=10.0), FULL)[0] < 0.0
+    slow = replace(scene, ego=replace(scene.ego, v=1.0))
+    assert ready_for_runners(beside_a_wall(slow, 1.0, end=10.0), FULL) is FULL
+
+
+def test_nobody_runs_through_the_wall_itself(make_scene):
+    scene = beside_a_wall(make_scene(front=-40.0, v=9.0), 1.0, end=10.0)
+    endless = scene.hidden_by.copy()
+    endless[0, 3] = 400.0
+    assert ready_for_runners(replace(scene, hidden_by=endless), FULL) is FULL
