@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from rudc.env.kernels import interpolated, leader, seen_from_line
-from rudc.kernels import Marks, NewRowTable, NewTable, Rows, Table, Vector, half_turn, kernel
+from rudc.kernels import Marks, NewRowTable, NewTable, NewVector, Rows, Table, Vector, half_turn, kernel
 
 
 @kernel
@@ -171,3 +171,47 @@ def any_unbraked(
             if ahead and braking > needed and -acceleration[i] < share * braking:
                 return True
     return False
+
+
+@kernel
+def bars(box: Vector, x0: float, y0: float, x1: float, y1: float) -> bool:
+    """Whether the line from (x0, y0) to (x1, y1) m meets a box: x m, y m, heading rad, length m, width m."""
+    cos, sin = math.cos(box[2]), math.sin(box[2])
+    enter, leave = 0.0, 1.0
+    for axis in range(2):
+        along, across = (cos, sin) if axis == 0 else (-sin, cos)
+        start = (x0 - box[0]) * along + (y0 - box[1]) * across
+        step = (x1 - x0) * along + (y1 - y0) * across
+        half = 0.5 * box[3 + axis]
+        if abs(step) < 1e-12:
+            step = 1e-12
+        first, second = (-half - start) / step, (half - start) / step
+        enter, leave = max(enter, min(first, second)), min(leave, max(first, second))
+    return enter <= leave
+
+
+@kernel
+def nearest_hidden(
+    eye_x: float, eye_y: float, x: Vector, y: Vector, psi: Vector, half_width: float, aside: Vector,
+    boxes: Table,
+) -> NewVector:  # fmt: skip
+    """(S,) m, for each place of a line (x, y in m and psi in rad, (S,) each) the least of the distances
+    `aside` (A,) m from the side of an ego on the line, on either side, that is hidden from the eye by one of
+    the `boxes` (K, 5) and from which none of them bars the way to the line; inf if there is none.
+    """
+    found = np.full(len(x), np.inf)
+    for i in range(len(x)):
+        for side in (1.0, -1.0):
+            for away in aside:
+                if away >= found[i]:
+                    break
+                left = side * (half_width + away)
+                px, py = x[i] - left * math.sin(psi[i]), y[i] + left * math.cos(psi[i])
+                hidden, free = False, True
+                for k in range(len(boxes)):
+                    hidden = hidden or bars(boxes[k], eye_x, eye_y, px, py)
+                    free = free and not bars(boxes[k], x[i], y[i], px, py)
+                if hidden and free:
+                    found[i] = away
+                    break
+    return found

@@ -16,9 +16,9 @@ from __future__ import annotations
 import numpy as np
 
 from rudc.agents.hidden import BEFORE, CREEP, PLANNED
+from rudc.agents.kernels import nearest_hidden
 from rudc.arrays import Array
 from rudc.env.tracking import at_most, slowing
-from rudc.world.perception import in_sight
 from rudc.world.scene import Scene
 
 RUNS = 3.0
@@ -27,7 +27,6 @@ AHEAD, EVERY = 20.0, 1.0
 """m, m: length of the ego's way ahead that is checked, and distance between the places checked"""
 ASIDE: Array = np.arange(0.5, 3.25, 0.5)
 """m, distances from the ego's side that are checked"""
-_SIDES: Array = np.array([1.0, -1.0])
 
 
 def ready_for_runners(scene: Scene, u: Array) -> Array:
@@ -38,12 +37,8 @@ def ready_for_runners(scene: Scene, u: Array) -> Array:
         return u
     body, way = scene.vehicle, np.arange(EVERY, AHEAD, EVERY)
     x, y, psi = scene.route.path.pose(scene.ego_s + 0.5 * body.length + way)
-    line, left = np.stack([x, y], axis=-1), np.stack([-np.sin(psi), np.cos(psi)], axis=-1)
-    away = _SIDES[:, None] * (0.5 * body.width + ASIDE)
-    places = line[:, None, None] + away[:, :, None] * left[:, None, None]  # (S, 2, A, 2)
-    hides = ~in_sight((scene.ego.x, scene.ego.y), places, scene.hidden_by)
-    hides &= in_sight(np.broadcast_to(line[:, None, None], places.shape), places, scene.hidden_by)
-    run = np.where(hides, ASIDE, np.inf).min(axis=(1, 2))
+    eye = scene.ego.x, scene.ego.y
+    run = nearest_hidden(*eye, x, y, psi, 0.5 * body.width, ASIDE, scene.hidden_by)
     late = np.flatnonzero(way > scene.ego.v * run / RUNS)
     if not len(late):
         return u

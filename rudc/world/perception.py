@@ -84,23 +84,23 @@ def visible(scene: Scene, occluders: Array) -> Flags:
     return np.any(in_sight((scene.ego.x, scene.ego.y), points, occluders), axis=1)
 
 
-def in_sight(eye: tuple[float, float] | Array, points: Array, occluders: Array) -> Flags:
-    """(...) whether the line from the eye (m, m), or from one (..., 2) m for each, to each of the points
-    (..., 2) m meets none of the boxes (K, 5).
+def in_sight(eye: tuple[float, float], points: Array, occluders: Array) -> Flags:
+    """(...) whether the line from the eye (m, m) to each of the points (..., 2) m meets none of the boxes
+    (K, 5).
     """
     start = np.array(eye)
     clear = np.ones(points.shape[:-1], dtype=bool)
     for x, y, heading, length, width in occluders:
         rotation = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
-        a = (start - (x, y)) @ rotation.T
+        a = rotation @ (start - (x, y))
         b = (points - (x, y)) @ rotation.T
         clear &= ~_segment_meets_box(a, b, 0.5 * np.array([length, width]))
     return clear
 
 
 def _segment_meets_box(a: Array, b: Array, half: Array) -> Flags:
-    """Whether segments from a (2,) or (..., 2) to b (..., 2) meet the box |x| <= half[0], |y| <= half[1]
-    (slab method)."""
+    """Whether segments from a (2,) to b (..., 2) meet the box |x| <= half[0], |y| <= half[1] (slab
+    method)."""
     step = b - a
     step = np.where(np.abs(step) < 1e-12, 1e-12, step)
     first, second = (-half - a) / step, (half - a) / step

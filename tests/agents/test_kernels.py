@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from rudc.agents.kernels import sighted, two_way, unexplained, who_leads
+from rudc.agents.kernels import nearest_hidden, sighted, two_way, unexplained, who_leads
+from rudc.world.perception import in_sight
 
 
 def test_functions_of_two_places_are_added_between_their_knots():
@@ -63,3 +64,23 @@ def test_what_motion_explains_is_not_unexplained():
     kept = off[:4][rows >= 0]
     assert found[:, :3] == pytest.approx(abs(kept[:, :3]))
     assert found[:, 3] == pytest.approx(kept[:, 3])
+
+
+def test_what_a_box_hides_and_does_not_bar_is_as_in_sight_has_it():
+    rng = np.random.default_rng(3)
+    aside, found = np.arange(0.5, 3.25, 0.5), []
+    for _ in range(60):
+        boxes = np.column_stack([
+            rng.uniform(-2, 22, 4), rng.uniform(-8, 8, 4), rng.uniform(-3, 3, 4), rng.uniform(1, 12, (4, 2))
+        ])  # fmt: skip
+        x, psi = np.arange(3.0, 20.0), rng.uniform(-0.5, 0.5, 17)
+        y, eye = np.cumsum(psi), (-2.0, 0.5)
+        line, left = np.stack([x, y], axis=-1), np.stack([-np.sin(psi), np.cos(psi)], axis=-1)
+        away = np.array([[1.0], [-1.0]]) * (0.9 + aside)
+        places = line[:, None, None] + away[:, :, None] * left[:, None, None]
+        free = np.stack([in_sight(tuple(p), q, boxes) for p, q in zip(line, places, strict=True)])
+        wanted = np.where(~in_sight(eye, places, boxes) & free, aside, np.inf).min(axis=(1, 2))
+        got = nearest_hidden(*eye, x, y, psi, 0.9, aside, boxes)
+        np.testing.assert_array_equal(got, wanted)
+        found += got.tolist()
+    assert 0.2 < np.isfinite(found).mean() < 0.9
