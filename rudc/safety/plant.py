@@ -27,7 +27,7 @@ import numpy as np
 from rudc.arrays import Array, Index
 from rudc.safety.plant_kernels import drive_bank, score_bank
 from rudc.vehicle import Actuation, EgoVehicle
-from rudc.world.ego import DRY, GRAVITY, within_limits
+from rudc.world.ego import DRY, GRAVITY, grip_of, within_limits
 from rudc.world.scene import EgoState
 
 DECISION_S = 0.1
@@ -79,8 +79,7 @@ class PlantEstimate:
     @property
     def grip(self) -> float:
         """m/s2, largest acceleration that the road gives."""
-        mu = self.actuation.friction
-        return (DRY if mu is None else mu) * GRAVITY
+        return grip_of(self.actuation)
 
 
 ORDINARY = PlantEstimate(Actuation(), unusual=False)

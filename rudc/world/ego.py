@@ -42,6 +42,11 @@ need more is over at once
 """
 
 
+def grip_of(actuation: Actuation) -> float:
+    """m/s2, largest acceleration that the road gives; that of a dry road where `friction` is None."""
+    return (DRY if actuation.friction is None else actuation.friction) * GRAVITY
+
+
 def widest_steering(body: EgoVehicle, v: float, lateral: float) -> float:
     """rad, front-wheel angle that gives a lateral acceleration of `lateral` m/s2 at v m/s; at a stand, the
     vehicle's largest.

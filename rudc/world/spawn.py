@@ -8,7 +8,8 @@ import numpy as np
 
 from rudc.errors import NetworkError
 from rudc.geometry import rectangle_gaps
-from rudc.world.ego import DRY, GRAVITY
+from rudc.vehicle import Actuation
+from rudc.world.ego import grip_of
 from rudc.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -95,8 +96,8 @@ def safe_to_start(scene: Scene) -> bool:
 
     Both brake at 4 m/s2, or as hard as the road lets them if that is less, the one behind 0.5 s later.
     """
-    ego, body, mu = scene.ego, scene.vehicle, None if scene.actuation is None else scene.actuation.friction
-    braking = min(BRAKING, (DRY if mu is None else mu) * GRAVITY)
+    ego, body = scene.ego, scene.vehicle
+    braking = min(BRAKING, grip_of(scene.actuation or Actuation()))
     if scene.count == 0:
         return True
     gaps = rectangle_gaps(

@@ -13,7 +13,7 @@ from rudc.errors import SimulationError
 from rudc.geometry import rectangle_corners, rectangle_gaps
 from rudc.network.polyline import arc_length, beside
 from rudc.scenario.events.stage import Body, XYHeading
-from rudc.world.ego import DRY, GRAVITY
+from rudc.world.ego import GRAVITY, grip_of
 from rudc.world.events.places import (
     ON_THE_ROAD,
     NetworkStage,
@@ -205,7 +205,7 @@ class WorldStage(NetworkStage):
     def _stopping(self, v: float) -> float:
         """m that the ego needs to stop from v m/s."""
         car, now = self.network.vehicle, self.plant.actuation
-        braking = min(-car.a_min, (DRY if now.friction is None else now.friction) * GRAVITY)
+        braking = min(-car.a_min, grip_of(now))
         late = max(v * now.lag_s - 0.5 * braking * now.lag_s**2, 0.0)  # exact unless it stops within the lag
         return v * now.delay_s + late + v * v / (2.0 * braking)
 
