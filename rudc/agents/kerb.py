@@ -7,7 +7,7 @@ corner of the ego is within NEAR of the edge, or beyond it, on that side of the 
 steering is that which follows the path.
 
 That is not enough where the ego stands on the inner side of a bend: its rear follows farther inside than
-its front. So if a corner on that side is within LOOK of the edge, it is predicted where the next WAY m lead.
+its front. So if a corner on that side is within LOOK of the edge, the next WAY m are predicted.
 If the rear would leave the road, the ego turns less now, or a little to the other side, and follows its path
 afterwards.
 """
