@@ -10,8 +10,8 @@ Compiled code is kept in the folder NUMBA_CACHE_DIR or, if that is not set, besi
 be written to, in the user's cache folder or a temporary one. The folder's name is a digest of the source of
 all kernels, since a kernel may call one of another module, and of the modules that they import, since a
 kernel holds the constants that it uses. When a new folder is made beside this module, folders of other
-versions of the source are removed if nobody has used them for a day. There is no fast-math and no parallel loop, so the
-numbers are the same with any number of workers.
+versions of the source are removed if nobody has used them for a day. There is no fast-math and no parallel
+loop, so the numbers are the same with any number of workers.
 """
 
 from __future__ import annotations
