@@ -1,4 +1,4 @@
-"""For all tests: SIGINT interrupts, and hypothesis draws the same examples every time.
+"""For all tests: SIGINT interrupts, and hypothesis draws the same examples every time and times nothing.
 
 A shell that starts them in the background has them ignore it, and every process that they start would too.
 Tables are as wide as they want to be: xdist tells its workers how wide its own terminal is. Linear algebra
@@ -9,13 +9,15 @@ has one thread, as there is a process of tests for each core. Workers find more 
 import os
 import signal
 
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 from rudc.evaluation import starting
 
 os.environ.pop("COLUMNS", None)
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
 signal.signal(signal.SIGINT, signal.default_int_handler)
-settings.register_profile("reproducible", derandomize=True)
+settings.register_profile(
+    "reproducible", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow]
+)
 settings.load_profile("reproducible")
 starting.PRELOADED = "tests.preloaded"

@@ -36,13 +36,13 @@ def gap_by_programme(a, b):
     return float(np.sqrt(2 * max(found.cost, 0.0)))
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(rectangle, rectangle)
 def test_gap_equals_quadratic_programme(a, b):
     assert gap(a, b) == pytest.approx(gap_by_programme(a, b), abs=1e-6)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(rectangle, rectangle)
 def test_separation_is_positive_where_the_gap_is_and_within_a_corner_of_it(a, b):
     away = np.array([[complex(b[0] - a[0], b[1] - a[1])]])
@@ -65,7 +65,7 @@ def test_separation_by_hand_broadcast():
     np.testing.assert_allclose(many[:, 1, 2], expected, atol=1e-12)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(rectangle, rectangle, coordinate, coordinate, angle)
 def test_gap_is_symmetric_and_survives_rigid_motion(a, b, dx, dy, turn):
     def moved(r):

@@ -274,7 +274,7 @@ def test_a_reader_who_has_had_enough_is_no_error(swept):
     reader.stdout.close()
     said = reader.stderr.read()
     reader.stderr.close()
-    reader.wait(timeout=20)
+    reader.wait(timeout=60)
     assert "Traceback" not in said
 
 
@@ -303,7 +303,7 @@ def test_ctrl_c_keeps_what_is_finished_and_leaves_with_130(tmp_path):
         assert time.monotonic() < deadline
         time.sleep(0.05)
     os.killpg(process.pid, signal.SIGINT)
-    _, said = process.communicate(timeout=30)
+    _, said = process.communicate(timeout=60)
     assert process.returncode == 130
     assert f"interrupted; what is finished is kept in {out}: add --resume to go on" in said
     assert "Traceback" not in said

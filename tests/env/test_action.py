@@ -17,7 +17,7 @@ unit = st.floats(-1, 1)
 
 @pytest.mark.parametrize("kind", ACTIONS)
 @given(x=unit, y=unit, offset=st.floats(-1, 1))
-@settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_actions_come_back_from_what_they_stand_for(make_scene, kind, x, y, offset):
     action, scene = read_action(kind), make_scene(s=20.0, offset=offset)
     u = action.physical(np.array([x, y]), scene)

@@ -241,5 +241,5 @@ def test_a_worker_that_is_told_to_end_twice_ends_without_a_word():
     for _ in range(5):
         worker.send_signal(signal.SIGTERM)
         time.sleep(0.3)
-    _, told = worker.communicate(timeout=30)
+    _, told = worker.communicate(timeout=60)
     assert (worker.returncode, told) == (0, "")

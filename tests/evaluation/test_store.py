@@ -4,7 +4,7 @@ import errno
 import os
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rudc.errors import StorageError, SweepError
@@ -45,7 +45,6 @@ def test_what_utf_8_has_no_sign_for_is_spelt_out(file):
     assert list(file.rows()) == [("ä", r"no \udcff file")]
 
 
-@settings(deadline=None)  # it writes to the disk, which may be busy
 @given(cut=st.integers(0, 60))
 def test_a_torn_file_is_whole_up_to_its_last_line_break(tmp_path_factory, cut):
     path = tmp_path_factory.mktemp("torn") / "rows.csv"

@@ -104,7 +104,7 @@ def test_an_interrupted_sweep_keeps_its_rows_and_ends_its_workers(fakes, tmp_pat
         assert process.poll() is None
         time.sleep(0.02)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the workers too
-    _, said = process.communicate(timeout=20)
+    _, said = process.communicate(timeout=60)
     assert process.returncode != 0
     assert said.count("Traceback") == 1, "workers must stay silent"
     assert 3 <= len(read_sweep(out)[0]) < 40

@@ -1,6 +1,6 @@
 """`make fuzz`: damaged inputs of every sort, and what came of them.
 
-    python -m tests.fuzz [NAME...] [--share 0.01] [--first 0.5] [--seed 0] [--out DIR] [--only 7]
+    python -m tests.fuzz [NAME...] [--share 0.01] [--first 0.5] [--seed 0] [--out DIR] [--only 7] [--most-s 2]
 
 Each input is made from its number and the seed alone, so a part of a run can be run, and any input again
 (`--only`, which keeps its files in DIR and shows what was said). DIR gets `fuzz.csv`, `fuzz.md`, `bugs.md`.
@@ -20,7 +20,7 @@ from pathlib import Path
 
 os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as commands have it; read when numpy is imported
 
-from tests.fuzz import arguments, checkpoints, networks, scenario_files, sweep_folders
+from tests.fuzz import arguments, checkpoints, networks, scenario_files, sweep_folders, trying
 from tests.fuzz.fuzzer import Fuzzer
 from tests.fuzz.trying import Attempt, attempts
 
@@ -47,9 +47,13 @@ def main() -> int:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("out/fuzz"))
     parser.add_argument(
+        "--most-s", type=float, default=trying.MOST_S, help="of processor time; more of it is a bug"
+    )
+    parser.add_argument(
         "--only", type=int, metavar="N", help="only this input of one fuzzer; its files are kept"
     )
     asked = parser.parse_args()
+    trying.MOST_S = asked.most_s
     if unknown := set(asked.names) - set(FUZZERS):
         parser.error(f"no fuzzer {', '.join(sorted(unknown))}; there are {', '.join(FUZZERS)}")
     chosen = [FUZZERS[name] for name in asked.names or FUZZERS]

@@ -36,7 +36,7 @@ def rows_of(observation: np.ndarray) -> np.ndarray:
     return observation[:, LAYOUT.vehicles_at].reshape(len(observation), LAYOUT.vehicles, LAYOUT.vehicle)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([1, 2]))
 def test_order_and_padding_do_not_matter(seed: int, layers: int) -> None:
     """Rows shuffled, absent ones among them and filled with anything: the same outputs."""

@@ -24,7 +24,7 @@ def by_pairs(predicted: np.ndarray, target: np.ndarray, kappa: float) -> np.ndar
     return loss
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.3, 1.0, 5.0]), st.sampled_from([0.5, 20.0]))
 def test_loss_is_the_sum_over_pairs(seed: int, kappa: float, spread: float) -> None:
     rng = np.random.default_rng(seed)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rudc.errors import InputError
@@ -174,7 +174,6 @@ def test_a_time_out_is_not_terminal() -> None:
     assert not any(t.terminal for t in result)
 
 
-@settings(deadline=None)
 @given(
     st.integers(1, 5),
     st.lists(st.floats(-10, 10, width=32), min_size=1, max_size=12),

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import norm
 
@@ -52,7 +52,6 @@ def test_many_decisions_at_once() -> None:
         assert together.total[i] == pytest.approx(uncertainty(z[:, i], 0.25).total)
 
 
-@settings(deadline=None)
 @given(st.lists(st.lists(st.floats(-1e3, 1e3), max_size=9), max_size=12))
 def test_percentiles_of_the_last_ones_whatever_the_portions(portions: list[list[float]]) -> None:
     window = 10

@@ -152,7 +152,7 @@ def test_a_course_comes_back_to_its_route_wherever_what_is_planned_ends(before_t
     assert on_the_road(network, course, start, course.length - BODY.length)
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.lists(
         st.tuples(st.floats(-20.0, 40.0), st.floats(-4.0, 4.0), st.floats(-math.pi, math.pi)),

@@ -99,7 +99,7 @@ def test_a_movement_is_major_only_if_it_yields_to_nobody():
 
 
 @pytest.mark.parametrize("name", NETWORKS)
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(data=st.data())
 def test_a_place_on_a_lane_is_where_it_was_put(name, data):
     network = load_network(name)

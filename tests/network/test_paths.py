@@ -59,7 +59,7 @@ def test_a_lane_without_a_way_stands_for_the_nearest_that_has_one():
     assert network.paths.locate("south", "west", "north_in_0", 3.0) == (-1, 0.0)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 15), st.floats(-30.0, 300.0))
 def test_pose_interpolates_and_goes_straight_on(row, s):
     paths = load_network("four_way").paths

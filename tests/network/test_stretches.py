@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rudc.data import data_folder
@@ -19,7 +19,6 @@ def inner_lanes(network: Network) -> dict[str, str]:
     return {name: named[name].lane.id for name in named.keys() - network.lane_names.keys()}
 
 
-@settings(deadline=None)
 @given(st.data())
 def test_every_lane_inside_is_on_the_road_and_runs_in_driving_direction(data):
     network = load_network(data.draw(st.sampled_from(sorted(shipped_networks()))))

@@ -72,7 +72,7 @@ def least_margin(filter: SafetyFilter, scene: Any, u: np.ndarray) -> float:
     ),
     u=np.zeros(2),
 )
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_bounds_and_least_change(filter: SafetyFilter, scene: Any, u: np.ndarray) -> None:
     answer = filter.filter(scene, u)
     limit = EGO.delta_max
@@ -99,7 +99,7 @@ def test_bounds_and_least_change(filter: SafetyFilter, scene: Any, u: np.ndarray
 
 
 @given(scene=scenes, u=actions)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_the_same_question_has_the_same_answer(scene: Any, u: np.ndarray) -> None:
     """A warm solver remembers no earlier problem."""
     fresh = SafetyFilter(CONFIGS[0]).filter(scene, u)

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rudc.errors import InputError
@@ -29,20 +29,17 @@ def test_by_hand() -> None:
     assert [slack(s) for s in (0.0, 10.0, 11.0, 12.0, 14.0)] == [5.0, 0.0, -0.5, -1.0, -3.0]
 
 
-@settings(deadline=None)
 @given(SLACKS, SIGMA, st.floats(1e-3, 10))
 def test_strictly_decreasing(slack: Slack, sigma: float, more: float) -> None:
     assert slack(sigma + more) < slack(sigma)
 
 
-@settings(deadline=None)
 @given(SLACKS)
 def test_continuous_where_the_slope_doubles(slack: Slack) -> None:
     below = slack(math.nextafter(slack.high, -math.inf))
     assert below == pytest.approx(slack(slack.high), abs=1e-9)
 
 
-@settings(deadline=None)
 @given(SLACKS, st.floats(0, 1), st.floats(0.1, 20))
 def test_slopes(slack: Slack, share: float, step: float) -> None:
     beyond = (slack(slack.high + step) - slack(slack.high)) / step
@@ -64,7 +61,6 @@ def test_wrong_ones_are_refused(eta: float, low: float, high: float) -> None:
 HEIGHT = st.floats(-50, 50)
 
 
-@settings(deadline=None)
 @given(st.floats(-20, 20), HEIGHT, st.floats(1, 10))
 def test_a_rate_has_the_sign_of_delta_whatever_h_is(delta: float, h: float, most: float) -> None:
     (k,) = rate_factor(delta, np.array([h]), most)
@@ -74,7 +70,6 @@ def test_a_rate_has_the_sign_of_delta_whatever_h_is(delta: float, h: float, most
     assert rate_factor(delta, np.zeros(1), most)[0] * 0.0 == 0.0
 
 
-@settings(deadline=None)
 @given(st.floats(-5, 5), HEIGHT, st.floats(1e-3, 5), st.floats(1, 10))
 def test_a_rate_is_a_class_k_function_of_h(delta: float, h: float, more: float, most: float) -> None:
     low, high = rate_factor(delta, np.array([h, h + more]), most) * [h, h + more]

@@ -24,7 +24,7 @@ def nearest(ego, *others):
     return nearest_of(state, body, names, rows[:, :2], rows[:, 2], rows[:, 3:])[0]
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(rectangle, rectangle)
 @example((0, 0, 0, 5, 2), (5, 0, 0, 5, 2))  # they touch
 @example((0, 0, 0, 5, 2), (0, 0, 1, 0.3, 0.3))  # one lies in the other
@@ -34,7 +34,7 @@ def test_gap_is_the_vectorised_one(a, b):
     assert nearest(b, a).gap == pytest.approx(expected, abs=1e-9)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(
     st.lists(st.tuples(st.floats(-40, 40), st.floats(-40, 40), angle, length, length), max_size=9),
     st.floats(0, 9),

@@ -56,7 +56,7 @@ def plant_at(x, y, psi, v, actuation=None):
     return plant
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(headings, st.floats(2.0, 11.0), commands)
 def test_follows_the_bicycle_model(psi, v, inputs):
     plant = plant_at(3.0, -2.0, psi, v)
@@ -74,7 +74,7 @@ def test_follows_the_bicycle_model(psi, v, inputs):
     assert state.steering == delta
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.floats(3.0, 10.0), st.floats(0.05, 0.8), commands)
 def test_follows_commands_with_a_first_order_lag(v, lag, inputs):
     plant = plant_at(0.0, 0.0, 0.4, v, Actuation(lag_s=lag, friction=GRIPS))
@@ -150,7 +150,7 @@ def test_commands_arrive_late():
     assert plant.step(-3.0, 0.1, DT).acceleration == 0.0, "a reset forgets the commands on their way"
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(speeds, st.floats(0.05, 1.0), accelerations, angles)
 def test_friction_bounds_the_total_acceleration(v, mu, a, delta):
     plant = plant_at(0.0, 0.0, 0.0, v, Actuation(friction=mu))
@@ -195,7 +195,7 @@ def test_braking_takes_longer_on_ice():
     assert on_ice.v == 0.0
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(speeds, accelerations, angles)
 def test_two_half_steps_are_one_step(v, a, delta):
     one, two = plant_at(0, 0, 0.7, v), plant_at(0, 0, 0.7, v)
@@ -207,7 +207,7 @@ def test_two_half_steps_are_one_step(v, a, delta):
     )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.floats(1.0, 12.0), headings, accelerations, angles)
 def test_what_somebody_else_did_is_told_from_the_states(v, psi, a, delta):
     plant = plant_at(0.0, 0.0, psi, v)
