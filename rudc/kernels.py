@@ -2,8 +2,9 @@
 
 On arrays of ten numbers, numpy spends most of its time on the call itself, and each decision would make many
 such calls. A kernel does the same work in loops, in one call. Kernels are in modules whose names end in
-`kernels.py`. The first call of any kernel imports numba and compiles all kernels (half a minute if this
-machine has none of them yet) or loads them (most of a second). So a command that never drives waits for
+`kernels.py`. The first call of any kernel imports numba and compiles kernels (half a minute if this machine
+has none of them yet) or loads them (most of a second): all that modules other than those of kernels have
+imported. What only other kernels call is in their machine code. So a command that never drives waits for
 neither. Within `as_written`, kernels run uncompiled, which is faster for a few calls.
 
 Compiled code is kept in the folder NUMBA_CACHE_DIR or, if that is not set, beside this module; if neither can
@@ -26,9 +27,10 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache, update_wrapper
 from pathlib import Path
+from types import CodeType
 from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -107,54 +109,71 @@ class _StandIn:
         if self.compiled is None:
             if _uncompiled:
                 return self.written(*arguments)
-            load_kernels()
+            load_kernels(self)
         assert self.compiled is not None
         return self.compiled(*arguments)
 
 
+Place = tuple[dict[str, Any], str]
+"""a module's namespace, and a name in it"""
 _loading = threading.RLock()
 """held by the thread that loads kernels"""
 _waiting: list[_StandIn] = []
 """kernels that are defined but not yet compiled, callees first"""
-_loaded = False
-"""whether kernels were loaded: from then on, a kernel is compiled where it is defined"""
 _uncompiled = False
 
 
 def kernel(function: Callable[..., Result]) -> Callable[..., Result]:
     """Make a function a kernel for its annotated types. Division by 0 gives inf or nan, as in numpy."""
-    if _loaded:
-        return _compiled(function)
     _waiting.append(_StandIn(function))
     return _waiting[-1]
 
 
-def load_kernels() -> None:
-    """Compile or load all kernels defined so far, and put them in the places of their stand-ins. After an
-    interruption, the next call goes on with the rest.
+def load_kernels(called: Callable[..., Any] | None = None, *, everything: bool = False) -> None:
+    """Compile or load kernels, and put them in the places of their stand-ins: those that RUDC's modules have
+    imported so far, and `called`; or `everything` defined so far. After an interruption, the next call goes
+    on with the rest.
     """
     with _loading:
-        _load_waiting()
+        ours = {name: vars(module) for name, module in [*sys.modules.items()] if name.split(".")[0] == "rudc"}
+        spaces = {id(space): space for space in (*ours.values(), *(k.written.__globals__ for k in _waiting))}
+        callers = {id(space) for name, space in ours.items() if not name.endswith("kernels")}
+        places, imported = dict[int, list[Place]](), set[int]()
+        for key, space in spaces.items():
+            for name, value in space.items():
+                if isinstance(value, _StandIn):
+                    places.setdefault(id(value), []).append((space, name))
+                    imported |= {id(value)} if key in callers else set()
+        for stand_in in [k for k in _waiting if everything or k is called or id(k) in imported]:
+            _load(stand_in, places)
 
 
-def _load_waiting() -> None:
-    global _loaded
-    _loaded = True
-    ours = [vars(module) for name, module in [*sys.modules.items()] if name.partition(".")[0] == "rudc"]
-    spaces = {id(space): space for space in (*ours, *(found.written.__globals__ for found in _waiting))}
-    names = [
-        (space, name, value)
-        for space in spaces.values()
-        for name, value in space.items()
-        if isinstance(value, _StandIn)
-    ]
-    while _waiting:
-        stand_in = _waiting[0]
-        stand_in.compiled = _compiled(stand_in.written)
-        _waiting.pop(0)
-        for space, name, value in names:
-            if value is stand_in:
-                space[name] = stand_in.compiled
+def _load(stand_in: _StandIn, places: Mapping[int, list[Place]]) -> None:
+    """Load one kernel, and put it in its `places`, which are those of all stand-ins by id."""
+    if stand_in.compiled is not None:
+        return
+    from numba.core.errors import TypingError
+
+    try:
+        compiled = _compiled(stand_in.written)
+    except TypingError:  # it was never compiled here, and kernels that it calls are not loaded
+        used = map(stand_in.written.__globals__.get, _names(stand_in.written.__code__))
+        callees = [value for value in used if isinstance(value, _StandIn)]
+        if not callees:
+            raise
+        for callee in callees:
+            _load(callee, places)
+        compiled = _compiled(stand_in.written)
+    stand_in.compiled = compiled
+    _waiting.remove(stand_in)
+    for space, name in places.get(id(stand_in), ()):
+        space[name] = compiled
+
+
+def _names(code: CodeType) -> set[str]:
+    """Names of what a function uses of its module."""
+    inner = [part for part in code.co_consts if isinstance(part, CodeType)]
+    return {*code.co_names}.union(*map(_names, inner))
 
 
 @contextlib.contextmanager

@@ -28,12 +28,14 @@ KERNELS = (
 """modules whose import loads all kernels, those of the modules that they import included"""
 
 
-def compile_kernels() -> None:
-    """Load all kernels: half a minute the first time, most of a second later."""
+def compile_kernels(*, everything: bool = False) -> None:
+    """Compile, half a minute the first time, or load, most of a second later, the kernels that RUDC's modules
+    have imported so far, or `everything`, also what only kernels call.
+    """
     for module in KERNELS:
         import_module(module)
-    load_kernels()
+    load_kernels(everything=everything)
 
 
 if __name__ == "__main__":
-    compile_kernels()
+    compile_kernels(everything=True)

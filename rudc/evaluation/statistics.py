@@ -27,7 +27,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import bdtr, stdtrit
 
 from rudc.arrays import Array, Flags
 
@@ -107,6 +106,8 @@ def student(values: Array, over: Array | None = None) -> tuple[float, float]:
     n = len(values)
     if n < 2 or ((values == values[0]).all() and (over is None or (over == over[0]).all())):
         return math.nan, math.nan
+    from scipy.special import stdtrit  # loads slowly
+
     return _around_mean(values, over, float(stdtrit(n - 1, 0.975)))
 
 
@@ -161,6 +162,8 @@ def mcnemar(more: int, less: int) -> float:
     """p of McNemar's exact test: how likely is a split as uneven as `more` to `less`, if both were equally
     likely; 1 without either.
     """
+    from scipy.special import bdtr  # loads slowly
+
     return min(2.0 * float(bdtr(min(more, less), more + less, 0.5)), 1.0)
 
 

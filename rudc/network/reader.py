@@ -310,20 +310,25 @@ def _internal_lanes(net: Any, connection: Any) -> list[Any]:
 
 
 def _follow(net: Any, lane: Any, edges: tuple[Any, ...], *, back: bool) -> list[Any]:
-    """The lane and those that continue it outwards on the arm's edges, with the lanes inside nodes
+    """The lane and those for cars that continue it outwards on the arm's edges, with the lanes inside nodes
     between."""
     ids = {edge.getID() for edge in edges}
     chain = [lane]
     while True:
         links = _links_into(chain[0]) if back else chain[-1].getOutgoing()
-        links = [c for c in links if (c.getFrom() if back else c.getTo()).getID() in ids]
-        if not links:
+        further = [(c, c.getFromLane() if back else c.getToLane()) for c in links if _is_usable(c)]
+        further = [(c, on) for c, on in further if on.getEdge().getID() in ids and _is_usable(on)]
+        if not further:
             return chain
-        link = min(links, key=lambda c: abs(c.getFromLane().getIndex() - c.getToLane().getIndex()))
-        if (link.getFromLane() if back else link.getToLane()) in chain:
+        link, onto = min(further, key=lambda way: _lanes_aside(way[0]))
+        if onto in chain:
             raise NetworkError(f"the road goes round in a circle at lane {chain[0 if back else -1].getID()}")
         between = _internal_lanes(net, link)
-        chain = [link.getFromLane(), *between, *chain] if back else [*chain, *between, link.getToLane()]
+        chain = [onto, *between, *chain] if back else [*chain, *between, onto]
+
+
+def _lanes_aside(link: Any) -> int:
+    return abs(link.getFromLane().getIndex() - link.getToLane().getIndex())
 
 
 def _links_into(lane: Any) -> list[Any]:

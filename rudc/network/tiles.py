@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.ndimage import binary_dilation
 from scipy.spatial import KDTree
 
 from rudc.arrays import Array, Flags
@@ -132,8 +131,7 @@ class TileMaker:
         polygons = [self._polygons[k] for k in np.flatnonzero(reach).tolist()]
         drivable = in_any(polygons, points)
         grid = drivable.reshape(side, side)
-        dilated = np.asarray(binary_dilation(grid, iterations=HALO), dtype=bool)
-        beside = np.flatnonzero(dilated.ravel() & ~drivable)
+        beside = np.flatnonzero(_dilated(grid).ravel() & ~drivable)
         angles = np.arange(0.0, np.pi, np.pi / 4)
         steps = GAP * np.column_stack([np.cos(angles), np.sin(angles)])
         sides = points[beside] + np.array([steps, -steps])[:, :, None]  # (2, 4, n, 2)
@@ -153,6 +151,16 @@ class TileMaker:
             _, nearest = KDTree(dense).query(points[hit])
             direction[hit] = headings(dense)[nearest]
         return direction
+
+
+def _dilated(grid: Flags) -> Flags:
+    """(n, n) True also at points from which HALO steps to points beside lead to a True one of the grid
+    (n, n).
+    """
+    for _ in range(HALO):
+        wide = np.pad(grid, 1)
+        grid = wide[1:-1, 1:-1] | wide[:-2, 1:-1] | wide[2:, 1:-1] | wide[1:-1, :-2] | wide[1:-1, 2:]
+    return grid
 
 
 def _raster(corner: Array, side: int) -> Array:

@@ -14,10 +14,10 @@ layer looks only at pairs of an SV and
         vehicles wait in places that others, above all long ones, sweep over.
 
 An ego that waits where it should (before its stop line, or at its waiting point inside the junction) is in
-nobody's way, unless it stands beside its path there. SVs that queue behind it before the stop line are left
-to SUMO, unless its front is BESIDE_M beside its path: SUMO takes a vehicle to be on the lane of its front
-bumper alone. Inside the junction they are not left to SUMO either, since there SUMO does not see the rear of
-a vehicle that drives another way.
+nobody's way, unless it stands beside its path there. SVs behind it before the stop line or beyond the
+junction are left to SUMO, unless its front is BESIDE_M beside its path: SUMO takes a vehicle to be on the
+lane of its front bumper alone. Inside the junction they are not left to SUMO either, since there SUMO does
+not see the rear of a vehicle that drives another way.
 
 SVs are predicted along their own lanes at constant speed, the ego along its reference path (straight ahead
 when it is off this path), each in steps of 0.25 s. The SVs' rectangles are slightly enlarged. An SV that must
@@ -51,7 +51,8 @@ from rudc.world.yielding_kernels import (
 BRAKE_MOST = 9.0
 """m/s2, on a dry road"""
 PAST_M = 3.0
-"""m beyond the junction from which on the ego's rear counts as that of any other vehicle in its lane"""
+"""m beyond the junction from which on the ego's rear counts as that of any other vehicle in its lane, unless
+its front is beside its path"""
 BESIDE_M = 1.0
 """m: less than half a narrow lane"""
 
@@ -121,14 +122,14 @@ def _heeding(scene: Scene, stray: bool) -> Flags | None:
     ego, half, route, paths = scene.ego, 0.5 * scene.vehicle.length, scene.route, scene.network.paths
     heeds = np.ones(paths.count, dtype=np.bool_)
     if not stray:
-        if scene.ego_s - half > route.exit_s + PAST_M:
+        front, stands, beside = scene.ego_s + half, ego.v < LINGERS, _front_offset(scene) > BESIDE_M
+        if scene.ego_s - half > route.exit_s + PAST_M and not beside:
             return None
-        front, stands = scene.ego_s + half, ego.v < LINGERS
         if front <= route.waiting_s + 1.0:  # it waits: only SVs that it blocks or that owe it the way heed it
             behind = paths.origin == paths.origin[route.row]
             owe = paths.yields[:, route.row] & ~scene.network.yields_on_entering(route.row)
             heeds = ~behind if stands else owe
-            if front > route.stop_line_s or _front_offset(scene) > BESIDE_M:
+            if front > route.stop_line_s or beside:
                 heeds = heeds | behind
             if not heeds.any():
                 return None

@@ -156,6 +156,32 @@ def test_one_way_arms_and_lanes_for_others_are_understood(tmp_path):
 
 
 @needs_netconvert
+@pytest.mark.parametrize("closed", ["lane", "connection"])
+def test_the_way_on_leads_over_lanes_for_cars(tmp_path, closed):
+    """A bus bay, to which the lane before it leads straight on."""
+    nodes = {**CROSS, "m": (60, 0), "k": (90, 0), "e": (150, 0)}
+    edges = [edge for pair in (("c", "n"), ("c", "s"), ("c", "w")) for edge in both_ways(*pair)]
+    edges += [("e_c", "e", "c", 'numLanes="1"'), ("c_m", "c", "m", 'numLanes="1"')]
+    edges += [("m_k", "m", "k", 'numLanes="2"'), ("k_e", "k", "e", 'numLanes="1"')]
+    links = [("c_m", "m_k", 0, 0), ("c_m", "m_k", 0, 1), ("m_k", "k_e", 0, 0), ("m_k", "k_e", 1, 0)]
+    told = "".join(f'<connection from="{a}" to="{b}" fromLane="{i}" toLane="{j}"/>' for a, b, i, j in links)
+    file = build(tmp_path, nodes, edges, told)
+    text = file.read_text()
+    if closed == "lane":
+        text = text.replace('<lane id="m_k_0"', '<lane id="m_k_0" allow="bus"')
+    else:
+        text = text.replace(
+            'to="m_k" fromLane="0" toLane="0"', 'to="m_k" fromLane="0" toLane="0" allow="bus"'
+        )
+    file.write_text(text)
+    network = load_network(file)
+    assert network.arm("east").out_edges == ("c_m", "m_k", "k_e")
+    (row,) = network.movement("west", "east").rows
+    assert "m_k_1" in network.paths.lane_ids[row]
+    assert "m_k_0" not in network.paths.lane_ids[row]
+
+
+@needs_netconvert
 def test_arms_in_one_direction_carry_their_edges_name(tmp_path):
     nodes = {"c": (0, 0), "a": (100, 8), "b": (100, -38), "w": (-100, 0)}
     edges = [edge for pair in (("c", "a"), ("c", "b"), ("c", "w")) for edge in both_ways(*pair)]

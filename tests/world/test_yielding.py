@@ -155,6 +155,17 @@ def test_who_stands_lets_one_who_walks_close_by_pass_first(make_scene, four_way)
     assert must_yield(make_scene(car, away)).rows == []
 
 
+@pytest.mark.parametrize(("turned", "brakes"), [(0.34, True), (0.0, False)])
+def test_sees_it_beyond_the_junction_too(make_scene, four_way, turned, brakes):
+    row, route = row_of(four_way, "south", "straight"), four_way.route("south", "straight")
+    front = route.exit_s - route.stop_line_s + 12.0
+    behind = {"row": row, "s": route.exit_s - 1.0, "v": 4.0}
+    scene = make_scene(behind, turn="straight", front=front, v=0.0)
+    ego = replace(scene.ego, x=scene.ego.x - 0.5, psi=scene.ego.psi + turned)
+    found = must_yield(replace(scene, ego=ego, ego_offset=0.5))
+    assert found.rows == [0] * brakes
+
+
 def test_sees_the_rear_of_an_ego_that_stands_in_the_junction_and_goes_another_way(make_scene, four_way):
     """SUMO does not: on a lane that branches off there it would drive into that corner."""
     beside, behind = four_way.movement("south", "straight").rows
