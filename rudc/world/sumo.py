@@ -292,6 +292,11 @@ class Sumo:
         """Speed m/s and acceleration m/s2 of a vehicle."""
         return libsumo.vehicle.getSpeed(vehicle), libsumo.vehicle.getAcceleration(vehicle)
 
+    @_to("say how long a vehicle has stood")
+    def stood(self, vehicle: str) -> float:
+        """How long a vehicle has stood, s; 0 if it moves or is gone."""
+        return libsumo.vehicle.getWaitingTime(vehicle) if vehicle in libsumo.vehicle.getIDList() else 0.0
+
     @_to("say how long a vehicle is")
     def length(self, vehicle: str) -> float:
         """Length of a vehicle, m."""

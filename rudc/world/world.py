@@ -27,7 +27,7 @@ from rudc.world.contact import NOTHING, Nearest, nearest_of, survey
 from rudc.world.detours import Detours
 from rudc.world.ego import EgoPlant, realised, within_limits
 from rudc.world.events import Happening, Script, WorldStage
-from rudc.world.fault import Collision, judge
+from rudc.world.fault import IN_SIGHT_S, Collision, judge
 from rudc.world.kernels import largest
 from rudc.world.lane_keeping import LaneKeeping
 from rudc.world.perception import Sensors
@@ -338,10 +338,9 @@ class World:
 
     def _collision(self, hit: str, scene: Scene, before: Scene) -> Collision:
         """The collision, judged in the scene after the contact, or in the one before if the other is gone."""
-        if hit not in scene.ids:
-            scene = before
-        index = scene.ids.index(hit)
-        fault = judge(scene, index, hit in self.stage.unlawful, hit in self._held, hit in self.stage.sudden)
+        scene = scene if hit in scene.ids else before
+        index, held = scene.ids.index(hit), hit in self._held and self._sumo.stood(hit) < IN_SIGHT_S
+        fault = judge(scene, index, hit in self.stage.unlawful, held, hit in self.stage.sudden)
         return Collision(hit, Kind(scene.kind[index]), fault)
 
     # ---- after the sub-steps

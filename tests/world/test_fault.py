@@ -11,8 +11,10 @@ from rudc.env.episode import Episode
 from rudc.evaluation.rollout import run_episode
 from rudc.network.network import load_network
 from rudc.scenario import load_scenario
-from rudc.world.fault import judge
+from rudc.world.fault import IN_SIGHT_S, judge
 from rudc.world.scene import Kind
+from tests.benchmarks.yielding import awkward_poses, fair_moment
+from tests.plans import PlanSource
 
 
 def beside(scene, ahead, left, turned):
@@ -141,3 +143,20 @@ def test_in_a_roundabout_who_enters_owes_the_way_to_who_is_in_it(make_scene):
 
     assert fault(beyond=4.0, its=30.0) == "ego"
     assert fault(beyond=30.0, its=4.0) == "other"
+
+
+def test_who_stands_in_sight_for_a_while_does_so_by_itself(four_way, world):
+    """The yielding layer holds a car before an ego that stands across its way; the ego then hits it."""
+    world.reset(PlanSource(density=30.0, origin="west", turn="straight", speed=(0.0, 0.0)).plan(0))
+    pose, faults = awkward_poses(four_way, "west")["in the junction, at 45 degrees"], set()
+    assert fair_moment(world, pose)
+    world.put_ego(*pose)
+    for _ in range(150):
+        world.advance(np.zeros(2))
+        scene = world.scene()
+        moving = replace(scene, ego=replace(scene.ego, v=3.0))
+        for name in world._held.intersection(scene.ids):
+            stood = world._sumo.stood(name)
+            if stood > 0.0:
+                faults.add((stood < IN_SIGHT_S, world._collision(name, moving, moving).fault))
+    assert faults == {(True, "shared"), (False, "ego")}
