@@ -94,6 +94,9 @@ class _Site(NetworkStage):
         self, name: str, body: Body, way: Array, speed: float, late_m: float = 0.0, beyond_m: float = 0.0
     ) -> None: ...
 
+    def has_room(self, body: Body, way: Array, speed: float) -> bool:
+        return True
+
     def remove_things(self, event: str) -> None: ...
 
     def hide_behind(self, place: XYHeading, size: tuple[float, float]) -> None:

@@ -35,6 +35,8 @@ WALKING_PACE = 2.0
 """m/s, an ego slower than this is taken to be about to stop: a driver stops before it"""
 SAME_WAY = math.cos(math.pi / 4)
 """cosine of the angle between their headings, above which a prop drives behind another as in a column"""
+LATE_S = 0.7
+"""s until others brake for a prop that appears: one pass of the yielding layer, and a little more"""
 MORE_M = 0.1
 """m that must be free beyond the room a prop has made by going back, before it goes on"""
 
@@ -140,15 +142,22 @@ class Prop:
             return reach + (self._stepped_back + MORE_M if back else 0.0)
         return max(reach, DRIVER_BACK_M + MORE_M) if back else reach
 
-    def _is_free(self, scene: Scene, reach: float) -> bool:
+    def has_room(self, scene: Scene) -> bool:
+        """Whether it can appear: nobody is where it is and where it needs to stop, nor must come there, even
+        if the others notice it LATE_S later.
+        """
+        return self._is_free(scene, self._needed(), LATE_S)
+
+    def _is_free(self, scene: Scene, reach: float, late_s: float = 0.0) -> bool:
         """Whether `reach` m of its way before its front are free (behind its rear if negative).
 
         For a driver: free of things that stand, of SVs and of props that go the same way on all the way that
-        they need to stop, and of an ego for which it stops. For a pedestrian: free of everything that is
-        there now.
+        they need to stop, after `late_s` s in which they drive on, and of an ego for which it stops. If
+        `late_s` is not 0, the room that it takes itself must be free too. For a pedestrian: free of
+        everything that is there now.
         """
-        walks = self._walks
-        middle, reach = 0.5 * (math.copysign(self.length, reach) + reach), abs(reach)
+        walks, own = self._walks, self.length if late_s else 0.0
+        middle, reach = 0.5 * (math.copysign(self.length, reach) + reach - own), abs(reach) + own
         box = (*self.pose(middle), reach, self.width)
         ego, body = scene.ego, scene.vehicle
         if walks or ego.v < WALKING_PACE or self.speed <= 0.0 or self._stepped_back > 0.0:
@@ -156,7 +165,7 @@ class Prop:
             if (rectangle_gaps(*box, here, facing, np.array([[body.length, body.width]])) == 0.0).any():
                 return False
         speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
-        way = np.zeros_like(speed) if walks else speed**2 / (2 * self._braking)
+        way = np.zeros_like(speed) if walks else speed * late_s + speed**2 / (2 * self._braking)
         heeded = np.array([name != self.name for name in scene.ids], dtype=bool)
         if not walks:
             same_way = np.cos(scene.heading - box[2]) > SAME_WAY

@@ -210,3 +210,23 @@ def test_a_place_that_its_way_names_twice_turns_nobody():
     way = np.array([[0.0, 0.0], [0.0, 0.0], [0.0, 10.0]])
     driver = Prop("driver", Kind.CAR, (5.0, 1.8), way, wanted=5.0)
     assert driver.pose(-3.0) == pytest.approx((0.0, -3.0, math.pi / 2))
+
+
+@pytest.mark.parametrize(
+    ("other", "room"),
+    [
+        ({"at": (18.0, 100.0, math.pi), "v": 8.0}, False),
+        ({"at": (26.0, 100.0, math.pi), "v": 8.0}, True),
+        ({"at": (18.0, 100.0, math.pi), "v": 2.0}, True),
+        ({"at": (-8.0, 100.0, 0.0), "v": 8.0}, False),
+        ({"at": (-8.0, 100.0, math.pi), "v": 8.0}, True),
+        ({"at": (1.0, 100.0, 0.0)}, False),
+        ({"at": (18.0, 104.0, math.pi), "v": 8.0}, True),
+    ],
+    ids=["oncoming", "far", "slow", "from behind", "drives off", "stands there", "beside"],
+)
+def test_there_is_room_where_all_can_stop(make_scene, other, room):
+    """An oncoming car at 8 m/s goes 5.6 m until it brakes, and 5.3 m until it stands; the prop needs 3.8 m."""
+    prop = car(np.array([[0.0, 100.0], [60.0, 100.0]]))
+    scene = replace(make_scene(other), path=np.array([0]))
+    assert prop.has_room(scene) == room

@@ -143,6 +143,11 @@ class Stage(ABC):
         before the way's begin, and is gone `beyond_m` m beyond its end."""
 
     @abstractmethod
+    def has_room(self, body: Body, way: NDArray[np.float64], speed: float) -> bool:
+        """Whether something that appears where a way (K, 2) m begins, and drives along it at speed m/s, and
+        the surrounding vehicles can still stop before each other. The ego is not asked."""
+
+    @abstractmethod
     def remove_things(self, event: str) -> None:
         """Take away what the event of that name has put on the road: what is called `EVENT:...`."""
 

@@ -22,7 +22,7 @@ class WrongWay(Event, frozen=True):
     """lane it drives along; on ARM_out_INDEX it comes towards the junction, and from inside the junction it
     drives out by the arm from which the lane comes"""
     at: Metre
-    """m from the junction along the lane, where its centre appears"""
+    """m from the junction along the lane, where its centre appears, once traffic there can stop before it"""
     speed: MovingSpeed = Constant(value=6.0)
     """m/s; it stops for what stands in its way and for an ego below 2 m/s, not for a faster one"""
     type: VehicleType = "car"
@@ -33,8 +33,11 @@ class WrongWayEffect(Effect[WrongWay]):
     """It drives along a lane against the lane's direction, and straight on beyond the lane's beginning."""
 
     def begin(self, stage: Stage) -> bool:
-        way = stage.against_lane(self.event.lane, float(self.event.at))
-        stage.send(f"{self.name}:0", self.event.type, way, float(self.event.speed))
+        event, speed = self.event, float(self.event.speed)
+        way = stage.against_lane(event.lane, float(event.at))
+        if not stage.has_room(event.type, way, speed):
+            return False
+        stage.send(f"{self.name}:0", event.type, way, speed)
         stage.unlawful.add(f"{self.name}:0")
         return True
 

@@ -212,9 +212,17 @@ class WorldStage(NetworkStage):
     def send(
         self, name: str, body: Body, way: Array, speed: float, late_m: float = 0.0, beyond_m: float = 0.0
     ) -> None:
-        prop = Prop(name, Kind[body.upper()], size_of(body), way, wanted=speed)
-        prop.travelled, prop.beyond_m, prop.grip = -late_m, beyond_m, self.traffic.grip
+        prop = self._prop(name, body, way, speed)
+        prop.travelled, prop.beyond_m = -late_m, beyond_m
         self.props.append(prop)
+
+    def has_room(self, body: Body, way: Array, speed: float) -> bool:
+        return self.scene is None or self._prop("", body, way, speed).has_room(self.scene)
+
+    def _prop(self, name: str, body: Body, way: Array, speed: float) -> Prop:
+        prop = Prop(name, Kind[body.upper()], size_of(body), way, wanted=speed)
+        prop.grip = self.traffic.grip
+        return prop
 
     def things_of(self, event: str) -> frozenset[str]:
         """Names of the things that an event has put on the road and that are still there."""
