@@ -60,6 +60,21 @@ def test_when_an_event_was_seen_first(world, four_way):
     ]
 
 
+def test_who_was_seen_is_said_to_have_been_also_when_it_has_left(world):
+    runner = event("pedestrian_crossing", arm="north", speed=8.0)
+    source = replace(CALM, density=0.0, origin="south", turn="straight", distance=(20.0, 20.0))
+    world.reset(replace(source, events=(runner,)).plan(0))
+    world.perceived()
+    for _ in range(40):
+        world.advance(STAND)
+        world.perceived()
+    (gone,) = world.happenings()
+    assert not gone.bodies
+    assert event_lines(world.plan, (gone,)) == [
+        f"1 (events.0) pedestrian_crossing: from the start, seen by the ego at {gone.visible_s:.1f} s"
+    ]
+
+
 def test_event_lines_say_why_something_is_not_there(world):
     scenario = load_scenario("perfect_storm", {"traffic.density": 0, "events.3.when.probability": 0})
     world.reset(scenario.plan(0))

@@ -34,7 +34,7 @@ def _line(number: int, happening: Happening) -> str:
     over = ", over" if happening.is_over else ""
     if happening.visible_s is None:
         return f"{head}: {since}{over}, not seen by the ego"
-    seen = f", seen by the ego at {happening.visible_s:.1f} s" if happening.bodies else ""
+    seen = "" if happening.felt else f", seen by the ego at {happening.visible_s:.1f} s"
     return f"{head}: {since}{over}{seen}"
 
 

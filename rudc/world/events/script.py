@@ -29,6 +29,8 @@ class Happening(NamedTuple):
     is_over: bool
     bodies: frozenset[str]
     """names, as in `Scene.ids`, of the vehicles that it has acted on so far and of its things on the road"""
+    felt: bool
+    """whether it has no body, and the ego feels it as soon as it begins"""
 
 
 class Script:
@@ -80,6 +82,7 @@ class Script:
                 self._visible.get(effect.name),
                 effect.name in self._begun and effect not in self._active,
                 self._bodies(effect),
+                effect.felt,
             )
             for effect in self._effects
         )
