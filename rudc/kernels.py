@@ -27,6 +27,7 @@ import sys
 import tempfile
 import threading
 import time
+import zlib
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache, update_wrapper
 from pathlib import Path
@@ -129,10 +130,12 @@ def kernel(function: Callable[..., Result]) -> Callable[..., Result]:
     return _waiting[-1]
 
 
-def load_kernels(called: Callable[..., Any] | None = None, *, everything: bool = False) -> None:
+def load_kernels(
+    called: Callable[..., Any] | None = None, *, everything: bool = False, last_first: bool = False
+) -> None:
     """Compile or load kernels, and put them in the places of their stand-ins: those that RUDC's modules have
-    imported so far, and `called`; or `everything` defined so far. After an interruption, the next call goes
-    on with the rest.
+    imported so far, and `called`; or `everything` defined so far, in that order or the `last_first`. After an
+    interruption, the next call goes on with the rest.
     """
     with _loading:
         ours = {name: vars(module) for name, module in [*sys.modules.items()] if name.split(".")[0] == "rudc"}
@@ -144,7 +147,8 @@ def load_kernels(called: Callable[..., Any] | None = None, *, everything: bool =
                 if isinstance(value, _StandIn):
                     places.setdefault(id(value), []).append((space, name))
                     imported |= {id(value)} if key in callers else set()
-        for stand_in in [k for k in _waiting if everything or k is called or id(k) in imported]:
+        wanted = [k for k in _waiting if everything or k is called or id(k) in imported]
+        for stand_in in reversed(wanted) if last_first else wanted:
             _load(stand_in, places)
 
 
@@ -198,23 +202,24 @@ def _compiled(function: Callable[..., Result]) -> Callable[..., Result]:
     signature = result(*[_type_of(hint) for hint in hints.values()])
     before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, _folder()  # type: ignore[attr-defined]
     try:
-        with _alone():
+        with _alone(function):
             return numba.njit(signature, cache=True, error_model="numpy")(function)
     finally:
         numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
 
 
 @contextlib.contextmanager
-def _alone() -> Iterator[None]:
-    """Within the block no other process compiles. If two need a kernel at once, one compiles it and the other
-    loads it.
+def _alone(function: Callable[..., Any]) -> Iterator[None]:
+    """Within the block no other process compiles this kernel. If two need it at once, one compiles it and the
+    other loads it.
     """
     with contextlib.ExitStack() as held:
         with contextlib.suppress(ImportError, OSError):  # no such locks on Windows
             import fcntl
 
             file = held.enter_context(open(Path(_folder()) / "lock", "a", encoding="utf-8"))
-            fcntl.flock(file, fcntl.LOCK_EX)
+            place = zlib.crc32(f"{function.__module__}.{function.__qualname__}".encode())
+            fcntl.lockf(file, fcntl.LOCK_EX, 1, place)  # a byte of the file, also beyond its end
         yield
 
 

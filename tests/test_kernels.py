@@ -165,6 +165,29 @@ for thread in threads:
     assert done.stderr == ""
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="no such locks")
+def test_two_processes_compile_different_kernels_at_once_but_not_the_same(tmp_path):
+    code = """
+import sys
+from rudc import kernels
+for name in ("separation", "rectangle_gap"):
+    with kernels._alone(getattr(kernels, name).written):
+        print(name, flush=True)
+"""
+    env = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    holds = "from rudc import kernels\nwith kernels._alone(kernels.rectangle_gap.written):\n"
+    holds += "    print('held', flush=True)\n    input()"
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True, "env": env}
+    with subprocess.Popen([sys.executable, "-c", holds], **pipes) as first:
+        assert first.stdout.readline() == "held\n"
+        with subprocess.Popen([sys.executable, "-c", code], **pipes) as second:
+            assert second.stdout.readline() == "separation\n"
+            with pytest.raises(subprocess.TimeoutExpired):
+                second.wait(1.0)
+            first.communicate("\n")
+            assert second.stdout.readline() == "rectangle_gap\n"
+
+
 def test_a_constant_that_kernels_import_is_part_of_their_source(tmp_path):
     (tmp_path / "my_kernels.py").write_text("from rudc.some.where import (\n    STEP,\n)\n")
     (tmp_path / "some").mkdir()

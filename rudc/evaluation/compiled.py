@@ -28,14 +28,25 @@ KERNELS = (
 """modules whose import loads all kernels, those of the modules that they import included"""
 
 
-def compile_kernels(*, everything: bool = False) -> None:
+def compile_kernels(*, everything: bool = False, last_first: bool = False) -> None:
     """Compile, half a minute the first time, or load, most of a second later, the kernels that RUDC's modules
     have imported so far, or `everything`, also what only kernels call.
     """
     for module in KERNELS:
         import_module(module)
-    load_kernels(everything=everything)
+    load_kernels(everything=everything, last_first=last_first)
+
+
+def main() -> None:
+    """Compile everything, in two processes that begin at the two ends."""
+    import multiprocessing  # workers have no use for these
+    from concurrent.futures import ProcessPoolExecutor
+
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as beside:
+        rest = beside.submit(compile_kernels, everything=True, last_first=True)
+        compile_kernels(everything=True)
+        rest.result()
 
 
 if __name__ == "__main__":
-    compile_kernels(everything=True)
+    main()
