@@ -27,8 +27,8 @@ SHARE = 0.5
 MARGIN = 0.5
 """s between the ego and the other, below which they come at nearly the same time"""
 LEAST_ROOM = 0.5
-"""m, distance to the ego's way that is assumed of a vehicle that is there already: one that creeps, at 1.2 m/s
-or less, may be about to stop"""
+"""m, distance to the ego's way that is assumed of a vehicle that is there already: one that creeps, at up to
+1.2 m/s, may be about to stop"""
 
 
 def ready_for_not_yielding(scene: Scene, u: Array) -> Array:

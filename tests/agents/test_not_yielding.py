@@ -82,7 +82,7 @@ def test_it_stops_before_that_vehicles_way_and_goes_on_once_it_is_gone(four_way,
         ({"other": 40.0, "speed": 11.0, "ego": 2.0}, "the ego is gone long before"),
         ({"ego": 60.0, "v": 3.0, "other": 8.0}, "it is gone long before the ego comes"),
         ({"ego": 3.0, "v": 8.0, "other": 10.0}, "the ego cannot stop before its way any more"),
-        ({"ego": 3.0, "v": 1.0, "other": 0.05, "speed": 1.0}, "who creeps can stop where it is"),
+        ({"ego": 1.0, "v": 1.0, "other": 0.05, "speed": 1.0}, "who creeps can stop where it is"),
     ],
 )
 def test_the_command_stays_where_nothing_is_to_be_feared(four_way, make_scene, minor, given, why):

@@ -226,7 +226,7 @@ def test_a_place_that_its_way_names_twice_turns_nobody():
     ids=["oncoming", "far", "slow", "from behind", "drives off", "stands there", "beside"],
 )
 def test_there_is_room_where_all_can_stop(make_scene, other, room):
-    """An oncoming car at 8 m/s goes 5.6 m until it brakes, and 5.3 m until it stands; the prop needs 3.8 m."""
+    """An oncoming car at 8 m/s goes 5.6 m until it brakes, and 5.3 m until it stands; the prop 3.8 m."""
     prop = car(np.array([[0.0, 100.0], [60.0, 100.0]]))
     scene = replace(make_scene(other), path=np.array([0]))
     assert prop.has_room(scene) == room
