@@ -145,7 +145,7 @@ class Stage(ABC):
     @abstractmethod
     def has_room(self, body: Body, way: NDArray[np.float64], speed: float) -> bool:
         """Whether something that appears where a way (K, 2) m begins, and drives along it at speed m/s, and
-        the surrounding vehicles can still stop before each other. Of egos only one slower than 2 m/s counts."""
+        the surrounding vehicles can still stop before each other. An ego counts only below 2 m/s."""
 
     @abstractmethod
     def remove_things(self, event: str) -> None:
