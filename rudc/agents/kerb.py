@@ -1,5 +1,5 @@
 """Keeps the wheels on the road: near its edge, the ego does not steer farther outwards than its path, and in
-a bend its rear does not cut the corner.
+a bend its front does not swing out, nor does its rear cut the corner.
 
 A policy adjusts the steering that follows the path, and a filter steers away from others. Neither regards the
 outline of the road surface, and in a bend the path itself may come within a few centimetres of it. So where a
@@ -10,6 +10,9 @@ That is not enough where the ego stands on the inner side of a bend: its rear fo
 its front. So if a corner on that side is within LOOK of the edge, the next WAY m are predicted.
 If the rear would leave the road, the ego turns less now, or a little to the other side, and follows its path
 afterwards.
+
+In a bend that takes nearly all its steering, an ego that is on its line may turn too late: the outer corner
+of its front swings over the edge. Once that corner is within NEAR of the edge, the ego turns more sharply.
 """
 
 from __future__ import annotations
@@ -34,14 +37,19 @@ LOOK, WAY, STEP = 0.6, 7.0, 0.5
 """m: distance from the road's edge, length and step of the prediction"""
 TIGHT = 0.05
 """1/m, curvature from which on the rear may cut the corner"""
+SHARP, SHARPER = 0.3, 0.1
+"""rad, rad: steering from which on the ego's front may swing out, and how much more it then steers"""
 STRAIGHTER, HELD = (0.5, 0.0, -0.5, -1.0), 0.5
 """shares of the steering that are tried, below 0 to the other side, and m for which they are held"""
 
 
 def kept_on_road(scene: Scene, u: Array) -> Array:
     """(2,) the command u (2,), m/s2 and rad; near the road's edge with steering that leads back to the
-    path, and in a bend with steering that keeps the ego's rear on the road.
+    path, and in a bend with steering that keeps the ego's front and its rear on the road.
     """
+    if _swings_out(scene, float(u[1])):
+        sharper = min(abs(float(u[1])) + SHARPER, scene.vehicle.delta_max)
+        return np.array([u[0], math.copysign(sharper, u[1])])
     if abs(scene.ego_offset) < OFF:
         return u
     side, room = math.copysign(1.0, scene.ego_offset), _room(scene, scene.ego)
@@ -56,13 +64,30 @@ def kept_on_road(scene: Scene, u: Array) -> Array:
     return u if delta == u[1] else np.array([u[0], delta])
 
 
+def _swings_out(scene: Scene, delta: float) -> bool:
+    """Whether the ego turns sharply with the steering `delta` (rad), as its path does, and the outer corner
+    of its front is all but over the edge, while there is room at its inner side."""
+    turns, ego = math.copysign(1.0, delta), scene.ego
+    return (
+        abs(delta) > SHARP
+        and turns * steering(scene) > SHARP
+        and _corner(scene, ego, 1.0, -turns) <= NEAR
+        and min(_corner(scene, ego, end, turns) for end in (1.0, -1.0)) > LOOK
+    )
+
+
 def _room(scene: Scene, ego: EgoState) -> float:
     """m from the road's edge to the nearer of the two corners on the ego's outer side; negative beyond it."""
-    body, surface = scene.vehicle, scene.network.surface
-    ahead = 0.5 * body.length * math.cos(ego.psi), 0.5 * body.length * math.sin(ego.psi)
-    half = math.copysign(0.5 * body.width, scene.ego_offset)
-    side = ego.x - half * math.sin(ego.psi), ego.y + half * math.cos(ego.psi)
-    return min(surface.depth(side[0] + i * ahead[0], side[1] + i * ahead[1]) for i in (1.0, -1.0))
+    return min(_corner(scene, ego, end, math.copysign(1.0, scene.ego_offset)) for end in (1.0, -1.0))
+
+
+def _corner(scene: Scene, ego: EgoState, end: float, side: float) -> float:
+    """m from the road's edge to a corner of the ego, negative beyond it: of its front (`end` 1) or rear (-1),
+    left (`side` 1) or right (-1)."""
+    half_length, half_width = 0.5 * end * scene.vehicle.length, 0.5 * side * scene.vehicle.width
+    cos, sin = math.cos(ego.psi), math.sin(ego.psi)
+    x, y = half_length * cos - half_width * sin, half_length * sin + half_width * cos
+    return scene.network.surface.depth(ego.x + x, ego.y + y)
 
 
 def _bend(scene: Scene, side: float) -> float:

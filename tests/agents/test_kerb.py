@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rudc.agents.kerb import OFF, kept_on_road
+from rudc.agents.kerb import OFF, SHARP, SHARPER, kept_on_road
 from rudc.env.tracking import steering
+from rudc.network.route import ReferencePath
 from rudc.vehicle import Actuation
 from rudc.world.borders import Borders
 from rudc.world.ego import EgoPlant
@@ -50,6 +51,39 @@ def beside_the_path(scene, offset):
     ego = scene.ego
     x, y = ego.x - offset * math.sin(ego.psi), ego.y + offset * math.cos(ego.psi)
     return replace(scene, ego=replace(ego, x=x, y=y), ego_offset=offset)
+
+
+def turning_off(scene, right_of_edge):
+    """The scene of an ego on the lane to the right, with the corner of its front `right_of_edge` m from the
+    edge, on a path that turns left with a radius of 4 m."""
+    depth = scene.network.surface.depth
+    ego, body = scene.ego, scene.vehicle
+    cos, sin = math.cos(ego.psi), math.sin(ego.psi)
+    corner = complex(cos, sin) * complex(0.5 * body.length, -0.5 * body.width)
+    aside = depth(ego.x + corner.real, ego.y + corner.imag) - right_of_edge
+    x, y = ego.x + aside * sin, ego.y - aside * cos
+    angles = np.arange(-1.0, 1.5, 0.01)
+    arc = 4.0 * (np.sin(angles) + 1j * (1.0 - np.cos(angles)))
+    line = complex(x, y) + arc * complex(cos, sin)
+    path = ReferencePath(np.column_stack([line.real, line.imag]))
+    s, offset = path.project(x, y)
+    route = replace(scene.route, path=path)
+    return replace(scene, ego=replace(ego, x=x, y=y), route=route, ego_s=s, ego_offset=offset)
+
+
+def test_in_a_sharp_turn_the_front_does_not_swing_out(make_scene):
+    scene = make_scene(front=-40.0, v=3.0)
+    near, clear = turning_off(scene, 0.05), turning_off(scene, 0.4)
+    assert abs(near.ego_offset) < OFF
+    track = steering(near)
+    assert track > SHARP
+    sharply = np.array([1.0, track])
+    assert kept_on_road(near, sharply).tolist() == [1.0, min(track + SHARPER, 0.6)]
+    assert kept_on_road(clear, sharply) is sharply
+    gently = np.array([1.0, 0.2])
+    assert kept_on_road(near, gently) is gently
+    on_its_lane = replace(near, route=scene.route, ego_s=scene.ego_s, ego_offset=-0.02)
+    assert kept_on_road(on_its_lane, sharply) is sharply, "its path goes straight on"
 
 
 def test_who_steers_back_already_is_let_and_so_is_who_has_room(make_scene):
