@@ -146,19 +146,22 @@ class Prop:
         """Whether it can appear: nobody is where it is and where it needs to stop, nor must come there, even
         if the others notice it LATE_S later.
         """
-        return self._is_free(scene, self._needed(), LATE_S)
+        needed = self._needed()
+        return self._is_clear(scene, (*self.pose(0.5 * needed), self.length + needed, self.width), LATE_S)
 
-    def _is_free(self, scene: Scene, reach: float, late_s: float = 0.0) -> bool:
-        """Whether `reach` m of its way before its front are free (behind its rear if negative).
+    def _is_free(self, scene: Scene, reach: float) -> bool:
+        """Whether `reach` m of its way before its front are free (behind its rear if negative)."""
+        middle = 0.5 * (math.copysign(self.length, reach) + reach)
+        return self._is_clear(scene, (*self.pose(middle), abs(reach), self.width), 0.0)
+
+    def _is_clear(self, scene: Scene, box: tuple[float, float, float, float, float], late_s: float) -> bool:
+        """Whether a box on its way (x m, y m, heading rad, length m, width m) is free.
 
         For a driver: free of things that stand, of SVs and of props that go the same way on all the way that
-        they need to stop, after `late_s` s in which they drive on, and of an ego for which it stops. If
-        `late_s` is not 0, the room that it takes itself must be free too. For a pedestrian: free of
-        everything that is there now.
+        they need to stop, after `late_s` s in which they drive on, and of an ego for which it stops. For a
+        pedestrian: free of everything that is there now.
         """
-        walks, own = self._walks, self.length if late_s else 0.0
-        middle, reach = 0.5 * (math.copysign(self.length, reach) + reach - own), abs(reach) + own
-        box = (*self.pose(middle), reach, self.width)
+        walks = self._walks
         ego, body = scene.ego, scene.vehicle
         if walks or ego.v < WALKING_PACE or self.speed <= 0.0 or self._stepped_back > 0.0:
             here, facing = np.array([[ego.x, ego.y]]), np.array([ego.psi])
@@ -171,7 +174,7 @@ class Prop:
             same_way = np.cos(scene.heading - box[2]) > SAME_WAY
             heeded &= (scene.path >= 0) | (speed < STANDING) | same_way
         away = scene.position - box[:2]
-        rows = np.flatnonzero(heeded & (np.hypot(away[:, 0], away[:, 1]) < reach + way + 10.0))
+        rows = np.flatnonzero(heeded & (np.hypot(away[:, 0], away[:, 1]) < box[3] + way + 10.0))
         course = np.column_stack([np.cos(scene.heading[rows]), np.sin(scene.heading[rows])])
         size = scene.size[rows] + way[rows, None] * (1.0, 0.0)
         position = scene.position[rows] + 0.5 * way[rows, None] * course
