@@ -2,10 +2,10 @@
 
 On arrays of ten numbers, numpy spends most of its time on the call itself, and each decision would make many
 such calls. A kernel does the same work in loops, in one call. Kernels are in modules whose names end in
-`kernels.py`. The first call of any kernel imports numba and compiles kernels (half a minute if this machine
-has none of them yet) or loads them (most of a second): all that modules other than those of kernels have
-imported. What only other kernels call is in their machine code. So a command that never drives waits for
-neither. Within `as_written`, kernels run uncompiled, which is faster for a few calls.
+`kernels.py`. The first call of any kernel imports numba, and compiles (half a minute if this machine has no
+kernels yet) or loads (most of a second) each kernel that another module of RUDC has imported. A kernel that
+only kernels call is part of their machine code, and is not loaded by itself. So a command that never drives
+waits for nothing. Within `as_written`, kernels run uncompiled, which is faster for a few calls.
 
 Compiled code is kept in the folder NUMBA_CACHE_DIR or, if that is not set, beside this module; if neither can
 be written to, in the user's cache folder or a temporary one. The folder's name is a digest of the source of
@@ -133,9 +133,10 @@ def kernel(function: Callable[..., Result]) -> Callable[..., Result]:
 def load_kernels(
     called: Callable[..., Any] | None = None, *, everything: bool = False, last_first: bool = False
 ) -> None:
-    """Compile or load kernels, and put them in the places of their stand-ins: those that RUDC's modules have
-    imported so far, and `called`; or `everything` defined so far, in that order or the `last_first`. After an
-    interruption, the next call goes on with the rest.
+    """Compile or load kernels, and put them in the places of their stand-ins. Which: `called`, and those that
+    RUDC's modules have imported so far; with `everything`, all that are defined. The order is that in which
+    they were defined or, with `last_first`, the reverse. After an interruption, the next call goes on with
+    the rest.
     """
     with _loading:
         ours = {name: vars(module) for name, module in [*sys.modules.items()] if name.split(".")[0] == "rudc"}

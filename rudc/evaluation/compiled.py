@@ -29,8 +29,9 @@ KERNELS = (
 
 
 def compile_kernels(*, everything: bool = False, last_first: bool = False) -> None:
-    """Compile, half a minute the first time, or load, most of a second later, the kernels that RUDC's modules
-    have imported so far, or `everything`, also what only kernels call.
+    """Compile (half a minute, the first time) or load (most of a second, later) the kernels that RUDC's
+    modules have imported so far; with `everything`, those too that only kernels call. `last_first`: in
+    reverse order.
     """
     for module in KERNELS:
         import_module(module)
