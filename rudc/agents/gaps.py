@@ -161,7 +161,7 @@ def suffices(
         margin = max(MARGIN - (MARGIN - LEAST_MARGIN) * scene.waited_s / PATIENCE, LEAST_MARGIN)
     acceleration = min(acceleration, scene.vehicle.a_max)
     ego_in, ego_out, speed_then = _times(scene, found, profile, acceleration)
-    other_in = _earliest(found.other_in, found.speed, found.limit)
+    other_in = _earliest(found.other_in, found.speed, found.limit, -found.braking)
     other_out = np.maximum(found.other_out, 0.0) / np.maximum(found.speed, SLOWEST)
     catching_up = np.where(found.merges, np.maximum(found.speed - speed_then, 0.0) / DECELERATION, 0.0)
     first = ego_out + margin + catching_up < other_in
@@ -194,11 +194,11 @@ def _cruise(scene: Scene, s: Array) -> Array | float:
     return before if before == beyond else np.where(s < route.exit_s, before, beyond)
 
 
-def _earliest(distance: Array, speed: Array, limit: Array) -> Array:
-    """(K,) s in which the others drive `distance` (K,) m, accelerating from their speeds to their limits; 0
-    for distances below 0.
+def _earliest(distance: Array, speed: Array, limit: Array, acceleration: Array) -> Array:
+    """(K,) s in which the others drive `distance` (K,) m, accelerating from their speeds to their limits at
+    OTHERS_ACCELERATION or, if that is more, as now (`acceleration`, m/s2); 0 for distances below 0.
     """
-    distance = np.maximum(distance, 0.0)
-    rising = (limit**2 - speed**2) / (2 * OTHERS_ACCELERATION)
-    top = np.sqrt(speed**2 + 2 * OTHERS_ACCELERATION * np.minimum(distance, rising))
-    return (top - speed) / OTHERS_ACCELERATION + np.maximum(distance - rising, 0.0) / limit
+    distance, a = np.maximum(distance, 0.0), np.maximum(acceleration, OTHERS_ACCELERATION)
+    rising = (limit**2 - speed**2) / (2 * a)
+    top = np.sqrt(speed**2 + 2 * a * np.minimum(distance, rising))
+    return (top - speed) / a + np.maximum(distance - rising, 0.0) / limit

@@ -9,9 +9,15 @@ after
 The ego must either be past that place before it does, or be able to stop before it, braking at b:
 
     (way to the place) / v <= t      or      v^2 <= max(2 b (way to the place), CREEP^2)
+
+Who ran out may be followed by others. So where somebody crosses the ego's way and, TRAIL_S ago or less, was
+where the ego does not see now, the ego must be past with its whole length before another one who comes from
+there at the same speed is at its side, or stop before their way.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -19,7 +25,8 @@ from rudc.agents.hidden import BEFORE, CREEP, PLANNED
 from rudc.agents.kernels import nearest_hidden
 from rudc.arrays import Array
 from rudc.env.tracking import at_most, slowing
-from rudc.world.scene import Scene
+from rudc.world.perception import in_sight
+from rudc.world.scene import STANDING, Scene
 
 RUNS = 3.0
 """m/s, a jogger"""
@@ -27,6 +34,13 @@ AHEAD, EVERY = 20.0, 1.0
 """m, m: length of the ego's way ahead that is checked, and distance between the places checked"""
 ASIDE: Array = np.arange(0.5, 3.25, 0.5)
 """m, distances from the ego's side that are checked"""
+TRAIL_S = 3.0
+"""s, how far back the way of those who cross is looked at"""
+FINE = 0.5
+"""m, distance between the places of the ego's way at which others may cross it"""
+ACROSS = 0.5
+"""sine of the least angle between the ego's way and the way of one who crosses it"""
+_BACK_S: Array = np.arange(0.0, TRAIL_S + 0.1, 0.25)
 
 
 def ready_for_runners(scene: Scene, u: Array) -> Array:
@@ -44,3 +58,33 @@ def ready_for_runners(scene: Scene, u: Array) -> Array:
         return u
     room = float(way[late[0]]) - BEFORE
     return at_most(u, slowing(scene, room, CREEP, PLANNED * -body.a_min))
+
+
+def ready_for_followers(scene: Scene, u: Array) -> Array:
+    """(2,) the command u (2,), m/s2 and rad, with an acceleration after which the ego is past whoever may
+    follow one who came from behind a box, or stops before their way, if it still can.
+    """
+    if scene.hidden_by is None:
+        return u
+    speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
+    who = np.flatnonzero((scene.path < 0) & (speed > STANDING))
+    if not len(who):
+        return u
+    body, v = scene.vehicle, scene.ego.v
+    way = np.arange(FINE, AHEAD, FINE)
+    x, y, psi = scene.route.path.pose(scene.ego_s + 0.5 * body.length + way)
+    for i in who:
+        direction = scene.velocity[i] / speed[i]
+        trail = scene.position[i] - speed[i] * _BACK_S[:, None] * direction
+        hidden = np.flatnonzero(~in_sight((scene.ego.x, scene.ego.y), trail, scene.hidden_by))
+        if not len(hidden):
+            continue
+        away = np.stack([x, y], axis=1) - trail[hidden[0]]
+        along, beside = away @ direction, np.abs(away @ (-direction[1], direction[0]))
+        crosses = np.abs(np.cos(psi) * direction[1] - np.sin(psi) * direction[0]) > ACROSS
+        arrives = (along - 0.5 * body.width) / speed[i]
+        late = crosses & (beside <= FINE) & (along > 0.0) & (way + body.length > v * arrives)
+        first = float(way[late.argmax()]) if late.any() else -math.inf
+        if first >= v**2 / (2 * -body.a_min):
+            u = at_most(u, slowing(scene, first - BEFORE, 0.0, PLANNED * -body.a_min))
+    return u

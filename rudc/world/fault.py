@@ -3,15 +3,16 @@
 0. An event put the other where it is, so near that the ego could not stop: the other's fault.
 1. The other stands or is a pedestrian: the ego's fault if the ego moved, else shared. Where an ego that moves
    on its reference path hits a car that the yielding layer makes brake or stand, and that has not stood for
-   IN_SIGHT_S yet, this rule does not apply: rules 3 to 6 decide.
+   IN_SIGHT_S yet, this rule does not apply: rules 3 to 7 decide.
 2. The ego stands (below 0.5 m/s) on its reference path, and either is not beyond the point up to which it may
    wait, or has the other behind it, heading the same way: the other's fault.
 3. The two head the same way (within 45 degrees): the fault of the one behind; side by side, shared.
-4. The other drives against its lane, or an event makes it break the rules: the other's fault.
+4. The other drives against its lane: the other's fault.
 5. One of the two had to yield to the other by the junction's right of way: the fault of that one. In a
    roundabout each may have to yield at its own entry; then it is the fault of the one that has driven less
    far beyond its stop line.
-6. Otherwise shared.
+6. An event makes the other break the rules: the other's fault.
+7. Otherwise shared.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ def judge(scene: Scene, index: int, unlawful: bool, held: bool = False, sudden: 
         if abs(ahead) < reach:
             return "shared"
         return "ego" if ahead > 0 else "other"
-    if unlawful or scene.path[index] < 0:
+    if scene.path[index] < 0:
         return "other"
     yields = scene.network.paths.yields
     row, own = int(scene.path[index]), scene.route.row
@@ -66,7 +67,7 @@ def judge(scene: Scene, index: int, unlawful: bool, held: bool = False, sudden: 
         ours = scene.ego_s + 0.5 * scene.vehicle.length - scene.route.stop_line_s
         its = scene.path_s[index] + 0.5 * scene.size[index, 0] - scene.network.paths.stop_s[row]
         return "ego" if ours < its else "other"
-    return "shared"
+    return "other" if unlawful else "shared"
 
 
 def _may_wait(scene: Scene) -> bool:

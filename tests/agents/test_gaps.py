@@ -1,6 +1,7 @@
 """Giving way where a course enters ground that its route does not touch; on scenes made by hand."""
 
 # ruff: noqa: F811 -- fixtures come by import
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 
 from rudc.agents.courses import Courses, along
 from rudc.agents.gap_acceptance import GapAcceptance
-from rudc.agents.gaps import ACCELERATION, crossing, entering, suffices
+from rudc.agents.gaps import ACCELERATION, OTHERS_ACCELERATION, crossing, entering, suffices
 from rudc.env.tracking import RESPONSE_S, speeds_in_bends
 from rudc.geometry import Rectangles
 from rudc.network.course import CoursePlanner
@@ -84,6 +85,23 @@ def test_a_slow_vehicle_takes_longer_to_be_gone(make_scene, four_way):
         scene = make_scene(other, front=-1.0, v=0.0, vehicle=vehicle)
         may_go.append(suffices(scene, crossing(scene), speeds_in_bends(scene.route.path)).all())
     assert may_go == [True, False]
+
+
+def test_who_speeds_up_hard_goes_on_doing_so(make_scene, four_way):
+    """It was held to speed up with 1.5 m/s2 at most, and came earlier."""
+    row = four_way.movement("west", "straight").rows[0]
+
+    def least(acceleration):
+        """m, from which on a gap before who comes at 5 m/s and speeds up so is long enough."""
+        for metres in np.arange(10.0, 100.0, 1.0):
+            other = {"row": row, "s": float(four_way.paths.stop_s[row]) - metres, "v": 5.0}
+            scene = make_scene(other, front=-1.0, v=0.0, acceleration=np.array([acceleration]))
+            if suffices(scene, crossing(scene), speeds_in_bends(scene.route.path)).all():
+                return metres
+        return math.inf
+
+    assert least(-2.0) == least(0.0) == least(OTHERS_ACCELERATION)
+    assert least(3.0) > least(2.2) > least(0.0) + 1.0
 
 
 def test_on_a_poor_road_the_ego_takes_longer_to_be_gone(make_scene, four_way):

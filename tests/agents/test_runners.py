@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from rudc.agents.hidden import CREEP
-from rudc.agents.runners import RUNS, ready_for_runners
+from rudc.agents.runners import RUNS, TRAIL_S, ready_for_followers, ready_for_runners
 from rudc.vehicle import Actuation
 from rudc.world.ego import EgoPlant
+from rudc.world.scene import Kind
 from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
 
 FULL = np.array([3.0, 0.0])
@@ -66,3 +67,45 @@ def test_nobody_runs_through_the_wall_itself(make_scene):
     endless = scene.hidden_by.copy()
     endless[0, 3] = 400.0
     assert ready_for_runners(replace(scene, hidden_by=endless), FULL) is FULL
+
+
+CROSSING = 12.0
+"""m before the ego's front, way of the one who runs across"""
+
+
+def one_runs(make_scene, passed_s, v=6.0, speed=3.5, heading=np.pi):
+    """Somebody crosses the ego's way who came, `passed_s` s ago, from behind the end of a wall 2 m to the right
+    of it."""
+    scene = make_scene(front=-40.0, v=v)
+    ego, half = scene.ego, 0.5 * scene.vehicle.length
+    end = [ego.x + 0.5 * scene.vehicle.width + 2.0, ego.y + half + CROSSING]
+    at = end + speed * passed_s * np.array([np.cos(heading), np.sin(heading)])
+    runner = {"at": (*at, heading), "v": speed, "kind": Kind.PEDESTRIAN, "size": (0.5, 0.5)}
+    wall = [end[0] + 1.0, end[1] - 5.0, np.pi / 2, 8.0, 1.0]
+    return replace(make_scene(runner, front=-40.0, v=v), hidden_by=np.array([wall]))
+
+
+def test_who_ran_out_may_be_followed(make_scene):
+    for passed_s in (0.2, 1.0, 2.0):
+        scene, came = one_runs(make_scene, passed_s), False
+        plant, path = EgoPlant(scene.vehicle), scene.route.path
+        plant.resume(scene.ego, Actuation())
+        start = scene.ego_s
+        for _ in range(int((TRAIL_S - passed_s) * 10)):
+            came |= scene.ego_s - start > CROSSING
+            ego = plant.step(float(ready_for_followers(scene, FULL)[0]), 0.0, 0.1)
+            s, offset = path.project(ego.x, ego.y, scene.ego_s)
+            there = scene.position + 0.1 * scene.velocity
+            scene = replace(scene, ego=ego, ego_s=s, ego_offset=offset, position=there)
+        assert not came, "it stops before the way of those who may follow"
+        assert ready_for_followers(scene, FULL)[0] == FULL[0], "nobody came: it goes on"
+
+
+def test_those_whom_nobody_can_follow_unseen_are_none(make_scene):
+    assert ready_for_followers(one_runs(make_scene, 1.0, v=10.0), FULL)[0] < 0.0
+    assert ready_for_followers(one_runs(make_scene, TRAIL_S + 0.5, v=10.0), FULL) is FULL, "long ago"
+    assert ready_for_followers(replace(one_runs(make_scene, 1.0, v=10.0), hidden_by=None), FULL) is FULL
+    assert ready_for_followers(one_runs(make_scene, 1.0, v=10.0, heading=np.pi / 2), FULL) is FULL, (
+        "along the road"
+    )
+    assert ready_for_followers(one_runs(make_scene, 1.0, v=15.0), FULL) is FULL, "it can stop no more"

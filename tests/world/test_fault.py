@@ -88,7 +88,13 @@ def test_in_line_the_one_behind_is_at_fault(contact):
 
 def test_who_drives_against_the_rules_is_at_fault(contact):
     assert contact(4.9, 0.0, math.pi, 6.0) == "other", "it has no path: it drives against its lane"
-    assert contact(3.0, 0.0, math.pi / 2, 6.0, unlawful=True, row=0, front=8.0) == "other"
+
+
+def test_who_breaks_the_rules_is_at_fault_unless_the_ego_owed_it_the_way(contact, four_way):
+    own, yields = four_way.route("south", "straight").row, four_way.paths.yields
+    for row in range(len(yields)):
+        fault = contact(3.0, 0.0, math.pi / 2, 6.0, unlawful=True, row=row, front=8.0)
+        assert fault == ("ego" if yields[own, row] and not yields[row, own] else "other")
 
 
 def test_else_the_right_of_way_decides(contact, four_way):
