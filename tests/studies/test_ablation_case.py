@@ -1,16 +1,11 @@
-"""Uncertainty against correction: bins and turning points; the study runs for real."""
+"""Uncertainty against correction: bins and turning points. The study runs for real in test_quick.py."""
 
 import math
 
 import numpy as np
 import pytest
-from PIL import Image
 
-from rudc.evaluation.store import read_table
-from rudc.evaluation.sweep import Silent
-from rudc.studies import ablation_case
 from rudc.studies.ablation_case import cloud_of
-from rudc.studies.base import Order
 from rudc.studies.turning import Bin, bins, turning_point
 
 
@@ -60,16 +55,3 @@ def test_fewer_decisions_make_fewer_bins_and_too_few_none():
 def test_who_states_no_sigma_has_no_cloud():
     assert not len(cloud_of([np.full((5, 2), math.nan)]).sigma)
     assert cloud_of([np.column_stack([np.ones(60), np.zeros(60)])]).bins == ()
-
-
-@pytest.mark.slow
-def test_it_runs(tmp_path, monkeypatch, trained):
-    monkeypatch.setattr("rudc.evaluation.manifest.code_version", lambda: "v0")
-    order = Order(tmp_path / "out", agents=(str(trained), f"{trained}:correction.kind=none"), episodes=1)
-    report = ablation_case.run(order, lambda _: Silent())
-    lines = read_table(tmp_path / "out" / "ablation_case_agents.csv")
-    assert [line["episodes"] for line in lines] == ["1", "1"]
-    assert int(lines[0]["decisions"]) > 20
-    assert "Shown is seed 0" in report.table
-    with Image.open(tmp_path / "out" / "ablation_case.png") as picture:
-        assert picture.size[1] > 900

@@ -1,15 +1,10 @@
-"""Case studies: which episode is shown, and what is kept of it; the blocked left turn runs for real."""
+"""Case studies: which episode is shown, and what is kept of it. The studies run for real in test_quick.py."""
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from rudc.errors import AgentError
-from rudc.evaluation.store import read_table
-from rudc.evaluation.sweep import Silent
 from rudc.scenario import find_scenarios
-from rudc.studies import ood_case
-from rudc.studies.base import Order
 from rudc.studies.case import COLUMNS, Driver, chosen_seed, drive, drivers
 
 
@@ -41,17 +36,3 @@ def test_a_case_holds_the_episode():
     assert sum(track.is_event for track in case.tracks) == 3
     assert np.isnan(case.ego["sigma_total"]).all()
     assert case.ego["h_m2"].min() < 25.0 < case.ego["h_m2"].max()
-
-
-@pytest.mark.slow
-def test_ood_case_runs_and_resumes(tmp_path, monkeypatch, trained):
-    monkeypatch.setattr("rudc.evaluation.manifest.code_version", lambda: "v0")
-    order = Order(tmp_path / "out", agents=(str(trained), "gap-acceptance"), episodes=1)
-    report = ood_case.run(order, lambda _: Silent())
-    lines = read_table(tmp_path / "out" / "ood_case.csv")
-    assert {line["agent"] for line in lines} == {str(trained), "gap-acceptance"}
-    assert "Shown is seed 0" in report.table
-    with Image.open(tmp_path / "out" / "ood_case.png") as picture:
-        assert picture.size[1] > 900
-    again = Order(tmp_path / "out", agents=order.agents, episodes=1, resume=True)
-    assert ood_case.run(again, lambda _: Silent()).table.splitlines()[-1] == report.table.splitlines()[-1]

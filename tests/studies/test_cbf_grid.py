@@ -1,12 +1,11 @@
-"""Grids of the filter's rates: their points, what is chosen of them, and that they are driven for real."""
+"""Grids of the filter's rates: their points and what is chosen of them; driven for real in
+test_quick.py."""
 
 import pytest
-from PIL import Image
 
 from rudc.errors import InputError
-from rudc.evaluation.store import read_table
 from rudc.evaluation.sweep import Silent
-from rudc.studies import base, cbf_grid
+from rudc.studies import cbf_grid
 from rudc.studies.base import Order
 from rudc.studies.cbf_grid import Point, lines_of, points
 
@@ -52,14 +51,3 @@ def test_a_point_that_could_not_be_driven_is_not_chosen():
 def test_drivers_with_a_filter_of_their_own_are_refused(tmp_path):
     with pytest.raises(InputError, match="one without"):
         cbf_grid.run(Order(tmp_path, agents=("follower+ttcbf",)), lambda _: Silent())
-
-
-@pytest.mark.slow
-def test_it_runs(tmp_path, monkeypatch):
-    monkeypatch.setattr("rudc.evaluation.manifest.code_version", lambda: "v0")
-    monkeypatch.setattr(base, "IN_DISTRIBUTION", ("dense_left_turn",))
-    report = cbf_grid.run(Order(tmp_path, budget="quick", episodes=1), lambda _: Silent())
-    assert len(read_table(tmp_path / "cbf_grid.csv")) == 2 + 3
-    assert "paper's" in report.table
-    with Image.open(tmp_path / "cbf_grid.png") as picture:
-        assert picture.size[0] > 600

@@ -1,12 +1,9 @@
-"""`rudc study`."""
+"""`rudc study`; each study is driven in test_quick.py."""
 
 import pytest
-from PIL import Image
 
 from rudc.agents.checkpoint import find_checkpoint
 from rudc.cli.main import main
-from rudc.evaluation.store import read_table
-from rudc.studies import base, filter_study, filter_variants
 from rudc.studies.catalogue import STUDIES
 
 
@@ -74,25 +71,3 @@ def test_curves(rudc, tmp_path):
     assert "dense_left_turn" in out
     assert err == "in out: curves.csv, curves.md, curves.png\n"
     assert (tmp_path / "out" / "curves.md").read_text() == out
-
-
-@pytest.mark.slow
-def test_filter_runs_and_resumes(rudc, monkeypatch, trained, tmp_path):
-    monkeypatch.setattr("rudc.evaluation.manifest.code_version", lambda: "v0")
-    monkeypatch.setattr(filter_variants, "CONSTRAINED", ("gated",))
-    monkeypatch.setattr(filter_variants, "LEVELS", (1.0,))
-    monkeypatch.setattr(filter_variants, "RATES", ())
-    monkeypatch.setattr(filter_study, "D_SAFE", {"quick": (0.3,)})
-    monkeypatch.setattr(base, "IN_DISTRIBUTION", ("random_destination",))
-    monkeypatch.setattr(base, "QUICK_OOD", ("ignored_priority",))
-    call = ["study", "filter", "-a", trained, "-n", 1, "--budget", "quick", "-w", 1, "-o", "out"]
-    status, out, _ = rudc(*call)
-    assert status == 0
-    lines = read_table(tmp_path / "out" / "filter.csv")
-    assert len([m for m in lines if m["scenario"] == "all"]) == 2 * 8  # with the oracle
-    with Image.open(tmp_path / "out" / "filter.png") as picture:
-        assert picture.size[0] > 600
-    assert rudc(*call)[0] == 2
-    status, again, err = rudc(*call, "--resume")
-    assert (status, again) == (0, out)
-    assert "7 of 7" in err or "7/7" in err or "finished" in err

@@ -1,16 +1,13 @@
-"""The latency study: parts of a decision add up, the stopwatch leaves no trace, and it runs for real."""
+"""The latency study: parts of a decision add up, and the stopwatch leaves no trace; it runs
+for real in test_quick.py."""
 
 import time
 
 import numpy as np
 import pytest
-from PIL import Image
 
-from rudc.evaluation.store import read_table
-from rudc.evaluation.sweep import Silent
 from rudc.safety.qp import PlanarSolver
 from rudc.studies import latency
-from rudc.studies.base import Order
 from rudc.studies.stopwatch import Stopwatch, timing
 
 
@@ -58,26 +55,3 @@ def test_shares_are_of_the_mean():
     assert lines["all"]["peak_ms"] == 104.0
     assert lines["QP"]["share_percent"] == lines["HOCBF"]["share_percent"] == pytest.approx(20.0)
     assert "critics" not in lines
-
-
-@pytest.mark.slow
-def test_it_runs_and_resumes(tmp_path, monkeypatch, trained):
-    monkeypatch.setattr("rudc.evaluation.manifest.code_version", lambda: "v0")
-    monkeypatch.setattr(latency, "SCENARIOS", ("dense_left_turn",))
-    order = Order(tmp_path / "out", agents=(str(trained),), episodes=1)
-    report = latency.run(order, lambda _: Silent())
-    lines = {
-        line["part"]: line
-        for line in read_table(tmp_path / "out" / "latency.csv")
-        if line["scenario"] == "both"
-    }
-    parts = [line for part, line in lines.items() if part in latency.PARTS]
-    assert sum(float(line["share_percent"]) for line in parts) == pytest.approx(100.0, abs=0.01)
-    assert {"observation", "policy", "critics", "constraints", "rest"} <= set(lines)
-    assert float(lines["all"]["mean_ms"]) < float(lines["all"]["peak_ms"])
-    with Image.open(tmp_path / "out" / "latency.png") as picture:
-        assert picture.size[0] > 600
-    again = latency.run(
-        Order(tmp_path / "out", agents=(str(trained),), episodes=1, resume=True), lambda _: Silent()
-    )
-    assert again.table == report.table

@@ -1,10 +1,10 @@
-"""Sensitivity studies: which trainings are wanted, what is said of them, and that one trains and drives."""
+"""Sensitivity studies: which trainings are wanted and what is said of them; test_quick.py trains
+and drives."""
 
 import shutil
 from pathlib import Path
 
 import pytest
-from PIL import Image
 
 from rudc.data import data_folder
 from rudc.errors import InputError
@@ -59,19 +59,3 @@ def test_trainings_made_before_are_taken_and_the_others_said_to_be_missing(tmp_p
     none = Order(tmp_path / "x", trainings=tmp_path / "out", budget="quick")
     with pytest.raises(InputError, match="no training to drive with"):
         study_of(ENSEMBLE)(none, lambda _: Silent())
-
-
-@pytest.mark.slow
-def test_it_trains_and_drives(tmp_path, small):
-    order = Order(tmp_path / "out", budget="quick", episodes=1)
-    report = study_of(ENSEMBLE)(order, lambda _: Silent())
-    lines = [
-        m for m in read_table(tmp_path / "out" / "sensitivity_ensemble.csv") if m["scenario"] == "both tasks"
-    ]
-    assert [m["members"] for m in lines] == ["3", "5"]
-    assert int(lines[0]["weights"]) < int(lines[1]["weights"])
-    assert "both tasks" in report.table
-    with Image.open(tmp_path / "out" / "sensitivity_ensemble.png") as picture:
-        assert picture.size[0] > 600
-    again = study_of(ENSEMBLE)(Order(order.out, budget="quick", episodes=1, resume=True), lambda _: Silent())
-    assert again.table.splitlines()[0] == report.table.splitlines()[0]
