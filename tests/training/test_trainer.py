@@ -270,26 +270,26 @@ def test_a_training_that_is_interrupted_as_it_begins_leaves_no_worker(
 
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
-def test_each_algorithm_trains_400_steps_the_same_twice_and_drives(tmp_path: Path, algorithm: str):
+def test_each_algorithm_trains_200_steps_the_same_twice_and_drives(tmp_path: Path, algorithm: str):
     """The second time stopped and resumed. The replay holds half of the steps; episodes end before and after
     the checkpoint between.
     """
     short = tmp_path / "short.yaml"
-    short.write_text("name: short\nextends: random_destination\nepisode: {timeout: 4}\n")
+    short.write_text("name: short\nextends: random_destination\nepisode: {timeout: 2}\n")
     config = _config(
-        algorithm, envs=1, steps=400, round_decisions=50, update_every=10, replay_size=200,
-        checkpoint_every=200, evaluate_every=400, log_every=100,
-        scenario=str(short), evaluate_on=(str(short),),
+        algorithm, envs=1, steps=200, seed_steps=50, round_decisions=25, update_every=10, replay_size=100,
+        checkpoint_every=100, evaluate_every=200, log_every=50,
+        scenario=str(short), curriculum=None, evaluate_on=(str(short),),
     )  # fmt: skip
     whole, stopped = tmp_path / "whole", tmp_path / "stopped"
     assert train(config, whole, Watcher())
-    assert not train(config, stopped, Watcher(stop_at=350))  # a round after the checkpoint
+    assert not train(config, stopped, Watcher(stop_at=175))  # a round after the checkpoint
     assert _round(stopped) == config.seed_rounds + 4
     assert train(config, stopped, Watcher(), resume=True)
     _assert_the_same(whole, stopped)
     rows = _curves(whole)["progress"]
-    assert [row["steps"] for row in rows] == ["100", "200", "300", "400"]
-    assert rows[-1]["updates"] == "45"  # the second round of seeding is learnt from, too
+    assert [row["steps"] for row in rows] == ["50", "100", "150", "200"]
+    assert rows[-1]["updates"] == "18"  # the second round of seeding is learnt from, too
     assert all(int(row["episodes"]) >= 2 for row in rows)
     assert ("multiplier" in rows[-1]) is (algorithm in ("sac-lagrangian", "fac"))
     _assert_a_whole_agent(whole, config)
