@@ -45,13 +45,13 @@ def stakes(rng: np.random.Generator, count: int = 48) -> Batch:
 
 def test_the_multiplier_is_that_of_each_state() -> None:
     config = FacConfig(**SETTINGS, cost_limit=1.0, multiplier_rate=1e-3, multiplier_delay=2)
-    problem = replace(TOY, updates=700)
+    problem = replace(TOY, updates=450)
     learner, rng = FacLearner(config, problem), np.random.default_rng(0)
     states = torch.from_numpy(np.stack([SAFE, UNSAFE]))
     seen = []
-    for k in range(700):
+    for k in range(450):
         learner.update(stakes(rng))
-        if k >= 500:
+        if k >= 320:
             seen.append(learner.lagrange(states).detach().numpy())
     safe, unsafe = np.mean(seen, axis=0)
     assert safe < 0.2

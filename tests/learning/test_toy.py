@@ -47,12 +47,12 @@ def test_return_distribution_of_two_states_is_recovered() -> None:
         prior_scale=10.0,
         target_rate=0.05,
         critic_rate=(3e-3, 1e-4),
-        updates=700,
+        updates=450,
         temperature=0.001,
         temperature_rate=0.0,
     )
     learner, rng = RudcLearner(*case), np.random.default_rng(0)
-    for _ in range(700):
+    for _ in range(450):
         learner.update(two_states(case, rng))
 
     tau = (np.arange(32) + 0.5) / 32

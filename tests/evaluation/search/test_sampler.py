@@ -81,7 +81,7 @@ def test_a_weight_is_1_in_the_mean_however_the_points_were_drawn():
 @pytest.mark.parametrize("count", [4, 12])
 def test_the_first_of_a_batch_count_for_what_they_were_drawn_from(count):
     weights = []
-    for seed in range(100):
+    for seed in range(50):
         whole, cut = Sampler(2, seed), Sampler(2, seed)
         for sampler in (whole, cut):
             batch = sampler.ask()
@@ -140,7 +140,7 @@ def test_a_few_episodes_drawn_when_violations_were_known_replace_no_batch():
 def test_the_rate_of_a_short_search_is_without_bias(episodes):
     rates = [
         rate_of(*searched(seed, lambda shares: (shares[:, 0] < 0.3, shares[:, 0]), episodes=episodes)[1:])
-        for seed in range(100)
+        for seed in range(50)
     ]
     assert np.mean([rate.value for rate in rates]) == pytest.approx(0.3, abs=0.03)
     assert np.std([rate.value for rate in rates]) < 0.15
