@@ -18,19 +18,24 @@ FENCE = re.compile(r'^```(\w+)(?: title="([^"]+)")?\n(.*?)^```', re.M | re.S)
 PLAIN = re.compile(r"rudc [^|&;$<\\\\]*$")
 """a line that is one command, with no more of bash than quotes, or `> FILE`"""
 COMMENT = re.compile(r"(^|\s)\s*# .*")
-QUICK = " ".join(
-    f"--set training.{key}"
-    for key in (
-        "envs=1",
-        "seed_steps=150",
-        "learning_starts=128",
-        "round_decisions=25",
-        "evaluation_episodes=1",
+QUICK = (
+    " ".join(
+        f"--set training.{key}"
+        for key in (
+            "envs=1",
+            "seed_steps=50",
+            "learning_starts=32",
+            "round_decisions=25",
+            "evaluation_episodes=1",
+            "curriculum=null",
+        )
     )
+    + " --set learner.batch_size=32"
 )
 LESS = (
     (r"--steps \d+", "--steps 50"),
     (r"(--episodes |\bepisodes=)\d+", r"\g<1>1"),
+    (r"(rudc sweep .*--episodes \d+)", r"\1 --set episode.timeout=8"),
     (r"--workers \d+", "--workers 1"),
     (r"--seeds \d+", "--seeds 1"),
     (r" --envs \d+", ""),  # QUICK has it
@@ -110,6 +115,38 @@ def run_apart(*commands: Sequence[object], folder: Path, **more: str) -> str:
     """
     told = json.dumps([[*map(str, words)] for words in commands])
     return _run([sys.executable, "-c", SEVERAL], folder, told, **more)
+
+
+ONE_BY_ONE = """
+import contextlib, io, json, sys
+from rudc.cli.main import main
+
+answers = []
+for sys.argv in json.loads(sys.stdin.read()):
+    status = 0
+    with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(io.StringIO()) as err:
+        try:
+            main()
+        except SystemExit as ended:
+            status = ended.code or 0
+    answers.append((status, out.getvalue(), err.getvalue()))
+print(json.dumps(answers))
+"""
+
+
+class Answer(NamedTuple):
+    """How a command ended."""
+
+    status: int
+    out: str
+    err: str
+
+
+def answers_apart(*commands: Sequence[object], folder: Path, **more: str) -> list[Answer]:
+    """As `run_apart`, but they may fail: how each ended."""
+    told = json.dumps([["rudc", *map(str, words)] for words in commands])
+    said = _run([sys.executable, "-c", ONE_BY_ONE], folder, told, **more)
+    return [Answer(*answer) for answer in json.loads(said)]
 
 
 def run_here(words: list[str], folder: Path) -> str:

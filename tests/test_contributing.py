@@ -98,17 +98,30 @@ def test_there_is_a_recipe_for_each():
     ]  # fmt: skip
 
 
-def test_agent_event_and_metric(house):
-    agent = "my_agent.py:Creep(speed=9)"
-    said = run_apart(
+AGENT = "my_agent.py:Creep(speed=9)"
+SLOW = "creep+ttcbf:correction.speed_limit=true,correction.speed_limit_most=5"
+
+
+@pytest.fixture(scope="module")
+def said(house):
+    """What commands with all of it say, in one process."""
+    agents = ("creep", SLOW, f"{SLOW},correction.solver=sparse")
+    return run_apart(
         ("rudc", "scenario", "validate", "spill.yaml"),
-        ("rudc", "sweep", "spill.yaml", "-a", agent, "-n", 2, "-w", 1, "-o", "out"),
+        ("rudc", "sweep", "spill.yaml", "-a", AGENT, "-n", 2, "-w", 1, "-o", "out"),
+        (
+            "rudc", "sweep", "random_destination", "--set", "traffic.density=0", "-n", 1, "-w", 1,
+            *(part for agent in agents for part in ("-a", agent)), "--engine", "one-by-one", "-o", "creep",
+        ),
         ("rudc", "table", "out", "--metrics", "waste", "--format", "csv"),
         folder=house, **its(house),
     )  # fmt: skip
+
+
+def test_agent_event_and_metric(house, said):
     with (house / "out/episodes.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
-    assert [row["agent"] for row in rows] == [agent, agent]
+    assert [row["agent"] for row in rows] == [AGENT, AGENT]
     assert all(float(row["waste"]) == max(float(row["duration_s"]) - 10.0, 0.0) for row in rows)
     assert {row["events_fired"] for row in rows} == {"1"}
     assert any("waste" in line for line in said.splitlines()[-3:]), said
@@ -146,15 +159,10 @@ def test_all_rows_of_the_table_are_measured():
     assert TABLE.keys() - {"to add"} == {*RECIPES, *ADDED}
 
 
+@pytest.mark.usefixtures("said")
 def test_driver_barrier_solver_and_engine(house):
     """Driven by `creep`, whom a barrier holds to 5 m/s, by another solver, one episode after the other."""
-    slow = "creep+ttcbf:correction.speed_limit=true,correction.speed_limit_most=5"
-    agents = ["creep", slow, f"{slow},correction.solver=sparse"]
-    run(
-        house, "-m", "rudc", "sweep", "random_destination", "--set", "traffic.density=0", "-n", 1, "-w", 1,
-        *(part for agent in agents for part in ("-a", agent)), "--engine", "one-by-one", "-o", "out/creep",
-    )  # fmt: skip
-    with (house / "out/creep/episodes.csv").open(newline="") as file:
+    with (house / "creep/episodes.csv").open(newline="") as file:
         speeds = [float(row["mean_speed_mps"]) for row in csv.DictReader(file)]
     assert speeds[1] < 5.1 < speeds[0]  # it starts faster
     assert speeds[2] == pytest.approx(speeds[1], abs=1e-3)
@@ -175,7 +183,8 @@ if __name__ == "__main__":
 
     small = {
         "training.steps": 50, "training.seed_steps": 50, "training.learning_starts": 16, "training.envs": 1,
-        "training.round_decisions": 25, "training.evaluation_episodes": 0, "learner.batch_size": 16,
+        "training.round_decisions": 25, "training.evaluation_episodes": 0,
+        "training.curriculum": None, "learner.batch_size": 16,
         "learner.policy.hidden": 8, "learner.critic.hidden": 8,
     }
     for name in sys.argv[1:]:

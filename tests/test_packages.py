@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.blocks import run_apart
+from tests.blocks import answers_apart, run_apart
 from tests.offering import offer
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -79,25 +79,27 @@ def test_events_algorithms_and_barriers_of_a_package_are_as_ours(installed, tmp_
     assert speeds[slow] < speeds["follower+ttcbf"]
 
 
-@pytest.mark.parametrize(
-    ("kind", "order"),
-    [
-        ("event", ("scenario", "schema")),
-        ("algorithm", ("train", "sac", "--out", "out")),
-        ("barrier", ("agent", "show", "follower+ttcbf")),
-    ],
-)
-def test_a_package_that_cannot_be_imported_is_named(installed, kind, order):
-    (installed.site / f"own_{kind}.py").write_text("import nothing_of_that_name\n", encoding="utf-8")
-    assert installed("-m", "rudc", "--help").returncode == 0
-    ended = installed("-m", "rudc", *order)
-    assert (ended.returncode, "Traceback" in ended.stderr) == (2, False)
-    said = " ".join(ended.stderr.split())
-    assert f"package brought: its entry point `mine = own_{kind}` of rudc.{kind}s cannot be" in said
-    assert "No module named 'nothing_of_that_name'" in said
+def test_a_package_that_cannot_be_imported_is_named(installed, tmp_path):
+    """By whatever asks for what it has, and by nothing else."""
+    orders = {
+        "event": ("scenario", "schema"),
+        "algorithm": ("train", "sac", "--out", "out"),
+        "barrier": ("agent", "show", "follower+ttcbf"),
+    }
+    for kind in orders:
+        (installed.site / f"own_{kind}.py").write_text("import nothing_of_that_name\n", encoding="utf-8")
+    helped, *refused = answers_apart(
+        ("--help",), *orders.values(), folder=tmp_path, PYTHONPATH=installed.path
+    )
+    assert (helped.status, helped.err) == (0, "")
+    for kind, ended in zip(orders, refused, strict=True):
+        assert (ended.status, "Traceback" in ended.err) == (2, False)
+        said = " ".join(ended.err.split())
+        assert f"package brought: its entry point `mine = own_{kind}` of rudc.{kind}s cannot be" in said
+        assert "No module named 'nothing_of_that_name'" in said
 
 
-def test_lists_go_without_what_cannot_be_imported(installed):
+def test_lists_go_without_what_cannot_be_imported(installed, tmp_path):
     for kind in ("event", "algorithm"):
         (installed.site / f"own_{kind}.py").write_text("import nothing_of_that_name\n", encoding="utf-8")
     offer(
@@ -105,12 +107,18 @@ def test_lists_go_without_what_cannot_be_imported(installed):
         f"{OFFERS}[rudc.agents]\ngone = own_barrier:Gone\nfollower = own_barrier:Mine\n",
         "other",
     )
-    ended = installed("-m", "rudc", "agent", "list", "--json")
-    assert ended.returncode == 0, ended.stderr
-    listed = [entry["name"] for entry in json.loads(ended.stdout)]
+    orders = (("list",), "sudden_brake"), (("keys", "hard_brake"), "deceleration")
+    agents, *lists, run = answers_apart(
+        ("agent", "list", "--json"),
+        *(("scenario", *order) for order, _ in orders),
+        ("run", "sudden_brake", "--agent", "sumo"),
+        folder=tmp_path, PYTHONPATH=installed.path,
+    )  # fmt: skip
+    assert agents.status == 0, agents.err
+    listed = [entry["name"] for entry in json.loads(agents.out)]
     assert {"follower", "rudc-t", "sac"} < set(listed)
     assert not {"gone", "brought-sac"} & set(listed)
-    warnings = sorted(ended.stderr.splitlines())
+    warnings = sorted(agents.err.splitlines())
     assert [w.partition(":")[0] for w in warnings] == ["warning"] * 4
     assert warnings[0].startswith(
         "warning: left out: the installed package brought: its entry point `mine = "
@@ -120,13 +128,10 @@ def test_lists_go_without_what_cannot_be_imported(installed):
         warnings[3]
         == "warning: the agent 'follower' of the installed package other is not used: it is RUDC's own"
     )
-    for order, there in ((("list",), "sudden_brake"), (("keys", "hard_brake"), "deceleration")):
-        ended = installed("-m", "rudc", "scenario", *order)
-        assert ended.returncode == 0, ended.stderr
-        assert there in ended.stdout
+    for (_, there), ended in zip(orders, lists, strict=True):
+        assert ended.status == 0, ended.err
+        assert there in ended.out
         assert (
-            ended.stderr.count("warning: left out: the installed package ")
-            == len(ended.stderr.splitlines())
-            == 2
+            ended.err.count("warning: left out: the installed package ") == len(ended.err.splitlines()) == 2
         )
-    assert installed("-m", "rudc", "run", "sudden_brake", "--agent", "sumo").returncode == 2
+    assert run.status == 2

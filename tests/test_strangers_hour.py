@@ -1,6 +1,7 @@
 """A stranger's first hour, as README and examples/ tell it: each command must work as it stands.
 
-The first as they type it, the others in this process, which has imported what each would import anew.
+In this process, which has imported what each would import anew; as they type it: README's first command, in
+test_readme.py.
 """
 
 import csv
@@ -54,7 +55,7 @@ def outcomes(desk, out):
 
 def test_first_sweep_and_its_table(desk):
     first = ("sweep", "dense_left_turn", "-a", "gap-acceptance+ttcbf", "-n", 2, "-o", "out/first")
-    run(desk, "-m", "rudc", *first)
+    rudc(desk, *first)
     assert "gap-acceptance+ttcbf" in rudc(desk, "table", "out/first", "--format", "markdown")
 
 
@@ -91,7 +92,7 @@ def test_an_agent_trained_elsewhere(desk):
     pytest.importorskip("stable_baselines3")
     model = run(desk, "examples/sb3_agent.py", "--steps", 100, "--every", 100, "--episodes", 1).strip()
     agent = f"examples/sb3_agent.py:Sb3Agent(path={model!r})"
-    rudc(desk, "sweep", "mine.yaml", "-a", agent, "-a", "rudc-t", "-n", 1, "-w", 1, "-o", "out/sb3")
+    rudc(desk, "sweep", "mine.yaml", "-a", agent, "-n", 1, "-w", 1, "-o", "out/sb3")
     assert all(outcome for _, outcome in outcomes(desk, "out/sb3"))
     manifest = json.loads((desk / "out/sb3/manifest.json").read_text())
     assert manifest["configuration"]["agents"][agent]["files"].keys() == {"path"}

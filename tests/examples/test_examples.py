@@ -34,7 +34,7 @@ def test_own_event(tmp_path):
     commands = (
         ("scenario", "validate", scenario),
         ("scenario", "preview", scenario),
-        ("sweep", scenario, "-a", "follower", "-n", 2, "-o", "out"),
+        ("sweep", scenario, "-a", "follower", "-n", 1, "-w", 1, "-o", "out"),
     )
     own = ("rudc", "--import", EXAMPLES / "own_event.py")
     run_apart(*((*own, *command) for command in commands), folder=tmp_path)
@@ -43,7 +43,19 @@ def test_own_event(tmp_path):
 def test_own_barrier(tmp_path):
     limit = "follower+ttcbf:correction.speed_limit=true,correction.speed_limit_most=5"
     agents = ["-a", "follower+ttcbf", "-a", limit]
-    sweep = ("sweep", "random_destination", "--set", "traffic.density=0", *agents, "-n", 1, "-o", "out")
+    sweep = (
+        "sweep",
+        "random_destination",
+        "--set",
+        "traffic.density=0",
+        *agents,
+        "-n",
+        1,
+        "-w",
+        1,
+        "-o",
+        "out",
+    )
     run_apart(("rudc", "--import", EXAMPLES / "own_barrier.py", *sweep), folder=tmp_path)
     with (tmp_path / "out/episodes.csv").open(newline="") as file:
         fast, slow = (float(row["mean_speed_mps"]) for row in csv.DictReader(file))
@@ -60,5 +72,5 @@ def test_a_map_of_openstreetmap(rudc, tmp_path):
     assert checked.status == 0
     assert all(limit in checked.out for limit in (" 13.9 ", " 8.3 ", " 5.6 "))
     assert "warning" not in checked.err
-    answer = rudc("sweep", folder / "crossing.yaml", "-a", "gap-acceptance", "-n", 6, "-o", "out")
+    answer = rudc("sweep", folder / "crossing.yaml", "-a", "gap-acceptance", "-n", 2, "-o", "out")
     assert answer.status == 0, answer.err

@@ -1,12 +1,10 @@
-"""An algorithm of somebody else's, trained, saved, driven: settings, learner and correction in one file, or
-the learner, which imports torch, in a file beside it.
+"""Algorithms of somebody else's, trained, saved, driven: settings, learner and correction in one file, or the
+learner, which imports torch, in a file beside it.
 """
 
 import csv
 import os
 import sys
-
-import pytest
 
 from tests.blocks import run_apart
 from tests.offering import offer
@@ -58,31 +56,32 @@ class CalmLearner(SacLearner):
 SMALL = (
     "training.steps=50", "training.seed_steps=50", "training.learning_starts=16", "training.envs=1",
     "training.round_decisions=25", "training.evaluation_episodes=0", "learner.batch_size=16",
-    "learner.policy.hidden=8", "learner.critic.hidden=8",
+    "learner.policy.hidden=8", "learner.critic.hidden=8", "training.curriculum=null",
 )  # fmt: skip
 
 
 SHORT = ("--set", "episode.timeout=5")
 
 
-@pytest.mark.parametrize("brought", ["by a file", "by a package"])
-def test_an_algorithm_of_somebody_else_trains_and_drives(tmp_path, brought):
-    if brought == "by a package":
-        offer(tmp_path, "[rudc.algorithms]\nmine = own\n")
-        (tmp_path / "own_learner.py").write_text(LEARNER, encoding="utf-8")
-        own = OWN.replace("LEARNER", '"own_learner:CalmLearner"')
-    else:
-        own = LEARNER + OWN.replace("LEARNER", 'f"{__name__}:CalmLearner"')
-    (tmp_path / "own.py").write_text(own, encoding="utf-8")
+def test_algorithms_of_somebody_else_train_and_drive(tmp_path):
+    """One by a package, one by a file; each drives beside itself without its correction."""
+    offer(tmp_path, "[rudc.algorithms]\nmine = own\n")
+    (tmp_path / "own_learner.py").write_text(LEARNER, encoding="utf-8")
+    (tmp_path / "own.py").write_text(OWN.replace("LEARNER", '"own_learner:CalmLearner"'), encoding="utf-8")
+    other = LEARNER + OWN.replace("LEARNER", 'f"{__name__}:CalmLearner"').replace('"calm', '"mild')
+    (tmp_path / "other.py").write_text(other, encoding="utf-8")
 
-    rudc = ("rudc", *(("--import", "own.py") if brought == "by a file" else ()))
-    changes = (*SMALL, "learner.bonus=1", "correction.most=-0.9")
-    agents = ("-a", "calm", "-a", "calm:correction.kind=none")
+    file, changes = ("--import", "other.py"), (*SMALL, "learner.bonus=1", "correction.most=-0.9")
+    settings = [part for change in changes for part in ("--set", change)]
+    drivers = ("calm", "calm:correction.kind=none", "mild", "mild:correction.kind=none")
+    agents = [part for driver in drivers for part in ("-a", driver)]
     run_apart(
-        (*rudc, "train", "calm-sac", *(part for c in changes for part in ("--set", c)), "--out", "calm"),
-        (*rudc, "sweep", "random_destination", *agents, "-n", 1, "-w", 1, *SHORT, "-o", "out"),
+        ("rudc", "train", "calm-sac", *settings, "--out", "calm"),
+        ("rudc", *file, "train", "mild-sac", *settings, "--out", "mild"),
+        ("rudc", *file, "sweep", "random_destination", *agents, "-n", 1, "-w", 1, *SHORT, "-o", "out"),
         folder=tmp_path, PYTHONPATH=os.pathsep.join([str(tmp_path), *sys.path]),
     )  # fmt: skip
     with (tmp_path / "out/episodes.csv").open(newline="") as file:
-        calm, bare = csv.DictReader(file)
-    assert int(calm["interventions"]) > int(bare["interventions"])
+        steps = {row["agent"]: int(row["interventions"]) for row in csv.DictReader(file)}
+    assert steps["calm"] > steps["calm:correction.kind=none"]
+    assert steps["mild"] > steps["mild:correction.kind=none"]
