@@ -51,8 +51,8 @@ def test_a_command_that_is_ended_keeps_what_is_finished(tmp_path, command, numbe
 def test_a_training_that_is_ended_says_what_is_kept(tmp_path, number):
     """Its workers hear the signal, too, as where a terminal closes."""
     out = tmp_path / "out"
-    small = ("training.seed_steps=100", "training.round_decisions=25", "training.checkpoint_every=50")
-    settings = [part for value in small for part in ("--set", value)]
+    small = ("seed_steps=25", "round_decisions=25", "checkpoint_every=50", "curriculum=null")
+    settings = [part for value in small for part in ("--set", f"training.{value}")]
     begun = [*RUDC, "train", "sac", "--envs", "1", *settings, "-o", str(out)]
 
     def heard():

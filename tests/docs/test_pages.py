@@ -23,8 +23,11 @@ def test_there_are_pages():
 @pytest.mark.slow
 @pytest.mark.parametrize("page", WITH_BLOCKS, ids=lambda page: page.stem)
 def test_what_a_page_says_works(page, tmp_path, monkeypatch):
+    monkeypatch.setattr(
+        base, "IN_DISTRIBUTION", ("random_destination",)
+    )  # studies: tests/studies/test_quick.py
     monkeypatch.setattr(base, "QUICK_OOD", ("ignored_priority",))
-    monkeypatch.setattr(filter_variants, "CONSTRAINED", ("gated",))  # both, ...: tests/studies/test_quick.py
+    monkeypatch.setattr(filter_variants, "CONSTRAINED", ("gated",))
     monkeypatch.setattr(filter_variants, "LEVELS", (1.0,))
     monkeypatch.setattr(filter_variants, "RATES", ())
     for block in blocks_of(page):

@@ -20,6 +20,7 @@ TINY = {
     "training.round_decisions": 25,
     "training.evaluation_episodes": 0,
     "training.calibration_episodes": 0,
+    "training.curriculum": None,
     "learner.batch_size": 16,
 }
 TINIER = {**TINY, "training.steps": 50, "training.seed_steps": 50}
