@@ -84,14 +84,15 @@ def test_a_cell_of_a_notebook_runs_as_often_as_one_likes():
 def test_a_second_environment_passes_gymnasiums_checks_rendering_included():
     first = gymnasium.make(rudc.ENV_ID)
     first.reset(seed=0)
-    second = gymnasium.make(rudc.ENV_ID, render_mode="rgb_array")
+    second = gymnasium.make(rudc.ENV_ID, render_mode="rgb_array", overrides={"traffic.density": 2})
     check_env(second.unwrapped)
     assert isinstance(second.unwrapped.episode.world, IsolatedWorld)
     second.close()
     first.close()
 
 
-def test_closed_and_reset_again():
+def test_closed_or_dead_and_reset_again():
+    """It told to reset once its process had died, and then refused for ever."""
     first, second = gymnasium.make(rudc.ENV_ID), gymnasium.make(rudc.ENV_ID)
     first.reset(seed=0)
     second.reset(seed=0)
@@ -99,22 +100,15 @@ def test_closed_and_reset_again():
     second.close()
     observation, _ = second.reset(seed=0)
     np.testing.assert_array_equal(observation, first.reset(seed=0)[0])
-    first.close()
-    second.close()
-
-
-def test_reset_after_its_process_has_died():
-    """It told to do so, and then refused for ever."""
-    env = gymnasium.make(rudc.ENV_ID, isolated=True)
-    observation, _ = env.reset(seed=0)
-    process = env.unwrapped.episode.world._process
+    process = second.unwrapped.episode.world._process
     process.kill()
     with pytest.raises(SimulationError, match=r"has died .* reset the environment to start another"):
-        env.step(COAST)
-    np.testing.assert_array_equal(env.reset(seed=0)[0], observation)
-    env.step(COAST)
+        second.step(COAST)
+    np.testing.assert_array_equal(second.reset(seed=0)[0], observation)
+    second.step(COAST)
     assert process.stdin.closed
-    env.close()
+    first.close()
+    second.close()
 
 
 SCRIPT = """
@@ -126,13 +120,12 @@ env.step(env.action_space.sample())
 """
 
 
-@pytest.mark.parametrize("kind", ["file", "text"])
-def test_a_script_needs_no_main_guard(tmp_path, kind):
+def test_a_script_needs_no_main_guard(tmp_path):
+    """As text neither: below."""
     file = tmp_path / "mine.py"
     file.write_text(SCRIPT, encoding="utf-8")
-    arguments = [str(file)] if kind == "file" else ["-c", SCRIPT]
     run = subprocess.run(
-        [sys.executable, "-W", "error", *arguments], capture_output=True, text=True, check=False
+        [sys.executable, "-W", "error", str(file)], capture_output=True, text=True, check=False
     )
     assert (run.returncode, run.stdout, run.stderr) == (0, "begins\n", "")
 
@@ -184,11 +177,16 @@ def test_an_event_of_the_script_itself(tmp_path, end, as_text, told):
     (tmp_path / "zap.yaml").write_text("name: zap\nextends: dense_left_turn\nevents: [{kind: zap}]\n")
     file = tmp_path / "mine.py"
     file.write_text(OWN + end, encoding="utf-8")
+    how = ["-W", "error", "-c", SCRIPT + OWN + end] if as_text else [str(file)]
     run = subprocess.run(
-        [sys.executable, *(["-c", OWN + end] if as_text else [str(file)])],
-        capture_output=True, text=True, check=False, cwd=tmp_path,
+        [sys.executable, *how], capture_output=True, text=True, check=False, cwd=tmp_path
     )  # fmt: skip
     assert all(words in run.stderr for words in told)
+    if as_text:  # what comes before the event drives
+        assert (run.stdout, run.stderr.partition("\n")[0]) == (
+            "begins\n",
+            "Traceback (most recent call last):",
+        )
     if not told:
         assert (run.returncode, run.stdout) == (0, "True 1\n"), run.stderr
 
