@@ -57,7 +57,8 @@ def test_from_a_new_scenario_to_a_picture_and_a_run(rudc, tmp_path):
         assert len(picture.getcolors(1 << 24) or []) > 20
     answer = rudc(
         "run", "mine.yaml", "--agent", "gap-acceptance+ttcbf", "--seed", 1,
-        "--set", "traffic.density=12", "--steps", "steps.csv", "--video", "film.gif", "--fcd", "fcd.xml",
+        "--set", "traffic.density=12", "--set", "episode.timeout=6",
+        "--steps", "steps.csv", "--video", "film.gif", "--fcd", "fcd.xml",
     )  # fmt: skip
     assert answer.status == 0, answer.err
     shown = dict(line.split(maxsplit=1) for line in answer.out.splitlines())

@@ -49,28 +49,29 @@ def changed(tmp_path, *replacements, name="four_way"):
 
 
 def test_each_trouble_is_named(tmp_path):
-    assert any("`unregulated`" in w for w in changed(tmp_path, ('type="priority"', 'type="unregulated"')))
     assert any("traffic lights" in w for w in changed(tmp_path, ('type="priority"', 'type="traffic_light"')))
     lane = '<lane id="west_in_0" index="0" speed="{}" length="120.00" width="{}"{}'
     narrow = changed(
         tmp_path,
         (lane.format("10.00", "3.50", ""), lane.format("20.00", "2.40", ' disallow="bicycle truck"')),
+        ('length="120.00"', 'length="40.00"'),
     )
     assert any("lane west_in_0 is only 2.40 m wide" in w for w in narrow)
     assert any("lane west_in_0 has a limit of 20.0 m/s" in w for w in narrow)
     both = changed(
         tmp_path,
+        ('type="priority"', 'type="unregulated"'),
         *(
             (f'id="west_in_{k}" index="{k}" speed="10.00"', f'id="west_in_{k}" index="{k}" speed="20.00"')
             for k in (0, 1)
         ),
     )
+    assert any("`unregulated`" in w for w in both)
     assert [w for w in both if "limit of 20.0" in w] == [
         "lanes west_in_0, west_in_1 have a limit of 20.0 m/s; the ego drives at most 15 m/s"
     ]
     assert any("lane west_in_0 refuses truck, bicycle" in w for w in narrow)
-    short = changed(tmp_path, ('length="120.00"', 'length="40.00"'))
-    assert any("arm south is only 40 m long" in w for w in short)
+    assert any("arm south is only 40 m long" in w for w in narrow)
     way = '<connection from="south_in" to="west_out"'
     lost = changed(tmp_path, (way, f'{way} allow="bus"'))
     assert lost == ("no movement leads from arm south to arm west",)

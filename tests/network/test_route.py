@@ -41,7 +41,7 @@ def test_paths_are_smooth_drivable_and_on_the_road(name):
 
 
 @pytest.mark.parametrize("name", NETWORKS)
-@settings(max_examples=120)
+@settings(max_examples=60)
 @given(data=st.data())
 def test_project_undoes_pose(name, data):
     network = load_network(name)
@@ -59,7 +59,7 @@ def test_project_undoes_pose(name, data):
     assert offset == pytest.approx(0.0, abs=1e-9)
 
 
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(st.sampled_from(("left", "straight", "right")), st.floats(5.0, 250.0), st.floats(-3.0, 3.0))
 @example("right", 120.0, -1.0)
 @example("right", 122.375, -3.0)

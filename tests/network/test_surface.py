@@ -22,7 +22,7 @@ def brute_force_distance(polygons, boundary, xy):
 
 
 @pytest.mark.parametrize("name", NETWORKS)
-@settings(max_examples=150)
+@settings(max_examples=75)
 @given(st.floats(-60.0, 60.0), st.floats(-60.0, 60.0))
 @example(3.125, 3.125)
 def test_signed_distance_is_that_to_the_polygons_boundary(name, x, y):
@@ -36,7 +36,7 @@ def test_signed_distance_is_that_to_the_polygons_boundary(name, x, y):
 
 
 @pytest.mark.parametrize("name", NETWORKS)
-@settings(max_examples=100)
+@settings(max_examples=50)
 @given(st.floats(-60.0, 60.0), st.floats(-60.0, 60.0))
 @example(1.1875, 26.125)
 def test_the_projection_lies_on_the_edge_as_far_away_as_stated(name, x, y):

@@ -72,7 +72,7 @@ def outcome(text: str) -> None:
             assert load_scenario(path).digest == scenario.digest
 
 
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(st.data())
 def test_a_value_replaced_by_any_other(data):
     whole = data.draw(st.sampled_from(WHOLE))
@@ -81,7 +81,7 @@ def test_a_value_replaced_by_any_other(data):
     outcome(yaml.safe_dump(changed, sort_keys=False))
 
 
-@settings(max_examples=150)
+@settings(max_examples=80)
 @given(
     st.sampled_from(TEXTS),
     st.integers(0),
