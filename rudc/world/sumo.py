@@ -360,11 +360,6 @@ class Sumo:
         """Give a vehicle that has not reached its junction another route, by name."""
         libsumo.vehicle.setRouteID(vehicle, route)
 
-    @_to("keep a vehicle in its lane")
-    def keep_lane(self, vehicle: str) -> None:
-        """From now on a vehicle changes lanes no longer."""
-        libsumo.vehicle.setLaneChangeMode(vehicle, 0)
-
     @_to("hold a vehicle in its lane")
     def hold_lane(self, vehicle: str) -> int:
         """Have a vehicle change lanes only when asked to, and if there is room. Returns its previous mode."""
@@ -374,7 +369,7 @@ class Sumo:
 
     @_to("set how a vehicle changes lanes")
     def set_lane_changes(self, vehicle: str, mode: int) -> None:
-        """Set a vehicle's lane-change mode, as `hold_lane` returned it."""
+        """Set a vehicle's lane-change mode, as `hold_lane` returned it; 0: it changes lanes no longer."""
         libsumo.vehicle.setLaneChangeMode(vehicle, mode)
 
     @_to("slow a vehicle down")
@@ -396,3 +391,8 @@ class Sumo:
     def limit_speed(self, vehicle: str, speed: float) -> None:
         """Set the fastest a vehicle can go, m/s."""
         libsumo.vehicle.setMaxSpeed(vehicle, speed)
+
+    @_to("have a vehicle overlook another")
+    def overlook(self, vehicle: str, other: str) -> None:
+        """From now on a vehicle gives way at junctions to all but one other; empty: to all."""
+        libsumo.vehicle.setParameter(vehicle, "junctionModel.ignoreIDs", other)

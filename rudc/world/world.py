@@ -37,6 +37,7 @@ from rudc.world.spawn import draw_route, entry, safe_to_start
 from rudc.world.sumo import Sumo
 from rudc.world.traffic import EGO, Traffic, type_file
 from rudc.world.trial import refuse_untried
+from rudc.world.unblocking import Unblocking
 from rudc.world.yielding import BRAKE_MOST, drives_behind, ego_must_yield, must_yield
 
 if TYPE_CHECKING:
@@ -165,6 +166,8 @@ class World:
         if self._decisions % every == 0:
             self._brake(scene, every * self.config.decision_s)
         self._lane_keeping.step(scene)
+        if self.config.yielding and not self._driven_by_sumo:
+            self._unblocking.step(scene, self._held)
         self._decisions += 1
         self._last_u = np.array(within_limits(self.vehicle, float(u[0]), float(u[1])))
         reached = self._drive(scene, *self._last_u.tolist())
@@ -202,11 +205,9 @@ class World:
         self._driven_by_sumo = ego_driver == "sumo"
         types = type_file(plan.traffic, self.vehicle)
         self._sumo.load(int(traffic_rng.integers(2**31 - 1)), types, options)
-        self._time0 = self._waited = 0.0
-        self._last_u = np.zeros(2)
+        self._time0, self._waited, self._last_u = 0.0, 0.0, np.zeros(2)
         self._borders = Borders(self.network.surface, self.vehicle, plan.ego.may_cross_centre)
-        self._decisions = 0
-        self._ego_inside = False
+        self._decisions, self._ego_inside = 0, False
         self._place_ego(ego_rng)
         self.stage = WorldStage(
             self._sumo, self.network, self.traffic, self._plant, self.route, event_rng,
@@ -216,7 +217,7 @@ class World:
         self._reader = Reader(self._sumo, self.network, self.traffic)
         self._brakes = Brakes(self._sumo, self.traffic)
         self._held: set[str] = set()
-        self._lane_keeping = LaneKeeping(self._sumo)
+        self._lane_keeping, self._unblocking = LaneKeeping(self._sumo), Unblocking(self._sumo)
         self._detours = Detours(self._sumo, self.network, self.traffic)
         self._script = Script(plan, self.stage)
         self.traffic.populate()

@@ -1,0 +1,61 @@
+"""Traffic round an ego that stands in the junction in nobody's way."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rudc.scenario import load_scenario
+from rudc.world import unblocking
+from rudc.world.unblocking import Unblocking
+
+BEYOND = 3.0
+"""m beyond its stop line where the ego's front stands: its ways ahead are free for all who cross"""
+
+
+def longest_stand(world, origin):
+    """s, how long somebody from another arm has been standing after a minute of the ego's standing there."""
+    changes = {
+        "traffic.density": 25,
+        "ego.route": {"from": origin, "turn": "straight"},
+        "episode.timeout": 90,
+    }
+    world.reset(load_scenario("random_destination", changes).plan(1))
+    route = world.route
+    world.put_ego(*map(float, route.path.pose(route.stop_line_s + BEYOND - 0.5 * world.vehicle.length)))
+    since = {}
+    for _ in range(600):
+        assert world.advance(np.array([-1.0, 0.0])).collision is None
+        scene = world.scene()
+        own = world.network.paths.origin == world.network.paths.origin[route.row]
+        stands = (np.hypot(*scene.velocity.T) < 0.1) & (scene.path >= 0) & ~own[scene.path]
+        names = {name for name, there in zip(scene.ids, stands, strict=True) if there}
+        since = {name: since.get(name, scene.time_s) for name in names}
+    return max((scene.time_s - began for began in since.values()), default=0.0)
+
+
+@pytest.mark.parametrize("origin", ["south", "west"])
+def test_nobody_stands_for_ever_for_an_ego_that_stands_in_nobodys_way(world, monkeypatch, origin):
+    assert longest_stand(world, origin) < 20.0
+    monkeypatch.setattr(unblocking, "STOOD_S", math.inf)
+    assert longest_stand(world, origin) > 45.0, "as SUMO has it"
+
+
+def test_whom_the_yielding_layer_holds_heeds_the_ego_and_all_do_when_it_drives(make_scene):
+    asked = []
+
+    class Asked:
+        overlook = staticmethod(lambda vehicle, other: asked.append((vehicle, other)))
+
+    near = [{"row": 0, "s": s} for s in (10.0, 20.0, 30.0)]
+    stands = make_scene(*near, v=0.0, waited_s=unblocking.STOOD_S)
+    one = Unblocking(Asked())
+    one.step(make_scene(*near, v=0.0, waited_s=unblocking.STOOD_S - 0.1), ())
+    assert asked == []
+    one.step(stands, {"other1"})
+    one.step(stands, {"other1"})
+    assert asked == [("other0", "ego"), ("other2", "ego")]
+    one.step(make_scene(*near[:2], v=1.0), ())
+    assert asked[2:] == [("other0", "")], "who has left is asked nothing"
+    one.step(make_scene(*near, v=1.0), ())
+    assert len(asked) == 3
