@@ -28,8 +28,8 @@ from pydantic_core import CoreSchema, core_schema
 from rudc.scenario.base import FileModel, Number, refuse
 
 FORMS = (
-    "a number, {uniform: [low, high]}, {normal: {mean: m, std: s, low: l, high: h}} (low and high may be "
-    "left out) or {choice: [a, b, ...]}"
+    "{uniform: [low, high]}, {normal: {mean: m, std: s, low: l, high: h}} (low and high may be left out) "
+    "or {choice: [a, b, ...]}"
 )
 NEAREST = 1e-9
 """standard deviations, least distance of a drawn value from the cuts of a normal distribution"""

@@ -18,6 +18,7 @@ from rudc.scenario.distributions import Bounds, Distribution
 from rudc.scenario.events import EVENT_KINDS, Event
 from rudc.scenario.model import Scenario
 from rudc.scenario.triggers import Trigger
+from rudc.scenario.units import bounds_of, unit_of
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,7 @@ def _keys(model: type[FileModel], prefix: str) -> Iterator[Key]:
         if prefix == "" and issubclass(model, Event) and key == "kind":
             continue
         name = f"{prefix}{key}"
-        yield Key(name, _type(field), _unit(field), _default(field), _one_line(field.description))
+        yield Key(name, _type(field), unit_of(field), _default(field), _one_line(field.description))
         part, many = _model_of(field.annotation)
         if part is not None and part is not Event and not issubclass(part, Trigger):
             yield from _keys(part, f"{name}[]." if many else f"{name}.")
@@ -103,7 +104,7 @@ def _one_line(text: str | None) -> str:
 
 def _type(field: FieldInfo) -> str:
     """What a value is, in words."""
-    bounds = _bounds(field)
+    bounds = bounds_of(field)
     part, many = _model_of(field.annotation)
     if part is not None:
         kinds = f"; kinds: {', '.join(EVENT_KINDS)}" if part is Event else ""
@@ -124,10 +125,6 @@ def _range(bounds: Bounds) -> str:
     return f"{kind} {'above ' if bounds.above else ''}{bounds.low:g} to {bounds.high:g}"
 
 
-def _unit(field: FieldInfo) -> str:
-    return " and ".join(dict.fromkeys(bound.unit for bound in _bounds(field) if bound.unit))
-
-
 def _default(field: FieldInfo) -> str:
     if field.is_required():
         return "required"
@@ -139,21 +136,6 @@ def _default(field: FieldInfo) -> str:
     if plain in (None, "", (), {}):
         return ""
     return yaml.safe_dump(plain, default_flow_style=True, width=1000).removesuffix("...\n").strip()
-
-
-def _bounds(field: FieldInfo) -> list[Bounds]:
-    """Bounds of a number, or of each of two."""
-    own = [part for part in field.metadata if isinstance(part, Bounds)]
-    return own or list(_bounds_in(field.annotation))
-
-
-def _bounds_in(annotation: Any) -> Iterator[Bounds]:
-    for part in getattr(annotation, "__metadata__", ()):
-        if isinstance(part, Bounds):
-            yield part
-    for part in get_args(annotation):
-        if not isinstance(part, Bounds):
-            yield from _bounds_in(part)
 
 
 def _words(annotation: Any) -> list[str]:

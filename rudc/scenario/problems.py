@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any, get_args
 
 from pydantic import ValidationError
+from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from rudc.hints import did_you_mean, nearest
@@ -16,6 +17,7 @@ from rudc.scenario.base import FileModel
 from rudc.scenario.distributions import FORMS, Choice, Constant, Normal, Uniform
 from rudc.scenario.dotted import Path
 from rudc.scenario.events.registry import EVENT_KINDS, tag_of
+from rudc.scenario.units import unit_of
 
 _FORMS: dict[str, type[FileModel]] = {
     f"<{model.__name__.lower()}>": model for model in (Constant, Uniform, Normal, Choice)
@@ -84,19 +86,30 @@ def _describe(detail: ErrorDetails, model: type[FileModel], data: Any) -> Proble
         case "extra_forbidden":
             return Problem((*_path(loc[:-1], data), loc[-1]), _unknown(detail, model), on_key=True)
         case "distribution":
-            return _not_a_distribution(path, value)
+            return _not_a_distribution(path, value, _number(loc, model))
         case "event_kind":
             return _not_an_event(path, value)
         case "model_type" | "model_attributes_type" | "dict_type":
             keys = ", ".join(_keys(_model_at(loc, model)))
             return Problem(path, f"expected a mapping{f' (keys: {keys})' if keys else ''}, got {got(value)}")
-    return Problem(path, _in_words(kind, value, context, detail["msg"], in_number="<constant>" in loc))
-
-
-def _in_words(kind: str, value: Any, context: dict[str, Any], message: str, in_number: bool) -> str:
-    match kind:
         case "float_type" | "float_parsing":
-            return f"expected {FORMS if in_number else 'a number'}; got {got(value)}"
+            forms = f", {FORMS}" if "<constant>" in loc else ""
+            return Problem(path, f"expected {_number(loc, model)}{forms}; got {got(value)}")
+    return Problem(path, _in_words(kind, value, context, detail["msg"]))
+
+
+def _number(loc: Sequence[str | int], model: type[FileModel]) -> str:
+    """`a number in m/s` where the number at an error's location has a unit, else `a number`."""
+    within = next((i for i, part in enumerate(loc) if part in _FORMS), len(loc))
+    names = [i for i, part in enumerate(loc[:within]) if isinstance(part, str)]
+    here = _model_at(loc[: names[-1]], model) if names and "weights" not in loc else None
+    field = None if here is None else _named(here).get(str(loc[names[-1]]))
+    unit = "" if field is None else unit_of(field)
+    return f"a number in {unit}" if unit else "a number"
+
+
+def _in_words(kind: str, value: Any, context: dict[str, Any], message: str) -> str:
+    match kind:
         case "bool_type":
             return f"expected true or false, got {got(value)}"
         case "finite_number":
@@ -134,12 +147,12 @@ def _section_of(key: str | int, model: type[FileModel]) -> str | None:
     return next((name for name, part in sections if issubclass(part, FileModel) and key in _keys(part)), None)
 
 
-def _not_a_distribution(path: Path, value: Any) -> Problem:
+def _not_a_distribution(path: Path, value: Any, number: str) -> Problem:
     forms = ("uniform", "normal", "choice")
     if isinstance(value, Mapping) and len(value) == 1 and (near := did_you_mean(next(iter(value)), forms)):
         return Problem((*path, next(iter(value))), f"unknown distribution{near}", on_key=True)
     given = [form for form in forms if isinstance(value, Mapping) and form in value]
-    return Problem(path, f"expected {FORMS}; got {' and '.join(given) or got(value)}")
+    return Problem(path, f"expected {number}, {FORMS}; got {' and '.join(given) or got(value)}")
 
 
 def _not_an_event(path: Path, value: Any) -> Problem:
@@ -182,7 +195,12 @@ def _known(detail: ErrorDetails, model: type[FileModel]) -> list[str]:
 
 
 def _keys(model: type[FileModel] | None) -> list[str]:
-    return [] if model is None else [field.alias or name for name, field in model.model_fields.items()]
+    return [] if model is None else list(_named(model))
+
+
+def _named(model: type[FileModel]) -> dict[str, FieldInfo]:
+    """Key -> field."""
+    return {field.alias or name: field for name, field in model.model_fields.items()}
 
 
 def _model_at(loc: Sequence[str | int], model: type[FileModel]) -> type[FileModel] | None:
@@ -193,7 +211,7 @@ def _model_at(loc: Sequence[str | int], model: type[FileModel]) -> type[FileMode
         if part in tags:
             here = tags[str(part)]
         elif isinstance(part, str) and here is not None:
-            named = {field.alias or name: field for name, field in here.model_fields.items()}
+            named = _named(here)
             here = _model_in(named[part].annotation) if part in named else None
     return here
 

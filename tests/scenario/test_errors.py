@@ -62,7 +62,7 @@ def test_every_problem_of_a_file_at_once(problems):
         found,
         "2:10: network: no shipped network 'four_wya' (did you mean 'four_way'?)...",
         "4:3: ego.rout: unknown key (did you mean 'route'?)",
-        "5:10: ego.speed: expected a number, {uniform: [low, high]}, ... got the text 'fast'",
+        "5:10: ego.speed: expected a number in m/s, {uniform: [low, high]}, ... got the text 'fast'",
         "6:24: ego.distance.uniform.0: low 45 is above high 35 (swap them?)",
         "8:12: traffic.density: 500 veh/km is not between 0 and 150 veh/km",
         "9:17: traffic.mix.lorry: unknown key; known here: car, truck, bus, motorcycle, bicycle",
@@ -106,6 +106,30 @@ def test_every_problem_of_a_file_at_once(problems):
 )
 def test_not_a_scenario_at_all(problems, tmp_path, text, expected):
     check(problems(text), expected)
+
+
+def test_the_unit_of_a_number_is_said_where_it_has_one(problems):
+    found = problems("""
+        name: a
+        ego: {speed: 50 km/h, distance: {uniform: [30 m, 40]}}
+        traffic: {impatience: half, warm_up: {normal: [5 s, 1]}, density: [10, 20]}
+        events:
+          - {kind: hard_brake, vehicle: leader, deceleration: 7 m/s2, when: {simulation_time: {above: 1 min}}}
+          - {kind: accident, vehicles: [{position: [2 m, 3]}]}
+          - {kind: low_friction, friction: {choice: {values: [0.3], weights: [all]}}}
+        """)
+    check(
+        found,
+        "2:14: ego.speed: expected a number in m/s, {uniform...; got the text '50 km/h'",
+        "2:44: ego.distance.uniform.0: expected a number in m; got the text '30 m'",
+        "3:23: traffic.impatience: expected a number, {uniform...; got the text 'half'",
+        "3:48: traffic.warm_up.normal.0: expected a number in s; got the text '5 s'",
+        "3:67: traffic.density: expected a number in veh/km, {uniform...; got a list ...",
+        "5:55: events.0.deceleration: expected a number in m/s2, {uniform...; got the text '7 m/s2'",
+        "5:95: events.0.when.simulation_time.above: expected a number in s, ...; got the text '1 min'",
+        "6:45: events.1.vehicles.0.position.0: expected a number in m, {uniform...; got the text '2 m'",
+        "7:71: events.2.friction.choice.weights.0: expected a number; got the text 'all'",
+    )
 
 
 def test_not_utf8(tmp_path):
@@ -318,8 +342,8 @@ class TestOverrides:
         check(
             problems("name: a\n", **given),
             "override: ego.route.turn: expected one of ...; got a list (`rudc sweep` takes one, ...)",
-            "override: ego.speed: expected a number, ...; got the text 'fast'",
-            "override: traffic.density: expected a number, ...; got a list (`rudc sweep` takes one, ...)",
+            "override: ego.speed: expected a number in m/s, ...; got the text 'fast'",
+            "override: traffic.density: expected a number in veh/km, ...; got a list (`rudc sweep` takes...",
         )
 
     def test_leave_positions_of_the_rest_alone(self, problems):
