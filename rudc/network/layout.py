@@ -118,7 +118,7 @@ class Layout:
                 return arm
         raise NetworkError(
             f"no arm {name!r} in network {self.name}{there_are(name, [arm.name for arm in self.arms])}; "
-            "an arm can also be given by the id of one of its edges; the ego's are ego_in and ego_out"
+            "an arm can also be given by the id of one of its edges"
         )
 
     def lanes_of(self, arm: Arm) -> list[Lane]:

@@ -142,7 +142,8 @@ def _misplaced_on(network: Network, route: Route | None, path: Path, part: Any) 
             arm = network.arm(name, route)
             stretches = [network.stretch(lane) for lane in _sides(arm)]
     except NetworkError as error:
-        return [Problem((*path, key), str(error))]
+        own = f"; the ego's are {' and '.join(EGO_ARMS)}" if key == "arm" else ""
+        return [Problem((*path, key), f"{error}{own}")]
     reach = min(stretch.reach for stretch in stretches)
     far = 0.0 if at is None else likely(at)[1]
     # A thing on a lane of an arm may reach beyond the arm's outer end, but not with its middle or in a bend.

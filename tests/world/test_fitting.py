@@ -61,13 +61,15 @@ def test_together_with_all_other_problems_each_in_its_place(problems):
     check(
         found,
         "2:1: descripton: unknown key (did you mean 'description'?)",
-        "3:21: ego.route.from: no arm 'northeast' in network four_way (did you mean 'north'?)...",
+        "3:21: ego.route.from: no arm 'northeast' in network four_way (did you mean 'north'?); there are: "
+        "...; an arm can also be given by the id of one of its edges",
         "5:32: events.0.lane: no lane 'west_in_5' in network four_way; cars have west_in_0, west_in_1 there",
         "6:12: events.1.kind: unknown kind of event 'hard_break' (did you mean 'hard_brake'?)",
         "7:44: events.2.at: 500 m lies beyond 'east_in_0' of network four_way, which has 120.0 m",
         "9:23: events.3.vehicles.0.lane: no lane 'south_to_wst_0'...(did you mean 'south_to_west_0'?)",
         "9:75: events.3.vehicles.1.at: 30 m lies beyond 'south_to_west_0'..., which has 26.0 m",
-        "10:38: events.4.arm: no arm 'nort' in network four_way (did you mean 'north'?)...",
+        "10:38: events.4.arm: no arm 'nort' in network four_way (did you mean 'north'?); there are: "
+        "...; an arm can also be given by the id of one of its edges; the ego's are ego_in and ego_out",
         "11:71: events.5.when.reach_position.lane: no lane 'west_in_9' ...",
     )
 
