@@ -45,10 +45,12 @@ def movements_of(network: Network, plan: EgoPlan) -> list[Movement]:
         movements = [m for m in movements if m.destination == wanted]
     if not movements:
         asked = (
-            f"from {plan.origin or 'any arm'}, turn {plan.turn or 'any'}, to {plan.destination or 'any arm'}"
+            f" from {plan.origin}" if plan.origin else "",
+            f" with `turn: {plan.turn}`" if plan.turn else "",
+            f" to {plan.destination}" if plan.destination else "",
         )
         known = ", ".join(f"{m.origin}>{m.destination} ({m.turn})" for m in from_there)
-        raise NetworkError(f"network {network.name} has no movement {asked}; it has {known}")
+        raise NetworkError(f"network {network.name} has no movement{''.join(asked)}; it has {known}")
     return movements
 
 

@@ -109,12 +109,25 @@ def test_a_normal_place_is_judged_by_what_will_be_drawn(problems):
             ego: {route: {from: south, turn: left}}
             sweep: {ego.route.turn: [left, straight], network: [t_junction]}
             """,
-            "3:32: sweep.ego.route.turn.1: ego.route: network t_junction has no movement ...",
+            "3:32: sweep.ego.route.turn.1: ego.route: network t_junction has no movement from south with "
+            "`turn: straight`; it has south>...",
         ),
     ],
 )
 def test_swept_values_are_blamed_only_for_what_they_cause(problems, text, expected):
     check(problems(text), expected)
+
+
+@pytest.mark.parametrize(
+    ("route", "asked"),
+    [
+        ("{from: south, turn: straight}", "from south with `turn: straight`; it has south>..."),
+        ("{from: south, to: south}", "from south to south; it has south>..."),
+    ],
+)
+def test_a_movement_that_is_not_there_is_named_as_it_was_asked_for(problems, route, asked):
+    found = problems(f"name: a\nnetwork: t_junction\nego: {{route: {route}}}\n")
+    check(found, f"3:14: ego.route: network t_junction has no movement {asked}")
 
 
 def test_overrides_are_named_as_such(problems):
