@@ -33,7 +33,8 @@ def with_value(data: dict[str, Any], key: str, value: Any) -> tuple[dict[str, An
         if i == len(parts) - 1:
             here[step] = deepcopy(value)
         else:
-            inner = here.get(step, {}) if isinstance(step, str) else here[step]
+            missing: Any = [] if path == ("events",) else {}
+            inner = here.get(step, missing) if isinstance(step, str) else here[step]
             here[step] = inner.copy() if isinstance(inner, dict | list) else inner
             here = here[step]
     return changed, path
@@ -45,6 +46,8 @@ def _step(here: Any, part: str, before: str) -> str | int:
     if not isinstance(here, list):
         raise DottedKeyError(f"{before} is {here!r}, which has no part {part!r}")
     if not part.isdecimal() or int(part) >= len(here):
+        if before == "events" and not here:
+            raise DottedKeyError(f"there is no event {part}; the file has none")
         numbers = f"0 to {len(here) - 1}" if here else "none, it is empty"
         raise DottedKeyError(
             f"{before} is a list whose entries are numbered ({numbers}); there is no {part!r}"

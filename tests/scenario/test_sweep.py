@@ -156,6 +156,12 @@ def test_wrong_sweeps(tmp_path, sweep, expected):
     assert found[0].startswith(expected), found
 
 
+@pytest.mark.parametrize("events", ["", "events: []\n"])
+def test_a_swept_key_of_an_event_that_is_not_there(tmp_path, events):
+    found = problems(tmp_path, f"name: a\nsweep: {{ego.speed: [5], events.0.speed: [1, 2]}}\n{events}")
+    assert found == ["2:25: sweep.events.0.speed: there is no event 0; the file has none"]
+
+
 def test_every_wrong_value_is_reported_once_though_it_has_many_points(tmp_path):
     found = problems(
         tmp_path, "name: a\nsweep: {traffic.density: [10, -1, -2], ego.speed: [5, 6, 99]}\nego: {sped: 3}\n"
