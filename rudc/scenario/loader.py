@@ -113,10 +113,13 @@ def _read(path: File, children: tuple[File, ...]) -> tuple[Sheet | None, tuple[s
     parent = find_parent(parent_name, path)
     chain = (*children, path.resolve())
     if parent is None:
-        near = did_you_mean(parent_name, parents_known(path))
-        itself = parent_name in (path.name, path.stem)
-        beside = "but this file itself" if itself else "beside this file"
-        text = f"no scenario {parent_name!r} {beside}, and none shipped{near}"
+        if parent_name in (path.name, path.stem):
+            text = (
+                f"the file extends itself; no other scenario {parent_name!r} is beside it, and none shipped"
+            )
+        else:
+            near = did_you_mean(parent_name, parents_known(path))
+            text = f"no scenario {parent_name!r} beside this file, and none shipped{near}"
         return sheet, (), [*reports, sheet.report(("extends",), text)]
     if parent.resolve() in chain:
         ring = " -> ".join(file.name for file in (*chain[chain.index(parent.resolve()) :], parent))

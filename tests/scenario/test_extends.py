@@ -189,7 +189,7 @@ def test_a_parent_that_cannot_be_read_hides_no_problem_of_the_child(write):
         ("parnt", "child.yaml:2:10: extends: no scenario 'parnt' beside ... (did you mean 'parent'?)"),
         ("dense_left_tunr", "child.yaml:2:10: extends: ... none shipped (did you mean 'dense_left_turn'?)"),
         ("n" * 300, "child.yaml:2:10: extends: no scenario ...nnn' beside this file, and none shipped"),
-        ("child", "child.yaml:2:10: extends: no scenario 'child' but this file itself, and none shipped"),
+        ("child", "child.yaml:2:10: extends: the file extends itself; ... beside it, and none shipped"),
         ("one", "two.yaml:2:10: extends: goes round in a circle: one.yaml -> two.yaml -> one.yaml"),
         ("[a]", "child.yaml:2:10: extends: expected text, got a list"),
     ],
@@ -197,6 +197,7 @@ def test_a_parent_that_cannot_be_read_hides_no_problem_of_the_child(write):
 def test_parents_that_are_none(write, extends, message):
     write("one.yaml", "name: one\nextends: two\n")
     write("two.yaml", "name: two\nextends: one\n")
+    write("childs.yaml", "name: childs\n")
     with pytest.raises(ScenarioError) as caught:
         load_scenario(write("child.yaml", f"name: child\nextends: {extends}\n"))
     start, _, end = message.partition("...")
