@@ -53,7 +53,7 @@ class GapAcceptance:
         limit = route.speed_limit if scene.ego_s < route.exit_s else route.speed_limit_after
         speed = speed_allowed(scene, self._profile, min(CRUISE, limit))
         acceleration = acceleration_towards(speed, scene, ACCELERATION)
-        gap, leader_speed = self._leader(scene)
+        gap, leader_speed = self.leader(scene)
         acceleration = min(acceleration, _idm(scene.ego.v, speed, gap, leader_speed))
         room = self._hold(scene)
         if math.isfinite(room):
@@ -63,7 +63,7 @@ class GapAcceptance:
 
     # ---- leader
 
-    def _leader(self, scene: Scene) -> tuple[float, float]:
+    def leader(self, scene: Scene) -> tuple[float, float]:
         """Gap (m) to the leader, and its speed along the path (m/s); (inf, 0) if there is none."""
         if scene.count == 0:
             return math.inf, 0.0

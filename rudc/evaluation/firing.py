@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from rudc.agents.gap_acceptance import GapAcceptance
 from rudc.env.episode import Episode
+from rudc.env.outcome import Outcome
 from rudc.errors import RudcError
 from rudc.evaluation.rollout import run_episode
 from rudc.network.network import load_network
 from rudc.world.events import numbered
+from rudc.world.scene import STILL, Scene
 from rudc.world.world import World
 
 if TYPE_CHECKING:
@@ -23,6 +25,8 @@ EARLY = (
     "nobody for it to act on"
 )
 """why an event may not happen"""
+BEFORE_M = 10.0
+"""m before the ego, within which what stands in its lane keeps it from driving on"""
 
 
 @dataclass(slots=True)
@@ -59,13 +63,15 @@ class Tried(NamedTuple):
     """how many ended how"""
     wrong: list[str]
     """what is wrong with those that cannot be set up or driven, a line each"""
+    blocked: int
+    """how many are frozen with something that stands in the ego's lane just before it"""
 
     @property
     def ends(self) -> str:
         """How the episodes ended, in words."""
         plural = "s" * (self.outcomes.total() != 1)
         ends = ", ".join(f"{count} {outcome}" for outcome, count in self.outcomes.most_common())
-        stays = self.outcomes["frozen"] > self.outcomes.total() // 2
+        stays = self.blocked > self.outcomes.total() // 2
         round_it = "; it does not go round what blocks its lane, as `--agent planner` of `rudc run` does"
         return f"gap-acceptance drives {self.outcomes.total()} episode{plural}: {ends}{round_it * stays}"
 
@@ -75,6 +81,7 @@ def drive_and_count(scenario: Scenario, seeds: Iterable[int]) -> Tried:
     happens.
     """
     outcomes: Counter[str] = Counter()
+    blocked = 0
     found = [Firing(number, event.kind) for number, event in enumerate(scenario.events, start=1)]
     wrong: list[str] = []
     waiting = deque(seeds)
@@ -89,8 +96,15 @@ def drive_and_count(scenario: Scenario, seeds: Iterable[int]) -> Tried:
                     wrong.append(f"seed {seed}: {error}")
                     break
                 outcomes[record.outcome] += 1
+                blocked += record.outcome == Outcome.FROZEN and _stands_before(agent, world.scene())
                 _count(found, world)
-    return Tried(found, outcomes, wrong)
+    return Tried(found, outcomes, wrong, blocked)
+
+
+def _stands_before(agent: GapAcceptance, scene: Scene) -> bool:
+    """Whether the ego stands behind something that stands in its lane."""
+    gap, speed = agent.leader(scene)
+    return scene.waited_s > 0.0 and gap < BEFORE_M and speed < STILL
 
 
 def _count(found: list[Firing], world: World) -> None:

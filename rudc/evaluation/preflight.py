@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from rudc.errors import RudcError, ScenarioError
 from rudc.kernels import as_written
 from rudc.network.network import load_network
@@ -15,7 +17,8 @@ from rudc.scenario.loader import load_scenario
 from rudc.scenario.spread import spread
 from rudc.vehicle import EgoVehicle
 from rudc.world.events import numbered
-from rudc.world.fitting import misfits
+from rudc.world.fitting import likely, misfits
+from rudc.world.spawn import movements_of
 
 if TYPE_CHECKING:
     from rudc.scenario.model import Scalar, Scenario
@@ -50,11 +53,12 @@ def try_out(scenario: Scenario, seed: int = 0) -> list[str]:
 
 
 def never_happening(scenario: Scenario) -> list[str]:
-    """A line for each event that can never happen, since it waits for something that no episode reaches; of a
-    sweep, at the points that `tried_points` chooses."""
+    """A line for each event that can never happen, since it waits for something that no episode reaches, and
+    one for a destination that none does; of a sweep, at the points that `tried_points` chooses."""
     found: dict[str, str] = {}
     for swept in tried_points(scenario):
-        for text in _in_vain(scenario.varied(swept) if swept else scenario):
+        point = scenario.varied(swept) if swept else scenario
+        for text in (*_in_vain(point), *_out_of_reach(point)):
             found.setdefault(text, _where(swept))
     return [where + text for text, where in found.items()]
 
@@ -76,6 +80,21 @@ def _in_vain(scenario: Scenario) -> Iterator[str]:
                     f"event {numbered(number, event.kind)} can never happen: it waits for {name} above "
                     f"{threshold.above.support[0]:g} {unit}, and {why}"
                 )
+
+
+def _out_of_reach(scenario: Scenario) -> Iterator[str]:
+    network, ego = load_network(scenario.network, scenario.junction), scenario.ego
+    movements = movements_of(network, ego.plan(np.random.default_rng(0)))
+    routes = [network.route(m.origin, m.destination) for m in movements]
+    car, beyond = network.vehicle, likely(ego.destination)[0]
+    inside = min(min(r.exit_s + beyond, r.length - car.length) - r.stop_line_s for r in routes)
+    way = likely(ego.distance)[0] + 0.5 * car.length + inside
+    end = scenario.episode.timeout.support[1]
+    if way > car.v_max * end:
+        yield (
+            f"the ego can never arrive: its way is {way:.0f} m at least, it drives at most {car.v_max:g} "
+            f"m/s, and episodes end at {end:g} s (episode.timeout)"
+        )
 
 
 def _where(swept: dict[str, Scalar]) -> str:

@@ -22,7 +22,7 @@ WAITING = [
 @pytest.mark.parametrize("name", WAITING)
 def test_the_events_of_shipped_scenarios_happen(name):
     """In at least 95 % of the episodes that they are part of: here, with few episodes, in all of them."""
-    firings, outcomes, wrong = drive_and_count(load_scenario(name), range(3))
+    firings, outcomes, wrong, _ = drive_and_count(load_scenario(name), range(3))
     assert wrong == []
     assert outcomes.total() == 3
     for firing in firings:
@@ -39,7 +39,7 @@ def test_whom_an_event_selects_is_there_whatever_the_traffic(selector, density):
         "when": {"simulation_time": {"above": 0.5}},
     }
     scenario = load_scenario("random_destination", {"events": [slow], "traffic.density": density})
-    (firing,), _, _ = drive_and_count(scenario, range(3))
+    (firing,), *_ = drive_and_count(scenario, range(3))
     assert firing.fired == 3
 
 
@@ -57,7 +57,7 @@ def test_a_leader_is_there_though_a_lane_beyond_the_junction_is_closed():
         "traffic.density": 10,
         "ego.route": {"from": "west", "turn": "straight"},
     }
-    firings, _, _ = drive_and_count(load_scenario("random_destination", settings), range(3))
+    firings, *_ = drive_and_count(load_scenario("random_destination", settings), range(3))
     assert [firing.fired for firing in firings] == [3, 3]
 
 
@@ -91,7 +91,7 @@ events:
 def test_seeds_that_cannot_be_set_up_are_said_and_the_others_driven(tmp_path):
     path = tmp_path / "overlap.yaml"
     path.write_text(OVERLAP, encoding="utf-8")
-    firings, outcomes, wrong = drive_and_count(load_scenario(path), range(6))
+    firings, outcomes, wrong, _ = drive_and_count(load_scenario(path), range(6))
     assert 0 < len(wrong) < 6
     assert all("seed " in text and "would stand in the same place" in text for text in wrong)
     assert firings[0].episodes == outcomes.total() == 6 - len(wrong)
@@ -124,6 +124,12 @@ def test_how_episodes_end_is_said():
     assert driven.ends.startswith("gap-acceptance drives 2 episodes: 2 frozen; it does not go round what")
     result = CliRunner().invoke(app, ["scenario", "validate", "random_destination", "--seeds", "1"])
     assert "random_destination: ok (0 events)\n  gap-acceptance drives 1 episode: 1 success" in result.stdout
+
+
+def test_a_blocked_lane_is_blamed_only_where_something_stands_there():
+    driven = drive_and_count(load_scenario("random_destination", {"episode.timeout": 0.1}), range(2))
+    assert driven.outcomes == {"frozen": 2}
+    assert driven.ends == "gap-acceptance drives 2 episodes: 2 frozen"
 
 
 def test_validate_says_how_often_events_happen():

@@ -118,6 +118,20 @@ events:
     ]  # fmt: skip
 
 
+def test_a_destination_that_no_episode_comes_to_is_warned_of(written):
+    text = """
+name: hasty
+ego: {route: {from: south, turn: straight}, distance: {uniform: [40, 60]}, destination: 30}
+"""
+    (told,) = never_happening(load_scenario(written(text + "episode: {timeout: 5}\n")))
+    assert told.startswith("the ego can never arrive: its way is ")
+    assert told.endswith(" m at least, it drives at most 15 m/s, and episodes end at 5 s (episode.timeout)")
+    way = float(told.split()[8])
+    assert 90 < way < 110
+    at_last = f"episode: {{timeout: {{choice: [1, {way / 15 + 0.1}]}}}}\n"
+    assert never_happening(load_scenario(written(text + at_last))) == []
+
+
 def test_of_a_sweep_it_is_said_with_which_values(written):
     told = never_happening(load_scenario(written(LATE + "sweep: {episode.timeout: [20, 70, 80]}\n")))
     assert [text.partition(" can never")[0] for text in told] == [
