@@ -1,4 +1,4 @@
-"""A picture of a network: its road, its arms, and every route through the junction.
+"""A picture of a network: its road, its arms, and every route through the junction that scenarios may use.
 
 A route is coloured by its turn: its path (thick where it meets traffic of other arms), other lines to the
 same arm (thin), a bar where it stops, a dot where it waits inside the junction.
@@ -23,7 +23,7 @@ LEAST_M = 70.0
 BESIDE_M = 45.0
 """m shown at least around the junction itself"""
 LEGEND = "thick: meets traffic of other arms;  bar: stop line;  dot: where it waits inside the junction"
-ASIDE_M: dict[str, float] = {"left": 0.35, "straight": 0.0, "right": -0.35, "u_turn": 0.7}
+ASIDE_M: dict[str, float] = {"left": 0.35, "straight": 0.0, "right": -0.35}
 """m by which a route is drawn to the left of its path, so that routes do not hide each other"""
 
 
@@ -32,11 +32,12 @@ def draw_network(network: Network) -> Image.Image:
     size = max(float(np.abs(polygon - network.center).max()) for polygon in network.node_polygons)
     reach = min(network.half_extent, max(LEAST_M, size + BESIDE_M))
     canvas = new_map(network, reach)
-    for movement in network.movements:
+    movements = [movement for movement in network.movements if movement.turn != "u_turn"]
+    for movement in movements:
         draw_route(canvas, network.route(movement.origin, movement.destination))
     name_arms(canvas, network, reach)
-    turns = sorted({movement.turn for movement in network.movements}, key=list(TURNS).index)
-    names = tuple((f"{turn.replace('_', ' ')}{GAP}", TURNS[turn]) for turn in turns)
+    turns = sorted({movement.turn for movement in movements}, key=list(TURNS).index)
+    names = tuple((f"{turn}{GAP}", TURNS[turn]) for turn in turns)
     lines: list[Line] = [((network.name, TEXT),), names, ((LEGEND, FAINT_TEXT),)]
     return finished(canvas, reach, lines)
 

@@ -43,7 +43,6 @@ TURNS: dict[str, Colour] = {
     "left": (230, 159, 0),
     "straight": (165, 208, 242),
     "right": (64, 190, 150),
-    "u_turn": (255, 80, 240),
 }
 """routes in the picture of a network"""
 

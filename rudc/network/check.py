@@ -56,7 +56,7 @@ class MovementReport:
     destination: str
     """arm"""
     turn: str
-    """left, straight, right or u_turn"""
+    """left, straight or right"""
     lanes: tuple[int, ...]
     """indices of the inbound lanes that permit it"""
     yields: bool
@@ -86,7 +86,7 @@ class NetworkReport:
     arms: tuple[ArmReport, ...]
     """counter-clockwise from the east"""
     movements: tuple[MovementReport, ...]
-    """in the order of arms and lanes"""
+    """those that scenarios may use, in the order of arms and lanes: nobody turns back"""
     warnings: tuple[str, ...]
     """what will cause trouble, one sentence each; empty when all is well"""
 
@@ -95,7 +95,8 @@ def check_network(source: str | Path, junction: str | None = None) -> NetworkRep
     """Reads a network (shipped name or .net.xml) and checks all that the simulation will need from it.
     Raises NetworkError."""
     network = load_network(source, junction)
-    routes = {(m.origin, m.destination): network.route(m.origin, m.destination) for m in network.movements}
+    movements = [m for m in network.movements if m.turn != "u_turn"]  # no scenario has them
+    routes = {(m.origin, m.destination): network.route(m.origin, m.destination) for m in movements}
     warnings = [
         *_node_warnings(network),
         *(text for arm in network.arms for text in _arm_warnings(network, arm)),
@@ -110,9 +111,7 @@ def check_network(source: str | Path, junction: str | None = None) -> NetworkRep
         kind="roundabout" if network.is_roundabout else network.node_type,
         road_km=network.road_km,
         arms=tuple(_arm_report(network, arm) for arm in network.arms),
-        movements=tuple(
-            _movement_report(network, m, routes[m.origin, m.destination]) for m in network.movements
-        ),
+        movements=tuple(_movement_report(network, m, routes[m.origin, m.destination]) for m in movements),
         warnings=tuple(warnings),
     )
 
@@ -176,7 +175,8 @@ def _arm_warnings(network: Network, arm: Arm) -> Iterator[str]:
     if not arm.out_lanes:
         yield f"arm {arm.name} is one-way: nothing leaves by it"
     fast: dict[float, list[str]] = {}
-    used = {network.inbound_lane(row).id for movement in network.movements for row in movement.rows}
+    onwards = [row for movement in network.movements if movement.turn != "u_turn" for row in movement.rows]
+    used = {network.inbound_lane(row).id for row in onwards}
     for name, lane_id in network.lane_names.items():
         lane = network.lanes[lane_id]
         if lane_id not in (*arm.in_lanes, *arm.out_lanes):
@@ -224,7 +224,7 @@ def _route_warnings(network: Network, route: Route) -> Iterator[str]:
 
 def waiting_warnings(routes: list[Route]) -> Iterator[str]:
     """A warning for each pair of routes from different arms on which two waiting cars would overlap."""
-    waiting = [route for route in routes if route.waiting_s > route.stop_line_s and route.turn != "u_turn"]
+    waiting = [route for route in routes if route.waiting_s > route.stop_line_s]
     for a, b in combinations(waiting, 2):
         if a.origin != b.origin and waiting_gap(a, b) <= 0.0:
             yield (

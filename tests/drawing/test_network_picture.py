@@ -51,4 +51,3 @@ def test_every_turn_is_drawn_in_its_colour():
     body = np.asarray(picture)[100:]
     for turn in ("left", "straight", "right"):
         assert count(body, TURNS[turn]) > 200
-    assert count(body, TURNS["u_turn"]) == 0
