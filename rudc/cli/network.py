@@ -160,9 +160,12 @@ def build(
 
     **Example**: `rudc network build my_networks/ring`
     """
-    from rudc.network.build import build_network
+    from rudc.network.build import build_network, lost_edges
 
-    typer.echo(build_network(folder, out))
+    built = build_network(folder, out)
+    for edge in lost_edges(folder, built):
+        warn(f"warning: netconvert left out edge {edge} of the sources; look at its numbers, such as `speed`")
+    typer.echo(built)
 
 
 def _radius(radius_m: float) -> str:

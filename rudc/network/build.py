@@ -11,6 +11,7 @@ import shutil
 import subprocess
 import tempfile
 from pathlib import Path
+from xml.etree import ElementTree
 
 from rudc.errors import NetworkError
 from rudc.files import check_place, make_folder_of, write_atomically
@@ -62,6 +63,24 @@ def build_network(folder: str | Path, out: str | Path | None = None) -> Path:
     make_folder_of(target)
     write_atomically(target, text)
     return target
+
+
+def lost_edges(folder: str | Path, built: Path) -> list[str]:
+    """Ids of the edges in plain sources that are not in the network built from them, since netconvert left
+    them out without a word. Those between nodes that it joined into one are not among them.
+    """
+    nodes = sorted(Path(folder).glob("*.nod.xml"))
+    if not nodes:
+        return []
+    net = ElementTree.parse(built)
+    there = {edge.get("id") for edge in net.iter("edge")}
+    junctions = {junction.get("id") for junction in net.iter("junction")}
+    source = nodes[0].with_name(nodes[0].name.replace(".nod.xml", ".edg.xml"))
+    return [
+        edge.get("id", "")
+        for edge in ElementTree.parse(source).iter("edge")
+        if edge.get("id") not in there and {edge.get("from"), edge.get("to")} & junctions
+    ]
 
 
 def find_netconvert() -> Path:

@@ -5,10 +5,12 @@ from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 
 import pytest
+from typer.testing import CliRunner
 
+from rudc.cli.commands import app
 from rudc.errors import NetworkError
 from rudc.network import build as network_build
-from rudc.network.build import build_network
+from rudc.network.build import build_network, lost_edges
 from rudc.network.network import load_network, shipped_networks
 
 
@@ -70,6 +72,28 @@ def test_wrong_sources_are_refused_with_netconverts_words(tmp_path):
     with pytest.raises(NetworkError, match=r"netconvert failed:(.|\n)*nowhere"):
         build_network(tmp_path)
     assert not (tmp_path / "own.net.xml").exists()
+
+
+@needs_netconvert
+def test_edges_that_netconvert_leaves_out_are_named(tmp_path):
+    (tmp_path / "own.nod.xml").write_text(
+        '<nodes><node id="A" x="0" y="0"/><node id="B" x="20" y="0"/><join nodes="A B"/>'
+        '<node id="east" x="150" y="0"/><node id="west" x="-150" y="0"/><node id="south" x="0" y="-150"/>'
+        "</nodes>"
+    )
+    ways = [
+        ("west_in", "west", "A"), ("west_out", "A", "west"), ("middle", "A", "B"), ("east_in", "east", "B"),
+        ("east_out", "B", "east"), ("south_in", "south", "A"), ("south_out", "A", "south"),
+    ]  # fmt: skip
+    edges = "".join(f'<edge id="{name}" from="{a}" to="{b}" speed="9"/>' for name, a, b in ways)
+    (tmp_path / "own.edg.xml").write_text(f"<edges>{edges}</edges>")
+    assert lost_edges(tmp_path, build_network(tmp_path)) == []
+    wrong = edges.replace('to="B" speed="9"/><edge id="east_out"', 'to="B" speed="-9"/><edge id="east_out"')
+    (tmp_path / "own.edg.xml").write_text(f"<edges>{wrong}</edges>")
+    assert lost_edges(tmp_path, build_network(tmp_path)) == ["east_in"]
+    told = CliRunner().invoke(app, ["network", "build", str(tmp_path)])
+    assert "netconvert left out edge east_in" in told.stderr
+    assert told.stdout == f"{tmp_path / 'own.net.xml'}\n"
 
 
 def test_without_netconvert_the_error_says_how_to_get_it(monkeypatch):
