@@ -12,6 +12,9 @@ Colour = tuple[int, int, int] | tuple[int, int, int, int]
 GROUND: Colour = (228, 231, 223)
 VERGE: Colour = (208, 213, 201)
 ASPHALT: Colour = (76, 82, 90)
+RESERVED: Colour = (116, 108, 104)
+"""lanes for buses or bicycles only: no part of the ego's road"""
+PAVEMENT: Colour = (182, 180, 172)
 MARK: Colour = (226, 229, 232)
 GRID: Colour = (132, 138, 144, 110)
 INK: Colour = (32, 37, 44)

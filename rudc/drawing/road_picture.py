@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from rudc.arrays import Array
-from rudc.drawing.palette import ASPHALT, GROUND, MARK, VERGE, Colour
+from rudc.drawing.palette import ASPHALT, GROUND, MARK, PAVEMENT, RESERVED, VERGE, Colour
 from rudc.network.network import Arm, Lane, Network
 from rudc.network.polyline import arc_length, offset_polyline, resample, strip
 
@@ -78,10 +78,14 @@ class Brush(ABC):
 
 
 def paint_road(network: Network, brush: Brush) -> None:
-    """Drivable area, its edge, lane marks, stop lines and arrows, from below upwards."""
+    """Lanes without cars, drivable area, its edge, lane marks, stop lines, arrows: from below upwards."""
     polygons = network.surface.polygons
-    for polygon in polygons:
+    for polygon in (*(lane.area for lane in network.reserved), *polygons):
         brush.line(np.vstack([polygon, polygon[:2]]), 2.4, VERGE)
+    for lane in network.reserved:
+        brush.area(lane.area, PAVEMENT if lane.is_pavement else RESERVED)
+        for side in np.split(lane.area, 2):
+            brush.line(side, MARK_M, RESERVED if lane.is_pavement else MARK)
     for polygon in polygons:
         brush.area(polygon, ASPHALT)
         brush.line(np.vstack([polygon, polygon[:1]]), 0.12, ASPHALT)  # closes hairlines between neighbours

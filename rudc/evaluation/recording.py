@@ -17,7 +17,7 @@ import numpy as np
 
 from rudc.agents.base import layers
 from rudc.arrays import Array
-from rudc.drawing.palette import ASPHALT, MARK, VERGE, Colour
+from rudc.drawing.palette import ASPHALT, MARK, PAVEMENT, RESERVED, VERGE, Colour
 from rudc.drawing.road_picture import Brush, paint_road
 from rudc.drawing.view import View, view_of
 from rudc.env.distances import destination_s
@@ -52,7 +52,7 @@ SERIES: dict[str, float] = {
     "friction": 0.001, "delay_s": 0.001, "true_friction": 0.001, "true_delay_s": 0.001,
 }  # fmt: skip
 """what is kept of every frame -> the step that its values are multiples of"""
-_LAYERS: dict[Colour, str] = {VERGE: "verge", ASPHALT: "asphalt", MARK: "mark"}
+_LAYERS = {VERGE: "verge", RESERVED: "reserved", PAVEMENT: "pavement", ASPHALT: "asphalt", MARK: "mark"}
 _BRAKING, _STANDS = -0.7, 0.3
 """m/s2, m/s: below which brake lights are lit, as in rudc/drawing/bodies.py"""
 

@@ -19,7 +19,7 @@ from rudc.network.polyline import (
     wrap,
 )
 from rudc.network.reader import VEHICLE_CLASS, Junction, RawArm, Way, shape_of
-from rudc.network.road import COMPASS, ROAD_USERS, Arm, Lane, Movement, Turn
+from rudc.network.road import COMPASS, ROAD_USERS, Arm, Lane, Movement, ReservedLane, Turn
 
 STRAIGHT = np.radians(30.0)
 """rad, a change of heading smaller than this is no turn"""
@@ -57,14 +57,18 @@ def make_lane(raw: Any) -> Lane:
 
 def make_lanes(junction: Junction, arms: Sequence[RawArm], ways: Sequence[Way]) -> dict[str, Lane]:
     """All lanes of arms, ring and ways by id, in a fixed order."""
-    net = junction.net
-    edges = [edge for arm in arms for edge in (*arm.inbound, *arm.outbound)]
-    edges += [net.getEdge(edge) for edge in sorted(junction.ring)]
-    raw = {lane.getID(): lane for edge in edges for lane in edge.getLanes() if lane.allows(VEHICLE_CLASS)}
+    raw = {lane.getID(): lane for lane in _lanes_of(junction, arms) if lane.allows(VEHICLE_CLASS)}
     for way in ways:
-        raw.update((lane_id, net.getLane(lane_id)) for lane_id in way.source.lane_ids)
+        raw.update((lane_id, junction.net.getLane(lane_id)) for lane_id in way.source.lane_ids)
     drawn = {lane_id: lane for lane_id, lane in raw.items() if len(without_repeats(shape_of(lane))) > 1}
     return {lane_id: make_lane(lane) for lane_id, lane in drawn.items()}
+
+
+def _lanes_of(junction: Junction, arms: Sequence[RawArm]) -> list[Any]:
+    """All lanes of the arms and of the ring."""
+    edges = [edge for arm in arms for edge in (*arm.inbound, *arm.outbound)]
+    edges += [junction.net.getEdge(edge) for edge in sorted(junction.ring)]
+    return [lane for edge in edges for lane in edge.getLanes()]
 
 
 def nodes_within(arms: Iterable[RawArm]) -> list[Any]:
@@ -83,6 +87,22 @@ def lanes_without_cars(arms: Sequence[RawArm]) -> dict[str, tuple[str, ...]]:
         if not lane.allows(VEHICLE_CLASS)
     }
     return {name: allowed for name, allowed in users.items() if allowed}
+
+
+def reserved_lanes(junction: Junction, arms: Sequence[RawArm]) -> tuple[ReservedLane, ...]:
+    """Lanes of the arms and of the ring that are closed to cars but open to anybody else."""
+    raw = {
+        lane.getID(): lane
+        for lane in _lanes_of(junction, arms)
+        if lane.getPermissions()
+        and not lane.allows(VEHICLE_CLASS)
+        and len(without_repeats(shape_of(lane))) > 1
+    }
+    areas = _lane_areas(arms, {name: make_lane(lane) for name, lane in raw.items()})
+    return tuple(
+        ReservedLane(area, lane.allows("pedestrian") and not any(map(lane.allows, ROAD_USERS)))
+        for area, lane in zip(areas, raw.values(), strict=True)
+    )
 
 
 def centre_of(junction: Junction) -> Array:
@@ -207,20 +227,25 @@ def _edges(origin: Arm, destination: Arm, way: Way) -> tuple[str, ...]:
 
 def drivable_polygons(junction: Junction, arms: Sequence[RawArm], lanes: dict[str, Lane]) -> list[Array]:
     """Polygons (K, 2) m whose union is the drivable area: lanes, nodes, and an overhang where arms end."""
-    outer = {lane for arm in arms for lane in _lane_ids(arm.inbound[:1], lanes)}
-    outer_ends = {lane for arm in arms for lane in _lane_ids(arm.outbound[-1:], lanes)}
-    polygons = [
-        lane_area(
-            lane, OVERHANG if lane.id in outer else OVERLAP, OVERHANG if lane.id in outer_ends else OVERLAP
-        )
-        for lane in lanes.values()
-    ]
+    polygons = _lane_areas(arms, lanes)
     nodes = {node.getID(): node for node in junction.nodes}
     for arm in arms:
         for edge in (*arm.inbound, *arm.outbound):
             nodes.update((node.getID(), node) for node in (edge.getFromNode(), edge.getToNode()))
     shapes = [shape_of(node) for node in nodes.values()]
     return polygons + [shape for shape in shapes if len(shape) >= 3 and abs(signed_area(shape)) > 1.0]
+
+
+def _lane_areas(arms: Sequence[RawArm], lanes: dict[str, Lane]) -> list[Array]:
+    """(2K, 2) m each, what the lanes cover, with an overhang where arms end."""
+    outer = {lane for arm in arms for lane in _lane_ids(arm.inbound[:1], lanes)}
+    outer_ends = {lane for arm in arms for lane in _lane_ids(arm.outbound[-1:], lanes)}
+    return [
+        lane_area(
+            lane, OVERHANG if lane.id in outer else OVERLAP, OVERHANG if lane.id in outer_ends else OVERLAP
+        )
+        for lane in lanes.values()
+    ]
 
 
 def lane_area(lane: Lane, before: float = OVERLAP, after: float = OVERLAP) -> Array:

@@ -67,6 +67,8 @@ class Layout:
         """all lanes by SUMO's id: of the arms, of the ring, and inside the nodes"""
         self.left_out = assembly.lanes_without_cars(raw_arms)
         """arms' lanes without cars, which are no part of the road, by SUMO's id -> who may use them"""
+        self.reserved = assembly.reserved_lanes(chosen, raw_arms)
+        """lanes without cars, also of the ring, and pavements: what pictures show beside the road"""
         arms = assembly.make_arms(raw_arms, self.lanes, self.center)
         self.arms: tuple[Arm, ...] = tuple(assembly.decide_major(arms, ways, yields, self.node_type))
         """counter-clockwise from the east"""

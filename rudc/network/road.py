@@ -46,6 +46,16 @@ class Lane:
     """kinds of road users (SUMO's vehicle classes) that may not use it, of `ROAD_USERS`"""
 
 
+@dataclass(frozen=True, eq=False)
+class ReservedLane:
+    """A lane of an arm or of the ring that is closed to cars: no part of the road, only drawn."""
+
+    area: Array
+    """(K, 2) m, what it covers: its right side, then its left side backwards"""
+    is_pavement: bool
+    """whether only pedestrians use it"""
+
+
 @dataclass(frozen=True)
 class Arm:
     """One road at the junction, from the junction out to the next real junction or dead end."""

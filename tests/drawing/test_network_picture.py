@@ -3,8 +3,9 @@ import pytest
 
 from rudc.drawing.map import LEFT_PX, SIDE_PX, name_arms, new_map, ticks
 from rudc.drawing.network_picture import draw_network
-from rudc.drawing.palette import ASPHALT, GROUND, TURNS
-from rudc.network.network import load_network, shipped_networks
+from rudc.drawing.palette import ASPHALT, GROUND, PAVEMENT, RESERVED, TURNS
+from rudc.evaluation.recording import road_shapes
+from rudc.network.network import Network, load_network, shipped_networks
 from tests.drawing.pixels import count
 
 
@@ -51,3 +52,41 @@ def test_every_turn_is_drawn_in_its_colour():
     body = np.asarray(picture)[100:]
     for turn in ("left", "straight", "right"):
         assert count(body, TURNS[turn]) > 200
+
+
+def closed_to_cars(path, name, lane, users):
+    """A shipped network with a lane that only `users` may use."""
+    text, begin = load_network(name).path.read_text(), f'<lane id="{lane}"'
+    assert begin in text
+    path.write_text(text.replace(begin, f'{begin} allow="{users}"' if users else f'{begin} disallow="all"'))
+    return Network(path)
+
+
+@pytest.mark.parametrize(
+    ("lane", "users", "colour"),
+    [("west_in_0", "bus bicycle", RESERVED), ("south_out_0", "taxi", RESERVED),
+     ("west_out_0", "bicycle pedestrian", RESERVED), ("north_out_0", "pedestrian", PAVEMENT),
+     ("south_out_0", "", GROUND)],
+)  # fmt: skip
+def test_lanes_closed_to_cars_are_drawn_and_are_no_road(tmp_path, lane, users, colour):
+    whole, network = load_network("four_way"), closed_to_cars(tmp_path / "n.net.xml", "four_way", lane, users)
+    middle = whole.lanes[lane].xy.mean(axis=0) + 0.3
+    assert whole.surface.signed_distance(middle) > 1.0
+    assert network.surface.signed_distance(middle) < -1.0
+    canvas = new_map(network, 75.0)
+    x, y = canvas.pixels(middle).astype(int)
+    assert count(np.asarray(canvas.image)[y - 3 : y + 3, x - 3 : x + 3], colour, 0) == 36
+    filled = {shape[0] for shape in road_shapes(network) if shape[1] == 0}
+    layers = {RESERVED: {"reserved"}, PAVEMENT: {"pavement"}, GROUND: set()}[colour]
+    assert filled == {"asphalt", "mark"} | layers, "replays show the same"
+
+
+def test_a_cycle_lane_on_a_roundabouts_ring_is_drawn(tmp_path):
+    text, inner = load_network("roundabout").path.read_text(), "11.0,5.5 9.0,9.0 5.5,11.0"
+    begin = text.index('<lane id="ring_east_north_0"')
+    end = text.index("/>", begin) + 2
+    more = f'<lane id="ring_east_north_1" index="1" allow="bicycle" speed="8" length="8" shape="{inner}"/>'
+    (tmp_path / "ring.net.xml").write_text(text[:end] + more + text[end:])
+    (lane,) = Network(tmp_path / "ring.net.xml").reserved
+    assert not lane.is_pavement
+    assert np.abs(lane.area - [9.0, 9.0]).max() < 6.0

@@ -44,6 +44,13 @@ def test_roles_differ(sight):
         assert difference > 20, f"{one} and {other} look alike: {difference:.0f}"
 
 
+@pytest.mark.parametrize("sight", sorted(SIMULATED))
+@pytest.mark.parametrize("ground", ["RESERVED", "PAVEMENT"])
+def test_who_rides_or_walks_on_lanes_without_cars_is_seen(sight, ground):
+    for role in ("traffic", "event", "active"):
+        assert np.linalg.norm(lab(ROLES[role], sight) - lab(getattr(palette, ground), sight)) > 20, role
+
+
 def test_text_is_readable():
     def luminance(colour):
         share = np.array(colour[:3]) / 255

@@ -84,6 +84,7 @@ function themed() {
   const style = getComputedStyle(document.documentElement);
   const colour = (name) => style.getPropertyValue(`--${name}`).trim();
   const look = { ...LOOK.colours };
-  if (isDark()) Object.assign(look, { ground: '#23282a', verge: '#30372f', asphalt: '#4a5059' });
+  const dark = { ground: '#23282a', verge: '#30372f', asphalt: '#4a5059', reserved: '#423d3b', pavement: '#5b5a56' };
+  if (isDark()) Object.assign(look, dark);
   return { ...look, page_ink: colour('ink'), page_faint: colour('faint'), page_line: colour('line'), card: colour('card') };
 }
