@@ -68,6 +68,17 @@ OUTCOMES: dict[str, tuple[str, Colour]] = {
 }
 """how an episode ended: what a picture calls it, and in which colour"""
 
+SIGNS: tuple[Colour, ...] = (
+    EGO,
+    TRAFFIC,
+    EVENT,
+    ACTIVE,
+    BRAKE_LIGHT,
+    BLINKER,
+    *(c for _, c in OUTCOMES.values()),
+)
+"""what a film must not blur into other colours, however little of it there is"""
+
 
 def faint(colour: Colour, share: int) -> Colour:
     """The same colour, `share` of 255 opaque."""

@@ -13,6 +13,7 @@ import numpy as np
 from PIL import Image
 
 from rudc.drawing.frames import Frame
+from rudc.drawing.palette import SIGNS
 from rudc.drawing.reel import Moving
 from rudc.errors import InputError
 from rudc.files import make_folder_of, replacing, try_place
@@ -69,12 +70,22 @@ def save_film(frames: Sequence[Frame], path: Path, frames_per_s: float) -> None:
 
 
 def _save_gif(frames: Sequence[Frame], file: BinaryIO, frames_per_s: float) -> None:
-    few = np.concatenate(frames[:: max(len(frames) // 8, 1)])
-    palette = Image.fromarray(few).quantize(COLOURS)
+    palette = _palette(frames)
     plain = Image.Dither.NONE
     pictures = (Image.fromarray(frame).quantize(palette=palette, dither=plain) for frame in frames)
     durations = _durations(frames, frames_per_s)
     next(pictures).save(file, "GIF", append_images=pictures, duration=durations, **_LOOPS, optimize=False)
+
+
+def _palette(frames: Sequence[Frame]) -> Image.Image:
+    """A picture whose palette has the colours of SIGNS, and else those of some frames, the last among them:
+    the outcome stands on no other.
+    """
+    few = np.concatenate([*frames[:: max(len(frames) // 8, 1)], frames[-1]])
+    found = Image.fromarray(few).quantize(COLOURS - len(SIGNS)).getpalette() or []
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([*chain.from_iterable(SIGNS), *found])
+    return palette
 
 
 def _save_webp(frames: Sequence[Frame], file: BinaryIO, frames_per_s: float) -> None:

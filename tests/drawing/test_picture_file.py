@@ -4,8 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageSequence
 
+from rudc.drawing.palette import ACTIVE, ASPHALT, OUTCOMES
 from rudc.drawing.picture_file import check_film, save_film, save_picture
 from rudc.errors import InputError, StorageError
 
@@ -56,6 +57,25 @@ def test_a_film_holds_all_frames_and_pauses_at_the_end(tmp_path, name):
         film.seek(2)
         film.load()
         assert film.info["duration"] == 1500
+
+
+@pytest.mark.parametrize("outcome", sorted(OUTCOMES))
+def test_a_gif_has_the_colours_of_the_outcome_and_of_what_is_seen_for_a_moment(tmp_path, outcome):
+    """They turned brown or grey: no frame that the palette was made of had them."""
+    shades = np.arange(60 * 90)
+    plain = np.stack([150 + shades % 90, 150 + shades // 60, 150 + shades // 90], axis=-1).astype(np.uint8)
+    frames = [plain.reshape(60, 90, 3).copy() for _ in range(40)]
+    for k, frame in enumerate(frames):
+        frame[50:, 2 * k : 2 * k + 2] = 0  # pages that are the same would be one
+    badge = 0.92 * np.array(OUTCOMES[outcome][1]) + 0.08 * np.array(ASPHALT)
+    frames[-1][10:20, 10:80] = badge
+    frames[7][30:33, 30:33] = ACTIVE
+    save_film(frames, tmp_path / "film.gif", 10.0)
+    with Image.open(tmp_path / "film.gif") as film:
+        shown = [np.asarray(page.convert("RGB")).astype(int) for page in ImageSequence.Iterator(film)]
+    assert np.abs(shown[-1][10:20, 10:80] - badge).max() < 5
+    assert np.abs(shown[7][30:33, 30:33] - np.array(ACTIVE)).max() < 5
+    assert np.abs(shown[0] - frames[0]).max(axis=-1).mean() < 8, "the others are still there"
 
 
 def test_films_of_another_kind_are_refused(tmp_path):
