@@ -129,11 +129,12 @@ def _draw_arm(brush: Brush, network: Network, arm: Arm) -> None:
                 brush.line(offset_polyline(lanes[-1].xy, lanes[-1].width / 2), 1.6 * MARK_M, MARK)
     all_stop = not network.is_roundabout and not any(other.major for other in network.arms)
     for lane_id in arm.in_lanes:
-        _draw_stop(brush, network.lanes[lane_id], "stop" if all_stop else "" if arm.major else "yield")
+        stops = all_stop or lane_id in network.stopping
+        _draw_stop(brush, network.lanes[lane_id], "stop" if stops else "" if arm.major else "yield")
 
 
 def _draw_stop(brush: Brush, lane: Lane, sign: str) -> None:
-    """Where a lane ends at the junction: a bar where all must stop, teeth towards those who must yield, else
+    """Where a lane ends at the junction: a bar where one must stop, teeth towards those who must yield, else
     dots.
     """
     end, back = lane.xy[-1], lane.xy[-2]

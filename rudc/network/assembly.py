@@ -105,6 +105,14 @@ def reserved_lanes(junction: Junction, arms: Sequence[RawArm]) -> tuple[Reserved
     )
 
 
+def stopping_lanes(arms: Sequence[RawArm]) -> frozenset[str]:
+    """Ids of the lanes of the arms at whose end all must stop first: SUMO's link states s and w."""
+    lanes = [lane for arm in arms for edge in arm.inbound[-1:] for lane in edge.getLanes()]
+    return frozenset(
+        lane.getID() for lane in lanes if any(link.getState() in ("s", "w") for link in lane.getOutgoing())
+    )
+
+
 def centre_of(junction: Junction) -> Array:
     """(2,) m, the node's position; for a roundabout, the mean of its nodes' positions."""
     return np.mean([node.getCoord() for node in junction.nodes], axis=0)

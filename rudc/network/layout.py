@@ -69,6 +69,8 @@ class Layout:
         """arms' lanes without cars, which are no part of the road, by SUMO's id -> who may use them"""
         self.reserved = assembly.reserved_lanes(chosen, raw_arms)
         """lanes without cars, also of the ring, and pavements: what pictures show beside the road"""
+        self.stopping = assembly.stopping_lanes(raw_arms)
+        """lanes, by SUMO's id, that end at a stop sign"""
         arms = assembly.make_arms(raw_arms, self.lanes, self.center)
         self.arms: tuple[Arm, ...] = tuple(assembly.decide_major(arms, ways, yields, self.node_type))
         """counter-clockwise from the east"""

@@ -1,9 +1,11 @@
+import re
+
 import numpy as np
 import pytest
 
 from rudc.drawing.map import LEFT_PX, SIDE_PX, name_arms, new_map, ticks
 from rudc.drawing.network_picture import draw_network
-from rudc.drawing.palette import ASPHALT, GROUND, PAVEMENT, RESERVED, TURNS
+from rudc.drawing.palette import ASPHALT, GROUND, MARK, PAVEMENT, RESERVED, TURNS
 from rudc.evaluation.recording import road_shapes
 from rudc.network.network import Network, load_network, shipped_networks
 from tests.drawing.pixels import count
@@ -79,6 +81,27 @@ def test_lanes_closed_to_cars_are_drawn_and_are_no_road(tmp_path, lane, users, c
     filled = {shape[0] for shape in road_shapes(network) if shape[1] == 0}
     layers = {RESERVED: {"reserved"}, PAVEMENT: {"pavement"}, GROUND: set()}[colour]
     assert filled == {"asphalt", "mark"} | layers, "replays show the same"
+
+
+@pytest.mark.parametrize("state", ["m", "s", "w"])
+def test_a_stop_sign_has_a_stop_line_and_no_teeth(tmp_path, state):
+    """Also where the other arms have priority."""
+    text = load_network("four_way").path.read_text()
+    found = re.findall(r'<connection from="south_in" .*? fromLane="0" .*? state="m"', text)
+    for link in found:
+        text = text.replace(link, link.replace('state="m"', f'state="{state}"'))
+    (tmp_path / "stop.net.xml").write_text(text)
+    network = Network(tmp_path / "stop.net.xml")
+    assert {arm.name for arm in network.arms if arm.major} == {"east", "west"}
+    assert network.stopping == (set() if state == "m" else {"south_in_0"})
+    canvas, ends = new_map(network, 30.0), [network.lanes[f"south_in_{k}"].xy[-1] for k in (0, 1)]
+    shares = []
+    for end in ends:
+        x, y = canvas.pixels(end).astype(int)
+        half = int(1.5 * canvas.scale)
+        shares.append(count(np.asarray(canvas.image)[y : y + 2, x - half : x + half], MARK) / (4 * half))
+    assert (shares[0] > 0.95) == (state != "m")
+    assert shares[1] < 0.95
 
 
 def test_a_cycle_lane_on_a_roundabouts_ring_is_drawn(tmp_path):
