@@ -74,7 +74,7 @@ CROSSING = 12.0
 
 
 def one_runs(make_scene, passed_s, v=6.0, speed=3.5, heading=np.pi):
-    """Somebody crosses the ego's way who came, `passed_s` s ago, from behind the end of a wall 2 m beside it."""
+    """Somebody crosses the ego's way who came from behind a wall 2 m beside it `passed_s` s ago."""
     scene = make_scene(front=-40.0, v=v)
     ego, half = scene.ego, 0.5 * scene.vehicle.length
     end = [ego.x + 0.5 * scene.vehicle.width + 2.0, ego.y + half + CROSSING]
