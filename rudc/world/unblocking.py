@@ -3,8 +3,9 @@
 In SUMO a vehicle waits for anybody inside the junction whose lane there crosses its own, for as long as that
 one is on it. So an ego that has stopped a little beyond its line and gives way there would hold up those who
 have priority, and they the ego. The yielding layer knows better who must wait for the ego. Once the ego has
-stood for STOOD_S, the SVs that stand and that the layer does not hold overlook the ego at junctions in SUMO,
-until the ego drives again.
+stood for STOOD_S, the SVs that stand and that the layer does not hold overlook the ego at junctions in SUMO.
+When the ego drives again, those of them that stand heed it again; one that drives would brake hard for
+nothing, since the layer makes it brake if it must.
 """
 
 from __future__ import annotations
@@ -34,16 +35,21 @@ class Unblocking:
 
     def step(self, scene: Scene, held: Collection[str]) -> None:
         """Set free the SVs that stand and are not `held` by the yielding layer, once the ego has stood long
-        enough. When the ego drives, all heed it again.
+        enough. While the ego drives, those that stand heed it again.
         """
-        if scene.waited_s == 0.0 and self._free:
-            for name in self._free.intersection(scene.ids):
-                self._sumo.overlook(name, "")
-            self._free.clear()
-        if scene.waited_s < STOOD_S:
+        if scene.waited_s >= STOOD_S:
+            wanted = _standing(scene) - self._free - set(held)
+            self._free |= wanted
+        elif scene.waited_s == 0.0 and self._free:
+            wanted = _standing(scene) & self._free
+            self._free = (self._free - wanted).intersection(scene.ids)
+        else:
             return
-        stand = (scene.path >= 0) & (np.hypot(*scene.velocity.T) < STANDING)
-        for i in stand.nonzero()[0].tolist():
-            if scene.ids[i] not in self._free and scene.ids[i] not in held:
-                self._sumo.overlook(scene.ids[i], EGO)
-                self._free.add(scene.ids[i])
+        for name in sorted(wanted):
+            self._sumo.overlook(name, EGO if name in self._free else "")
+
+
+def _standing(scene: Scene) -> set[str]:
+    """Names of the SVs that stand."""
+    stands = (scene.path >= 0) & (np.hypot(*scene.velocity.T) < STANDING)
+    return {scene.ids[i] for i in stands.nonzero()[0].tolist()}

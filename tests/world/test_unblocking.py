@@ -41,21 +41,24 @@ def test_nobody_stands_for_ever_for_an_ego_that_stands_in_nobodys_way(world, mon
     assert longest_stand(world, origin) > 45.0, "as SUMO has it"
 
 
-def test_whom_the_yielding_layer_holds_heeds_the_ego_and_all_do_when_it_drives(make_scene):
+def test_whom_the_yielding_layer_holds_heeds_the_ego_and_who_stands_when_it_drives(make_scene):
     asked = []
 
     class Asked:
         overlook = staticmethod(lambda vehicle, other: asked.append((vehicle, other)))
 
-    near = [{"row": 0, "s": s} for s in (10.0, 20.0, 30.0)]
-    stands = make_scene(*near, v=0.0, waited_s=unblocking.STOOD_S)
+    def scene(waited_s, *speeds):
+        near = [{"row": 0, "s": 10.0 * (i + 1), "v": v} for i, v in enumerate(speeds)]
+        return make_scene(*near, v=0.0 if waited_s else 1.0, waited_s=waited_s)
+
     one = Unblocking(Asked())
-    one.step(make_scene(*near, v=0.0, waited_s=unblocking.STOOD_S - 0.1), ())
+    one.step(scene(unblocking.STOOD_S - 0.1, 0.0, 0.0, 0.0), ())
     assert asked == []
-    one.step(stands, {"other1"})
-    one.step(stands, {"other1"})
+    for _ in range(2):
+        one.step(scene(unblocking.STOOD_S, 0.0, 0.0, 0.0), {"other1"})
     assert asked == [("other0", "ego"), ("other2", "ego")]
-    one.step(make_scene(*near[:2], v=1.0), ())
-    assert asked[2:] == [("other0", "")], "who has left is asked nothing"
-    one.step(make_scene(*near, v=1.0), ())
-    assert len(asked) == 3
+    one.step(scene(0.0, 0.0, 0.0, 2.0), ())
+    assert asked[2:] == [("other0", "")], "who drives goes on"
+    one.step(scene(0.0, 0.0, 0.0), ())
+    one.step(scene(0.0, 0.0, 0.0, 0.0), ())
+    assert len(asked) == 3, "who has left is asked nothing"
