@@ -3,9 +3,10 @@
 In SUMO a vehicle waits for anybody inside the junction whose lane there crosses its own, for as long as that
 one is on it. So an ego that has stopped a little beyond its line and gives way there would hold up those who
 have priority, and they the ego. The yielding layer knows better who must wait for the ego. Once the ego has
-stood for STOOD_S, the SVs that stand and that the layer does not hold overlook the ego at junctions in SUMO.
-When the ego drives again, those of them that stand heed it again; one that drives would brake hard for
-nothing, since the layer makes it brake if it must.
+stood for STOOD_S, the SVs that stand, need not give way to it by the right of way, and are not held by the
+layer overlook the ego at junctions in SUMO. When the ego drives again, those of them that stand heed it again.
+One that drives goes on overlooking it: SUMO would have it brake hard, often for nothing, and the layer makes
+it brake if it must.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rudc.arrays import Flags
 from rudc.world.scene import STANDING
 from rudc.world.traffic import EGO
 
@@ -34,14 +36,15 @@ class Unblocking:
         self._free: set[str] = set()
 
     def step(self, scene: Scene, held: Collection[str]) -> None:
-        """Set free the SVs that stand and are not `held` by the yielding layer, once the ego has stood long
-        enough. While the ego drives, those that stand heed it again.
+        """Set free the SVs that stand, owe the ego nothing and are not `held` by the yielding layer, once the
+        ego has stood long enough. While the ego drives, those that stand heed it again.
         """
         if scene.waited_s >= STOOD_S:
-            wanted = _standing(scene) - self._free - set(held)
+            owes = scene.network.paths.yields[:, scene.route.row]
+            wanted = _standing(scene, ~owes[scene.path]) - self._free - set(held)
             self._free |= wanted
         elif scene.waited_s == 0.0 and self._free:
-            wanted = _standing(scene) & self._free
+            wanted = _standing(scene, scene.path >= 0) & self._free
             self._free = (self._free - wanted).intersection(scene.ids)
         else:
             return
@@ -49,7 +52,7 @@ class Unblocking:
             self._sumo.overlook(name, EGO if name in self._free else "")
 
 
-def _standing(scene: Scene) -> set[str]:
-    """Names of the SVs that stand."""
-    stands = (scene.path >= 0) & (np.hypot(*scene.velocity.T) < STANDING)
+def _standing(scene: Scene, among: Flags) -> set[str]:
+    """Names of the SVs that stand, `among` (N,) all."""
+    stands = among & (scene.path >= 0) & (np.hypot(*scene.velocity.T) < STANDING)
     return {scene.ids[i] for i in stands.nonzero()[0].tolist()}
