@@ -4,7 +4,7 @@ In SUMO a vehicle waits for anybody inside the junction whose lane there crosses
 one is on it. So an ego that has stopped a little beyond its line and gives way there would hold up those who
 have priority, and they the ego. The yielding layer knows better who must wait for the ego. Once the ego has
 stood for STOOD_S, the SVs that stand, need not give way to it by the right of way, and are not held by the
-layer overlook the ego at junctions in SUMO. When the ego drives again, those of them that stand heed it again.
+layer overlook the ego at junctions in SUMO. When the ego drives again, those that stand heed it again.
 One that drives goes on overlooking it: SUMO would have it brake hard, often for nothing, and the layer makes
 it brake if it must.
 """
