@@ -74,16 +74,15 @@ def few(monkeypatch):
     monkeypatch.setattr(Effort, "settings", property(lambda effort: {**whole(effort), **LESS}))
     monkeypatch.setattr(sensitivity, "TRAINING", {"quick": TINIER})
     monkeypatch.setattr(sensitivity, "ASKED", 5)
-    monkeypatch.setattr(filter_variants, "CONSTRAINED", ("gated",))
     monkeypatch.setattr(filter_variants, "LEVELS", (1.0,))
-    monkeypatch.setattr(filter_variants, "RATES", ())
+    monkeypatch.setattr(filter_variants, "RATES", (0.5,))
     monkeypatch.setattr(filter_study, "D_SAFE", {"quick": (0.3,)})
     monkeypatch.setattr("rudc.evaluation.manifest.code_version", lambda: "v0")
 
 
 def filtered(out: Path) -> None:
     lines = read_table(out / "filter.csv")
-    assert len([m for m in lines if m["scenario"] == "all"]) == 2 * 8  # with the oracle
+    assert len([m for m in lines if m["scenario"] == "all"]) == 2 * (2 * 8 + 1)  # gated and all; the oracle
 
 
 def timed(out: Path) -> None:
