@@ -115,6 +115,10 @@ class Stretch:
             x, y, heading = network.paths.pose(np.full(s.shape, row), s)
         return np.stack([x, y], axis=-1), heading
 
+    def beyond(self, at: float) -> float:
+        """m from `at` to the outer end of a lane that leads out of the junction; 0 on any other."""
+        return 0.0 if self.inside or self.sign < 0 else self.reach - at
+
     def against(self, at: float) -> Array:
         """(K, 2) m, the way from `at` against the driving direction: to the lane's beginning; from inside the
         junction, and on the way to it, on to the outer end of the arm where the way begins."""

@@ -7,7 +7,8 @@ stands, it waits while an ego is before it, however fast. A pedestrian stops onl
 right before it. The yielding layer makes SVs see all props.
 
 A moving prop that has had to stand for long goes back and waits until its way is free. A pedestrian goes back
-a step. A driver goes back until the other has room to drive off, and then stops for a moving ego, too.
+a step. A driver goes back until the other has room to drive off, and then stops for a moving ego, too. If it
+came from farther out on a road and has gone back to where it appeared, it gives up and backs out of the road.
 Without this, two that wait for each other would stand for good.
 """
 
@@ -66,6 +67,8 @@ class Prop:
         """m along the way"""
         self.beyond_m = 0.0
         """m that it goes straight on beyond its way's end"""
+        self.appeared_m = 0.0
+        """m along its way, where it appeared; if it has backed from there to its way's begin, it is gone"""
         self.grip = math.inf
         """m/s2, how hard the road lets a vehicle brake and accelerate"""
         moved = np.append(True, np.hypot(*np.diff(way, axis=0).T) > 0.0)
@@ -84,15 +87,16 @@ class Prop:
 
     @property
     def finished(self) -> bool:
-        """Whether it has come `beyond_m` m beyond the end of its way."""
-        return self.moves and self.travelled >= self._ends[-1] + self.beyond_m
+        """Whether it has come `beyond_m` m beyond the end of its way, or has backed out of it."""
+        backed_out = self._gives_up and self.travelled <= 0.0
+        return self.moves and (self.travelled >= self._ends[-1] + self.beyond_m or backed_out)
 
     def look_out(self, scene: Scene) -> None:
         """Decide, by what is around it in the scene, whether to go on, to stop, or to go back."""
-        self._free = not self.moves or self._is_free(scene, self._needed())
+        self._free = not self.moves or (not self._gives_up and self._is_free(scene, self._needed()))
         if self._is_held_up:
             room = BACK_M - self._stepped_back if self._walks else CLEARANCE_M
-            wanted = room > 0.0 if self._walks else not self._is_free(scene, DRIVER_BACK_M)
+            wanted = room > 0.0 if self._walks else self._gives_up or not self._is_free(scene, DRIVER_BACK_M)
             self._back_is_free = wanted and self._is_free(scene, -room)
 
     def step(self, dt: float) -> None:
@@ -107,6 +111,10 @@ class Prop:
             self.speed = min(max(self.speed + change, 0.0), self.wanted)
         self.travelled += self.speed * dt
         self._stepped_back = max(self._stepped_back - self.speed * dt, 0.0)
+
+    @property
+    def _gives_up(self) -> bool:
+        return self.travelled < self.appeared_m
 
     @property
     def _walks(self) -> bool:

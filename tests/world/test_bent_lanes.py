@@ -1,5 +1,6 @@
 """Events on lanes that bend, and on arms of several edges."""
 
+import math
 from dataclasses import replace
 
 import libsumo
@@ -51,6 +52,22 @@ def test_against_a_lane_a_way_follows_all_edges_of_its_arm(tmp_path):
         end = 0.0 if name == "east_out_0" else stretch.reach
         turn = -2 if at else 0
         assert way[turn] == pytest.approx(stretch.place(end)[:2], abs=0.2)
+
+
+@pytest.mark.parametrize("name", ["east_out_0", "east_in_0", "east_to_west_0"])
+def test_a_wrong_way_driver_can_back_out_of_a_lane_that_leads_out(name, tmp_path):
+    network = load_network(in_pieces(tmp_path))
+    wrong = event("wrong_way", lane=name, at=5, speed=5)
+    with World(network) as world:
+        world.reset(replace(EMPTY, events=(wrong,)).plan(0))
+        world.advance(np.zeros(2))
+        (driver,) = world.stage.props
+        stretch = network.stretch(name)
+        behind = stretch.reach - 5.0 if name == "east_out_0" else 0.0
+        assert driver.appeared_m == pytest.approx(behind, abs=0.1)
+        x, y, heading = driver.pose(driver.appeared_m - driver.travelled)
+        assert (x, y) == pytest.approx(stretch.place(5.0)[:2], abs=0.1)
+        assert math.cos(heading - stretch.place(5.0)[2]) < -0.99
 
 
 def test_what_stands_far_out_on_an_arm_of_several_edges_closes_its_lane_for_traffic(tmp_path):

@@ -91,6 +91,23 @@ def test_a_driver_who_is_held_up_makes_room_and_keeps_it(make_scene):
     assert drive_towards(prop, lambda i: make_scene(), steps=600)[0] > 30.0, "it goes on once its way is free"
 
 
+def test_a_driver_who_has_gone_back_to_where_it_appeared_backs_out_of_the_road(make_scene):
+    prop = car(np.array([[-60.0, 100.0], [-20.0, 100.0], [60.0, 100.0]]))
+    prop.travelled = prop.appeared_m = 40.0
+    follower = [-12.0]
+
+    def nose_to_nose(i):
+        follower[0] = min(follower[0], prop.pose()[0] + 12.0)  # drives up whenever it backs
+        return make_scene({"at": (follower[0], 100.0, math.pi)})
+
+    drive_towards(prop, nose_to_nose, steps=200)
+    assert 0.0 < prop.travelled < 36.0 and not prop.finished
+    drive_towards(prop, lambda i: make_scene(), steps=60)
+    assert prop.travelled < 30.0, "it has given up, though its way is free now"
+    drive_towards(prop, lambda i: make_scene(), steps=500)
+    assert prop.finished
+
+
 def test_a_driver_who_has_gone_back_stops_for_an_ego_that_moves(make_scene):
     ego = make_scene(v=1.0)
     psi, place = ego.ego.psi, np.array([ego.ego.x, ego.ego.y])

@@ -98,6 +98,10 @@ class Stage(ABC):
         """The place in the middle of a lane, `at` m from the junction."""
 
     @abstractmethod
+    def room_behind(self, lane: str, at: float) -> float:
+        """m from there to the outer end of a lane that leads out of the junction; 0 on any other."""
+
+    @abstractmethod
     def lane_width(self, lane: str) -> float:
         """m."""
 
@@ -139,8 +143,11 @@ class Stage(ABC):
         late_m: float = 0.0,
         beyond_m: float = 0.0,
     ) -> None:
-        """Have something, called `EVENT:...`, move along a way (K, 2) m at speed m/s; it starts `late_m` m
-        before the way's begin, and is gone `beyond_m` m beyond its end."""
+        """Have something, called `EVENT:...`, move along a way (K, 2) m at speed m/s.
+
+        It starts `late_m` m before the way's begin, and is gone `beyond_m` m beyond its end. If `late_m` is
+        negative, it starts on the way, and a driver who is held up may back to the way's begin and is gone.
+        """
 
     @abstractmethod
     def has_room(self, body: Body, way: NDArray[np.float64], speed: float) -> bool:
