@@ -101,7 +101,8 @@ def test_a_driver_who_has_gone_back_to_where_it_appeared_backs_out_of_the_road(m
         return make_scene({"at": (follower[0], 100.0, math.pi)})
 
     drive_towards(prop, nose_to_nose, steps=200)
-    assert 0.0 < prop.travelled < 36.0 and not prop.finished
+    assert 0.0 < prop.travelled < 36.0
+    assert not prop.finished
     drive_towards(prop, lambda i: make_scene(), steps=60)
     assert prop.travelled < 30.0, "it has given up, though its way is free now"
     drive_towards(prop, lambda i: make_scene(), steps=500)
