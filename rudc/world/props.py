@@ -68,7 +68,8 @@ class Prop:
         self.beyond_m = 0.0
         """m that it goes straight on beyond its way's end"""
         self.appeared_m = 0.0
-        """m along its way, where it appeared; if it has backed from there to its way's begin, it is gone"""
+        """m along its way, where it appeared; if it has backed from there to its way's begin, it is gone. 0 for
+        what appears at its way's begin or before it"""
         self.grip = math.inf
         """m/s2, how hard the road lets a vehicle brake and accelerate"""
         moved = np.append(True, np.hypot(*np.diff(way, axis=0).T) > 0.0)
@@ -114,7 +115,7 @@ class Prop:
 
     @property
     def _gives_up(self) -> bool:
-        return self.travelled < self.appeared_m
+        return self.appeared_m > 0.0 and self.travelled < self.appeared_m
 
     @property
     def _walks(self) -> bool:
