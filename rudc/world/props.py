@@ -68,8 +68,8 @@ class Prop:
         self.beyond_m = 0.0
         """m that it goes straight on beyond its way's end"""
         self.appeared_m = 0.0
-        """m along its way, where it appeared; if it has backed from there to its way's begin, it is gone. 0 for
-        what appears at its way's begin or before it"""
+        """m along its way, where it appeared, 0 at its begin; if it has backed from there to the begin, it is
+        gone"""
         self.grip = math.inf
         """m/s2, how hard the road lets a vehicle brake and accelerate"""
         moved = np.append(True, np.hypot(*np.diff(way, axis=0).T) > 0.0)
