@@ -32,11 +32,10 @@ def draw_network(network: Network) -> Image.Image:
     size = max(float(np.abs(polygon - network.center).max()) for polygon in network.node_polygons)
     reach = min(network.half_extent, max(LEAST_M, size + BESIDE_M))
     canvas = new_map(network, reach)
-    movements = [movement for movement in network.movements if movement.turn != "u_turn"]
-    for movement in movements:
+    for movement in network.onward:
         draw_route(canvas, network.route(movement.origin, movement.destination))
     name_arms(canvas, network, reach)
-    turns = sorted({movement.turn for movement in movements}, key=list(TURNS).index)
+    turns = sorted({movement.turn for movement in network.onward}, key=list(TURNS).index)
     names = tuple((f"{turn}{GAP}", TURNS[turn]) for turn in turns)
     lines: list[Line] = [((network.name, TEXT),), names, ((LEGEND, FAINT_TEXT),)]
     return finished(canvas, reach, lines)

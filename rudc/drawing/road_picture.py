@@ -127,10 +127,11 @@ def _draw_arm(brush: Brush, network: Network, arm: Arm) -> None:
                 brush.dashes(offset_polyline(lane.xy, lane.width / 2), MARK)
             if lanes and arm.in_edges and arm.out_edges:
                 brush.line(offset_polyline(lanes[-1].xy, lanes[-1].width / 2), 1.6 * MARK_M, MARK)
-    all_stop = not network.is_roundabout and not any(other.major for other in network.arms)
+    equal = not network.is_roundabout and not any(other.major for other in network.arms)
     for lane_id in arm.in_lanes:
-        stops = all_stop or lane_id in network.stopping
-        _draw_stop(brush, network.lanes[lane_id], "stop" if stops else "" if arm.major else "yield")
+        free = arm.major or equal
+        sign = "stop" if lane_id in network.stopping else "" if free else "yield"
+        _draw_stop(brush, network.lanes[lane_id], sign)
 
 
 def _draw_stop(brush: Brush, lane: Lane, sign: str) -> None:
@@ -154,8 +155,8 @@ def _draw_stop(brush: Brush, lane: Lane, sign: str) -> None:
 def _draw_arrows(brush: Brush, network: Network, arm: Arm) -> None:
     """Painted arrows before the junction: where each inbound lane leads."""
     angles: dict[str, set[float]] = {}
-    for movement in network.movements:
-        if movement.origin == arm.name and movement.turn != "u_turn":
+    for movement in network.onward:
+        if movement.origin == arm.name:
             for row in movement.rows:
                 angles.setdefault(network.inbound_lane(row).id, set()).add(movement.angle)
     for lane_id, turns in angles.items():

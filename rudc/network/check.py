@@ -95,8 +95,7 @@ def check_network(source: str | Path, junction: str | None = None) -> NetworkRep
     """Reads a network (shipped name or .net.xml) and checks all that the simulation will need from it.
     Raises NetworkError."""
     network = load_network(source, junction)
-    movements = [m for m in network.movements if m.turn != "u_turn"]  # no scenario has them
-    routes = {(m.origin, m.destination): network.route(m.origin, m.destination) for m in movements}
+    routes = {(m.origin, m.destination): network.route(m.origin, m.destination) for m in network.onward}
     warnings = [
         *_node_warnings(network),
         *(text for arm in network.arms for text in _arm_warnings(network, arm)),
@@ -111,7 +110,9 @@ def check_network(source: str | Path, junction: str | None = None) -> NetworkRep
         kind="roundabout" if network.is_roundabout else network.node_type,
         road_km=network.road_km,
         arms=tuple(_arm_report(network, arm) for arm in network.arms),
-        movements=tuple(_movement_report(network, m, routes[m.origin, m.destination]) for m in movements),
+        movements=tuple(
+            _movement_report(network, m, routes[m.origin, m.destination]) for m in network.onward
+        ),
         warnings=tuple(warnings),
     )
 
@@ -175,8 +176,7 @@ def _arm_warnings(network: Network, arm: Arm) -> Iterator[str]:
     if not arm.out_lanes:
         yield f"arm {arm.name} is one-way: nothing leaves by it"
     fast: dict[float, list[str]] = {}
-    onwards = [row for movement in network.movements if movement.turn != "u_turn" for row in movement.rows]
-    used = {network.inbound_lane(row).id for row in onwards}
+    used = {network.inbound_lane(row).id for movement in network.onward for row in movement.rows}
     for name, lane_id in network.lane_names.items():
         lane = network.lanes[lane_id]
         if lane_id not in (*arm.in_lanes, *arm.out_lanes):

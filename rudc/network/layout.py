@@ -78,6 +78,8 @@ class Layout:
         """km of two-way road on the arms: density is vehicles / road_km"""
         self.movements: tuple[Movement, ...] = tuple(assembly.make_movements(self.arms, ways, yields))
         """permitted ways between arms"""
+        self.onward = tuple(movement for movement in self.movements if movement.turn != "u_turn")
+        """those that lead to another arm: nobody turns back, neither the ego nor an SV"""
         self._sources = [way.source for way in ways]
         edges: dict[str, list[str]] = {}
         for lane in self.lanes.values():

@@ -153,8 +153,8 @@ def _crossing(scene: Scene, oncoming: bool) -> list[Movement]:
     network, there = scene.network, comes_from(scene, oncoming)
     crosses = ~np.isnan(network.conflict(scene.route)[:, 0])
     found, crossing = [], []
-    for movement in network.movements:
-        if movement.turn != "u_turn" and there[movement.rows[0]]:
+    for movement in network.onward:
+        if there[movement.rows[0]]:
             found.append(movement)
             crossing += [movement] * bool(crosses[network.route(movement.origin, movement.destination).row])
     return crossing or found

@@ -163,10 +163,10 @@ class Detours:
 
     def _take_another(self, name: str, movement: Movement, front: float) -> bool:
         """Give the SV another movement from its arm that is free. Returns whether there was one."""
-        for other in self._network.movements:
+        for other in self._network.onward:
             free = any(self._free(row, front) for row in other.rows)
             may_go = self._traffic.may_go(name, other.origin, other.destination)
-            if other.origin == movement.origin and other.turn != "u_turn" and free and may_go:
+            if other.origin == movement.origin and free and may_go:
                 self._traffic.redirect(name, other.origin, other.destination)
                 self.redirected = True
                 return True

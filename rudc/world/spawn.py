@@ -31,7 +31,7 @@ ROUNDED_M = 0.1
 
 def movements_of(network: Network, plan: EgoPlan) -> list[Movement]:
     """The movements that fit a plan, at least one. Raises NetworkError if there is none."""
-    movements = [m for m in network.movements if m.turn != "u_turn"]
+    movements = list(network.onward)
     if plan.origin is not None:
         wanted = network.arm(plan.origin).name
         movements = [m for m in movements if m.origin == wanted]

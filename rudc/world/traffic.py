@@ -111,9 +111,8 @@ class Traffic:
         self._sumo = sumo
         self._network = network
         self._movements: dict[str, list[Movement]] = {}
-        for movement in network.movements:
-            if movement.turn != "u_turn":
-                self._movements.setdefault(movement.origin, []).append(movement)
+        for movement in network.onward:
+            self._movements.setdefault(movement.origin, []).append(movement)
         self._arms = {arm.name: arm for arm in network.arms}
         self._origins = sorted(self._movements)
         """names of the arms that SVs come from, in proportion to their lanes"""

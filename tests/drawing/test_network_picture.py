@@ -9,6 +9,7 @@ from rudc.drawing.palette import ASPHALT, GROUND, MARK, PAVEMENT, RESERVED, TURN
 from rudc.evaluation.recording import road_shapes
 from rudc.network.network import Network, load_network, shipped_networks
 from tests.drawing.pixels import count
+from tests.world.networks import bent
 
 
 @pytest.mark.parametrize("name", sorted(shipped_networks()))
@@ -102,6 +103,16 @@ def test_a_stop_sign_has_a_stop_line_and_no_teeth(tmp_path, state):
         shares.append(count(np.asarray(canvas.image)[y : y + 2, x - half : x + half], MARK) / (4 * half))
     assert (shares[0] > 0.95) == (state != "m")
     assert shares[1] < 0.95
+
+
+@pytest.mark.parametrize(("node_type", "most"), [("allway_stop", 1.0), ("right_before_left", 0.6)])
+def test_stop_lines_are_drawn_where_all_must_stop_not_where_the_right_goes_first(tmp_path, node_type, most):
+    network = Network(bent(tmp_path, node_type))
+    canvas, end = new_map(network, 30.0), network.lanes["south_in_0"].xy[-1]
+    x, y = canvas.pixels(end).astype(int)
+    half = int(1.5 * canvas.scale)
+    share = count(np.asarray(canvas.image)[y : y + 2, x - half : x + half], MARK) / (4 * half)
+    assert most - 0.3 < share <= most
 
 
 def test_a_cycle_lane_on_a_roundabouts_ring_is_drawn(tmp_path):

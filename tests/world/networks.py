@@ -35,9 +35,9 @@ def with_limits(folder: Path, limits: Callable[[str], float], node_type: str = "
     return path
 
 
-def bent(folder: Path) -> Path:
+def bent(folder: Path, node_type: str = "priority") -> Path:
     """Four arms that meet at right angles; 30 m out the north arm bends by 60 degrees."""
-    nodes = ['<node id="centre" x="0" y="0" type="priority"/>']
+    nodes = [f'<node id="centre" x="0" y="0" type="{node_type}"/>']
     edges = []
     for arm, (x, y) in AWAY.items():
         far = (86.6, 80.0) if arm == "north" else (130.0 * x, 130.0 * y)
