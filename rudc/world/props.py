@@ -7,9 +7,9 @@ stands, it waits while an ego is before it, however fast. A pedestrian stops onl
 right before it. The yielding layer makes SVs see all props.
 
 A moving prop that has had to stand for long goes back and waits until its way is free. A pedestrian goes back
-a step. A driver goes back until the other has room to drive off, and then stops for a moving ego, too. If it
-came from farther out on a road and has gone back to where it appeared, it gives up and backs out of the road.
-Without this, two that wait for each other would stand for good.
+a step, and later to where they came from. A driver goes back until the other has room to drive off, and then
+stops for a moving ego, too. If it came from farther out on a road and has gone back to where it appeared, it
+gives up and backs out of the road. Without this, two that wait for each other would stand for good.
 """
 
 from __future__ import annotations
@@ -30,6 +30,8 @@ CLEARANCE_M = 0.8
 """m, least gap at which it stops before something"""
 PATIENCE_S, BACK_M, BACK_SPEED = 3.0, 1.0, 0.5
 """s after which a prop that is held up goes back; how far (m) and how fast (m/s) a pedestrian does"""
+LONG_S = 10.0
+"""s after which a pedestrian who is held up goes back to where they came from"""
 DRIVER_BACK_M, DRIVER_BACK_SPEED = 8.0, 1.5
 """m before a driver that must be free until it stops going back; how fast it goes back (m/s)"""
 WALKING_PACE = 2.0
@@ -68,8 +70,8 @@ class Prop:
         self.beyond_m = 0.0
         """m that it goes straight on beyond its way's end"""
         self.appeared_m = 0.0
-        """m along its way, where it appeared, 0 at its begin; if it has backed from there to the begin, it is
-        gone"""
+        """m along its way, where it appeared: before its begin if negative; a driver who appeared beyond the
+        begin and backs to it is gone"""
         self.grip = math.inf
         """m/s2, how hard the road lets a vehicle brake and accelerate"""
         moved = np.append(True, np.hypot(*np.diff(way, axis=0).T) > 0.0)
@@ -96,7 +98,7 @@ class Prop:
         """Decide, by what is around it in the scene, whether to go on, to stop, or to go back."""
         self._free = not self.moves or (not self._gives_up and self._is_free(scene, self._needed()))
         if self._is_held_up:
-            room = BACK_M - self._stepped_back if self._walks else CLEARANCE_M
+            room = min(self._room_back, BACK_M) if self._walks else CLEARANCE_M
             wanted = room > 0.0 if self._walks else self._gives_up or not self._is_free(scene, DRIVER_BACK_M)
             self._back_is_free = wanted and self._is_free(scene, -room)
 
@@ -104,7 +106,8 @@ class Prop:
         """Move for dt s."""
         if not self.moves:
             return
-        self._held_s = min(max(self._held_s + (-dt if self._free else dt), 0.0), PATIENCE_S + dt)
+        longest = (LONG_S if self._walks else PATIENCE_S) + dt
+        self._held_s = min(max(self._held_s + (-dt if self._free else dt), 0.0), longest)
         if self._is_held_up and self._back_is_free and not self._free:
             self.speed = -BACK_SPEED if self._walks else -DRIVER_BACK_SPEED
         else:
@@ -118,6 +121,11 @@ class Prop:
         return self.appeared_m > 0.0 and self.travelled < self.appeared_m
 
     @property
+    def _room_back(self) -> float:
+        """m that a pedestrian still goes back."""
+        return self.travelled - self.appeared_m if self._held_s > LONG_S else BACK_M - self._stepped_back
+
+    @property
     def _walks(self) -> bool:
         return self.kind == Kind.PEDESTRIAN
 
@@ -128,7 +136,7 @@ class Prop:
 
     @property
     def _is_held_up(self) -> bool:
-        return self._held_s > PATIENCE_S and self.travelled > 0.0
+        return self._held_s > PATIENCE_S and self.travelled > min(self.appeared_m, 0.0)
 
     def pose(self, ahead: float = 0.0) -> tuple[float, float, float]:
         """Its centre (m, m) and heading (rad), now or `ahead` m along its way."""

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rudc.world.props import BACK_M, BRAKING, DRIVER_BACK_M, PATIENCE_S, WALKING_PACE, Prop, standing
+from rudc.world.props import BACK_M, BRAKING, DRIVER_BACK_M, LONG_S, PATIENCE_S, WALKING_PACE, Prop, standing
 from rudc.world.scene import Kind
 
 BEND = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 20.0]])
@@ -179,6 +179,28 @@ def test_a_pedestrian_who_is_held_up_steps_back_and_goes_on_once_its_way_is_free
     assert y[stopped] - y[300] == pytest.approx(BACK_M, abs=0.05), "then it is back so far, and no farther"
     assert (speed[stopped + patient + 50 : 300] == 0.0).all(), "and stays there while the way is not free"
     assert y[-1] > y[stopped] + 2.0
+
+
+def test_pedestrians_who_are_held_up_for_long_go_back_to_where_they_came_from(make_scene):
+    way = np.array([[0.0, 90.0], [0.0, 110.0]])
+    walkers = [Prop(f"walker{i}", Kind.PEDESTRIAN, (0.5, 0.5), way, wanted=1.4) for i in range(3)]
+    for i, prop in enumerate(walkers):
+        prop.travelled = prop.appeared_m = -1.5 * i
+    crowd = [-1.5 * i for i in range(3)]
+
+    def walk(seconds, *others):
+        for _ in range(round(seconds / 0.05)):
+            for prop in walkers:
+                there = [{"at": (*p.pose()[:2], 1.57), "size": (0.5, 0.5)} for p in walkers if p is not prop]
+                prop.look_out(make_scene(*others, *there))
+            for prop in walkers:
+                prop.step(0.05)
+        return [prop.travelled for prop in walkers]
+
+    stands = {"at": (0.0, 100.0, 0.0)}
+    assert walk(LONG_S, stands)[0] > 6.0, "they wait right before it first"
+    assert walk(30.0, stands) == pytest.approx(crowd, abs=0.1)
+    assert min(walk(30.0)) > 14.0, "and cross once their way is free"
 
 
 def test_a_pedestrian_does_not_step_back_into_somebody_nor_off_its_way(make_scene):

@@ -213,7 +213,8 @@ class WorldStage(NetworkStage):
         self, name: str, body: Body, way: Array, speed: float, late_m: float = 0.0, beyond_m: float = 0.0
     ) -> None:
         prop = self._prop(name, body, way, speed)
-        prop.travelled, prop.beyond_m, prop.appeared_m = -late_m, beyond_m, max(-late_m, 0.0)
+        prop.travelled = prop.appeared_m = -late_m
+        prop.beyond_m = beyond_m
         self.props.append(prop)
 
     def has_room(self, body: Body, way: Array, speed: float) -> bool:
