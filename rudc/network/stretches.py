@@ -115,9 +115,16 @@ class Stretch:
             x, y, heading = network.paths.pose(np.full(s.shape, row), s)
         return np.stack([x, y], axis=-1), heading
 
-    def beyond(self, at: float) -> float:
-        """m from `at` to the outer end of a lane that leads out of the junction; 0 on any other."""
-        return 0.0 if self.inside or self.sign < 0 else self.reach - at
+    def behind(self, at: float) -> Array:
+        """(K, 2) m, the way against the driving direction that ends at `at`: from the lane's end, or from the
+        end of the way through the junction on which the lane lies."""
+        if isinstance(self.line, ReferencePath):
+            end = self.line.length
+        else:
+            network, row = self.line
+            end = float(network.paths.length[row])
+        here = self.start + self.sign * at
+        return self._line_at(self.sign * (np.append(np.arange(end, here, -1.0), here) - self.start))[0]
 
     def against(self, at: float) -> Array:
         """(K, 2) m, the way from `at` against the driving direction: to the lane's beginning; from inside the

@@ -5,7 +5,7 @@ on the road for good (an accident, a closed lane, a stalled vehicle): nearer tha
 row's line, as lanes are closed for SUMO (rudc/world/events/stage.py). It may be blocked in several places. An
 SV whose row is blocked ahead of it
 
-    changes to another lane, if its movement has a row that is free from there on;
+    changes to another lane, if its movement has a row that is free from there on (inside the junction, too);
     otherwise, if it is before the stop line, takes another movement from its arm that is free;
     otherwise, if it is before the stop line, waits there: no SV drives into a junction if the way out of it
         is blocked.
@@ -137,9 +137,11 @@ class Detours:
             return None
         movement = network.movement(driver.origin, driver.destination)
         before = front < paths.stop_s[row]
-        if not before and front < paths.exit_s[row]:
-            return None
         free = [other for other in movement.rows if self._free(other, front)]
+        if not before and front < paths.exit_s[row]:
+            if free:
+                self._move_over(name, row, free[0], front)
+            return None
         here = not before or block < paths.stop_s[row]
         if free and driver.keeps_lane and not here:
             return None
@@ -156,6 +158,16 @@ class Detours:
         speed = float(np.hypot(*scene.velocity[i]))
         need = speed**2 / (2 * max(room, 0.1))
         return (speed, need) if need > COMFORT or room < 0.5 else None
+
+    def _move_over(self, name: str, row: int, other: int, front: float) -> None:
+        """Have an SV inside the junction take the lane of another row, where that is beside its own."""
+        network = self._network
+        here = next(i for i in network.paths.lane_ids[row] if network.span(row, i)[1] > front)
+        if here in network.lanes:
+            for name_beside in network.paths.lane_ids[other]:
+                beside = network.lanes.get(name_beside)
+                if beside is not None and beside.edge == network.lanes[here].edge and name_beside != here:
+                    self._sumo.ask_lane(name, beside.index, HOLD_S)
 
     def _free(self, row: int, front: float) -> bool:
         """Whether nothing blocks a row from `front` m on."""

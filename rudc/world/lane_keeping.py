@@ -1,8 +1,10 @@
-"""Surrounding vehicles (SVs) near the ego do not change lanes where SUMO would not see the ego.
+"""Surrounding vehicles (SVs) do not change lanes where SUMO would not see who is there.
 
 In SUMO a vehicle changes lanes within one step, by a whole lane's width, and SUMO checks only these two
 lanes. Inside a junction, or beside an ego that is between two lanes, this can put a vehicle onto the ego.
-There SVs within NEAR m of the ego stay in their lanes.
+There SVs within NEAR m of the ego stay in their lanes. So do, inside the junction, SVs within NEAR_PROP m of
+a vehicle or obstacle that SUMO does not move, which it knows nothing of: they change lanes only if
+rudc/world/detours.py asks them to.
 """
 
 from __future__ import annotations
@@ -10,37 +12,53 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rudc.world.kernels import near_on_paths
+from rudc.world.scene import Kind
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rudc.world.props import Prop
     from rudc.world.scene import Scene
     from rudc.world.sumo import Sumo
 
 NEAR = 15.0
 """m between centres"""
+NEAR_PROP = 30.0
+"""m between centres: enough to stop before somebody who comes the wrong way"""
 BETWEEN = 0.8
 """m of lateral offset from its route from which on the ego may reach into another lane"""
 
 
 class LaneKeeping:
-    """Keeps SVs near the ego in their lanes, in one episode."""
+    """Keeps SVs near the ego and near props in their lanes, in one episode."""
 
     def __init__(self, sumo: Sumo) -> None:
         self._sumo = sumo
         self._modes: dict[str, int] = {}
 
-    def step(self, scene: Scene) -> None:
+    def step(self, scene: Scene, props: Sequence[Prop]) -> None:
         """Hold the SVs that are near now in their lanes; all others change lanes as before."""
-        ego, paths = scene.ego, scene.network.paths
-        near = near_on_paths(
-            ego.x, ego.y, NEAR, abs(scene.ego_offset) < BETWEEN,
-            scene.position, scene.size, scene.path, scene.path_s, paths.stop_s, paths.exit_s,
-        )  # fmt: skip
-        if not len(near) and not self._modes:
+        ego = scene.ego
+        near = _near(scene, ego.x, ego.y, NEAR, abs(scene.ego_offset) < BETWEEN)
+        for prop in props:
+            if prop.kind != Kind.PEDESTRIAN:
+                near |= _near(scene, *prop.pose()[:2], NEAR_PROP, True)
+        if not near and not self._modes:
             return
-        held = {scene.ids[i] for i in near.tolist()}
+        held = {scene.ids[i] for i in near}
         for name in self._modes.keys() - held:
             mode = self._modes.pop(name)
             if name in scene.ids:
                 self._sumo.set_lane_changes(name, mode)
         for name in sorted(held - self._modes.keys()):
             self._modes[name] = self._sumo.hold_lane(name)
+
+
+def _near(scene: Scene, x: float, y: float, reach: float, inside_only: bool) -> set[int]:
+    """Indices of the SVs within `reach` m of (x, y) m; `inside_only`: of those inside the junction."""
+    paths = scene.network.paths
+    found = near_on_paths(
+        x, y, reach, inside_only,
+        scene.position, scene.size, scene.path, scene.path_s, paths.stop_s, paths.exit_s,
+    )  # fmt: skip
+    return set(found.tolist())

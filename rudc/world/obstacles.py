@@ -91,8 +91,9 @@ class _Site(NetworkStage):
     def set_top_speed(self, name: str, speed: float | None, event: str = "") -> None: ...
 
     def send(
-        self, name: str, body: Body, way: Array, speed: float, late_m: float = 0.0, beyond_m: float = 0.0
-    ) -> None: ...
+        self, name: str, body: Body, way: Array, speed: float,
+        late_m: float = 0.0, beyond_m: float = 0.0, behind: Array | None = None,
+    ) -> None: ...  # fmt: skip
 
     def has_room(self, body: Body, way: Array, speed: float) -> bool:
         return True

@@ -8,8 +8,9 @@ right before it. The yielding layer makes SVs see all props.
 
 A moving prop that has had to stand for long goes back and waits until its way is free. A pedestrian goes back
 a step, and later to where they came from. A driver goes back until the other has room to drive off, and then
-stops for a moving ego, too. If it came from farther out on a road and has gone back to where it appeared, it
-gives up and backs out of the road. Without this, two that wait for each other would stand for good.
+stops for a moving ego, too. One who drives against a lane gives up and backs out of the road if it is held up
+for long, or has gone back to where it appeared. Without this, two that wait for each other would stand for
+good.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ CLEARANCE_M = 0.8
 PATIENCE_S, BACK_M, BACK_SPEED = 3.0, 1.0, 0.5
 """s after which a prop that is held up goes back; how far (m) and how fast (m/s) a pedestrian does"""
 LONG_S = 10.0
-"""s after which a pedestrian who is held up goes back to where they came from"""
+"""s after which who is held up goes back to where they came from"""
 DRIVER_BACK_M, DRIVER_BACK_SPEED = 8.0, 1.5
 """m before a driver that must be free until it stops going back; how fast it goes back (m/s)"""
 WALKING_PACE = 2.0
@@ -78,7 +79,7 @@ class Prop:
         way = way[moved]  # a leg of no length has no direction
         legs = np.diff(way, axis=0)
         self._way = way
-        self._free, self._back_is_free = True, False
+        self._free, self._back_is_free, self._gives_up = True, False, False
         self._held_s, self._stepped_back = 0.0, 0.0
         self._ends = np.cumsum(np.hypot(legs[:, 0], legs[:, 1]))
         self._headings = np.arctan2(legs[:, 1], legs[:, 0]) if wanted > 0 else np.array([heading])
@@ -106,8 +107,12 @@ class Prop:
         """Move for dt s."""
         if not self.moves:
             return
-        longest = (LONG_S if self._walks else PATIENCE_S) + dt
-        self._held_s = min(max(self._held_s + (-dt if self._free else dt), 0.0), longest)
+        if self._free:
+            self._held_s = max(min(self._held_s, PATIENCE_S + dt) - dt, 0.0)
+        else:
+            self._held_s = min(self._held_s + dt, LONG_S + dt)
+        if self.appeared_m > 0.0 and (self._held_s > LONG_S or self.travelled < self.appeared_m):
+            self._gives_up = True
         if self._is_held_up and self._back_is_free and not self._free:
             self.speed = -BACK_SPEED if self._walks else -DRIVER_BACK_SPEED
         else:
@@ -115,10 +120,6 @@ class Prop:
             self.speed = min(max(self.speed + change, 0.0), self.wanted)
         self.travelled += self.speed * dt
         self._stepped_back = max(self._stepped_back - self.speed * dt, 0.0)
-
-    @property
-    def _gives_up(self) -> bool:
-        return self.appeared_m > 0.0 and self.travelled < self.appeared_m
 
     @property
     def _room_back(self) -> float:

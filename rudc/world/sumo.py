@@ -344,16 +344,8 @@ class Sumo:
         """Set values of a driver: `tau` (headway, s), `min_gap` (m), `accel`, `decel` and `emergency_decel`
         (m/s2), `speed_factor`.
         """
-        setters = {
-            "tau": libsumo.vehicle.setTau,
-            "min_gap": libsumo.vehicle.setMinGap,
-            "accel": libsumo.vehicle.setAccel,
-            "decel": libsumo.vehicle.setDecel,
-            "emergency_decel": libsumo.vehicle.setEmergencyDecel,
-            "speed_factor": libsumo.vehicle.setSpeedFactor,
-        }
         for name, value in values.items():
-            setters[name](vehicle, value)
+            getattr(libsumo.vehicle, f"set{name.title().replace('_', '')}")(vehicle, value)
 
     @_to("redirect a vehicle")
     def redirect(self, vehicle: str, route: str) -> None:
@@ -391,6 +383,11 @@ class Sumo:
     def limit_speed(self, vehicle: str, speed: float) -> None:
         """Set the fastest a vehicle can go, m/s."""
         libsumo.vehicle.setMaxSpeed(vehicle, speed)
+
+    @_to("limit the speed on a lane")
+    def limit_lane(self, lane: str, speed: float) -> None:
+        """Set a lane's speed limit, m/s."""
+        libsumo.lane.setMaxSpeed(lane, speed)
 
     @_to("have a vehicle overlook another")
     def overlook(self, vehicle: str, other: str) -> None:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rudc.world.bends import Bends
 from rudc.world.scene import Kind
 from rudc.world.sumo import BRAKE_HARD, HEEDLESS, OWN_SPEED, Sumo
 
@@ -136,6 +137,7 @@ class Traffic:
             for movement in network.movements
         }
         """SUMO's classes of vehicles that may not drive the whole of each movement"""
+        self.bends = Bends(sumo, network)
         self.drivers: dict[str, Driver] = {}
         self._waiting: set[str] = set()
 
@@ -147,6 +149,7 @@ class Traffic:
         self._closed: set[tuple[str, str]] = set()
         self.grip = math.inf
         """m/s2, how hard the road lets an SV brake and accelerate"""
+        self.bends.forget()
         self._count = 0
         self._ego: Driver | None = None
         self.drivers = {}
@@ -217,8 +220,9 @@ class Traffic:
         self._closed = closed
 
     def lose_grip(self, limit: float) -> None:
-        """From now on no vehicle that SUMO drives brakes or accelerates harder than `limit` m/s2."""
+        """From now on no vehicle that SUMO drives brakes, accelerates or turns harder than `limit` m/s2."""
         self.grip = limit
+        self.bends.slow(limit)
         for name, driver in self.drivers.items():
             self._slip(name, driver)
         if self._ego is not None:
@@ -286,8 +290,8 @@ class Traffic:
         )
         # SUMO ends the simulation over a vehicle that departs faster than it would ever drive on its lane,
         # and refuses one that departs faster than its edge's limit or than it can, whatever its speed factor.
-        usual = 0.99 * driver.speed_factor * min(lane.speed, driver.type.max_speed)
-        speed = min(speed, usual, driver.type.max_speed, self._network.speed_limit(lane.edge))
+        usual = 0.99 * driver.speed_factor * min(self.bends.limit(lane), driver.type.max_speed)
+        speed = min(speed, usual, driver.type.max_speed, self.bends.edge_limit(lane.edge))
         self._sumo.add(name, route, kind, lane.index, front, speed)
         character = {
             "tau": (plan.headway_s.sample(rng), plan.headway_s.mean),
@@ -323,14 +327,10 @@ class Traffic:
             if too_short or not self.may_drive(kind, movement, lane):
                 continue
             front = self._rng.uniform(first, max(lane.length - 1.0, first + 0.5))
-            speed = self._plan.speed.sample(self._rng)
             further = sum(self._length(edge) for edge in edges[k + 1 :])
             to_stop = lane.length - front + further if inbound else math.inf
-            speed = min(
-                speed,
-                VEHICLE_TYPES[kind].max_speed,
-                math.sqrt(1.6 * self._plan.decel.mean * max(to_stop, 0.1)),
-            )
+            most = math.sqrt(1.6 * self._plan.decel.mean * max(to_stop, 0.1))
+            speed = min(self._plan.speed.sample(self._rng), VEHICLE_TYPES[kind].max_speed, most)
             room = 4.0 + 0.7 * speed
             there = self._there(occupied, edges, k, lane)
             if all(front < r - room or front - length > f + room for r, f in there):

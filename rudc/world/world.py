@@ -165,7 +165,7 @@ class World:
         every = max(1, round(layer_s / self.config.decision_s))
         if self._decisions % every == 0:
             self._brake(scene, every * self.config.decision_s)
-        self._lane_keeping.step(scene)
+        self._lane_keeping.step(scene, self.stage.props)
         if self.config.yielding and not self._driven_by_sumo:
             self._unblocking.step(scene, self._held)
         self._decisions += 1
@@ -237,8 +237,7 @@ class World:
         self._destination_s = min(route.exit_s + plan.destination_m, route.length - half - 1.0)
         x, y, psi = (float(value) for value in route.path.pose(self._ego_s))
         self._entry = entry(self.network, route, self._ego_s + half)
-        limit = self.network.speed_limit(self._entry.lane.edge)
-        self._plant.reset(x, y, psi, min(plan.speed_mps, limit))
+        self._plant.reset(x, y, psi, min(plan.speed_mps, self.network.speed_limit(self._entry.lane.edge)))
 
     def _warm_up(self, duration_s: float) -> None:
         last = max(round(duration_s / self.config.decision_s), 1) - 1
@@ -262,7 +261,8 @@ class World:
         together = {EGO, *cast(self.plan.events, self.scene(), self.stage, rng)}
         self._reader.relocate()
         self._sumo.add_route(EGO, self._entry.edges)
-        self._sumo.add(EGO, EGO, EGO, self._entry.lane.index, self._entry.front, state.v)
+        v = min(state.v, self.traffic.bends.edge_limit(self._entry.lane.edge))
+        self._sumo.add(EGO, EGO, EGO, self._entry.lane.index, self._entry.front, v)
         self._sumo.step()
         self._move_props()
         if not together <= set(self._sumo.vehicles()):

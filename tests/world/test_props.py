@@ -109,6 +109,18 @@ def test_a_driver_who_has_gone_back_to_where_it_appeared_backs_out_of_the_road(m
     assert prop.finished
 
 
+@pytest.mark.parametrize("appeared", [30.0, 0.0])
+def test_a_driver_against_a_lane_gives_up_if_it_is_held_up_for_long(make_scene, appeared):
+    """The other does not drive off, though there is room."""
+    prop = car(np.array([[-60.0, 100.0], [60.0, 100.0]]))
+    prop.travelled, prop.appeared_m = 40.0, appeared
+    stands = make_scene({"at": (0.0, 100.0, math.pi)})
+    drive_towards(prop, lambda i: stands, steps=round((LONG_S + 2.0) / 0.05))
+    assert not prop.finished
+    drive_towards(prop, lambda i: stands, steps=800)
+    assert prop.finished is (appeared > 0.0)
+
+
 def test_a_driver_who_has_gone_back_stops_for_an_ego_that_moves(make_scene):
     ego = make_scene(v=1.0)
     psi, place = ego.ego.psi, np.array([ego.ego.x, ego.ego.y])

@@ -98,8 +98,9 @@ class Stage(ABC):
         """The place in the middle of a lane, `at` m from the junction."""
 
     @abstractmethod
-    def room_behind(self, lane: str, at: float) -> float:
-        """m from there to the outer end of a lane that leads out of the junction; 0 on any other."""
+    def behind_on_lane(self, lane: str, at: float) -> NDArray[np.float64]:
+        """(K, 2) m, the way against a lane that ends `at` m from the junction; it begins where the lane, and
+        the way through the junction and out of it onto which it leads, end."""
 
     @abstractmethod
     def lane_width(self, lane: str) -> float:
@@ -142,11 +143,12 @@ class Stage(ABC):
         speed: float,
         late_m: float = 0.0,
         beyond_m: float = 0.0,
+        behind: NDArray[np.float64] | None = None,
     ) -> None:
         """Have something, called `EVENT:...`, move along a way (K, 2) m at speed m/s.
 
-        It starts `late_m` m before the way's begin, and is gone `beyond_m` m beyond its end. If `late_m` is
-        negative, it starts on the way, and a driver who is held up may back to the way's begin and is gone.
+        It starts `late_m` m before the way's begin, and is gone `beyond_m` m beyond its end. `behind` (K, 2)
+        m leads to the way's begin: a driver who is held up may back along it, and is gone at its first point.
         """
 
     @abstractmethod

@@ -34,12 +34,11 @@ class WrongWayEffect(Effect[WrongWay]):
 
     def begin(self, stage: Stage) -> bool:
         event, speed = self.event, float(self.event.speed)
-        at = float(event.at)
-        if not stage.has_room(event.type, stage.against_lane(event.lane, at), speed):
+        way = stage.against_lane(event.lane, float(event.at))
+        if not stage.has_room(event.type, way, speed):
             return False
-        behind = stage.room_behind(event.lane, at)
-        way = stage.against_lane(event.lane, at + behind)
-        stage.send(f"{self.name}:0", event.type, way, speed, late_m=-behind)
+        behind = stage.behind_on_lane(event.lane, float(event.at))
+        stage.send(f"{self.name}:0", event.type, way, speed, behind=behind)
         stage.unlawful.add(f"{self.name}:0")
         return True
 

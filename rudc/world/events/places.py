@@ -49,8 +49,8 @@ class NetworkStage(Stage):
     def pose_on_lane(self, lane: str, at: float) -> XYHeading:
         return self.network.place_on_lane(lane, at, route=self.route)
 
-    def room_behind(self, lane: str, at: float) -> float:
-        return self.network.stretch(lane, self.route).beyond(at)
+    def behind_on_lane(self, lane: str, at: float) -> Array:
+        return self.network.stretch(lane, self.route).behind(at)
 
     def lane_width(self, lane: str) -> float:
         return self.network.stretch(lane, self.route).lane.width

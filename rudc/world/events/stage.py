@@ -146,8 +146,8 @@ class WorldStage(NetworkStage):
     def stand(self, name: str, body: Body, place: XYHeading, size: tuple[float, float] | None = None) -> None:
         """As `Stage.stand`. Raises SimulationError if something already stands in that place.
 
-        On a lane of an arm, a stand-in makes SVs queue behind it or change lanes. Inside the junction only
-        the yielding layer makes SVs see it.
+        On a lane of an arm or of a roundabout's ring, a stand-in makes SVs queue behind it or change lanes.
+        Inside a node only the yielding layer makes SVs see it.
         """
         x, y, heading = place
         length, width = size or size_of(body)
@@ -161,11 +161,10 @@ class WorldStage(NetworkStage):
         if self.scene is not None and self._too_near(place, (length, width)):
             self.sudden.add(name)
         corners = rectangle_corners(np.array([x, y]), np.array(heading), np.array([length, width]))
-        for arm in self.network.arms:
-            for lane in self.network.lanes_of(arm):
-                span = _obstructed(lane, corners, self.traffic.needs_m)
-                if span is not None:
-                    self._block(name, lane, *span)
+        for lane in self.network.lanes.values():
+            span = None if lane.internal else _obstructed(lane, corners, self.traffic.needs_m)
+            if span is not None:
+                self._block(name, lane, *span)
 
     def _block(self, name: str, lane: Lane, start: float, end: float) -> None:
         """Close a lane from start to end m for SUMO's traffic.
@@ -210,8 +209,12 @@ class WorldStage(NetworkStage):
         return v * now.delay_s + late + v * v / (2.0 * braking)
 
     def send(
-        self, name: str, body: Body, way: Array, speed: float, late_m: float = 0.0, beyond_m: float = 0.0
-    ) -> None:
+        self, name: str, body: Body, way: Array, speed: float,
+        late_m: float = 0.0, beyond_m: float = 0.0, behind: Array | None = None,
+    ) -> None:  # fmt: skip
+        if behind is not None:
+            late_m -= float(arc_length(np.vstack([behind, way[:1]]))[-1])
+            way = np.vstack([behind, way])
         prop = self._prop(name, body, way, speed)
         prop.travelled = prop.appeared_m = -late_m
         prop.beyond_m = beyond_m
