@@ -98,6 +98,9 @@ class _Site(NetworkStage):
     def has_room(self, body: Body, way: Array, speed: float) -> bool:
         return True
 
+    def things_of(self, event: str) -> frozenset[str]:
+        return frozenset()
+
     def remove_things(self, event: str) -> None: ...
 
     def hide_behind(self, place: XYHeading, size: tuple[float, float]) -> None:

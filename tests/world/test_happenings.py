@@ -7,6 +7,7 @@ import pytest
 
 from rudc.scenario import load_scenario
 from rudc.world.events import event_lines
+from rudc.world.props import Prop
 from tests.plans import PlanSource, event
 
 CALM = PlanSource(density=25.0, speed=(0.0, 0.0))
@@ -71,8 +72,32 @@ def test_who_was_seen_is_said_to_have_been_also_when_it_has_left(world):
     (gone,) = world.happenings()
     assert not gone.bodies
     assert event_lines(world.plan, (gone,)) == [
-        f"1 (events.0) pedestrian_crossing: from the start, seen by the ego at {gone.visible_s:.1f} s"
+        f"1 (events.0) pedestrian_crossing: from the start, over, seen by the ego at {gone.visible_s:.1f} s"
     ]
+
+
+def test_a_fault_is_over_once_a_later_one_replaces_it(world):
+    ice = event("low_friction", friction=0.2)
+    noise = event("sensor_noise", position=0.5)
+    melted = event("low_friction", friction=0.9, when=LATER)
+    world.reset(replace(CALM, events=(ice, noise, melted)).plan(0))
+    seen = []
+    for _ in range(15):
+        world.advance(STAND)
+        seen.append([happening.is_over for happening in world.happenings()])
+    assert seen[0] == [False, False, False]
+    assert seen[-1] == [True, False, False]
+
+
+@pytest.mark.parametrize("room", [True, False])
+def test_riders_set_off_only_where_traffic_can_still_stop(world, monkeypatch, room):
+    riders = event("vehicle_crossing", arm="north", count=2)
+    monkeypatch.setattr(Prop, "has_room", lambda prop, scene: room)
+    world.reset(replace(CALM, events=(riders,)).plan(0))
+    world.advance(STAND)
+    (crossing,) = world.happenings()
+    assert len(crossing.bodies) == 2 * room
+    assert (crossing.begun_s is not None) is room
 
 
 def test_event_lines_say_why_something_is_not_there(world):

@@ -19,7 +19,7 @@ An event of your own, registered before a scenario that has it is read:
     register_event(OilSpill, OilSpillEffect)
 """
 
-from rudc.scenario.events.event import Effect, Event, Felt, Held, VehicleEvent
+from rudc.scenario.events.event import Effect, Event, Felt, Held, Passing, VehicleEvent
 from rudc.scenario.events.registry import EVENT_KINDS, AnyEvent, effect_of, register_event
 from rudc.scenario.events.stage import Stage
 
@@ -30,6 +30,7 @@ __all__ = [
     "Event",
     "Felt",
     "Held",
+    "Passing",
     "Stage",
     "VehicleEvent",
     "effect_of",

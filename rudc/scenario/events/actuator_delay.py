@@ -32,6 +32,7 @@ class ActuatorDelayEffect(Felt[ActuatorDelay]):
     """The ego's commands arrive late and are followed with a lag."""
 
     from_the_start = True
+    replaceable = True
 
     def begin(self, stage: Stage) -> bool:
         stage.set_actuators(float(self.event.delay), float(self.event.lag))

@@ -68,6 +68,8 @@ class Effect(ABC, Generic[E]):
     """whether, if it has no trigger, it is there before the ego is, so that traffic warms up around it"""
     felt = False
     """whether it has no body, and the ego feels it as soon as it begins"""
+    replaceable = False
+    """whether it is over as soon as a later event of its kind begins"""
 
     def __init__(self, event: E, name: str) -> None:
         self.event = event
@@ -97,6 +99,13 @@ class Felt(Effect[E]):
     """An effect without a body: on the ego's sensors or plant, or on traffic as a whole."""
 
     felt = True
+
+
+class Passing(Effect[E]):
+    """An effect that sends road users over the road; it is over once they have left."""
+
+    def is_over(self, stage: Stage) -> bool:
+        return not stage.things_of(self.name)
 
 
 class Held(Effect[V]):

@@ -23,6 +23,7 @@ class LowFrictionEffect(Felt[LowFriction]):
     """The ego's tyres and the others' brakes have that grip."""
 
     from_the_start = True
+    replaceable = True
 
     def begin(self, stage: Stage) -> bool:
         stage.set_friction(float(self.event.friction))

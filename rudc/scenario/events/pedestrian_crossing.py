@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from rudc.scenario.base import Identifier
 from rudc.scenario.distributions import AnyDistribution, Bounds, Constant
-from rudc.scenario.events.event import Effect, Event
+from rudc.scenario.events.event import Event, Passing
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import Stage
 from rudc.scenario.triggers import Metre
@@ -32,7 +32,7 @@ class PedestrianCrossing(Event, frozen=True):
     """side they start from, as seen going towards the junction"""
 
 
-class PedestrianCrossingEffect(Effect[PedestrianCrossing]):
+class PedestrianCrossingEffect(Passing[PedestrianCrossing]):
     """Pedestrians who walk across an arm, one behind the other."""
 
     def begin(self, stage: Stage) -> bool:

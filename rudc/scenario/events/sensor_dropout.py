@@ -33,6 +33,7 @@ class SensorDropoutEffect(Felt[SensorDropout]):
     """Others go unseen at random, and beyond a range."""
 
     from_the_start = True
+    replaceable = True
 
     def begin(self, stage: Stage) -> bool:
         reach = math.inf if self.event.range is None else float(self.event.range)

@@ -39,6 +39,7 @@ class SensorNoiseEffect(Felt[SensorNoise]):
     """Gaussian errors on what the ego sees of others and measures of itself."""
 
     from_the_start = True
+    replaceable = True
 
     def begin(self, stage: Stage) -> bool:
         event = self.event

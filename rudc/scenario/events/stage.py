@@ -157,6 +157,10 @@ class Stage(ABC):
         the surrounding vehicles can still stop before each other. An ego counts only below 2 m/s."""
 
     @abstractmethod
+    def things_of(self, event: str) -> frozenset[str]:
+        """Names of the things that the event of that name has put on the road and that are still there."""
+
+    @abstractmethod
     def remove_things(self, event: str) -> None:
         """Take away what the event of that name has put on the road: what is called `EVENT:...`."""
 

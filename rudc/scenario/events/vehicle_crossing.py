@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from rudc.scenario.base import Identifier
 from rudc.scenario.distributions import AnyDistribution, Bounds, Constant
-from rudc.scenario.events.event import Effect, Event, MovingSpeed
+from rudc.scenario.events.event import Event, MovingSpeed, Passing
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import ROADSIDE_M, Stage
 from rudc.scenario.poses import VehicleType
@@ -28,16 +28,19 @@ class VehicleCrossing(Event, frozen=True):
     at: Metre = Constant(value=4.0)
     """m from the junction, of the line they ride along"""
     speed: MovingSpeed = Constant(value=4.0)
-    """m/s; they stop for what stands in their way and for an ego below 2 m/s, not for a faster one"""
+    """m/s; they set off when traffic can still stop, and stop for what stands in their way and for an ego
+    below 2 m/s, not for a faster one"""
     count: Annotated[AnyDistribution, Bounds(1, 30, whole=True)] = Constant(value=1.0)
     """how many, one behind the other"""
     from_side: Literal["left", "right"] = "right"
     """side they start from, as seen going towards the junction"""
 
 
-class VehicleCrossingEffect(Effect[VehicleCrossing]):
-    """They ride straight across, one behind the other; the first begins with its front at the roadside. Long
-    ones end with their rear there, so that no part of them is still on the road.
+class VehicleCrossingEffect(Passing[VehicleCrossing]):
+    """They ride straight across, one behind the other, once traffic can still stop before the first.
+
+    The first begins with its front at the roadside. Long ones end with their rear there, so that no part of
+    them is still on the road.
     """
 
     def begin(self, stage: Stage) -> bool:
@@ -45,6 +48,8 @@ class VehicleCrossingEffect(Effect[VehicleCrossing]):
         way = stage.across_arm(event.arm, float(event.at))
         if event.from_side == "left":
             way = way[::-1]
+        if not stage.has_room(event.type, way, speed):
+            return False
         length = stage.length_of(event.type)
         beyond_m = 0.5 * length if 0.5 * length > ROADSIDE_M else 0.0
         for i in range(event.count):

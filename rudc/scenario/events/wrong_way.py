@@ -6,7 +6,7 @@ from typing import Literal
 
 from rudc.scenario.base import Identifier
 from rudc.scenario.distributions import Constant
-from rudc.scenario.events.event import Effect, Event, MovingSpeed
+from rudc.scenario.events.event import Event, MovingSpeed, Passing
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import Stage
 from rudc.scenario.poses import VehicleType
@@ -29,7 +29,7 @@ class WrongWay(Event, frozen=True):
     """what vehicle"""
 
 
-class WrongWayEffect(Effect[WrongWay]):
+class WrongWayEffect(Passing[WrongWay]):
     """It drives along a lane against the lane's direction, and straight on beyond the lane's beginning."""
 
     def begin(self, stage: Stage) -> bool:

@@ -95,6 +95,7 @@ class Script:
             if effect.felt:
                 self._visible[effect.name] = effect.begun_s
             self._waiting.remove(effect)
+            self._active = [e for e in self._active if type(e) is not type(effect) or not e.replaceable]
             self._active.append(effect)
         return tuple(effect.name for effect in begun)
 

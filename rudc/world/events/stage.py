@@ -229,7 +229,6 @@ class WorldStage(NetworkStage):
         return prop
 
     def things_of(self, event: str) -> frozenset[str]:
-        """Names of the things that an event has put on the road and that are still there."""
         return frozenset(prop.name for prop in self.props if prop.name.startswith(f"{event}:"))
 
     def remove_things(self, event: str) -> None:
