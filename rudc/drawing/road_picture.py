@@ -90,6 +90,8 @@ def paint_road(network: Network, brush: Brush) -> None:
         brush.area(polygon, ASPHALT)
         brush.line(np.vstack([polygon, polygon[:1]]), 0.12, ASPHALT)  # closes hairlines between neighbours
     brush.pieces(network.surface.boundary, MARK_M, MARK)
+    for edge in _round_the_ring(network):
+        _draw_lane_marks(brush, network, edge)
     for arm in network.arms:
         _draw_arm(brush, network, arm)
         if not network.is_roundabout:
@@ -120,11 +122,7 @@ def _draw_arm(brush: Brush, network: Network, arm: Arm) -> None:
     """Marks of an arm: dashes between lanes of one direction, lines between directions, stop lines."""
     for edges in (arm.in_edges, arm.out_edges):
         for edge in edges:
-            lanes = sorted(
-                (lane for lane in network.lanes.values() if lane.edge == edge), key=lambda lane: lane.index
-            )
-            for lane in lanes[:-1]:
-                brush.dashes(offset_polyline(lane.xy, lane.width / 2), MARK)
+            lanes = _draw_lane_marks(brush, network, edge)
             if lanes and arm.in_edges and arm.out_edges:
                 brush.line(offset_polyline(lanes[-1].xy, lanes[-1].width / 2), 1.6 * MARK_M, MARK)
     equal = not network.is_roundabout and not any(other.major for other in network.arms)
@@ -132,6 +130,26 @@ def _draw_arm(brush: Brush, network: Network, arm: Arm) -> None:
         free = arm.major or equal
         sign = "stop" if lane_id in network.stopping else "" if free else "yield"
         _draw_stop(brush, network.lanes[lane_id], sign)
+
+
+def _draw_lane_marks(brush: Brush, network: Network, edge: str) -> list[Lane]:
+    """Draw dashes between the lanes of an edge; the lanes, the rightmost first."""
+    lanes = sorted(
+        (lane for lane in network.lanes.values() if lane.edge == edge), key=lambda lane: lane.index
+    )
+    for lane in lanes[:-1]:
+        brush.dashes(offset_polyline(lane.xy, lane.width / 2), MARK)
+    return lanes
+
+
+def _round_the_ring(network: Network) -> list[str]:
+    """Edges of a roundabout's ring, and those inside its nodes that lead from one to the next."""
+    found = set[str]()
+    for ids in network.paths.lane_ids:
+        edges = [network.lanes[i].edge for i in ids if i in network.lanes]
+        ring = [k for k, edge in enumerate(edges) if edge in network.ring_edges]
+        found.update(edges[ring[0] : ring[-1] + 1] if ring else ())
+    return sorted(found)
 
 
 def _draw_stop(brush: Brush, lane: Lane, sign: str) -> None:

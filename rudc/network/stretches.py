@@ -242,8 +242,8 @@ def _on_arm(network: Layout, name: str, lane: Lane, *, inbound: bool) -> Stretch
 
 
 def _ring_of(network: Layout, arm: Arm) -> dict[str, Stretch]:
-    """Stretches of the ring that begin where the arm's traffic enters it, one for each lane it enters."""
-    first: dict[str, tuple[str, int]] = {}
+    """Stretches of the ring that begin where the arm's traffic enters it, one for each lane there."""
+    first: dict[str, int] = {}
     entered: set[str] = set()
     longest = sorted(range(network.paths.count), key=lambda row: -float(network.paths.length[row]))
     for row in longest:
@@ -251,11 +251,16 @@ def _ring_of(network: Layout, arm: Arm) -> dict[str, Stretch]:
         if lane_id is None:
             continue
         if network.arms[int(network.paths.origin[row])] is arm:
-            first.setdefault(lane_id, (lane_id, row))
+            first.setdefault(lane_id, row)
         else:
             entered.add(_edge(lane_id))
+    entries = {_edge(lane_id) for lane_id in first}
+    beside = {i for ids in network.paths.lane_ids for i in ids if _edge(i) in entries} - first.keys()
+    for lane_id in sorted(beside):  # nobody enters on it: the way that goes on round the ring farthest
+        rounds = [_ring_lanes_from(network, row, lane_id) for row in longest]
+        first[lane_id] = longest[rounds.index(max(rounds))]
     found = {}
-    for lane_id, row in first.values():
+    for lane_id, row in first.items():
         start, _ = network.span(row, lane_id)
         lanes = network.paths.lane_ids[row]
         after = lanes[lanes.index(lane_id) + 1 :]
@@ -269,3 +274,10 @@ def _ring_of(network: Layout, arm: Arm) -> dict[str, Stretch]:
 
 def _edge(lane_id: str) -> str:
     return lane_id.rpartition("_")[0]
+
+
+def _ring_lanes_from(network: Layout, row: int, lane_id: str) -> int:
+    """How many of the ring's lanes a row of `paths` leads over from one of them on."""
+    lanes = network.paths.lane_ids[row]
+    onwards = lanes[lanes.index(lane_id) :] if lane_id in lanes else ()
+    return sum(_edge(lane) in network.ring_edges for lane in onwards)

@@ -14,7 +14,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from rudc.arrays import Array
-from rudc.network.polyline import straightened, union_boundary
+from rudc.network.holes import without_holes
+from rudc.network.polyline import straightened
 from rudc.network.tiles import SIDE, Edge, Tile, TileMaker
 
 MARGIN = 12.0
@@ -28,9 +29,8 @@ class Surface:
         """`polygons`: (K, 2) m each, whose union is drivable; `lanes`: (centre line (K, 2) m, polygon) of
         each lane that gives a direction of travel."""
         corners = np.concatenate(list(polygons))
-        self.polygons = tuple(polygons)
-        self.boundary = union_boundary(self.polygons)
-        """(B, 2, 2) m, the edge in short straight pieces"""
+        self.polygons, self.boundary = without_holes(polygons)
+        """the polygons, those that fill holes last; (B, 2, 2) m, the edge in short straight pieces"""
         self.boundary.flags.writeable = False
         self._low, self._high = corners.min(axis=0) - MARGIN, corners.max(axis=0) + MARGIN
         self._west, self._south = (float(v) for v in self._low)

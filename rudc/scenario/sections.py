@@ -30,7 +30,8 @@ class EgoRoute(FileModel, frozen=True):
     origin: Identifier = Field(default="random", alias="from")
     """arm (compass name) or edge it comes from, or random"""
     turn: Literal["left", "straight", "right", "random"] = "random"
-    """where it turns; to the left it starts on the leftmost lane that leads there, else on the rightmost"""
+    """where it turns, drawn where several arms lie that way; to the left it starts on the leftmost lane that
+    leads there, else on the rightmost"""
     to: Identifier | None = None
     """arm or edge it leaves by, instead of `turn`"""
 

@@ -3,11 +3,13 @@ import re
 import numpy as np
 import pytest
 
+from rudc.data import data_folder
 from rudc.drawing.map import LEFT_PX, SIDE_PX, name_arms, new_map, ticks
 from rudc.drawing.network_picture import draw_network
 from rudc.drawing.palette import ASPHALT, GROUND, MARK, PAVEMENT, RESERVED, TURNS
 from rudc.evaluation.recording import road_shapes
 from rudc.network.network import Network, load_network, shipped_networks
+from rudc.network.polyline import offset_polyline, resample
 from tests.drawing.pixels import count
 from tests.world.networks import bent
 
@@ -113,6 +115,15 @@ def test_stop_lines_are_drawn_where_all_must_stop_not_where_the_right_goes_first
     half = int(1.5 * canvas.scale)
     share = count(np.asarray(canvas.image)[y : y + 2, x - half : x + half], MARK) / (4 * half)
     assert most - 0.3 < share <= most
+
+
+def test_the_lanes_of_a_ring_are_told_apart():
+    network = Network(data_folder("results") / "held-out-18" / "networks" / "oval" / "oval.net.xml")
+    canvas, outer = new_map(network, 40.0), network.lanes["ring_north_0"]
+    between = offset_polyline(outer.xy, 0.5 * outer.width)
+    x, y = canvas.pixels(resample(between, np.arange(1.0, 23.0, 0.1))).astype(int).T
+    marked = np.abs(np.asarray(canvas.image)[y, x].astype(int) - MARK[:3]).sum(axis=-1) < 60
+    assert 0.2 < marked.mean() < 0.7, "a broken line"
 
 
 def test_a_cycle_lane_on_a_roundabouts_ring_is_drawn(tmp_path):

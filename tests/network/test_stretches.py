@@ -76,6 +76,16 @@ def test_a_ring_runs_from_arm_to_arm():
         assert stretch.lane.id == f"ring_{arm}_{following}_0"
 
 
+def test_all_lanes_of_a_ring_have_names_also_those_on_which_nobody_enters():
+    network = load_network(data_folder("results") / "held-out-18" / "networks" / "oval" / "oval.net.xml")
+    assert len(network.arm("north").in_lanes) == 1
+    outer, inner = network.stretch("ring_north_0"), network.stretch("ring_north_1")
+    assert inner.reach > 40.0, "to where the next arm's traffic enters"
+    assert math.dist(outer.place(5.0)[:2], inner.place(5.0)[:2]) < 5.0
+    begin, end = inner.place(inner.reach)[:2], network.place_on_lane("ring_west_1", 0.0)[:2]
+    assert math.dist(begin, end) < 0.05
+
+
 def test_against_the_traffic_a_way_leads_back_to_where_it_comes_from():
     network = load_network("roundabout")
     for name, at in (("ring_south_0", 10.0), ("south_to_west_0", 30.0)):

@@ -130,3 +130,15 @@ def test_one_point_is_looked_up_as_many_are(name):
             float(network.surface.signed_distance(xy)), abs=1e-9
         )
         np.testing.assert_equal(network.surface.direction(x, y), float(network.surface.lane_direction(xy)))
+
+
+@pytest.mark.parametrize(("size", "filled"), [(1.0, True), (6.0, False)])
+def test_a_hole_between_lanes_is_road_and_an_island_is_not(size, filled):
+    """Four pieces of road round a square that none of them covers."""
+    half, far = 0.5 * size, 20.0
+    south_north = [(-far, -far, far, -half), (-far, half, far, far)]
+    west_east = [(-far, -half, -half, half), (half, -half, far, half)]
+    pieces = [np.array([(a, b), (c, b), (c, d), (a, d)]) for a, b, c, d in south_north + west_east]
+    surface = Surface(pieces, [])
+    assert surface.depth(0.0, 0.0) == pytest.approx(far if filled else -half, abs=0.1)
+    assert (np.abs(surface.boundary).max(axis=(1, 2)).min() > far - 0.01) == filled
