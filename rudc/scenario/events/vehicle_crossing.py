@@ -28,8 +28,7 @@ class VehicleCrossing(Event, frozen=True):
     at: Metre = Constant(value=4.0)
     """m from the junction, of the line they ride along"""
     speed: MovingSpeed = Constant(value=4.0)
-    """m/s; they set off when traffic can still stop, and stop for what stands in their way and for an ego
-    below 2 m/s, not for a faster one"""
+    """m/s; they stop for what stands in their way and for an ego below 2 m/s, not for a faster one"""
     count: Annotated[AnyDistribution, Bounds(1, 30, whole=True)] = Constant(value=1.0)
     """how many, one behind the other"""
     from_side: Literal["left", "right"] = "right"
