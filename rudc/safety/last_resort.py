@@ -9,7 +9,8 @@ manoeuvres that begin with it:
     go     u for one step, then along the route at GO_ACCELERATION up to GO_SPEED, as far as the vehicle can;
            on a poor road no faster than its bends allow
 
-The room of a manoeuvre is the least value, over all instants within the horizon and all others, of
+The room of a manoeuvre is the least value, over all instants within the horizon (and between them: somebody
+who crosses fast would pass unseen from one to the next) and all others, of
 
     separation - min(margin, separation now)
 

@@ -29,6 +29,9 @@ from rudc.network.paths import SPACING
 from rudc.safety.kernels import creeping_past, drives_on, other_ahead
 from rudc.world.kernels import slip_of
 
+FINE = 0.2
+"""m that others move, as seen from the ego, between two places that are looked at"""
+
 
 @kernel
 def leads(
@@ -106,24 +109,39 @@ def room_left(
     separation now.
 
     The others are at `others` (m, T) m with half sizes `half` (m, 2) m, the ego at `place` (T,) m with half
-    sizes `length` and `width` m. inf where centres stay farther apart than all half sizes and `margin` m
-    together.
+    sizes `length` and `width` m. Between two instants both move evenly; that is looked at in steps of FINE m
+    where it could leave less room than the instants do: somebody who crosses at 15 m/s comes 1.5 m farther
+    from one to the next. inf where centres stay farther apart than all half sizes and `margin` m together.
     """
     room = np.full(len(half), np.inf)
     for k in range(len(half)):
-        least = 1e300
+        least, farthest = 1e300, 0.0
         for t in range(len(place)):
             r = others[k, t] - place[t]
             least = min(least, r.real * r.real + r.imag * r.imag)
-        if math.sqrt(least) >= half[k, 0] + half[k, 1] + length + width + margin:
+            if t > 0:
+                farthest = max(farthest, abs(r - (others[k, t - 1] - place[t - 1])))
+        if math.sqrt(least) >= half[k, 0] + half[k, 1] + length + width + margin + 0.5 * farthest:
             continue
         allowed = min(margin, still_margin) if still[k] else margin
+        before, last = 0j, math.inf
         for t in range(len(place)):
             r = others[k, t] - place[t]
             apart = separation(r, facing[t], others_facing[k, t], length, width, half[k, 0], half[k, 1])
             if t == 0:
                 allowed = min(allowed, creeping_past(apart) if still[k] else apart)
             room[k] = min(room[k], apart - allowed)
+            moved = abs(r - before)
+            if t > 0 and 0.5 * (last + apart - moved) - allowed < room[k]:
+                for step in range(1, math.ceil(moved / FINE)):
+                    share = step * FINE / moved
+                    i = t if share > 0.5 else t - 1
+                    between = separation(
+                        before + share * (r - before), facing[i], others_facing[k, i],
+                        length, width, half[k, 0], half[k, 1],
+                    )  # fmt: skip
+                    room[k] = min(room[k], between - allowed)
+            before, last = r, apart
     return room
 
 

@@ -127,15 +127,44 @@ def test_room_is_the_least_separation_less_what_is_allowed():
     assert last_resort_kernels.way_of_stopping(times, 0.1, 0.5, 5.0, 6.0) == pytest.approx(way, abs=1e-12)
     ego, towards = last_resort_kernels.on_arc(-10 + 0j, 0.2, way, 0.1, 1.4)
     margin = np.where(still, 0.1, 0.3)
-    apart = separation(place - ego, towards, facing, np.array([2.5, 0.9]), half[:, None])
-    room = (apart - np.minimum(margin[:, None], apart[:, :1])).min(axis=1)
-    room[np.abs(place - ego).min(axis=1) >= half.sum(axis=1) + 2.5 + 0.9 + 0.3] = np.inf
-    got = last_resort_kernels.room_left(place, facing, half, still, ego, towards, 2.5, 0.9, 0.3, 0.1)
-    assert got == pytest.approx(room, abs=1e-9)
+    away, shares = place - ego, np.linspace(0.0, 1.0, 101)
+    r = away[:, :-1, None] + shares * np.diff(away, axis=1)[:, :, None]
+    nearer = np.arange(len(times) - 1)[:, None] + (shares > 0.5)
+    body = np.array([2.5, 0.9])
+    apart = separation(r, towards[nearer], facing[:, nearer], body, half[:, None, None])
+    allowed = np.minimum(margin, apart[:, 0, 0])
+    room = apart.min(axis=(1, 2)) - allowed
+    got = last_resort_kernels.room_left(place, facing, half, still, ego, towards, *body, 0.3, 0.1)
+    near = np.isfinite(got)
+    assert (got[near] > room[near] - 0.01).all(), "places 0.2 m apart: at most 0.1 m is missed"
+    assert (got[near] < room[near] + 0.11).all()
+    assert (room[~near] > 0.0).all()
+    at_instants = separation(away, towards, facing, body, half[:, None]).min(axis=1) - allowed
+    assert (got[near] <= at_instants[near] + 1e-9).all()
     least = last_resort_kernels.room_to_stop(*reached, 0.2, 0.1, 0.5, 5.0, 6.0, 0.1, 1.4, 2.5, 0.9, 0.3, 0.1)
     assert least == got.min()
     assert (got < 0).any()
     assert np.isinf(got).any()
+
+
+def test_who_crosses_fast_is_hit_between_two_instants():
+    """A car that crosses at 15 m/s has its rear in the ego's way for 0.02 s, between two instants."""
+    times = np.arange(0.0, 0.35, 0.1)
+    ego, east = -5.0 + 8.0 * times + 0j, np.ones(len(times), complex)
+    car = -1.5 + 1j * (15.0 * (times - 0.27) + 3.4)  # its rear leaves the ego's lane at 0.27 s
+    half, still = np.array([[2.5, 0.9]]), np.array([False])
+    least = {}
+    for fine in (1, 100):
+        t = np.linspace(0.0, 0.3, 3 * fine + 1)
+        away = -1.5 + 1j * (15.0 * (t - 0.27) + 3.4) - (-5.0 + 8.0 * t)
+        ones = np.ones(len(t), complex)
+        apart = separation(away, ones, 1j * ones, np.array([2.5, 0.9]), half[0])
+        least[fine] = apart.min() - min(0.3, apart[0])
+    got = last_resort_kernels.room_left(
+        car[None], 1j * east[None], half, still, ego, east, 2.5, 0.9, 0.3, 0.1
+    )
+    assert least[1] > least[100] + 0.2
+    assert got == pytest.approx(least[100], abs=0.11)
 
 
 def test_an_arc_is_what_small_steps_make_of_it():
