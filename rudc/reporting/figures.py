@@ -64,7 +64,7 @@ def grid(
         yield figure, figure.subplots(rows, columns, squeeze=False, **sharing)
         for target in dict.fromkeys((path, path.with_suffix(".pdf"))):
             _save(figure, target)
-            figure.set_layout_engine("none")  # it is laid out
+            figure.set_layout_engine(None)  # it is laid out
 
 
 def _save(figure: Figure, path: Path) -> None:
