@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from rudc.agents.checkpoint import load_learnt, shipped_checkpoints
+from rudc.agents.checkpoint import Learnt, load_learnt, shipped_checkpoints
 from rudc.agents.drivers import SHIPPED, driver_names, driver_summary
 from rudc.errors import AgentError
 from rudc.imports import leave_out
@@ -59,7 +59,9 @@ def entries() -> list[Entry]:
     """Drivers, then for each algorithm its shipped agents, or the algorithm itself if none is shipped. Raises
     InputError if something cannot be imported; in a block of `leaving_out` it is left out instead.
     """
-    shipped = [_shipped(name, folder) for name, folder in shipped_checkpoints().items()]
+    learnt = {name: (folder, load_learnt(folder)) for name, folder in shipped_checkpoints().items()}
+    _, reference = learnt.get(REFERENCE, (None, None))
+    shipped = [_shipped(name, folder, agent, reference) for name, (folder, agent) in learnt.items()]
     return [
         *_drivers(),
         *(
@@ -83,13 +85,10 @@ def _trainable(name: str, algorithm: Algorithm) -> Entry:
     return Entry(name, "trainable", algorithm.summary, differs, name, algorithm.paper)
 
 
-def _shipped(name: str, folder: Path) -> Entry:
-    learnt = load_learnt(folder)
+def _shipped(name: str, folder: Path, learnt: Learnt, against: Learnt | None) -> Entry:
     entry, seed = learnt.config.entry, int(learnt.training["seed"])
     differs = [entry.differs] if entry.differs else []
-    reference = shipped_checkpoints().get(REFERENCE)
-    if reference is not None and folder != reference:
-        against = load_learnt(reference)
+    if against is not None and learnt is not against:
         if seed != against.training["seed"]:
             differs.append(f"training seed {seed}")
         own = {*entry.defaults, *against.config.entry.defaults} if entry.differs else set()
