@@ -1,7 +1,8 @@
 """How an ego that has right of way meets a vehicle that should give way to it, but does not look like it.
 
 Such a vehicle needs NEEDED or more to stop before the place where the two ways meet, and brakes with less
-than SHARE of it. In ordinary traffic that is rare: drivers who give way begin to brake earlier. If both
+than SHARE of it. In ordinary traffic that is rare: drivers who give way begin to brake earlier, and on a road
+that gives less than HARDEST earlier still: there NEEDED is less in the same proportion. If both
 would come to that place at nearly the same time (rudc/agents/gaps.py), the ego drives no faster than it can
 stop from before it, braking at PLANNED. Where it cannot stop there any more, the command stays as it is.
 
@@ -21,7 +22,8 @@ from rudc.env.tracking import at_most, hardest, planned, slowing, speeds_in_bend
 from rudc.world.scene import Scene
 
 NEEDED = 1.5
-"""m/s2, least braking to stop before the ego's way from which on a vehicle that gives way brakes already"""
+"""m/s2, least braking to stop before the ego's way from which on a vehicle that gives way brakes already, on
+a road that gives HARDEST or more"""
 SHARE = 0.5
 """share of the braking that it needs; a vehicle that brakes with less does not look like giving way"""
 MARGIN = 0.5
@@ -34,12 +36,13 @@ LEAST_ROOM = 0.5
 def ready_for_not_yielding(scene: Scene, u: Array) -> Array:
     """(2,) the command u (2,), m/s2 and rad, with its acceleration bounded so that the ego can still stop
     before the way of each vehicle that should give way to it and does not look like it."""
-    least = scene.ego.v**2 / (2 * hardest(scene, HARDEST))
-    found = crossing(scene) if _may_heed(scene, least) else None
+    grip = hardest(scene, HARDEST)
+    least, enough = scene.ego.v**2 / (2 * grip), NEEDED * grip / HARDEST
+    found = crossing(scene) if _may_heed(scene, least, enough) else None
     if found is None:
         return u
     needed = found.speed**2 / (2 * np.maximum(found.other_in, LEAST_ROOM))
-    heeded = ~found.yields & (needed > NEEDED) & (found.braking < SHARE * needed) & (found.ego_in > least)
+    heeded = ~found.yields & (needed > enough) & (found.braking < SHARE * needed) & (found.ego_in > least)
     if not heeded.any():
         return u
     if_ego_yields = found._replace(yields=np.ones_like(found.yields))
@@ -51,13 +54,13 @@ def ready_for_not_yielding(scene: Scene, u: Array) -> Array:
     return at_most(u, slowing(scene, room, 0.0, planned(scene, PLANNED)))
 
 
-def _may_heed(scene: Scene, least: float) -> bool:
-    """Whether there may be somebody to heed, if the ego needs `least` m to stop. Usually there is nobody, and
-    this check is much cheaper than the full one."""
+def _may_heed(scene: Scene, least: float, enough: float) -> bool:
+    """Whether there may be somebody to heed, who needs `enough` m/s2 to stop, if the ego needs `least` m.
+    Usually there is nobody, and this check is much cheaper than the full one."""
     route, paths = scene.route, scene.network.paths
     met = scene.network.crossings(route, route.row)
     return any_unbraked(
         scene.path, scene.path_s, scene.size, scene.velocity, scene.acceleration, paths.origin,
         int(paths.origin[route.row]), scene.network.gives_way(route, route.row), met.table, met.again,
-        scene.ego_s + 0.5 * scene.vehicle.length, least, NEEDED, SHARE, LEAST_ROOM,
+        scene.ego_s + 0.5 * scene.vehicle.length, least, enough, SHARE, LEAST_ROOM,
     )  # fmt: skip

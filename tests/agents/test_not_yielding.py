@@ -107,6 +107,16 @@ def test_on_a_slippery_road_it_begins_to_brake_earlier(four_way, make_scene, min
     assert bounded(icy) < bounded(dry)
 
 
+def test_on_a_slippery_road_a_slow_vehicle_that_does_not_brake_is_met_too(four_way, make_scene, minor):
+    """It needs 1 m/s2: on a dry road it may still brake late; on ice it would have begun."""
+    dry = meets(four_way, make_scene, minor, ego=10.0, v=6.0, other=8.0, speed=4.0)
+    icy = replace(dry, vehicle=replace(dry.vehicle, a_min=-3.0))
+    assert bounded(dry) == FULL[0]
+    assert bounded(icy) < 1.0, "it no longer accelerates fully"
+    brakes = replace(icy, acceleration=np.full(icy.count, -0.6))
+    assert bounded(brakes) == FULL[0]
+
+
 def test_agents_are_bounded_by_it_with_approach_only(four_way, make_scene, minor):
     scene = meets(four_way, make_scene, minor, ego=6.0, other=8.0)
     held = {}
@@ -133,7 +143,8 @@ def test_the_quick_look_overlooks_nobody(four_way, make_scene, monkeypatch):
         turn = str(rng.choice(["left", "straight", "right"]))
         origin, front, v = str(rng.choice(["west", "south"])), rng.uniform(-8, 4), rng.uniform(2, 7)
         scene = make_scene(*others, origin=origin, turn=turn, front=float(front), v=float(v))
-        scenes.append(replace(scene, acceleration=rng.uniform(-3.0, 1.0, scene.count)))
+        body = replace(scene.vehicle, a_min=float(rng.choice([-6.0, -2.0])))
+        scenes.append(replace(scene, vehicle=body, acceleration=rng.uniform(-3.0, 1.0, scene.count)))
     for look in (not_yielding._may_heed, lambda *_: True):
         monkeypatch.setattr(not_yielding, "_may_heed", look)
         bounds.append([bounded(scene) for scene in scenes])
