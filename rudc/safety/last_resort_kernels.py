@@ -100,6 +100,24 @@ def in_reach(
 
 
 @kernel
+def least_between(
+    before: complex, after: complex, facing: Places, other: Places,
+    length: float, width: float, its_length: float, its_width: float,
+) -> float:  # fmt: skip
+    """m, least `separation` of two rectangles between two instants, at places FINE m apart; inf if they move
+    less. The way from the first one's centre to the second one's is `before` m and then `after` m; `facing`
+    and `other` (2,) are their directions, those of the nearer instant count.
+    """
+    moved, least = abs(after - before), math.inf
+    for step in range(1, math.ceil(moved / FINE)):
+        share = step * FINE / moved
+        i = 1 if share > 0.5 else 0
+        r = before + share * (after - before)
+        least = min(least, separation(r, facing[i], other[i], length, width, its_length, its_width))
+    return least
+
+
+@kernel
 def room_left(
     others: PlaceTable, others_facing: PlaceTable, half: Table, still: Marks, place: Places, facing: Places,
     length: float, width: float, margin: float, still_margin: float,
@@ -133,14 +151,11 @@ def room_left(
             room[k] = min(room[k], apart - allowed)
             moved = abs(r - before)
             if t > 0 and 0.5 * (last + apart - moved) - allowed < room[k]:
-                for step in range(1, math.ceil(moved / FINE)):
-                    share = step * FINE / moved
-                    i = t if share > 0.5 else t - 1
-                    between = separation(
-                        before + share * (r - before), facing[i], others_facing[k, i],
-                        length, width, half[k, 0], half[k, 1],
-                    )  # fmt: skip
-                    room[k] = min(room[k], between - allowed)
+                between = least_between(
+                    before, r, facing[t - 1 : t + 1], others_facing[k, t - 1 : t + 1],
+                    length, width, half[k, 0], half[k, 1],
+                )  # fmt: skip
+                room[k] = min(room[k], between - allowed)
             before, last = r, apart
     return room
 

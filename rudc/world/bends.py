@@ -5,7 +5,7 @@ lower limit v while the road allows no more than `grip` m/s2, with its tightest 
 
     v^2 / R = SHARE * grip
 
-Drivers who drive faster than the limit (their speed factor) may take a little more than SHARE.
+Limits are for all who drive on a lane: whose speed factor is f takes f^2 times SHARE.
 """
 
 from __future__ import annotations

@@ -14,7 +14,8 @@ class LowFriction(Event, frozen=True):
     """A slippery road, from then on; a later event of this kind replaces it."""
 
     kind: Literal["low_friction"]
-    """a slippery road: nobody, neither ego nor others, brakes, accelerates or turns harder than mu g"""
+    """a slippery road: nobody brakes or accelerates harder than mu g; the ego slides if it turns harder,
+    others slow down for bends"""
     friction: Annotated[AnyDistribution, Bounds(0.03, 1.2)]
     """coefficient of friction: 0.9 dry, 0.5 wet, 0.3 snow, 0.1 ice"""
 
