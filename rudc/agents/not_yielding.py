@@ -1,8 +1,8 @@
 """How an ego that has right of way meets a vehicle that should give way to it, but does not look like it.
 
 Such a vehicle needs NEEDED or more to stop before the place where the two ways meet, and brakes with less
-than SHARE of it. In ordinary traffic that is rare: drivers who give way begin to brake earlier, and on a road
-that gives less than HARDEST earlier still: there NEEDED is less in the same proportion. If both
+than SHARE of it. In ordinary traffic that is rare: drivers who give way begin to brake earlier. On a slippery
+road they begin earlier still: where full braking is less than HARDEST, NEEDED shrinks in proportion. If both
 would come to that place at nearly the same time (rudc/agents/gaps.py), the ego drives no faster than it can
 stop from before it, braking at PLANNED. Where it cannot stop there any more, the command stays as it is.
 
@@ -55,8 +55,8 @@ def ready_for_not_yielding(scene: Scene, u: Array) -> Array:
 
 
 def _may_heed(scene: Scene, least: float, enough: float) -> bool:
-    """Whether there may be somebody to heed, who needs `enough` m/s2 to stop, if the ego needs `least` m.
-    Usually there is nobody, and this check is much cheaper than the full one."""
+    """Whether there may be somebody to heed. The ego needs `least` m to stop; whoever needs less than
+    `enough` m/s2 is not heeded. Usually there is nobody, and this check is much cheaper than the full one."""
     route, paths = scene.route, scene.network.paths
     met = scene.network.crossings(route, route.row)
     return any_unbraked(

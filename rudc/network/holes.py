@@ -1,7 +1,7 @@
 """Holes that netconvert leaves in the road where the outlines of lanes and nodes do not quite meet.
 
-They belong to the road: nobody leaves it, and nothing ends there. A hole is a part of the road's edge that
-hangs together, apart from all others, and is no longer than HOLE_M: no kerb is so short.
+They belong to the road: who drives over one does not leave it. Round a hole runs a closed piece of the road's
+edge that touches no other piece and is no longer than HOLE_M; no kerb is so short.
 """
 
 from __future__ import annotations

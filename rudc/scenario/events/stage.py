@@ -99,8 +99,8 @@ class Stage(ABC):
 
     @abstractmethod
     def behind_on_lane(self, lane: str, at: float) -> NDArray[np.float64]:
-        """(K, 2) m, the way against a lane that ends `at` m from the junction; it begins where the lane, and
-        the way through the junction and out of it onto which it leads, end."""
+        """(K, 2) m, a way against the traffic that ends on a lane, `at` m from the junction. It begins at the
+        end of the road to which the lane leads, through the junction if it leads there."""
 
     @abstractmethod
     def lane_width(self, lane: str) -> float:
