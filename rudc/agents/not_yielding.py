@@ -3,8 +3,9 @@
 Such a vehicle needs NEEDED or more to stop before the place where the two ways meet, and brakes with less
 than SHARE of it. In ordinary traffic that is rare: drivers who give way begin to brake earlier. On a slippery
 road they begin earlier still: where full braking is less than HARDEST, NEEDED shrinks in proportion. If it
-and the ego would come to that place at nearly the same time (rudc/agents/gaps.py), the ego drives no faster than it can
-stop from before it, braking at PLANNED. Where it cannot stop there any more, the command stays as it is.
+and the ego would come to that place at nearly the same time (rudc/agents/gaps.py), the ego drives no faster
+than it can stop from before it, braking at PLANNED. Where it cannot stop there any more, the command stays as
+it is.
 
 Without this rule only the filter and the last resort would slow the ego down, and only when a collision is
 near: on a wet road it then stops in the way of the other.
