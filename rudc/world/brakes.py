@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 
 from rudc.world.sumo import BRAKE_HARD, OWN_SPEED, Sumo
-from rudc.world.traffic import EGO, Traffic
+from rudc.world.traffic import Traffic
+from rudc.world.vehicle_types import EGO
 
 
 class Brakes:
@@ -33,7 +34,7 @@ class Brakes:
             driver = drivers.get(name)
             if driver is not None and (driver.overridden or (driver.heedless and name not in behind_ego)):
                 continue
-            if driver is None or deceleration > min(driver.decel, self._traffic.grip):
+            if driver is None or deceleration > self._traffic.comfortable(driver.decel):
                 hard.add(name)
                 if name not in self._hard:
                     self._sumo.set_mode(name, BRAKE_HARD)

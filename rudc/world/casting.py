@@ -22,7 +22,7 @@ import numpy as np
 from rudc.world.events.selection import comes_from, pick, towards_junction
 from rudc.world.scene import Scene
 from rudc.world.spawn import entry
-from rudc.world.traffic import VEHICLE_TYPES
+from rudc.world.vehicle_types import VEHICLE_TYPES
 
 if TYPE_CHECKING:
     from rudc.network.network import Movement

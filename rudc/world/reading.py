@@ -15,7 +15,8 @@ from rudc.vehicle import Actuation, EgoVehicle
 from rudc.world.kernels import nearest_first, overlapping
 from rudc.world.scene import EgoState, Scene
 from rudc.world.sumo import Motion, Sumo
-from rudc.world.traffic import EGO, Traffic
+from rudc.world.traffic import Traffic
+from rudc.world.vehicle_types import EGO
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -342,10 +342,15 @@ class Sumo:
     @_to("give a driver its character")
     def personality(self, vehicle: str, **values: float) -> None:
         """Set values of a driver: `tau` (headway, s), `min_gap` (m), `accel`, `decel` and `emergency_decel`
-        (m/s2), `speed_factor`.
-        """
-        for name, value in values.items():
-            getattr(libsumo.vehicle, f"set{name.title().replace('_', '')}")(vehicle, value)
+        (m/s2), `speed_factor`. IDM looks ahead with 2 sqrt(accel * decel), which SUMO works out only when it
+        makes a type: so a type is made of them, rounded to 0.01, and they are set again."""
+        for again in (False, True):
+            for name, value in values.items():
+                getattr(libsumo.vehicle, f"set{name.title().replace('_', '')}")(vehicle, value)
+            if again or not values.keys() & {"accel", "decel"}:
+                break
+            libsumo.vehicletype.copy(own := libsumo.vehicle.getTypeID(vehicle), f"{own}*")
+            libsumo.vehicle.setType(vehicle, f"{own}*")
 
     @_to("redirect a vehicle")
     def redirect(self, vehicle: str, route: str) -> None:

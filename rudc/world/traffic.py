@@ -15,42 +15,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rudc.world.bends import Bends
-from rudc.world.scene import Kind
 from rudc.world.sumo import BRAKE_HARD, HEEDLESS, OWN_SPEED, Sumo
+from rudc.world.vehicle_types import EGO, EMERGENCY_DECEL, VEHICLE_TYPES, VehicleType
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from rudc.network.network import Lane, Movement, Network
     from rudc.scenario.plan import TrafficPlan
-    from rudc.vehicle import EgoVehicle
     from rudc.world.spawn import Entry
 
-EGO = "ego"
-EMERGENCY_DECEL = 9.0
-"""m/s2, hardest braking of an SV on a dry road"""
+RESERVE = 0.5
+"""of the grip, that an SV's comfortable braking may take; hard braking takes all"""
 BESIDE_M = 0.2
 """m beside an SV that must be free so that it drives on: less, and the yielding layer stops it"""
-
-
-@dataclass(frozen=True, slots=True)
-class VehicleType:
-    """A class of vehicles; sizes in m, speed in m/s. `vclass` is SUMO's name of the class."""
-
-    kind: Kind
-    vclass: str
-    length: float
-    width: float
-    max_speed: float
-
-
-VEHICLE_TYPES = {
-    "car": VehicleType(Kind.CAR, "passenger", 5.0, 1.8, 30.0),
-    "truck": VehicleType(Kind.TRUCK, "truck", 7.5, 2.4, 22.0),
-    "bus": VehicleType(Kind.BUS, "bus", 12.0, 2.5, 20.0),
-    "motorcycle": VehicleType(Kind.MOTORCYCLE, "motorcycle", 2.2, 0.9, 30.0),
-    "bicycle": VehicleType(Kind.BICYCLE, "bicycle", 1.8, 0.65, 5.5),
-}
 
 
 @dataclass(slots=True)
@@ -82,24 +60,6 @@ class Driver:
         if self.overridden:
             return BRAKE_HARD
         return HEEDLESS if self.heedless else OWN_SPEED
-
-
-def type_file(plan: TrafficPlan, ego: EgoVehicle) -> str:
-    """Text of SUMO's additional file: one vehicle type for each class, and the ego's."""
-    common = (
-        f'carFollowModel="IDM" speedDev="0" '
-        f'impatience="{plan.impatience:g}" jmTimegapMinor="{plan.minor_gap_s:g}" '
-        f'tau="{plan.headway_s.mean:g}" minGap="{plan.min_gap_m.mean:g}" '
-        f'accel="{plan.accel.mean:g}" decel="{plan.decel.mean:g}" emergencyDecel="{EMERGENCY_DECEL:g}"'
-    )
-    bodies = {name: (t.vclass, t.length, t.width, t.max_speed) for name, t in VEHICLE_TYPES.items()}
-    bodies[EGO] = ("passenger", ego.length, ego.width, ego.v_max)
-    rows = [
-        f'<vType id="{name}" vClass="{vclass}" '
-        f'length="{length}" width="{width}" maxSpeed="{speed}" {common}/>'
-        for name, (vclass, length, width, speed) in bodies.items()
-    ]
-    return "<additional>\n" + "\n".join(rows) + "\n</additional>\n"
 
 
 class Traffic:
@@ -228,6 +188,10 @@ class Traffic:
         if self._ego is not None:
             self._slip(EGO, self._ego)
 
+    def comfortable(self, decel: float) -> float:
+        """m/s2, how hard the road lets a driver brake who brakes with `decel` m/s2 where it is dry."""
+        return min(decel, RESERVE * self.grip)
+
     def drive_ego(self) -> None:
         """From now on SUMO drives the ego, too; the road's friction limits it as it does the SVs."""
         self._ego = Driver(
@@ -236,13 +200,13 @@ class Traffic:
         self._slip(EGO, self._ego)
 
     def _slip(self, name: str, driver: Driver) -> None:
-        slips = self.grip < max(EMERGENCY_DECEL, driver.accel, driver.decel)
+        slips = self.grip < max(EMERGENCY_DECEL, driver.accel, driver.decel / RESERVE)
         if slips or driver.slips:
             driver.slips = slips
             self._sumo.personality(
                 name,
                 accel=min(driver.accel, self.grip),
-                decel=min(driver.decel, self.grip),
+                decel=self.comfortable(driver.decel),
                 emergency_decel=min(EMERGENCY_DECEL, self.grip),
             )
 
@@ -329,7 +293,7 @@ class Traffic:
             front = self._rng.uniform(first, max(lane.length - 1.0, first + 0.5))
             further = sum(self._length(edge) for edge in edges[k + 1 :])
             to_stop = lane.length - front + further if inbound else math.inf
-            most = math.sqrt(1.6 * self._plan.decel.mean * max(to_stop, 0.1))
+            most = math.sqrt(1.6 * self.comfortable(self._plan.decel.mean) * max(to_stop, 0.1))
             speed = min(self._plan.speed.sample(self._rng), VEHICLE_TYPES[kind].max_speed, most)
             room = 4.0 + 0.7 * speed
             there = self._there(occupied, edges, k, lane)
@@ -380,7 +344,8 @@ class Traffic:
                 continue
             speed = min(self._plan.speed.sample(self._rng), VEHICLE_TYPES[kind].max_speed)
             if room < math.inf:
-                speed = min(speed, math.sqrt(leader_speed**2 + 2 * 0.5 * self._plan.decel.mean * room))
+                braking = self.comfortable(self._plan.decel.mean)
+                speed = min(speed, math.sqrt(leader_speed**2 + braking * room))
             self._add(movement, _route(movement), kind, lane, length + 0.1, speed)
             entry[lane.id] = (0.1, speed)
             return

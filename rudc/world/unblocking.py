@@ -18,7 +18,7 @@ import numpy as np
 
 from rudc.arrays import Flags
 from rudc.world.scene import STANDING
-from rudc.world.traffic import EGO
+from rudc.world.vehicle_types import EGO
 
 if TYPE_CHECKING:
     from rudc.world.scene import Scene

@@ -20,7 +20,7 @@ from rudc.arrays import Array
 from rudc.network.conflicts import meeting
 from rudc.network.paths import SPACING
 from rudc.world.scene import STANDING, Scene
-from rudc.world.traffic import EGO
+from rudc.world.vehicle_types import EGO
 from rudc.world.yielding import must_yield
 from rudc.world.yielding_kernels import CREEPS
 

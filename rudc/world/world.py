@@ -35,9 +35,10 @@ from rudc.world.reading import EgoView, Reader
 from rudc.world.scene import STANDING, EgoState, Kind, Scene
 from rudc.world.spawn import draw_route, entry, safe_to_start
 from rudc.world.sumo import Sumo
-from rudc.world.traffic import EGO, Traffic, type_file
+from rudc.world.traffic import Traffic
 from rudc.world.trial import refuse_untried
 from rudc.world.unblocking import Unblocking
+from rudc.world.vehicle_types import EGO, type_file
 from rudc.world.yielding import BRAKE_MOST, drives_behind, ego_must_yield, must_yield
 
 if TYPE_CHECKING:
@@ -203,8 +204,7 @@ class World:
         plan = self.plan
         traffic_rng, ego_rng, self._sensor_rng, event_rng = np.random.default_rng(plan.world_seed).spawn(4)
         self._driven_by_sumo = ego_driver == "sumo"
-        types = type_file(plan.traffic, self.vehicle)
-        self._sumo.load(int(traffic_rng.integers(2**31 - 1)), types, options)
+        self._sumo.load(int(traffic_rng.integers(2**31 - 1)), type_file(plan.traffic, self.vehicle), options)
         self._time0, self._waited, self._last_u = 0.0, 0.0, np.zeros(2)
         self._borders = Borders(self.network.surface, self.vehicle, plan.ego.may_cross_centre)
         self._decisions, self._ego_inside = 0, False

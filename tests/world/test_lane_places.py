@@ -10,7 +10,7 @@ from rudc.geometry import rectangle_corners
 from rudc.scenario import load_scenario
 from rudc.world.fitting import misfits
 from rudc.world.scene import Kind
-from rudc.world.traffic import VEHICLE_TYPES
+from rudc.world.vehicle_types import VEHICLE_TYPES
 from tests.plans import PlanSource, event
 from tests.world.networks import two_lane_ring
 

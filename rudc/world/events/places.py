@@ -12,7 +12,7 @@ import numpy as np
 from rudc.arrays import Array
 from rudc.geometry import rectangle_corners, rectangle_gaps
 from rudc.scenario.events.stage import ROADSIDE_M, Body, Stage, XYHeading
-from rudc.world.traffic import VEHICLE_TYPES
+from rudc.world.vehicle_types import VEHICLE_TYPES
 
 if TYPE_CHECKING:
     from rudc.network.network import Network, Route
