@@ -43,6 +43,8 @@ CREEP = 1.0
 LINGERS = 1.0
 """m/s, below which the ego is taken to stay where it is: twice STANDING, since an ego that creeps is still in
 the way for the next 2 s"""
+PICKS_UP = 2.5
+"""m/s2, with which a vehicle that creeps or stands is taken to drive on when it may"""
 CREEPS = 3.0
 """m/s, up to which an SV inside the junction yields to faster ones"""
 FACED_M = 20.0
@@ -63,11 +65,12 @@ NEAR_M = 10.0
 
 @kernel
 def in_lane(
-    poses: Table, stations: int, row: int, s: float, x: float, y: float, length: float, step: float
-) -> tuple[NewPlaces, NewPlaces]:
+    poses: Table, stations: int, row: int, s: float, x: float, y: float, length: float, step: float,
+    growth: float,
+) -> tuple[NewPlaces, NewPlaces]:  # fmt: skip
     """Places (INSTANTS,) m and directions (INSTANTS,) of a body `length` m long that is at (x, y) m now,
-    after 0, 1, 2, ... steps of `step` m along its row from s m on. Its lateral offset from the row stays as
-    now.
+    after t = 0, 1, 2, ... instants: step * t + growth * t^2 / 2 m along its row from s m on. Its lateral offset
+    from the row stays as now.
 
     A vehicle may drive beside its row: it passes an obstacle on a lane that does not lead to its destination.
     """
@@ -75,7 +78,7 @@ def in_lane(
     beside = ((complex(x, y) - start) * along.conjugate()).imag
     way = np.empty(INSTANTS)
     for t in range(INSTANTS):
-        way[t] = t * step
+        way[t] = t * step + 0.5 * growth * t**2
     return body_along_line(poses, stations, row, s, length, 1j * beside, complex(1.0), way)
 
 
@@ -209,7 +212,7 @@ def braking_for_others(
         if not passes or origin[path[i]] == origin[path[j]]:
             continue
         hits = np.zeros(INSTANTS, np.bool_)
-        swept, along = in_lane(poses, stations, path[j], path_s[j], x, y, size[j, 0], SWEPT_M)
+        swept, along = in_lane(poses, stations, path[j], path_s[j], x, y, size[j, 0], SWEPT_M, 0.0)
         for k in range(INSTANTS):
             there, turned = np.full(INSTANTS, swept[k]), np.full(INSTANTS, along[k])
             mark_overlaps(hits, place, facing, length, width, there, turned, half[0], half[1])
@@ -243,11 +246,19 @@ def yielding(
         half = 0.5 * (size[i, 0] + GROW_LENGTH), 0.5 * (size[i, 1] + GROW_WIDTH)
         beside = half[1] if moves or speed[i] > CREEP else 0.5 * (size[i, 1] + SQUEEZED)
         x, y = position[i, 0], position[i, 1]
-        place, facing = in_lane(poses, stations, path[i], path_s[i], x, y, size[i, 0], sets_off * STEP_S)
+        step = sets_off * STEP_S
+        place, facing = in_lane(poses, stations, path[i], path_s[i], x, y, size[i, 0], step, 0.0)
         if heeding[i]:
             hits = np.zeros(INSTANTS, np.bool_)
             mark_overlaps(hits, place, facing, half[0], beside, ego, ego_facing, 0.5 * length, 0.5 * width)
             need = braking(hits, sets_off, hits[0] and moves and speed[i] < STANDING, most)
+            if moves and speed[i] <= CREEPS and not hits[0]:
+                step = speed[i] * STEP_S
+                soon, turned = in_lane(
+                    poses, stations, path[i], path_s[i], x, y, size[i, 0], step, PICKS_UP * STEP_S**2
+                )
+                mark_overlaps(hits, soon, turned, half[0], beside, ego, ego_facing, 0.5 * length, 0.5 * width)
+                need = max(need, 0.0 if hits.any() else -1.0)
         if astray:
             beyond = 0.5 * (size[i, 0] + length) + FACED_M
             clear = 0.5 * (size[i, 1] + width + SQUEEZED)

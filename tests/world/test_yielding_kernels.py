@@ -15,15 +15,14 @@ def test_vehicles_have_both_ends_on_their_path_as_far_beside_it_as_now(four_way,
     paths, rng = four_way.paths, np.random.default_rng(0)
     for row in rng.integers(0, paths.count, 20).tolist():
         s, beside, step = float(rng.uniform(-5, paths.length[row] + 5)), float(rng.normal()), 1.7
-        ends = [
-            paths.pose(np.full(9, row), s + half + step * np.arange(9))
-            for half in (0.5 * length, -0.5 * length)
-        ]
+        growth = float(rng.choice([0.0, 0.2]))
+        way = step * np.arange(9) + growth * np.arange(9) ** 2 / 2
+        ends = [paths.pose(np.full(9, row), s + half + way) for half in (0.5 * length, -0.5 * length)]
         front, rear = (x + 1j * y for x, y, _ in ends)
         along = (front - rear) / np.abs(front - rear)
         centre = front - 0.5 * length * along + 1j * beside * along
         x, y = centre[0].real, centre[0].imag
-        place, facing = kernels.in_lane(paths.poses, paths.stations, row, s, x, y, length, step)
+        place, facing = kernels.in_lane(paths.poses, paths.stations, row, s, x, y, length, step, growth)
         assert place == pytest.approx(centre, abs=1e-9)
         assert facing == pytest.approx(along, abs=1e-9)
 
