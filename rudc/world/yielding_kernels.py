@@ -69,8 +69,8 @@ def in_lane(
     growth: float,
 ) -> tuple[NewPlaces, NewPlaces]:  # fmt: skip
     """Places (INSTANTS,) m and directions (INSTANTS,) of a body `length` m long that is at (x, y) m now,
-    after t = 0, 1, 2, ... instants: step * t + growth * t^2 / 2 m along its row from s m on. Its lateral offset
-    from the row stays as now.
+    after t = 0, 1, 2, ... instants, step * t + growth * t^2 / 2 m along its row from s m on. Its lateral
+    offset from the row stays as now.
 
     A vehicle may drive beside its row: it passes an obstacle on a lane that does not lead to its destination.
     """
