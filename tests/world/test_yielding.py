@@ -105,7 +105,7 @@ def test_heeds_an_ego_that_is_committed(crossing):
     assert must_yield(crossing(10.0, 9.0, front=9.0, ego_v=5.0)).rows == [0]
 
 
-@pytest.mark.parametrize(("front", "held"), [(9.0, True), (11.0, True), (18.0, False)])
+@pytest.mark.parametrize(("front", "held"), [(9.0, True), (10.5, True), (18.0, False)])
 def test_who_stands_sets_off_only_into_a_way_that_is_free_before_it_gets_there(crossing, front, held):
     found = must_yield(crossing(2.5, 0.0, front=front, ego_v=4.5))
     assert found.rows == ([0] if held else [])
