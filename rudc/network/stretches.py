@@ -35,6 +35,8 @@ EGO_ARMS = (EGO_IN, EGO_OUT)
 """names of arms relative to the ego: the one it comes from, the one it leaves by"""
 PIECE = 0.2
 """rad, change of heading over one straight piece of a bend"""
+CLEAR_M = 10.0
+"""m from a junction, where its arms have their own direction: at its lines they may bend"""
 TOUCHES = 1e-3
 """m, places nearer to each other are one"""
 STRAIGHT_M, SHORTEST_M = 0.2, 1.0
@@ -127,22 +129,19 @@ class Stretch:
         return self._line_at(self.sign * (np.append(np.arange(end, here, -1.0), here) - self.start))[0]
 
     def against(self, at: float) -> Array:
-        """(K, 2) m, the way from `at` against the driving direction: to the lane's beginning; from inside the
-        junction, and on the way to it, on to the outer end of the arm where the way begins."""
+        """(K, 2) m, the way from `at` against the driving direction, through the junction where it lies
+        behind: to the outer end of an arm, or to the beginning of a lane to which no way through the junction
+        leads. Of several ways that lead to a lane the straightest is taken, of these the shortest."""
         x, y, psi = self.place(at)
         here, s = np.array([x, y]), self.start + self.sign * at
-        if self.inside and not isinstance(self.line, ReferencePath):
-            network, row = self.line
-            return np.vstack([here, network.paths.xy[row, int(s / network.paths.ds) :: -1]])
-        line = (
-            self.lane.xy if isinstance(self.line, ReferencePath) else self.line[0].centre_line(self.line[1])
-        )
-        first = 0.0 if self.sign < 0 else self.start
-        along = arc_length(line)
-        back = line[(along > first - TOUCHES) & (along < s - TOUCHES)][::-1]
-        if not len(back):
-            back = here - np.array([[math.cos(psi), math.sin(psi)]])
-        return np.vstack([here, back])
+        if isinstance(self.line, ReferencePath):
+            back = self.lane.xy[arc_length(self.lane.xy) < s - TOUCHES][::-1]
+            return np.vstack([here, back if len(back) else here - (math.cos(psi), math.sin(psi))])
+        network, row = self.line
+        if self.sign > 0 and not self.inside:
+            row = _straightest(network, self.lane)
+            s = float(network.paths.exit_s[row]) + at
+        return np.vstack([here, network.paths.xy[row, int((s - TOUCHES) / network.paths.ds) :: -1]])
 
 
 def arm_stretches(network: Layout) -> dict[str, Stretch]:
@@ -239,6 +238,21 @@ def _on_arm(network: Layout, name: str, lane: Lane, *, inbound: bool) -> Stretch
     start = float((paths.stop_s if inbound else paths.exit_s)[row])
     reach = start if inbound else float(paths.length[row]) - start
     return Stretch(name, lane, reach, start, sign, (network, row), False)
+
+
+def _straightest(network: Layout, lane: Lane) -> int:
+    """The row of `paths` that turns least on its way through the junction to an arm's lane away from it; of
+    several the shortest."""
+    paths = network.paths
+    rows = [row for row in range(paths.count) if network.outbound_lane(row) is lane]
+    ends = (
+        (paths.exit_s[rows] + CLEAR_M).clip(0.0, paths.length[rows]),
+        (paths.stop_s[rows] - CLEAR_M).clip(0.0),
+    )
+    turns = np.subtract(*(paths.pose(np.array(rows), s)[2] for s in ends))
+    turns = np.abs((turns + math.pi) % (2 * math.pi) - math.pi)
+    near = [row for row, turn in zip(rows, turns, strict=True) if turn < turns.min() + PIECE]
+    return min(near, key=lambda row: float(paths.length[row]))
 
 
 def _ring_of(network: Layout, arm: Arm) -> dict[str, Stretch]:

@@ -49,9 +49,8 @@ def test_against_a_lane_a_way_follows_all_edges_of_its_arm(tmp_path):
         stretch = network.stretch(name, route)
         way = against_lane(network, route, name, at)
         assert way[0] == pytest.approx(stretch.place(at)[:2])
-        end = 0.0 if name == "east_out_0" else stretch.reach
-        turn = -2 if at else 0
-        assert way[turn] == pytest.approx(stretch.place(end)[:2], abs=0.2)
+        opposite = network.stretch("west_in_0" if name == "east_out_0" else name)
+        assert way[-2] == pytest.approx(opposite.place(opposite.reach)[:2], abs=0.2)
 
 
 @pytest.mark.parametrize("name", ["east_out_0", "east_in_0", "east_to_west_0"])

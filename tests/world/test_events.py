@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 
 from rudc.geometry import rectangle_gaps
-from rudc.network.network import load_network
-from rudc.world.events.places import against_lane
 from rudc.world.events.selection import pick
 from rudc.world.scene import Kind
 from rudc.world.sumo import HEEDLESS
@@ -215,16 +213,6 @@ def test_wrong_way_driver_comes_the_wrong_way_and_is_yielded_to(world, four_way)
                 assert gap_to_ego_free(scene, i, np.flatnonzero(scene.path >= 0)) > 0
         assert world.stage.unlawful == {"wrong_way0:0"}
     assert came > 30
-
-
-@pytest.mark.parametrize("network", ["four_way", "t_junction", "roundabout"])
-def test_a_wrong_way_driver_vanishes_off_the_road(network):
-    """It vanished 80 m beyond its lane, where that is the middle of the road opposite."""
-    network = load_network(network)
-    route = network.route(network.arms[0].name, network.movements[0].destination)
-    for lane in (name for arm in network.arms for name in (*arm.in_lanes, *arm.out_lanes)):
-        *_, turn, end = against_lane(network, route, lane, 40.0)
-        assert network.surface.depth(*end) <= 0.0 and np.hypot(*(end - turn)) >= 80.0  # noqa: PT018
 
 
 def test_density_surge_fills_the_road_and_drains(world):

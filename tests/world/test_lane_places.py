@@ -6,14 +6,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rudc.data import data_folder
 from rudc.geometry import rectangle_corners
+from rudc.network.network import load_network
+from rudc.network.polyline import arc_length, resample
 from rudc.scenario import load_scenario
+from rudc.world.events.places import against_lane
 from rudc.world.fitting import misfits
 from rudc.world.scene import Kind
 from rudc.world.vehicle_types import VEHICLE_TYPES
 from tests.plans import PlanSource, event
 from tests.world.networks import two_lane_ring
 
+CROSSKEYS = data_folder("results") / "held-out-19" / "networks" / "crosskeys" / "crosskeys.net.xml"
 EMPTY = PlanSource(density=0.0, speed=(0.0, 0.0))
 STAND = np.array([-6.0, 0.0])
 
@@ -167,3 +172,18 @@ def test_crossing_cyclists_cross_where_the_ego_leaves(world):
             s, _ = route.path.project(*scene.position[i])
             assert 3.0 < s - route.exit_s < 11.0
     assert met == 10
+
+
+@pytest.mark.parametrize("network", ["four_way", "t_junction", "roundabout", str(CROSSKEYS)])
+def test_a_wrong_way_driver_stays_on_the_road_to_the_end_of_an_arm(network):
+    """It went dead straight on: over fields, or over the island of a roundabout."""
+    network = load_network(network)
+    route = network.route(network.arms[0].name, network.movements[0].destination)
+    begins = np.array([network.lanes[name].xy[0] for arm in network.arms for name in arm.in_lanes])
+    for lane in (name for arm in network.arms for name in (*arm.in_lanes, *arm.out_lanes)):
+        way = against_lane(network, route, lane, 40.0)
+        s = arc_length(way)
+        on = network.surface.signed_distance(resample(way, np.arange(0.0, s[-2], 1.0)))
+        assert on.min() > 1.0
+        assert network.surface.depth(*way[-1]) < -4.0
+        assert np.hypot(*(begins - way[-2]).T).min() < 0.6

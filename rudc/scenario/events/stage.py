@@ -112,7 +112,7 @@ class Stage(ABC):
 
     @abstractmethod
     def against_lane(self, lane: str, at: float) -> NDArray[np.float64]:
-        """(K, 2) m, the way against a lane from `at` m from the junction, and straight on."""
+        """(K, 2) m, the way against a lane from `at` m from the junction, off the road by an arm."""
 
     @abstractmethod
     def across_arm(self, arm: str, at: float) -> NDArray[np.float64]:

@@ -19,8 +19,8 @@ class WrongWay(Event, frozen=True):
     kind: Literal["wrong_way"]
     """a vehicle drives along a lane against its direction"""
     lane: Identifier
-    """lane it drives along; on ARM_out_INDEX it comes towards the junction, and from inside the junction it
-    drives out by the arm from which the lane comes"""
+    """lane it drives along; on ARM_out_INDEX it comes towards the junction, and goes straight on through it;
+    from inside the junction it drives out by the arm from which the lane comes"""
     at: Metre
     """m from the junction along the lane, where its centre appears, once traffic there can stop before it"""
     speed: MovingSpeed = Constant(value=6.0)
@@ -30,7 +30,8 @@ class WrongWay(Event, frozen=True):
 
 
 class WrongWayEffect(Passing[WrongWay]):
-    """It drives along a lane against the lane's direction, and straight on beyond the lane's beginning."""
+    """It drives along a lane against the lane's direction, through the junction where it lies ahead, and off
+    the road by an arm."""
 
     def begin(self, stage: Stage) -> bool:
         event, speed = self.event, float(self.event.speed)

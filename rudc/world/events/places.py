@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 PEDESTRIAN_M = 0.5
 """m, side of the square that a pedestrian takes up"""
-BEYOND_M = 80.0
-"""m that a wrong-way driver goes straight on beyond its lane at least; on a road it goes on to its end"""
+BEYOND_M = 15.0
+"""m that a wrong-way driver goes straight on beyond the road's end, where it vanishes"""
 ON_THE_ROAD = "it reaches onto the road; move it beside the road, or use `accident` for what stands on it"
 """what is wrong with a box that should hide what is beside the road"""
 TOUCH_M = 0.01
@@ -138,10 +138,7 @@ def against_lane(network: Network, route: Route, lane: str, at: float) -> Array:
     """(K, 2) m, as `Stage.against_lane`; `route`: the ego's."""
     way = network.stretch(lane, route).against(at)
     direction = (way[-1] - way[-2]) / np.linalg.norm(way[-1] - way[-2])
-    farthest = BEYOND_M + float(np.hypot(*np.ptp(network.surface.boundary.reshape(-1, 2), axis=0)))
-    beyond = np.arange(BEYOND_M, farthest, 1.0)
-    on_road = network.surface.signed_distance(way[-1] + beyond[:, None] * direction) > 0.0
-    return np.vstack([way, way[-1] + beyond[on_road.argmin()] * direction])
+    return np.vstack([way, way[-1] + BEYOND_M * direction])
 
 
 def across_arm(network: Network, route: Route, name: str, at: float) -> Array:
