@@ -5,8 +5,9 @@
    on its reference path hits a car that the yielding layer makes brake or stand, and that has not stood for
    IN_SIGHT_S yet, this rule does not apply: rules 3 to 7 decide.
 2. The ego stands (below 0.5 m/s) on its reference path, and either is not beyond the point up to which it may
-   wait, or has the other behind it, heading the same way: the other's fault.
-3. The two head the same way (within 45 degrees): the fault of the one behind; side by side, shared.
+   wait, or has stood for IN_SIGHT_S and has the other behind it, heading the same way: the other's fault.
+3. The two head the same way (within 45 degrees): the fault of the one behind; side by side, shared. Where they
+   came by different arms and merge, this needs the same way within 15 degrees, and one squarely behind.
 4. The other drives against its lane: the other's fault.
 5. One of the two had to yield to the other by the junction's right of way: the fault of that one. In a
    roundabout each may have to yield at its own entry; then it is the fault of the one that has driven less
@@ -24,7 +25,9 @@ from rudc.world.scene import STANDING, Kind, Scene
 
 Fault = Literal["ego", "other", "shared"]
 IN_SIGHT_S = 3.0
-"""s after which a car that stands, for whatever reason, is one that the ego could have seen standing"""
+"""s after which who stands, for whatever reason, is one that the other could have seen standing"""
+MERGING = math.pi / 12
+"""rad between the headings of two that merge, up to which one drives behind the other"""
 
 
 class Collision(NamedTuple):
@@ -50,22 +53,24 @@ def judge(scene: Scene, index: int, unlawful: bool, held: bool = False, sudden: 
         return "ego" if ego.v >= STANDING else "shared"
     turn = math.cos(scene.heading[index] - ego.psi)
     ahead = dx * math.cos(ego.psi) + dy * math.sin(ego.psi)
-    if ego.v < STANDING and on_path and (_may_wait(scene) or (turn > math.cos(math.pi / 4) and ahead < 0)):
+    stood = scene.waited_s >= IN_SIGHT_S and turn > math.cos(math.pi / 4) and ahead < 0
+    if ego.v < STANDING and on_path and (_may_wait(scene) or stood):
         return "other"
-    if turn > math.cos(math.pi / 4):
-        reach = 0.25 * (scene.vehicle.length + scene.size[index, 0])
-        if abs(ahead) < reach:
+    row, own, paths = int(scene.path[index]), scene.route.row, scene.network.paths
+    merge = row >= 0 and paths.origin[row] != paths.origin[own]
+    if turn > math.cos(MERGING if merge else math.pi / 4):
+        if abs(ahead) >= 0.25 * (scene.vehicle.length + scene.size[index, 0]):
+            return "ego" if ahead > 0 else "other"
+        if not merge:
             return "shared"
-        return "ego" if ahead > 0 else "other"
-    if scene.path[index] < 0:
+    if row < 0:
         return "other"
-    yields = scene.network.paths.yields
-    row, own = int(scene.path[index]), scene.route.row
+    yields = paths.yields
     if yields[own, row] != yields[row, own]:
         return "ego" if yields[own, row] else "other"
     if yields[own, row] and scene.network.is_roundabout:
         ours = scene.ego_s + 0.5 * scene.vehicle.length - scene.route.stop_line_s
-        its = scene.path_s[index] + 0.5 * scene.size[index, 0] - scene.network.paths.stop_s[row]
+        its = scene.path_s[index] + 0.5 * scene.size[index, 0] - paths.stop_s[row]
         return "ego" if ours < its else "other"
     return "other" if unlawful else "shared"
 

@@ -86,6 +86,29 @@ def test_in_line_the_one_behind_is_at_fault(contact):
     assert contact(1.0, 1.7, 0.1, 8.0) == "shared", "side by side"
 
 
+def test_where_ways_merge_the_right_of_way_decides_unless_one_drives_behind(contact, four_way):
+    own, yields = four_way.route("south", "right").row, four_way.paths.yields
+    major = next(row for row in range(len(yields)) if yields[own, row] and not yields[row, own])
+    where = {"front": 8.0, "turn": "right", "row": major}
+    assert contact(1.0, 1.7, 0.7, 8.0, **where) == "ego", "at 40 degrees it owed the way"
+    assert contact(4.9, 0.2, 0.7, 6.0, **where) == "ego"
+    assert contact(-4.9, -0.2, 0.7, 10.0, **where) == "ego"
+    assert contact(-4.9, -0.2, 0.1, 10.0, **where) == "other", "hit from behind"
+    assert contact(1.0, 1.7, 0.1, 8.0, **where) == "ego", "side by side"
+    where["row"] = next(
+        row
+        for row in range(len(yields))
+        if yields[own, row] == yields[row, own] and four_way.paths.origin[row] != four_way.paths.origin[own]
+    )
+    assert contact(1.0, 1.7, 0.7, 8.0, unlawful=True, **where) == "other"
+    assert contact(1.0, 1.7, 0.7, 8.0, **where) == "shared"
+
+
+def test_an_ego_that_stops_at_the_last_instant_does_not_stand(contact):
+    assert contact(-1.0, 1.8, 0.1, 8.0, ego=0.0, front=20.0) == "shared"
+    assert contact(-1.0, 1.8, 0.1, 8.0, ego=0.0, front=20.0, waited_s=IN_SIGHT_S) == "other"
+
+
 def test_who_drives_against_the_rules_is_at_fault(contact):
     assert contact(4.9, 0.0, math.pi, 6.0) == "other", "it has no path: it drives against its lane"
 
