@@ -78,9 +78,23 @@ def nodes_within(arms: Iterable[RawArm]) -> list[Any]:
     return list(dict.fromkeys(node for nodes in ends for node in nodes))
 
 
-def lanes_without_cars(arms: Sequence[RawArm]) -> dict[str, tuple[str, ...]]:
-    """Lanes of the arms that are closed to cars but open to other road users: id -> who may use it."""
-    lanes = [lane for arm in arms for edge in (*arm.inbound, *arm.outbound) for lane in edge.getLanes()]
+def _closed_edges(junction: Junction, arms: Sequence[RawArm]) -> list[Any]:
+    """The edges to and from the junction that are closed to cars as a whole, and so are of no arm."""
+    ours = {edge.getID() for arm in arms for edge in (*arm.inbound, *arm.outbound)} | junction.ring
+    there = {
+        edge.getID(): edge for node in junction.nodes for edge in (*node.getIncoming(), *node.getOutgoing())
+    }
+    return [
+        edge
+        for name, edge in sorted(there.items())
+        if name not in ours and not edge.getFunction() and not edge.allows(VEHICLE_CLASS)
+    ]
+
+
+def lanes_without_cars(junction: Junction, arms: Sequence[RawArm]) -> dict[str, tuple[str, ...]]:
+    """Lanes at the junction that are closed to cars but open to other road users: id -> who may use it."""
+    edges = [edge for arm in arms for edge in (*arm.inbound, *arm.outbound)]
+    lanes = [lane for edge in (*edges, *_closed_edges(junction, arms)) for lane in edge.getLanes()]
     users = {
         lane.getID(): tuple(user for user in ROAD_USERS if lane.allows(user))
         for lane in lanes
@@ -90,10 +104,12 @@ def lanes_without_cars(arms: Sequence[RawArm]) -> dict[str, tuple[str, ...]]:
 
 
 def reserved_lanes(junction: Junction, arms: Sequence[RawArm]) -> tuple[ReservedLane, ...]:
-    """Lanes of the arms and of the ring that are closed to cars but open to anybody else."""
+    """Lanes of the arms, of the ring, and beside them at the junction that are closed to cars but open to
+    anybody else."""
+    beside = [lane for edge in _closed_edges(junction, arms) for lane in edge.getLanes()]
     raw = {
         lane.getID(): lane
-        for lane in _lanes_of(junction, arms)
+        for lane in (*_lanes_of(junction, arms), *beside)
         if lane.getPermissions()
         and not lane.allows(VEHICLE_CLASS)
         and len(without_repeats(shape_of(lane))) > 1

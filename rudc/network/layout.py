@@ -65,7 +65,7 @@ class Layout:
         yields = reader.right_of_way(chosen, ways)
         self.lanes: dict[str, Lane] = assembly.make_lanes(chosen, raw_arms, ways)
         """all lanes by SUMO's id: of the arms, of the ring, and inside the nodes"""
-        self.left_out = assembly.lanes_without_cars(raw_arms)
+        self.left_out = assembly.lanes_without_cars(chosen, raw_arms)
         """arms' lanes without cars, which are no part of the road, by SUMO's id -> who may use them"""
         self.reserved = assembly.reserved_lanes(chosen, raw_arms)
         """lanes without cars, also of the ring, and pavements: what pictures show beside the road"""

@@ -105,8 +105,8 @@ class Network(Layout):
         if name in self.left_out:
             users = ", ".join(self.left_out[name])
             raise NetworkError(
-                f"lane {name!r} of network {self.name} is closed to cars (for {users} only): "
-                "nobody drives there"
+                f"lane {name!r} of network {self.name} is closed to cars (for {users} only); "
+                "name a lane that cars use"
             )
         same = [known for known in self._outer if known.rpartition("_")[0] == name.rpartition("_")[0]]
         if same:

@@ -48,7 +48,7 @@ class Lane:
 
 @dataclass(frozen=True, eq=False)
 class ReservedLane:
-    """A lane of an arm or of the ring that is closed to cars: no part of the road, only drawn."""
+    """A lane that is closed to cars, at the junction or on its ring: no part of the road, only drawn."""
 
     area: Array
     """(K, 2) m, what it covers: its right side, then its left side backwards"""

@@ -6,8 +6,8 @@
    IN_SIGHT_S yet, this rule does not apply: rules 3 to 7 decide.
 2. The ego stands (below 0.5 m/s) on its reference path, and either is not beyond the point up to which it may
    wait, or has stood for IN_SIGHT_S and has the other behind it, heading the same way: the other's fault.
-3. The two head the same way (within 45 degrees): the fault of the one behind; side by side, shared. Where they
-   came by different arms and merge, this needs the same way within 15 degrees, and one squarely behind.
+3. The two head the same way (within 45 degrees): the fault of the one behind; side by side, shared. Of two
+   that came by different arms this holds only within 15 degrees, and only for one squarely behind.
 4. The other drives against its lane: the other's fault.
 5. One of the two had to yield to the other by the junction's right of way: the fault of that one. In a
    roundabout each may have to yield at its own entry; then it is the fault of the one that has driven less

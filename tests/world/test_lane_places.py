@@ -7,18 +7,21 @@ import numpy as np
 import pytest
 
 from rudc.data import data_folder
+from rudc.errors import NetworkError
 from rudc.geometry import rectangle_corners
-from rudc.network.network import load_network
-from rudc.network.polyline import arc_length, resample
+from rudc.network.network import Network, load_network
+from rudc.network.polyline import arc_length, in_any, resample
 from rudc.scenario import load_scenario
-from rudc.world.events.places import against_lane
+from rudc.scenario.events.stage import ROADSIDE_M
+from rudc.world.events.places import across_arm, against_lane
 from rudc.world.fitting import misfits
 from rudc.world.scene import Kind
 from rudc.world.vehicle_types import VEHICLE_TYPES
 from tests.plans import PlanSource, event
 from tests.world.networks import two_lane_ring
 
-CROSSKEYS = data_folder("results") / "held-out-19" / "networks" / "crosskeys" / "crosskeys.net.xml"
+HELD_OUT = data_folder("results") / "held-out-19" / "networks"
+CROSSKEYS = HELD_OUT / "crosskeys" / "crosskeys.net.xml"
 EMPTY = PlanSource(density=0.0, speed=(0.0, 0.0))
 STAND = np.array([-6.0, 0.0])
 
@@ -187,3 +190,17 @@ def test_a_wrong_way_driver_stays_on_the_road_to_the_end_of_an_arm(network):
         assert on.min() > 1.0
         assert network.surface.depth(*way[-1]) < -4.0
         assert np.hypot(*(begins - way[-2]).T).min() < 0.6
+
+
+def test_who_crosses_an_arm_comes_from_beside_its_bus_lanes():
+    """Also where these are roads of their own beside it."""
+    network = Network(HELD_OUT / "bleachfield" / "bleachfield.net.xml")
+    assert {*network.left_out} == {"west_in_0", "east_out_0", "contra_in_0", "contra_out_0"}
+    route = network.route("south", "right")
+    ends = across_arm(network, route, "east", 36.0)
+    assert not in_any([lane.area for lane in network.reserved], ends).any()
+    edges = ends - ROADSIDE_M * np.array([1.0, -1.0])[:, None] * (ends[0] - ends[1]) / math.dist(*ends)
+    inwards = 0.3 * (ends.mean(axis=0) - ends) / math.dist(*ends)
+    assert in_any([lane.area for lane in network.reserved], edges + 2.0 * inwards).all(), "right beside them"
+    with pytest.raises(NetworkError, match="closed to cars"):
+        network.stretch("contra_in_0")

@@ -11,6 +11,7 @@ import numpy as np
 
 from rudc.arrays import Array
 from rudc.geometry import rectangle_corners, rectangle_gaps
+from rudc.network.polyline import in_any
 from rudc.scenario.events.stage import ROADSIDE_M, Body, Stage, XYHeading
 from rudc.world.vehicle_types import VEHICLE_TYPES
 
@@ -22,6 +23,8 @@ PEDESTRIAN_M = 0.5
 """m, side of the square that a pedestrian takes up"""
 BEYOND_M = 15.0
 """m that a wrong-way driver goes straight on beyond the road's end, where it vanishes"""
+EDGE_M = 0.1
+"""m, to which the road's edge beside lanes for buses or bicycles is found"""
 ON_THE_ROAD = "it reaches onto the road; move it beside the road, or use `accident` for what stands on it"
 """what is wrong with a box that should hide what is beside the road"""
 TOUCH_M = 0.01
@@ -147,6 +150,17 @@ def across_arm(network: Network, route: Route, name: str, at: float) -> Array:
     for lanes, other in ((arm.in_lanes, arm.out_lanes), (arm.out_lanes, arm.in_lanes)):
         # A one-way arm is crossed from the right of its outermost lane to the left of its innermost.
         names, side = (lanes, -1.0) if lanes else (other[::-1], 1.0)
-        aside = side * (0.5 * network.lanes[names[0]].width + ROADSIDE_M)
+        aside = side * (_road_beside(network, names[0], at, side) + ROADSIDE_M)
         ends.append(network.place_on_lane(names[0], at, aside)[:2])
     return np.array(ends)
+
+
+def _road_beside(network: Network, lane: str, at: float, side: float) -> float:
+    """m from the middle of a lane to the road's edge on one side, lanes for buses or bicycles included."""
+    beside, reserved = (
+        0.5 * network.lanes[lane].width,
+        [r.area for r in network.reserved if not r.is_pavement],
+    )
+    while in_any(reserved, np.array([network.place_on_lane(lane, at, side * (beside + EDGE_M))[:2]])).any():
+        beside += EDGE_M
+    return beside
