@@ -53,8 +53,7 @@ _OPTIONS = (
 _QUARTER = math.pi / 2
 _RADIAN = math.pi / 180
 MATCH_M = 5.0
-"""m within which SUMO looks for the lane under a vehicle that is placed; small, since it searches them
-all"""
+"""m within which SUMO looks for the lane under a vehicle that is placed; it searches all of them"""
 
 _owner: int | None = None
 
@@ -68,6 +67,11 @@ def _function(name: str) -> Callable[..., Any]:
 _place, _lane, _angle = _function("getPosition"), _function("getLaneID"), _function("getAngle")
 _NUMBERS = [_angle, *map(_function, ("getSpeed", "getAcceleration", "getLanePosition"))]
 _move, _set_speed = _function("moveToXY"), _function("setSpeed")
+
+
+def _set(vehicle: str, values: dict[str, float]) -> None:
+    for name, value in values.items():
+        getattr(libsumo.vehicle, f"set{name.title().replace('_', '')}")(vehicle, value)
 
 
 class Motion(NamedTuple):
@@ -102,8 +106,7 @@ Method = TypeVar("Method", bound=Callable[..., Any])
 
 def _to(what: str) -> Callable[[Method], Method]:
     """Decorate a method so that it raises SimulationError where SUMO refuses, with `what` SUMO was asked to
-    do and the arguments.
-    """
+    do and the arguments."""
 
     def decorate(method: Method) -> Method:
         @functools.wraps(method)
@@ -122,8 +125,7 @@ def _to(what: str) -> Callable[[Method], Method]:
 @contextlib.contextmanager
 def _as_file(text: str) -> Iterator[str]:
     """Path of a temporary file with that text. It exists only while SUMO loads, so that a process that is
-    killed later leaves no file.
-    """
+    killed later leaves no file."""
     try:
         descriptor, path = tempfile.mkstemp(prefix="rudc-", suffix=".add.xml")
     except OSError as error:
@@ -343,14 +345,12 @@ class Sumo:
     def personality(self, vehicle: str, **values: float) -> None:
         """Set values of a driver: `tau` (headway, s), `min_gap` (m), `accel`, `decel` and `emergency_decel`
         (m/s2), `speed_factor`. IDM looks ahead with 2 sqrt(accel * decel), which SUMO works out only when it
-        makes a type: so a type is made of them, rounded to 0.01, and they are set again."""
-        for again in (False, True):
-            for name, value in values.items():
-                getattr(libsumo.vehicle, f"set{name.title().replace('_', '')}")(vehicle, value)
-            if again or not values.keys() & {"accel", "decel"}:
-                break
+        makes a type: so one is made of these values, rounded to 0.01, and they are set again."""
+        _set(vehicle, values)
+        if values.keys() & {"accel", "decel"}:
             libsumo.vehicletype.copy(own := libsumo.vehicle.getTypeID(vehicle), f"{own}*")
             libsumo.vehicle.setType(vehicle, f"{own}*")
+            _set(vehicle, values)
 
     @_to("redirect a vehicle")
     def redirect(self, vehicle: str, route: str) -> None:
