@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Hashable
+from contextlib import suppress
 from typing import Any
 
 from pydantic import ValidationError
@@ -83,7 +84,12 @@ def _axis_reports(sheet: Sheet, base: dict[str, Any], key: str, values: list[Any
 
 
 def _apart(value: Any) -> Hashable:
-    """Equal for values that are the same in a file, where `true` is not 1."""
+    """Equal for values that are the same in a file, where `true` is not 1, or in a row, where text has no
+    quotes."""
+    if isinstance(value, str):
+        value = value.strip()
+        with suppress(ValueError):
+            return False, float(value)
     return (isinstance(value, bool), value) if isinstance(value, Hashable) else repr(value)
 
 

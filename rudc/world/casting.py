@@ -96,7 +96,7 @@ def _in_line(scene: Scene, stage: WorldStage, rng: np.random.Generator, ahead: b
 
 
 def _keep_lane(stage: WorldStage, name: str) -> None:
-    stage.sumo.set_lane_changes(name, 0)
+    stage.sumo.hold_lane(name)
     stage.traffic.drivers[name].keeps_lane = True
 
 

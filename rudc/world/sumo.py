@@ -344,13 +344,18 @@ class Sumo:
     @_to("give a driver its character")
     def personality(self, vehicle: str, **values: float) -> None:
         """Set values of a driver: `tau` (headway, s), `min_gap` (m), `accel`, `decel` and `emergency_decel`
-        (m/s2), `speed_factor`. IDM looks ahead with 2 sqrt(accel * decel), which SUMO works out only when it
-        makes a type: so one is made of these values, rounded to 0.01, and they are set again."""
+        (m/s2), `max_speed` (m/s), `speed_factor`; others stay as they are.
+
+        IDM looks ahead with 2 sqrt(accel * decel), which SUMO works out only when it makes a type: so one is
+        made of these values, rounded to 0.01, and they are set again. With another type, also with the first
+        value of its own, a vehicle would get that type's speed factor."""
+        factor = values.pop("speed_factor", None) or libsumo.vehicle.getSpeedFactor(vehicle)
         _set(vehicle, values)
         if values.keys() & {"accel", "decel"}:
             libsumo.vehicletype.copy(own := libsumo.vehicle.getTypeID(vehicle), f"{own}*")
             libsumo.vehicle.setType(vehicle, f"{own}*")
             _set(vehicle, values)
+        libsumo.vehicle.setSpeedFactor(vehicle, factor)
 
     @_to("redirect a vehicle")
     def redirect(self, vehicle: str, route: str) -> None:
@@ -366,7 +371,7 @@ class Sumo:
 
     @_to("set how a vehicle changes lanes")
     def set_lane_changes(self, vehicle: str, mode: int) -> None:
-        """Set a vehicle's lane-change mode, as `hold_lane` returned it; 0: it changes lanes no longer."""
+        """Set a vehicle's lane-change mode, as `hold_lane` returned it."""
         libsumo.vehicle.setLaneChangeMode(vehicle, mode)
 
     @_to("slow a vehicle down")
@@ -383,11 +388,6 @@ class Sumo:
     def set_mode(self, vehicle: str, mode: int) -> None:
         """Set a vehicle's speed mode: which of SUMO's checks limit its speed."""
         libsumo.vehicle.setSpeedMode(vehicle, mode)
-
-    @_to("limit a vehicle's speed")
-    def limit_speed(self, vehicle: str, speed: float) -> None:
-        """Set the fastest a vehicle can go, m/s."""
-        libsumo.vehicle.setMaxSpeed(vehicle, speed)
 
     @_to("limit the speed on a lane")
     def limit_lane(self, lane: str, speed: float) -> None:

@@ -118,11 +118,11 @@ class World:
         ego_driver "sumo" leaves the ego to SUMO's own driver; `advance` then ignores its argument, and the
         scene's `last_u` is what that driver did.
         `options` go to SUMO's command line for this episode (`--fcd-output FILE`). A plan in which the ego
-        cannot start safely is drawn again; `self.plan.attempt` says how often. Raises SimulationError when no
-        draw is safe.
+        cannot start safely is drawn again, `self.plan.attempt` times; SimulationError when no draw is safe.
         """
-        self.plan = plan
+        self.plan, self._scene, self._perceived = plan, None, None
         while not self._set_up(ego_driver, options):
+            self._scene = None
             if self.plan.attempt >= REDRAWS:
                 raise SimulationError(
                     f"scenario {plan.scenario}, seed {plan.seed}: no safe start for the ego in {1 + REDRAWS} "

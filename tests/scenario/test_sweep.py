@@ -112,6 +112,7 @@ def test_a_part_of_a_distribution_can_be_swept(tmp_path):
         ("{traffic.density: []}", "2:26: sweep.traffic.density: there is no value to sweep over"),
         ("{traffic.density: 10}", "2:26: sweep.traffic.density: expected a list, got the number 10"),
         ("{traffic.density: [1, 2, 1]}", "2:33: sweep.traffic.density.2: 1 is given twice"),
+        ('{ego.route.from: [south, "south "]}', "2:33: sweep.ego.route.from.1: 'south ' is given twice"),
         (
             "{traffic.density: [{uniform: [1, 2]}]}",
             "2:27: sweep.traffic.density.0: a swept value is a number, a name, true or false",

@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from rudc.errors import SimulationError
 from rudc.vehicle import Actuation
 from rudc.world.kernels import overlapping
 from rudc.world.spawn import safe_to_start
@@ -79,3 +80,12 @@ def test_a_start_is_safe_if_the_road_lets_the_ego_stop_behind_its_leader(make_sc
     row = scene.route.row
     leader = {"row": row, "s": scene.ego_s + 27.0, "v": 3.0}
     assert safe_to_start(make_scene(leader, front=-40.0, v=10.0, actuation=scene.actuation)) == safe
+
+
+def test_after_a_start_that_failed_there_is_no_episode(world):
+    """The scene was that of the episode before."""
+    world.reset(PlanSource().plan(0))
+    with pytest.raises(SimulationError, match="does not fit"):
+        world.reset(PlanSource(distance=(1000.0, 1000.0)).plan(0))
+    with pytest.raises(SimulationError, match="no episode yet"):
+        world.scene()

@@ -6,9 +6,14 @@ import libsumo
 import numpy as np
 import pytest
 
+from rudc.agents.registry import make_agent
+from rudc.env.episode import Episode
 from rudc.env.tracking import steering
+from rudc.evaluation.rollout import run_episode
+from rudc.scenario import load_scenario
+from rudc.scenario.distributions import Uniform
 from tests.plans import event
-from tests.world.test_events import CALM, STAND, run
+from tests.world.test_events import CALM, LATER, STAND, run
 
 
 def test_the_last_of_several_events_counts_and_ends_for_itself(world):
@@ -125,3 +130,31 @@ def test_sudden_is_what_appears_in_the_way_until_the_ego_has_stood(world, lane, 
         world.advance(STAND)
     world.advance(STAND)
     assert not world.stage.sudden
+
+
+def test_drivers_keep_their_own_speed_factors_whatever_is_set_besides(world):
+    """SUMO gives a vehicle its type's with the first value of its own, and with every other type."""
+    quick = Uniform(uniform=(0.8, 1.2))
+    wet = event("low_friction", friction=0.3, when={"simulation_time": {"above": 0.3}})
+    slow = event("slow_vehicle", vehicle="all", speed=3.0, duration=0.5, when=LATER)
+    for events in ((wet,), (slow,), (wet, slow)):
+        run(world, replace(CALM, speed_factor=quick, events=events), 2.0)
+        present = set(libsumo.vehicle.getIDList()) & set(world.traffic.drivers)
+        own = {name: world.traffic.drivers[name].speed_factor for name in present}
+        assert {name: libsumo.vehicle.getSpeedFactor(name) for name in present} == pytest.approx(own)
+        assert len({round(factor, 2) for factor in own.values()}) > 5
+
+
+def test_who_leads_the_ego_changes_lanes_only_where_there_is_room(world):
+    """When it was asked to leave a closed lane it did so at once, into whoever was beside it."""
+    events = [
+        {"kind": "lane_closure", "lane": "ego_in", "at": 8, "length": 10},
+        {"kind": "slow_vehicle", "vehicle": "leader", "speed": 6},
+        {"kind": "slow_vehicle", "vehicle": "follower", "speed": 9},
+    ]
+    route = {"from": "south", "turn": "straight"}
+    changed = {"traffic.density": 45, "ego.route": route, "ego.distance": 55, "events": events}
+    scenario, episode = load_scenario("random_destination", changed), Episode(world)
+    for seed in (1, 6, 8):
+        record = run_episode(episode, scenario.plan(seed), make_agent("planner"))
+        assert record.values["sv_collisions"] == 0, seed

@@ -124,7 +124,7 @@ class WorldStage(NetworkStage):
 
     def set_top_speed(self, name: str, speed: float | None, event: str = "") -> None:
         own = self.traffic.drivers[name].type.max_speed
-        self.sumo.limit_speed(name, self._last("speed", name, event, speed, own))
+        self.sumo.personality(name, max_speed=self._last("speed", name, event, speed, own))
 
     def _last(self, what: str, name: str, event: str, value: float | None, own: float) -> float:
         """Note the value that an event asks for, None once it is over. Returns the latest, else `own`."""
