@@ -157,10 +157,8 @@ def across_arm(network: Network, route: Route, name: str, at: float) -> Array:
 
 def _road_beside(network: Network, lane: str, at: float, side: float) -> float:
     """m from the middle of a lane to the road's edge on one side, lanes for buses or bicycles included."""
-    beside, reserved = (
-        0.5 * network.lanes[lane].width,
-        [r.area for r in network.reserved if not r.is_pavement],
-    )
-    while in_any(reserved, np.array([network.place_on_lane(lane, at, side * (beside + EDGE_M))[:2]])).any():
+    areas = [reserved.area for reserved in network.reserved if not reserved.is_pavement]
+    beside = 0.5 * network.lanes[lane].width
+    while in_any(areas, np.array([network.place_on_lane(lane, at, side * (beside + EDGE_M))[:2]])).any():
         beside += EDGE_M
     return beside
