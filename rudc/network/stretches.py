@@ -37,6 +37,8 @@ PIECE = 0.2
 """rad, change of heading over one straight piece of a bend"""
 CLEAR_M = 10.0
 """m from a junction, where its arms have their own direction: at its lines they may bend"""
+ALIKE = 0.2
+"""rad by which two ways through a junction may turn differently and count as equally straight"""
 TOUCHES = 1e-3
 """m, places nearer to each other are one"""
 STRAIGHT_M, SHORTEST_M = 0.2, 1.0
@@ -136,12 +138,13 @@ class Stretch:
         here, s = np.array([x, y]), self.start + self.sign * at
         if isinstance(self.line, ReferencePath):
             back = self.lane.xy[arc_length(self.lane.xy) < s - TOUCHES][::-1]
-            return np.vstack([here, back if len(back) else here - (math.cos(psi), math.sin(psi))])
-        network, row = self.line
-        if self.sign > 0 and not self.inside:
-            row = _straightest(network, self.lane)
-            s = float(network.paths.exit_s[row]) + at
-        return np.vstack([here, network.paths.xy[row, int((s - TOUCHES) / network.paths.ds) :: -1]])
+        else:
+            network, row = self.line
+            if self.sign > 0 and not self.inside:
+                row = _straightest(network, self.lane)
+                s = float(network.paths.exit_s[row]) + at
+            back = network.paths.xy[row, : max(math.ceil((s - TOUCHES) / network.paths.ds), 0)][::-1]
+        return np.vstack([here, back if len(back) else here - (math.cos(psi), math.sin(psi))])
 
 
 def arm_stretches(network: Layout) -> dict[str, Stretch]:
@@ -251,7 +254,7 @@ def _straightest(network: Layout, lane: Lane) -> int:
     )
     turns = np.subtract(*(paths.pose(np.array(rows), s)[2] for s in ends))
     turns = np.abs((turns + math.pi) % (2 * math.pi) - math.pi)
-    near = [row for row, turn in zip(rows, turns, strict=True) if turn < turns.min() + PIECE]
+    near = [row for row, turn in zip(rows, turns, strict=True) if turn < turns.min() + ALIKE]
     return min(near, key=lambda row: float(paths.length[row]))
 
 

@@ -184,6 +184,8 @@ def test_a_wrong_way_driver_stays_on_the_road_to_the_end_of_an_arm(network):
     route = network.route(network.arms[0].name, network.movements[0].destination)
     begins = np.array([network.lanes[name].xy[0] for arm in network.arms for name in arm.in_lanes])
     for lane in (name for arm in network.arms for name in (*arm.in_lanes, *arm.out_lanes)):
+        farthest = against_lane(network, route, lane, network.stretch(lane).reach)
+        assert np.isfinite(farthest).all() and len(farthest) > 2  # noqa: PT018 - from the very end, too
         way = against_lane(network, route, lane, 40.0)
         s = arc_length(way)
         on = network.surface.signed_distance(resample(way, np.arange(0.0, s[-2], 1.0)))
