@@ -29,7 +29,9 @@ it is closer already, than it is now.
                        leaves room towards everybody
     full braking       else, if braking fully at once has more room than each of these manoeuvres, or if no
                        stop that begins with u has room towards those who stand still and braking at once has
-                       more towards them, whatever else comes; steering as in the stop with more room
+                       more towards them, whatever else comes; steering as in the stop with more room. Where
+                       all of them hit somebody, as much room (to ALIKE) counts as more: rectangles that
+                       overlap by more than their widths have the same separation, however far they overlap
     u is taken         otherwise
 
 So the ego never hits what stands still, provided that it was seen in time and that the vehicle moves as in
@@ -70,6 +72,8 @@ CREEPING = 1e-3
 STILL_MARGIN = 0.15
 """m, largest margin towards those who stand still: with more, the ego could not pass where there is just
 enough space"""
+ALIKE = 0.1
+"""m, manoeuvres that hit somebody and whose room differs by less are alike"""
 AS_GOOD = 0.01
 """m/s2, an acceleration closer than this to full braking counts as full braking"""
 BENDS = 0.8
@@ -144,7 +148,9 @@ class LastResort:
             return None
         still = others.still & kept
         unmoved = stops[:, still].min(axis=1, initial=np.inf).max()
-        if at_once[kept].min() <= best and (unmoved >= -CREEPING or at_once[still].min() <= unmoved):
+        if not self._better(at_once[kept].min(), best) and (
+            unmoved >= -CREEPING or not self._better(at_once[still].min(), unmoved)
+        ):
             return None
         hit = np.unique(others.who[kept & (np.minimum(stops.max(axis=0), going) < -CREEPING)])
         return Instead(braking, False, hit)
@@ -153,6 +159,10 @@ class LastResort:
         """(T,) s, instants from 0 to `end_s` or the first one after it."""
         steps = max(math.ceil(end_s / self._dt - 1e-9), 1)
         return np.linspace(0.0, steps * self._dt, steps + 1)
+
+    def _better(self, braking: float, room: float) -> bool:
+        """Whether full braking, with room of `braking` m, is better than what has `room` m."""
+        return braking > (room - ALIKE if room < -self._margin else room)
 
     def _struck(self, others: _Others, kept: Flags, room: Array) -> Index:
         """Indices of the others that move and, by every prediction of them, hit an ego that brakes; `room`

@@ -77,7 +77,8 @@ def in_reach(
     for k in range(near):
         i = who[k]
         here, direction = complex(position[i, 0], position[i, 1]), cmath.exp(1j * heading[i])
-        if acceleration[i] > hardest and leads(line, ego_s, reach, lane, along, here, direction):
+        ahead = reach + 0.5 * size[i, 0]
+        if acceleration[i] > hardest and leads(line, ego_s, ahead, lane, along, here, direction):
             who[m], rate[m] = i, hardest
             m += 1
     there, turned = np.empty((m, len(times)), np.complex128), np.empty((m, len(times)), np.complex128)

@@ -147,6 +147,22 @@ def test_a_leader_may_brake_at_any_time_as_hard_as_cars_can(gap: float, held: bo
     assert status(make_scene([Other(5.0 + gap, 3.5, 0.0, 10.0)], v=10.0), np.zeros(2)) == "nominal"
 
 
+@pytest.mark.parametrize("length", [5.0, 16.5])
+def test_a_leader_is_one_however_long_it_is(length: float) -> None:
+    """The centre of a lorry is far ahead of its tail: it was not known for a leader until it had braked."""
+    scene = make_scene([Other(2.5 + 4.0 + 0.5 * length, 0.0, 0.0, 4.0, length)], v=8.0)
+    assert status(scene, np.zeros(2)) == "last_resort"
+
+
+@pytest.mark.parametrize("proposed", [0.0, 3.0])
+@pytest.mark.parametrize(("length", "width", "away"), [(1.8, 0.6, 5.0), (5.0, 1.8, 3.0), (12.0, 2.5, 8.0)])
+def test_where_everything_hits_it_brakes(length: float, width: float, away: float, proposed: float) -> None:
+    """Bodies that overlap by more than their widths are as far apart whether the ego brakes or not."""
+    scene = make_scene([Other(2.5 + away + 0.5 * length, 0.0, 0.0, 0.0, length, width)], v=14.0)
+    answer = SafetyFilter(ALONE).filter(scene, np.array([proposed, 0.0]))
+    assert (answer.status, answer.u[0]) == ("last_resort", scene.vehicle.a_min)
+
+
 def test_beside_somebody_it_may_drive_off_but_not_come_closer() -> None:
     beside = make_scene([Other(1.0, 2.0)], v=0.0)
     assert gap(beside) == pytest.approx(0.2)
