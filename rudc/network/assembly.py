@@ -281,5 +281,24 @@ def lane_area(lane: Lane, before: float = OVERLAP, after: float = OVERLAP) -> Ar
     return strip(xy, min(lane.width, SWEPT) if lane.internal else lane.width)
 
 
+def joint(before: Sequence[Lane], after: Sequence[Lane]) -> Array:
+    """(K, 2) m, the road between the end of one edge of an arm and the beginning of the next, of which these
+    are the lanes: the convex hull of their last and first OVERLAP m.
+    """
+    from scipy.spatial import ConvexHull  # few networks need it
+
+    ends = [_end_area(lane.xy[-1], lane.heading[-1] + np.pi, lane.width) for lane in before]
+    ends += [_end_area(lane.xy[0], lane.heading[0], lane.width) for lane in after]
+    points = np.concatenate(ends)
+    return points[ConvexHull(points).vertices]
+
+
+def _end_area(end: Array, inwards: float, width: float) -> Array:
+    """(4, 2) m, corners of the OVERLAP m of a lane at one of its ends, from which `inwards` rad leads on."""
+    along = np.array([np.cos(inwards), np.sin(inwards)])
+    aside = 0.5 * width * np.array([-along[1], along[0]])
+    return end + np.array([-aside, aside, aside + OVERLAP * along, -aside + OVERLAP * along])
+
+
 def _unit(d: Array) -> Array:
     return d / np.hypot(*d)

@@ -11,6 +11,7 @@ and no arm is major.
 
 from __future__ import annotations
 
+from itertools import chain, pairwise
 from pathlib import Path
 from weakref import WeakKeyDictionary
 
@@ -22,7 +23,7 @@ from rudc.hints import there_are
 from rudc.network import assembly, reader
 from rudc.network.conflicts import Crossings, conflict_table, crossings, departure_table, silent
 from rudc.network.net_file import read_net
-from rudc.network.paths import PathTable, lane_spans
+from rudc.network.paths import PathTable
 from rudc.network.polyline import without_repeats
 from rudc.network.road import Arm, Lane, Movement
 from rudc.network.route import ReferencePath, Route
@@ -219,20 +220,23 @@ class Layout:
         return without_repeats(np.concatenate(self._sources[row].shapes))
 
     def carriageway(self, movement: Movement, both_ways: bool = False) -> list[Array]:
-        """Polygons (K, 2) m that a movement's traffic may use: all lanes of its edges, and the junction.
+        """Polygons (K, 2) m that a movement's traffic may use: all lanes of its edges, what lies between one
+        edge of an arm and the next, and the junction.
 
         `both_ways`: and the lanes of oncoming traffic on the two arms.
         """
-        edges = {*movement.edges, *self.ring_edges}
+        origin, destination = self.arm(movement.origin), self.arm(movement.destination)
+        chains = [origin.in_edges, destination.out_edges]
         if both_ways:
-            edges.update(self.arm(movement.origin).out_edges, self.arm(movement.destination).in_edges)
-        lanes = [
-            assembly.lane_area(lane) for lane in self.lanes.values() if lane.internal or lane.edge in edges
-        ]
-        return [*lanes, *self.node_polygons]
+            chains += [origin.out_edges, destination.in_edges]
+        edges = {*movement.edges, *self.ring_edges, *chain.from_iterable(chains)}
+        lanes = [lane for lane in self.lanes.values() if lane.internal or lane.edge in edges]
+        of: dict[str, list[Lane]] = {}
+        for lane in lanes:
+            of.setdefault(lane.edge, []).append(lane)
+        joints = [assembly.joint(of[a], of[b]) for way in chains for a, b in pairwise(way)]
+        return [*map(assembly.lane_area, lanes), *joints, *self.node_polygons]
 
     def span(self, row: int, lane_id: str) -> tuple[float, float]:
         """m, arc lengths at which a lane of a row of `paths` begins and ends."""
-        spans = lane_spans(self._sources[row].shapes)
-        start, end = spans[self._sources[row].lane_ids.index(lane_id)]
-        return float(start), float(end)
+        return self.paths.spans[row][lane_id]

@@ -76,7 +76,12 @@ class PathTable:
         """(P,) m/s, before the junction and in it"""
         self.speed_limit_after: Array = np.array([source.speed_after for source in sources])
         """(P,) m/s, beyond the junction"""
-        spans = [lane_spans(source.shapes) for source in sources]
+        spans = [_lane_spans(source.shapes) for source in sources]
+        self.spans: tuple[dict[str, tuple[float, float]], ...] = tuple(
+            dict(zip(source.lane_ids, map(tuple, span.tolist()), strict=True))
+            for source, span in zip(sources, spans, strict=True)
+        )
+        """for each row: lane -> m, m, arc lengths at which it begins and ends"""
         self.stop_s: Array = np.array(
             [a[p.before_junction - 1, 1] for a, p in zip(spans, sources, strict=True)]
         )
@@ -161,7 +166,7 @@ class PathTable:
         return found[1:]
 
 
-def lane_spans(shapes: Sequence[Array]) -> Array:
+def _lane_spans(shapes: Sequence[Array]) -> Array:
     """(L, 2) m, arc lengths at which each of the L lanes begins and ends."""
     along = arc_length(np.concatenate(shapes))
     counts = np.array([len(shape) for shape in shapes])

@@ -146,8 +146,7 @@ class Detours:
         if free and driver.keeps_lane and not here:
             return None
         if free:
-            lane = network.inbound_lane(free[0]) if before else network.outbound_lane(free[0])
-            self._sumo.ask_lane(name, lane.index, HOLD_S)
+            self._move_over(name, row, free[0], front)
             if here:
                 return None
         elif before and self._take_another(name, movement, front):
@@ -160,14 +159,13 @@ class Detours:
         return (speed, need) if need > COMFORT or room < 0.5 else None
 
     def _move_over(self, name: str, row: int, other: int, front: float) -> None:
-        """Have an SV inside the junction take the lane of another row, where that is beside its own."""
-        network = self._network
-        here = next(i for i in network.paths.lane_ids[row] if network.span(row, i)[1] > front)
+        """Have an SV take the lane of another row on the edge where it is, if that row has one there."""
+        network, ids = self._network, self._network.paths.lane_ids
+        here = next((i for i in ids[row] if network.span(row, i)[1] > front), ids[row][-1])
         if here in network.lanes:
-            for name_beside in network.paths.lane_ids[other]:
-                beside = network.lanes.get(name_beside)
-                if beside is not None and beside.edge == network.lanes[here].edge and name_beside != here:
-                    self._sumo.ask_lane(name, beside.index, HOLD_S)
+            for lane in (network.lanes[i] for i in ids[other] if i in network.lanes):
+                if lane.edge == network.lanes[here].edge:
+                    self._sumo.ask_lane(name, lane.index, HOLD_S)
 
     def _free(self, row: int, front: float) -> bool:
         """Whether nothing blocks a row from `front` m on."""

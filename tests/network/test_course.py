@@ -12,6 +12,7 @@ from rudc.geometry import Rectangles, rectangle_corners, rectangle_gaps
 from rudc.network.course import REACH, CoursePlanner, gaps_along
 from rudc.network.network import load_network
 from rudc.vehicle import EgoVehicle
+from tests.world.networks import with_pockets
 
 BODY = EgoVehicle()
 NOBODY = Rectangles(np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)))
@@ -63,6 +64,20 @@ def test_a_free_road_gives_the_reference_path(left):
         assert (
             math.hypot(float(x) - float(route.path.pose(s)[0]), float(y) - float(route.path.pose(s)[1])) < 0.1
         )
+
+
+def test_where_the_number_of_lanes_changes_the_road_goes_on(tmp_path):
+    """What lies between two edges of an arm was no carriageway: nowhere within REACH of it was a course."""
+    network = load_network(with_pockets(tmp_path))
+    route = network.route("west", "straight")
+    planner = CoursePlanner(network, route, BODY)
+    start = route.exit_s - 15.0
+    assert planner.plan(start, 0.0, 0.0, NOBODY, NOBODY, NOBODY) is not None
+    standing = bodies(beside(route, route.exit_s + 12.0, 0.0))
+    course = planner.plan(start, 0.0, 0.0, standing, NOBODY, NOBODY)
+    assert course is not None
+    assert least_gap(course, standing) > 0.3
+    assert on_the_road(network, course, start, start + 60.0)
 
 
 @pytest.mark.parametrize("at", [-10.0, 0.0, 8.0, 16.0, 35.0])

@@ -73,6 +73,29 @@ def in_pieces(folder: Path) -> Path:
     return build_network(folder)
 
 
+def with_pockets(folder: Path, lanes: int = 1) -> Path:
+    """Four arms of `lanes` each way, with one more within 40 m of the junction."""
+    nodes, edges = ['<node id="centre" x="0" y="0" type="priority"/>'], []
+    for arm, (x, y) in AWAY.items():
+        nodes += [
+            f'<node id="{arm}" x="{140 * x}" y="{140 * y}"/>',
+            f'<node id="{arm}_widens" x="{40 * x}" y="{40 * y}"/>',
+        ]
+        for name, start, end, more in (
+            ("in_far", arm, f"{arm}_widens", 0),
+            ("in", f"{arm}_widens", "centre", 1),
+            ("out", "centre", f"{arm}_widens", 1),
+            ("out_far", f"{arm}_widens", arm, 0),
+        ):
+            edges.append(
+                f'<edge id="{arm}_{name}" from="{start}" to="{end}" numLanes="{lanes + more}" speed="13.9" '
+                f'priority="{2 if x else 1}"/>'
+            )
+    for ending, tag, parts in ((".nod.xml", "nodes", nodes), (".edg.xml", "edges", edges)):
+        (folder / f"pockets{ending}").write_text(f"<{tag}>{''.join(parts)}</{tag}>", encoding="utf-8")
+    return build_network(folder)
+
+
 def two_lane_ring(folder: Path) -> Path:
     """A roundabout of radius 25 m with two lanes and four arms of one: nobody turns into the inner lane."""
     names = list(AWAY)

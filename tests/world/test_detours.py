@@ -1,13 +1,16 @@
 """Surrounding vehicles go round things that stand for good, or wait where they block nobody."""
 
+import libsumo
 import numpy as np
 import pytest
 
 from rudc.world.brakes import Brakes
 from rudc.world.detours import Detours
+from rudc.world.sumo import Sumo
 from rudc.world.traffic import BESIDE_M
 from rudc.world.yielding_kernels import GROW_WIDTH
 from tests.plans import PlanSource, event
+from tests.world.networks import with_pockets
 
 ACCIDENT = event(
     "accident",
@@ -118,6 +121,26 @@ def test_a_lane_that_is_blocked_is_left_for_the_other(world):
         passed |= {scene.ids[i] for i in np.flatnonzero(arm & west & (scene.path >= 0))}
     assert len(passed) >= 3
     assert len(world.traffic.drivers) > 0
+
+
+def test_on_an_arm_of_several_edges_it_is_the_lane_of_the_edge_where_they_are(
+    world_on, tmp_path, monkeypatch
+):
+    """They were asked for the free lane's index at the stop line: of three, where they had but two."""
+    asked = []
+
+    def note(_, vehicle, lane, duration):
+        asked.append((lane, libsumo.edge.getLaneNumber(libsumo.vehicle.getRoadID(vehicle))))
+
+    monkeypatch.setattr(Sumo, "ask_lane", note)
+    parked = event("accident", vehicles=[{"lane": f"east_in_{k}", "at": 15} for k in (0, 1)])
+    plan = PlanSource(origin="south", turn="right", density=40.0, events=(parked,)).plan(0)
+    world = world_on(str(with_pockets(tmp_path, 2)))
+    world.reset(plan)
+    for _ in range(50):
+        world.advance(np.array([-6.0, 0.0]))
+    assert (1, 2) in asked
+    assert all(lane < lanes for lane, lanes in asked)
 
 
 @pytest.mark.parametrize(("mix", "closes"), [({"car": 1.0}, 1.1), ({"car": 0.9, "bus": 0.1}, 1.45)])
