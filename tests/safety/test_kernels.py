@@ -109,7 +109,8 @@ def test_room_is_the_least_separation_less_what_is_allowed():
     near = np.hypot(*(bodies[0] - [-10, 0]).T) < fastest * 2.5 + 15 + 0.5 * size.sum(axis=1)
     first = np.flatnonzero(near)
     late = first[np.abs(acceleration[first]) > 0.5]
-    lead = np.array([k for k in first if k < 6 and 97.0 < 100 + bodies[0][k, 1] < 112.0])
+    ahead = 100 + bodies[0][:, 1] - 0.5 * size[:, 0]
+    lead = np.array([k for k in first if k < 6 and 97.0 < 100 + bodies[0][k, 1] and ahead[k] < 113.0])
     assert who.tolist() == [*first, *late, *lead]
     assert len(lead) > 1
     a = np.concatenate([acceleration[late], np.full(len(lead), -9.0)])[:, None]
