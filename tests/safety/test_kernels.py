@@ -110,7 +110,7 @@ def test_room_is_the_least_separation_less_what_is_allowed():
     first = np.flatnonzero(near)
     late = first[np.abs(acceleration[first]) > 0.5]
     ahead = 100 + bodies[0][:, 1] - 0.5 * size[:, 0]
-    lead = np.array([k for k in first if k < 6 and 97.0 < 100 + bodies[0][k, 1] and ahead[k] < 113.0])
+    lead = np.array([k for k in first if k < 6 and 100 + bodies[0][k, 1] > 97.0 and ahead[k] < 113.0])
     assert who.tolist() == [*first, *late, *lead]
     assert len(lead) > 1
     a = np.concatenate([acceleration[late], np.full(len(lead), -9.0)])[:, None]
