@@ -56,7 +56,7 @@ class Training(Settings):
     round_decisions: int = Field(default=100, ge=1)
     """decisions of each world between two exchanges of weights and transitions (a round)"""
     learning_starts: int = Field(default=2_000, ge=1)
-    """transitions in the replay before the first update; priors are normalised on them"""
+    """decisions before learning starts, those of `seed_steps` included; priors are normalised on them"""
     update_every: int = Field(default=4, ge=1)
     """decisions for each gradient step"""
     replay_size: int = Field(default=100_000, ge=1)
@@ -118,6 +118,23 @@ class TrainConfig(AgentConfig):
             raise ValueError("training.round_decisions must be learner.n_step at least")
         return self
 
+    @model_validator(mode="after")
+    def _learns(self) -> Self:
+        training, rows = self.training, self.learner.batch_size
+        if training.replay_size < max(training.learning_starts, rows):
+            raise ValueError(
+                f"training.replay_size {training.replay_size} must be training.learning_starts "
+                f"({training.learning_starts}) and learner.batch_size ({rows}) at least"
+            )
+        if self.updates_until(self.rounds) == 0:
+            raise ValueError(
+                f"nothing is learnt in {self.rounds * self.round_steps} decisions (training.steps and "
+                f"training.seed_steps), where learning starts after {max(training.learning_starts, rows)} "
+                f"(training.learning_starts, but learner.batch_size at least) and takes a gradient step every "
+                f"{training.update_every} (training.update_every): take more steps, or lower one of the others"
+            )
+        return self
+
     @property
     def agent(self) -> AgentConfig:
         """What is trained."""
@@ -126,8 +143,7 @@ class TrainConfig(AgentConfig):
     @property
     def given(self) -> Problem:
         """What the learner is given."""
-        training = self.training
-        return self.problem(training.seed, max(training.steps // training.update_every, 1))
+        return self.problem(self.training.seed, max(self.training.steps // self.training.update_every, 1))
 
     @property
     def round_steps(self) -> int:
@@ -143,6 +159,17 @@ class TrainConfig(AgentConfig):
     def rounds(self) -> int:
         """All rounds, those of the gap-acceptance driver included."""
         return self.seed_rounds - (-self.training.steps // self.round_steps)
+
+    def updates_until(self, rounds: int) -> int:
+        """Gradient steps in the first `rounds` rounds: one every `update_every` decisions from the first round
+        on before which `learning_starts` decisions were taken, and as many as a batch has transitions.
+        """
+        needed, every = (
+            max(self.training.learning_starts, self.learner.batch_size),
+            self.training.update_every,
+        )
+        first = min(-(-needed // self.round_steps), rounds)
+        return rounds * self.round_steps // every - first * self.round_steps // every
 
     @classmethod
     def of(cls, algorithm: str, changes: Mapping[str, Any] | None = None, preset: str = "default") -> Self:

@@ -3,7 +3,7 @@
 In round r
 
     workers  take `round_steps` decisions with the policy as it was at the end of round r-1
-    learner  takes round_steps / update_every gradient steps on the replay as it was then
+    learner  takes a gradient step for every `update_every` decisions on the replay as it was then
     then     what was collected goes into the replay, in the order of the workers
 
 Both sides depend only on the end of the round before, so they run at the same time and the numbers do not
@@ -131,14 +131,13 @@ class Trainer:
         self._watcher.advance(self._round * config.round_steps)
 
     def _learn(self) -> None:
-        training, rows = self._config.training, self._config.learner.batch_size
-        if len(self._replay) < max(rows, training.learning_starts):
-            return
-        if self._learner.updates == 0:
+        config = self._config
+        updates = config.updates_until(self._round + 1) - config.updates_until(self._round)
+        if updates and self._learner.updates == 0:
             self._learner.start(self._replay.first(len(self._replay)))
-        for _ in range(self._config.round_steps // training.update_every):
-            losses = self._learner.update(self._replay.sample(rows))
-            if astray(losses, training.loss_limit):
+        for _ in range(updates):
+            losses = self._learner.update(self._replay.sample(config.learner.batch_size))
+            if astray(losses, config.training.loss_limit):
                 raise TrainingError(
                     f"training went astray at step {self.steps}: "
                     + ", ".join(f"{name} {value:.3g}" for name, value in asdict(losses).items())

@@ -130,11 +130,11 @@ def test_resuming_with_another_preset_is_refused(rudc, calls, tmp_path, algorith
     (tmp_path / "mine.yaml").write_text("learner: {n_step: 2, members: 4}\ntraining: {seed_steps: 300}\n")
     said = ("train", algorithm, "--out")
     for preset in ("default", "paper", "mine.yaml"):
-        with_set = ("--steps", 400, "--set", "learner.batch_size=64", "--configuration", preset)
+        with_set = ("--steps", 4000, "--set", "learner.batch_size=64", "--configuration", preset)
         assert rudc(*said, preset + "-out", *with_set).status == 0
         assert rudc(*said, preset + "-out", *with_set, "--resume").status == 0
         for other in {"default", "paper", "mine.yaml"} - {preset}:
-            answer = rudc(*said, preset + "-out", "--steps", 400, "--configuration", other, "--resume")
+            answer = rudc(*said, preset + "-out", "--steps", 4000, "--configuration", other, "--resume")
             assert answer.status == 2
             assert f" than with --configuration {other}: resume it as it is" in answer.err
     assert rudc(*said, "paper-out", "--configuration", "paper", "--resume").status == 0

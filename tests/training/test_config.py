@@ -107,6 +107,14 @@ def test_presets_hold_nothing_that_nobody_knows():
         ("rudc-t", {"learner.log_std": [-math.inf, 1.0]}, "learner.log_std.0: .*finite"),
         ("rudc-t", {"learner.target_entropy": math.nan}, "learner.target_entropy: .*finite"),
         ("sac", {"training.loss_limit": math.inf}, "training.loss_limit: .*finite"),
+        ("sac", {"training.replay_size": 100}, r"replay_size 100 must be training\.learning_starts \(2000\)"),
+        ("sac", {"training.replay_size": 3000, "learner.batch_size": 3001}, r"learner\.batch_size \(3001\)"),
+        (
+            "sac",
+            {"training.steps": 12_000, "training.learning_starts": 20_000},
+            "nothing is learnt in 20000 decisions",
+        ),
+        ("sac", {"training.steps": 12_000, "training.update_every": 20_001}, "a gradient step every 20001"),
     ],
 )
 def test_wrong_settings_are_refused_in_words(algorithm: str, wrong: dict, said: str):
@@ -127,11 +135,20 @@ def test_two_ways_of_writing_a_number_are_one():
 
 def test_decisions_are_rounded_up_to_rounds():
     config = TrainConfig.of(
-        "rudc-t", {"training.envs": 3, "training.steps": 1000, "training.seed_steps": 301}
+        "rudc-t", {"training.envs": 3, "training.steps": 1600, "training.seed_steps": 301}
     )
-    assert (config.round_steps, config.seed_rounds, config.rounds) == (300, 2, 6)
-    config = TrainConfig.of("rudc-t", {"training.steps": 200, "training.seed_steps": 0})
-    assert (config.seed_rounds, config.rounds) == (0, 1)
+    assert (config.round_steps, config.seed_rounds, config.rounds) == (300, 2, 8)
+    config = TrainConfig.of("rudc-t", {"training.steps": 2300, "training.seed_steps": 0})
+    assert (config.seed_rounds, config.rounds) == (0, 12)
+
+
+def test_gradient_steps_that_no_round_holds_whole_are_carried_on():
+    """Rounds of 6 decisions, a gradient step every 4; learning starts after the second round."""
+    small = {"envs": 1, "round_decisions": 6, "learning_starts": 7, "seed_steps": 6, "steps": 24}
+    config = TrainConfig.of("sac", {f"training.{k}": v for k, v in small.items()} | {"learner.batch_size": 2})
+    assert [config.updates_until(rounds) for rounds in range(6)] == [0, 0, 0, 1, 3, 4]
+    rare = config.changed({"training.update_every": 13})  # none in most rounds
+    assert [rare.updates_until(rounds) for rounds in range(6)] == [0, 0, 0, 1, 1, 2]
 
 
 def test_observation_decides_what_the_networks_see():
