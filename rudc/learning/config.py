@@ -109,7 +109,7 @@ class Problem:
     seed: int = 0
     """seed of initial weights, priors and sampled actions"""
     updates: int = 25_000
-    """gradient steps over which learning rates fall linearly; they stay at the last value afterwards"""
+    """all gradient steps, over which learning rates fall linearly; they stay at the last value afterwards"""
 
 
 Rate = Annotated[float, Field(ge=0)]
@@ -139,9 +139,9 @@ class LearnerConfig(Settings):
     batch_size: int = Field(default=256, ge=1, le=1000000)
     """transitions in an update"""
     actor_rate: tuple[Rate, Rate] = (3e-4, 1e-5)
-    """learning rate of the policy, first and last"""
+    """learning rate of the policy, first and last: it falls linearly over all gradient steps"""
     critic_rate: tuple[Rate, Rate] = (3e-3, 1e-4)
-    """learning rate of the critics, first and last"""
+    """learning rate of the critics, first and last, likewise"""
     temperature_rate: float = Field(default=3e-4, ge=0)
     """learning rate of the logarithm of the temperature; 0 keeps it"""
     temperature: float = Field(default=0.005, gt=0)

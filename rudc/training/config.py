@@ -121,7 +121,8 @@ class TrainConfig(AgentConfig):
     @model_validator(mode="after")
     def _learns(self) -> Self:
         training, rows = self.training, self.learner.batch_size
-        if training.replay_size < max(training.learning_starts, rows):
+        starts = max(training.learning_starts, rows)
+        if training.replay_size < starts:
             raise ValueError(
                 f"training.replay_size {training.replay_size} must be training.learning_starts "
                 f"({training.learning_starts}) and learner.batch_size ({rows}) at least"
@@ -129,9 +130,9 @@ class TrainConfig(AgentConfig):
         if self.updates_until(self.rounds) == 0:
             raise ValueError(
                 f"nothing is learnt in {self.rounds * self.round_steps} decisions (training.steps and "
-                f"training.seed_steps), where learning starts after {max(training.learning_starts, rows)} "
-                f"(training.learning_starts, but learner.batch_size at least) and takes a gradient step every "
-                f"{training.update_every} (training.update_every): take more steps, or lower one of the others"
+                f"training.seed_steps): learning starts after {starts} (training.learning_starts, "
+                f"learner.batch_size at least), with a gradient step every {training.update_every} "
+                "(training.update_every); take more steps, or lower one of these"
             )
         return self
 
@@ -143,7 +144,7 @@ class TrainConfig(AgentConfig):
     @property
     def given(self) -> Problem:
         """What the learner is given."""
-        return self.problem(self.training.seed, max(self.training.steps // self.training.update_every, 1))
+        return self.problem(self.training.seed, self.updates_until(self.rounds))
 
     @property
     def round_steps(self) -> int:
@@ -161,14 +162,14 @@ class TrainConfig(AgentConfig):
         return self.seed_rounds - (-self.training.steps // self.round_steps)
 
     def updates_until(self, rounds: int) -> int:
-        """Gradient steps in the first `rounds` rounds: one every `update_every` decisions from the first round
-        on before which `learning_starts` decisions were taken, and as many as a batch has transitions.
+        """Gradient steps in the first `rounds` rounds: one every `update_every` decisions, from the round on
+        before which as many decisions were taken as `learning_starts` says, and as a batch has transitions.
         """
-        needed, every = (
+        starts, every = (
             max(self.training.learning_starts, self.learner.batch_size),
             self.training.update_every,
         )
-        first = min(-(-needed // self.round_steps), rounds)
+        first = min(-(-starts // self.round_steps), rounds)
         return rounds * self.round_steps // every - first * self.round_steps // every
 
     @classmethod

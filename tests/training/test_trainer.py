@@ -290,6 +290,7 @@ def test_each_algorithm_trains_200_steps_the_same_twice_and_drives(tmp_path: Pat
     rows = _curves(whole)["progress"]
     assert [row["steps"] for row in rows] == ["50", "100", "150", "200"]
     assert rows[-1]["updates"] == "23"  # the second round of seeding is learnt from, too; 2.5 in each round
+    assert config.given.updates == 23
     assert all(int(row["episodes"]) >= 2 for row in rows)
     assert ("multiplier" in rows[-1]) is (algorithm in ("sac-lagrangian", "fac"))
     _assert_a_whole_agent(whole, config)
