@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -116,7 +116,7 @@ def _config(
     from rudc.learning.algorithms import ALGORITHMS
     from rudc.training.config import TrainConfig
     from rudc.training.folder import stored_config
-    from rudc.training.presets import read_preset
+    from rudc.training.presets import read_preset, set_otherwise
 
     twice = sorted(changes.keys() & settings.keys() - {"training.curriculum"})
     if twice:
@@ -141,7 +141,7 @@ def _config(
         raise InputError(f"{out} holds a training with another {', '.join(other)}: resume it as it is")
     if preset is not None:
         wanted = TrainConfig.of(stored.algorithm, given, preset)
-        other = list(_otherwise(read_preset(preset), wanted.model_dump(), stored.model_dump()))
+        other = list(set_otherwise(read_preset(preset), wanted.model_dump(), stored.model_dump()))
         if other:
             raise InputError(
                 f"{out} holds a training with another {', '.join(other)} than with --configuration {preset}: "
@@ -155,16 +155,6 @@ def _note_rounding(config: TrainConfig) -> None:
     asked, made = config.training.steps, _Count(config).total
     if made != asked:
         note(f"{made} steps instead of {asked}: whole rounds of {config.round_steps} are made")
-
-
-def _otherwise(preset: Mapping[str, Any], wanted: Any, there: Any, before: str = "") -> Iterator[str]:
-    """Dotted keys of those values that a preset sets and that differ between two trees of settings."""
-    for key, value in preset.items():
-        one, other = wanted.get(key), there.get(key)
-        if isinstance(value, Mapping) and isinstance(one, Mapping) and isinstance(other, Mapping):
-            yield from _otherwise(value, one, other, f"{before}{key}.")
-        elif one != other:
-            yield f"{before}{key}"
 
 
 SILENCE_S = 30.0

@@ -2,7 +2,8 @@
 
 A training is called NAME-seedN, N its training seed, and is looked for in this order:
 
-1. in the folder of trainings (`--trainings DIR`; else `trainings` in the study's own folder),
+1. in the folder of trainings (`--trainings DIR`; else `trainings` in the study's own folder). One that learnt
+   with other values of what the study or the preset sets is refused; what the budget sets may differ,
 2. among the agents that are shipped (NAME, NAME-seedN), if it learnt with the settings that are wanted, with
    the presets as they are now,
 3. if no folder of trainings was named, it is trained, for as long as the budget says. A training that was cut
@@ -28,6 +29,7 @@ from rudc.files import make_folder, past_links
 from rudc.hints import install_command
 from rudc.studies.base import Order
 from rudc.training.config import TrainConfig
+from rudc.training.presets import read_preset, set_otherwise
 
 Tell = Callable[[str], object]
 
@@ -97,14 +99,13 @@ def trainings_for(
     KeyboardInterrupt when a training was stopped (its checkpoint is kept).
     """
     folder = _folder(order)
-    steps = int(settings["training.steps"])
     found: list[Trained] = []
     missing: list[str] = []
-    there = [(want, seed, _there(folder, want, seed, order, steps)) for want in wanted for seed in seeds]
+    there = [(want, seed, _there(folder, want, seed, order, settings)) for want in wanted for seed in seeds]
     for want, seed, training in there:
         if isinstance(training, str) and order.trainings is None:
             _train(folder, want, seed, settings, order.resume, tell)
-            training = _made(folder, want, seed, steps)
+            training = _made(folder, want, seed, order, settings)
         if isinstance(training, str):
             missing.append(f"{want.name}-seed{seed}: {training}")
         else:
@@ -116,8 +117,8 @@ def trainings_there(
     wanted: Sequence[tuple[Wanted, int]], order: Order, settings: Mapping[str, Any]
 ) -> Trainings:
     """The existing trainings with these training seeds; none is made. Raises InputError."""
-    folder, steps = _folder(order), int(settings["training.steps"])
-    there = {(want.name, seed): _there(folder, want, seed, order, steps) for want, seed in wanted}
+    folder = _folder(order)
+    there = {(want.name, seed): _there(folder, want, seed, order, settings) for want, seed in wanted}
     return Trainings(
         folder,
         tuple(training for training in there.values() if isinstance(training, Trained)),
@@ -135,18 +136,22 @@ def _folder(order: Order) -> Path:
     return folder
 
 
-def _there(folder: Path, want: Wanted, seed: int, order: Order, steps: int) -> Trained | str:
+def _there(folder: Path, want: Wanted, seed: int, order: Order, settings: Mapping[str, Any]) -> Trained | str:
     """The training in the folder of trainings, or a shipped one; or why there is none."""
-    wanted = None if order.trainings else steps
-    training = _made(folder, want, seed, wanted)
+    training = _made(folder, want, seed, order, settings)
     if isinstance(training, str):
-        return _shipped(want, seed, wanted) or training
+        return _shipped(want, seed, _steps(order, settings)) or training
     return training
 
 
-def _made(folder: Path, want: Wanted, seed: int, steps: int | None) -> Trained | str:
+def _steps(order: Order, settings: Mapping[str, Any]) -> int | None:
+    """Steps of the trainings that are taken; None if any number will do."""
+    return None if order.trainings else int(settings["training.steps"])
+
+
+def _made(folder: Path, want: Wanted, seed: int, order: Order, settings: Mapping[str, Any]) -> Trained | str:
     """The training in the folder of trainings, or why it cannot be taken. Raises InputError if the folder
-    holds a different training, also one with other `steps` (None: any number will do).
+    holds a different training, also one with other steps in the study's own folder.
     """
     name = f"{want.name}-seed{seed}"
     checkpoint = find_checkpoint(str(folder / name))
@@ -158,9 +163,10 @@ def _made(folder: Path, want: Wanted, seed: int, steps: int | None) -> Trained |
             f"{folder / name} was trained by {learnt.config.algorithm} with seed {learnt.training['seed']}, "
             f"not by {want.algorithm} with seed {seed}"
         )
-    for key, there, value in _otherwise(learnt, want):
+    for key, there, value in _otherwise(learnt, want, settings):
         raise InputError(f"{folder / name} was trained with {key}={there}, not {value}")
     done, planned = int(learnt.trained["steps"]), int(learnt.training["steps"])
+    steps = _steps(order, settings)
     if steps is not None and planned != (wanted := want.changes.get("training.steps", steps)):
         raise InputError(
             f"{folder / name} was trained for {planned} steps, not {wanted}: give another --out, or take it "
@@ -172,10 +178,15 @@ def _made(folder: Path, want: Wanted, seed: int, steps: int | None) -> Trained |
     return Trained(want.name, seed, f"./{name}", logs, done)
 
 
-def _otherwise(learnt: Learnt, want: Wanted) -> Iterator[tuple[str, Any, Any]]:
-    """Wanted settings with which it did not learn: key, its value, the value wanted."""
+def _otherwise(learnt: Learnt, want: Wanted, settings: Mapping[str, Any]) -> Iterator[tuple[str, Any, Any]]:
+    """Wanted settings with which it did not learn, by the study or by its preset, those of `settings` apart:
+    key, its value, the value wanted.
+    """
     stored = {**learnt.config.model_dump(mode="json"), "training": learnt.training}
-    for key, value in want.changes.items():
+    wanted = want.config().model_dump(mode="json")
+    preset = set_otherwise(read_preset(want.configuration), wanted, stored)
+    values = {key: _at(wanted, key) for key in preset if key not in settings} | dict(want.changes)
+    for key, value in values.items():
         if (there := _at(stored, key)) != value:
             yield key, there, value
 
@@ -197,7 +208,7 @@ def _shipped(want: Wanted, seed: int, steps: int | None) -> Trained | str | None
         done = int(learnt.trained["steps"])
         if (learnt.config.algorithm, learnt.training["seed"]) != (want.algorithm, seed):
             continue
-        if learnt.config.learner != want.config().learner or any(_otherwise(learnt, want)):
+        if learnt.config.learner != want.config().learner or any(_otherwise(learnt, want, {})):
             return f"no training, and the shipped {name} learnt with settings that are no longer the default"
         if steps is None or steps == done:
             return Trained(want.name, seed, name, folder, done)

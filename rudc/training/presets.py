@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -52,3 +52,13 @@ def with_preset(algorithm: Algorithm, preset: Mapping[str, Any]) -> dict[str, An
     if isinstance(tree.get("learner"), Mapping):
         tree["learner"] = {key: value for key, value in tree["learner"].items() if key in known}
     return merged(own, tree)
+
+
+def set_otherwise(preset: Mapping[str, Any], wanted: Any, there: Any, before: str = "") -> Iterator[str]:
+    """Dotted keys of those values that a preset sets and that differ between two trees of settings."""
+    for key, value in preset.items():
+        one, other = wanted.get(key), there.get(key)
+        if isinstance(value, Mapping) and isinstance(one, Mapping) and isinstance(other, Mapping):
+            yield from set_otherwise(value, one, other, f"{before}{key}.")
+        elif one != other:
+            yield f"{before}{key}"

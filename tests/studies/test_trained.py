@@ -68,6 +68,9 @@ def test_a_training_that_is_another_is_refused(tmp_path):
     shutil.copytree(SHIPPED / "rudc-t", tmp_path / "beta-seed0")
     with pytest.raises(InputError, match=r"learner.beta=0.25, not 0.5"):
         trainings_for([Wanted("beta", "rudc-t", {"learner.beta": 0.5})], (0,), order, STEPS, said)
+    shutil.copytree(SHIPPED / "rudc-t", tmp_path / "as-written-seed0")
+    with pytest.raises(InputError, match="observation=conflict, not paper"):
+        trainings_for([Wanted("as-written", "rudc-t", configuration="paper")], (0,), order, STEPS, said)
 
 
 def test_one_of_another_budget_is_refused_before_anything_is_trained(tmp_path):
