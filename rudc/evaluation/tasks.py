@@ -45,6 +45,13 @@ class Task:
         return f"{self.scenario.name}{values}, {self.agent}, seed {self.seed}"
 
 
+def refuse_twice(what: str, names: Sequence[str]) -> None:
+    """Raise SweepError if two of them are the same; the message calls them `what`."""
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise SweepError(f"{what} {twice[0]!r} is given more than once; give each a name of its own")
+
+
 @dataclass(frozen=True)
 class SweepPlan:
     """Everything that decides a sweep's rows."""
@@ -64,9 +71,7 @@ class SweepPlan:
         ):
             if not names:
                 raise SweepError(f"a sweep needs at least one {what}")
-            twice = sorted({name for name in names if names.count(name) > 1})
-            if twice:
-                raise SweepError(f"{what} {twice[0]!r} is given more than once; give each a name of its own")
+            refuse_twice(what, names)
         if self.episodes < 1:
             raise SweepError(f"a sweep needs at least one episode, not {self.episodes}")
         count = sum(len(s.points()) for s in self.scenarios) * len(self.agents) * self.episodes

@@ -34,8 +34,8 @@ from rudc.errors import AgentError
 from rudc.evaluation.rollout import run_episode
 from rudc.learning.uncertainty import PERCENTILES
 from rudc.network.network import load_network
-from rudc.scenario import load_scenario
 from rudc.scenario.plan import EpisodePlan
+from rudc.training.curriculum import held_out
 from rudc.world.scene import Scene
 from rudc.world.world import World
 
@@ -138,7 +138,7 @@ def calibrate(
 ) -> Calibration:
     """Measure, and with `write` store, sigma_l and sigma_h of the agent in a checkpoint's folder, of
     sigma_total and by route. `advance` is told of each episode. Raises AgentError if its critics say nothing
-    of sigma.
+    of sigma, and InputError for scenarios that `held_out` refuses.
     """
     learnt = load_learnt(folder)
     if "sigma" not in learnt.config.learner.offers:
@@ -147,8 +147,7 @@ def calibrate(
         )
     agent = LearnedAgent(str(folder), learnt.config, learnt.arrays, learnt.percentiles)
     heard = []
-    for name in scenarios:
-        scenario = load_scenario(name)
+    for name, scenario in held_out(scenarios).items():
         world = World(load_network(scenario.network, scenario.junction))
         try:
             for _, seed in calibration_tasks((name,), episodes):

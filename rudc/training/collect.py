@@ -32,11 +32,10 @@ from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.rollout import run_episode
 from rudc.learning.nstep import NStep, Transition
 from rudc.network.network import load_network
-from rudc.scenario import load_scenario
 from rudc.scenario.plan import EpisodePlan
 from rudc.training.calibration import hear
 from rudc.training.config import TrainConfig
-from rudc.training.curriculum import make_mixture
+from rudc.training.curriculum import held_out, make_mixture
 from rudc.world.scene import Scene
 from rudc.world.world import World
 
@@ -73,7 +72,7 @@ class Collector:
         self._worker = worker
         self._training = config.training
         self._mixture = make_mixture(config.training.scenario, config.training.curriculum)
-        self._held_out_on = {name: load_scenario(name) for name in config.training.evaluate_on}
+        self._held_out_on = held_out(config.training.evaluate_on)
         first = self._mixture.scenarios[0]
         self._world = World(load_network(first.network, first.junction))
         self._at = (first.network, first.junction)

@@ -72,7 +72,7 @@ class Training(Settings):
     evaluate_every: int = Field(default=10_000, ge=1)
     """decisions between evaluations, which are checkpoints as well"""
     evaluate_on: tuple[str, ...] = Field(default=("random_destination", "dense_left_turn"), min_length=1)
-    """scenarios"""
+    """scenarios, none of which sweeps"""
     evaluation_episodes: int = Field(default=20, ge=0)
     """episodes for each of them, always with the same held-out seeds; 0 for no evaluation"""
     calibration_episodes: int = Field(default=50, ge=0)

@@ -1,12 +1,14 @@
-"""Which scenario each training episode is drawn from."""
+"""Which scenario each training episode is drawn from, and which held-out episodes are of."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from rudc.errors import InputError
+from rudc.evaluation.tasks import refuse_twice
 from rudc.network.network import Network, load_network
 from rudc.scenario import load_scenario
 from rudc.scenario.model import Scenario
@@ -30,6 +32,21 @@ class Mixture(NamedTuple):
         """The next episode."""
         scenario = self.scenarios[int(rng.choice(len(self.scenarios), p=self.chances))]
         return scenario.plan(int(rng.integers(FIRST_SEED, LAST_SEED)))
+
+
+def held_out(sources: Sequence[str]) -> dict[str, Scenario]:
+    """The scenarios of held-out episodes, by names or files. Raises InputError for one that sweeps, and for
+    two of one name.
+    """
+    found = [load_scenario(source) for source in sources]
+    for scenario in found:
+        if scenario.sweep:
+            raise InputError(
+                f"{scenario.name} sweeps {', '.join(scenario.sweep)}, and held-out episodes are of one value: "
+                "name a scenario for each value, which extends it and sets the value"
+            )
+    refuse_twice("held-out scenario", [scenario.name for scenario in found])
+    return dict(zip(sources, found, strict=True))
 
 
 def make_mixture(source: str, curriculum: Curriculum | None) -> Mixture:

@@ -47,7 +47,7 @@ from rudc.learning.uncertainty import RunningPercentiles
 from rudc.training.calibration import Measured, calibration_tasks, measured
 from rudc.training.collect import Finished
 from rudc.training.config import TrainConfig
-from rudc.training.curriculum import HELD_OUT_SEED, make_mixture
+from rudc.training.curriculum import HELD_OUT_SEED, held_out, make_mixture
 from rudc.training.folder import CONFIG, check_folder, held, keep_inputs, otherwise, sources_now, with_files
 from rudc.training.log import Log, Watcher, episode_columns, evaluation_rows
 from rudc.training.workers import WorkerPool
@@ -329,6 +329,7 @@ def train(config: TrainConfig, folder: Path, watcher: Watcher, *, resume: bool =
     sources = sources_now(config, folder)
     driven = with_files(config, sources)
     make_mixture(driven.training.scenario, driven.training.curriculum)
+    held_out(driven.training.evaluate_on)
     with held(folder, watcher.note):
         check_folder(config, folder, sources, resume=resume)
         trainer = Trainer(config, folder, watcher, driven)

@@ -16,7 +16,7 @@ from rudc.safety.road_edges import RoadSettings
 from rudc.safety.vehicles import VehicleSettings
 from rudc.settings import known_keys
 from rudc.training.config import Curriculum, TrainConfig
-from rudc.training.curriculum import FIRST_SEED, HELD_OUT_SEED, make_mixture
+from rudc.training.curriculum import FIRST_SEED, HELD_OUT_SEED, held_out, make_mixture
 from rudc.training.presets import FOLDER, preset_names
 
 
@@ -186,6 +186,18 @@ def test_without_curriculum_the_scenario_is_kept():
     swept = make_mixture("density_sweep", None)
     assert len(swept.scenarios) == 5
     assert sum(swept.chances) == pytest.approx(1)
+
+
+def test_held_out_scenarios_have_names_of_their_own(tmp_path):
+    """Episodes of two of one name could not be told from each other."""
+    for file, density in (("thin", 10), ("thick", 35)):
+        text = f"name: same\nextends: random_destination\ntraffic: {{density: {density}}}\n"
+        (tmp_path / f"{file}.yaml").write_text(text)
+    files = tuple(map(str, sorted(tmp_path.iterdir())))
+    assert list(held_out(("random_destination", files[0]))) == ["random_destination", files[0]]
+    for twice, name in ((files, "same"), (("dense_left_turn",) * 2, "dense_left_turn")):
+        with pytest.raises(InputError, match=f"held-out scenario '{name}' is given more than once"):
+            held_out(twice)
 
 
 @pytest.mark.parametrize("rule", ["ttcbf", "ecbf"])

@@ -241,6 +241,8 @@ def test_nobody_trains_on_what_is_not_there(tmp_path: Path):
     for wrong in ({"scenario": "no_such_scenario"}, {"evaluate_on": ("no_such_scenario",)}):
         with pytest.raises(InputError, match=r"no_such_scenario: no shipped scenario"):
             train(_config("rudc-wo-cbf", **wrong), tmp_path / "b", Watcher())
+    with pytest.raises(InputError, match=r"density_sweep sweeps traffic\.density, and held-out episodes"):
+        train(_config(evaluate_on=("density_sweep",)), tmp_path / "b", Watcher())
     assert not (tmp_path / "b").exists()
 
 
@@ -330,6 +332,8 @@ def test_the_final_policy_is_calibrated_as_it_drives(trained: Path, tmp_path: Pa
         assert limits.above == pytest.approx((0.05, 0.025), abs=0.02)
     assert found.kinds["paper"].before == before
     assert found.decisions > 20
+    with pytest.raises(InputError, match="density_sweep sweeps"):
+        calibrate(tmp_path / "copy", ("density_sweep",), 1, write=True, advance=int)
     make_agent(f"{tmp_path / 'copy'}:sigma=route")  # which needs what is usual along the route
     other = calibrate(tmp_path / "copy", ("dense_left_turn",), 1, write=True, advance=int)
     assert load_learnt(tmp_path / "copy").percentiles == other.kinds["paper"].found != before
