@@ -68,7 +68,6 @@ class Trainer:
         """
         self._config, self._folder, self._watcher = config, folder, watcher
         self._driven = driven or config
-        torch.set_num_threads(max(torch.get_num_threads() - config.training.envs, 1))
         keep_freed_blocks()
         try:
             device = config.training.device
@@ -100,7 +99,7 @@ class Trainer:
         self._log = Log(self._folder, self.steps, self._statistics)
         self._pool = WorkerPool(self._driven)
         try:
-            with self._interruptible():
+            with self._interruptible(), _cores_left_to(self._config.training.envs):
                 while self._round < self._config.rounds and not self._stop:
                     self._one_round()
                     self._milestones()
@@ -305,6 +304,17 @@ class Trainer:
         finally:
             for number, handler in before.items():
                 signal.signal(number, handler)
+
+
+@contextmanager
+def _cores_left_to(worlds: int) -> Iterator[None]:
+    """Inside the block torch leaves a core to each world."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(max(before - worlds, 1))
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 def astray(losses: Statistics, limit: float) -> bool:

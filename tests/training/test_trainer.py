@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from safetensors.numpy import load_file
 
 from rudc.agents.checkpoint import load_learnt
@@ -139,8 +140,12 @@ def test_another_seed_gives_other_numbers(trained: Path, tmp_path: Path):
 def test_going_astray_stops_with_the_last_checkpoint_kept(tmp_path: Path):
     # The checkpoint at the end of the seeding comes before a loss this large can be seen.
     config = _config(loss_limit=1e-9, seed_steps=50)
+    threads = torch.get_num_threads()
+    torch.set_num_threads(4)
     with pytest.raises(TrainingError, match=r"astray at step 0: critic_loss .* kept in"):
         train(config, tmp_path / "astray", Watcher())
+    assert torch.get_num_threads() == 4  # the next training has as many
+    torch.set_num_threads(threads)
     assert load_learnt(tmp_path / "astray" / "checkpoint").trained["steps"] == 0
 
 
