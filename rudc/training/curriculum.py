@@ -42,8 +42,8 @@ def held_out(sources: Sequence[str]) -> dict[str, Scenario]:
     for scenario in found:
         if scenario.sweep:
             raise InputError(
-                f"{scenario.name} sweeps {', '.join(scenario.sweep)}, and held-out episodes are of one value: "
-                "name a scenario for each value, which extends it and sets the value"
+                f"{scenario.name} sweeps {', '.join(scenario.sweep)}, and held-out episodes are of one "
+                "value: name a scenario for each value, which extends it and sets the value"
             )
     refuse_twice("held-out scenario", [scenario.name for scenario in found])
     return dict(zip(sources, found, strict=True))

@@ -92,7 +92,9 @@ class Trainer:
         return max(self._round - self._config.seed_rounds, 0) * self._config.round_steps
 
     def run(self) -> bool:
-        """Train to the end. False if interrupted (`_interruptible`), which leaves the last checkpoint."""
+        """Train to the end; whether it was reached. If interrupted before (`_interruptible`), the last
+        checkpoint is kept.
+        """
         self._since = time.monotonic()
         if self._round >= self._config.rounds:
             return True
@@ -106,9 +108,10 @@ class Trainer:
         finally:
             self._pool.close()
             self._log.close()
-        if self._stop:
+        ended = self._round == self._config.rounds
+        if not ended:
             self._watcher.note(f"interrupted; {self._kept()}")
-        return not self._stop
+        return ended
 
     # ---- a round
 

@@ -117,6 +117,14 @@ def test_stopped_and_resumed_twice_gives_the_same_numbers(trained: Path, tmp_pat
     assert [row["steps"] for row in _curves(trained)["progress"]] == ["100", "200", "300"]
 
 
+def test_ctrl_c_in_the_last_round_comes_after_the_work(trained: Path, tmp_path: Path):
+    watcher = Watcher(stop_at=400)
+    assert train(_config(), tmp_path / "late", watcher)
+    assert watcher.notes[0] == "interrupted, finishing this round"
+    assert not [note for note in watcher.notes if "kept" in note or "--resume" in note]
+    assert _curves(trained) == _curves(tmp_path / "late")
+
+
 def test_cut_off_in_an_evaluation_and_resumed_gives_the_same_numbers(
     trained: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
@@ -144,8 +152,9 @@ def test_going_astray_stops_with_the_last_checkpoint_kept(tmp_path: Path):
     torch.set_num_threads(4)
     with pytest.raises(TrainingError, match=r"astray at step 0: critic_loss .* kept in"):
         train(config, tmp_path / "astray", Watcher())
-    assert torch.get_num_threads() == 4  # the next training has as many
+    after = torch.get_num_threads()
     torch.set_num_threads(threads)
+    assert after == 4  # the next training has as many
     assert load_learnt(tmp_path / "astray" / "checkpoint").trained["steps"] == 0
 
 
