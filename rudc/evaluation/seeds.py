@@ -12,8 +12,14 @@ m_sk the mean of a cell, S seeds and K scenarios:
 Intervals, 95 %: the stratified percentile bootstrap of Agarwal et al. with one level more. Each of RESAMPLES
 times seeds are drawn with replacement, then, for each seed drawn and in each scenario, its episodes. With one
 seed only episodes are drawn, and the interval is about that training alone. Three seeds are few: such an
-interval is too narrow rather than too wide. That of a rate is at least as wide as Wilson's of all episodes
-together, since where nothing failed nothing else can be drawn. Where all draws are the same, any other mean,
+interval is too narrow rather than too wide. That of a rate is at least as wide as Wilson's of the same mean
+of n episodes, since where nothing failed nothing else can be drawn:
+
+    n = 1 / sum_i w_i^2 = C^2 / sum_c 1 / n_c    w_i the weight of episode i in the mean: 1 / (C n_c) in cell
+                                                 c of C, which has n_c episodes (Kish's effective size)
+
+which is the number of all episodes where cells are equal, else less. Where a scenario of many has very few
+episodes, and nearly all failures, the interval is too narrow. Where all draws are the same, any other mean,
 and any IQM, has no interval.
 
 Pairs: two agents in the same episodes, `Paired`. Rates: change with Bonett and Price's interval and McNemar's
@@ -30,7 +36,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rudc.arrays import Array, Flags
+from rudc.arrays import Array
 from rudc.evaluation.statistics import SEED, mcnemar, mean_interval, paired_change, wilson
 
 RESAMPLES = 2_000
@@ -87,7 +93,7 @@ def over_seeds(
     draws = _draws(known, seeds, scenarios, resamples, seed)
     ends = [_ends(np.nanmean(draws, axis=1), episodes), _ends(interquartile_mean(draws), episodes)]
     if rate:
-        ends[0] = _at_least_wilsons(ends[0], np.concatenate(list(known.values())) > 0)
+        ends[0] = _at_least_wilsons(ends[0], list(known.values()))
     middle = float(interquartile_mean(means.reshape(1, -1))[0])
     return OverSeeds(float(np.nanmean(means)), std, *ends[0], middle, *ends[1], len(seeds), episodes)
 
@@ -171,7 +177,9 @@ def _ends(draws: Array, episodes: int) -> tuple[float, float]:
     return round(float(low), 9), round(float(high), 9)
 
 
-def _at_least_wilsons(ends: tuple[float, float], happened: Flags) -> tuple[float, float]:
+def _at_least_wilsons(ends: tuple[float, float], cells: Sequence[Array]) -> tuple[float, float]:
     """In percent. The interval, or Wilson's where that reaches farther."""
-    low, high = wilson(int(happened.sum()), len(happened))
+    n = len(cells) ** 2 / sum(1 / len(values) for values in cells)
+    happened = n * sum(np.count_nonzero(values) / len(values) for values in cells) / len(cells)
+    low, high = wilson(round(happened, 9), round(n, 9))  # whole numbers where cells are equal
     return float(np.fmin(ends[0], 100 * low)), float(np.fmax(ends[1], 100 * high))

@@ -53,8 +53,10 @@ class Summary(NamedTuple):
     high: float
 
 
-def wilson(successes: int, trials: int) -> tuple[float, float]:
-    """Ends of the 95 % interval of a rate, in [0, 1]; (nan, nan) without trials."""
+def wilson(successes: float, trials: float) -> tuple[float, float]:
+    """Ends of the 95 % interval of a rate, in [0, 1]; (nan, nan) without trials. Neither needs to be a whole
+    number (rudc/evaluation/seeds.py).
+    """
     if trials == 0:
         return math.nan, math.nan
     rate, shrink = successes / trials, 1.0 + Z**2 / trials

@@ -86,6 +86,19 @@ def test_a_rate_is_never_a_point():
     assert (wide.low, wide.high) == (0.0, 100.0)  # the bootstrap's: two trainings that have nothing in common
 
 
+@pytest.mark.parametrize(("big", "small"), [(0.0, 0.8), (0.05, 0.05), (0.5, 0.5)])
+def test_of_cells_of_unequal_size_the_interval_of_a_rate_is_about_its_mean(big, small):
+    """Of one scenario most episodes could not be run: the interval holds the mean in 95 of 100 cases."""
+    rng = RNG(4)
+    held = 0
+    for _ in range(300):
+        cells = {(0, "fog"): 100.0 * (rng.random(100) < big), (0, "ice"): 100.0 * (rng.random(5) < small)}
+        found = over_seeds(cells, resamples=200, rate=True)
+        assert math.isclose(found.mean, sum(values.mean() for values in cells.values()) / 2)
+        held += found.low <= 50 * (big + small) <= found.high
+    assert held > 0.93 * 300
+
+
 def test_the_same_every_time_and_nothing_of_nothing():
     cells = {(s, "fog"): RNG(s).normal(size=20) for s in (0, 1)}
     assert over_seeds(cells) == over_seeds(dict(reversed(cells.items())))
