@@ -33,7 +33,9 @@ def train(
     ] = None,
     scenario: Annotated[
         str | None,
-        typer.Option(metavar="SCENARIO", help="Train on this as it is, instead of on the curriculum."),
+        typer.Option(
+            metavar="SCENARIO", help="Train on this as it is, without the curriculum, unless --set gives one."
+        ),
     ] = None,
     steps: Annotated[
         int | None, typer.Option(min=1, help="Decisions of the policy, in whole rounds. Default: 100000.")
