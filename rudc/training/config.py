@@ -165,12 +165,10 @@ class TrainConfig(AgentConfig):
         """Gradient steps in the first `rounds` rounds: one every `update_every` decisions, from the round on
         before which as many decisions were taken as `learning_starts` says, and as a batch has transitions.
         """
-        starts, every = (
-            max(self.training.learning_starts, self.learner.batch_size),
-            self.training.update_every,
-        )
-        first = min(-(-starts // self.round_steps), rounds)
-        return rounds * self.round_steps // every - first * self.round_steps // every
+        training, each = self.training, self.round_steps
+        starts = max(training.learning_starts, self.learner.batch_size)
+        first = min(-(-starts // each), rounds)
+        return rounds * each // training.update_every - first * each // training.update_every
 
     @classmethod
     def of(cls, algorithm: str, changes: Mapping[str, Any] | None = None, preset: str = "default") -> Self:
