@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,6 +14,7 @@ from rudc.arrays import Array, Flags, Index
 from rudc.env.outcome import Outcome
 from rudc.evaluation.folder import TRACEBACK
 from rudc.evaluation.metrics import numbers
+from rudc.evaluation.store import format_row
 from rudc.files import file_name
 
 OUTCOMES = tuple(map(str, Outcome))
@@ -162,10 +164,13 @@ def which(episodes: Episodes, i: int) -> str:
 
 
 def replay_name(episodes: Episodes, i: int) -> str:
-    """Name of the page that replays an episode."""
+    """Name of the page that replays an episode. It ends in a digest of the whole row, times taken included:
+    a page of another sweep, or of what stood in the folder before, never has it.
+    """
     row = episodes.rows[i]
     parts = [row["scenario"], row["agent"], *(row[name] for name in episodes.parameters), row["seed"]]
-    return f"{file_name('-'.join(parts))}.html"
+    digest = hashlib.sha256(format_row(list(row.values())).encode()).hexdigest()[:12]
+    return f"{file_name('-'.join(parts))}-{digest}.html"
 
 
 def worst_lines(episodes: Episodes, replays: Sequence[str]) -> list[list[Any]]:

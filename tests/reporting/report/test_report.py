@@ -145,9 +145,29 @@ def test_pages_of_replays_have_names_that_a_disk_takes():
         replay_name(Episodes.of([{**row, "agent": agent, "error": ""}], ()), 0)
         for agent in ("a+b", "x" * 300 + "1", "x" * 300 + "2")
     )
-    assert short == "s-a+b-3.html"
+    assert re.fullmatch(r"s-a\+b-3-[0-9a-f]{12}\.html", short)
     assert one != other
     assert max(len(one), len(other)) < 240
+
+
+def test_a_page_shows_the_replays_of_its_own_sweep_only(folder, episodes, tmp_path):
+    i = worst(episodes)[0]
+    (tmp_path / "replays").mkdir()
+    (tmp_path / "replays" / replay_name(episodes, i)).touch()
+
+    def shown(swept):
+        data = json.loads(parsed(report_page(swept, tmp_path / "page.html")).data["data"])
+        return [line[-1] for line in data["worst"] if line[-1]]
+
+    anew = tmp_path / "anew"
+    anew.mkdir()
+    lines = (folder / "episodes.csv").read_text().splitlines()
+    at = lines[0].split(",").index("decision_ms_mean")
+    rows = [line.split(",") for line in lines]
+    rows[1:] = [[*row[:at], "7.77", *row[at + 1 :]] for row in rows[1:]]
+    (anew / "episodes.csv").write_text("".join(",".join(row) + "\n" for row in rows))
+    assert shown(folder) == [replay_name(episodes, i)]
+    assert shown(anew) == []
 
 
 def test_agents_whose_names_differ_in_signs_alone_have_pages_of_their_own():
