@@ -33,6 +33,8 @@ MOST_GROUPS = 3_000
 REPLAYS = "replays"
 """folder beside a report, with pages of its worst episodes"""
 
+_Cell = list[float | None]
+
 
 def sweep_content(folder: Path, page: Path) -> dict[str, Any]:
     """`data` for the page's script and what its template asks for. `page`: where it will stand, replays in a
@@ -131,9 +133,9 @@ def _described(metric: Metric) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _heat(groups: Sequence[Group], episodes: Episodes) -> dict[str, list[list[list[float] | None]]]:
-    """metric -> scenarios x agents: [mean, low, high] or None."""
-    found: dict[str, list[list[list[float] | None]]] = {
+def _heat(groups: Sequence[Group], episodes: Episodes) -> dict[str, list[list[_Cell | None]]]:
+    """metric -> scenarios x agents: [mean, low, high], the ends None where there is no interval; or None."""
+    found: dict[str, list[list[_Cell | None]]] = {
         metric.name: [[None] * len(episodes.agents) for _ in episodes.scenarios] for metric in METRICS
     }
     at = {name: i for i, name in enumerate(episodes.scenarios)}
@@ -143,8 +145,8 @@ def _heat(groups: Sequence[Group], episodes: Episodes) -> dict[str, list[list[li
         for metric in METRICS:
             value = group.metrics[metric.name]
             if not math.isnan(value.mean):
-                low, high = (value.mean if math.isnan(end) else end for end in (value.low, value.high))
-                found[metric.name][at[scenario]][to[agent]] = [round(v, 3) for v in (value.mean, low, high)]
+                ends = (None if math.isnan(end) else round(end, 3) for end in (value.low, value.high))
+                found[metric.name][at[scenario]][to[agent]] = [round(value.mean, 3), *ends]
     return found
 
 

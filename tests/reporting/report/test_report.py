@@ -277,7 +277,10 @@ def test_one_agent_one_episode_and_no_manifest(folder, tmp_path):
     (tmp_path / "episodes.csv").write_text("".join(lines[:2]))
     text = report_page(tmp_path, tmp_path / "report.html")
     assert "no manifest.json in it" in text
-    assert json.loads(parsed(text).data["data"])["densities"] == []
+    data = json.loads(parsed(text).data["data"])
+    assert data["densities"] == []
+    assert data["heat"]["AES"][0][0][1:] == [None, None], "one value has no interval"
+    assert "too few different values for an interval" in text
 
 
 DRIVE = """
