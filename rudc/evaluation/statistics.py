@@ -103,14 +103,21 @@ def mean_intervals(
 
 def student(values: Array, over: Array | None = None) -> tuple[float, float]:
     """Ends of Student's 95 % interval of the mean of values (n,), or of their sum divided by that of `over`
-    (n,); (nan, nan) of fewer than two, and where all are the same.
+    (n,); (nan, nan) of fewer than two, and where all values, or all ratios, are the same.
     """
     n = len(values)
-    if n < 2 or ((values == values[0]).all() and (over is None or (over == over[0]).all())):
+    if n < 2 or _all_same(values, over):
         return math.nan, math.nan
     from scipy.special import stdtrit  # loads slowly
 
     return _around_mean(values, over, float(stdtrit(n - 1, 0.975)))
+
+
+def _all_same(values: Array, over: Array | None) -> bool:
+    """Whether values, or their ratios to `over`, are equal; 0 of 0, which is no ratio, equals any."""
+    if over is None:
+        return bool((values == values[0]).all())
+    return np.allclose(values * over.sum(), over * values.sum(), rtol=1e-12, atol=0.0)
 
 
 def _percentiles(samples: Sequence[Sample], n: int, resamples: int, seed: int) -> list[tuple[float, float]]:

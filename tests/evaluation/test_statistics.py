@@ -107,6 +107,15 @@ def test_few_values_that_are_all_the_same_have_no_interval():
     assert mean_interval(np.full(STUDENT_BELOW, 100.0)) == (100.0, 100.0)
 
 
+@pytest.mark.parametrize("ratio", [0.0, 0.3])
+def test_few_ratios_that_are_all_the_same_have_no_interval(ratio):
+    steps = np.array([0.0, 3.0, 41.0, 77.0, 142.0])
+    assert all(math.isnan(end) for end in mean_interval(ratio * steps, over=steps))
+    assert not math.isnan(mean_interval(ratio * steps + [0, 0, 0, 0, 1], over=steps)[0])
+    many = np.arange(1.0, STUDENT_BELOW + 1)
+    assert mean_interval(ratio * many, over=many) == (ratio, ratio)
+
+
 @settings(max_examples=25)
 @given(st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=40))
 def test_a_mean_lies_within_its_values_and_its_interval_around_it(values):
