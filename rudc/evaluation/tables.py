@@ -39,7 +39,7 @@ def make_table(
     """The metrics of a sweep's rows grouped by columns, as text ending in a line break.
 
     `against`: which of the paper's tables (`rudc.evaluation.paper.TABLES`) to put beside. Raises InputError
-    for an unknown column.
+    for an unknown column, and one that is both grouped by and shown.
     """
     return written(measured(rows, by, against, metrics), by, style, metrics)
 
@@ -82,6 +82,8 @@ def measured(
     if unknown or not by:
         hint = did_you_mean(unknown[0], names) if unknown else ""
         raise InputError(f"no column {', '.join(unknown)!r} to group by{hint}; there are: {', '.join(names)}")
+    if both := [metric.name for metric in metrics if metric.name in by]:
+        raise InputError(f"column {both[0]!r} is both grouped by and shown; leave it out of one of the two")
     groups = in_order(group_metrics(rows, by, metrics))
     if against is None:
         return groups

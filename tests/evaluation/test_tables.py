@@ -44,6 +44,11 @@ def rows():
 BY = ("scenario", "agent")
 
 
+def test_a_column_is_grouped_by_or_shown(rows):
+    with pytest.raises(InputError, match="'steps' is both grouped by and shown; leave it out of one"):
+        make_table(rows, ("agent", "steps"), "json", metrics=named_metrics(["SR", "steps"]))
+
+
 def test_csv_has_every_statistic_in_full(rows):
     table = list(csv.DictReader(io.StringIO(make_table(rows, BY, "csv"))))
     assert list(table[0])[2:8] == ["episodes", "errors", "SR_mean", "SR_std", "SR_low", "SR_high"]
