@@ -10,7 +10,7 @@ function drawPairs() {
     return;
   }
   const turned = a > b, unit = metric.is_rate ? 'points' : metric.heading.replace(/^[^(]*\(?|\)$/g, '');
-  const lines = found.lines.map(([place, n, values]) => ({ place, n, ...oriented(values[k], turned) })).filter((line) => line.change !== null);
+  const lines = found.lines.map(([place, values]) => ({ place, ...oriented(values[k], turned) })).filter((line) => line.change !== null);
   const most = Math.max(...lines.flatMap((line) => [line.low, line.high, line.change].filter(Number.isFinite).map(Math.abs)), 1e-9);
   const heads = ['scenario', 'pairs', DATA.agents[a], DATA.agents[b], `difference (${unit})`, '', ...(metric.is_rate ? [`only ${DATA.agents[a]}`, `only ${DATA.agents[b]}`, 'p'] : [])];
   const rows = lines.map((line) => element('tr', { class: line.place < 0 ? 'all' : null },
@@ -22,10 +22,10 @@ function drawPairs() {
 }
 
 function oriented(values, turned) {
-  const [a, b, change, low, high, more, less, p] = values;
-  if (!turned || change === null) return { a, b, change, low, high, onlyA: less, onlyB: more, p };
+  const [n, a, b, change, low, high, more, less, p] = values;
+  if (!turned || change === null) return { n, a, b, change, low, high, onlyA: less, onlyB: more, p };
   const minus = (v) => (v === null ? null : -v);
-  return { a: b, b: a, change: -change, low: minus(high), high: minus(low), onlyA: more, onlyB: less, p };
+  return { n, a: b, b: a, change: -change, low: minus(high), high: minus(low), onlyA: more, onlyB: less, p };
 }
 
 function pairCells(line, metric, most) {

@@ -72,16 +72,16 @@ def _against(first: int, other: int, data: Mapping[str, Any]) -> str:
     wanted = [p for p in data["pairs"]["pairs"] if {p["a"], p["b"]} == {first, other}]
     if not wanted:
         return ""
-    _, n, values = wanted[0]["lines"][0]
+    _, values = wanted[0]["lines"][0]
     sign = 1.0 if wanted[0]["b"] == first else -1.0
     parts = []
     for name, value in zip(data["pairs"]["metrics"], values, strict=True):
         if name not in [m.name for m in _RATES]:
             continue
-        change, low, high = sign * value[2] + 0.0, *sorted((sign * value[3], sign * value[4]))
+        change, low, high = sign * value[3] + 0.0, *sorted((sign * value[4], sign * value[5]))
         chance = "" if low > 0.0 or high < 0.0 else ", which may be chance"
         parts.append(f"{name} {change:+.1f} points [{low:+.1f}, {high:+.1f}]{chance}")
-    return f"{'; '.join(parts)} (n = {n})"
+    return f"{'; '.join(parts)} (n = {max(value[0] for value in values)})"
 
 
 def _hard(agent: str, data: Mapping[str, Any]) -> list[str]:

@@ -22,9 +22,9 @@ MOST = 12_000
 
 
 def differences(episodes: Episodes) -> dict[str, Any]:
-    """`metrics`: their names; `pairs`: for each two agents `a` < `b` lines [place, pairs, values], `place`
-    the index of a scenario or -1 for all, values for each metric: [a, b, b - a, low, high], and for rates in
-    how many episodes only b has it, in how many only a, and p.
+    """`metrics`: their names; `pairs`: for each two agents `a` < `b` lines [place, values], `place` the
+    index of a scenario or -1 for all, values for each metric: [pairs, a, b, b - a, low, high], and for rates
+    in how many episodes only b has it, in how many only a, and p. `pairs`: episodes where both are known.
     """
     places, values = _aligned(episodes)
     chosen = list(combinations(range(len(episodes.agents)), 2))
@@ -36,7 +36,7 @@ def differences(episodes: Episodes) -> dict[str, Any]:
         both = np.flatnonzero(~np.isnan(values[0, a]) & ~np.isnan(values[0, b]))
         where = [(-1, both), *((k, both[places[both] == k]) for k in scenarios)]
         lines = [
-            [k, len(at), [_difference(m, values[i, a, at], values[i, b, at]) for i, m in enumerate(METRICS)]]
+            [k, [_difference(m, values[i, a, at], values[i, b, at]) for i, m in enumerate(METRICS)]]
             for k, at in where
             if len(at)
         ]
@@ -71,12 +71,13 @@ def _difference(metric: Metric, a: Array, b: Array) -> list[float | None]:
         more, less = int((b > a).sum()), int((a > b).sum())
         change = paired_change(len(a), more, less)
         ends = (100.0 * float(a.mean()), 100.0 * float(b.mean()), *change)
-        return [*(_rounded(v) for v in ends), more, less, float(f"{mcnemar(more, less):.3g}")]
+        return [len(a), *(_rounded(v) for v in ends), more, less, float(f"{mcnemar(more, less):.3g}")]
     known = ~(np.isnan(a) | np.isnan(b))
     a, b = a[known], b[known]
     if not len(a):
-        return [None] * 5
-    return [_rounded(float(v)) for v in (a.mean(), b.mean(), (b - a).mean(), *student(b - a))]
+        return [0, *[None] * 5]
+    ends = (a.mean(), b.mean(), (b - a).mean(), *student(b - a))
+    return [len(a), *(_rounded(float(v)) for v in ends)]
 
 
 def _rounded(value: float) -> float | None:

@@ -87,11 +87,11 @@ def test_the_heat_map_has_the_means_of_the_table(data):
 def test_differences_are_of_the_same_episodes(episodes, data):
     assert data["pairs"] == json.loads(json.dumps(differences(episodes)))
     (pair,) = [p for p in data["pairs"]["pairs"] if (p["a"], p["b"]) == (0, 2)]
-    assert [line[:2] for line in pair["lines"]] == [[-1, 160], [0, 40], [1, 40], [2, 40], [3, 40]]
+    assert [[place, values[0][0]] for place, values in pair["lines"]] == [[-1, 160], [0, 40], [1, 40], [2, 40], [3, 40]]
     by_agent = [[row for row in episodes.rows if row["agent"] == episodes.agents[k]] for k in (0, 2)]
     assert [row["seed"] for row in by_agent[0]] == [row["seed"] for row in by_agent[1]]
     success = [np.array([row["outcome"] == "success" for row in rows]) for rows in by_agent]
-    a, b, change, low, high, more, less, p = pair["lines"][0][2][0]
+    _, a, b, change, low, high, more, less, p = pair["lines"][0][1][0]
     assert (a, b) == pytest.approx([100 * s.mean() for s in success])
     assert change == pytest.approx(b - a)
     assert low < change < high
@@ -100,14 +100,22 @@ def test_differences_are_of_the_same_episodes(episodes, data):
     speed = [np.array([float(row["mean_speed_mps"]) for row in rows]) for rows in by_agent]
     theirs = stats.ttest_rel(speed[1], speed[0]).confidence_interval()
     k = data["pairs"]["metrics"].index("AES")
-    assert pair["lines"][0][2][k][3:5] == pytest.approx([theirs.low, theirs.high], abs=1e-3)
+    assert pair["lines"][0][1][k][4:6] == pytest.approx([theirs.low, theirs.high], abs=1e-3)
 
 
 def test_an_episode_that_only_one_agent_finished_is_no_pair(episodes):
     rows = [dict(row) for row in episodes.rows]
     rows[0] |= {"error": "broken", "outcome": ""}
     fewer = differences(Episodes.of(rows, ()))["pairs"]
-    assert [pair["lines"][0][1] for pair in fewer] == [159, 159, 160]
+    assert [pair["lines"][0][1][0][0] for pair in fewer] == [159, 159, 160]
+
+
+def test_pairs_of_a_metric_are_those_where_both_have_a_value(episodes):
+    rows = [dict(row) for row in episodes.rows]
+    rows[0]["min_dtc_m"] = ""
+    told = differences(Episodes.of(rows, ()))
+    first = dict(zip(told["metrics"], told["pairs"][0]["lines"][0][1], strict=True))
+    assert (first["SR"][0], first["min_DTC"][0], first["AES"][0]) == (160, 159, 160)
 
 
 def test_densities_are_scipys(episodes):
@@ -342,7 +350,7 @@ def test_a_browser_opens_and_drives_the_page(text, data, folder, tmp_path, width
     assert f"filter={data['scenarios'][1].upper()}" in told["address"]
     assert told["command"] == f"rudc table {folder} --by agent"
     pair = next(p for p in data["pairs"]["pairs"] if (p["a"], p["b"]) == (0, 2))
-    change = -pair["lines"][0][2][data["pairs"]["metrics"].index("VR")][2]
+    change = -pair["lines"][0][1][data["pairs"]["metrics"].index("VR")][3]
     assert float(told["pair"].split()[0].replace("−", "-")) == pytest.approx(change, abs=0.051)
     assert (told["worse"], told["curves"]) == (5, 3)
     means = [np.mean([line[k][0] for k in range(3)]) for line in data["heat"]["VR"]]
