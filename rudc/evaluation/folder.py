@@ -81,6 +81,7 @@ class SweepFolder:
         self._lock = take_lock(self.path, self.warnings)
         new = manifest(self._plan)
         content = settled(self.path, new, resume, "finish the sweep", self._refuse_other_columns)
+        self._take_order_of_columns()
         copies = keep_networks(self._plan, self.path)
         digests = agent_digests(content)
         own = {
@@ -146,6 +147,14 @@ class SweepFolder:
             f"{self.path} was written by another version of RUDC{difference}: its rows and new ones would "
             f"mix. `rudc table {self.path}` reads it; to run the sweep again, give another --out"
         )
+
+    def _take_order_of_columns(self) -> None:
+        """Keep swept values in the order in which the rows that are there have them; `--set` may name the
+        same keys in another.
+        """
+        header, n = read_header(self._episodes.path), len(COLUMNS)
+        if header[:n] == list(COLUMNS) and set(header[n:]) == set(self.parameters):
+            self.parameters, self._episodes.header = tuple(header[n:]), header
 
     def _key(self, row: Sequence[str]) -> Key:
         return (*row[: len(IDENTITY)], *row[len(COLUMNS) :])

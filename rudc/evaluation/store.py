@@ -70,9 +70,7 @@ class RowFile:
             return
         header, blocks = table_blocks(self.path)
         if header and header != self.header:
-            raise SweepError(
-                f"{self.path} has other columns than this sweep writes; use another folder, or delete it"
-            )
+            raise SweepError(f"{self.path} has other columns than this sweep writes; give another --out")
         yield from blocks
 
     def rewrite(self, lines: Iterable[str]) -> None:

@@ -22,6 +22,7 @@ from rudc.evaluation.store import RowFile, format_row, read_table
 from rudc.evaluation.sweep import ENGINES, Engine, run_sweep
 from rudc.evaluation.tables import measured
 from rudc.evaluation.tasks import SweepPlan
+from rudc.scenario import find_scenarios
 
 FILES = ("manifest.json", "metrics.csv")
 
@@ -131,6 +132,20 @@ def test_resuming_a_finished_sweep_changes_nothing(fakes, make_plan, tmp_path):
     assert (tmp_path / "out" / "episodes.csv").read_bytes() == (
         tmp_path / "before" / "episodes.csv"
     ).read_bytes()
+
+
+def test_keys_of_a_resumed_sweep_may_come_in_another_order(fakes, tmp_path):
+    swept = {"traffic.density": [10, 20], "episode.timeout": [30, 40]}
+    plans = [
+        SweepPlan(tuple(find_scenarios(["random_destination"], overrides=dict(given))), ("sumo",), 1, 0)
+        for given in (swept.items(), reversed(swept.items()))
+    ]
+    run_sweep(plans[0], tmp_path, fakes.Runner)
+    before = read_table(tmp_path / "episodes.csv")
+    run_sweep(plans[1], tmp_path, fakes.no_runner, resume=True)
+    after = read_table(tmp_path / "episodes.csv")
+    assert list(after[0]) == [*COLUMNS, *swept]
+    assert sorted(map(str, after)) == sorted(map(str, before))
 
 
 def test_failed_episodes_have_a_row_and_are_run_again_on_resume(fakes, make_plan, tmp_path):
