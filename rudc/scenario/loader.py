@@ -30,7 +30,8 @@ def load_scenario(
     grid: Mapping[str, Sequence[object]] | None = None,
 ) -> Scenario:
     """The scenario of a shipped name or a file. `overrides`: dotted key -> value to use instead; such a key
-    is not swept any more. `grid`: dotted key -> values to sweep it over.
+    is not swept any more. `grid`: dotted key -> values to sweep it over; a key that takes a list, such as
+    `events`, gets them as its value.
 
     `fit` finds what a file alone does not show (`rudc.world.fitting.misfits`: lanes that its network does
     not have). Raises ScenarioError, one line for every problem.
@@ -42,13 +43,16 @@ def load_scenario(
     for key, value in (overrides or {}).items():
         reports += _override(sheet, key, value)
     for key, values in (grid or {}).items():
-        _sweep(sheet, key, values)
+        if _takes_list(sheet, key, values):
+            reports += _override(sheet, key, values)
+        else:
+            _sweep(sheet, key, values)
     scenario, more = _checked(sheet, {report.path for report in reports}, sweeps=not reports)
     reports += more
     if fit is not None:
         reports += fit_reports(sheet, _without_empty(sheet.data), fit)
     if reports or scenario is None:
-        raise _error([_with_hint(report, sheet.data) for report in reports], path)
+        raise _error([_with_hint(report, sheet.data, overrides or {}) for report in reports], path)
     return scenario.read_from(path.absolute(), overridden, _without_empty(sheet.data))
 
 
@@ -164,7 +168,7 @@ def _override(sheet: Sheet, key: str, value: object) -> list[Report]:
     return []
 
 
-def _with_hint(report: Report, data: dict[str, Any]) -> Report:
+def _with_hint(report: Report, data: dict[str, Any], overrides: Mapping[str, object]) -> Report:
     """The report; where a list stands in the place of a single value, with a hint how to run each of its
     values."""
     key = dotted(report.path)
@@ -173,10 +177,26 @@ def _with_hint(report: Report, data: dict[str, Any]) -> Report:
     if not (single and isinstance(value, list) and all(isinstance(each, Scalar) for each in value)):
         return report
     if report.file == "override":
+        if key not in overrides:
+            return report
         return replace(report, text=f"{report.text} (`rudc sweep` takes one, and runs each of its values)")
     return replace(
         report, text=f"{report.text} (`sweep: {{{key}: {value_text(value)}}}` runs each of its values)"
     )
+
+
+def _takes_list(sheet: Sheet, key: str, values: Sequence[object]) -> bool:
+    """Whether a list may stand at a dotted key of a sheet, be it one of wrong length or content."""
+    try:
+        data, path = with_value(sheet.data, key, values)
+    except DottedKeyError:
+        return False
+    try:
+        Scenario.model_validate(_without_empty(data))
+    except ValidationError as error:
+        problems = describe(error, Scenario, data)
+        return not any(p.path == path and p.text.endswith(got(values)) for p in problems)
+    return True
 
 
 def _sweep(sheet: Sheet, key: str, values: Sequence[object]) -> None:

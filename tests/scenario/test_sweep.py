@@ -223,6 +223,14 @@ def test_values_given_are_swept_if_they_are_lists():
     assert [float(scenario.episode.timeout) for _, scenario in plain.grid()] == [30, 30]
 
 
+def test_a_list_given_to_a_key_that_takes_one_is_its_value():
+    place = "events.4.when.reach_position.position"
+    (storm,) = find_scenarios(["perfect_storm"], overrides={place: [10, 0], f"{place}.1": [-3, -2]})
+    assert [*storm.points()] == [{f"{place}.1": -3}, {f"{place}.1": -2}]
+    assert float(storm.events[4].when.reach_position.position[0]) == 10
+    assert find_scenarios(["perfect_storm"], overrides={"events": []})[0].events == ()
+
+
 def test_a_value_given_is_not_swept_over_by_the_files_own():
     (scenario,) = find_scenarios(["density_sweep"], overrides={"traffic.density": 15})
     assert scenario.sweep == {}
@@ -264,7 +272,9 @@ def test_a_mix_given_ends_the_sweep_of_its_parts(tmp_path, given):
 @pytest.mark.parametrize(
     ("overrides", "said"),
     [
-        ({"traffic.densty": [10, 20]}, r"sweep\.'?traffic\.densty'?.*did you mean 'density'"),
+        ({"traffic.densty": [10, 20]}, r"override: traffic\.densty: .*did you mean 'density'"),
+        ({"traffic.speed.uniform": [5, 8, 9]}, r"^override: traffic\.speed\.uniform: expected 2 values"),
+        ({"traffic.speed.uniform": [[5, 6], 8]}, r": traffic\.speed\.uniform\.0: .* got a list$"),
         ({"traffic.density": [10, "many"]}, "many"),
         ({"traffic.density": []}, "sweep"),
     ],

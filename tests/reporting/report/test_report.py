@@ -87,7 +87,13 @@ def test_the_heat_map_has_the_means_of_the_table(data):
 def test_differences_are_of_the_same_episodes(episodes, data):
     assert data["pairs"] == json.loads(json.dumps(differences(episodes)))
     (pair,) = [p for p in data["pairs"]["pairs"] if (p["a"], p["b"]) == (0, 2)]
-    assert [[place, values[0][0]] for place, values in pair["lines"]] == [[-1, 160], [0, 40], [1, 40], [2, 40], [3, 40]]
+    assert [[place, values[0][0]] for place, values in pair["lines"]] == [
+        [-1, 160],
+        [0, 40],
+        [1, 40],
+        [2, 40],
+        [3, 40],
+    ]
     by_agent = [[row for row in episodes.rows if row["agent"] == episodes.agents[k]] for k in (0, 2)]
     assert [row["seed"] for row in by_agent[0]] == [row["seed"] for row in by_agent[1]]
     success = [np.array([row["outcome"] == "success" for row in rows]) for rows in by_agent]
