@@ -202,9 +202,10 @@ def validate(
     Of a sweep of many points every value is checked, and some points are set up; the answer says how many.
 
     A line for each file; every problem reads `FILE:LINE:COLUMN: key.path: what is wrong`, all at once. A
-    warning names each event that waits for something that no episode reaches, and a destination that none
-    does. With `--seeds N`, `gap-acceptance` drives the first N episodes, and the command says how they end
-    and how often each event happens.
+    warning names each event that waits for a `simulation_time`, `traveled_distance` or `speed` that no
+    episode reaches, for a quantity `below` its least value, or whose `probability` is 0, and a destination
+    that no episode reaches. With `--seeds N`, `gap-acceptance` drives the first N episodes, and the command
+    says how they end and how often each event happens.
 
     **Examples**
 

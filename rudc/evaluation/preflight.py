@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,6 +16,7 @@ from rudc.scenario.dotted import value_text
 from rudc.scenario.library import shown
 from rudc.scenario.loader import load_scenario
 from rudc.scenario.spread import spread
+from rudc.scenario.triggers import Threshold
 from rudc.vehicle import EgoVehicle
 from rudc.world.events import numbered
 from rudc.world.fitting import likely, misfits
@@ -22,6 +24,7 @@ from rudc.world.spawn import movements_of
 
 if TYPE_CHECKING:
     from rudc.scenario.model import Scalar, Scenario
+    from rudc.scenario.triggers import Trigger
 
 TRIED = 16
 """points of a sweep that are set up at most: `rudc scenario validate` answers at once"""
@@ -53,8 +56,9 @@ def try_out(scenario: Scenario, seed: int = 0) -> list[str]:
 
 
 def never_happening(scenario: Scenario) -> list[str]:
-    """A line for each event that can never happen, since it waits for something that no episode reaches, and
-    one for a destination that none does; of a sweep, at the points that `tried_points` chooses."""
+    """A line for each event that can never happen: it waits for a time, a way or a speed that no episode
+    reaches, or for a quantity below its least value, or its probability is 0; and one for a destination that
+    no episode reaches. Of a sweep, at the points that `tried_points` chooses."""
     found: dict[str, str] = {}
     for swept in tried_points(scenario):
         point = scenario.varied(swept) if swept else scenario
@@ -64,22 +68,30 @@ def never_happening(scenario: Scenario) -> list[str]:
 
 
 def _in_vain(scenario: Scenario) -> Iterator[str]:
-    end, fastest = scenario.episode.timeout.support[1], EgoVehicle().v_max
-    ends, drives = f"episodes end at {end:g} s (episode.timeout)", f"the ego drives at most {fastest:g} m/s"
     for number, event in enumerate(scenario.events, start=1):
-        if event.when is None:
+        for why in _never(event.when, scenario.episode.timeout.support[1]) if event.when else ():
+            yield f"event {numbered(number, event.kind)} can never happen: {why}"
+
+
+def _never(when: Trigger, end: float) -> Iterator[str]:
+    """Why the conditions can never hold in an episode that ends at `end` (s), as far as that is known."""
+    fastest = EgoVehicle().v_max
+    ends, drives = f"episodes end at {end:g} s (episode.timeout)", f"the ego drives at most {fastest:g} m/s"
+    most = {
+        "simulation_time": (end, "s", ends),
+        "traveled_distance": (fastest * end, "m", f"{drives}, and {ends}"),
+        "speed": (fastest, "m/s", drives),
+    }
+    if when.chance.support[1] == 0.0:
+        yield "its probability is 0"
+    for name, threshold in when.conditions.items():
+        if not isinstance(threshold, Threshold):
             continue
-        when = event.when
-        for name, threshold, most, unit, why in (
-            ("simulation_time", when.simulation_time, end, "s", ends),
-            ("traveled_distance", when.traveled_distance, fastest * end, "m", f"{drives}, and {ends}"),
-            ("speed", when.speed, fastest, "m/s", drives),
-        ):
-            if threshold and threshold.above and threshold.above.support[0] >= most:
-                yield (
-                    f"event {numbered(number, event.kind)} can never happen: it waits for {name} above "
-                    f"{threshold.above.support[0]:g} {unit}, and {why}"
-                )
+        greatest, unit, why = most.get(name, (math.inf, "", ""))
+        if threshold.above and threshold.above.support[0] >= greatest:
+            yield f"it waits for {name} above {threshold.above.support[0]:g} {unit}, and {why}"
+        if threshold.below and threshold.below.support[1] <= threshold.LEAST:
+            yield f"it waits for {name} below {threshold.below.support[1]:g}, and there is nothing below that"
 
 
 def _out_of_reach(scenario: Scenario) -> Iterator[str]:

@@ -195,8 +195,7 @@ class Normal(Distribution, frozen=True):
         return self._inverse(below + share * (curve.cdf(high) - below))
 
     def _inverse(self, share: float) -> float:
-        """Inverse of the whole curve's distribution function; never a cut itself, which bounds may
-        exclude."""
+        """Inverse of the whole curve's distribution function; never a cut, which bounds may exclude."""
         curve, low, high = self._curve
         inside = min(NEAREST * curve.stdev, 0.5 * (high - low))
         value = curve.inv_cdf(min(max(share, 1e-12), 1.0 - 1e-12))
@@ -276,8 +275,9 @@ class Choice(Distribution, frozen=True):
 
     @property
     def support(self) -> tuple[float, float]:
-        """Least and greatest value."""
-        return min(self.choice.values), max(self.choice.values)
+        """Least and greatest value of those that are ever drawn."""
+        drawn = [value for value, share in zip(self.choice.values, self._shares, strict=True) if share > 0.0]
+        return min(drawn), max(drawn)
 
     @property
     def _shares(self) -> list[float]:

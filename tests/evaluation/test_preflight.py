@@ -118,6 +118,27 @@ events:
     ]  # fmt: skip
 
 
+def test_an_event_of_no_probability_or_below_all_there_is_never_happens(written):
+    text = """
+name: nothing
+extends: random_destination
+events:
+  - {kind: low_friction, friction: 0.5, when: {speed: {below: 0}}}
+  - kind: low_friction
+    friction: 0.4
+    when: {time_headway: {below: {choice: {values: [0, 2], weights: [1, 0]}}}}
+  - {kind: low_friction, friction: 0.3, when: {ego_distance_to_junction: {below: 0}, speed: {below: 0.1}}}
+  - {kind: low_friction, friction: 0.2, when: {probability: 0}}
+"""
+    nothing = "below 0, and there is nothing below that"
+    assert [told.partition(" can never happen: ")[::2] for told in
+            never_happening(load_scenario(written(text)))] == [
+        ("event 1 (events.0) low_friction", f"it waits for speed {nothing}"),
+        ("event 2 (events.1) low_friction", f"it waits for time_headway {nothing}"),
+        ("event 4 (events.3) low_friction", "its probability is 0"),
+    ]  # fmt: skip
+
+
 def test_a_destination_that_no_episode_comes_to_is_warned_of(written):
     text = """
 name: hasty
