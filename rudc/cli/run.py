@@ -12,7 +12,7 @@ from rudc.cli.complete import complete_agents, complete_scenarios
 from rudc.cli.console import AsJson, Quiet, note, note_sweep, print_json
 from rudc.cli.options import Overrides, parse_overrides
 from rudc.cli.replay import MOST
-from rudc.errors import InputError, StorageError
+from rudc.errors import AgentFailedError, InputError, StorageError
 
 if TYPE_CHECKING:
     from rudc.agents.base import Agent, Decision
@@ -112,6 +112,9 @@ def run(
     for written in (video, replay, steps, fcd):
         if written is not None:
             note(f"{written} written")
+    for one in driven:
+        if one.failure is not None:
+            raise one.failure
 
 
 class _Files(NamedTuple):
@@ -155,6 +158,8 @@ class _Driven(NamedTuple):
     """An episode that was run."""
 
     record: EpisodeRecord
+    failure: AgentFailedError | None
+    """what the agent raised on the way; the rest is what came before"""
     events: list[str]
     """what became of each"""
     page: dict[str, Any]
@@ -166,7 +171,7 @@ def _drive(scenario: Scenario, seed: int, driver: Agent, files: _Files) -> _Driv
     from rudc.env.episode import Episode
     from rudc.evaluation.film import Film
     from rudc.evaluation.recording import Recording
-    from rudc.evaluation.rollout import run_episode
+    from rudc.evaluation.rollout import run_until_failure
     from rudc.evaluation.trace import Trace
     from rudc.files import make_folder_of
     from rudc.network.network import load_network
@@ -194,7 +199,9 @@ def _drive(scenario: Scenario, seed: int, driver: Agent, files: _Files) -> _Driv
             for watcher in watchers:
                 watcher(scene, decision, result)
 
-        record = run_episode(episode, scenario.plan(seed), driver, options=options, watch=watch)
+        record, failure = run_until_failure(
+            episode, scenario.plan(seed), driver, options=options, watch=watch
+        )
         events = event_lines(world.plan, world.happenings())
         page = recording.data(record) if files.replay else {}
     if files.fcd is not None:
@@ -203,7 +210,7 @@ def _drive(scenario: Scenario, seed: int, driver: Agent, files: _Files) -> _Driv
         trace.save(files.steps)
     if files.video is not None:
         film.save(files.video)
-    return _Driven(record, events, page)
+    return _Driven(record, failure, events, page)
 
 
 def _refuse_torn(fcd: Path) -> None:

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from rudc.errors import AgentFailedError
 from rudc.evaluation.columns import Driven, read_off
 from rudc.evaluation.record import EpisodeRecord
 from rudc.world.scene import Scene
@@ -50,3 +51,29 @@ def run_episode(
     truth, metrics = episode.truth, episode.metrics()
     driven = Driven(plan, agent.name, truth.vehicle, truth.route, metrics, decisions, spent_ms)
     return EpisodeRecord(read_off(driven))
+
+
+def run_until_failure(
+    episode: Episode,
+    plan: EpisodePlan,
+    agent: Agent,
+    *,
+    options: tuple[str, ...] = (),
+    watch: Watcher,
+) -> tuple[EpisodeRecord, AgentFailedError | None]:
+    """As `run_episode`; where an agent of a user's own fails after its first decision, the record says so,
+    and the error stands beside it. Raises AgentFailedError where it fails before.
+    """
+    decided = False
+
+    def seen(scene: Scene, decision: Decision, result: StepResult) -> None:
+        nonlocal decided
+        decided = True
+        watch(scene, decision, result)
+
+    try:
+        return run_episode(episode, plan, agent, options=options, watch=seen), None
+    except AgentFailedError as error:
+        if not decided:
+            raise
+        return EpisodeRecord.failed(plan.scenario, agent.name, plan.seed, str(error)), error

@@ -80,6 +80,21 @@ def test_what_came_before_an_agent_failed_is_shown(rudc, tmp_path):
     assert not (tmp_path / "early.html").exists()
 
 
+def test_a_run_keeps_what_came_before_its_agent_failed(rudc, tmp_path):
+    (tmp_path / "fails.py").write_text(FAILS)
+    files = ("--steps", "s.csv", "--replay", "s.html", "--video", "s.gif", "--fcd", "s.xml")
+    answer = rudc("run", "random_destination", "-a", "fails.py:Fails", "--seed", 1, *files)
+    assert answer.status == 1
+    said = answer.err.splitlines()[-1]
+    assert said == "error: agent fails.py:Fails at 1.0 s: act raised ValueError: enough (fails.py:8)"
+    assert (tmp_path / "s.csv").read_text().count("\n") == 11
+    assert '"frames":10,' in (tmp_path / "s.html").read_text(encoding="utf-8")
+    assert (tmp_path / "s.gif").exists()
+    assert (tmp_path / "s.xml").exists()
+    answer = rudc("run", "random_destination", "-a", "fails.py:Fails", *files[:4])
+    assert (answer.status, answer.out) == (1, "")
+
+
 def test_an_episode_of_a_sweep_comes_out_the_same(rudc, swept, tmp_path):
     answer = rudc("replay", "swept", "--episode", WHICH, "-e", 2, "--out", "both.html")
     assert answer.status == 0, answer.err

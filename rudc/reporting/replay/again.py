@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode
-from rudc.errors import AgentFailedError
 from rudc.evaluation.film import Film
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.recording import Recording
 from rudc.evaluation.rerun import differences, find_episode
-from rudc.evaluation.rollout import run_episode
+from rudc.evaluation.rollout import run_until_failure
 from rudc.network.network import load_network
 from rudc.world.world import World
 
@@ -66,12 +65,7 @@ def recorded(
             if film is not None:
                 film.watch(scene, decision, result)
 
-        try:
-            record = run_episode(episode, scenario.plan(seed), driver, watch=watch)
-        except AgentFailedError as error:
-            if not recording.frames:
-                raise
-            record = EpisodeRecord.failed(scenario.name, driver.name, seed, str(error))
+        record, _ = run_until_failure(episode, scenario.plan(seed), driver, watch=watch)
         page = recording.data(record)
     if film is not None and clip is not None:
         film.save(clip)
