@@ -214,11 +214,15 @@ def _drive(scenario: Scenario, seed: int, driver: Agent, files: _Files) -> _Driv
 
 
 def _refuse_torn(fcd: Path) -> None:
-    """Raise StorageError for a file of SUMO's that has no end: SUMO does not report a full disk."""
-    if fcd.is_file() and fcd.suffix == ".xml":
+    """Raise StorageError for a file of SUMO's that has no end: SUMO does not report a full disk. A .csv that
+    stops between two lines looks whole.
+    """
+    xml = b"</fcd-export>\n"
+    end = {"": xml, ".xml": xml, ".csv": b"\n", ".parquet": b"PAR1"}.get(fcd.suffix.lower())
+    if end is not None and fcd.is_file():
         with fcd.open("rb") as file:
-            file.seek(max(fcd.stat().st_size - 100, 0))
-            if b"</fcd-export>" not in file.read():
+            file.seek(max(fcd.stat().st_size - len(end), 0))
+            if file.read() != end:
                 raise StorageError(f"cannot write {fcd}: it stops in the middle; is the disk full?")
 
 

@@ -7,7 +7,9 @@ from functools import partial
 
 import pytest
 
+from rudc.cli.run import _refuse_torn
 from rudc.data import data_folder
+from rudc.errors import StorageError
 from rudc.world.world import World
 
 SHORT = ("--set", "episode.timeout=0.5")
@@ -146,6 +148,23 @@ def test_a_disk_that_is_full_while_sumo_writes_is_a_failure_of_the_work(tmp_path
     )  # fmt: skip
     assert answer.returncode == 1
     assert answer.stderr.endswith("fcd.xml: it stops in the middle; is the disk full?\n")
+
+
+@pytest.mark.parametrize(
+    ("ending", "whole", "torn"),
+    [
+        ("xml", b"<a/>\n</fcd-export>\n", b"<a/>\n</fcd-ex"),
+        ("csv", b"1.65;sv5\n", b"1.65;sv5\n1.65;s"),
+        ("parquet", b"PAR1xyPAR1", b"PAR1xy"),
+    ],
+)
+def test_a_torn_file_of_sumos_is_told_from_a_whole_one(tmp_path, ending, whole, torn):
+    path = tmp_path / f"fcd.{ending}"
+    path.write_bytes(whole)
+    _refuse_torn(path)
+    path.write_bytes(torn)
+    with pytest.raises(StorageError, match="it stops in the middle"):
+        _refuse_torn(path)
 
 
 def test_steps_make_their_folder(rudc, tmp_path):
