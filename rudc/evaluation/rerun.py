@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,7 +12,7 @@ from typing import Any, NamedTuple
 from pydantic import ValidationError
 
 from rudc.agents.registry import agent_settings
-from rudc.errors import SweepError
+from rudc.errors import InputError, SweepError
 from rudc.evaluation.columns import COLUMNS, TIMING
 from rudc.evaluation.folder import TRACEBACK, sweep_rows
 from rudc.evaluation.manifest import read_manifest, versions
@@ -174,7 +175,7 @@ def _changes(content: Mapping[str, Any], family: _Family, agent: str) -> list[st
     found = []
     if not family.same:
         found.append("the scenario, or a file that it names, means something else now")
-    settings = json.loads(json.dumps(agent_settings(agent)))
+    settings = json.loads(json.dumps(_settings(agent)))
     if settings != content["configuration"].get("agents", {}).get(agent, settings):
         found.append(f"the agent {agent} has other settings now")
     if content["configuration"].get("imported", {}) != sources_digests():
@@ -185,6 +186,19 @@ def _changes(content: Mapping[str, Any], family: _Family, agent: str) -> list[st
         f"{name} {then[name]} -> {now}" for name, now in versions().items() if then.get(name, now) != now
     ]
     return found
+
+
+def _settings(agent: str) -> dict[str, Any]:
+    """`agent_settings`; an error says what a path in the agent's name is relative to."""
+    try:
+        return agent_settings(agent)
+    except InputError as error:
+        if not ("/" in agent or ".py" in agent) or os.path.isabs(agent):
+            raise
+        raise SweepError(
+            f"{error}; {agent} is named relative to the folder in which the sweep was started: give the "
+            "command there"
+        ) from error
 
 
 def _plugin_changes(then: Mapping[str, Mapping[str, str]], now: Mapping[str, Mapping[str, str]]) -> list[str]:

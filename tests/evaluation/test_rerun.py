@@ -36,6 +36,21 @@ def test_every_row_can_be_run_again_and_comes_out_the_same(folder):
     run.close()
 
 
+def test_an_agent_of_a_relative_path_is_missed_elsewhere_with_a_hint(tmp_path, monkeypatch):
+    (tmp_path / "own.py").write_text(
+        "class Own:\n    def reset(self, scene, seed): pass\n    def act(self, scene): return 0, 0\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    scenarios = find_scenarios(["random_destination"], overrides={"episode.timeout": 0.5})
+    run_sweep(SweepPlan(tuple(scenarios), ("own.py:Own",), 1, 0), tmp_path / "swept", EpisodeRunner)
+    assert find_episode(tmp_path / "swept", "1").changes == ()
+    monkeypatch.chdir("/")
+    with pytest.raises(
+        SweepError, match=r"no such file; own\.py:Own is named relative to the folder in which"
+    ):
+        find_episode(tmp_path / "swept", "1")
+
+
 def test_a_row_that_says_otherwise_is_noticed(folder):
     run = EpisodeRunner()
     found = find_episode(folder, "1")
