@@ -1,7 +1,7 @@
 """Scenarios and sweeps in which agents drove them -> a folder to look at, offline.
 
     index.html                       every scenario: picture, clip, why it is out of distribution, its file,
-                                     rates of each agent, and replays
+                                     rates of each agent, and replays, of the first sweep that has it
     pictures/, clips/, replays/      NAME.png, NAME.webp, NAME-OUTCOME.html, NAME-both.html
     SWEEP.html                       the report of each sweep, or SWEEP-2.html where that name is taken
 
