@@ -25,8 +25,8 @@ it is closer already, than it is now.
     u is taken         if the room of a manoeuvre is not negative; towards those who stand still, the room of
                        stopping counts in every manoeuvre
     going on           else, if somebody would hit the ego even at full braking (the room of that is below
-                       -margin by every prediction of that other), and accelerating fully along the route
-                       leaves room towards everybody
+                       -margin by every prediction of that other) unless that other braked with more than
+                       GENTLY, and accelerating fully along the route leaves room towards everybody
     full braking       else, if braking fully at once has more room than each of these manoeuvres, or if no
                        stop that begins with u has room towards those who stand still and braking at once has
                        more towards them, whatever else comes; steering as in the stop with more room. Where
@@ -81,6 +81,8 @@ BENDS = 0.8
 (rudc/agents/adaptation.py)"""
 HARDEST = -9.0
 """m/s2, hardest braking that is assumed of whoever leads the ego: what a good car can on a dry road"""
+GENTLY = 0.4
+"""share of the hardest braking with which others are expected to spare an ego that stands in their way"""
 SPEEDS_UP_S = 2.0
 """s, for which somebody who speeds up now is predicted to go on doing so"""
 CHANGING = 0.5
@@ -140,7 +142,7 @@ class LastResort:
         if best >= -CREEPING:
             return None
         braking, at_once = self._brake(scene, others, kept, float(u[1]))
-        struck = self._struck(others, kept, at_once)
+        struck = self._struck(scene, others, kept & (at_once < -self._margin), braking)
         onwards = np.array([scene.vehicle.a_max, steering(scene)])
         if len(struck) and self._may_take(scene, onwards):
             return Instead(onwards, True, struck)
@@ -164,12 +166,30 @@ class LastResort:
         """Whether full braking, with room of `braking` m, is better than what has `room` m."""
         return braking > (room - ALIKE if room < -self._margin else room)
 
-    def _struck(self, others: _Others, kept: Flags, room: Array) -> Index:
-        """Indices of the others that move and, by every prediction of them, hit an ego that brakes; `room`
-        (m,) m is that of braking.
+    def _struck(self, scene: Scene, others: _Others, hit: Flags, braking: Array) -> Index:
+        """Indices of the others that move and, by every prediction of them, `hit` (m,) an ego under `braking`
+        (2,), m/s2 and rad, before they could stop gently.
         """
-        hits = kept & ~others.still & (room < -self._margin)
-        return np.setdiff1d(others.who[hits], others.who[~hits])
+        hit = hit & ~others.still
+        who = np.setdiff1d(others.who[hit], others.who[~hit])
+        if not len(who):
+            return who
+        place, facing = self._stop(scene, braking)
+        late = [i for i in who.tolist() if self._is_late(scene, others, i, place, facing)]
+        return np.array(late, dtype=np.int64)
+
+    def _is_late(self, scene: Scene, others: _Others, i: int, place: Complex, facing: Complex) -> bool:
+        """Whether i meets an ego at `place` (T,) m facing `facing` (T,) sooner than it can stop gently on the
+        way that it drives until then: braking with a takes twice the time, v / (2 a) = that time.
+        """
+        speed = float(np.hypot(*scene.velocity[i]))
+        soon = self._times <= speed / (2.0 * GENTLY * -scene.vehicle.a_min)
+        its = others.who == i
+        until = _Others(
+            others.who[its], others.place[its][:, soon], others.facing[its][:, soon],
+            others.half[its], others.still[its],
+        )  # fmt: skip
+        return bool((self._room(scene, until, place[soon], facing[soon]) < -self._margin).any())
 
     def _may_take(self, scene: Scene, onwards: Array) -> bool:
         """Whether the action `onwards` (2,), m/s2 and rad, and going on like that leaves room towards

@@ -214,6 +214,7 @@ def test_who_would_be_hit_where_it_stops_goes_on() -> None:
         ("its car pulls away too slowly", held_up(x=-3.6, v=5.0, vehicle=EgoVehicle(a_max=0.3))),
         ("the other is about to stop", replace(held_up(), acceleration=np.array([-8.0]))),
         ("the other speeds up", replace(held_up(), acceleration=np.array([6.0]))),
+        ("the other can still stop gently", make_scene([Other(0.0, -9.5, math.pi / 2, 3.3)], v=0.0)),
         ("nobody comes", make_scene([], x=-2.9, v=6.0)),
     ],
 )
