@@ -5,7 +5,8 @@ on the road for good (an accident, a closed lane, a stalled vehicle): nearer tha
 row's line, as lanes are closed for SUMO (rudc/world/events/stage.py). It may be blocked in several places. An
 SV whose row is blocked ahead of it
 
-    changes to another lane, if its movement has a row that is free from there on (inside the junction, too);
+    changes to another lane, if its movement has a row that is free from there on (inside the junction, too),
+        and before the stop line waits until it has done so, if that row begins on another lane;
     otherwise, if it is before the stop line, takes another movement from its arm that is free;
     otherwise, if it is before the stop line, waits there: no SV drives into a junction if the way out of it
         is blocked.
@@ -146,8 +147,9 @@ class Detours:
         if free and driver.keeps_lane and not here:
             return None
         if free:
-            self._move_over(name, row, free[0], front)
-            if here:
+            own = [other for other in free if network.inbound_lane(other) is network.inbound_lane(row)]
+            self._move_over(name, row, (own or free)[0], front)
+            if here or own:
                 return None
         elif before and self._take_another(name, movement, front):
             return None

@@ -73,8 +73,8 @@ def in_pieces(folder: Path) -> Path:
     return build_network(folder)
 
 
-def with_pockets(folder: Path, lanes: int = 1) -> Path:
-    """Four arms of `lanes` each way, with one more within 40 m of the junction."""
+def with_pockets(folder: Path, lanes: int = 1, pocket: int = 1) -> Path:
+    """Four arms of `lanes` each way; within 40 m of the junction `pocket` more lead in and one more out."""
     nodes, edges = ['<node id="centre" x="0" y="0" type="priority"/>'], []
     for arm, (x, y) in AWAY.items():
         nodes += [
@@ -83,7 +83,7 @@ def with_pockets(folder: Path, lanes: int = 1) -> Path:
         ]
         for name, start, end, more in (
             ("in_far", arm, f"{arm}_widens", 0),
-            ("in", f"{arm}_widens", "centre", 1),
+            ("in", f"{arm}_widens", "centre", pocket),
             ("out", "centre", f"{arm}_widens", 1),
             ("out_far", f"{arm}_widens", arm, 0),
         ):

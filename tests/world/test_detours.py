@@ -143,6 +143,25 @@ def test_on_an_arm_of_several_edges_it_is_the_lane_of_the_edge_where_they_are(
     assert all(lane < lanes for lane, lanes in asked)
 
 
+def test_nobody_waits_before_the_line_for_a_lane_that_begins_behind_it(world_on, tmp_path, monkeypatch):
+    """On an arm of one lane they stood for good: no lane before the line was that of the free way alone."""
+    waiting, step = [], Detours.step
+
+    def note(detours, *given):
+        waits = step(detours, *given)
+        waiting.extend(waits)
+        return waits
+
+    monkeypatch.setattr(Detours, "step", note)
+    stalled = event("stalled_vehicle", lane="north_out_0", at=15)
+    plan = PlanSource(origin="west", turn="right", density=40.0, events=(stalled,)).plan(0)
+    world = world_on(str(with_pockets(tmp_path, pocket=0)))
+    world.reset(plan)
+    for _ in range(150):
+        world.advance(np.array([-6.0, 0.0]))
+    assert not waiting
+
+
 @pytest.mark.parametrize(("mix", "closes"), [({"car": 1.0}, 1.1), ({"car": 0.9, "bus": 0.1}, 1.45)])
 @pytest.mark.parametrize("beside", [-0.2, -0.05, 0.05, 0.2])
 def test_a_lane_is_closed_exactly_where_its_way_counts_as_blocked(world, mix, closes, beside):
