@@ -3,17 +3,19 @@
 0. An event put the other where it is, so near that the ego could not stop: the other's fault.
 1. The other stands or is a pedestrian: the ego's fault if the ego moved, else shared. Where an ego that moves
    on its reference path hits a car that the yielding layer makes brake or stand, and that has not stood for
-   IN_SIGHT_S yet, this rule does not apply: rules 3 to 7 decide.
+   IN_SIGHT_S yet, this rule does not apply: rules 3 to 8 decide.
 2. The ego stands (below 0.5 m/s) on its reference path, and either is not beyond the point up to which it may
    wait, or has stood for IN_SIGHT_S and has the other behind it, heading the same way: the other's fault.
 3. The two head the same way (within 45 degrees): the fault of the one behind; side by side, shared. Of two
    that came by different arms this holds only within 15 degrees, and only for one squarely behind.
 4. The other drives against its lane: the other's fault.
-5. One of the two had to yield to the other by the junction's right of way: the fault of that one. In a
+5. They meet head-on (within 45 degrees) where the ego's whole body is before its stop line or beyond the
+   junction: the ego's fault if it is over the left edge of its carriageway, else shared.
+6. One of the two had to yield to the other by the junction's right of way: the fault of that one. In a
    roundabout each may have to yield at its own entry; then it is the fault of the one that has driven less
    far beyond its stop line.
-6. An event makes the other break the rules: the other's fault.
-7. Otherwise shared.
+7. An event makes the other break the rules: the other's fault.
+8. Otherwise shared.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ from __future__ import annotations
 import math
 from typing import Literal, NamedTuple
 
+from rudc.network.line_kernels import between
 from rudc.world.scene import STANDING, Kind, Scene
 
 Fault = Literal["ego", "other", "shared"]
@@ -65,6 +68,8 @@ def judge(scene: Scene, index: int, unlawful: bool, held: bool = False, sudden: 
             return "shared"
     if row < 0:
         return "other"
+    if turn < -math.cos(math.pi / 4) and _on_an_arm(scene):
+        return "ego" if _over_the_middle(scene) else "shared"
     yields = paths.yields
     if yields[own, row] != yields[row, own]:
         return "ego" if yields[own, row] else "other"
@@ -78,3 +83,15 @@ def judge(scene: Scene, index: int, unlawful: bool, held: bool = False, sudden: 
 def _may_wait(scene: Scene) -> bool:
     front = scene.ego_s + 0.5 * scene.vehicle.length
     return front <= scene.route.waiting_s + 0.5
+
+
+def _on_an_arm(scene: Scene) -> bool:
+    half = 0.5 * scene.vehicle.length
+    return scene.ego_s + half < scene.route.stop_line_s or scene.ego_s - half > scene.route.exit_s
+
+
+def _over_the_middle(scene: Scene) -> bool:
+    body, path = scene.vehicle, scene.route.path
+    turned = scene.ego.psi - path.heading_at(scene.ego_s)
+    leftmost = 0.5 * (body.length * abs(math.sin(turned)) + body.width * math.cos(turned))
+    return scene.ego_offset + leftmost > between(scene.route.left_width, scene.ego_s)

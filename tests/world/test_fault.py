@@ -69,6 +69,18 @@ def test_an_ego_that_waits_where_it_may_is_never_at_fault(contact):
     assert contact(-4.8, 0.0, 0.0, 6.0, ego=0.0, front=20.0) == "other", "hit from behind, anywhere"
 
 
+@pytest.mark.parametrize("front", [-30.0, 40.0])
+def test_head_on_on_an_arm_who_is_over_the_middle_is_at_fault_whoever_goes_first(contact, four_way, front):
+    """The junction's right of way decided 30 m away from it."""
+    own, paths = four_way.route("south", "straight").row, four_way.paths
+    rows = [row for row in range(paths.count) if paths.yields[own, row] != paths.yields[row, own]]
+    assert {bool(paths.yields[own, row]) for row in rows} == {True, False}
+    for row in rows:
+        head_on = {"row": row, "front": front}
+        assert contact(4.9, 0.5, math.pi - 0.1, 8.0, ego_offset=4.6, **head_on) == "ego"
+        assert contact(4.9, 0.5, math.pi - 0.1, 8.0, **head_on) == "shared"
+
+
 def test_an_ego_that_stands_beside_its_path_is_judged_as_any(make_scene, contact):
     scene = make_scene(v=0.0, front=-1.0, ego_offset=2.0)
     scene = make_scene(
