@@ -116,7 +116,8 @@ def view_of(world: AnyWorld, outcome: str | None = None) -> View:
             ShownEvent(
                 number, happening.event, happening.begun_s, happening.visible_s, happening.is_over,
                 happening.bodies,
-                () if happening.bodies else places(world.network, scene.route, happening.event),
+                () if happening.bodies or happening.is_over
+                else places(world.network, scene.route, happening.event),
                 way_of(world.network, scene.route, happening.event) if happening.begun_s is None else None,
             )
             for number, happening in zip(numbers, happenings, strict=True)

@@ -91,3 +91,16 @@ def test_shipped_scenarios(tmp_path, name, colour, least):
     assert path.stat().st_size < 300_000
     with Image.open(path) as picture:
         assert count(np.asarray(picture.convert("RGB"))[150:], colour) > least
+
+
+def test_an_event_that_is_over_has_no_place_any_more():
+    """Once those who crossed had gone, their number stood again where they had begun."""
+    scenario = load_scenario("jaywalkers")
+    with World(load_network(scenario.network)) as world:
+        world.reset(scenario.plan(1))
+        while not world.happenings()[0].is_over:
+            world.advance(np.zeros(2))
+            assert world.scene().time_s < 60.0
+        (crossing,) = view_of(world).events
+    assert not crossing.bodies
+    assert crossing.places == ()
