@@ -3,8 +3,9 @@
 A prop stands, or follows a polyline. A vehicle that follows one stops before things that stand in its way,
 before surrounding vehicles (SVs) and behind props that go the same way, and goes on when the way is free. It
 stops for an ego below walking pace, but not for a faster one, since it is meant to be a hazard. Once it
-stands, it waits while an ego is before it, however fast. A pedestrian stops only for what is there already,
-right before it. The yielding layer makes SVs see all props.
+stands, and until it is as fast as that again, it waits while an ego is before it or passes close by, however
+fast. A pedestrian stops only for what is there already, right before it. The yielding layer makes SVs see all
+props.
 
 A moving prop that has had to stand for long goes back and waits until its way is free. A pedestrian goes back
 a step, and later to where they came from. A driver goes back until the other has room to drive off, and then
@@ -37,6 +38,8 @@ DRIVER_BACK_M, DRIVER_BACK_SPEED = 8.0, 1.5
 """m before a driver that must be free until it stops going back; how fast it goes back (m/s)"""
 WALKING_PACE = 2.0
 """m/s, an ego slower than this is taken to be about to stop: a driver stops before it"""
+PASSES_M = 0.5
+"""m beside the way of a slow driver, within which an ego that moves is in it"""
 SAME_WAY = math.cos(math.pi / 4)
 """cosine of the angle between their headings, above which a prop drives behind another as in a column"""
 LATE_S = 0.7
@@ -181,9 +184,11 @@ class Prop:
         """
         walks = self._walks
         ego, body = scene.ego, scene.vehicle
-        if walks or ego.v < WALKING_PACE or self.speed <= 0.0 or self._stepped_back > 0.0:
+        slow = not walks and self.speed < min(WALKING_PACE, self.wanted)
+        if walks or slow or ego.v < WALKING_PACE or self._stepped_back > 0.0:
             here, facing = np.array([[ego.x, ego.y]]), np.array([ego.psi])
-            if (rectangle_gaps(*box, here, facing, np.array([[body.length, body.width]])) == 0.0).any():
+            gaps = rectangle_gaps(*box, here, facing, np.array([[body.length, body.width]]))
+            if (gaps <= (PASSES_M if slow and ego.v >= STANDING else 0.0)).any():
                 return False
         speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
         way = np.zeros_like(speed) if walks else speed * late_s + speed**2 / (2 * self._braking)

@@ -153,6 +153,18 @@ def test_a_driver_who_has_stopped_does_not_set_off_into_an_ego_that_pulls_out(ma
     assert prop.travelled > before, "and goes on once the way is free"
 
 
+def test_a_driver_who_has_stopped_does_not_set_off_into_an_ego_that_passes_close_by(make_scene):
+    """It set off once the ego was beside its way, and turned into the ego's flank."""
+    ego = make_scene(v=3.0)
+    psi, place = ego.ego.psi, np.array([ego.ego.x, ego.ego.y])
+    along, aside = np.array([math.cos(psi), math.sin(psi)]), np.array([-math.sin(psi), math.cos(psi)])
+    for beside, sets_off in ((2.1, False), (2.4, True)):
+        prop = car(place + beside * aside + np.outer([40.0, -40.0], along), wanted=4.0)
+        prop.travelled, prop.speed = 35.0, 0.0
+        drive_towards(prop, lambda i: ego, steps=40)
+        assert (prop.travelled > 35.5) is sets_off
+
+
 def test_a_driver_does_not_go_back_into_somebody(make_scene):
     prop = car(np.array([[-60.0, 100.0], [60.0, 100.0]]))
     both = make_scene({"at": (0.0, 100.0, math.pi)}, {"at": (-14.0, 100.0, 0.0)})
