@@ -24,8 +24,8 @@ class WrongWay(Event, frozen=True):
     at: Metre
     """m from the junction along the lane, where its centre appears, once traffic there can stop before it"""
     speed: MovingSpeed = Constant(value=6.0)
-    """m/s; it stops for what stands in its way and for an ego below 2 m/s, not for a faster one; once it stands,
-    it waits while the ego passes"""
+    """m/s; it stops for what stands in its way and for an ego below 2 m/s, not for a faster one; once it
+    stands, it waits while the ego passes"""
     type: VehicleType = "car"
     """what vehicle"""
 
