@@ -34,7 +34,7 @@ PATIENCE_S, BACK_M, BACK_SPEED = 3.0, 1.0, 0.5
 """s after which a prop that is held up goes back; how far (m) and how fast (m/s) a pedestrian does"""
 LONG_S = 10.0
 """s after which who is held up goes back to where they came from"""
-DRIVER_BACK_M, DRIVER_BACK_SPEED = 8.0, 1.5
+DRIVER_BACK_M, DRIVER_BACK_SPEED = 8.0, 2.5
 """m before a driver that must be free until it stops going back; how fast it goes back (m/s)"""
 WALKING_PACE = 2.0
 """m/s, an ego slower than this is taken to be about to stop: a driver stops before it"""
