@@ -179,8 +179,8 @@ class LastResort:
         return np.array(late, dtype=np.int64)
 
     def _is_late(self, scene: Scene, others: _Others, i: int, place: Complex, facing: Complex) -> bool:
-        """Whether i meets an ego at `place` (T,) m facing `facing` (T,) sooner than it can stop gently on the
-        way that it drives until then: braking with a takes twice the time, v / (2 a) = that time.
+        """Whether i meets an ego at `place` (T,) m facing `facing` (T,) too soon to stop gently. At v m/s it
+        has v t m until it meets the ego after t s, and stopping with a m/s2 takes v^2 / (2 a): t < v / (2 a).
         """
         speed = float(np.hypot(*scene.velocity[i]))
         soon = self._times <= speed / (2.0 * GENTLY * -scene.vehicle.a_min)
