@@ -25,13 +25,13 @@ it is closer already, than it is now.
     u is taken         if the room of a manoeuvre is not negative; towards those who stand still, the room of
                        stopping counts in every manoeuvre
     going on           else, if somebody would hit the ego even at full braking (the room of that is below
-                       -margin by every prediction of that other) unless that other braked with more than
+                       -margin by every prediction of that other), can no longer prevent it by braking
                        GENTLY, and accelerating fully along the route leaves room towards everybody
     full braking       else, if braking fully at once has more room than each of these manoeuvres, or if no
                        stop that begins with u has room towards those who stand still and braking at once has
                        more towards them, whatever else comes; steering as in the stop with more room. Where
-                       all of them hit somebody, as much room (to ALIKE) counts as more: rectangles that
-                       overlap by more than their widths have the same separation, however far they overlap
+                       the manoeuvres hit somebody, ALIKE less room will do, too: rectangles that overlap by
+                       more than their widths have the same separation, however far they overlap
     u is taken         otherwise
 
 So the ego never hits what stands still, provided that it was seen in time and that the vehicle moves as in
@@ -73,7 +73,7 @@ STILL_MARGIN = 0.15
 """m, largest margin towards those who stand still: with more, the ego could not pass where there is just
 enough space"""
 ALIKE = 0.1
-"""m, manoeuvres that hit somebody and whose room differs by less are alike"""
+"""m of room: of manoeuvres that hit somebody, those that differ by less count as equally bad"""
 AS_GOOD = 0.01
 """m/s2, an acceleration closer than this to full braking counts as full braking"""
 BENDS = 0.8
@@ -82,7 +82,7 @@ BENDS = 0.8
 HARDEST = -9.0
 """m/s2, hardest braking that is assumed of whoever leads the ego: what a good car can on a dry road"""
 GENTLY = 0.4
-"""share of the hardest braking with which others are expected to spare an ego that stands in their way"""
+"""share of the ego's hardest braking: others are expected to brake as hard as this for an ego in their way"""
 SPEEDS_UP_S = 2.0
 """s, for which somebody who speeds up now is predicted to go on doing so"""
 CHANGING = 0.5

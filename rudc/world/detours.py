@@ -5,8 +5,8 @@ on the road for good (an accident, a closed lane, a stalled vehicle): nearer tha
 row's line, as lanes are closed for SUMO (rudc/world/events/stage.py). It may be blocked in several places. An
 SV whose row is blocked ahead of it
 
-    changes to another lane, if its movement has a row that is free from there on (inside the junction, too),
-        and before the stop line waits until it has done so, if that row begins on another lane;
+    changes to another lane, if its movement has a row that is free from there on (inside the junction, too);
+        it waits before the stop line until it has changed, if no free row begins on its own lane;
     otherwise, if it is before the stop line, takes another movement from its arm that is free;
     otherwise, if it is before the stop line, waits there: no SV drives into a junction if the way out of it
         is blocked.

@@ -2,10 +2,9 @@
 
 A prop stands, or follows a polyline. A vehicle that follows one stops before things that stand in its way,
 before surrounding vehicles (SVs) and behind props that go the same way, and goes on when the way is free. It
-stops for an ego below walking pace, but not for a faster one, since it is meant to be a hazard. Once it
-stands, and until it is as fast as that again, it waits while an ego is before it or passes close by, however
-fast. A pedestrian stops only for what is there already, right before it. The yielding layer makes SVs see all
-props.
+stops for an ego below walking pace, but not for a faster one, since it is meant to be a hazard. While it is
+itself slower than walking pace, it stops for any ego that is before it or passes close by. A pedestrian
+stops only for what is there already, right before it. The yielding layer makes SVs see all props.
 
 A moving prop that has had to stand for long goes back and waits until its way is free. A pedestrian goes back
 a step, and later to where they came from. A driver goes back until the other has room to drive off, and then

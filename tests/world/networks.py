@@ -35,6 +35,13 @@ def with_limits(folder: Path, limits: Callable[[str], float], node_type: str = "
     return path
 
 
+def _built(folder: Path, name: str, nodes: list[str], edges: list[str]) -> Path:
+    """The network of these nodes and edges, as netconvert reads them."""
+    for ending, tag, parts in ((".nod.xml", "nodes", nodes), (".edg.xml", "edges", edges)):
+        (folder / f"{name}{ending}").write_text(f"<{tag}>{''.join(parts)}</{tag}>", encoding="utf-8")
+    return build_network(folder)
+
+
 def bent(folder: Path, node_type: str = "priority") -> Path:
     """Four arms that meet at right angles; 30 m out the north arm bends by 60 degrees."""
     nodes = [f'<node id="centre" x="0" y="0" type="{node_type}"/>']
@@ -49,9 +56,7 @@ def bent(folder: Path, node_type: str = "priority") -> Path:
                 f'<edge id="{arm}_{way}" from="{start}" to="{end}" numLanes="1" speed="13.9" '
                 f'priority="{2 if x else 1}" shape="{shape}"/>'
             )
-    for ending, tag, parts in ((".nod.xml", "nodes", nodes), (".edg.xml", "edges", edges)):
-        (folder / f"bent{ending}").write_text(f"<{tag}>{''.join(parts)}</{tag}>", encoding="utf-8")
-    return build_network(folder)
+    return _built(folder, "bent", nodes, edges)
 
 
 def in_pieces(folder: Path) -> Path:
@@ -68,9 +73,7 @@ def in_pieces(folder: Path) -> Path:
                     f'<edge id="{arm}_{way}{i}" from="{start}" to="{end}" numLanes="1" '
                     f'speed="{next(limits)}" priority="{2 if AWAY[arm][0] else 1}"/>'
                 )
-    for ending, tag, parts in ((".nod.xml", "nodes", nodes), (".edg.xml", "edges", edges)):
-        (folder / f"pieces{ending}").write_text(f"<{tag}>{''.join(parts)}</{tag}>", encoding="utf-8")
-    return build_network(folder)
+    return _built(folder, "pieces", nodes, edges)
 
 
 def with_pockets(folder: Path, lanes: int = 1, pocket: int = 1) -> Path:
@@ -91,9 +94,7 @@ def with_pockets(folder: Path, lanes: int = 1, pocket: int = 1) -> Path:
                 f'<edge id="{arm}_{name}" from="{start}" to="{end}" numLanes="{lanes + more}" speed="13.9" '
                 f'priority="{2 if x else 1}"/>'
             )
-    for ending, tag, parts in ((".nod.xml", "nodes", nodes), (".edg.xml", "edges", edges)):
-        (folder / f"pockets{ending}").write_text(f"<{tag}>{''.join(parts)}</{tag}>", encoding="utf-8")
-    return build_network(folder)
+    return _built(folder, "pockets", nodes, edges)
 
 
 def two_lane_ring(folder: Path) -> Path:
@@ -116,6 +117,4 @@ def two_lane_ring(folder: Path) -> Path:
         ]
     ring = " ".join(f"ring_{arm}" for arm in names)
     edges.append(f'<roundabout nodes="{" ".join(names)}" edges="{ring}"/>')
-    for ending, tag, parts in ((".nod.xml", "nodes", nodes), (".edg.xml", "edges", edges)):
-        (folder / f"ring{ending}").write_text(f"<{tag}>{''.join(parts)}</{tag}>", encoding="utf-8")
-    return build_network(folder)
+    return _built(folder, "ring", nodes, edges)
