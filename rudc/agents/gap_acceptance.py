@@ -50,8 +50,7 @@ class GapAcceptance:
         """Steer along the path; accelerate as the strictest of leader, stopping place and bends allows."""
         self._profile = speeds_in_bends(scene.route.path)
         route = scene.route
-        limit = route.speed_limit if scene.ego_s < route.exit_s else route.speed_limit_after
-        speed = speed_allowed(scene, self._profile, min(CRUISE, limit))
+        speed = speed_allowed(scene, self._profile, min(CRUISE, route.limit_at(scene.ego_s)))
         acceleration = acceleration_towards(speed, scene, ACCELERATION)
         gap, leader_speed = self.leader(scene)
         acceleration = min(acceleration, _idm(scene.ego.v, speed, gap, leader_speed))

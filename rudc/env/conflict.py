@@ -1,7 +1,8 @@
 """41 features that predict conflicts between the ego and the others over the next 5 s (ours).
 
 Ego. It follows its reference path, once with each acceleration a in {2.5, 1, 0, -1.5, -4} m/s2; its speed
-stays between 0 and the limit (or its present speed, if that is higher).
+stays between 0 and the limit, or what the vehicle can do if that is less (or its present speed, if that is
+higher).
 
 Others. They follow their own paths, under two hypotheses each:
     free     IDM on a free road, v' = a (1 - (v / v0)^4): it drives on, whoever has priority
@@ -101,7 +102,7 @@ def _meetings(scene: Scene, result: Array) -> tuple[float, float]:
     )  # fmt: skip
     result[0:32] = kernels.meetings(
         *tables.find(body, codes), tables.ds, s, which, tables.rows,
-        scene.ego_s, v, max(route.speed_limit, v), _ACCELERATIONS, _TIMES, TOUCH, BINS,
+        scene.ego_s, v, max(min(route.speed_limit, body.v_max), v), _ACCELERATIONS, _TIMES, TOUCH, BINS,
         line.xy, line.heading, body.length, body.width, *others,
     )  # fmt: skip
     gap = rear - scene.ego_s - 0.5 * body.length
@@ -127,7 +128,8 @@ def _free_road() -> tuple[Array, Array, Array]:
 
 
 def _leader_features(scene: Scene, gap: float, speed: float) -> tuple[float, float, float]:
-    v, v0 = scene.ego.v, max(scene.route.speed_limit, 1.0)
+    limit = min(scene.route.limit_at(scene.ego_s), scene.vehicle.v_max)
+    v, v0 = scene.ego.v, max(limit, 1.0)
     acceleration = max(idm(v, v0, gap, v - speed), -6.0) / 6.0
     return (1.0, 0.0, acceleration) if math.isinf(gap) else (gap / REACH, (speed - v) / 10.0, acceleration)
 

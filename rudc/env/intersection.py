@@ -131,7 +131,7 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
 
     `info` has `scene` (the `Scene` that the EV's sensors show), `seed` (the episode's) and `cost` (0 at a
     reset); after a step also `reward_terms` and `outcome` (empty while the episode goes on); and at the end
-    `metrics`, the fields of `rudc.env.episode.EpisodeMetrics`.
+    `metrics`, the fields of `rudc.env.episode.EpisodeMetrics` that are not None.
 
     ## Arguments
 
@@ -292,7 +292,8 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
             "outcome": str(ended) if ended else "",
         }
         if ended:
-            info["metrics"] = asdict(self.episode.metrics())
+            said = asdict(self.episode.metrics()).items()
+            info["metrics"] = {name: value for name, value in said if value is not None}
             frozen = ended is Outcome.FROZEN
         if self.render_mode == "human":
             self._show()
@@ -341,8 +342,8 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
                     f"plan is an `EpisodePlan`, as `Scenario.plan` gives, not {options['plan']!r}"
                 )
             return options["plan"]
-        drawn = seed if seed is not None else int(self.np_random.integers(2**31 - 1))
         scenario = self._find(options["scenario"]) if "scenario" in options else self._scenario
+        drawn = seed if seed is not None else int(self.np_random.integers(2**31 - 1))
         return scenario.plan(drawn)
 
     def _episode_on(self, plan: EpisodePlan) -> Episode:

@@ -176,7 +176,7 @@ def ego_s(s: float, v: float, top: float, accelerations: Vector, times: Vector) 
 @kernel
 def code(row: int, length: float, width: float) -> int:
     """One number that stands for a path's row and a size (m, m), rounded to decimetres."""
-    return row * 1_000_000 + int(np.rint(length * 10_000.0 + width * 10.0))
+    return row * 1_000_000 + 1000 * int(np.rint(length * 10.0)) + int(np.rint(width * 10.0))
 
 
 @kernel

@@ -12,7 +12,8 @@ Reward (paper, Sec. "Reward Design"). The paper states no units; those below giv
     safe            0 if d_veh > 2;  -(2 - d_veh) / 3 down to 0.5;  -3 (1 - d_veh) / 3 below
 
     e_p    m, distance to the nearest point of the line (the paper's x and y errors, whose weights are equal)
-    e_vx   m/s, speed limit less longitudinal velocity;  v_y m/s, lateral velocity in the body frame
+    e_vx   m/s, speed limit there, or the vehicle's top speed if that is lower, less longitudinal velocity
+    v_y    m/s, lateral velocity in the body frame
     e_phi  rad, heading less the line's;  omega rad/s, yaw rate
     u      applied acceleration / 6 m/s2 and steering / 0.6 rad (the largest that the vehicle allows), so
            that doing nothing costs nothing;  du its change since the last decision
@@ -104,7 +105,8 @@ def _reference_error(scene: Scene) -> float:
     errors += [
         _line_error(scene, line, *line.project(ego.x, ego.y, scene.ego_s)) for line in route.alternatives
     ]
-    speed = (route.speed_limit - ego.v * math.cos(ego.slip)) / SPEED_UNIT
+    wanted = min(route.limit_at(scene.ego_s), scene.vehicle.v_max)
+    speed = (wanted - ego.v * math.cos(ego.slip)) / SPEED_UNIT
     lateral = ego.v * math.sin(ego.slip) / SPEED_UNIT
     return min(errors) + Q_VX * speed**2 + Q_VY * lateral**2 + Q_YAW_RATE * ego.yaw_rate**2
 

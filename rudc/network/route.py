@@ -151,3 +151,7 @@ class Route:
     north)"""
     key: RouteKey
     """the key by which it is found again"""
+
+    def limit_at(self, s: float) -> float:
+        """The speed limit (m/s) at arc length s (m)."""
+        return self.speed_limit if s < self.exit_s else self.speed_limit_after

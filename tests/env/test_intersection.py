@@ -167,6 +167,11 @@ def test_arguments_and_options(make):
         _, info = env.reset(seed=3, options={"scenario": "density_sweep"})
     assert info["seed"] == 3
     assert env.reset(seed=0)[1]["scene"].route.turn == "left"
+    expected = env.reset()[1]["seed"]
+    env.reset(seed=0)
+    with pytest.raises(InputError, match="nosuch: no shipped scenario"):
+        env.reset(options={"scenario": "nosuch"})
+    assert env.reset()[1]["seed"] == expected, "a reset that is refused draws no seed"
     with pytest.raises(InputError, match="colour"):
         env.reset(options={"colour": 1})
     with pytest.raises(InputError, match=r"takes a mapping with scenario or plan, not \[1\]"):

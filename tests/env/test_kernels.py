@@ -28,3 +28,10 @@ def test_interpolation_is_numpys():
     x = np.concatenate([np.linspace(-1, xp[-1] + 1, 300), xp])
     got = [kernels.interpolated(float(v), xp, fp) for v in x]
     assert got == pytest.approx(np.interp(x, xp, fp), abs=1e-9)
+
+
+@pytest.mark.parametrize(("length", "width"), [(4.75, 1.8), (4.08, 1.73), (1.8, 0.65), (16.5, 2.55)])
+def test_a_code_holds_a_size_in_decimetres(length, width):
+    """4.75 x 1.8 m was read as 4.7 x 51.8 m."""
+    row, size = divmod(kernels.code(7, length, width), 1_000_000)
+    assert (row, *divmod(size, 1000)) == (7, np.rint(10 * length), np.rint(10 * width))

@@ -37,6 +37,16 @@ def test_reference_term(make_scene, offset, v, turned):
     assert terms(scene)["reference"] == pytest.approx(1 / (1 + error), rel=1e-3)
 
 
+@pytest.mark.parametrize(("s", "wanted"), [(60.0, 15.0), (180.0, 5.0)])
+def test_the_speed_asked_for_is_the_limit_there_or_what_the_car_can_do(make_scene, s, wanted):
+    """It was the limit before the junction to the very end, and more than the car's 15 m/s."""
+    for v, reached in ((wanted, 1.0), (10.0, 1 / (1 + 30 * ((wanted - 10.0) / 20) ** 2))):
+        scene = make_scene("south", "straight", s=s, v=v)
+        route = dataclasses.replace(scene.route, speed_limit=25.0, speed_limit_after=5.0)
+        scene = dataclasses.replace(scene, route=route)
+        assert terms(scene)["reference"] == pytest.approx(reached, abs=1e-4)
+
+
 def test_the_better_reference_line_counts(make_scene):
     scene = make_scene("south", "left", s=170.0, v=10.0)
     route = scene.route

@@ -3,6 +3,7 @@
 import gc
 import subprocess
 import sys
+from functools import partial
 
 import gymnasium
 import numpy as np
@@ -56,6 +57,22 @@ def test_a_vector_in_one_process():
         assert info["cost"].dtype == np.float64
         observations, *_, info = several.step(np.stack([COAST, COAST]))
     several.close()
+
+
+def test_a_vector_of_scenarios_with_and_without_events_ends():
+    """Where both ended at once, Gymnasium could not put "no events are scripted" beside a number of them."""
+    short = {"episode.timeout": 0.3, "ego.speed": 0.0}
+    makers = [
+        partial(gymnasium.make, rudc.ENV_ID, scenario=name, overrides=short)
+        for name in ("jaywalkers", "random_destination")
+    ]
+    several = gymnasium.vector.SyncVectorEnv(makers)
+    several.reset(seed=1)
+    for _ in range(3):
+        *_, ended, info = several.step(np.array([[-1.0, 0.0]] * 2, np.float32))
+    several.close()
+    assert ended.all()
+    assert info["metrics"]["_events_fired"].tolist() == [True, False]
 
 
 def test_a_dropped_environment_releases_its_world():
