@@ -20,6 +20,8 @@ class Brakes:
         self._sumo = sumo
         self._traffic = traffic
         self._hard: set[str] = set()
+        self.asked: dict[str, float] = {}
+        """name of each vehicle that is braked -> m/s2"""
 
     def apply(
         self, wanted: Mapping[str, tuple[float, float]], duration_s: float, behind_ego: Collection[str]
@@ -30,6 +32,7 @@ class Brakes:
         that drive behind the ego.
         """
         drivers, hard = self._traffic.drivers, set()
+        self.asked.clear()
         for name, (speed, deceleration) in wanted.items():
             driver = drivers.get(name)
             if driver is not None and (driver.overridden or (driver.heedless and name not in behind_ego)):
@@ -38,6 +41,7 @@ class Brakes:
                 hard.add(name)
                 if name not in self._hard:
                     self._sumo.set_mode(name, BRAKE_HARD)
+            self.asked[name] = deceleration
             self._sumo.slow_down(name, max(speed - deceleration * duration_s, 0.0), duration_s)
         for name in self._hard - hard:
             if name == EGO:

@@ -209,13 +209,13 @@ class World:
         self._borders = Borders(self.network.surface, self.vehicle, plan.ego.may_cross_centre)
         self._decisions, self._ego_inside = 0, False
         self._place_ego(ego_rng)
+        self._brakes = Brakes(self._sumo, self.traffic)
         self.stage = WorldStage(
-            self._sumo, self.network, self.traffic, self._plant, self.route, event_rng,
+            self._sumo, self.network, self.traffic, self._brakes, self._plant, self.route, event_rng,
             Sensors(np.zeros((0, 5))), self.config.decision_s, self._ego_s,
         )  # fmt: skip
         self.traffic.begin(plan.traffic, traffic_rng)
         self._reader = Reader(self._sumo, self.network, self.traffic)
-        self._brakes = Brakes(self._sumo, self.traffic)
         self._held: set[str] = set()
         self._lane_keeping, self._unblocking = LaneKeeping(self._sumo), Unblocking(self._sumo)
         self._detours = Detours(self._sumo, self.network, self.traffic)

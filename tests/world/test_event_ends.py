@@ -15,10 +15,14 @@ from rudc.scenario.distributions import Uniform
 from tests.plans import event
 from tests.world.test_events import CALM, LATER, STAND, run
 
+LED = replace(CALM, density=10.0, origin="south", turn="straight", speed=(9.0, 9.0), distance=(60.0, 60.0))
+"""the ego follows a leader"""
 
-def test_the_last_of_several_events_counts_and_ends_for_itself(world):
-    """The end of one undid the other: its vehicle drove off at its own speed."""
-    slow = [event("slow_vehicle", vehicle="leader", speed=v, duration=t) for v, t in ((3.0, 2.0), (2.0, 4.0))]
+
+def test_of_several_events_one_counts_and_each_ends_for_itself(world):
+    """The end of one undid the other: its vehicle drove off at its own speed. The last counts, of top speeds
+    the lowest."""
+    slow = [event("slow_vehicle", vehicle="leader", speed=v, duration=t) for v, t in ((2.0, 3.2), (3.0, 5.0))]
     dense = [
         event("density_surge", density=d, duration=t, when={"simulation_time": {"above": after}})
         for d, t, after in ((30.0, 3.0, 0.5), (40.0, 3.0, 2.0))
@@ -28,7 +32,6 @@ def test_the_last_of_several_events_counts_and_ends_for_itself(world):
     scenes = run(world, source, 1.5, u=np.zeros(2))
     (name,) = world.happenings()[0].bodies
     assert name in world.stage.unlawful
-    assert libsumo.vehicle.getMaxSpeed(name) == 2.0
     assert world.traffic.density == 30.0
     found = {}
     while scenes[-1].time_s < 6.5:
@@ -38,7 +41,7 @@ def test_the_last_of_several_events_counts_and_ends_for_itself(world):
             top, unlawful = libsumo.vehicle.getMaxSpeed(name), name in world.stage.unlawful
             found[round(scenes[-1].time_s, 1)] = top, unlawful, world.traffic.density
     assert found[2.8] == (2.0, True, 40.0), "the first of each but the heavier traffic is over"
-    assert found[4.0] == (2.0, False, 40.0), "the first surge is over, too"
+    assert found[4.0] == (3.0, False, 40.0), "the lower top speed and the first surge are over, too"
     assert found[6.0] == (30.0, False, 10.0)
 
 
@@ -158,3 +161,53 @@ def test_who_leads_the_ego_changes_lanes_only_where_there_is_room(world):
     for seed in (1, 6, 8):
         record = run_episode(episode, scenario.plan(seed), make_agent("planner"))
         assert record.values["sv_collisions"] == 0, seed
+
+
+def test_a_vehicle_slows_down_without_hurry(world):
+    """Its top speed fell at once, and SUMO braked it from 9 to 3 m/s as hard as it can."""
+    slow = event("slow_vehicle", vehicle="leader", speed=3.0, when=LATER)
+    scenes = run(world, replace(LED, events=(slow,)), 4.0, u=np.zeros(2))
+    (name,) = world.happenings()[0].bodies
+    speeds = np.array([np.hypot(*s.velocity[s.ids.index(name)]) for s in scenes if name in s.ids])
+    assert speeds[0] == pytest.approx(9.0, abs=0.1)
+    assert speeds[-1] == pytest.approx(3.0, abs=0.1)
+    assert np.diff(speeds).min() == pytest.approx(-0.3, abs=0.01)
+
+
+@pytest.mark.parametrize("kinds", [("hard_brake", "stalled_vehicle"), ("stalled_vehicle", "hard_brake")])
+def test_who_is_slowed_down_by_two_events_brakes_as_the_harder_one_says(world, kinds):
+    """The event that began last counted: who stalled while braking hard braked at 3 m/s2."""
+    events = tuple(event(kind, vehicle="leader", when=LATER) for kind in kinds)
+    scenes = run(world, replace(LED, events=events), 2.0, u=np.zeros(2))
+    (name,) = world.happenings()[0].bodies
+    speeds = np.array([np.hypot(*s.velocity[s.ids.index(name)]) for s in scenes if name in s.ids])
+    assert np.diff(speeds).min() == pytest.approx(-0.7, abs=0.01)
+    assert len(speeds) == len(scenes)
+
+
+@pytest.mark.parametrize("slow", [1.0, 8.0])
+def test_who_slows_down_yields_none_the_less(world, slow):
+    """Slowing down would take the place of harder braking before the ego."""
+    run(
+        world, replace(LED, events=(event("slow_vehicle", vehicle="leader", speed=slow),)), 0.1, u=np.zeros(2)
+    )
+    (name,) = world.happenings()[0].bodies
+    before = world.stage.speed(name)
+    world._brakes.apply({name: (before, 6.0)}, 0.5, ())
+    for _ in range(3):
+        world.advance(np.zeros(2))
+        world.scene()
+    assert world.stage.brakes.asked == {name: 6.0}
+    assert before - libsumo.vehicle.getSpeed(name) > 1.7
+
+
+def test_events_are_over_when_all_their_vehicles_have_left(world):
+    """Lines and pictures said of them that they were still on."""
+    events = (event("speeding", vehicle="leader", factor=1.5), event("priority_violation", vehicle="leader"))
+    run(world, replace(CALM, density=10.0, origin="south", turn="straight", events=events), 2.0)
+    (name,) = world.happenings()[0].bodies
+    while name in world.scene().ids:
+        world.advance(STAND)
+    world.advance(STAND)
+    assert all(happening.is_over for happening in world.happenings())
+    assert not world.stage.unlawful

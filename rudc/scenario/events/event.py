@@ -22,7 +22,8 @@ Duration = Annotated[AnyDistribution, Bounds(0, 600, "s", above=True)]
 Speed = Annotated[AnyDistribution, Bounds(0, 40, "m/s")]
 MovingSpeed = Annotated[AnyDistribution, Bounds(0, 40, "m/s", above=True)]
 
-
+UNHURRIED = 3.0
+"""m/s2, with which an event slows down or stops a vehicle whose driver need not hurry"""
 ROUNDED_S = 1e-6
 """s by which a sum of times may be off"""
 
@@ -131,11 +132,20 @@ class Held(Effect[V]):
         for name in self.held:
             self.command(stage, name)
 
+    def is_over(self, stage: Stage) -> bool:
+        """Whether its duration has passed, or all its vehicles have left."""
+        return super().is_over(stage) or self.all_left(stage)
+
+    def all_left(self, stage: Stage) -> bool:
+        """Whether it took hold of vehicles, of which none is there any more."""
+        return bool(self.chosen) and self.chosen.isdisjoint(stage.present)
+
     def end(self, stage: Stage) -> None:
         present = set(stage.present)
         for name in self.held:
             if name in present:
                 self.let_go(stage, name)
+        stage.unlawful.difference_update(self.chosen - present)
 
     def hold(self, stage: Stage, name: str) -> None:
         """Do to one vehicle, once, what the event says."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from rudc.scenario.events.event import Duration, Held, MovingSpeed, VehicleEvent
+from rudc.scenario.events.event import UNHURRIED, Duration, Held, MovingSpeed, VehicleEvent
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import Stage
 from rudc.scenario.triggers import Selector
@@ -23,11 +23,26 @@ class SlowVehicle(VehicleEvent, frozen=True):
     """s; by default for good"""
 
 
-class SlowVehicleEffect(Held[SlowVehicle]):
-    """It goes no faster than a given speed."""
+SETTLED = 0.1
+"""m/s above its new top speed at which a vehicle counts as slow enough"""
 
-    def hold(self, stage: Stage, name: str) -> None:
-        stage.set_top_speed(name, float(self.event.speed), self.name)
+
+class SlowVehicleEffect(Held[SlowVehicle]):
+    """It slows down without hurry, and then goes no faster than a given speed."""
+
+    def __init__(self, event: SlowVehicle, name: str) -> None:
+        super().__init__(event, name)
+        self._slow: set[str] = set()
+
+    def command(self, stage: Stage, name: str) -> None:
+        wanted = float(self.event.speed)
+        if name in self._slow:
+            return
+        if stage.speed(name) > wanted + SETTLED:
+            stage.slow_down(name, UNHURRIED, least=wanted)
+        else:
+            stage.set_top_speed(name, wanted, self.name)
+            self._slow.add(name)
 
     def let_go(self, stage: Stage, name: str) -> None:
         stage.set_top_speed(name, None, self.name)

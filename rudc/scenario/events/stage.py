@@ -61,9 +61,11 @@ class Stage(ABC):
         """Give a vehicle back to its driver, seized with the same `heedless`."""
 
     @abstractmethod
-    def slow_down(self, name: str, deceleration: float) -> None:
-        """Have a vehicle brake with deceleration m/s2, if the road lets it, until the next decision, and not
-        drive backwards."""
+    def slow_down(self, name: str, deceleration: float, least: float = 0.0) -> None:
+        """Have a vehicle brake with deceleration m/s2, if the road lets it, until the next decision, but to
+        no less than `least` m/s. Of several events that slow it down, and of braking to yield, the hardest
+        counts.
+        """
 
     @abstractmethod
     def set_speed_factor(self, name: str, factor: float | None, event: str = "") -> None:
@@ -74,8 +76,10 @@ class Stage(ABC):
 
     @abstractmethod
     def set_top_speed(self, name: str, speed: float | None, event: str = "") -> None:
-        """Set the m/s that a vehicle does not exceed; as `set_speed_factor`, after all events what its type
-        can do."""
+        """Set the m/s that a vehicle does not exceed, for an event; None when the event is over.
+
+        Of several events, and of what its type can do, the lowest counts.
+        """
 
     @property
     @abstractmethod

@@ -9,7 +9,7 @@ from typing import Any, Literal
 from pydantic import SerializerFunctionWrapHandler, model_serializer
 
 from rudc.scenario.base import Identifier
-from rudc.scenario.events.event import ROUNDED_S, Duration, Held, VehicleEvent
+from rudc.scenario.events.event import ROUNDED_S, UNHURRIED, Duration, Held, VehicleEvent
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import Stage
 from rudc.scenario.poses import VehicleType
@@ -17,8 +17,6 @@ from rudc.scenario.triggers import Metre, Selector
 
 STANDS = 0.1
 """m/s, below which a stalled vehicle has come to rest; nearly 0, since its duration counts from there"""
-STALL_DECEL = 3.0
-"""m/s2, with which a stalling vehicle comes to a stop"""
 
 
 class StalledVehicle(VehicleEvent, frozen=True):
@@ -88,10 +86,10 @@ class StalledVehicleEffect(Held[StalledVehicle]):
         if self.event.vehicle is None or self.event.duration is None:
             return super().is_over(stage)
         over_s = math.inf if self._stands_since is None else self._stands_since + float(self.event.duration)
-        return stage.time_s >= over_s - ROUNDED_S
+        return stage.time_s >= over_s - ROUNDED_S or self.all_left(stage)
 
     def command(self, stage: Stage, name: str) -> None:
-        stage.slow_down(name, STALL_DECEL)
+        stage.slow_down(name, UNHURRIED)
 
     def end(self, stage: Stage) -> None:
         stage.remove_things(self.name)

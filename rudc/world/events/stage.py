@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from rudc.network.network import Network, Route
     from rudc.network.road import Lane
     from rudc.scenario.triggers import Selector
+    from rudc.world.brakes import Brakes
     from rudc.world.ego import EgoPlant
     from rudc.world.perception import Sensors
     from rudc.world.sumo import Sumo
@@ -52,6 +53,7 @@ class WorldStage(NetworkStage):
     sumo: Sumo
     network: Network
     traffic: Traffic
+    brakes: Brakes
     plant: EgoPlant
     route: Route
     rng: np.random.Generator
@@ -70,6 +72,8 @@ class WorldStage(NetworkStage):
     """(`speed`, `factor` or `density`; name of the vehicle) -> the value that each event asks for which is
     not over, by the event's name; the latest is the last
     """
+    _slowed: dict[str, tuple[float, float]] = field(default_factory=dict)
+    """name of a vehicle -> when events last slowed it down (s), and to what speed (m/s)"""
     _stand_ins: dict[str, list[str]] = field(default_factory=dict)
     """names of each event's stand-ins in SUMO"""
     _blocks: int = 0
@@ -114,32 +118,39 @@ class WorldStage(NetworkStage):
             driver.overridden -= 1
         self.sumo.set_mode(name, driver.mode)
 
-    def slow_down(self, name: str, deceleration: float) -> None:
-        slower = self.speed(name) - min(deceleration, self.traffic.grip) * self.decision_s
-        self.sumo.slow_down(name, max(slower, 0.0), self.decision_s)
+    def slow_down(self, name: str, deceleration: float, least: float = 0.0) -> None:
+        slower = max(self.speed(name) - min(deceleration, self.traffic.grip) * self.decision_s, least)
+        when, slowest = self._slowed.get(name, (-math.inf, math.inf))
+        if (when == self.time_s and slowest <= slower) or self.brakes.asked.get(name, 0.0) > deceleration:
+            return
+        self._slowed[name] = self.time_s, slower
+        self.sumo.slow_down(name, slower, self.decision_s)
 
     def set_speed_factor(self, name: str, factor: float | None, event: str = "") -> None:
         own = self.traffic.drivers[name].speed_factor
-        self.sumo.personality(name, speed_factor=self._last("factor", name, event, factor, own))
+        asked = self._ask("factor", name, event, factor)
+        self.sumo.personality(name, speed_factor=[own, *asked][-1])
 
     def set_top_speed(self, name: str, speed: float | None, event: str = "") -> None:
         own = self.traffic.drivers[name].type.max_speed
-        self.sumo.personality(name, max_speed=self._last("speed", name, event, speed, own))
+        self.sumo.personality(name, max_speed=min([own, *self._ask("speed", name, event, speed)]))
 
-    def _last(self, what: str, name: str, event: str, value: float | None, own: float) -> float:
-        """Note the value that an event asks for, None once it is over. Returns the latest, else `own`."""
+    def _ask(self, what: str, name: str, event: str, value: float | None) -> list[float]:
+        """Note the value that an event asks for, None once it is over. Returns what all ask for, the latest
+        last.
+        """
         asked = self._asked.setdefault((what, name), {})
         asked.pop(event, None)
         if value is not None:
             asked[event] = value
-        return next(reversed(asked.values()), own)
+        return [*asked.values()]
 
     @property
     def density(self) -> float:
         return self.traffic.density
 
     def set_density(self, density: float | None, event: str = "") -> None:
-        self.traffic.density = self._last("density", "", event, density, self.traffic.usual_density)
+        self.traffic.density = [self.traffic.usual_density, *self._ask("density", "", event, density)][-1]
 
     # ---- things
 
