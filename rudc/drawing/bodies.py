@@ -70,6 +70,8 @@ EDGE_M = 0.16
 """m, width of outlines"""
 BADGE_PX, BADGE_TEXT_PX = 8.5, 12.0
 """pixels of the picture: radius of an event's number, height of its digits"""
+BESIDE_M = 2.0
+"""m around a body, in which all is that is drawn of it: edge, shadow, where a pedestrian goes"""
 
 
 def placed(shape: Array, position: Array, heading: Array, size: Array) -> Array:
@@ -97,7 +99,7 @@ def draw_others(
     canvas: Canvas, scene: Scene, involved: Collection[str], hidden: Collection[str] = ()
 ) -> None:
     """Everybody but the ego. `involved`: who takes part in an event; `hidden`: whom the ego does not see."""
-    in_view = canvas.holds(scene.position, 10.0)
+    in_view = canvas.holds(scene.position, 0.5 * np.hypot(*scene.size.T) + BESIDE_M)
     braking = (scene.acceleration < -0.7) | (np.hypot(*scene.velocity.T) < 0.3)
     for kind in Kind:
         rows = np.flatnonzero((scene.kind == int(kind)) & in_view)
@@ -149,13 +151,26 @@ def draw_badge(canvas: Canvas, x: float, y: float, number: int, *, there: bool =
 
 
 def draw_badges(canvas: Canvas, scene: Scene, numbers: Mapping[str, int]) -> None:
-    """The number of its event beside everybody in `numbers` (name -> number) who is in view."""
+    """The number of its event beside everybody in `numbers` (name -> number) who is in view: beside the
+    middle, or, where that is not in view, where the body comes nearest to the view's centre.
+    """
     away = (BADGE_PX * FINE + 3) / canvas.scale
     for i, name in enumerate(scene.ids):
-        if name in numbers and canvas.holds(scene.position[i]):
-            x, y = scene.position[i].tolist()
+        if name not in numbers:
+            continue
+        place = scene.position[i]
+        if not canvas.holds(place):
+            place = _nearest_to(canvas.centre, place, float(scene.heading[i]), float(scene.size[i, 0]))
+        if canvas.holds(place):
             aside = 0.35 * float(scene.size[i].min()) + away
-            draw_badge(canvas, x + 0.8 * aside, y + 0.8 * aside, numbers[name])
+            x, y = (place + 0.8 * aside).tolist()
+            draw_badge(canvas, x, y, numbers[name])
+
+
+def _nearest_to(target: Array, position: Array, heading: float, length: float) -> Array:
+    """(2,) m, the place on a body's axis that is nearest to a target (2,) m."""
+    course = np.array([np.cos(heading), np.sin(heading)])
+    return position + np.clip((target - position) @ course, -0.5 * length, 0.5 * length) * course
 
 
 @cache

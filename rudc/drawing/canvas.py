@@ -46,8 +46,16 @@ class Canvas:
         """(..., 2) pixel coordinates of points xy (..., 2) m."""
         return (xy - (self.left, self.top)) * (self.scale, -self.scale)
 
-    def holds(self, xy: Array, margin_m: float = 0.0) -> np.ndarray:
-        """(...) whether points xy (..., 2) m are in view, or at most `margin_m` beyond its edges."""
+    @property
+    def centre(self) -> Array:
+        """(2,) m, the middle of the view."""
+        width, height = self.image.size
+        return np.array([self.left + 0.5 * width / self.scale, self.top - 0.5 * height / self.scale])
+
+    def holds(self, xy: Array, margin_m: float | Array = 0.0) -> np.ndarray:
+        """(...) whether points xy (..., 2) m are in view, or at most `margin_m` (one, or (...)) beyond its
+        edges.
+        """
         px, more = self.pixels(xy), margin_m * self.scale
         width, height = self.image.size
         across = (px[..., 0] >= -more) & (px[..., 0] <= width + more)

@@ -87,6 +87,21 @@ def test_who_takes_part_in_an_event_is_coloured_and_numbered(renderer, make_scen
     assert np.any(road(renderer, scene, events=(other,)) != frame), "the number itself differs"
 
 
+def test_what_is_long_is_drawn_and_numbered_though_its_middle_is_not_in_view(renderer, make_scene, network):
+    """A closure 100 m long whose near end is 24 m from the junction's centre; its number stands beside it."""
+    x, y = network.center
+    scene = make_scene(others=[(-1, (x - 74.0, y + 5.0, np.pi), 0.0, 0.0)], size=(100.0, 3.1))
+    scene = dataclasses.replace(scene, kind=np.array([int(Kind.OBSTACLE)]))
+    frame = road(renderer, scene)
+    assert count(frame, TRAFFIC) > 0.4 * 30.0 * 3.1 * SCALE**2, "30 m of it are in view"
+    closure = event("lane_closure", lane="west_out_1", at=10, length=100)
+    numbered = [
+        road(renderer, scene, events=(ShownEvent(number, closure, begun_s=0.0, bodies=frozenset({"v0"})),))
+        for number in (1, 2)
+    ]
+    assert np.any(numbered[0] != numbered[1])
+
+
 def test_the_hidden_are_pale_and_the_misjudged_outlined(renderer, make_scene):
     scene = make_scene(others=[(2, 115.0, 5.0, 0.0)])
     nobody = make_scene()
