@@ -69,7 +69,7 @@ class Tally:
 
     def groups(self) -> list[Group]:
         """The metrics of what was taken in, groups in order of first appearance."""
-        if not self._parts:
+        if not self._keys:
             return []
         parts = self._parts
         whole = _Part(
@@ -157,9 +157,9 @@ def _ranks(cells: Sequence[str]) -> dict[str, float]:
 
 
 def measure(metric: Metric, rows: Sequence[Row]) -> Summary:
-    """A metric of episodes that ran to an end."""
-    (group,) = group_metrics(rows, (), [metric])
-    return group.metrics[metric.name]
+    """A metric of episodes that ran to an end; nan where none did."""
+    groups = group_metrics(rows, (), [metric])
+    return groups[0].metrics[metric.name] if groups else Summary(math.nan, math.nan, math.nan, math.nan)
 
 
 def average(metric: Metric, rows: Sequence[Row]) -> float:

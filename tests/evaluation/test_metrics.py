@@ -64,6 +64,11 @@ def test_failed_episodes_are_counted_and_enter_no_metric():
     assert math.isnan(none.metrics["decision"].mean)
 
 
+def test_no_rows_have_no_groups_and_metrics_of_nan():
+    assert group_metrics([], ["scenario"]) == []
+    assert all(math.isnan(value) for metric in METRICS for value in measure(metric, []))
+
+
 def test_groups_come_in_the_order_of_their_first_row():
     rows = [row(agent="b"), row("frozen", agent="a"), row(agent="b")]
     groups = group_metrics(rows, ["scenario", "agent"])
