@@ -227,9 +227,16 @@ def gone_on_with(content: Mapping[str, Any], now: dict[str, str]) -> dict[str, A
 
 
 def version_changes(content: Mapping[str, Any]) -> list[str]:
-    """What changed between the versions that a resumed sweep's rows were made with: `name old -> new`."""
-    first, last = content["versions"], content.get("resumed_with", [content["versions"]])[-1]
-    return [f"{name} {first[name]} -> {now}" for name, now in last.items() if first.get(name, now) != now]
+    """What changed between the versions that a resumed sweep's rows were made with, from each to the next and
+    the same change only once: `name old -> new`.
+    """
+    changes, before = dict[str, None](), dict(content["versions"])
+    for versions in content.get("resumed_with", []):
+        for name, now in versions.items():
+            if before.setdefault(name, now) != now:
+                changes[f"{name} {before[name]} -> {now}"] = None
+        before |= versions
+    return list(changes)
 
 
 _OF_CODE = re.compile(r"agents\..*\.(source: |imports\.)|imported\.|plugins\.")

@@ -1,11 +1,11 @@
-"""What a folder says that holds another sweep."""
+"""What a folder says that holds another sweep, or rows of several versions."""
 
 from pathlib import Path
 
 import pytest
 
 from rudc.errors import SweepError
-from rudc.evaluation.manifest import resumed
+from rudc.evaluation.manifest import resumed, version_changes
 
 
 def _manifest(**agents):
@@ -46,3 +46,21 @@ def test_a_network_may_lie_elsewhere_now_but_is_the_same():
         resumed(there, _on_network("/now/own.net.xml", "34cd"), Path("out"))
     with pytest.raises(SweepError, match="a file that the scenario names has changed"):
         resumed(there, _on_network("/before/own.net.xml", "34cd"), Path("out"))
+
+
+def test_each_change_of_versions_is_told_once():
+    """Also one that was taken back later; a package that was not asked for at first has not changed."""
+    known = {**_manifest(one={}), "versions": {"code": "a", "numpy": "1"}}
+    assert version_changes(known) == []
+    later = [
+        {"code": "b", "numpy": "1"},
+        {"code": "a", "numpy": "2"},
+        {"code": "b", "numpy": "2", "new": "1"},
+        {"code": "a", "numpy": "1", "new": "1"},
+    ]
+    assert version_changes({**known, "resumed_with": later}) == [
+        "code a -> b",
+        "code b -> a",
+        "numpy 1 -> 2",
+        "numpy 2 -> 1",
+    ]
