@@ -7,6 +7,7 @@ from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 from rudc.drawing.view import Driving, ShownEvent, View
+from rudc.scenario.units import unit_of
 from rudc.world.scene import Kind, Scene
 
 if TYPE_CHECKING:
@@ -16,12 +17,16 @@ GAP = "      "
 """between the parts of a line"""
 EVENTS_A_LINE = 2
 UNITS = {
-    "speed": "m/s", "deceleration": "m/s2", "duration": "s", "at": "m", "length": "m", "density": "veh/km",
-    "range": "m", "delay": "s", "lag": "s", "position": "m", "heading": "deg", "simulation_time": "s",
-    "traveled_distance": "m", "relative_distance": "m", "time_headway": "s", "time_to_collision": "s",
-    "ego_distance_to_junction": "m", "reach_position": "m",
-}  # fmt: skip
-"""units of the numbers of an event or its `when`"""
+    "simulation_time": "s",
+    "traveled_distance": "m",
+    "relative_distance": "m",
+    "time_headway": "s",
+    "time_to_collision": "s",
+    "reach_position": "m",
+    "speed": "m/s",
+    "ego_distance_to_junction": "m",
+}
+"""units of the numbers of conditions of `when`"""
 WHEN = {
     "simulation_time": "the time is",
     "traveled_distance": "the ego has driven",
@@ -126,13 +131,14 @@ def describe(event: Event) -> str:
     data: dict[str, Any] = event.model_dump(mode="json", by_alias=True, exclude_none=True)
     for name in ("when", "kind"):
         data.pop(name, None)
+    units = {field.alias or name: unit_of(field) for name, field in type(event).model_fields.items()}
     parts = [event.kind.replace("_", " ")]
     for key, value in data.items():
         many = isinstance(value, list)
         parts.append(
             f"{len(value)} {_ONE.get(key, key) if len(value) == 1 else key}"
             if many
-            else f"{_words(key)} {_value(value, key)}"
+            else f"{_words(key)} {_value(value, units[key])}"
         )
     return ", ".join(parts)
 
@@ -154,7 +160,7 @@ def _condition(name: str, says: dict[str, Any]) -> str:
         words += f" ({towards})"
     if place is not None:
         words += f" [{', '.join(_value(v) for v in place)}]"
-    return f"{words} {_value(bounds, name)}"
+    return f"{words} {_value(bounds, UNITS[name])}"
 
 
 def probability(event: Event) -> str:
@@ -182,10 +188,9 @@ def _words(key: str) -> str:
     return key.replace("_", " ")
 
 
-def _value(value: Any, key: str = "") -> str:
+def _value(value: Any, unit: str = "") -> str:
     if isinstance(value, dict):
-        return " ".join(f"{_words(inner)} {_value(v, key)}" for inner, v in value.items())
+        return " ".join(f"{_words(inner)} {_value(v, unit)}" for inner, v in value.items())
     if isinstance(value, bool) or not isinstance(value, int | float):
         return str(value)
-    unit = UNITS.get(key, "")
     return f"{value:.3g} {unit}".rstrip()

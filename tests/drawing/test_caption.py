@@ -3,11 +3,21 @@ from typing import get_args
 
 import pytest
 
-from rudc.drawing.caption import GAP, REMARKS, correction_line, events_lines, state_line, title
+from rudc.drawing.caption import (
+    GAP,
+    REMARKS,
+    UNITS,
+    correction_line,
+    describe,
+    events_lines,
+    state_line,
+    title,
+)
 from rudc.drawing.palette import TEXT
 from rudc.drawing.text import fitted, font, wrapped
 from rudc.drawing.view import Driving, ShownEvent, View
 from rudc.safety.filter import Status
+from rudc.scenario.triggers import Trigger
 from tests.plans import event
 
 BRAKE = event("hard_brake", when={"simulation_time": {"above": 3}})
@@ -73,6 +83,16 @@ def test_events_say_whether_they_happened():
         ["(6) hard brake: since 3.1 s, unseen", "(7) hard brake: since 3.1 s"],
     ]
     assert events_lines(()) == []
+
+
+def test_numbers_of_events_and_conditions_have_their_units():
+    noise = event("sensor_noise", position=0.5, speed=1, heading=2, own_acceleration=0.3)
+    assert describe(noise) == (
+        "sensor noise, position 0.5 m, speed 1 m/s, heading 2 deg, own acceleration 0.3 m/s2"
+    )
+    surge = event("density_surge", density=30, duration=5)
+    assert describe(surge) == "density surge, density 30 veh/km, duration 5 s"
+    assert UNITS.keys() == Trigger.model_fields.keys() - {"probability"}
 
 
 def test_a_line_of_events_fits():
