@@ -6,7 +6,8 @@ it grows.
 
 Episodes travel in batches, since a call to an actor costs what a short episode takes: the first ones alone,
 then as many as took `BATCH_S` so far. An actor that dies or takes too long is replaced, and the episodes
-that it had are tried once more, each alone: so one that kills its actor takes no other with it.
+that it had are tried once more, each alone: so one that kills its actor takes no other with it. An actor
+does not say when it has loaded what an episode needs, so every batch has the time for that, too.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from typing import Any, NamedTuple
 
 from rudc.errors import InputError, SimulationError
 from rudc.evaluation.compiled import compile_kernels
-from rudc.evaluation.engine import START_FAILURES, TRIES, Result, Runner, RunnerFactory
+from rudc.evaluation.engine import START_FAILURES, START_LIMIT_S, TRIES, Result, Runner, RunnerFactory
 from rudc.evaluation.memory import return_large_blocks
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.tasks import Task
@@ -144,8 +145,9 @@ class _Actors:
                     yield from self._attend(reference)
 
     def _deadline(self, batch: _Batch) -> float:
-        """When a batch is late: one of its episodes may take all the time that an episode has."""
-        return batch.since + self._limit_s + (2.0 * BATCH_S if len(batch.tasks) > 1 else 0.0)
+        """When a batch is late: it may take all the time that loading and one episode have."""
+        others_s = 2.0 * BATCH_S if len(batch.tasks) > 1 else 0.0
+        return batch.since + START_LIMIT_S + self._limit_s + others_s
 
     def _start(self) -> None:
         actor = self._make()
@@ -193,10 +195,8 @@ class _Actors:
         except Exception as error:  # ray's own: the actor died, or is late
             self._ray.kill(batch.actor)
             late = time.monotonic() > self._deadline(batch)
-            return self._again(
-                batch.tasks,
-                f"no result within {self._limit_s:g} s" if late else f"{type(error).__name__}: {error}",
-            )
+            told = f"no result within {self._limit_s:g} s, and {START_LIMIT_S:g} s to load what it needs"
+            return self._again(batch.tasks, told if late else f"{type(error).__name__}: {error}")
         each = max(spent / len(records), 1e-6)
         known = each if math.isinf(self._episode_s) else self._episode_s
         self._episode_s = (1.0 - RECENT) * known + RECENT * each

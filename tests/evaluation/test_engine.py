@@ -194,6 +194,33 @@ def test_ray_with_fewer_cores_than_workers_gives_no_task_to_those_that_wait(make
     assert not any(record.error for record in records.values())
 
 
+@pytest.mark.parametrize(
+    ("takes_s", "told"), [(60.0, ""), (125.0, "no result within 1 s, and 120 s to load")]
+)
+def test_loading_has_a_time_of_its_own_also_on_ray(make_plan, fakes, monkeypatch, takes_s, told):
+    """An actor answers after `takes_s` of a clock that goes on by itself; an episode has one second."""
+    ray, now, asked = _ray_in_process(), [0.0], {}
+
+    def wait(references, num_returns, timeout):
+        now[0] += timeout
+        there = [r for r in references if now[0] - asked.setdefault(r, now[0]) >= takes_s][:num_returns]
+        return there, [r for r in references if r not in there]
+
+    def get(reference, timeout):
+        if now[0] - asked[reference] < takes_s:
+            raise TimeoutError
+        return reference.answer()
+
+    ray.wait, ray.get = wait, get
+    monkeypatch.setitem(sys.modules, "ray", ray)
+    clock = types.SimpleNamespace(monotonic=lambda: now[0])
+    monkeypatch.setattr("rudc.evaluation.ray_engine.time", clock)
+    tasks = make_plan(agents=("sumo",), episodes=1).tasks()
+    records, _ = collect(tasks, fakes.Runner, limit_s=1.0, engine=run_ray)
+    error = records["sumo", 0].error
+    assert (told in error) if told else not error
+
+
 def test_ray_actors_that_cannot_start_say_why(make_plan, fakes, monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", _ray_in_process())
     with pytest.raises(SimulationError, match=r"workers cannot start: .*libsumo cannot be imported"):
