@@ -27,7 +27,7 @@ from rudc.drawing.palette import (
     TEXT,
     faint,
 )
-from rudc.drawing.road_picture import draw_road
+from rudc.drawing.road_picture import RoadPicture, draw_road
 from rudc.drawing.text import Line, font, panel, panel_height
 from rudc.drawing.view import Driving, View
 from rudc.network.network import Network
@@ -37,6 +37,8 @@ Frame = NDArray[np.uint8]
 
 MARGIN_M = 12.0
 """m of view kept around the ego"""
+REACH_M = 170.0
+"""m of road each way from the middle of a picture of it: some 40 MB"""
 BAR_M = 10.0
 """m, length of the scale's bar"""
 
@@ -67,8 +69,9 @@ class Renderer:
         self._network = network
         self._size = size
         self._view = view_m
-        self._road = draw_road(network, FINE * size / view_m)
+        self._reach = max(REACH_M, view_m)
         self._text = size / 41
+        self._road: tuple[tuple[float, float], RoadPicture] | None = None
         self._empty: tuple[tuple[float, float, int], Canvas] | None = None
 
     def frame(self, view: View, driving: Driving | None = None) -> Frame:
@@ -96,8 +99,20 @@ class Renderer:
         y = min(max(float(centre[1]), ego.y - half_y + MARGIN_M), ego.y + half_y - MARGIN_M)
         key = x - half_x, y + half_y, height
         if self._empty is None or self._empty[0] != key:
-            self._empty = (key, cut(self._road, key[:2], FINE * self._size, FINE * height))
+            self._empty = (key, cut(self._road_about(x, y), key[:2], FINE * self._size, FINE * height))
         return self._empty[1]
+
+    def _road_about(self, x: float, y: float) -> RoadPicture:
+        """A picture of the road that holds the view about (x, y) m: the one about the junction, where that
+        does, else one of those beside it. A picture of all the road would be too large where arms are long.
+        """
+        apart = 2.0 * self._reach - self._view
+        centre = self._network.center.tolist()
+        middle = round((x - centre[0]) / apart) * apart, round((y - centre[1]) / apart) * apart
+        if self._road is None or self._road[0] != middle:
+            scale = FINE * self._size / self._view
+            self._road = middle, draw_road(self._network, scale, self._reach, middle)
+        return self._road[1]
 
     def _draw_bar(self, picture: Image.Image) -> None:
         """The scale: a bar and its length."""

@@ -14,8 +14,6 @@ from rudc.drawing.palette import ASPHALT, GROUND, MARK, PAVEMENT, RESERVED, VERG
 from rudc.network.network import Arm, Lane, Network
 from rudc.network.polyline import arc_length, offset_polyline, resample, strip
 
-REACH_M = 170.0
-"""m from the junction's centre, beyond which nothing is drawn"""
 MARK_M, DASH_M, GAP_M = 0.16, 3.0, 4.5
 """m, width of lines, length of dashes and of the gaps between them"""
 MARGIN_M = 30.0
@@ -42,12 +40,17 @@ class RoadPicture:
 
 
 @lru_cache(maxsize=3)
-def draw_road(network: Network, scale: float, reach_m: float = REACH_M) -> RoadPicture:
-    """The picture of a network at `scale` pixels per m, `reach_m` each way from its centre; kept."""
+def draw_road(
+    network: Network, scale: float, reach_m: float, middle: tuple[float, float] = (0.0, 0.0)
+) -> RoadPicture:
+    """The picture of a network at `scale` pixels per m, `reach_m` each way from `middle` (m east and north of
+    its centre); kept.
+    """
     polygons = network.surface.polygons
     corners = np.concatenate(polygons)
-    low = np.maximum(corners.min(axis=0) - MARGIN_M, network.center - reach_m)
-    high = np.minimum(corners.max(axis=0) + MARGIN_M, network.center + reach_m)
+    about = network.center + middle
+    low = np.maximum(corners.min(axis=0) - MARGIN_M, about - reach_m)
+    high = np.maximum(np.minimum(corners.max(axis=0) + MARGIN_M, about + reach_m), low)
     width, height = (int(n) for n in np.ceil((high - low) * scale))
     picture = RoadPicture(Image.new("RGB", (width, height), GROUND), scale, float(low[0]), float(high[1]))
     paint_road(network, _PictureBrush(picture))

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from rudc.data import data_folder
 from rudc.drawing.frames import Renderer
 from rudc.drawing.palette import ACTIVE, ASPHALT, EGO, EVENT, OUTCOMES, SENSED, TRAFFIC
 from rudc.drawing.text import panel_height
@@ -24,6 +25,15 @@ ACCIDENT = event("accident", vehicles=[{"position": [2.0, 4.0]}])
 @pytest.fixture(scope="module")
 def renderer(network):
     return Renderer(network)
+
+
+def on_route(scene, network, route, s):
+    """The scene with its ego at s m on a route of another network."""
+    x, y, psi = (float(v) for v in route.path.pose(s))
+    ego = dataclasses.replace(scene.ego, x=x, y=y, psi=psi)
+    return dataclasses.replace(
+        scene, network=network, route=route, ego=ego, ego_s=s, destination_s=route.exit_s
+    )
 
 
 def road(renderer, scene, driving=None, **fields):
@@ -132,13 +142,17 @@ def test_every_network_can_be_drawn(name, make_scene):
     network = load_network(name)
     movement = next(m for m in network.movements if m.turn == "left")
     route = network.route(movement.origin, movement.destination)
-    x, y, psi = (float(v) for v in route.path.pose(50.0))
-    scene = make_scene()
-    ego = dataclasses.replace(scene.ego, x=x, y=y, psi=psi)
-    scene = dataclasses.replace(
-        scene, network=network, route=route, ego=ego, ego_s=50.0, destination_s=route.exit_s
-    )
-    frame = Renderer(network, size=300).frame(View(scene))
+    frame = Renderer(network, size=300).frame(View(on_route(make_scene(), network, route, 50.0)))
     assert frame.shape == (300, 300, 3)
     assert count(frame, EGO) > 20
     assert count(frame, ASPHALT) > 3000
+
+
+def test_far_from_the_junction_there_is_road_too(make_scene):
+    """On an arm 234 m long, at its end and on the way in: one lane each way, 85 m of it in view at least."""
+    network = load_network(data_folder("results") / "held-out-16" / "networks" / "ridgefarm.net.xml")
+    renderer, route = Renderer(network), network.route("west", "straight")
+    for s in (5.0, 60.0, 110.0):
+        scene = on_route(make_scene(), network, route, s)
+        assert np.hypot(*(scene.ego_position - network.center)) > 150.0
+        assert count(road(renderer, scene), ASPHALT) > 0.8 * 85.0 * 6.8 * SCALE**2
