@@ -109,15 +109,46 @@ def drives_behind(
 
 
 @kernel
+def end_of(
+    position: Table, heading: Vector, size: Table, path: Rows, path_s: Vector, poses: Table, stations: int,
+    i: int, half: float,
+) -> tuple[complex, complex]:  # fmt: skip
+    """Place (m) and direction of the other i's front (`half` = 0.5) or tail (-0.5). The direction is that of
+    its path there, if it has one: in a bend, a long body is at an angle to it.
+    """
+    direction, ahead = cmath.exp(1j * heading[i]), half * size[i, 0]
+    there = complex(position[i, 0], position[i, 1]) + ahead * direction
+    if path[i] >= 0:
+        direction = cmath.exp(1j * on_line(poses, stations, path[i], path_s[i] + ahead)[1])
+    return there, direction
+
+
+@kernel
+def follows(
+    position: Table, heading: Vector, size: Table, path: Rows, path_s: Vector, poses: Table, stations: int,
+    line: Table, s: float, tail: float, lane: float, along_it: float, i: int,
+) -> bool:  # fmt: skip
+    """Whether the other i, by its centre or by its front, drives behind an ego at s m of a line
+    (`drives_behind`). In a bend the centre of a long one is beside the line.
+    """
+    here = complex(position[i, 0], position[i, 1])
+    if drives_behind(line, s, tail, lane, along_it, here, cmath.exp(1j * heading[i])):
+        return True
+    front, facing = end_of(position, heading, size, path, path_s, poses, stations, i, 0.5)
+    return drives_behind(line, s, tail, lane, along_it, front, facing)
+
+
+@kernel
 def driving_behind(
-    poses: Table, s: float, tail: float, lane: float, along_it: float, position: Table, heading: Vector,
-    who: Rows,
+    position: Table, heading: Vector, velocity: Table, size: Table, path: Rows, path_s: Vector,
+    poses: Table, stations: int, line: Table, s: float, tail: float, lane: float, along_it: float, who: Rows,
 ) -> NewFlags:  # fmt: skip
-    """(n,) whether each of the others `who` (n,) drives behind the ego (`drives_behind`)."""
+    """(n,) whether each of the others `who` (n,) drives behind the ego (`follows`)."""
     behind = np.empty(len(who), np.bool_)
     for k in range(len(who)):
-        here = complex(position[who[k], 0], position[who[k], 1])
-        behind[k] = drives_behind(poses, s, tail, lane, along_it, here, cmath.exp(1j * heading[who[k]]))
+        behind[k] = follows(
+            position, heading, size, path, path_s, poses, stations, line, s, tail, lane, along_it, who[k]
+        )
     return behind
 
 
@@ -203,8 +234,8 @@ def let_through(
     tail: float, lane: float, along: float, still: float, passing: float, way: Vector,
     length: float, width: float,
 ) -> NewRows:  # fmt: skip
-    """(n,) indices of the others that meet the ego (`meeting`), unless they drive behind it (`drives_behind`)
-    or stand and the ego passes them.
+    """(n,) indices of the others that meet the ego (`meeting`), unless they drive behind it (`follows`) or
+    stand and the ego passes them.
 
     The ego is at `ego` m facing `ego_heading` at `speed` m/s; its half sizes are `length` and `width` m. A
     body slower than `still` m/s stands. The ego passes it if their rectangles stay `passing` m apart at all
@@ -221,9 +252,9 @@ def let_through(
     for i in range(len(met)):
         if not met[i]:
             continue
-        here, direction = complex(position[i, 0], position[i, 1]), cmath.exp(1j * heading[i])
-        if drives_behind(line, ego_s, tail, lane, along, here, direction):
+        if follows(position, heading, size, path, path_s, poses, stations, line, ego_s, tail, lane, along, i):
             continue
+        here, direction = complex(position[i, 0], position[i, 1]), cmath.exp(1j * heading[i])
         half = 0.5 * size[i, 0], 0.5 * size[i, 1]
         if math.hypot(velocity[i, 0], velocity[i, 1]) < still:
             now = least_separation(there[:1], turned[:1], length, width, here, direction, half[0], half[1])
@@ -255,7 +286,10 @@ def in_conflict(
         position, heading, velocity, size, path, path_s, poses, stations, there, turned, times, going[-1],
         0.0, short, stretch,
     )  # fmt: skip
-    return met[who] & ~driving_behind(line, ego_s, tail, lane, along, position, heading, who)
+    behind = driving_behind(
+        position, heading, velocity, size, path, path_s, poses, stations, line, ego_s, tail, lane, along, who
+    )
+    return met[who] & ~behind
 
 
 @kernel

@@ -29,9 +29,10 @@ it is closer already, than it is now.
                        GENTLY, and accelerating fully along the route leaves room towards everybody
     full braking       else, if braking fully at once has more room than each of these manoeuvres, or if no
                        stop that begins with u has room towards those who stand still and braking at once has
-                       more towards them, whatever else comes; steering as in the stop with more room. Where
-                       the manoeuvres hit somebody, ALIKE less room will do, too: rectangles that overlap by
-                       more than their widths have the same separation, however far they overlap
+                       more towards them, whatever else comes. It steers as u, as the wheels are now (in the
+                       stop that the last action relied on) or as the stop along the route, by which has more
+                       room. Where the manoeuvres hit somebody, ALIKE less room will do, too: rectangles that
+                       overlap by more than their widths have the same separation, however far they overlap
     u is taken         otherwise
 
 So the ego never hits what stands still, provided that it was seen in time and that the vehicle moves as in
@@ -137,7 +138,7 @@ class LastResort:
         stops = self._stops(scene, others, u)
         going = self._room(scene, others, *ego_ahead(scene, way))
         room = np.concatenate([stops, np.where(others.still, stops, going)])
-        kept = ~np.isin(others.who, self._behind(scene, others.who[(room < -CREEPING).any(axis=0)]))
+        kept = ~np.isin(others.who, self._behind(scene, np.unique(others.who)))
         best = room[:, kept].min(axis=1, initial=np.inf).max()
         if best >= -CREEPING:
             return None
@@ -146,7 +147,7 @@ class LastResort:
         onwards = np.array([scene.vehicle.a_max, steering(scene)])
         if len(struck) and self._may_take(scene, onwards):
             return Instead(onwards, True, struck)
-        if u[0] < scene.vehicle.a_min + AS_GOOD:
+        if u[0] < scene.vehicle.a_min + AS_GOOD and braking[1] == u[1]:
             return None
         still = others.still & kept
         unmoved = stops[:, still].min(axis=1, initial=np.inf).max()
@@ -217,12 +218,14 @@ class LastResort:
         return np.stack(rooms)
 
     def _brake(self, scene: Scene, others: _Others, kept: Flags, delta: float) -> tuple[Array, Array]:
-        """(2,) m/s2 and rad, full braking, and (m,) m its room. It steers at `delta` rad or, if somebody
-        stands still and that has more room, along the route.
+        """(2,) m/s2 and rad, full braking, and (m,) m its room. It steers at `delta` rad or, where that has
+        more room, as the wheels are now or, if somebody stands still, along the route.
         """
-        ways = [delta, steering(scene)] if others.still.any() else [delta]
-        actions = [np.array([scene.vehicle.a_min, way]) for way in ways]
-        rooms = [self._stops(scene, others, u)[k] for k, u in enumerate(actions)]
+        ways = [(delta, 0), (scene.ego.steering, 0)]
+        if others.still.any():
+            ways.append((steering(scene), 1))
+        actions = [np.array([scene.vehicle.a_min, way]) for way, _ in ways]
+        rooms = [self._stops(scene, others, u)[k] for u, (_, k) in zip(actions, ways, strict=True)]
         k = int(np.argmax([room[kept].min() for room in rooms]))
         return actions[k], rooms[k]
 

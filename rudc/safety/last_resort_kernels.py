@@ -26,7 +26,7 @@ from rudc.kernels import (
 )
 from rudc.network.line_kernels import projected
 from rudc.network.paths import SPACING
-from rudc.safety.kernels import creeping_past, drives_on, other_ahead
+from rudc.safety.kernels import creeping_past, drives_on, end_of, other_ahead
 from rudc.world.kernels import slip_of
 
 FINE = 0.2
@@ -55,8 +55,8 @@ def in_reach(
     directions (m, T) and half sizes (m, 2) m, and (m,) whether they stand still: slower than `slowest` m/s.
 
     First come all of them at their present speed. Those whose speed changes by more than `changing` m/s2 come
-    once more, braking on or speeding up for another `speeds_up` s; then those who lead the ego (`leads`) come
-    once more, braking with `hardest` m/s2.
+    once more, braking on or speeding up for another `speeds_up` s; then those who lead the ego, by their
+    centre or their tail (`leads`), come once more, braking with `hardest` m/s2.
     """
     n, horizon = len(heading), times[-1]
     who, rate = np.empty(3 * n, np.int64), np.zeros(3 * n)
@@ -78,7 +78,11 @@ def in_reach(
         i = who[k]
         here, direction = complex(position[i, 0], position[i, 1]), cmath.exp(1j * heading[i])
         ahead = reach + 0.5 * size[i, 0]
-        if acceleration[i] > hardest and leads(line, ego_s, ahead, lane, along, here, direction):
+        tail, facing = end_of(position, heading, size, path, path_s, poses, stations, i, -0.5)
+        if acceleration[i] > hardest and (
+            leads(line, ego_s, ahead, lane, along, here, direction)
+            or leads(line, ego_s, ahead, lane, along, tail, facing)
+        ):
             who[m], rate[m] = i, hardest
             m += 1
     there, turned = np.empty((m, len(times)), np.complex128), np.empty((m, len(times)), np.complex128)

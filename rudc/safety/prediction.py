@@ -24,8 +24,9 @@ GO_ACCELERATION = 2.0
 """m/s2, acceleration of an ego that goes on along its route, if its vehicle can"""
 GO_SPEED = 9.0
 """m/s, up to which it then accelerates, unless it is faster already"""
-TAIL = 45.0
-"""m behind the ego on its path within which those who follow it are looked for"""
+TAIL = 120.0
+"""m behind the ego on its path within which those who follow it are looked for: in the last resort's 2.5 s
+nobody slower than 45 m/s comes from farther"""
 LANE = 1.5
 """m, a vehicle less than this beside a path drives on it"""
 ALONG = 0.7
@@ -62,7 +63,7 @@ def those_ahead(scene: Scene, who: Index, way: Array) -> tuple[Complex, Complex]
 def following(scene: Scene, who: Index) -> Flags:
     """(n,) whether each of the others `who` (n,) drives behind the ego on its path."""
     poses, s = scene.route.path.poses, scene.ego_s
-    return driving_behind(poses, s, TAIL, LANE, ALONG, scene.position, scene.heading, who)
+    return driving_behind(*bodies(scene), *lines(scene), poses, s, TAIL, LANE, ALONG, who)
 
 
 def others_later(scene: Scene, later: float) -> Scene:

@@ -227,7 +227,7 @@ def test_in_conflict_is_who_meets_at_speed_or_speeding_up_and_does_not_follow():
         )
         for way in ways
     ]  # fmt: skip
-    behind = kernels.driving_behind(line, s, 45.0, 1.5, 0.7, *bodies[:2], who)
+    behind = kernels.driving_behind(*bodies, *tracks, line, s, 45.0, 1.5, 0.7, who)
     got = kernels.in_conflict(
         *bodies, *tracks, line, s, *ego, 7.0, 2.0, 9.0, times, half, half, who, 45.0, 1.5, 0.7
     )
@@ -301,9 +301,7 @@ def test_who_is_let_through_meets_does_not_follow_and_is_not_passed():
     place, facing = (a[None] for a in kernels.follow(line, len(line), 0, s, here, heading, 7.0 * times))
     met = kernels.meeting(*bodies, *tracks, place, facing, times, 21.0, 0.8, half, half)
     centre, turned = bodies[0] @ [1, 1j], np.exp(1j * bodies[1])
-    behind = [
-        kernels.drives_behind(line, s, 45.0, 1.5, 0.7, *pose) for pose in zip(centre, turned, strict=True)
-    ]
+    behind = kernels.driving_behind(*bodies, *tracks, line, s, 45.0, 1.5, 0.7, np.arange(300)).tolist()
     place, facing = kernels.follow(line, len(line), 0, s, here, heading, way)
     apart = separation(
         centre[:, None] - place, facing, turned[:, None], np.array([2.5, 0.9]), size[:, None] / 2

@@ -124,6 +124,21 @@ def test_who_drives_behind_is_not_looked_at() -> None:
     assert make_scene([behind, ahead], v=4.0).position[0, 0] == 7.0
 
 
+def test_who_drives_behind_does_not_keep_it_from_braking() -> None:
+    """Whom only full braking at once would meet was not left out."""
+    crossing, behind = Other(0.0, -9.8, math.pi / 2, 7.8, row=0, s=90.2), Other(-35.9, 0.0, 0.0, 11.2)
+    alone, pushed = (make_scene(others, x=-15.6, v=12.0) for others in ([crossing], [crossing, behind]))
+    assert status(alone, np.zeros(2)) == status(pushed, np.zeros(2)) == "last_resort"
+
+
+@pytest.mark.parametrize("away", [44.0, 46.0, 60.0])
+def test_who_comes_fast_from_far_behind_does_not_make_it_go(away: float) -> None:
+    """From more than 45 m behind it did not count as behind, and an ego that waited drove off before others."""
+    crossing = Other(0.0, -32.0, math.pi / 2, 10.0, row=0, s=68.0)
+    coming = Other(-7.0 - away, 0.0, 0.0, 25.0)
+    assert status(make_scene([crossing, coming], x=-7.0), np.array([-6.0, 0.0])) == "nominal"
+
+
 def test_a_truck_ahead_is_not_hit_for_the_sake_of_somebody_behind() -> None:
     truck, pushing = Other(6.5, 0.0, length=7.5, width=2.4), Other(-5.4, -7.5, 0.6, 4.0)
     scene = make_scene([truck, pushing], v=0.8)
