@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 
 from rudc.world.sumo import BRAKE_HARD, OWN_SPEED, Sumo
 from rudc.world.traffic import Traffic
@@ -10,11 +10,7 @@ from rudc.world.vehicle_types import EGO
 
 
 class Brakes:
-    """The braking of vehicles in one episode.
-
-    Vehicles whose speed an event commands are left alone. Vehicles that an event makes disregard the right of
-    way are braked only while they drive behind the ego, as they would brake for any other leader.
-    """
+    """The braking of vehicles in one episode. Vehicles whose speed an event commands are left alone."""
 
     def __init__(self, sumo: Sumo, traffic: Traffic) -> None:
         self._sumo = sumo
@@ -23,19 +19,16 @@ class Brakes:
         self.asked: dict[str, float] = {}
         """name of each vehicle that is braked -> m/s2"""
 
-    def apply(
-        self, wanted: Mapping[str, tuple[float, float]], duration_s: float, behind_ego: Collection[str]
-    ) -> None:
+    def apply(self, wanted: Mapping[str, tuple[float, float]], duration_s: float) -> None:
         """Brake vehicles for the next duration_s seconds, and release all others.
 
-        `wanted`: name -> (present speed in m/s, deceleration in m/s2). `behind_ego`: names of the vehicles
-        that drive behind the ego.
+        `wanted`: name -> (present speed in m/s, deceleration in m/s2).
         """
         drivers, hard = self._traffic.drivers, set()
         self.asked.clear()
         for name, (speed, deceleration) in wanted.items():
             driver = drivers.get(name)
-            if driver is not None and (driver.overridden or (driver.heedless and name not in behind_ego)):
+            if driver is not None and driver.overridden:
                 continue
             if driver is None or deceleration > self._traffic.comfortable(driver.decel):
                 hard.add(name)

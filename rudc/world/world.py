@@ -39,7 +39,7 @@ from rudc.world.traffic import Traffic
 from rudc.world.trial import refuse_untried
 from rudc.world.unblocking import Unblocking
 from rudc.world.vehicle_types import EGO, type_file
-from rudc.world.yielding import BRAKE_MOST, drives_behind, ego_must_yield, must_yield
+from rudc.world.yielding import BRAKE_MOST, ego_must_yield, must_yield
 
 if TYPE_CHECKING:
     from rudc.network.network import Network
@@ -380,7 +380,8 @@ class World:
         if not self.config.yielding:
             return
         most = min(BRAKE_MOST, self.traffic.grip)
-        braking = must_yield(scene, ego_present=self._ego_inside, brake_most=most)
+        heedless = self.stage.unlawful
+        braking = must_yield(scene, ego_present=self._ego_inside, brake_most=most, heedless=heedless)
         self._held = {scene.ids[row] for row in braking.rows}
         wanted = {
             scene.ids[row]: (math.hypot(*scene.velocity[row]), deceleration)
@@ -396,5 +397,4 @@ class World:
             deceleration = min(ego_must_yield(scene, path, path_s), most)
             if deceleration > 0:
                 wanted[EGO] = scene.ego.v, deceleration
-        behind = {scene.ids[row] for row in braking.rows if self._ego_inside and drives_behind(scene, row)}
-        self._brakes.apply(wanted, duration_s, behind)
+        self._brakes.apply(wanted, duration_s)

@@ -31,6 +31,7 @@ from __future__ import annotations
 
 import cmath
 import math
+from collections.abc import Collection
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -73,20 +74,31 @@ class Yielding(NamedTuple):
     """(m,) m/s2; 0 for those that must not go faster"""
 
 
-def must_yield(scene: Scene, *, ego_present: bool = True, brake_most: float = BRAKE_MOST) -> Yielding:
+def must_yield(
+    scene: Scene,
+    *,
+    ego_present: bool = True,
+    brake_most: float = BRAKE_MOST,
+    heedless: Collection[str] = (),
+) -> Yielding:
     """Which SVs must brake or must not go faster, and how hard they brake, at most brake_most m/s2.
 
-    `ego_present`: False while the ego is not on the road; SVs then do not yield to it.
+    `ego_present`: False while the ego is not on the road; SVs then do not yield to it. `heedless`: names of
+    those who yield to obstacles only, and to an ego that they drive behind.
     """
     ego, body, paths, stray = scene.ego, scene.vehicle, scene.network.paths, off_path(scene)
     heeding = _heeding(scene, stray) if ego_present else None
     if heeding is None:
         heeding = np.zeros(scene.count, dtype=np.bool_)
+    careless = np.zeros(scene.count, dtype=np.bool_)
+    if heedless:
+        careless[:] = [name in heedless and not _drives_behind(scene, i) for i, name in enumerate(scene.ids)]
+        heeding &= ~careless
     rows, deceleration = yielding(
         scene.position, scene.heading, scene.velocity, scene.size, scene.path, scene.path_s,
         paths.poses, paths.stations, paths.stop_s, paths.exit_s, paths.origin,
-        heeding, *_predicted(scene, stray), body.length, body.width, ego.v >= LINGERS, stray and ego_present,
-        brake_most,
+        heeding, careless, *_predicted(scene, stray), body.length, body.width, ego.v >= LINGERS,
+        stray and ego_present, brake_most,
     )  # fmt: skip
     return Yielding(rows.tolist(), deceleration.tolist())
 
@@ -110,7 +122,7 @@ def ego_must_yield(scene: Scene, path: int, path_s: float) -> float:
     return sum(must_yield(alone, ego_present=False).deceleration)
 
 
-def drives_behind(scene: Scene, row: int) -> bool:
+def _drives_behind(scene: Scene, row: int) -> bool:
     """Whether the SV of a row has the ego ahead of it and heads as the ego does, within 45 degrees."""
     ego, heading = scene.ego, float(scene.heading[row])
     dx, dy = (ego.x, ego.y) - scene.position[row]

@@ -133,7 +133,7 @@ def test_who_drives_behind_does_not_keep_it_from_braking() -> None:
 
 @pytest.mark.parametrize("away", [44.0, 46.0, 60.0])
 def test_who_comes_fast_from_far_behind_does_not_make_it_go(away: float) -> None:
-    """From more than 45 m behind it did not count as behind, and an ego that waited drove off before others."""
+    """From more than 45 m behind it did not count as behind, and an ego that waited drove off."""
     crossing = Other(0.0, -32.0, math.pi / 2, 10.0, row=0, s=68.0)
     coming = Other(-7.0 - away, 0.0, 0.0, 25.0)
     assert status(make_scene([crossing, coming], x=-7.0), np.array([-6.0, 0.0])) == "nominal"

@@ -193,7 +193,7 @@ def test_who_slows_down_yields_none_the_less(world, slow):
     )
     (name,) = world.happenings()[0].bodies
     before = world.stage.speed(name)
-    world._brakes.apply({name: (before, 6.0)}, 0.5, ())
+    world._brakes.apply({name: (before, 6.0)}, 0.5)
     for _ in range(3):
         world.advance(np.zeros(2))
         world.scene()

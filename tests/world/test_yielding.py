@@ -130,6 +130,18 @@ def test_yields_to_an_ego_on_the_major_road(make_scene, four_way):
     assert must_yield(scene, ego_present=False).rows == []
 
 
+def test_who_is_heedless_brakes_for_obstacles_only(crossing, make_scene, four_way):
+    """It ran pedestrians over without braking."""
+    scene = crossing(14.0, 9.0, front=11.0)
+    assert must_yield(scene).rows == [0]
+    assert must_yield(scene, heedless={scene.ids[0]}).rows == []
+    row = row_of(four_way, "north", "straight")
+    x, y, psi = (float(v) for v in four_way.paths.pose(np.int64(row), np.float64(60.0)))
+    walks = {"at": (x, y, psi + 1.0), "kind": Kind.PEDESTRIAN, "size": (0.5, 0.5)}
+    scene = make_scene({"row": row, "s": 45.0, "v": 9.0}, walks)
+    assert must_yield(scene, heedless=scene.ids).rows == must_yield(scene).rows == [0]
+
+
 @pytest.mark.parametrize("kind", [Kind.CAR, Kind.PEDESTRIAN, Kind.OBSTACLE])
 def test_brakes_for_whatever_is_on_the_road(make_scene, four_way, kind):
     row = row_of(four_way, "north", "straight")
@@ -252,7 +264,7 @@ def test_who_disregards_the_right_of_way_still_keeps_its_distance(four_way, worl
         for name, found in results.items():
             pose = awkward_poses(four_way, world.reset(source.plan(seed)).route.origin)[name]
             found.append(stand(world, pose))
-            assert world.stage.unlawful
+            assert world.happenings()[0].bodies
     assert "hit" not in results["between two lanes"]
     assert results["between two lanes"].count("spared") > 2
     assert "hit" in results["in the junction, at 45 degrees"]

@@ -22,8 +22,8 @@ class PriorityViolation(VehicleEvent, frozen=True):
 
 
 class PriorityViolationEffect(Held[PriorityViolation]):
-    """It takes no notice of who has the right of way; it still keeps its distance to its leader, which may be
-    the ego.
+    """It takes no notice of who has the right of way, nor of an ego that stands in its way. It keeps its
+    distance to its leader, which may be the ego, and brakes for pedestrians and obstacles.
     """
 
     def hold(self, stage: Stage, name: str) -> None:
