@@ -17,7 +17,7 @@ def test_corrects_what_is_proposed_and_says_so():
     """Full throttle behind traffic: the filter brakes, by more than any action of its kind steers."""
     env = _made({"kind": "cbf", "rule": "ttcbf"}, scenario="dense_left_turn", action="adjustment")
     try:
-        env.reset(seed=1)
+        env.reset(seed=4)
         seen, ended = [], False
         while not ended:
             _, _, terminated, truncated, info = env.step(np.array([1.0, 0.0], np.float32))

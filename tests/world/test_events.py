@@ -190,7 +190,7 @@ def test_speeding_and_slow_vehicle_change_the_speed_they_drive_at(world):
         events = (event(kind, vehicle="all", **fields),) if fields else ()
         scenes = run(world, replace(CALM, density=10.0, events=events), 12.0, seed=3)
         there = set(scenes[0].ids)
-        fastest[kind] = max(v for scene in scenes[20:75] for n, v in speeds(scene).items() if n in there)
+        fastest[kind] = max(v for scene in scenes[25:75] for n, v in speeds(scene).items() if n in there)
         fastest[kind + " after"] = max((v for n, v in speeds(scenes[-1]).items() if n in there), default=0.0)
     assert fastest["none"] < 10.6
     assert fastest["speeding"] > 13.0
