@@ -71,7 +71,7 @@ EDGE_M = 0.16
 BADGE_PX, BADGE_TEXT_PX = 8.5, 12.0
 """pixels of the picture: radius of an event's number, height of its digits"""
 BESIDE_M = 2.0
-"""m around a body, in which all is that is drawn of it: edge, shadow, where a pedestrian goes"""
+"""m around a body: nothing that is drawn of it (edge, shadow, where a pedestrian goes) lies farther out"""
 
 
 def placed(shape: Array, position: Array, heading: Array, size: Array) -> Array:

@@ -90,14 +90,14 @@ def must_yield(
     heeding = _heeding(scene, stray) if ego_present else None
     if heeding is None:
         heeding = np.zeros(scene.count, dtype=np.bool_)
-    careless = np.zeros(scene.count, dtype=np.bool_)
-    if heedless:
-        careless[:] = [name in heedless and not _drives_behind(scene, i) for i, name in enumerate(scene.ids)]
-        heeding &= ~careless
+    obstacles_only = np.zeros(scene.count, dtype=np.bool_)
+    for i, name in enumerate(scene.ids if heedless else ()):
+        obstacles_only[i] = name in heedless and not (ego_present and _drives_behind(scene, i))
+    heeding &= ~obstacles_only
     rows, deceleration = yielding(
         scene.position, scene.heading, scene.velocity, scene.size, scene.path, scene.path_s,
         paths.poses, paths.stations, paths.stop_s, paths.exit_s, paths.origin,
-        heeding, careless, *_predicted(scene, stray), body.length, body.width, ego.v >= LINGERS,
+        heeding, obstacles_only, *_predicted(scene, stray), body.length, body.width, ego.v >= LINGERS,
         stray and ego_present, brake_most,
     )  # fmt: skip
     return Yielding(rows.tolist(), deceleration.tolist())

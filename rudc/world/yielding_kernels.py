@@ -186,12 +186,12 @@ def in_junction(size: Table, path: Rows, path_s: Vector, stop_s: Vector, exit_s:
 @kernel
 def braking_for_others(
     place: Places, facing: Places, length: float, width: float, sets_off: float, most: float, i: int,
-    careless: bool, speed: Vector, inside: NewFlags, position: Table, heading: Vector, velocity: Table,
+    obstacles_only: bool, speed: Vector, inside: NewFlags, position: Table, heading: Vector, velocity: Table,
     size: Table, path: Rows, path_s: Vector, poses: Table, stations: int, origin: Rows,
 ) -> float:  # fmt: skip
     """m/s2, as `braking`: how hard SV i, with predicted places `place` m and directions `facing` (INSTANTS,),
-    brakes for obstacles, and, if it creeps in the junction and is not `careless`, for places that faster SVs
-    from other arms will sweep over. The largest value counts.
+    brakes for obstacles, and, unless it yields to `obstacles_only`, if it creeps in the junction, for places
+    that faster SVs from other arms will sweep over. The largest value counts.
 
     Each is tested by itself, so that an SV that already overlaps with one of them still brakes for the next.
     """
@@ -209,7 +209,7 @@ def braking_for_others(
                 need = max(need, braking(hits, sets_off, goes_by, most))
             continue
         passes = inside[i] and inside[j] and speed[i] <= CREEPS < speed[j]
-        if careless or not passes or origin[path[i]] == origin[path[j]]:
+        if obstacles_only or not passes or origin[path[i]] == origin[path[j]]:
             continue
         hits = np.zeros(INSTANTS, np.bool_)
         swept, along = in_lane(poses, stations, path[j], path_s[j], x, y, size[j, 0], SWEPT_M, 0.0)
@@ -224,12 +224,12 @@ def braking_for_others(
 def yielding(
     position: Table, heading: Vector, velocity: Table, size: Table, path: Rows, path_s: Vector,
     poses: Table, stations: int, stop_s: Vector, exit_s: Vector, origin: Rows,
-    heeding: NewFlags, careless: NewFlags, ego: Places, ego_facing: Places, length: float, width: float,
+    heeding: NewFlags, obstacles_only: NewFlags, ego: Places, ego_facing: Places, length: float, width: float,
     moves: bool, astray: bool, most: float,
 ) -> tuple[NewRows, NewVector]:  # fmt: skip
     """Rows (m,) of the SVs that must brake or must not go faster, and how hard each brakes (m,) m/s2.
 
-    `heeding` (N,): which SVs yield to the ego; `careless` (N,): which yield to obstacles only; `ego`,
+    `heeding` (N,): which SVs yield to the ego; `obstacles_only` (N,): which yield to nothing else; `ego`,
     `ego_facing` (INSTANTS,): the ego's predicted places (m) and directions; `length`, `width`: the ego's, m;
     `moves`: whether it moves; `astray`: whether it is off its path; `most`: m/s2, hardest braking.
     """
@@ -259,13 +259,13 @@ def yielding(
                 )
                 mark_overlaps(hits, soon, turned, half[0], beside, ego, ego_facing, 0.5 * length, 0.5 * width)
                 need = max(need, 0.0 if hits.any() else -1.0)
-        if astray and not careless[i]:
+        if astray and not obstacles_only[i]:
             beyond = 0.5 * (size[i, 0] + length) + FACED_M
             clear = 0.5 * (size[i, 1] + width + SQUEEZED)
             room = room_before(poses, stations, path[i], path_s[i], clear, ego[0], ego_facing[0])
             need = max(need, braking_before(room - beyond, speed[i], most))
         others = braking_for_others(
-            place, facing, half[0], half[1], sets_off, most, i, careless[i], speed, inside,
+            place, facing, half[0], half[1], sets_off, most, i, obstacles_only[i], speed, inside,
             position, heading, velocity, size, path, path_s, poses, stations, origin,
         )  # fmt: skip
         need = max(need, others)
