@@ -29,9 +29,9 @@ it is closer already, than it is now.
                        GENTLY, and accelerating fully along the route leaves room towards everybody
     full braking       else, if braking fully at once has more room than each of these manoeuvres, or if no
                        stop that begins with u has room towards those who stand still and braking at once has
-                       more towards them, whatever else comes. It steers as u, as the wheels are now (in the
-                       stop that the last action relied on) or as the stop along the route, by which has more
-                       room. Where the manoeuvres hit somebody, ALIKE less room will do, too: rectangles that
+                       more towards them, whatever else comes. It steers in whichever of these ways has most
+                       room: as u does; as the wheels are now, as in the stop that the last action relied on;
+                       or, where somebody stands still, along the route. Where the manoeuvres hit somebody, ALIKE less room will do, too: rectangles that
                        overlap by more than their widths have the same separation, however far they overlap
     u is taken         otherwise
 
@@ -218,8 +218,8 @@ class LastResort:
         return np.stack(rooms)
 
     def _brake(self, scene: Scene, others: _Others, kept: Flags, delta: float) -> tuple[Array, Array]:
-        """(2,) m/s2 and rad, full braking, and (m,) m its room. It steers at `delta` rad or, where that has
-        more room, as the wheels are now or, if somebody stands still, along the route.
+        """(2,) m/s2 and rad, full braking, and (m,) m its room. It steers at `delta` rad, as the wheels are
+        now or, if somebody stands still, along the route: whichever has most room.
         """
         ways = [(delta, 0), (scene.ego.steering, 0)]
         if others.still.any():

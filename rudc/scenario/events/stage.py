@@ -63,8 +63,8 @@ class Stage(ABC):
     @abstractmethod
     def slow_down(self, name: str, deceleration: float, least: float = 0.0) -> None:
         """Have a vehicle brake with deceleration m/s2, if the road lets it, until the next decision, but to
-        no less than `least` m/s. Of several events that slow it down, and of braking to yield, the hardest
-        counts.
+        no less than `least` m/s. If several events slow it down, or it brakes to yield, the hardest
+        braking counts.
         """
 
     @abstractmethod
@@ -78,7 +78,7 @@ class Stage(ABC):
     def set_top_speed(self, name: str, speed: float | None, event: str = "") -> None:
         """Set the m/s that a vehicle does not exceed, for an event; None when the event is over.
 
-        Of several events, and of what its type can do, the lowest counts.
+        If several events set one, the lowest counts; it is never above what the vehicle's type can do.
         """
 
     @property
