@@ -31,8 +31,9 @@ it is closer already, than it is now.
                        stop that begins with u has room towards those who stand still and braking at once has
                        more towards them, whatever else comes. It steers in whichever of these ways has most
                        room: as u does; as the wheels are now, as in the stop that the last action relied on;
-                       or, where somebody stands still, along the route. Where the manoeuvres hit somebody, ALIKE less room will do, too: rectangles that
-                       overlap by more than their widths have the same separation, however far they overlap
+                       or, where somebody stands still, along the route. Where the manoeuvres hit somebody,
+                       ALIKE less room will do, too: rectangles that overlap by more than their widths have
+                       the same separation, however far they overlap
     u is taken         otherwise
 
 So the ego never hits what stands still, provided that it was seen in time and that the vehicle moves as in
