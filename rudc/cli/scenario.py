@@ -191,43 +191,45 @@ def validate(
     seeds: Annotated[
         int, typer.Option(min=0, metavar="N", help="Drive N episodes, to see how often its events happen.")
     ] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="The first of these episodes.")] = 0,
     watch: Annotated[
         bool, typer.Option("--watch", help="Do it again whenever a file changes, until Ctrl-C.")
     ] = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Check scenario files, and that each fits its network and can be set up (first seed).
+    """Check scenario files, and that each fits its network and can be set up (seed 0).
 
     Of a sweep of many points every value is checked, and some points are set up; the answer says how many.
 
     A line for each file; every problem reads `FILE:LINE:COLUMN: key.path: what is wrong`, all at once. A
     warning names each event that waits for a `simulation_time`, `traveled_distance` or `speed` that no
     episode reaches, for a quantity `below` its least value, or whose `probability` is 0, and a destination
-    that no episode reaches. With `--seeds N`, `gap-acceptance` drives the first N episodes, and the command
+    that no episode reaches. With `--seeds N`, `gap-acceptance` drives N episodes, and the command
     says how they end and how often each event happens.
 
     **Examples**
 
     `rudc scenario validate my_scenarios/*.yaml`
 
-    `rudc scenario validate sudden_brake --seeds 20`
+    `rudc scenario validate sudden_brake --seeds 20 --seed 100`
 
     `rudc scenario validate my_scenario.yaml --watch`, in a terminal beside the editor
     """
     if watch and as_json:
         raise InputError("--json is written once, and --watch never ends: give one of them")
+    driven = range(seed, seed + seeds)
     if watch:
-        _validate_again_and_again(files, seeds)
+        _validate_again_and_again(files, driven)
     checked: list[dict[str, Any]] = []
-    problems = _problems(files, seeds, checked.append if as_json else _say)
+    problems = _problems(files, driven, checked.append if as_json else _say)
     if as_json:
         print_json(checked)
     if problems:
         raise ScenarioError("\n".join(problems))
 
 
-def _problems(files: list[str], seeds: int, tell: Callable[[dict[str, Any]], None]) -> list[str]:
+def _problems(files: list[str], seeds: range, tell: Callable[[dict[str, Any]], None]) -> list[str]:
     """What is wrong in all files; `tell` gets what was found about each file."""
     from rudc.evaluation.preflight import never_happening, tried_points, validated
     from rudc.scenario.library import existing_files, shipped_scenarios, shown
@@ -273,7 +275,7 @@ def _say(found: dict[str, Any]) -> None:
         typer.echo(f"  {values}{firing['text']}")
 
 
-def _validate_again_and_again(files: list[str], seeds: int) -> NoReturn:
+def _validate_again_and_again(files: list[str], seeds: range) -> NoReturn:
     """Validate whenever one of the files changes, or another scenario beside it, which it may extend."""
     seen: dict[Path, int] | None = None
     while True:
@@ -299,8 +301,8 @@ def _states(files: list[str]) -> dict[Path, int]:
     return found
 
 
-def _driven(scenario: Scenario, seeds: int) -> tuple[dict[str, list[Any]], list[str]]:
-    """How the first episodes of a scenario end and how often its events happen in them, for each swept value,
+def _driven(scenario: Scenario, seeds: range) -> tuple[dict[str, list[Any]], list[str]]:
+    """How these episodes of a scenario end and how often its events happen in them, for each swept value,
     and what is wrong with those that cannot be set up.
     """
     ends: list[dict[str, Any]] = []
@@ -310,7 +312,7 @@ def _driven(scenario: Scenario, seeds: int) -> tuple[dict[str, list[Any]], list[
         from rudc.evaluation.firing import drive_and_count
 
         for swept, point in scenario.grid():
-            driven = drive_and_count(point, range(seeds))
+            driven = drive_and_count(point, seeds)
             if driven.outcomes:
                 ends.append({"swept": swept, "outcomes": dict(driven.outcomes), "text": driven.ends})
             firings += [{"swept": swept, **asdict(one), "text": str(one)} for one in driven.firings]
