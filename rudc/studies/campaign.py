@@ -140,6 +140,13 @@ class Campaign(Settings):
         unknown = [name for name in named if name not in names]
         if unknown:
             raise ValueError(f"no row {unknown[0]!r}{there_are(unknown[0], names)}")
+        ours = {row.name for row in self.rows if not row.paper}
+        for claim in self.claims:
+            left = sorted(ours - {claim.row, *claim.without})
+            if claim.rule == "first" and not claim.than and left:
+                raise ValueError(
+                    f"claim {claim.says!r}: the paper has no row {left[0]!r}; name it in `without`"
+                )
         return self
 
     def chosen(self, names: tuple[str, ...]) -> tuple[Row, ...]:

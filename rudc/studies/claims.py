@@ -7,7 +7,10 @@ more, less   held if the row has more (less) of the metric than each row named, 
 first        held if the row's mean is the best and the change against every other row is clear. Rows that
              freeze in more than FROZEN % of the episodes do not count: who stands still is safe
 gap          the row's lead over the mean of the rows named, in each episode: held if it is larger in the
-             second place than in the first, the difference of the two means clear (normal, independent)
+             second place than in the first, the difference of the two means clear. The two places count as
+             independent: the interval's ends lie as far from the difference as the root of the sum of the
+             squares of how far those of the two means lie from them (Zou and Donner). Each of these
+             intervals is that over training seeds, at least as wide as the normal one of all episodes
 
 What is not held may be the other way round, or not told apart from chance: the figures say which. Where a row
 that the rule needs has no episodes, the claim is not measured there. With trainings of a single seed all of
@@ -20,8 +23,10 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from rudc.evaluation.columns import Metric
-from rudc.evaluation.seeds import Paired
+from rudc.evaluation.seeds import Cells, Paired, over_seeds
 from rudc.evaluation.statistics import Z
 from rudc.evaluation.text import interval, markdown
 from rudc.studies.campaign import METRIC, Campaign, Claim
@@ -127,19 +132,24 @@ def _gap(
     there = [name for name in claim.than if name in outcomes.rows()]
     measured = [places.get(place, ()) for place in claim.where if there]
     leads = [outcomes.lead(claim.row, there, metric, scenarios) for scenarios in measured]
-    if min(map(len, leads), default=0) < 2:
+    if min((sum(map(len, lead.values())) for lead in leads), default=0) < 2:
         return Verdict(claim.says, claim.source, where, NOT_MEASURED, "no episodes to compare", 0)
-    means = [float(lead.mean()) for lead in leads]
-    half = Z * math.sqrt(sum(float(lead.var(ddof=1)) / len(lead) for lead in leads))
-    change = means[1] - means[0]
-    shown = interval(change, change - half, change + half)
-    figures = (
-        f"lead in {metric.name} {means[0]:.1f} and {means[1]:.1f}, change {shown}, over {len(there)} rows"
-    )
+    (first, down, up), (second, below, above) = map(_mean_and_reach, leads)
+    change = second - first
+    low, high = change - math.hypot(below, up), change + math.hypot(above, down)
+    shown = interval(change, low, high)
+    figures = f"lead in {metric.name} {first:.1f} and {second:.1f}, change {shown}, over {len(there)} rows"
     left = [titles[name] for name in claim.than if name not in there]
     figures += f"; without {', '.join(left)}, which did not drive" if left else ""
-    verdict = HELD if change - half > 0 else NOT_HELD
+    verdict = HELD if low > 0 else NOT_HELD
     return Verdict(claim.says, claim.source, where, verdict, figures, _seeds(outcomes, (claim.row, *there)))
+
+
+def _mean_and_reach(lead: Cells) -> tuple[float, float, float]:
+    """The mean of a lead, and how far its 95 % interval reaches below and above."""
+    over, values = over_seeds(lead), np.concatenate(list(lead.values()))
+    half = Z * float(np.nanstd(values, ddof=1)) / math.sqrt(over.episodes)
+    return over.mean, float(np.fmax(half, over.mean - over.low)), float(np.fmax(half, over.high - over.mean))
 
 
 def _seeds(outcomes: Outcomes, rows: Sequence[str]) -> int:

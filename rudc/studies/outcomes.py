@@ -7,7 +7,6 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from rudc.arrays import Array
 from rudc.evaluation.columns import COLUMNS, Metric, happened
 from rudc.evaluation.seeds import Cells, OverSeeds, Paired, over_seeds, paired
 
@@ -65,14 +64,14 @@ class Outcomes:
         new, old = (_cells({key: value(metric, m[key]) for key in keys}, scenarios) for m in (ours, theirs))
         return paired(new, old, rate=bool(metric.outcomes))
 
-    def lead(self, row: str, than: Sequence[str], metric: Metric, scenarios: Sequence[str]) -> Array:
-        """(n,) by how much a row has more of a metric than the others have on average, in each episode that
+    def lead(self, row: str, than: Sequence[str], metric: Metric, scenarios: Sequence[str]) -> Cells:
+        """By how much a row has more of a metric than the others have on average, in each episode that
         trainings of one seed drove for all.
         """
         ours, others = self._done.get(row, {}), [self._done.get(name, {}) for name in than]
         keys = [k for k in ours if k[1] in scenarios and all(k in other for other in others)]
-        mean = [float(np.mean([value(metric, other[k]) for other in others])) for k in keys]
-        return np.array([value(metric, ours[k]) for k in keys]) - np.array(mean)
+        mean = {k: float(np.mean([value(metric, other[k]) for other in others])) for k in keys}
+        return _cells({k: value(metric, ours[k]) - mean[k] for k in keys}, scenarios)
 
     def table(self) -> list[dict[str, str]]:
         """All finished episodes as rows of `episodes.csv`: `agent` is the row's name, and the last column

@@ -113,6 +113,14 @@ def test_a_claim_that_cannot_be_judged_is_refused(values, said):
         campaign(values)
 
 
+def test_a_row_that_is_only_ours_is_not_among_those_that_the_paper_compares():
+    data = read_campaign("ablation").model_dump()
+    claim = next(claim for claim in data["claims"] if claim["rule"] == "first")
+    claim["without"] = [name for name in claim["without"] if name != "rudc-t-wo-course"]
+    with pytest.raises(ValueError, match="no row 'rudc-t-wo-course'; name it in `without`"):
+        Campaign.model_validate(data)
+
+
 def test_rows_are_compared_in_the_episodes_and_training_seeds_that_both_have():
     outcomes = Outcomes()
     drove(outcomes, "rudc-t", "s" * 30)
@@ -125,7 +133,7 @@ def test_rows_are_compared_in_the_episodes_and_training_seeds_that_both_have():
     assert outcomes.paired("sac", "dsac", METRIC["VR"], ("fog",)) is None
     assert outcomes.errors("sac", ("fog",)) == 1
     assert outcomes.over_seeds("rudc-t", METRIC["SR"], ("fog",)).seeds == 2
-    lead = outcomes.lead("rudc-t", ("sac",), METRIC["SR"], ("fog",))
+    (lead,) = outcomes.lead("rudc-t", ("sac",), METRIC["SR"], ("fog",)).values()
     assert np.bincount(lead.astype(int), minlength=101)[[0, 100]].tolist() == [9, 20]
 
 
@@ -182,6 +190,18 @@ def test_the_first_is_clear_of_all_that_drive():
     assert "behind DSAC, RUDC-T" in behind.figures
     (frozen,) = verdicts(outcomes, {**first, "row": "usl"})
     assert (frozen.verdict, "freezes itself" in frozen.figures) == (NOT_HELD, True)
+
+
+def test_a_gap_that_one_training_of_three_makes_is_not_clear():
+    outcomes = Outcomes()
+    for scenario, failed in (("fog", (2, 2, 2)), ("ice", (30, 2, 2))):
+        for seed, number in enumerate(failed):
+            drove(outcomes, "rudc-t", "s" * 60, scenario=scenario, seed=seed)
+            drove(outcomes, "sac", "c" * number + "s" * (60 - number), scenario=scenario, seed=seed)
+    gap = {"rule": "gap", "row": "rudc-t", "metric": "SR", "than": ["sac"], "where": ("fog", "ice")}
+    (verdict,) = judge(campaign(gap), outcomes, {"fog": ("fog",), "ice": ("ice",)})
+    assert (verdict.verdict, verdict.seeds) == (NOT_HELD, 3)
+    assert "change 15.6 [-" in verdict.figures
 
 
 def test_a_gap_is_larger_where_the_leads_differ_clearly():
