@@ -52,8 +52,11 @@ class Case(NamedTuple):
     label: str
     """name of the agent in figures"""
     outcome: str
+    duration_s: float
     ego: Mapping[str, Array]
-    """column -> (n,), see rudc/studies/case.py"""
+    """column -> (n,) of the scenes in which it decided, see rudc/studies/case.py"""
+    least_h_m2: float
+    """the smallest h of these scenes and of the last one"""
     tracks: tuple[Track, ...]
     size: Array
     """(2,) m, the ego's length and width"""

@@ -29,6 +29,7 @@ from rudc.agents.registry import make_agent
 from rudc.arrays import Array
 from rudc.env.episode import Episode, StepResult
 from rudc.env.outcome import Outcome
+from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.rollout import run_episode
 from rudc.network.network import load_network
 from rudc.reporting.case import Case, Track
@@ -91,7 +92,7 @@ def drive(scenario: Scenario, driver: Driver, seed: int) -> Case:
         with timing(keeper.stopwatch, PLACES):
             record = run_episode(episode, scenario.plan(seed), agent, watch=keeper.watch)
         bodies = frozenset[str]().union(*(event.bodies for event in world.happenings()))
-        return keeper.case(driver.label, record.text("outcome"), episode, bodies)
+        return keeper.case(driver.label, record, episode, bodies)
 
 
 MS = ("HOCBF", "critics", "policy", REST)
@@ -119,19 +120,21 @@ class _Keeper:
     def watch(self, scene: Scene, decision: Decision, result: StepResult) -> None:
         """Keep a decision."""
         spent, ego, unsure = self.stopwatch.take(), scene.ego, decision.uncertainty
-        constraints = self._barrier.build(scene)
-        h = constraints.terms(scene).h.min(initial=math.inf)
         sigma = [math.nan] * 3 if unsure is None else [unsure.total, unsure.epistemic, unsure.aleatoric]
         cbf = sum(spent.get(part, 0.0) for part in CBF)
         named = [spent.get(part, 0.0) for part in ("critics", "policy")]
         self._steps.append(
             [
-                scene.time_s, ego.x, ego.y, ego.psi, ego.v, scene.ego_s, h, decision.u_rl[0], decision.u[0],
-                decision.u_rl[1], decision.u[1], scaled_correction(decision, scene), *map(float, sigma),
+                scene.time_s, ego.x, ego.y, ego.psi, ego.v, scene.ego_s, self._h(scene),
+                decision.u_rl[0], decision.u[0], decision.u_rl[1], decision.u[1],
+                scaled_correction(decision, scene), *map(float, sigma),
                 cbf, *named, sum(spent.values()) - cbf - sum(named),
             ]
         )  # fmt: skip
         self._look(scene)
+
+    def _h(self, scene: Scene) -> float:
+        return float(self._barrier.build(scene).terms(scene).h.min(initial=math.inf))
 
     def _look(self, scene: Scene) -> None:
         for i, name in enumerate(scene.ids):
@@ -140,7 +143,7 @@ class _Keeper:
             self._others.setdefault(name, []).append([scene.time_s, float(x), float(y), psi, s, offset])
             self._sizes[name] = scene.size[i]
 
-    def case(self, label: str, outcome: str, episode: Episode, bodies: frozenset[str]) -> Case:
+    def case(self, label: str, record: EpisodeRecord, episode: Episode, bodies: frozenset[str]) -> Case:
         """Everything. `bodies`: names of those whom events put on the road or take hold of."""
         truth = episode.truth
         table = np.array(self._steps).reshape(-1, len(COLUMNS))
@@ -148,10 +151,13 @@ class _Keeper:
             Track(name, name in bodies, self._sizes[name], np.array(rows))
             for name, rows in self._others.items()
         )
+        ego = {name: table[:, k] for k, name in enumerate(COLUMNS)}
         return Case(
             label,
-            outcome,
-            {name: table[:, k] for k, name in enumerate(COLUMNS)},
+            record.text("outcome"),
+            record.number("duration_s"),
+            ego,
+            min(float(ego["h_m2"].min(initial=math.inf)), self._h(truth)),
             tracks,
             np.array([truth.vehicle.length, truth.vehicle.width]),
             tuple(polygon - truth.network.center for polygon in truth.network.surface.polygons),

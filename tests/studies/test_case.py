@@ -36,3 +36,11 @@ def test_a_case_holds_the_episode():
     assert sum(track.is_event for track in case.tracks) == 3
     assert np.isnan(case.ego["sigma_total"]).all()
     assert case.ego["h_m2"].min() < 25.0 < case.ego["h_m2"].max()
+    assert case.duration_s == pytest.approx(case.ego["time_s"][-1] + 0.1)
+
+
+def test_the_scene_of_a_collision_counts():
+    (scenario,) = find_scenarios(["blocked_left_turn"])
+    case = drive(scenario, Driver("blind", "follower"), 0)
+    assert case.outcome == "collision"
+    assert case.least_h_m2 < case.ego["h_m2"].min()
