@@ -132,9 +132,11 @@ def study(
 
 
 def _numbers(text: str | None) -> tuple[int, ...]:
-    parts = [part.strip() for part in (text or "").split(",") if part.strip()]
+    if text is None:
+        return ()
+    parts = [part.strip() for part in text.split(",")]
     if not all(part.isascii() and part.isdigit() and len(part) < SEED_DIGITS for part in parts):
-        raise InputError(f"--seeds {(text or '')[:80]}: expected numbers with commas between, such as 0,1,2")
+        raise InputError(f"--seeds {text[:80]!r}: expected numbers with commas between, such as 0,1,2")
     return tuple(dict.fromkeys(map(int, parts)))
 
 

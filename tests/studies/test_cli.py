@@ -38,6 +38,7 @@ def test_list(rudc):
         (["sigma", "-a", "sumo", "-o", "x"], "states no uncertainty"),
         (["filter", "--seeds", "1", "-o", "x"], "takes no --seeds"),
         (["filter", "--seeds", "1;2", "-o", "x"], "such as 0,1,2"),
+        (["comparison", "--seeds", " ", "-o", "x"], "such as 0,1,2"),
         (["filter", "--seeds", "9" * 5000, "-o", "x"], "such as 0,1,2"),
         (["sigma", "--budget", "paper", "-o", "x"], "no budget 'paper'"),
         (["comparison", "-a", "sak", "-o", "x"], "has no row 'sak'"),
