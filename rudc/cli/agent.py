@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -92,6 +93,7 @@ def calibrate(
     from rudc.agents.checkpoint import checkpoint_in, find_checkpoint
     from rudc.errors import AgentError
     from rudc.training.calibration import SCENARIOS, calibrate
+    from rudc.training.folder import CONFIG, held
 
     found, shipped = checkpoint_in(folder), find_checkpoint(str(folder))
     if found is None and shipped is not None and write:
@@ -110,15 +112,22 @@ def calibrate(
         if done % 10 == 0:
             note(f"{done}/{len(names) * episodes} episodes")
 
-    result = calibrate(found, names, episodes, write=write, advance=advance)
+    goes_on = write and (found.parent / CONFIG).is_file()  # a training may replace its checkpoint meanwhile
+    with held(found.parent, warn) if goes_on else nullcontext():
+        result = calibrate(found, names, episodes, write=write, advance=advance)
     print_table(
         ["sigma", "", "sigma_l", "sigma_h"],
         [line for kind, limits in result.kinds.items() for line in _lines(kind, limits)],
         right=(2, 3),
     )
     stored = "stored" if write else "not stored: add --write"
-    usual = f"{result.decisions} decisions in the {result.episodes} episodes that succeeded"
-    note(f"of {usual}; the route explains {result.explained:.0%} of log sigma; {stored}")
+    which = f"the {result.episodes} episodes that succeeded"
+    if not result.succeeded:
+        which = (
+            f"all {result.episodes} episodes, as none succeeded: sigma_l and sigma_h are not to be relied on"
+        )
+    explained = f"the route explains {result.explained:.0%} of log sigma"
+    note(f"of {result.decisions} decisions in {which}; {explained}; {stored}")
 
 
 def _lines(kind: str, limits: Limits) -> list[list[str]]:

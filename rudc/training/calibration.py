@@ -74,6 +74,8 @@ class Calibration(NamedTuple):
     """number of decisions that were measured"""
     episodes: int
     """number of their episodes: those that succeeded, or all if none did"""
+    succeeded: bool
+    """whether any did"""
     explained: float
     """share of the variance of log sigma_total that the place on the route explains, out of sample"""
 
@@ -166,7 +168,8 @@ def calibrate(
         "paper": _limits(new.percentiles, learnt.percentiles, total),
         "route": _limits(by_route.percentiles, None if old is None else old.percentiles, route),
     }
-    return Calibration(kinds, total.size, len(heard), explained(heard))
+    succeeded = any(one.succeeded for one in heard)
+    return Calibration(kinds, total.size, len(heard), succeeded, explained(heard))
 
 
 def _limits(found: tuple[float, float], before: tuple[float, float] | None, sigmas: Array | None) -> Limits:

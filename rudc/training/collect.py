@@ -8,14 +8,17 @@ the filter would have corrected it. Where critics learn about the executed actio
 the same decision process, the uncorrected one. With the filter in every episode that is never learnt,
 whichever action is replayed: the policy drives on and leaves braking to the filter.
 
+An episode that cannot be set up (such as one in which no draw has a safe start) is left out: in a round the
+next one is drawn.
+
 With `training.outlook` whoever drives sees the world as the agent's outlook shows it. The outlook also bounds
 the commands, in the episodes that are corrected and in no others.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Literal, NamedTuple
+from collections.abc import Callable, Iterator, Mapping
+from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -28,6 +31,7 @@ from rudc.env.episode import Episode, StepResult
 from rudc.env.observation import ObservationKind, observe_flat
 from rudc.env.outcome import Outcome
 from rudc.env.reward import scene_cost
+from rudc.errors import SimulationError
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.rollout import run_episode
 from rudc.learning.nstep import NStep, Transition
@@ -40,6 +44,10 @@ from rudc.world.scene import Scene
 from rudc.world.world import World
 
 By = Literal["reference", "policy"]
+T = TypeVar("T")
+
+DRAWS = 20
+"""so many episodes in a row that cannot be set up end the training"""
 
 
 class Finished(NamedTuple):
@@ -113,18 +121,32 @@ class Collector:
             self._episode = None
         return Collected(tuple(new), tuple(finished))
 
-    def evaluate(self, tasks: tuple[tuple[str, int], ...]) -> tuple[EpisodeRecord, ...]:
-        """Drive the held-out episodes (scenario, seed) as the agent will; the running episode is lost."""
+    def evaluate(self, tasks: tuple[tuple[str, int], ...]) -> tuple[EpisodeRecord | None, ...]:
+        """Drive the held-out episodes (scenario, seed) as the agent will; None for one that cannot be set up.
+        The running episode is lost.
+        """
         driver = with_outlook(self._agent, self._agent.name, self._config.outlook)
-        return tuple(run_episode(Episode(self._world), p, driver) for p in self._held_out(tasks))
+        return self._each(tasks, lambda plan: run_episode(Episode(self._world), plan, driver))
 
-    def hear(self, tasks: tuple[tuple[str, int], ...]) -> tuple[Heard, ...]:
-        """The sigmas that the agent states in these episodes, driven as it will be deployed."""
-        return tuple(hear(self._world, plan, self._agent) for plan in self._held_out(tasks))
+    def hear(self, tasks: tuple[tuple[str, int], ...]) -> tuple[Heard | None, ...]:
+        """The sigmas that the agent states in these episodes, driven as deployed; None likewise."""
+        return self._each(tasks, lambda plan: hear(self._world, plan, self._agent))
 
     def close(self) -> None:
         """End the world."""
         self._world.close()
+
+    def _each(
+        self, tasks: tuple[tuple[str, int], ...], drive: Callable[[EpisodePlan], T]
+    ) -> tuple[T | None, ...]:
+        found: list[T | None] = []
+        for plan in self._held_out(tasks):
+            try:
+                found.append(drive(plan))
+            except SimulationError:
+                found.append(None)
+                self._renew()
+        return tuple(found)
 
     def _held_out(self, tasks: tuple[tuple[str, int], ...]) -> Iterator[EpisodePlan]:
         """The plans of episodes (scenario, seed), the world moved to each one's network; a running episode is
@@ -138,10 +160,7 @@ class Collector:
 
     def _running(self, rng: np.random.Generator) -> tuple[Episode, Scene]:
         if self._episode is None or self._scene is None:
-            plan = self._mixture.draw(rng)
-            self._move_to(plan.network, plan.junction)
-            self._episode = Episode(self._world)
-            first = self._episode.reset(plan)
+            self._episode, plan, first = self._set_up(rng)
             if self._outlook is not None:
                 self._outlook.reset(first)
             scene = self._show(first)
@@ -152,6 +171,21 @@ class Collector:
         assert self._scene is not None
         return self._episode, self._scene
 
+    def _set_up(self, rng: np.random.Generator) -> tuple[Episode, EpisodePlan, Scene]:
+        """The next episode that can be set up. Raises SimulationError after `DRAWS` that cannot."""
+        failed = 0
+        while True:
+            plan = self._mixture.draw(rng)
+            self._move_to(plan.network, plan.junction)
+            episode = Episode(self._world)
+            try:
+                return episode, plan, episode.reset(plan)
+            except SimulationError as error:
+                failed += 1
+                if failed == DRAWS:
+                    raise SimulationError(f"{DRAWS} episodes in a row cannot be set up: {error}") from error
+                self._renew()
+
     def _show(self, scene: Scene) -> Scene:
         """Take a scene in, as the outlook shows it: once a decision."""
         self._scene = scene if self._outlook is None else self._outlook.see(scene)
@@ -160,8 +194,12 @@ class Collector:
 
     def _move_to(self, network: str, junction: str | None) -> None:
         if (network, junction) != self._at:
-            self._world.close()
-            self._world, self._at = World(load_network(network, junction)), (network, junction)
+            self._at = (network, junction)
+            self._renew()
+
+    def _renew(self) -> None:
+        self._world.close()
+        self._world = World(load_network(*self._at))
 
     def _choose(self, scene: Scene, by: By, rng: np.random.Generator) -> Chosen:
         if by == "policy":

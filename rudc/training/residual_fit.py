@@ -25,6 +25,7 @@ from torch import Tensor
 
 from rudc.arrays import Arrays, Flags, Floats
 from rudc.errors import InputError
+from rudc.learning.threads import torch_threads
 from rudc.safety.residual import ResidualPredictor, heads
 from rudc.training.residual_data import Dataset, Samples
 from rudc.world.scene import STANDING
@@ -115,10 +116,10 @@ def fit(
     for head in heads():
         held_out(dataset, head)
     parts = [(head, held_out(dataset, head, rest=True)) for head in heads()]
-    torch.set_num_threads(1)  # for layers this small, more threads gain nothing
     arrays: Arrays = {}
-    for number, (head, samples) in enumerate(parts):
-        arrays |= _fit(samples, head, (seed, number), epochs, progress)
+    with torch_threads(1):  # for layers this small, more gain nothing
+        for number, (head, samples) in enumerate(parts):
+            arrays |= _fit(samples, head, (seed, number), epochs, progress)
     return ResidualPredictor(arrays)
 
 

@@ -43,6 +43,7 @@ from rudc.learning.learner import Statistics
 from rudc.learning.nstep import Transition
 from rudc.learning.products import widest_products
 from rudc.learning.replay import Replay
+from rudc.learning.threads import torch_threads
 from rudc.learning.uncertainty import RunningPercentiles
 from rudc.training.calibration import Measured, calibration_tasks, measured
 from rudc.training.collect import Finished
@@ -100,8 +101,9 @@ class Trainer:
             return True
         self._log = Log(self._folder, self.steps, self._statistics)
         self._pool = WorkerPool(self._driven)
+        left = max(torch.get_num_threads() - self._config.training.envs, 1)  # a core for each world
         try:
-            with self._interruptible(), _cores_left_to(self._config.training.envs):
+            with self._interruptible(), torch_threads(left):
                 while self._round < self._config.rounds and not self._stop:
                     self._one_round()
                     self._milestones()
@@ -203,7 +205,9 @@ class Trainer:
         training = self._driven.training
         seeds = range(HELD_OUT_SEED, HELD_OUT_SEED + training.evaluation_episodes)
         self._pool.load(self._weights(), self._percentiles())
-        records = self._pool.evaluate([(name, seed) for name in training.evaluate_on for seed in seeds])
+        tasks = [(name, seed) for name in training.evaluate_on for seed in seeds]
+        records = self._pool.evaluate(tasks)
+        self._say_left_out(len(tasks), len(records))
         for row in evaluation_rows(self.steps, records):
             self._log.write("evaluation", row)
             if row["priority"] == "all":
@@ -219,7 +223,16 @@ class Trainer:
             return
         self._pool.load(self._learner.weights(), self._percentiles(), critics=True)
         tasks = calibration_tasks(training.evaluate_on, training.calibration_episodes)
-        self._calibrated = measured(self._pool.hear(tasks))
+        heard = self._pool.hear(tasks)
+        self._say_left_out(len(tasks), len(heard))
+        if heard:
+            self._calibrated = measured(heard)
+        if not any(one.succeeded for one in heard):
+            self._watcher.note("no held-out episode succeeded: sigma_l and sigma_h are not to be relied on")
+
+    def _say_left_out(self, asked: int, driven: int) -> None:
+        if driven < asked:
+            self._watcher.note(f"{asked - driven} of {asked} held-out episodes could not be set up: left out")
 
     def _weights(self) -> Arrays:
         """The learner's weights, and the usual sigma along the route once it was measured."""
@@ -307,17 +320,6 @@ class Trainer:
         finally:
             for number, handler in before.items():
                 signal.signal(number, handler)
-
-
-@contextmanager
-def _cores_left_to(worlds: int) -> Iterator[None]:
-    """Inside the block torch leaves a core to each world."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(max(before - worlds, 1))
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
 
 
 def astray(losses: Statistics, limit: float) -> bool:

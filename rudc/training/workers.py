@@ -62,18 +62,21 @@ class WorkerPool:
         return self._answers()
 
     def evaluate(self, tasks: Sequence[tuple[str, int]]) -> list[EpisodeRecord]:
-        """Drive held-out episodes (scenario, seed); records in the order of the tasks."""
+        """Drive held-out episodes (scenario, seed); records in the order of the tasks, of those that could be
+        set up.
+        """
         return self._shared("evaluate", tasks)
 
     def hear(self, tasks: Sequence[tuple[str, int]]) -> list[Heard]:
-        """The sigmas that the agent states in held-out episodes (scenario, seed), episode by episode."""
+        """The sigmas that the agent states in held-out episodes (scenario, seed), likewise."""
         return self._shared("hear", tasks)
 
     def _shared(self, request: str, tasks: Sequence[tuple[str, int]]) -> list[Any]:
         count = len(self._workers)
         self._ask([(request, (tuple(tasks[index::count]),)) for index in range(count)])
         parts = self._answers()
-        return [parts[k % count][k // count] for k in range(len(tasks))]
+        answers = (parts[k % count][k // count] for k in range(len(tasks)))
+        return [answer for answer in answers if answer is not None]
 
     def close(self) -> None:
         """End the workers."""

@@ -17,6 +17,8 @@ from rudc.errors import AgentError
 from rudc.evaluation.store import read_table
 from rudc.learning.algorithms import ALGORITHMS
 from rudc.scenario import load_scenario, shipped_scenarios
+from rudc.training.calibration import Calibration, Limits
+from rudc.training.folder import held
 
 PYTHON = [sys.executable, "-m", "rudc"]
 
@@ -199,6 +201,19 @@ def test_a_shipped_agent_is_not_written_to_and_a_folder_of_its_name_is(rudc, tmp
     shutil.copytree(shipped, tmp_path / "rudc-wo-cbf" / "checkpoint")
     rudc("agent", "calibrate", "rudc-wo-cbf", "--write")
     assert seen == [shipped, Path("rudc-wo-cbf/checkpoint")]
+
+
+def test_a_checkpoint_is_not_calibrated_anew_while_its_training_goes_on(rudc, tmp_path, monkeypatch):
+    limits = {"paper": Limits((1.0, 2.0), None, None)}
+    found = Calibration(limits, 240, 4, succeeded=False, explained=0.5)
+    monkeypatch.setattr("rudc.training.calibration.calibrate", lambda *_args, **_options: found)
+    shutil.copytree(data_folder("results/checkpoints") / "rudc-wo-cbf", tmp_path / "mine" / "checkpoint")
+    (tmp_path / "mine" / "config.json").write_text("{}")
+    order = ("agent", "calibrate", tmp_path / "mine")
+    with held(tmp_path / "mine", print):
+        assert "240 decisions in all 4 episodes, as none succeeded" in rudc(*order).err
+        assert "another rudc is writing to" in rudc(*order, "--write").err
+    assert rudc(*order, "--write").status == 0
 
 
 @pytest.fixture(scope="module")

@@ -2,14 +2,19 @@
 
 import itertools
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
 
+from rudc.env.episode import Episode
 from rudc.env.reward import COLLISION
+from rudc.errors import SimulationError
 from rudc.learning.parameters import policy_arrays
+from rudc.scenario.plan import EpisodePlan
 from rudc.training.collect import Collector
 from rudc.training.config import TrainConfig
+from rudc.world.scene import Scene
 
 CONFIG = TrainConfig.of("rudc-wo-cbf", {"learner.n_step": 1})
 
@@ -49,6 +54,29 @@ def test_a_round_can_be_taken_again(collector: Collector):
     for one, other in zip(first.transitions, again.transitions, strict=True):
         for a, b in zip(one, other, strict=True):
             np.testing.assert_array_equal(a, b)
+
+
+def test_an_episode_that_cannot_be_set_up_is_left_out(collector: Collector, monkeypatch: pytest.MonkeyPatch):
+    refused, enough = [], 1
+
+    class Refusing(Episode):
+        def reset(self, plan: EpisodePlan, **more: Any) -> Scene:
+            if len(refused) < enough:
+                refused.append(plan.seed)
+                raise SimulationError("no safe start")
+            return super().reset(plan, **more)
+
+    monkeypatch.setattr("rudc.training.collect.Episode", Refusing)
+    assert len(collector.collect(4, 20, "reference", drop=True).transitions) == 20
+    assert len(refused) == 1
+    refused.clear()
+    first, second = collector.evaluate((("random_destination", 900_000), ("random_destination", 900_001)))
+    assert (first, refused) == (None, [900_000])
+    assert second is not None
+    assert second.number("seed") == 900_001
+    enough = 1000
+    with pytest.raises(SimulationError, match="20 episodes in a row cannot be set up: no safe start"):
+        collector.collect(5, 20, "reference", drop=True)
 
 
 def test_collisions_cost_what_training_says(collector: Collector):

@@ -70,7 +70,12 @@ def test_a_known_residual_is_learnt_and_the_fit_is_deterministic():
         assert found.explained > 0.8
         assert found.predictor.r2 > 0.97 > found.model.r2
         assert found.predictor.rmse < found.model.rmse
+    threads = torch.get_num_threads()
+    torch.set_num_threads(3)
     short, again = fit(known, 1, epochs=2), fit(known, 1, epochs=2)
+    after = torch.get_num_threads()
+    torch.set_num_threads(threads)
+    assert after == 3  # who learns next has as many
     for name, value in short.arrays.items():
         np.testing.assert_array_equal(value, again.arrays[name])
 
