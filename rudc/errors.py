@@ -24,6 +24,10 @@ class NetworkError(InputError):
     """A road network cannot be used; the text says what is missing."""
 
 
+class JunctionError(NetworkError):
+    """A network has no junction of the name that is asked for; the text names those that it has."""
+
+
 class AgentError(InputError):
     """There is no such agent or checkpoint, or its parts or settings do not fit together."""
 

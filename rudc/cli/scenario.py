@@ -204,9 +204,9 @@ def validate(
 
     A line for each file; every problem reads `FILE:LINE:COLUMN: key.path: what is wrong`, all at once. A
     warning names each event that waits for a `simulation_time`, `traveled_distance` or `speed` that no
-    episode reaches, for a quantity `below` its least value, or whose `probability` is 0, and a destination
-    that no episode reaches. With `--seeds N`, `gap-acceptance` drives N episodes, and the command
-    says how they end and how often each event happens.
+    episode reaches, for a quantity `below` its least value, or whose `probability` is 0, a destination that
+    no episode reaches, and a kind of `traffic.mix` that may drive nowhere. With `--seeds N`,
+    `gap-acceptance` drives N episodes, and the command says how they end and how often each event happens.
 
     **Examples**
 

@@ -21,6 +21,7 @@ from rudc.vehicle import EgoVehicle
 from rudc.world.events import numbered
 from rudc.world.fitting import likely, misfits
 from rudc.world.spawn import movements_of
+from rudc.world.vehicle_types import VEHICLE_TYPES
 
 if TYPE_CHECKING:
     from rudc.scenario.model import Scalar, Scenario
@@ -57,12 +58,13 @@ def try_out(scenario: Scenario, seed: int = 0) -> list[str]:
 
 def never_happening(scenario: Scenario) -> list[str]:
     """A line for each event that can never happen: it waits for a time, a way or a speed that no episode
-    reaches, or for a quantity below its least value, or its probability is 0; and one for a destination that
-    no episode reaches. Of a sweep, at the points that `tried_points` chooses."""
+    reaches, or for a quantity below its least value, or its probability is 0; one for a destination that
+    no episode reaches; and one for each kind of `traffic.mix` that may drive nowhere. Of a sweep, at the
+    points that `tried_points` chooses."""
     found: dict[str, str] = {}
     for swept in tried_points(scenario):
         point = scenario.varied(swept) if swept else scenario
-        for text in (*_in_vain(point), *_out_of_reach(point)):
+        for text in (*_in_vain(point), *_out_of_reach(point), *_nowhere(point)):
             found.setdefault(text, _where(swept))
     return [where + text for text, where in found.items()]
 
@@ -109,6 +111,14 @@ def _out_of_reach(scenario: Scenario) -> Iterator[str]:
             f"the ego can never arrive: its way is {way:.0f} m at least, it drives at most {car.v_max:g} "
             f"m/s, and episodes end at {end:g} s (episode.timeout)"
         )
+
+
+def _nowhere(scenario: Scenario) -> Iterator[str]:
+    network, traffic = load_network(scenario.network, scenario.junction), scenario.traffic
+    refused = frozenset.intersection(*map(network.refused, network.movements))
+    for kind, known in VEHICLE_TYPES.items():
+        if known.vclass in refused and traffic.density.support[1] and getattr(traffic.mix, kind).support[1]:
+            yield f"no {kind} of traffic.mix can appear: every way through the junction refuses its kind"
 
 
 def _where(swept: dict[str, Scalar]) -> str:

@@ -23,6 +23,8 @@ from rudc.network.road import COMPASS, ROAD_USERS, Arm, Lane, Movement, Reserved
 
 STRAIGHT = np.radians(30.0)
 """rad, a change of heading smaller than this is no turn"""
+ALIKE = 1e-6
+"""rad, headings nearer to each other are the same"""
 LOOK_OUT = 20.0
 """m of an arm next to the junction over which its direction is taken"""
 OVERHANG = 10.0
@@ -230,15 +232,19 @@ def make_movements(arms: Sequence[Arm], ways: Sequence[Way], yields: Flags) -> l
 
 
 def _turn(arms: Sequence[Arm], rows: Iterable[tuple[int, int]], o: int, d: int, angle: float) -> Turn:
-    """The turn's name. If several destinations lie nearly straight on, only the straightest is `straight`."""
+    """The turn's name. If several destinations lie nearly straight on, only the straightest is `straight`; of
+    two that lie equally far to both sides, none.
+    """
     if o == d:
         return "u_turn"
     others = [
-        abs(wrap(arms[b].heading_in + np.pi - arms[o].heading_in))
+        float(wrap(arms[b].heading_in + np.pi - arms[o].heading_in))
         for a, b in rows
         if a == o and b not in (o, d)
     ]
-    if abs(angle) < STRAIGHT and all(abs(angle) <= other for other in others):
+    straighter = any(abs(other) < abs(angle) for other in others)
+    forked = abs(angle) > ALIKE and any(abs(other + angle) < ALIKE for other in others)
+    if abs(angle) < STRAIGHT and not straighter and not forked:
         return "straight"
     return "left" if angle > 0 else "right"
 

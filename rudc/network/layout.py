@@ -137,6 +137,14 @@ class Layout:
         """m/s, the lowest limit among the lanes of an edge."""
         return min(lane.speed for lane in self.lanes.values() if lane.edge == edge)
 
+    def refused(self, movement: Movement) -> frozenset[str]:
+        """SUMO's classes of vehicles that may not drive a movement: some edge of it has no lane for them."""
+        found = set[str]()
+        for edge in movement.edges:
+            lanes = [{*lane.refuses} for lane in self.lanes.values() if lane.edge == edge]
+            found |= set.intersection(*lanes) if lanes else set()
+        return frozenset(found)
+
     def movement(self, origin: str, towards: str) -> Movement:
         """The movement from an arm to another (by name or edge id), or by its turn: left, straight, right,
         u_turn."""

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from rudc.arrays import Array, Flags
-from rudc.errors import NetworkError
+from rudc.errors import JunctionError, NetworkError
 from rudc.hints import listed
 from rudc.network.paths import PathSource
 from rudc.network.polyline import arc_length, resample, without_repeats
@@ -81,7 +81,7 @@ def choose_junction(net: Any, wanted: str | None, path: Path) -> Junction:
         for nodes in groups.values():
             if wanted in {node.getID() for node in nodes}:
                 return _junction(net, nodes, alias)
-        raise NetworkError(
+        raise JunctionError(
             f"{path}: no junction {wanted!r} in this network; there are: {listed(names) or 'none'}"
         )
     if len(groups) == 1:
@@ -304,7 +304,8 @@ def _internal_lanes(net: Any, connection: Any) -> list[Any]:
     if not lanes:
         raise NetworkError(
             f"no lane inside the junction leads from {connection.getFromLane().getID()} to "
-            f"{connection.getToLane().getID()}: build the network with internal links"
+            f"{connection.getToLane().getID()}: build the network with internal links (netconvert without "
+            "--no-internal-links)"
         )
     return lanes
 

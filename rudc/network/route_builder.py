@@ -48,7 +48,7 @@ def build_route(network: Layout, movement: Movement, lane: int | None, vehicle: 
     """The ego's route over a movement, from inbound lane index `lane` (None: left turns from the leftmost
     lane that permits the movement, all others from the rightmost)."""
     paths = network.paths
-    row = _choose_row(network, movement, lane)
+    row = start_row(network, movement, lane)
     arm = network.arm(movement.origin)
     line = network.centre_line(row)
     stop, exit_s = float(paths.stop_s[row]), float(paths.exit_s[row])
@@ -92,7 +92,8 @@ def _station_of(path: ReferencePath, point: Array, near: float) -> float:
     return path.project(float(point[0]), float(point[1]), near)[0]
 
 
-def _choose_row(network: Layout, movement: Movement, lane: int | None) -> int:
+def start_row(network: Layout, movement: Movement, lane: int | None = None) -> int:
+    """The row on which the ego starts: from the inbound lane of that index, or from its own."""
     rows = list(movement.rows)
     indices = [network.inbound_lane(row).index for row in rows]
     if lane is None:

@@ -35,6 +35,8 @@ def with_value(data: dict[str, Any], key: str, value: Any) -> tuple[dict[str, An
         else:
             missing: Any = [] if path == ("events",) else {}
             inner = here.get(step, missing) if isinstance(step, str) else here[step]
+            if path == ("ego", "route") and inner == "random":  # which is to say nothing of it
+                inner = missing
             here[step] = inner.copy() if isinstance(inner, dict | list) else inner
             here = here[step]
     return changed, path

@@ -153,6 +153,9 @@ def _override(sheet: Sheet, key: str, value: object) -> list[Report]:
     if key.partition(".")[0] == "extends":
         text = "cannot be set: a file is read with what it extends; write a file with another `extends`"
         return [Report("override", 0, 0, tuple(key.split(".")), text)]
+    if key.startswith("sweep."):
+        text = f"is not a key; give {key.removeprefix('sweep.')} itself a list"
+        return [Report("override", 0, 0, tuple(key.split(".")), text)]
     try:
         sheet.data, path = with_value(sheet.data, key, value)
     except DottedKeyError as error:
@@ -214,7 +217,10 @@ def _checked(sheet: Sheet, known: set[Path], sweeps: bool) -> tuple[Scenario | N
     """The scenario that a sheet describes, or what is wrong with it; `known` are paths reported already."""
     empty = [path for path in _empty(sheet.data, ()) if path not in known]
     text = "no value given; without one, leave the key out"
-    reports = [sheet.report(path, text) for path in empty]
+    reports = [
+        sheet.report(path, "no value given, and it is required" if path == ("name",) else text)
+        for path in empty
+    ]
     data = _without_empty(sheet.data)
     scenario, problems = None, []
     try:

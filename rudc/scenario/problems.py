@@ -92,6 +92,9 @@ def _describe(detail: ErrorDetails, model: type[FileModel], data: Any) -> Proble
         case "model_type" | "model_attributes_type" | "dict_type":
             keys = ", ".join(_keys(_model_at(loc, model)))
             return Problem(path, f"expected a mapping{f' (keys: {keys})' if keys else ''}, got {got(value)}")
+        case "list_type" | "tuple_type" if path[:1] == ("sweep",) and isinstance(value, Mapping):
+            key = f"{path[-1]}.{next(iter(value), 'KEY')}"
+            return Problem(path, f"expected a list of values, got a mapping; the key is written `{key}`")
         case "float_type" | "float_parsing":
             forms = f", {FORMS}" if "<constant>" in loc else ""
             return Problem(path, f"expected {_number(loc, model)}{forms}; got {got(value)}")

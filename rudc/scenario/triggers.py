@@ -134,7 +134,7 @@ class ReachPosition(FileModel, frozen=True):
     lane: Identifier | None = None
     """lane that the place is on, instead of `position`"""
     at: Metre | None = None
-    """m along `lane`"""
+    """m from the junction along `lane`, or inside the junction in driving direction"""
     tolerance: Annotated[AnyDistribution, Bounds(0, 200, "m", above=True)] = Constant(value=2.0)
     """m, how near counts as there"""
 

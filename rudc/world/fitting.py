@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from rudc.errors import NetworkError
+from rudc.errors import JunctionError, NetworkError
 from rudc.network.network import Network, Route, load_network
 from rudc.network.road import Arm, Movement
+from rudc.network.route_builder import start_row
 from rudc.network.stretches import EGO_ARMS, EGO_LANES
 from rudc.scenario.base import FileModel
 from rudc.scenario.distributions import Distribution, Normal
@@ -35,11 +36,13 @@ ASTRAY_M = 50.0
 
 def misfits(parts: Parts) -> list[Problem]:
     """A problem for each thing that does not fit; empty if everything fits."""
+    key = "network"
     try:
         network = load_network(parts.network, parts.junction)
+        key = "network" if parts.junction is None else "junction"
         network.refuse_lights()
     except NetworkError as error:
-        return [Problem(("network" if parts.junction is None else "junction",), str(error))]
+        return [Problem(("junction" if isinstance(error, JunctionError) else key,), str(error))]
     movements, found = _movements(network, parts.ego)
     for i, event in parts.events.items():
         for path, part in _placed(event, ("events", i)):
@@ -71,10 +74,9 @@ def _movements(network: Network, ego: Ego | None) -> tuple[list[Movement], list[
 
 def _too_far(network: Network, movements: list[Movement], ego: Ego) -> list[Problem]:
     """The problem of an arm that is too short for the ego's start, if there is one."""
-    room = {
-        m.origin: float(network.paths.stop_s[list(m.rows)].min()) - network.vehicle.length for m in movements
-    }
-    arm, least = min(room.items(), key=lambda item: item[1])
+    stops = network.paths.stop_s
+    room = [(float(stops[start_row(network, m)]) - network.vehicle.length, m.origin) for m in movements]
+    least, arm = min(room)
     far = likely(ego.distance)[1]
     if far <= least + TOLERANCE_M:
         return []

@@ -107,7 +107,11 @@ class IsolatedWorld:
         self._end = weakref.finalize(self, _end, self._process, os.getpid())
         self._reply = _Reply(None)
         self._imported: tuple[str, ...] = ()
-        self._ask("open", self.network, self.config)
+        try:
+            self._ask("open", self.network, self.config)
+        except BaseException:  # a process without a world is of no use
+            self._end()
+            raise
 
     def close(self) -> None:
         """End the world and its process."""

@@ -93,7 +93,7 @@ class Traffic:
         }
         """lanes that each movement uses on each edge of its arm, outermost edge first"""
         self._refused = {
-            (movement.origin, movement.destination): _refused(network, movement)
+            (movement.origin, movement.destination): network.refused(movement)
             for movement in network.movements
         }
         """SUMO's classes of vehicles that may not drive the whole of each movement"""
@@ -349,15 +349,6 @@ class Traffic:
             self._add(movement, _route(movement), kind, lane, length + 0.1, speed)
             entry[lane.id] = (0.1, speed)
             return
-
-
-def _refused(network: Network, movement: Movement) -> frozenset[str]:
-    """SUMO's classes of vehicles that may use no lane of some edge of a movement."""
-    found = set[str]()
-    for edge in movement.edges:
-        lanes = [{*lane.refuses} for lane in network.lanes.values() if lane.edge == edge]
-        found |= set.intersection(*lanes) if lanes else set()
-    return frozenset(found)
 
 
 def _route(movement: Movement) -> str:

@@ -3,6 +3,7 @@
 import pytest
 
 from rudc.evaluation.preflight import TRIED, never_happening, tried_points, validated
+from rudc.network.network import load_network
 from rudc.scenario import load_scenario, shipped_scenarios
 from rudc.world.world import World
 
@@ -77,6 +78,16 @@ def test_only_those_points_cost_an_episode(written, monkeypatch):
     assert scenario is not None
     assert problems == []
     assert len(set_up) == len(tried_points(scenario))
+
+
+def test_a_kind_of_the_mix_that_may_drive_nowhere_is_said(written, tmp_path):
+    text = load_network("four_way").path.read_text(encoding="utf-8")
+    closed = tmp_path / "closed.net.xml"
+    closed.write_text(text.replace("<lane ", '<lane disallow="bicycle" '), encoding="utf-8")
+    mixed = f"name: a\nnetwork: {closed}\ntraffic: {{mix: {{car: 1, bicycle: 1}}}}\n"
+    (told,) = never_happening(load_scenario(written(mixed)))
+    assert told.startswith("no bicycle of traffic.mix can appear")
+    assert never_happening(load_scenario(written(mixed.replace("bicycle: 1", "bus: 1")))) == []
 
 
 LATE = """

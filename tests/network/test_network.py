@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from rudc.errors import NetworkError
 from rudc.network.assembly import decide_major
+from rudc.network.build import build_network
 from rudc.network.network import Network, load_network, shipped_networks
 
 NETWORKS = sorted(shipped_networks())
@@ -90,6 +91,24 @@ def test_movements_of_the_t_junction_and_the_roundabout():
         "ring_east_north",
         "north_out",
     )
+
+
+def test_of_a_fork_that_is_alike_to_both_sides_no_way_is_straight(tmp_path):
+    nodes = "".join(
+        f'<node id="{name}" x="{x}" y="{y}" type="priority"/>'
+        for name, x, y in (("c", 0, 0), ("trunk", -120, 0), ("one", 100, 50), ("other", 100, -50))
+    )
+    ways = [(arm, "c") for arm in ("trunk", "one", "other")]
+    edges = "".join(
+        f'<edge id="{a}_{b}" from="{a}" to="{b}" numLanes="1" speed="10" priority="1"/>'
+        for pair in ways
+        for a, b in (pair, pair[::-1])
+    )
+    (tmp_path / "fork.nod.xml").write_text(f"<nodes>{nodes}</nodes>", encoding="utf-8")
+    (tmp_path / "fork.edg.xml").write_text(f"<edges>{edges}</edges>", encoding="utf-8")
+    network = load_network(build_network(tmp_path))
+    turns = {m.destination: m.turn for m in network.movements if m.origin == "west" and m.turn != "u_turn"}
+    assert turns == {"northeast": "left", "southeast": "right"}
 
 
 def test_a_movement_is_major_only_if_it_yields_to_nobody():

@@ -164,7 +164,7 @@ def test_a_byte_order_mark_is_no_problem(tmp_path):
             ["3:11: traffic.density: no value given; without one, leave the key out"],
         ),
         ("name: a\nevents:\n", ["2:8: events: no value given; without one, leave the key out"]),
-        ("name:\n", ["1:6: name: no value given; without one, leave the key out"]),
+        ("name:\n", ["1:6: name: no value given, and it is required"]),
         ("network: four_way\n", ["1:1: name: is missing, and it is required"]),
         ("nane: a\n", ["1:1: nane: unknown key (did you mean 'name'?)"]),
         ('"na\\nme": a\nname: b\n', ["1:1: 'na\\nme': unknown key (did you mean 'name'?)"]),
@@ -174,6 +174,13 @@ def test_a_byte_order_mark_is_no_problem(tmp_path):
         ("name: ''\n", ["1:7: name: must not be empty"]),
         ("name: a\nego: [1]\n", ["2:6: ego: expected a mapping (keys: route, ...), got a list"]),
         ("name: a\nevents: {kind: accident}\n", ["2:9: events: expected a list, got a mapping"]),
+        (
+            "name: a\nsweep: {traffic: {density: [1]}}\n",
+            [
+                "2:18: sweep.traffic: expected a list of values, got a mapping; the key is written "
+                "`traffic.density`"
+            ],
+        ),
         (
             "name: a\nevents: [accident]\n",
             ["2:10: events.0: expected an event, ...; got the text 'accident'"],
@@ -311,13 +318,18 @@ class TestOverrides:
         assert float(scenario.traffic.idm.headway) == 2
 
     def test_are_blamed_by_their_key(self, problems):
-        found = problems("name: a\nego: {speed: 3}\n", **{"traffic.densty": 3, "ego.speed": -1, "name.x": 3})
+        wrong = {"traffic.densty": 3, "ego.speed": -1, "name.x": 3, "sweep.traffic.density": [1]}
         check(
-            found,
+            problems("name: a\nego: {speed: 3}\n", **wrong),
             "override: name.x: name is 'a', which has no part 'x'",
+            "override: sweep.traffic.density: is not a key; give traffic.density itself a list",
             "override: ego.speed: -1 m/s is not between 0 and 40 m/s",
             "override: traffic.densty: unknown key (did you mean 'density'?)",
         )
+
+    def test_part_of_a_random_route_is_given(self):
+        route = load_scenario("random_destination", {"ego.route.turn": "left"}).ego.route
+        assert (route.turn, route.origin) == ("left", load_scenario("random_destination").ego.route.origin)
 
     def test_in_sections_that_nobody_knows_are_blamed_too(self, problems):
         check(

@@ -14,6 +14,7 @@ from rudc.network.network import load_network
 from rudc.scenario import load_scenario, shipped_scenarios
 from rudc.scenario.distributions import distribution
 from rudc.world.fitting import likely, misfits
+from tests.world.networks import with_pockets
 
 
 @pytest.fixture
@@ -153,6 +154,12 @@ def test_a_network_or_junction_that_cannot_be_read_is_said_where_it_is_named(pro
     (tmp_path / "broken.net.xml").write_text("<net>")
     check(problems("name: a\nnetwork: broken.net.xml\n"), "2:10: network: ...not a SUMO network...")
     check(problems("name: a\njunction: J7\n"), "2:11: junction: ...no junction 'J7'...")
+    text = load_network("four_way").path.read_text(encoding="utf-8")
+    (tmp_path / "left.net.xml").write_text(text.replace("<net ", '<net lefthand="true" '), encoding="utf-8")
+    check(
+        problems("name: a\nnetwork: left.net.xml\njunction: centre\n"),
+        "2:10: network: ...left-hand traffic...",
+    )
 
 
 def test_an_unknown_key_hides_nothing_beside_it(problems):
@@ -191,6 +198,19 @@ def test_the_ego_must_have_room_on_its_arm(problems):
         problems("name: a\nego: {distance: {uniform: [30, 300]}}\n"),
         "2:17: ego.distance: 300 m do not fit on arm ... of network four_way, which has 115.0 m for it",
     )
+
+
+def test_only_the_lane_that_the_ego_starts_on_must_have_room(problems, tmp_path):
+    with_pockets(tmp_path)
+    only = '<connection from="west_in_far" to="west_in" fromLane="0" toLane="0"/>'  # none into the pocket
+    (tmp_path / "pockets.con.xml").write_text(f"<connections>{only}</connections>", encoding="utf-8")
+    network = load_network(build_network(tmp_path))
+    straight = network.movement("west", "straight")
+    assert (
+        network.paths.stop_s[list(straight.rows)].min() < 60.0 < network.route("west", "straight").stop_line_s
+    )
+    route = "{from: west, turn: straight}"
+    assert problems(f"name: a\nnetwork: {network.path}\nego: {{route: {route}, distance: 60}}\n") == []
 
 
 def test_what_stands_in_the_same_place_is_refused_with_both_places(problems):

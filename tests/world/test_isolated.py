@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rudc.errors import SimulationError, WorldBusyError
+from rudc.errors import NetworkError, SimulationError, WorldBusyError
 from rudc.network.network import load_network
 from rudc.scenario import load_scenario
 from rudc.world.config import WorldConfig
@@ -122,6 +122,18 @@ def test_its_errors_are_ours():
         world.advance(COAST)
     with pytest.raises(SimulationError, match="has ended; reset"):
         world.advance(COAST)
+
+
+def test_a_process_whose_world_cannot_be_opened_is_ended(monkeypatch):
+    def refusing(world, method, *arguments):
+        raise NetworkError("it is not there")
+
+    monkeypatch.setattr(IsolatedWorld, "_ask", refusing)
+    world = IsolatedWorld.__new__(IsolatedWorld)
+    world.network, world.config, world._closed = load_network("four_way"), WorldConfig(), False
+    with pytest.raises(NetworkError, match="not there"):
+        world._start()
+    assert not world._end.alive  # so that a reset starts another
 
 
 def test_an_interrupt_ends_it_and_a_reset_starts_another():
