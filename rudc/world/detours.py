@@ -8,11 +8,14 @@ SV whose row is blocked ahead of it
     changes to another lane, if its movement has a row that is free from there on (inside the junction, too);
         it waits before the stop line until it has changed, if no free row begins on its own lane;
     otherwise, if it is before the stop line, takes another movement from its arm that is free;
+    otherwise drives on, if its row is free for CHANGE_M m behind the junction and another lane of the road
+        there is free: it changes lanes there;
     otherwise, if it is before the stop line, waits there: no SV drives into a junction if the way out of it
         is blocked.
 
 An SV that leads or follows the ego for an event changes lanes only once it is on the road that is blocked,
-not already before the junction for something behind the junction.
+not already before the junction for something behind the junction, and takes another movement only where none
+of this helps, from its own lane.
 
 SVs that enter the road choose among the movements that are free.
 """
@@ -30,6 +33,7 @@ from rudc.world.scene import Kind
 
 if TYPE_CHECKING:
     from rudc.network.network import Movement, Network
+    from rudc.network.road import Lane
     from rudc.world.props import Prop
     from rudc.world.scene import Scene
     from rudc.world.sumo import Sumo
@@ -43,6 +47,8 @@ PASSED = 0.5
 """m by which a front bumper may be before a place and still count as past it"""
 WAIT = 1.0
 """m before the stop line where an SV waits if no way is free"""
+CHANGE_M = 8.0
+"""m of free road behind the junction on which an SV can change lanes"""
 COMFORT = 2.5
 """m/s2: an SV begins to brake for that place once it needs more than this"""
 HOLD_S = 2.0
@@ -151,10 +157,16 @@ class Detours:
             self._move_over(name, row, (own or free)[0], front)
             if here or own:
                 return None
-        elif before and self._take_another(name, movement, front):
-            return None
+        beside = None if free else self._free_beside(row)
         if not before:
+            if beside is not None and driver.keeps_lane:  # SUMO lets the others change by themselves
+                self._sumo.ask_lane(name, beside.index, HOLD_S)
             return None
+        if not free:
+            changes_there = beside is not None and block > paths.exit_s[row] + CHANGE_M
+            kept = network.inbound_lane(row) if driver.keeps_lane else None
+            if (changes_there and kept) or self._take_another(name, movement, front, kept) or changes_there:
+                return None
         room = float(paths.stop_s[row]) - WAIT - front
         speed = float(np.hypot(*scene.velocity[i]))
         need = speed**2 / (2 * max(room, 0.1))
@@ -173,10 +185,20 @@ class Detours:
         """Whether nothing blocks a row from `front` m on."""
         return bool(self._end[row] <= front - PASSED)
 
-    def _take_another(self, name: str, movement: Movement, front: float) -> bool:
-        """Give the SV another movement from its arm that is free. Returns whether there was one."""
+    def _free_beside(self, row: int) -> Lane | None:
+        """A lane beside that on which a row leaves the junction, if nothing blocks it."""
+        lane = self._network.outbound_lane(row)
+        free = np.flatnonzero(self._end <= self._network.paths.exit_s)
+        lanes = [self._network.outbound_lane(other) for other in free.tolist()]
+        return next((other for other in lanes if other.edge == lane.edge and other is not lane), None)
+
+    def _take_another(self, name: str, movement: Movement, front: float, kept: Lane | None) -> bool:
+        """Give the SV another movement from its arm that is free, on the lane that it keeps if it keeps one.
+        Returns whether there was one.
+        """
         for other in self._network.onward:
-            free = any(self._free(row, front) for row in other.rows)
+            begun = [row for row in other.rows if kept in (None, self._network.inbound_lane(row))]
+            free = any(self._free(row, front) for row in begun)
             may_go = self._traffic.may_go(name, other.origin, other.destination)
             if other.origin == movement.origin and free and may_go:
                 self._traffic.redirect(name, other.origin, other.destination)

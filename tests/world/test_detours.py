@@ -123,6 +123,24 @@ def test_a_lane_that_is_blocked_is_left_for_the_other(world):
     assert len(world.traffic.drivers) > 0
 
 
+@pytest.mark.parametrize(("at", "goes"), [(40.0, True), (8.0, False)])
+def test_a_leader_whose_exit_is_blocked_changes_lanes_behind_the_junction(world_on, at, goes):
+    """It was sent another way, which began on the lane that it may not change to, and stood there for good."""
+    stalled = event("stalled_vehicle", lane="east_out_0", at=at)
+    leads = event("slow_vehicle", vehicle="leader", speed=9.0, duration=0.5)
+    world = world_on("t_junction")
+    plan = PlanSource("t_junction", 0.0, "south", "right", events=(stalled, leads)).plan(0)
+    world.reset(plan)
+    (leader,) = [name for name, driver in world.traffic.drivers.items() if driver.keeps_lane]
+    for _ in range(150):
+        world.advance(np.array([-6.0, 0.0]))
+    scene = world.scene()
+    (row,) = [i for i, name in enumerate(scene.ids) if name == leader]
+    beyond = scene.position[row, 0] > 14.25 + at + 5.0
+    assert beyond == goes  # else it waits before the stop line, where it holds up nobody in the junction
+    assert goes or scene.position[row, 1] < -14.25
+
+
 def test_on_an_arm_of_several_edges_it_is_the_lane_of_the_edge_where_they_are(
     world_on, tmp_path, monkeypatch
 ):
