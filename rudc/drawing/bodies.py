@@ -141,17 +141,20 @@ def draw_sensed(canvas: Canvas, scene: Scene, perceived: Scene, colour: Colour) 
         canvas.outline(shape[0], colour, 0.2)
 
 
-def draw_badge(canvas: Canvas, x: float, y: float, number: int, *, there: bool = True) -> None:
-    """An event's number, centred on (x, y) m; grey where nothing of the event is there yet."""
+def draw_badge(canvas: Canvas, x: float, y: float, text: str, *, there: bool = True) -> None:
+    """An event's number, or several, centred on (x, y) m; grey where nothing of the event is there yet."""
     (px, py), r = canvas.pixels(np.array([x, y])).tolist(), BADGE_PX * FINE
-    box, edge = (px - r, py - r, px + r, py + r), round(1.4 * FINE)
-    canvas.draw.ellipse(box, fill=PAPER, outline=EVENT if there else FAINT_TEXT, width=edge)
+    half = max(r, 0.5 * _badge_font().getlength(text) + 0.5 * r)
+    box, edge = (px - half, py - r, px + half, py + r), round(1.4 * FINE)
+    canvas.draw.rounded_rectangle(
+        box, radius=r, fill=PAPER, outline=EVENT if there else FAINT_TEXT, width=edge
+    )
     ink = INK if there else (110, 116, 124)
-    canvas.draw.text((px, py), str(number), fill=ink, font=_badge_font(), anchor="mm")
+    canvas.draw.text((px, py), text, fill=ink, font=_badge_font(), anchor="mm")
 
 
-def draw_badges(canvas: Canvas, scene: Scene, numbers: Mapping[str, int]) -> None:
-    """The number of its event beside everybody in `numbers` (name -> number) who is in view: beside the
+def draw_badges(canvas: Canvas, scene: Scene, numbers: Mapping[str, str]) -> None:
+    """The numbers of its events beside everybody in `numbers` (name -> text) who is in view: beside the
     middle, or, where that is not in view, where the body comes nearest to the view's centre.
     """
     away = (BADGE_PX * FINE + 3) / canvas.scale

@@ -57,7 +57,7 @@ def draw_view(canvas: Canvas, view: View, driving: Driving) -> None:
         if event.way is not None:
             draw_way(canvas, event.way)
         for x, y in event.places:
-            draw_badge(canvas, x, y, event.number, there=not event.waits)
+            draw_badge(canvas, x, y, str(event.number), there=not event.waits)
     draw_badges(canvas, scene, numbers)
 
 

@@ -95,9 +95,13 @@ class View:
         return math.isfinite(self.range_m) or len(self.occluders) > 0
 
     @property
-    def numbers(self) -> dict[str, int]:
-        """Name of each body that takes part in an event -> the event's number."""
-        return {name: event.number for event in self.events for name in event.bodies}
+    def numbers(self) -> dict[str, str]:
+        """Name of each body that takes part in events -> their numbers, such as `1,2`."""
+        found: dict[str, list[str]] = {}
+        for event in self.events:
+            for name in event.bodies:
+                found.setdefault(name, []).append(str(event.number))
+        return {name: ",".join(numbers) for name, numbers in found.items()}
 
 
 def view_of(world: AnyWorld, outcome: str | None = None) -> View:

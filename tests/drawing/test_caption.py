@@ -29,6 +29,14 @@ def test_who_drives_where(make_scene):
     assert title(View(make_scene()), Driving()) == ""
 
 
+def test_who_takes_part_in_two_events_has_both_numbers(make_scene):
+    events = (
+        ShownEvent(1, BRAKE, bodies=frozenset({"v0"})),
+        ShownEvent(3, BRAKE, bodies=frozenset({"v0", "v1"})),
+    )
+    assert View(make_scene(), events=events).numbers == {"v0": "1,3", "v1": "3"}
+
+
 def test_how_the_ego_moves(make_scene):
     scene = make_scene(v=8.04)
     assert state_line(scene, Driving()).split("  ")[0] == "time 3.0 s"

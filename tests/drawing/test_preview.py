@@ -43,7 +43,7 @@ def test_the_caption_says_what_is_not_drawn_and_why():
     assert lines[6] == "(4) low friction, friction 0.3 - nothing to draw"
     assert lines[7].endswith("waits until the ego reaches [1.75, -16] tolerance 2 m, its place is marked")
     assert {event.number for event in view.events} == {2, 3, 4, 5}
-    assert set(view.numbers.values()) == {2}
+    assert set(view.numbers.values()) == {"2"}
     assert len(view.numbers) == 2
 
 

@@ -125,7 +125,7 @@ def test_a_lane_that_is_blocked_is_left_for_the_other(world):
 
 @pytest.mark.parametrize(("at", "goes"), [(40.0, True), (8.0, False)])
 def test_a_leader_whose_exit_is_blocked_changes_lanes_behind_the_junction(world_on, at, goes):
-    """It was sent another way, which began on the lane that it may not change to, and stood there for good."""
+    """It was sent another way, which began on a lane that it may not change to, and stood there."""
     stalled = event("stalled_vehicle", lane="east_out_0", at=at)
     leads = event("slow_vehicle", vehicle="leader", speed=9.0, duration=0.5)
     world = world_on("t_junction")
