@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
+from rudc.scenario.events.event import ROUNDED_S
 from rudc.world.sumo import BRAKE_HARD, OWN_SPEED, Sumo
 from rudc.world.traffic import Traffic
 from rudc.world.vehicle_types import EGO
 
 
 class Brakes:
-    """The braking of vehicles in one episode. Vehicles whose speed an event commands are left alone."""
+    """The braking of vehicles in one episode. A vehicle whose speed an event commands is braked only where it
+    has to brake harder than the event makes it.
+    """
 
     def __init__(self, sumo: Sumo, traffic: Traffic) -> None:
         self._sumo = sumo
@@ -18,19 +22,25 @@ class Brakes:
         self._hard: set[str] = set()
         self.asked: dict[str, float] = {}
         """name of each vehicle that is braked -> m/s2"""
+        self._until_s = 0.0
+        """until when they are braked, in SUMO's time"""
+        self._events: dict[str, tuple[float, float]] = {}
+        """name of a vehicle -> when events last slowed it down (s of SUMO's time), and how hard (m/s2)"""
 
     def apply(self, wanted: Mapping[str, tuple[float, float]], duration_s: float) -> None:
         """Brake vehicles for the next duration_s seconds, and release all others.
 
         `wanted`: name -> (present speed in m/s, deceleration in m/s2).
         """
-        drivers, hard = self._traffic.drivers, set()
+        drivers, hard, now = self._traffic.drivers, set(), self._sumo.time()
         self.asked.clear()
+        self._until_s = now + duration_s - ROUNDED_S
         for name, (speed, deceleration) in wanted.items():
             driver = drivers.get(name)
-            if driver is not None and driver.overridden:
-                continue
-            if driver is None or deceleration > self._traffic.comfortable(driver.decel):
+            if driver is not None and driver.overridden:  # such a vehicle may brake hard anyway
+                if deceleration <= self._by_events(name, now):
+                    continue
+            elif driver is None or deceleration > self._traffic.comfortable(driver.decel):
                 hard.add(name)
                 if name not in self._hard:
                     self._sumo.set_mode(name, BRAKE_HARD)
@@ -42,3 +52,16 @@ class Brakes:
             elif name in drivers and not drivers[name].overridden:
                 self._sumo.set_mode(name, drivers[name].mode)
         self._hard = hard
+
+    def leave_to_event(self, name: str, deceleration: float) -> bool:
+        """Note that an event slows a vehicle down with deceleration m/s2 until the next decision. Returns
+        whether it may: False where the vehicle is being braked harder.
+        """
+        now = self._sumo.time()
+        self._events[name] = now, max(deceleration, self._by_events(name, now))
+        return now >= self._until_s or self.asked.get(name, 0.0) <= deceleration
+
+    def _by_events(self, name: str, now: float) -> float:
+        """m/s2, how hard events slow a vehicle down at this decision."""
+        when, deceleration = self._events.get(name, (-math.inf, 0.0))
+        return deceleration if when == now else 0.0

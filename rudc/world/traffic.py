@@ -45,7 +45,9 @@ class Driver:
     speed_factor: float
     """desired speed divided by the speed limit"""
     overridden: int = 0
-    """how many events command its speed at present; the yielding layer does not brake it if there are any"""
+    """how many events command its speed at present; if there are any, the yielding layer brakes it only
+    harder than they do
+    """
     heedless: int = 0
     """how many events make it disregard the right of way at present; if there are any, the yielding layer
     brakes it only behind the ego"""

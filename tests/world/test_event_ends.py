@@ -201,6 +201,22 @@ def test_who_slows_down_yields_none_the_less(world, slow):
     assert before - libsumo.vehicle.getSpeed(name) > 1.7
 
 
+@pytest.mark.parametrize("by_event", [0.5, 7.0])
+def test_whom_an_event_brakes_brakes_harder_where_it_must(world, by_event):
+    """It braked for nothing else: at 0.5 m/s2 it ran over pedestrians."""
+    brake = event("hard_brake", vehicle="leader", deceleration=by_event, duration=20.0)
+    run(world, replace(LED, events=(brake,)), 0.1, u=np.zeros(2))
+    (name,) = world.happenings()[0].bodies
+    speeds = [libsumo.vehicle.getSpeed(name)]
+    world.stage.slow_down(name, by_event)
+    world._brakes.apply({name: (speeds[0], 3.0)}, 0.2)
+    for _ in range(3):
+        world.advance(np.zeros(2))
+        speeds.append(libsumo.vehicle.getSpeed(name))
+    harder = max(by_event, 3.0)
+    assert np.diff(speeds) == pytest.approx(-0.1 * np.array([harder, harder, by_event]), abs=0.01)
+
+
 def test_events_are_over_when_all_their_vehicles_have_left(world):
     """Lines and pictures said of them that they were still on."""
     events = (event("speeding", vehicle="leader", factor=1.5), event("priority_violation", vehicle="leader"))

@@ -121,7 +121,8 @@ class WorldStage(NetworkStage):
     def slow_down(self, name: str, deceleration: float, least: float = 0.0) -> None:
         slower = max(self.speed(name) - min(deceleration, self.traffic.grip) * self.decision_s, least)
         when, slowest = self._slowed.get(name, (-math.inf, math.inf))
-        if (when == self.time_s and slowest <= slower) or self.brakes.asked.get(name, 0.0) > deceleration:
+        may = self.brakes.leave_to_event(name, deceleration)
+        if not may or (when == self.time_s and slowest <= slower):
             return
         self._slowed[name] = self.time_s, slower
         self.sumo.slow_down(name, slower, self.decision_s)
