@@ -1,10 +1,11 @@
 """Props: things on the road that SUMO does not move: accident vehicles, wrong-way drivers, pedestrians.
 
 A prop stands, or follows a polyline. A vehicle that follows one stops before things that stand in its way,
-before surrounding vehicles (SVs) and behind props that go the same way, and goes on when the way is free. It
-stops for an ego below walking pace, but not for a faster one, since it is meant to be a hazard. While it is
-itself slower than walking pace, it stops for any ego that is before it or passes close by. A pedestrian
-stops only for what is there already, right before it. The yielding layer makes SVs see all props.
+before surrounding vehicles (SVs), before pedestrians unless they come towards it, and behind props that go
+the same way, and goes on when the way is free. It stops for an ego below walking pace, but not for a faster
+one, since it is meant to be a hazard. While it is itself slower than walking pace, it stops for any ego that
+is before it or passes close by. A pedestrian stops only for what is there already, right before it. The
+yielding layer makes SVs see all props.
 
 A moving prop that has had to stand for long goes back and waits until its way is free. A pedestrian goes back
 a step, and later to where they came from. A driver goes back until the other has room to drive off, and then
@@ -177,9 +178,9 @@ class Prop:
     def _is_clear(self, scene: Scene, box: tuple[float, float, float, float, float], late_s: float) -> bool:
         """Whether a box on its way (x m, y m, heading rad, length m, width m) is free.
 
-        For a driver: free of things that stand, of SVs and of props that go the same way on all the way that
-        they need to stop, after `late_s` s in which they drive on, and of an ego for which it stops. For a
-        pedestrian: free of everything that is there now.
+        For a driver: free of things that stand, of SVs, of pedestrians who do not come towards it and of
+        props that go the same way on all the way that they need to stop, after `late_s` s in which they drive
+        on, and of an ego for which it stops. For a pedestrian: free of everything that is there now.
         """
         walks = self._walks
         ego, body = scene.ego, scene.vehicle
@@ -193,8 +194,9 @@ class Prop:
         way = np.zeros_like(speed) if walks else speed * late_s + speed**2 / (2 * self._braking)
         heeded = np.array([name != self.name for name in scene.ids], dtype=bool)
         if not walks:
-            same_way = np.cos(scene.heading - box[2]) > SAME_WAY
-            heeded &= (scene.path >= 0) | (speed < STANDING) | same_way
+            along = np.cos(scene.heading - box[2])
+            crossing = (scene.kind == Kind.PEDESTRIAN) & (along > -SAME_WAY)
+            heeded &= (scene.path >= 0) | (speed < STANDING) | (along > SAME_WAY) | crossing
         away = scene.position - box[:2]
         rows = np.flatnonzero(heeded & (np.hypot(away[:, 0], away[:, 1]) < box[3] + way + 10.0))
         course = np.column_stack([np.cos(scene.heading[rows]), np.sin(scene.heading[rows])])

@@ -62,6 +62,16 @@ def test_a_car_stops_short_of_what_stands_and_goes_on_when_it_leaves(make_scene)
     assert drive_towards(prop, lambda i: free)[0] > 30.0
 
 
+@pytest.mark.parametrize(("heading", "stops"), [(math.pi / 2, True), (math.pi, False)])
+def test_a_car_stops_for_who_walks_across_its_way(make_scene, heading, stops):
+    """A wrong-way driver stopped only for pedestrians who stood. Of two that come towards each other neither
+    would go on."""
+    prop = car(np.array([[-60.0, 100.0], [60.0, 100.0]]))
+    walker = {"at": (0.0, 100.0, heading), "v": 1.4, "size": (0.5, 0.5), "kind": Kind.PEDESTRIAN}
+    x, _, _ = drive_towards(prop, lambda i: make_scene(walker), steps=220)
+    assert (x < -2.75) is stops
+
+
 def test_a_car_stops_for_an_oncoming_one_that_brakes(make_scene):
     prop = car(np.array([[-20.0, 100.0], [60.0, 100.0]]))
     them = make_scene({"row": 0, "s": 10.0})
