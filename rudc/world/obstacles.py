@@ -74,6 +74,9 @@ class _Site(NetworkStage):
     def stand(self, name: str, body: Body, place: XYHeading, size: tuple[float, float] | None = None) -> None:
         self.found.append(Standing(name, body, place, size or size_of(body)))
 
+    def is_free(self, body: Body, place: XYHeading, size: tuple[float, float] | None = None) -> bool:
+        return True
+
     def choose(self, selector: Selector) -> list[str]:
         return []
 

@@ -12,6 +12,7 @@ from rudc.env.tracking import steering
 from rudc.evaluation.rollout import run_episode
 from rudc.scenario import load_scenario
 from rudc.scenario.distributions import Uniform
+from rudc.scenario.events.event import WAITS_S
 from tests.plans import event
 from tests.world.test_events import CALM, LATER, STAND, run
 
@@ -100,6 +101,28 @@ def test_the_road_holds_an_ego_that_sumo_drives_as_it_does_others(world):
     assert libsumo.vehicle.getEmergencyDecel("ego") == pytest.approx(0.981)
     run(world, CALM, 0.3, ego_driver="sumo")
     assert libsumo.vehicle.getEmergencyDecel("ego") == 9.0
+
+
+@pytest.mark.parametrize("stays", [False, True])
+@pytest.mark.parametrize("kind", ["accident", "lane_closure", "stalled_vehicle"])
+def test_what_stands_waits_for_who_is_in_its_place_but_not_for_ever(world, kind, stays):
+    """It appeared on top of surrounding vehicles. Its trigger holds for one decision only."""
+    place = {"lane": "west_in_0", "at": 20}
+    fields = {"accident": {"vehicles": [place]}, "lane_closure": {**place, "length": 5}}.get(kind, place)
+    later = event(kind, **fields, when={"simulation_time": {"above": 0.05, "below": 0.15}})
+    run(world, replace(CALM, density=0.0, events=(later,)), 0.1)
+    alone = world.scene()
+    x, y, psi = world.network.place_on_lane("west_in_0", 20)
+    one = replace(
+        alone, ids=("there",), position=np.array([[x - 4.0, y]]), velocity=np.zeros((1, 2)),
+        heading=np.array([psi]), acceleration=np.zeros(1), size=np.array([[5.0, 1.8]]),
+        kind=np.zeros(1, int), path=np.zeros(1, int), path_s=np.zeros(1),
+    )  # fmt: skip
+    begun = []
+    for time_s in (0.1, 0.2, WAITS_S, WAITS_S + 0.1):
+        scene = one if stays or time_s < 0.3 else alone
+        begun += [time_s for _ in world._script.step(replace(scene, time_s=time_s))]
+    assert begun == [WAITS_S + 0.1 if stays else WAITS_S]
 
 
 @pytest.mark.parametrize(

@@ -34,9 +34,7 @@ class AccidentEffect(Effect[Accident]):
     from_the_start = True
 
     def begin(self, stage: Stage) -> bool:
-        for i, placement in enumerate(self.event.vehicles):
-            stage.stand(f"{self.name}:{i}", placement.type, stage.pose(placement))
-        return True
+        return self.put(stage, [(car.type, stage.pose(car), None) for car in self.event.vehicles])
 
 
 register_event(Accident, AccidentEffect)

@@ -9,13 +9,14 @@ episode follow from that.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import Annotated, Generic, TypeVar
 
 import numpy as np
 
 from rudc.scenario.base import FileModel
 from rudc.scenario.distributions import AnyDistribution, Bounds, Distribution, draw
-from rudc.scenario.events.stage import Stage
+from rudc.scenario.events.stage import Stage, Thing
 from rudc.scenario.triggers import Selector, Trigger
 
 Duration = Annotated[AnyDistribution, Bounds(0, 600, "s", above=True)]
@@ -26,6 +27,8 @@ UNHURRIED = 3.0
 """m/s2, with which an event slows down or stops a vehicle whose driver need not hurry"""
 ROUNDED_S = 1e-6
 """s by which a sum of times may be off"""
+WAITS_S = 20.0
+"""s that an event waits, at most, while somebody is where its things would stand"""
 
 
 class Event(FileModel, frozen=True):
@@ -79,10 +82,25 @@ class Effect(ABC, Generic[E]):
         """s, when it began"""
         self.chosen: frozenset[str] = frozenset()
         """surrounding vehicles that it has taken hold of so far"""
+        self.waits_since_s: float | None = None
+        """s, since when it has waited for somebody to leave where its things will stand; its trigger need not
+        come true again"""
 
     @abstractmethod
     def begin(self, stage: Stage) -> bool:
         """Take effect; False when there is nothing to act on yet, and the event waits."""
+
+    def put(self, stage: Stage, things: Sequence[Thing]) -> bool:
+        """Put things on the road that stand there; False, for WAITS_S at most, while somebody is in a place
+        of theirs."""
+        if self.waits_since_s is None:
+            self.waits_since_s = stage.time_s
+        waits = stage.time_s < self.waits_since_s + WAITS_S - ROUNDED_S
+        if waits and not all(stage.is_free(*thing) for thing in things):
+            return False
+        for i, thing in enumerate(things):
+            stage.stand(f"{self.name}:{i}", *thing)
+        return True
 
     def step(self, stage: Stage) -> None:
         """Go on, before each decision while in effect."""

@@ -37,10 +37,8 @@ class LaneClosureEffect(Effect[LaneClosure]):
         lane, at, width = self.event.lane, float(self.event.at), stage.lane_width(self.event.lane) - FREE_M
         pieces = stage.pieces_of_lane(lane, at, at + float(self.event.length))
         length = float(self.event.length) / pieces
-        for i in range(pieces):
-            place = stage.pose_on_lane(lane, at + (i + 0.5) * length)
-            stage.stand(f"{self.name}:{i}", "obstacle", place, (length, width))
-        return True
+        places = [stage.pose_on_lane(lane, at + (i + 0.5) * length) for i in range(pieces)]
+        return self.put(stage, [("obstacle", place, (length, width)) for place in places])
 
 
 register_event(LaneClosure, LaneClosureEffect)

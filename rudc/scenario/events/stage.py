@@ -18,6 +18,8 @@ XYHeading = tuple[float, float, float]
 ROADSIDE_M = 1.5
 """m beyond the road's edge where the way across an arm begins and ends"""
 Body = VehicleType | Literal["pedestrian", "obstacle"]
+Thing = tuple[Body, XYHeading, tuple[float, float] | None]
+"""what stands where; length and width in m of an obstacle, else None"""
 
 
 class Stage(ABC):
@@ -137,6 +139,11 @@ class Stage(ABC):
 
         `size`: length and width in m of an obstacle.
         """
+
+    @abstractmethod
+    def is_free(self, body: Body, place: XYHeading, size: tuple[float, float] | None = None) -> bool:
+        """Whether nobody who drives or walks, the ego apart, is where something would stand. `size` as in
+        `stand`."""
 
     @abstractmethod
     def send(

@@ -67,8 +67,7 @@ class StalledVehicleEffect(Held[StalledVehicle]):
         if self.event.lane is None or self.event.at is None:
             return super().begin(stage)
         place = stage.pose_on_lane(self.event.lane, float(self.event.at))
-        stage.stand(f"{self.name}:0", self.event.type, place)
-        return True
+        return self.put(stage, [(self.event.type, place, None)])
 
     def hold(self, stage: Stage, name: str) -> None:
         stage.seize(name)

@@ -63,8 +63,11 @@ class Script:
                 self._active.remove(effect)
             else:
                 ask_effect(effect, "step", stage, stage.time_s)
-        due = [e for e in self._waiting if e.event.when is None or holds(e.event.when, scene, stage)]
-        return self._begin(due)
+        return self._begin([effect for effect in self._waiting if self._is_due(effect, scene)])
+
+    def _is_due(self, effect: Effect[Any], scene: Scene) -> bool:
+        when = effect.event.when
+        return when is None or effect.waits_since_s is not None or holds(when, scene, self._stage)
 
     def look(self, perceived: Scene) -> None:
         """Note what the ego sees of the events in effect."""

@@ -178,6 +178,14 @@ class WorldStage(NetworkStage):
             if span is not None:
                 self._block(name, lane, *span)
 
+    def is_free(self, body: Body, place: XYHeading, size: tuple[float, float] | None = None) -> bool:
+        if self.scene is None:
+            return True
+        stand = {prop.name for prop in self.props if not prop.moves}
+        rows = [i for i, name in enumerate(self.scene.ids) if name not in stand]
+        at, heading, sizes = self.scene.position[rows], self.scene.heading[rows], self.scene.size[rows]
+        return bool((rectangle_gaps(*place, *(size or size_of(body)), at, heading, sizes) > 0.0).all())
+
     def _block(self, name: str, lane: Lane, start: float, end: float) -> None:
         """Close a lane from start to end m for SUMO's traffic.
 
