@@ -93,5 +93,5 @@ def _on_an_arm(scene: Scene) -> bool:
 def _over_the_middle(scene: Scene) -> bool:
     body, path = scene.vehicle, scene.route.path
     turned = scene.ego.psi - path.heading_at(scene.ego_s)
-    leftmost = 0.5 * (body.length * abs(math.sin(turned)) + body.width * math.cos(turned))
+    leftmost = 0.5 * (body.length * abs(math.sin(turned)) + body.width * abs(math.cos(turned)))
     return scene.ego_offset + leftmost > between(scene.route.left_width, scene.ego_s)

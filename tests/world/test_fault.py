@@ -81,6 +81,15 @@ def test_head_on_on_an_arm_who_is_over_the_middle_is_at_fault_whoever_goes_first
         assert contact(4.9, 0.5, math.pi - 0.1, 8.0, **head_on) == "shared"
 
 
+def test_an_ego_that_faces_backwards_is_as_wide_as_any(make_scene):
+    """Its width counted as negative: over the middle by 0.3 m it counted as 1.5 m short of it."""
+    scene = make_scene({"row": 0, "s": 10.0, "v": 8.0}, front=-20.0)
+    meets = replace(scene, heading=np.array([scene.ego.psi]))
+    ego = replace(scene.ego, psi=scene.ego.psi + math.pi)
+    for offset, fault in ((4.7, "ego"), (4.0, "shared")):
+        assert judge(replace(meets, ego=ego, ego_offset=offset), 0, unlawful=False) == fault
+
+
 def test_an_ego_that_stands_beside_its_path_is_judged_as_any(make_scene, contact):
     scene = make_scene(v=0.0, front=-1.0, ego_offset=2.0)
     scene = make_scene(
