@@ -1,9 +1,10 @@
 """Surrounding vehicles (SVs) go round things that block their way for good, or wait where they block nobody.
 
-A row of `network.paths` is blocked where the widest of the SVs would come too near to something that stands
-on the road for good (an accident, a closed lane, a stalled vehicle): nearer than `Traffic.needs_m` to the
-row's line, as lanes are closed for SUMO (rudc/world/events/stage.py). It may be blocked in several places. An
-SV whose row is blocked ahead of it
+A row of `network.paths` is blocked for SVs of some length where one of them that is as wide as the widest
+would come too near to something that stands on the road for good (an accident, a closed lane, a stalled
+vehicle): on a straight row, nearer than `Traffic.needs_m` to its line, as lanes are closed for SUMO
+(rudc/world/events/stage.py); in bends, long ones cut across. It may be blocked in several places. An SV whose
+row is blocked ahead of it
 
     changes to another lane, if its movement has a row that is free from there on (inside the junction, too);
         it waits before the stop line until it has changed, if no free row begins on its own lane;
@@ -26,23 +27,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rudc.arrays import Array
+from rudc.arrays import Array, Flags, Index
 from rudc.geometry import gaps_between
 from rudc.network.paths import SPACING
 from rudc.world.scene import Kind
 
 if TYPE_CHECKING:
     from rudc.network.network import Movement, Network
+    from rudc.network.paths import PathTable
     from rudc.network.road import Lane
     from rudc.world.props import Prop
     from rudc.world.scene import Scene
     from rudc.world.sumo import Sumo
     from rudc.world.traffic import Traffic
 
-LENGTH = 5.0
-"""m, length of the vehicle that a row must let through"""
+LEAST_LENGTH = 5.0
+"""m; SVs that are shorter count as if they were that long"""
 TOUCH = 0.1
-"""m, gap between that vehicle and a thing below which the row is blocked"""
+"""m, gap between an SV and a thing below which the row is blocked"""
 PASSED = 0.5
 """m by which a front bumper may be before a place and still count as past it"""
 WAIT = 1.0
@@ -61,7 +63,9 @@ class Detours:
     def __init__(self, sumo: Sumo, network: Network, traffic: Traffic) -> None:
         self._sumo, self._network, self._traffic = sumo, network, traffic
         self._seen: tuple[tuple[str, float, float], ...] = ()
-        self._begins, self._end = self._blocked([])
+        self._lengths: Array = np.unique(np.maximum(traffic.lengths_m, LEAST_LENGTH))
+        """(C,) m, the lengths for which rows are blocked, each its own; the shortest first"""
+        self._begins, self._end = self._blocks([])
         self.redirected = False
         """whether the last step gave an SV another movement"""
 
@@ -77,65 +81,74 @@ class Detours:
         key = tuple((prop.name, *prop.pose()[:2]) for prop in standing)
         if key != self._seen:
             self._seen = key
-            self._begins, self._end = self._blocked(standing)
+            self._begins, self._end = self._blocks(standing)
             self._traffic.avoid(self._closed())
         if not standing:
             return {}
         waits = {}
         rows = np.flatnonzero(scene.path >= 0)
         front = scene.path_s[rows] + 0.5 * scene.size[rows, 0]
-        station = np.floor((front - PASSED - 0.5 * LENGTH) / SPACING).astype(int) + 1
-        block = self._begins[scene.path[rows], np.clip(station, 0, self._begins.shape[1] - 1)]
+        classes = np.minimum(np.searchsorted(self._lengths, scene.size[rows, 0]), len(self._lengths) - 1)
+        station = np.floor((front - PASSED - 0.5 * self._lengths[classes]) / SPACING).astype(int) + 1
+        block = self._begins[classes, scene.path[rows], np.clip(station, 0, self._begins.shape[2] - 1)]
         ahead = np.isfinite(block)
-        for i, *places in zip(*(part[ahead].tolist() for part in (rows, front, block)), strict=True):
-            need = self._redirect(scene, i, *places)
+        for i, c, *places in zip(
+            *(part[ahead].tolist() for part in (rows, classes, front, block)), strict=True
+        ):
+            need = self._redirect(scene, i, self._end[c], *places)
             if need is not None:
                 waits[scene.ids[i]] = need
         return waits
 
-    def _blocked(self, standing: list[Prop]) -> tuple[Array, Array]:
-        """Where rows are blocked, as arc lengths (m) of a front bumper.
+    def _blocks(self, standing: list[Prop]) -> tuple[Array, Array]:
+        """Where rows are blocked for each length, as arc lengths (m) of a front bumper.
 
-        (P, stations + 1): where the next block begins at or after each station of each row, inf for none.
-        (P,): where the last block of each row ends, -inf for none.
+        (C, P, stations + 1): where the next block begins at or after each station of each row, inf for none.
+        (C, P): where the last block of each row ends, -inf for none.
         """
+        blocked = np.stack([self._blocked(standing, float(length)) for length in self._lengths])
+        front = np.arange(blocked.shape[2]) * SPACING + 0.5 * self._lengths[:, None, None]
+        begins = np.full((*blocked.shape[:2], blocked.shape[2] + 1), np.inf)
+        begins[..., :-1] = np.where(np.diff(blocked, axis=2, prepend=False) & blocked, front, np.inf)
+        begins = np.minimum.accumulate(begins[..., ::-1], axis=2)[..., ::-1]
+        return begins, np.where(blocked, front, -np.inf).max(axis=2)
+
+    def _blocked(self, standing: list[Prop], length: float) -> Flags:
+        """(P, stations), at which stations of each row an SV of that length (m) has no room."""
         paths = self._network.paths
-        count = paths.xy.shape[1]
-        blocked = np.zeros((paths.count, count), dtype=np.bool_)
-        body = np.array([LENGTH, 2.0 * (self._traffic.needs_m - TOUCH)])
+        blocked = np.zeros(paths.xy.shape[:2], dtype=np.bool_)
+        body = np.array([length, 2.0 * (self._traffic.needs_m - TOUCH)])
         for prop in standing:
             x, y, psi = prop.pose()
             size = np.array([prop.length, prop.width])
-            reach = 0.5 * float(np.hypot(*size) + np.hypot(*body)) + TOUCH
+            reach = 0.5 * float(np.hypot(*size) + np.hypot(*body) + length) + TOUCH
             row, station = np.nonzero(np.hypot(paths.xy[..., 0] - x, paths.xy[..., 1] - y) < reach)
             inside = station * SPACING < paths.length[row]
             row, station = row[inside], station[inside]
             n = len(row)
             if not n:
                 continue
-            gap = gaps_between(
-                paths.xy[row, station], paths.heading[row, station], body,
-                np.tile([x, y], (n, 1)), np.full(n, psi), size,
-            )  # fmt: skip
-            hit = gap < TOUCH
+            position, heading = _bodies_on_lines(paths, row, station, length)
+            hit = (
+                gaps_between(position, heading, body, np.tile([x, y], (n, 1)), np.full(n, psi), size) < TOUCH
+            )
             blocked[row[hit], station[hit]] = True
-        front = np.arange(count) * SPACING + 0.5 * LENGTH
-        begins = np.full((paths.count, count + 1), np.inf)
-        begins[:, :-1] = np.where(np.diff(blocked, axis=1, prepend=False) & blocked, front, np.inf)
-        begins = np.minimum.accumulate(begins[:, ::-1], axis=1)[:, ::-1]
-        return begins, np.where(blocked, front, -np.inf).max(axis=1)
+        return blocked
 
     def _closed(self) -> set[tuple[str, str]]:
-        """(origin, destination) of the movements of which no row is free."""
+        """(origin, destination) of the movements of which no row is free for the shortest."""
         return {
             (movement.origin, movement.destination)
             for movement in self._network.movements
-            if not any(self._free(row, -np.inf) for row in movement.rows)
+            if not any(_is_free(self._end[0], row, -np.inf) for row in movement.rows)
         }
 
-    def _redirect(self, scene: Scene, i: int, front: float, block: float) -> tuple[float, float] | None:
+    def _redirect(
+        self, scene: Scene, i: int, end: Array, front: float, block: float
+    ) -> tuple[float, float] | None:
         """Let an SV change lanes or movements, whose front bumper is at `front` m and whose row is blocked
-        from `block` m on. Returns (speed in m/s, deceleration in m/s2) if it has to brake to wait, else None.
+        from `block` m on. `end` (P,) m: where rows are blocked last for it. Returns (speed in m/s,
+        deceleration in m/s2) if it has to brake to wait, else None.
         """
         network, paths, name = self._network, self._network.paths, scene.ids[i]
         row = int(scene.path[i])
@@ -144,7 +157,7 @@ class Detours:
             return None
         movement = network.movement(driver.origin, driver.destination)
         before = front < paths.stop_s[row]
-        free = [other for other in movement.rows if self._free(other, front)]
+        free = [other for other in movement.rows if _is_free(end, other, front)]
         if not before and front < paths.exit_s[row]:
             if free:
                 self._move_over(name, row, free[0], front)
@@ -157,7 +170,7 @@ class Detours:
             self._move_over(name, row, (own or free)[0], front)
             if here or own:
                 return None
-        beside = None if free else self._free_beside(row)
+        beside = None if free else self._free_beside(row, end)
         if not before:
             if beside is not None and driver.keeps_lane:  # SUMO lets the others change by themselves
                 self._sumo.ask_lane(name, beside.index, HOLD_S)
@@ -165,7 +178,11 @@ class Detours:
         if not free:
             changes_there = beside is not None and block > paths.exit_s[row] + CHANGE_M
             kept = network.inbound_lane(row) if driver.keeps_lane else None
-            if (changes_there and kept) or self._take_another(name, movement, front, kept) or changes_there:
+            if (
+                (changes_there and kept)
+                or self._take_another(name, movement, end, front, kept)
+                or changes_there
+            ):
                 return None
         room = float(paths.stop_s[row]) - WAIT - front
         speed = float(np.hypot(*scene.velocity[i]))
@@ -181,27 +198,40 @@ class Detours:
                 if lane.edge == network.lanes[here].edge:
                     self._sumo.ask_lane(name, lane.index, HOLD_S)
 
-    def _free(self, row: int, front: float) -> bool:
-        """Whether nothing blocks a row from `front` m on."""
-        return bool(self._end[row] <= front - PASSED)
-
-    def _free_beside(self, row: int) -> Lane | None:
-        """A lane beside that on which a row leaves the junction, if nothing blocks it."""
+    def _free_beside(self, row: int, end: Array) -> Lane | None:
+        """A lane beside that on which a row leaves the junction, if nothing blocks it; `end` as above."""
         lane = self._network.outbound_lane(row)
-        free = np.flatnonzero(self._end <= self._network.paths.exit_s)
+        free = np.flatnonzero(end <= self._network.paths.exit_s)
         lanes = [self._network.outbound_lane(other) for other in free.tolist()]
         return next((other for other in lanes if other.edge == lane.edge and other is not lane), None)
 
-    def _take_another(self, name: str, movement: Movement, front: float, kept: Lane | None) -> bool:
+    def _take_another(
+        self, name: str, movement: Movement, end: Array, front: float, kept: Lane | None
+    ) -> bool:
         """Give the SV another movement from its arm that is free, on the lane that it keeps if it keeps one.
         Returns whether there was one.
         """
         for other in self._network.onward:
             begun = [row for row in other.rows if kept in (None, self._network.inbound_lane(row))]
-            free = any(self._free(row, front) for row in begun)
+            free = any(_is_free(end, row, front) for row in begun)
             may_go = self._traffic.may_go(name, other.origin, other.destination)
             if other.origin == movement.origin and free and may_go:
                 self._traffic.redirect(name, other.origin, other.destination)
                 self.redirected = True
                 return True
         return False
+
+
+def _is_free(end: Array, row: int, front: float) -> bool:
+    """Whether nothing blocks a row from `front` m on, given where rows are blocked last (P,) m."""
+    return bool(end[row] <= front - PASSED)
+
+
+def _bodies_on_lines(paths: PathTable, rows: Index, stations: Index, length: float) -> tuple[Array, Array]:
+    """(N, 2) m and (N,) rad: centres and headings of bodies of that length (m) whose ends are on rows (N,),
+    as SUMO moves its vehicles, their middles at stations (N,)."""
+    s = stations.astype(np.float64) * SPACING
+    front, rear = (np.stack(paths.pose(rows, s + way)[:2], axis=1) for way in (0.5 * length, -0.5 * length))
+    along = front - rear
+    heading = np.arctan2(along[:, 1], along[:, 0])
+    return front - 0.5 * length * np.stack([np.cos(heading), np.sin(heading)], axis=1), heading

@@ -119,8 +119,11 @@ class Traffic:
         names = sorted(plan.mix)
         weights = np.array([plan.mix[name] for name in names], dtype=float)
         self._mix = names, weights / weights.sum()
-        self.needs_m = 0.5 * max(VEHICLE_TYPES[name].width for name in names if plan.mix[name]) + BESIDE_M
+        types = [VEHICLE_TYPES[name] for name in names if plan.mix[name]]
+        self.needs_m = 0.5 * max(kind.width for kind in types) + BESIDE_M
         """m to each side of a lane's centre line that must be free so that every SV of the mix drives on"""
+        self.lengths_m = sorted({kind.length for kind in types})
+        """m, the lengths of the mix's vehicles"""
         self.density = self.usual_density = plan.density
         for movements in self._movements.values():
             for movement in movements:

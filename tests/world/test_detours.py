@@ -1,5 +1,7 @@
 """Surrounding vehicles go round things that stand for good, or wait where they block nobody."""
 
+from dataclasses import replace
+
 import libsumo
 import numpy as np
 import pytest
@@ -108,6 +110,16 @@ def test_a_movement_is_open_again_once_nothing_blocks_it(world):
     assert not world.traffic._closed
 
 
+def test_long_vehicles_do_not_take_a_way_on_which_only_short_ones_have_room(world):
+    """Rows were tried with a car: buses drove up to a wreck in the bend, and stood in the junction."""
+    in_the_bend = event("accident", vehicles=[{"position": [5.5, 6.5], "heading": 45}])
+    plan = PlanSource(origin="south", turn="straight", density=20.0, events=(in_the_bend,))
+    assert stand_in_junction(world, replace(plan, mix={"bus": 1.0}).plan(4)) < 10.0
+    world.reset(replace(plan, mix={"car": 0.5, "bus": 0.5}).plan(4))
+    (row,) = world.network.movement("north", "east").rows
+    assert np.isfinite(world._detours._end[:, row]).tolist() == [False, True]
+
+
 def test_a_lane_that_is_blocked_is_left_for_the_other(world):
     closed = event("lane_closure", lane="west_out_1", at=10.0, length=20.0)
     plan = PlanSource(origin="south", turn="right", density=25.0, events=(closed,))
@@ -189,7 +201,8 @@ def test_a_lane_is_closed_exactly_where_its_way_counts_as_blocked(world, mix, cl
     world.reset(PlanSource(origin="south", density=20.0, mix=mix, events=(parked,)).plan(0))
     world.advance(np.array([-6.0, 0.0]))
     (row,) = world.network.movement("west", "south").rows
-    assert bool(world.stage._stand_ins) == bool(np.isfinite(world._detours._end[row])) == (beside < 0.0)
+    assert bool(world.stage._stand_ins) == (beside < 0.0)
+    assert (np.isfinite(world._detours._end[:, row]) == (beside < 0.0)).all()
 
 
 def test_nobody_queues_for_good_behind_what_leaves_room_to_pass(world):
