@@ -27,6 +27,11 @@ class Brakes:
         self._events: dict[str, tuple[float, float]] = {}
         """name of a vehicle -> when events last slowed it down (s of SUMO's time), and how hard (m/s2)"""
 
+    @property
+    def are_over(self) -> bool:
+        """Whether vehicles are no longer braked, since `apply` was called for no longer."""
+        return self._sumo.time() >= self._until_s
+
     def apply(self, wanted: Mapping[str, tuple[float, float]], duration_s: float) -> None:
         """Brake vehicles for the next duration_s seconds, and release all others.
 
@@ -59,7 +64,7 @@ class Brakes:
         """
         now = self._sumo.time()
         self._events[name] = now, max(deceleration, self._by_events(name, now))
-        return now >= self._until_s or self.asked.get(name, 0.0) <= deceleration
+        return self.are_over or self.asked.get(name, 0.0) <= deceleration
 
     def _by_events(self, name: str, now: float) -> float:
         """m/s2, how hard events slow a vehicle down at this decision."""

@@ -164,7 +164,7 @@ class World:
         began = self._script.step(scene)
         layer_s = LAYER_MOVING_S if any(prop.moves for prop in self.stage.props) else LAYER_S
         every = max(1, round(layer_s / self.config.decision_s))
-        if self._decisions % every == 0:
+        if self._decisions % every == 0 or self._brakes.are_over:
             self._brake(scene, every * self.config.decision_s)
         self._lane_keeping.step(scene, self.stage.props)
         if self.config.yielding and not self._driven_by_sumo:

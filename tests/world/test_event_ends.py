@@ -1,6 +1,7 @@
 """Events that overlap, end, or put things before the ego: what counts meanwhile, and what is left of each."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import libsumo
 import numpy as np
@@ -250,3 +251,16 @@ def test_events_are_over_when_all_their_vehicles_have_left(world):
     world.advance(STAND)
     assert all(happening.is_over for happening in world.happenings())
     assert not world.stage.unlawful
+
+
+def test_nobody_is_let_off_the_brakes_when_the_last_pedestrian_leaves(world, monkeypatch):
+    """The yielding layer then looks less often, and its next look was up to 0.4 s after its last ended."""
+    looks, brake = [], world._brake
+    monkeypatch.setattr(world, "_brake", lambda scene, s: (looks.append((scene.time_s, s)), brake(scene, s)))
+    walk = event("pedestrian_crossing", arm="north", speed=4.5)
+    world.reset(replace(CALM, events=(walk,)).plan(0))
+    looks.clear()  # those before the ego was there
+    for _ in range(60):
+        world.advance(STAND)
+    assert {lasts for _, lasts in looks} == {0.2, 0.5}
+    assert all(begun + lasts >= following - 1e-6 for (begun, lasts), (following, _) in pairwise(looks))
