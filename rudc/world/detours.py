@@ -176,13 +176,11 @@ class Detours:
                 self._sumo.ask_lane(name, beside.index, HOLD_S)
             return None
         if not free:
-            changes_there = beside is not None and block > paths.exit_s[row] + CHANGE_M
+            later = beside is not None and block > paths.exit_s[row] + CHANGE_M
             kept = network.inbound_lane(row) if driver.keeps_lane else None
-            if (
-                (changes_there and kept)
-                or self._take_another(name, movement, end, front, kept)
-                or changes_there
-            ):
+            if later and kept:
+                return None
+            if self._take_another(name, movement, end, front, kept) or later:
                 return None
         room = float(paths.stop_s[row]) - WAIT - front
         speed = float(np.hypot(*scene.velocity[i]))
