@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 
 from rudc.scenario.events.event import ROUNDED_S
-from rudc.world.sumo import BRAKE_HARD, OWN_SPEED, Sumo
+from rudc.world.sumo import Sumo
 from rudc.world.traffic import Traffic
 from rudc.world.vehicle_types import EGO
 
@@ -47,15 +47,12 @@ class Brakes:
                     continue
             elif driver is None or deceleration > self._traffic.comfortable(driver.decel):
                 hard.add(name)
-                if name not in self._hard:
-                    self._sumo.set_mode(name, BRAKE_HARD)
+                self._traffic.set_mode(name, hard=True)  # each time anew: the grip may have changed
             self.asked[name] = deceleration
             self._sumo.slow_down(name, max(speed - deceleration * duration_s, 0.0), duration_s)
         for name in self._hard - hard:
-            if name == EGO:
-                self._sumo.set_mode(name, OWN_SPEED)
-            elif name in drivers and not drivers[name].overridden:
-                self._sumo.set_mode(name, drivers[name].mode)
+            if name == EGO or name in drivers:
+                self._traffic.set_mode(name)
         self._hard = hard
 
     def leave_to_event(self, name: str, deceleration: float) -> bool:

@@ -38,8 +38,6 @@ OWN_SPEED = 31
 """SUMO's speed mode with every check on"""
 HEEDLESS = 55
 """as OWN_SPEED, but right of way is ignored, before and inside a junction"""
-BRAKE_HARD = 27
-"""as OWN_SPEED, but a vehicle may brake harder than its comfortable deceleration, for commands and leaders"""
 ONLY_WHEN_ASKED = 0b111100000000
 """the bits of SUMO's lane-change mode that say how requests are obeyed; the others hold SUMO's own reasons"""
 OBEDIENT = 0
@@ -384,9 +382,11 @@ class Sumo:
         """Have a vehicle change to a lane of its edge as soon as there is room, and stay for `duration` s."""
         libsumo.vehicle.changeLane(vehicle, lane, duration)
 
-    @_to("set a vehicle's speed mode")
-    def set_mode(self, vehicle: str, mode: int) -> None:
-        """Set a vehicle's speed mode: which of SUMO's checks limit its speed."""
+    @_to("set what limits a vehicle's speed")
+    def set_mode(self, vehicle: str, mode: int, hardest: float) -> None:
+        """Set which of SUMO's checks limit a vehicle's speed (its speed mode), and how hard it may brake on
+        command, m/s2. How far IDM looks ahead stays as it is."""
+        _set(vehicle, {"decel": hardest, "speed_factor": libsumo.vehicle.getSpeedFactor(vehicle)})
         libsumo.vehicle.setSpeedMode(vehicle, mode)
 
     @_to("limit the speed on a lane")

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rudc.world.bends import Bends
-from rudc.world.sumo import BRAKE_HARD, HEEDLESS, OWN_SPEED, Sumo
+from rudc.world.sumo import HEEDLESS, OWN_SPEED, Sumo
 from rudc.world.vehicle_types import EGO, EMERGENCY_DECEL, VEHICLE_TYPES, VehicleType
 
 if TYPE_CHECKING:
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 RESERVE = 0.5
 """of the grip, that an SV's comfortable braking may take; hard braking takes all"""
+COMMANDED = 12.0
+"""m/s2, hardest braking that an event may ask for"""
 BESIDE_M = 0.2
 """m beside an SV that must be free so that it drives on: less, and the yielding layer stops it"""
 
@@ -59,9 +61,7 @@ class Driver:
     @property
     def mode(self) -> int:
         """SUMO's speed mode, by the events that act on it at present."""
-        if self.overridden:
-            return BRAKE_HARD
-        return HEEDLESS if self.heedless else OWN_SPEED
+        return HEEDLESS if self.heedless and not self.overridden else OWN_SPEED
 
 
 class Traffic:
@@ -197,6 +197,15 @@ class Traffic:
         """m/s2, how hard the road lets a driver brake who brakes with `decel` m/s2 where it is dry."""
         return min(decel, RESERVE * self.grip)
 
+    def set_mode(self, name: str, *, hard: bool = False) -> None:
+        """Have SUMO limit a vehicle's speed as the events say that act on it. Without `hard`, commands brake
+        it comfortably at most, unless they are an event's.
+        """
+        driver = self.drivers.get(name) or self._ego
+        assert driver is not None, "neither an SV nor an ego that SUMO drives"
+        most = COMMANDED if driver.overridden else EMERGENCY_DECEL if hard else self.comfortable(driver.decel)
+        self._sumo.set_mode(name, driver.mode, min(most, self.grip))
+
     def drive_ego(self) -> None:
         """From now on SUMO drives the ego, too; the road's friction limits it as it does the SVs."""
         self._ego = Driver(
@@ -214,6 +223,8 @@ class Traffic:
                 decel=self.comfortable(driver.decel),
                 emergency_decel=min(EMERGENCY_DECEL, self.grip),
             )
+            if driver.overridden:
+                self.set_mode(name)
 
     def forget(self, active: tuple[str, ...]) -> None:
         """Forget the SVs that have left; those that were added but are not yet on the road are kept."""

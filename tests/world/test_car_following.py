@@ -72,3 +72,26 @@ def test_nobody_slides_into_an_ego_that_brakes_gently_on_ice():
             world.reset(replace(ROLLS_OUT, events=(ice,)).plan(seed))
             for _ in range(90):
                 assert world.advance(np.array([-1.0, 0.0])).collision is None, seed
+
+
+def test_nobody_who_brakes_hard_stops_at_once():
+    """Who was already made to brake hard stopped from 6 m/s within 0.1 s for what SUMO saw before it."""
+    stop, speeds = np.array([-6.0, 0.0]), []
+    with World(load_network("four_way")) as world:
+        world.reset(PlanSource(density=30.0, origin="south", turn="right", distance=(60.0, 60.0)).plan(1))
+        for _ in range(10):
+            world.advance(stop)
+        scene = world.scene()
+        fastest = scene.ids[int(np.argmax(np.where(scene.path >= 0, np.hypot(*scene.velocity.T), 0.0)))]
+        for k in range(13):
+            scene = world.scene()
+            i = scene.ids.index(fastest)
+            speeds.append(float(np.hypot(*scene.velocity[i])))
+            if k in (0, 6):  # across its way, then right before it
+                (x, y), psi, away = scene.position[i], float(scene.heading[i]), 12.5 if k == 0 else 7.0
+                turned = 0.5 * np.pi if k == 0 else 0.0
+                world.put_ego(x + away * np.cos(psi), y + away * np.sin(psi), psi + turned)
+            world.advance(stop)
+    braking = -np.diff(speeds) / 0.1
+    assert braking[:6].min() > 6.0
+    assert braking.max() < 12.0

@@ -106,7 +106,7 @@ class WorldStage(NetworkStage):
             self.unlawful.add(name)
         else:
             driver.overridden += 1
-        self.sumo.set_mode(name, driver.mode)
+        self.traffic.set_mode(name)
 
     def release(self, name: str, *, heedless: bool = False) -> None:
         driver = self.traffic.drivers[name]
@@ -116,7 +116,7 @@ class WorldStage(NetworkStage):
                 self.unlawful.discard(name)
         else:
             driver.overridden -= 1
-        self.sumo.set_mode(name, driver.mode)
+        self.traffic.set_mode(name)
 
     def slow_down(self, name: str, deceleration: float, least: float = 0.0) -> None:
         slower = max(self.speed(name) - min(deceleration, self.traffic.grip) * self.decision_s, least)
