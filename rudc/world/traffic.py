@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rudc.scenario.events.event import HARDEST
 from rudc.world.bends import Bends
 from rudc.world.sumo import HEEDLESS, OWN_SPEED, Sumo
 from rudc.world.vehicle_types import EGO, EMERGENCY_DECEL, VEHICLE_TYPES, VehicleType
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
 
 RESERVE = 0.5
 """of the grip, that an SV's comfortable braking may take; hard braking takes all"""
-COMMANDED = 12.0
-"""m/s2, hardest braking that an event may ask for"""
 BESIDE_M = 0.2
 """m beside an SV that must be free so that it drives on: less, and the yielding layer stops it"""
 
@@ -203,7 +202,7 @@ class Traffic:
         """
         driver = self.drivers.get(name) or self._ego
         assert driver is not None, "neither an SV nor an ego that SUMO drives"
-        most = COMMANDED if driver.overridden else EMERGENCY_DECEL if hard else self.comfortable(driver.decel)
+        most = HARDEST if driver.overridden else EMERGENCY_DECEL if hard else self.comfortable(driver.decel)
         self._sumo.set_mode(name, driver.mode, min(most, self.grip))
 
     def drive_ego(self) -> None:

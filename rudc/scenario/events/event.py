@@ -27,6 +27,8 @@ UNHURRIED = 3.0
 """m/s2, with which an event slows down or stops a vehicle whose driver need not hurry"""
 ROUNDED_S = 1e-6
 """s by which a sum of times may be off"""
+HARDEST = 12.0
+"""m/s2, hardest braking that an event can ask of a vehicle"""
 WAITS_S = 20.0
 """s that an event waits, at most, while somebody is where its things would stand"""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from rudc.scenario.distributions import AnyDistribution, Bounds, Constant
-from rudc.scenario.events.event import Duration, Held, VehicleEvent
+from rudc.scenario.events.event import HARDEST, Duration, Held, VehicleEvent
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import Stage
 from rudc.scenario.triggers import Selector
@@ -18,7 +18,7 @@ class HardBrake(VehicleEvent, frozen=True):
     """a surrounding vehicle brakes hard for no visible reason"""
     vehicle: Selector = "leader"
     """which vehicle"""
-    deceleration: Annotated[AnyDistribution, Bounds(0, 12, "m/s2", above=True)] = Constant(value=7.0)
+    deceleration: Annotated[AnyDistribution, Bounds(0, HARDEST, "m/s2", above=True)] = Constant(value=7.0)
     """m/s2"""
     duration: Duration = Constant(value=3.0)
     """s that this lasts; a vehicle that has stopped stands until then"""

@@ -65,8 +65,8 @@ class Stage(ABC):
     @abstractmethod
     def slow_down(self, name: str, deceleration: float, least: float = 0.0) -> None:
         """Have a vehicle brake with deceleration m/s2, if the road lets it, until the next decision, but to
-        no less than `least` m/s. If several events slow it down, or it brakes to yield, the hardest
-        braking counts.
+        no less than `least` m/s. It brakes with 12 m/s2 at most (HARDEST in event.py). If several events slow
+        it down, or it brakes to yield, the hardest braking counts.
         """
 
     @abstractmethod
