@@ -8,9 +8,9 @@ first        held if the row's mean is the best and the change against every oth
              freeze in more than FROZEN % of the episodes do not count: who stands still is safe
 gap          the row's lead over the mean of the rows named, in each episode: held if it is larger in the
              second place than in the first, the difference clear. With the means m1 and m2 of the two places
-             and their intervals [l1, u1] and [l2, u2] (over training seeds, and at least as wide as the normal
-             one of all episodes), taken for independent, the difference lies between (Zou and Donner)
-                 m2 - m1 - sqrt((m2 - l2)^2 + (u1 - m1)^2) and m2 - m1 + sqrt((u2 - m2)^2 + (m1 - l1)^2)
+             and their intervals [l1, u1] and [l2, u2] (over training seeds, and at least as wide as the
+             normal one of all episodes), taken for independent, its interval is (Zou and Donner) from
+                 m2 - m1 - sqrt((m2 - l2)^2 + (u1 - m1)^2) to m2 - m1 + sqrt((u2 - m2)^2 + (m1 - l1)^2)
 
 What is not held may be the other way round, or not told apart from chance: the figures say which. Where a row
 that the rule needs has no episodes, the claim is not measured there. With trainings of a single seed all of
