@@ -40,6 +40,7 @@ from rudc.world.trial import refuse_untried
 from rudc.world.unblocking import Unblocking
 from rudc.world.vehicle_types import EGO, type_file
 from rudc.world.yielding import BRAKE_MOST, ego_must_yield, must_yield
+from rudc.world.yielding_kernels import LAYER_S
 
 if TYPE_CHECKING:
     from rudc.network.network import Network
@@ -51,10 +52,8 @@ CLOSE_M = 2.0
 """m, gaps up to this size are measured in every sub-step, larger ones only at the end of a decision"""
 FAR_M = 10_000.0
 """m, far off any road"""
-LAYER_S = 0.5
-"""s from one pass of the yielding layer to the next, in whole decisions: 2 Hz, as in the paper's simulator"""
 LAYER_MOVING_S = 0.2
-"""the same while pedestrians or wrong-way drivers move about"""
+"""s, LAYER_S while pedestrians or wrong-way drivers move about"""
 OVERLAPS_EVERY = 5
 """decisions from one test for overlaps among SVs to the next"""
 

@@ -32,6 +32,8 @@ INSTANTS = 9
 """how many instants are predicted; the first is now"""
 HORIZON_S = STEP_S * (INSTANTS - 1)
 """s, the last instant"""
+LAYER_S = 0.5
+"""s from one pass of the yielding layer to the next, in whole decisions: 2 Hz, as in the paper's simulator"""
 GROW_LENGTH, GROW_WIDTH = 1.0, 0.4
 """m, added to an SV's length and width"""
 SQUEEZED = 0.1
@@ -132,9 +134,10 @@ def mark_overlaps(
 def braking(hits: NewFlags, speed: float, passed: bool, most: float) -> float:
     """m/s2, how hard a vehicle at `speed` m/s brakes that would overlap with another at `hits` (INSTANTS,).
 
-    0: it only must not go faster; negative: it need do nothing. `passed`: it stands and the other passes it.
+    0: it only must not go faster; negative: it need do nothing. `hits` are at max(speed, CREEP). `passed`: it
+    stands and the other passes it.
     """
-    first, always = 0, hits[0]
+    sets_off, first, always = max(speed, CREEP), 0, hits[0]
     for t in range(INSTANTS - 1, 0, -1):
         always = always and hits[t]
         if hits[t]:
@@ -142,11 +145,14 @@ def braking(hits: NewFlags, speed: float, passed: bool, most: float) -> float:
     # An overlap that is there already cannot be braked away, and the SV may be driving out of it.
     if first == 0 or (hits[0] and not always and not passed):
         return -1.0
-    free = max(speed * (STEP_S * (first - 1)) - 0.3, 0.05)
-    need = speed**2 / (2.0 * free)
+    room = sets_off * (STEP_S * (first - 1))
+    need = sets_off**2 / (2.0 * max(room - 0.3, 0.05))
     if need > BRAKE_FROM or first <= 2:
         return min(need, most)
-    return 0.0 if speed > CREEP else -1.0
+    # On ice, who creeps might not be able to stop any more after driving on until the next pass.
+    faster = speed + PICKS_UP * LAYER_S
+    way = 0.5 * (speed + faster) * LAYER_S + faster**2 / (2.0 * most)
+    return 0.0 if speed > CREEP or way > room + 0.5 * GROW_LENGTH else -1.0
 
 
 @kernel
@@ -185,7 +191,7 @@ def in_junction(size: Table, path: Rows, path_s: Vector, stop_s: Vector, exit_s:
 
 @kernel
 def braking_for_others(
-    place: Places, facing: Places, length: float, width: float, sets_off: float, most: float, i: int,
+    place: Places, facing: Places, length: float, width: float, most: float, i: int,
     obstacles_only: bool, speed: Vector, inside: NewFlags, position: Table, heading: Vector, velocity: Table,
     size: Table, path: Rows, path_s: Vector, poses: Table, stations: int, origin: Rows,
 ) -> float:  # fmt: skip
@@ -206,7 +212,7 @@ def braking_for_others(
                 there, turned = straight_on(x, y, heading[j], drift)
                 mark_overlaps(hits, place, facing, length, width, there, turned, half[0], half[1])
                 goes_by = hits[0] and speed[i] < STANDING <= speed[j]
-                need = max(need, braking(hits, sets_off, goes_by, most))
+                need = max(need, braking(hits, speed[i], goes_by, most))
             continue
         passes = inside[i] and inside[j] and speed[i] <= CREEPS < speed[j]
         if obstacles_only or not passes or origin[path[i]] == origin[path[j]]:
@@ -216,7 +222,7 @@ def braking_for_others(
         for k in range(INSTANTS):
             there, turned = np.full(INSTANTS, swept[k]), np.full(INSTANTS, along[k])
             mark_overlaps(hits, place, facing, length, width, there, turned, half[0], half[1])
-        need = max(need, braking(hits, sets_off, False, most))
+        need = max(need, braking(hits, speed[i], False, most))
     return need
 
 
@@ -242,16 +248,16 @@ def yielding(
     for i in range(n):
         if path[i] < 0 or not (heeding[i] or astray or obstacles or (inside[i] and speed[i] <= CREEPS)):
             continue
-        sets_off, need = max(speed[i], CREEP), -1.0
+        need = -1.0
         half = 0.5 * (size[i, 0] + GROW_LENGTH), 0.5 * (size[i, 1] + GROW_WIDTH)
         beside = half[1] if moves or speed[i] > CREEP else 0.5 * (size[i, 1] + SQUEEZED)
         x, y = position[i, 0], position[i, 1]
-        step = sets_off * STEP_S
+        step = max(speed[i], CREEP) * STEP_S
         place, facing = in_lane(poses, stations, path[i], path_s[i], x, y, size[i, 0], step, 0.0)
         if heeding[i]:
             hits = np.zeros(INSTANTS, np.bool_)
             mark_overlaps(hits, place, facing, half[0], beside, ego, ego_facing, 0.5 * length, 0.5 * width)
-            need = braking(hits, sets_off, hits[0] and moves and speed[i] < STANDING, most)
+            need = braking(hits, speed[i], hits[0] and moves and speed[i] < STANDING, most)
             if moves and speed[i] <= CREEPS and not hits[0]:
                 step = speed[i] * STEP_S
                 soon, turned = in_lane(
@@ -265,7 +271,7 @@ def yielding(
             room = room_before(poses, stations, path[i], path_s[i], clear, ego[0], ego_facing[0])
             need = max(need, braking_before(room - beyond, speed[i], most))
         others = braking_for_others(
-            place, facing, half[0], half[1], sets_off, most, i, obstacles_only[i], speed, inside,
+            place, facing, half[0], half[1], most, i, obstacles_only[i], speed, inside,
             position, heading, velocity, size, path, path_s, poses, stations, origin,
         )  # fmt: skip
         need = max(need, others)

@@ -69,3 +69,10 @@ def test_overlaps_are_geometrys():
 def test_braking_stops_before_the_first_overlap(at, speed, passed, wanted):
     hits = np.isin(np.arange(9), list(at))
     assert kernels.braking(hits, speed, passed, 9.0) == pytest.approx(wanted)
+
+
+@pytest.mark.parametrize(("most", "wanted"), [(9.0, -1.0), (1.2, 0.0)], ids=["dry", "ice"])
+def test_one_that_creeps_goes_no_faster_where_it_could_not_stop_afterwards(most, wanted):
+    """Half a second later it drives 2.25 m/s after 0.8 m of 1.75 m, and needs 0.3 m to stop, on ice 2.1 m."""
+    hits = np.isin(np.arange(9), [6, 7])
+    assert kernels.braking(hits, 1.0, False, most) == wanted
