@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from rudc.scenario.base import Identifier
 from rudc.scenario.distributions import AnyDistribution, Bounds
-from rudc.scenario.events.event import Effect, Event
+from rudc.scenario.events.event import Duration, Effect, Event
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import Stage
 from rudc.scenario.triggers import Metre
@@ -26,6 +26,8 @@ class LaneClosure(Event, frozen=True):
     """m along the lane, where it begins to be closed"""
     length: Annotated[AnyDistribution, Bounds(0, 500, "m", above=True)]
     """m that are closed, counted away from the junction, or inside it in driving direction"""
+    duration: Duration | None = None
+    """s until the lane is open again; by default never"""
 
 
 class LaneClosureEffect(Effect[LaneClosure]):
@@ -39,6 +41,9 @@ class LaneClosureEffect(Effect[LaneClosure]):
         length = float(self.event.length) / pieces
         places = [stage.pose_on_lane(lane, at + (i + 0.5) * length) for i in range(pieces)]
         return self.put(stage, [("obstacle", place, (length, width)) for place in places])
+
+    def end(self, stage: Stage) -> None:
+        stage.remove_things(self.name)
 
 
 register_event(LaneClosure, LaneClosureEffect)
