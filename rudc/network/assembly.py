@@ -193,10 +193,14 @@ def _lane_ids(edges: Iterable[Any], lanes: dict[str, Lane]) -> tuple[str, ...]:
 
 
 def decide_major(arms: Sequence[Arm], ways: Sequence[Way], yields: Flags, node_type: str) -> list[Arm]:
-    """The arms, each marked major if some way from it need not yield to any way from another arm. No arm is
-    major where traffic from the right goes first, although turns to the right yield to nobody there."""
-    free = ~_yields_to_others(ways, yields)
-    major = {way.source.origin for way, is_free in zip(ways, free, strict=True) if is_free}
+    """The arms, each marked major if no way from it must yield to a way from another arm, or if one that need
+    not is yielded to by another arm's. A right turn into a lane of its own, which meets nobody, says nothing.
+    Where traffic from the right goes first no arm is major, although turns to the right yield to nobody there.
+    """
+    origin = np.array([way.source.origin for way in ways])
+    owes = yields & (origin[:, None] != origin[None, :])
+    bound, owed = owes.any(axis=1), owes.any(axis=0)
+    major = {k for k in origin.tolist() if not bound[origin == k].any() or (~bound & owed)[origin == k].any()}
     if node_type == "right_before_left":
         major = set()
     return [replace(arm, major=k in major) for k, arm in enumerate(arms)]

@@ -117,7 +117,7 @@ def _arguments(folder: Path) -> tuple[str, list[str]]:
     if not nodes and len(maps) == 1:
         return maps[0].name.removesuffix(OSM), [f"--osm-files={maps[0].name}", *OSM_OPTIONS]
     if len(nodes) != 1:
-        found = ", ".join(path.name for path in nodes) or "none"
+        found = ", ".join(path.name for path in (*nodes, *maps)) or "none"
         raise NetworkError(
             f"{folder}: exactly one NAME.nod.xml (or one NAME.osm) is needed here, found {found}"
         )

@@ -72,7 +72,8 @@ def fit_reports(sheet: Sheet, data: dict[str, Any], fit: Fit) -> list[Report]:
             found.setdefault(problem, []).append(choice)
     for problems in _by_path(found):
         # A problem at every point is reported once, even if its words differ from network to network.
-        if len(problems) > 1 and sum(len(found[problem]) for problem in problems) == len(choices):
+        hit = [tuple(choice.values()) for problem in problems for choice in found[problem]]
+        if len(problems) > 1 and len(hit) == len(set(hit)) == len(choices):
             found[problems[0]] += [choice for problem in problems[1:] for choice in found.pop(problem)]
     reports = [
         report

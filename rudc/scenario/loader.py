@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path as File
 from typing import Any
@@ -18,7 +18,7 @@ from rudc.scenario.library import find_file, find_files, find_parent, parents_kn
 from rudc.scenario.model import Scalar, Scenario
 from rudc.scenario.networks import is_network_path
 from rudc.scenario.problems import describe, got
-from rudc.scenario.sweep_check import sweep_reports
+from rudc.scenario.sweep_check import WITHIN, sweep_reports
 from rudc.scenario.yaml_text import LONGEST, Mark, Report, Sheet, read_yaml
 
 
@@ -42,11 +42,15 @@ def load_scenario(
         raise _error(reports, path)
     for key, value in (overrides or {}).items():
         reports += _override(sheet, key, value)
+    swept: dict[str, Sequence[object]] = {}
     for key, values in (grid or {}).items():
         if _takes_list(sheet, key, values):
             reports += _override(sheet, key, values)
         else:
-            _sweep(sheet, key, values)
+            swept[key] = values
+    reports += _within_swept([*(overrides or {}), *(grid or {})], swept)
+    for key, values in swept.items():
+        _sweep(sheet, key, values)
     scenario, more = _checked(sheet, {report.path for report in reports}, sweeps=not reports)
     reports += more
     if fit is not None:
@@ -164,11 +168,18 @@ def _override(sheet: Sheet, key: str, value: object) -> list[Report]:
     made = [path[:n] for n in range(1, len(path) + 1) if path[:n] not in sheet.marks]
     sheet.marks.update(dict.fromkeys(made, Mark("override", 0, 0, 0, 0)))
     if isinstance(swept := sheet.data.get("sweep"), dict):
-        swept.pop(key, None)  # or the file's own values would take the place of those given
+        for known in [known for known in swept if f"{key}.".startswith(f"{known}.")]:
+            del swept[known]  # or the file's own values would take the place of those given
         for known in [known for known in swept if str(known).startswith(f"{key}.")]:
             if gives(sheet.data, known):
                 del swept[known]
     return []
+
+
+def _within_swept(given: Iterable[str], grid: Iterable[str]) -> list[Report]:
+    """A report for each key that lies within one that is swept."""
+    pairs = [(key, swept) for key in given for swept in grid if key.startswith(f"{swept}.")]
+    return [Report("override", 0, 0, tuple(key.split(".")), WITHIN.format(swept)) for key, swept in pairs]
 
 
 def _with_hint(report: Report, data: dict[str, Any], overrides: Mapping[str, object]) -> Report:

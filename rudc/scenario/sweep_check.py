@@ -17,6 +17,8 @@ from rudc.scenario.yaml_text import Report, Sheet
 
 FIXED = ("name", "description", "out_of_distribution", "extends", "sweep")
 """keys that cannot be swept"""
+WITHIN = "lies within {}, which is swept, too; leave one of them out"
+"""what is wrong with a key that is given besides a swept one which it is a part of"""
 
 
 def sweep_reports(sheet: Sheet, data: dict[str, Any], known: set[tuple[Path, str]]) -> list[Report]:
@@ -33,8 +35,7 @@ def sweep_reports(sheet: Sheet, data: dict[str, Any], known: set[tuple[Path, str
             continue
         within = next((other for other in given if key.startswith(f"{other}.")), None)
         if within is not None:
-            text = f"lies within {within}, which is swept, too; leave one of them out"
-            reports.append(sheet.report(("sweep", key), text, on_key=True))
+            reports.append(sheet.report(("sweep", key), WITHIN.format(within), on_key=True))
             continue
         found = _axis_reports(sheet, base, key, values)
         reports += found

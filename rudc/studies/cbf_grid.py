@@ -16,6 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from rudc.agents.drivers import find_own
 from rudc.agents.registry import make_agent
 from rudc.errors import InputError
 from rudc.evaluation.columns import RATES
@@ -76,7 +77,8 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
     """Drive every point."""
     drivers = tuple(dict.fromkeys(order.agents)) or DRIVERS[order.budget]
     for name in drivers:
-        if ":" in name or "+" in name:
+        _, rest = find_own(name) or ("", name)
+        if ":" in rest or "+" in rest:
             raise InputError(f"{name}: the study itself puts filters behind drivers; name one without")
     by_agent = {point.agent: point for point in points(drivers, order.budget)}
     for agent in by_agent:

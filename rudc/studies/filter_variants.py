@@ -52,6 +52,7 @@ ADAPTIVE = ("both", "level_route", "rate_route")
 CONSTANT = ("residual", *(f"level {c:g}" for c in LEVELS), *(f"rate {c:g}" for c in RATES))
 """what an adaptive variant should beat, one by one"""
 _VARIED = ("sigma", *(f"correction.{key}" for key in ("kind", "residual", "last_resort", "constrained")))
+_SLACK = ("correction.slack.kind", "correction.slack.constant")
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,7 @@ def variants_of(name: str, distances: Sequence[float]) -> list[Variant]:
     whole = own + behind
     settings = dict(part.split("=", 1) for part in text.split(",")) if text else {}
     settings = {key.strip(): value.strip() for key, value in settings.items()}
-    taken = [key for key in settings if key in _VARIED or key.startswith("correction.slack.kind")]
+    taken = [key for key in settings if key in _VARIED or key.startswith(_SLACK)]
     if taken:
         raise InputError(f"{name}: the study itself sets {', '.join(taken)}; leave that out")
     learnt = _learnt(whole)

@@ -65,6 +65,10 @@ def test_wrong_sources_are_refused_with_netconverts_words(tmp_path):
         build_network(tmp_path / "absent")
     with pytest.raises(NetworkError, match=r"exactly one NAME.nod.xml .* is needed here, found none"):
         build_network(tmp_path)
+    for name in ("a.osm", "b.osm"):
+        (tmp_path / name).touch()
+    with pytest.raises(NetworkError, match=r"exactly one .* is needed here, found a.osm, b.osm"):
+        build_network(tmp_path)
     (tmp_path / "own.nod.xml").write_text('<nodes><node id="a" x="0" y="0"/></nodes>')
     with pytest.raises(NetworkError, match=r"own.edg.xml is missing"):
         build_network(tmp_path)

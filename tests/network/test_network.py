@@ -62,6 +62,15 @@ def test_no_arm_is_major_where_who_comes_from_the_right_goes_first():
     assert not any(arm.major for arm in decide_major(arms, ways, yields, "right_before_left"))
 
 
+def test_a_right_turn_into_a_lane_of_its_own_makes_no_arm_major():
+    """The left turn (row 1) from the first arm yields to both others' ways; its right turn meets nobody."""
+    arms = load_network("t_junction").arms
+    ways = [SimpleNamespace(source=SimpleNamespace(origin=k)) for k in (0, 0, 1, 2)]
+    yields = np.zeros((4, 4), bool)
+    yields[1, 2:] = True
+    assert [arm.major for arm in decide_major(arms, ways, yields, "priority")] == [False, True, True]
+
+
 @pytest.mark.parametrize("name", ["four_way", "four_way_equal", "skewed_four_way"])
 def test_lanes_permit_what_they_should(name):
     network = load_network(name)

@@ -5,7 +5,7 @@ import textwrap
 import pytest
 
 from rudc.errors import ScenarioError
-from rudc.scenario import load_scenario
+from rudc.scenario import find_scenarios, load_scenario
 from rudc.scenario.base import FileModel
 from rudc.scenario.inheritance import SECTIONS
 from rudc.scenario.model import Scenario
@@ -221,3 +221,19 @@ def test_sections_are_sections():
         for key in path:
             model = model.model_fields[key].annotation
             assert issubclass(model, FileModel)
+
+
+def test_a_part_given_ends_the_files_sweep_of_the_whole(tmp_path):
+    (tmp_path / "x.yaml").write_text(
+        "name: x\nsweep: {traffic.density: [10, 20], episode.timeout: [30, 40]}\n"
+    )
+    (scenario,) = find_scenarios([str(tmp_path / "x.yaml")], overrides={"traffic.density.uniform": [12, 15]})
+    assert [*scenario.points()] == [{"episode.timeout": 30}, {"episode.timeout": 40}]
+    assert scenario.model_dump(mode="json")["traffic"]["density"] == {"uniform": [12, 15]}
+
+
+@pytest.mark.parametrize("order", [1, -1], ids=["before", "after"])
+def test_a_part_of_what_is_swept_cannot_be_given_too(order):
+    given = [("traffic.density", [10, 20]), ("traffic.density.uniform", [30, 40])][::order]
+    with pytest.raises(ScenarioError, match=r"traffic.density.uniform: lies within traffic.density, which"):
+        find_scenarios(["random_destination"], overrides=dict(given))

@@ -49,5 +49,15 @@ def test_a_point_that_could_not_be_driven_is_not_chosen():
 
 
 def test_drivers_with_a_filter_of_their_own_are_refused(tmp_path):
-    with pytest.raises(InputError, match="one without"):
-        cbf_grid.run(Order(tmp_path, agents=("follower+ttcbf",)), lambda _: Silent())
+    for name in ("follower+ttcbf", "rudc.agents.follower:Follower+ttcbf"):
+        with pytest.raises(InputError, match="one without"):
+            cbf_grid.run(Order(tmp_path, agents=(name,)), lambda _: Silent())
+
+
+def test_a_driver_of_ones_own_is_driven(tmp_path, monkeypatch):
+    def driven(plan, *_, **__):
+        raise InputError(plan.agents[0])
+
+    monkeypatch.setattr(cbf_grid, "run_sweep", driven)
+    with pytest.raises(InputError, match=r"^rudc.agents.follower:Follower\+ttcbf:"):
+        cbf_grid.run(Order(tmp_path / "a", agents=("rudc.agents.follower:Follower",)), lambda _: Silent())

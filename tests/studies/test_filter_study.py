@@ -104,6 +104,7 @@ def test_without_its_filter_the_driver_is_the_same(name, off):
         ("gap-acceptance", InputError, "no safety filter"),
         ("rudc-wo-cbf", InputError, r"rudc-wo-cbf\+ttcbf"),
         ("gap-acceptance+ttcbf:correction.constrained=all", InputError, "constrained; leave that out"),
+        ("rudc-t:correction.slack.constant=4", InputError, "slack.constant; leave that out"),
         ("gap-acceptance+ttcbf:correction.d_safe=near", AgentError, "d_safe"),
         ("nobody", AgentError, "no agent"),
     ],

@@ -119,6 +119,20 @@ def test_swept_values_are_blamed_only_for_what_they_cause(problems, text, expect
     check(problems(text), expected)
 
 
+def test_two_problems_at_one_value_are_both_laid_on_it(problems):
+    """Vehicle 2 stands in both others on `four_way`, and beside them on `skewed_four_way`."""
+    found = problems(
+        """
+        name: a
+        events:
+          - kind: accident
+            vehicles: [{position: [-22, -5]}, {position: [-27, -5]}, {lane: west_in_0, at: 10}]
+        sweep: {network: [four_way, skewed_four_way]}
+        """
+    )
+    check(found, *(f"5:19: sweep.network.0: events.0.vehicles.2: ...vehicles.{i}..." for i in (0, 1)))
+
+
 @pytest.mark.parametrize(
     ("route", "asked"),
     [
