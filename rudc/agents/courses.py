@@ -38,6 +38,7 @@ from rudc.env.tracking import (
     slowing,
     speeds_in_bends,
     steering,
+    stopping,
 )
 from rudc.geometry import rectangle_gaps
 from rudc.network.course import CoursePlanner, gaps_along
@@ -59,7 +60,7 @@ HERE = 1.0
 SHORT = 7.0
 """m before what blocks, where the ego stops while no course is clear"""
 LEADER = 20.0
-"""m ahead within which vehicles that stand for the moment are looked for"""
+"""m ahead within which vehicles that stand for the moment are looked for, or more where the ego needs more"""
 AGAIN_S, OUTS_S = 1.0, 1.5
 """s, s: time between two plannings, and what is added to it if the ego stands and may have to pull out"""
 SLOW, PER_METRE = 2.5, 4.0
@@ -246,12 +247,13 @@ def _kept_short(scene: Scene, blocks: Blocks, u: Array) -> Array:
     """
     if not blocks.resting.number:
         return u
-    s, gap = gaps_along(scene.route.path, scene.ego_s, scene.ego_s + LEADER, scene.vehicle, blocks.resting)
+    braking = planned(scene, HARDEST)
+    end = scene.ego_s + max(LEADER, PULL_OUT + stopping(scene, braking))
+    s, gap = gaps_along(scene.route.path, scene.ego_s, end, scene.vehicle, blocks.resting)
     hit = np.flatnonzero(gap <= 0.0)
     if not len(hit):
         return u
-    a = slowing(scene, float(s[hit[0]]) - scene.ego_s - PULL_OUT, 0.0, planned(scene, HARDEST))
-    return at_most(u, a)
+    return at_most(u, slowing(scene, float(s[hit[0]]) - scene.ego_s - PULL_OUT, 0.0, braking))
 
 
 def _clear(scene: Scene, blocks: Blocks) -> float:

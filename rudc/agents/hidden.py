@@ -27,8 +27,10 @@ from rudc.network.paths import SPACING
 from rudc.world.perception import in_sight
 from rudc.world.scene import Scene
 
-UPSTREAM, EVERY = 60.0, 2.0
-"""m, m: length of each row before the conflict that is checked, and distance between the places checked"""
+UPSTREAM, UPSTREAM_S, EVERY = 60.0, 6.0, 2.0
+"""m, s, m: length of each row before the conflict that is checked, which is as far as a vehicle at the limit
+comes in UPSTREAM_S if that is more, and distance between the places checked
+"""
 AHEAD = 40.0
 """m of the ego's path ahead; conflicts and hidden places beyond do not count yet"""
 SPARE = 0.5
@@ -76,7 +78,8 @@ def speed_by_sight(scene: Scene, braking: float) -> float:
         table[rows, 1] - front + body.length,
         table[rows, 2],
     )
-    way = _hidden_way(scene, rows, theirs_in)
+    fastest = float(paths.highest_limit(rows, np.zeros(len(rows)), theirs_in).max())
+    way = _hidden_way(scene, rows, theirs_in, max(UPSTREAM, UPSTREAM_S * fastest))
     through = _time(scene.ego.v, ours_out, min(GOING, body.a_max))
     threat = through + SPARE >= way / paths.highest_limit(rows, theirs_in - way, theirs_in)
     if not threat.any():
@@ -85,11 +88,11 @@ def speed_by_sight(scene: Scene, braking: float) -> float:
     return max(math.sqrt(2.0 * braking * room), CREEP)
 
 
-def _hidden_way(scene: Scene, rows: Index, conflict: Array) -> Array:
+def _hidden_way(scene: Scene, rows: Index, conflict: Array, upstream: float) -> Array:
     """(n,) m from the nearest hidden place on each row to where its conflict begins, at `conflict` (n,)
-    m; inf if all places on it are in sight.
+    m; inf if all places on the `upstream` m before it are in sight.
     """
-    back = np.arange(0.0, UPSTREAM, EVERY)
+    back = np.arange(0.0, upstream, EVERY)
     x, y, _ = scene.network.paths.pose(rows[:, None], np.maximum(conflict[:, None] - back, 0.0))
     seen = _seen(scene, np.stack([x, y], axis=-1))
     return np.where(seen.all(axis=1), np.inf, back[seen.argmin(axis=1)])

@@ -66,6 +66,11 @@ def slowing(scene: Scene, room: float, speed: float, deceleration: float) -> flo
     return max((wanted - v) / RESPONSE_S, scene.vehicle.a_min)
 
 
+def stopping(scene: Scene, deceleration: float) -> float:
+    """m that the ego needs to stop, braking at `deceleration` m/s2 as `slowing` has it."""
+    return RESPONSE_S * scene.ego.v + scene.ego.v**2 / (2.0 * deceleration)
+
+
 def planned(scene: Scene, deceleration: float) -> float:
     """m/s2, `deceleration` or, where the road gives too little for it, PLANNED times full braking."""
     return min(deceleration, PLANNED * -scene.vehicle.a_min)

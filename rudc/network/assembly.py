@@ -195,7 +195,7 @@ def _lane_ids(edges: Iterable[Any], lanes: dict[str, Lane]) -> tuple[str, ...]:
 def decide_major(arms: Sequence[Arm], ways: Sequence[Way], yields: Flags, node_type: str) -> list[Arm]:
     """The arms, each marked major if no way from it must yield to a way from another arm, or if one that need
     not is yielded to by another arm's. A right turn into a lane of its own, which meets nobody, says nothing.
-    Where traffic from the right goes first no arm is major, although turns to the right yield to nobody there.
+    Where traffic from the right goes first no arm is major, although right turns yield to nobody there.
     """
     origin = np.array([way.source.origin for way in ways])
     owes = yields & (origin[:, None] != origin[None, :])

@@ -120,8 +120,9 @@ def _room_ahead(scene: Scene) -> float:
 
 
 def _arrival_s(scene: Scene) -> float:
-    """s until the ego reaches its stop line at its present speed, taken as at least 1 m/s."""
-    return _room_ahead(scene) / max(scene.ego.v, 1.0)
+    """s until the ego reaches its stop line at its present speed, taken as at least half the limit: one that
+    starts more slowly speeds up."""
+    return _room_ahead(scene) / max(scene.ego.v, 0.5 * scene.route.speed_limit)
 
 
 def _due(scene: Scene, selector: str) -> bool:

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from rudc.agents.hidden import BEFORE, CREEP, ready_for_unseen, speed_by_sight
+from rudc.network.network import load_network
 from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
+from tests.world.networks import with_limits
 
 CORNERS = np.array([[sx * 16.5, sy * 16.5, 0.0, 13.0, 13.0] for sx in (-1, 1) for sy in (-1, 1)])
 
@@ -34,6 +36,14 @@ def test_short_sight_hides_as_boxes_do(make_scene):
     scene = make_scene(turn="left", front=-10.0)
     assert speed_by_sight(replace(scene, sight_m=20.0), 3.0) < 12.0
     assert speed_by_sight(replace(scene, sight_m=200.0), 3.0) == math.inf
+
+
+def test_where_traffic_is_fast_it_is_looked_for_farther_away(make_scene, tmp_path):
+    """At 25 m/s somebody 100 m away is there in 4 s; from rest the ego needs longer to be past."""
+    fast = load_network(str(with_limits(tmp_path, lambda edge: 25.0)))
+    scene = replace(make_scene(turn="left", front=-1.0, v=0.0), sight_m=100.0)
+    assert speed_by_sight(scene, 3.0) == math.inf
+    assert speed_by_sight(replace(scene, network=fast), 3.0) < 12.0
 
 
 @pytest.mark.parametrize("sight", [3.0, 9.0, 20.0])

@@ -84,6 +84,26 @@ def test_a_queue_blocks_only_behind_somebody_who_goes_nowhere(make_scene, four_w
     assert {tuple(p) for p in blocks.standing.position} == {tuple(p) for p in scene.position[:2]}
 
 
+@pytest.mark.parametrize("v", [9.0, 15.0])
+def test_it_slows_down_in_time_for_who_stands_for_the_moment(make_scene, four_way, v):
+    """At 15 m/s it began 20 m before, and came to stand too near to pull out."""
+    row, courses = four_way.movement("south", "straight").rows[0], Courses()
+    stop = float(four_way.paths.stop_s[row])
+    plant, hardest = EgoPlant(four_way.vehicle), 0.0
+    scene = make_scene({"row": row, "s": stop - 3.0}, turn="straight", front=-60.0, v=v)
+    scene = replace(scene, route=replace(scene.route, speed_limit=20.0))
+    plant.resume(scene.ego, Actuation())
+    courses.reset(scene)
+    for k in range(55):
+        u = courses.govern(courses.see(scene), np.zeros(2))
+        hardest = min(hardest, float(u[0])) if scene.ego.v > 5.0 else hardest
+        ego = plant.step(float(u[0]), 0.0, 0.1)
+        s, offset = scene.route.path.project(ego.x, ego.y, scene.ego_s)
+        scene = replace(scene, ego=ego, ego_s=s, ego_offset=offset, time_s=0.1 * k)
+    assert hardest > -4.8
+    assert stop - 5.5 - scene.ego_s - 2.5 > PULL_OUT - 0.3
+
+
 def test_who_stands_in_the_junction_blocks_once_it_has_waited_for_nobody_or_too_long(make_scene, four_way):
     alone, busy = _waits_to_turn_left(make_scene, four_way)
     seen = [_standing_at(alone, PATIENCE + share * IDLE) for share in (0.1, 0.9, 1.2)]

@@ -61,6 +61,16 @@ def test_a_follower_is_added_behind_at_a_safe_distance(world):
         assert 2.0 + 0.5 * scene.ego.v < gap < 2.0 + 3.0 * scene.ego.v
 
 
+def test_one_is_not_late_for_an_ego_that_starts_from_rest(world):
+    """An ego that speeds up with 2 m/s2 to 10 m/s is at its stop line, 40 m ahead, after 6.5 s."""
+    source = replace(QUIET, speed=(0.0, 0.0), distance=(40.0, 40.0), events=(brake("crossing"),))
+    for seed in range(4):
+        scene = world.reset(source.plan(seed))
+        (row,) = pick(scene, "crossing", RNG)
+        way = scene.network.paths.stop_s[scene.path[row]] - scene.path_s[row]
+        assert 5.0 < way / math.hypot(*scene.velocity[row]) < 12.0
+
+
 @pytest.mark.parametrize("selector", ["oncoming", "crossing"])
 def test_one_from_another_arm_reaches_its_stop_line_about_when_the_ego_does(world, selector):
     for seed in range(4):

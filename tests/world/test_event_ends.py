@@ -104,6 +104,47 @@ def test_the_road_holds_an_ego_that_sumo_drives_as_it_does_others(world):
     assert libsumo.vehicle.getEmergencyDecel("ego") == 9.0
 
 
+@pytest.mark.parametrize(
+    "blocks",
+    [
+        event("accident", vehicles=[{"lane": "east_in_0", "at": 20}], duration=3),
+        event("lane_closure", lane="east_in_0", at=20, length=10, duration=3),
+    ],
+    ids=["accident", "lane_closure"],
+)
+def test_what_blocks_a_lane_for_a_while_is_then_taken_away(world, blocks):
+    """Also for SUMO, whose vehicles wait on a lane that is closed: traffic passes there afterwards."""
+    source = replace(CALM, density=40.0, events=(blocks,))
+    scenes = run(world, source, 15.0)
+    x, y, _ = world.network.place_on_lane("east_in_0", 20.0)
+
+    def passers(some):
+        near = (
+            scene.ids[i]
+            for scene in some
+            for i in (np.hypot(*(scene.position - (x, y)).T) < 2.0).nonzero()[0]
+        )
+        return {name for name in near if not name.startswith(blocks.kind)}
+
+    assert any(name.startswith(blocks.kind) for name in scenes[25].ids)
+    assert not passers(scenes[:29])
+    assert not any(name.startswith(blocks.kind) for name in scenes[32].ids)
+    assert passers(scenes[32:])
+
+
+@pytest.mark.parametrize("standing", [False, True])
+def test_what_begins_in_one_decision_does_not_appear_in_one_place(world, standing):
+    """Neither saw the other, since the scene that both looked at had none of them."""
+    at = {"lane": "west_out_0", "at": 40}
+    when = {"simulation_time": {"above": 0.5}}
+    first = event("accident", vehicles=[at], when=when) if standing else event("wrong_way", **at, when=when)
+    second = event("wrong_way", **at, speed=3.0, when=when)
+    scenes = run(world, replace(CALM, density=0.0, events=(first, second)), 6.0)
+    together = [np.hypot(*np.subtract(*scene.position)) for scene in scenes if scene.count == 2]
+    assert min(together, default=np.inf) > 4.0
+    assert bool(together) != standing, "it never has room where the other stands for good"
+
+
 @pytest.mark.parametrize("stays", [False, True])
 @pytest.mark.parametrize("kind", ["accident", "lane_closure", "stalled_vehicle"])
 def test_what_stands_waits_for_who_is_in_its_place_but_not_for_ever(world, kind, stays):

@@ -76,34 +76,6 @@ def test_stalled_vehicle_on_a_lane_stands_and_leaves(world):
     assert not [i for i in scenes[-1].ids if i.startswith("stalled")]
 
 
-@pytest.mark.parametrize(
-    "blocks",
-    [
-        event("accident", vehicles=[{"lane": "east_in_0", "at": 20}], duration=3),
-        event("lane_closure", lane="east_in_0", at=20, length=10, duration=3),
-    ],
-    ids=["accident", "lane_closure"],
-)
-def test_what_blocks_a_lane_for_a_while_is_then_taken_away(world, blocks):
-    """Also for SUMO, whose vehicles wait on a lane that is closed: traffic passes there afterwards."""
-    source = replace(CALM, density=40.0, events=(blocks,))
-    scenes = run(world, source, 15.0)
-    x, y, _ = world.network.place_on_lane("east_in_0", 20.0)
-
-    def passers(some):
-        near = (
-            scene.ids[i]
-            for scene in some
-            for i in (np.hypot(*(scene.position - (x, y)).T) < 2.0).nonzero()[0]
-        )
-        return {name for name in near if not name.startswith(blocks.kind)}
-
-    assert any(name.startswith(blocks.kind) for name in scenes[25].ids)
-    assert not passers(scenes[:29])
-    assert not any(name.startswith(blocks.kind) for name in scenes[32].ids)
-    assert passers(scenes[32:])
-
-
 def test_stalled_vehicle_picked_from_traffic_stops_and_goes_on(world):
     stalled = event("stalled_vehicle", vehicle="nearest", duration=4, when=LATER)
     source = PlanSource(density=5.0, origin="north", turn="left", speed=(8.0, 8.0), events=(stalled,))
