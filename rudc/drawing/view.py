@@ -95,6 +95,16 @@ class View:
         return math.isfinite(self.range_m) or len(self.occluders) > 0
 
     @property
+    def heedless(self) -> frozenset[str]:
+        """Names of those whom an event has disregard the right of way."""
+        named = [
+            event.bodies
+            for event in self.events
+            if event.event.kind == "priority_violation" and not event.waits and not event.is_over
+        ]
+        return frozenset().union(*named)
+
+    @property
     def numbers(self) -> dict[str, str]:
         """Name of each body that takes part in events -> their numbers, such as `1,2`."""
         found: dict[str, list[str]] = {}

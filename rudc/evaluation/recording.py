@@ -154,7 +154,7 @@ class Recording:
         done = decision.corrected
         active = set(done.active) if done else set()
         constrained = set(done.names) if done else set()
-        speed, yielding = np.hypot(*scene.velocity.T), who_yields(scene)
+        speed, yielding = np.hypot(*scene.velocity.T), who_yields(scene, view.heedless)
         still: dict[str, dict[str, Any]] = {}
         for i, name in enumerate(scene.ids):
             track = self._open.get(name) or self._begin(scene, i, k)

@@ -13,15 +13,18 @@ SUMO does not say for whom its drivers wait, so the second is concluded from the
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Collection
+from functools import partial
 
 import numpy as np
 
 from rudc.arrays import Array
 from rudc.network.conflicts import meeting
 from rudc.network.paths import SPACING
+from rudc.world.ego import grip_of
 from rudc.world.scene import STANDING, Scene
 from rudc.world.vehicle_types import EGO
-from rudc.world.yielding import must_yield
+from rudc.world.yielding import BRAKE_MOST, Yielding, must_yield
 from rudc.world.yielding_kernels import CREEPS
 
 GAP_S = 6.0
@@ -34,31 +37,36 @@ BESIDE_M = 1.5
 """m from a way within which a vehicle's centre counts as on it"""
 
 
-def who_yields(scene: Scene) -> dict[str, str]:
-    """Name of each SV that yields -> name of whom it yields to first, as in `Scene.ids`, or `ego`."""
+def who_yields(scene: Scene, heedless: Collection[str] = ()) -> dict[str, str]:
+    """Name of each SV that yields -> name of whom it yields to first, as in `Scene.ids`, or `ego`.
+
+    `heedless`: names of those who disregard the right of way, as in `must_yield`.
+    """
+    most = min(BRAKE_MOST, math.inf if scene.actuation is None else grip_of(scene.actuation))
+    layer = partial(must_yield, heedless=heedless, brake_most=most)
     speed = np.hypot(*scene.velocity.T)
     found = {}
     for i in np.flatnonzero(scene.path >= 0).tolist():
         first = _first_with_priority(scene, i, speed)
         if first is not None:
             found[scene.ids[i]] = scene.ids[first]
-    for i in must_yield(scene).rows:
-        whom = _braked_for(scene, i)
+    for i in layer(scene).rows:
+        whom = _braked_for(scene, i, layer)
         if whom is not None:
             found[scene.ids[i]] = whom
     return found
 
 
-def _braked_for(scene: Scene, i: int) -> str | None:
+def _braked_for(scene: Scene, i: int, layer: Callable[..., Yielding]) -> str | None:
     """Whom SV i, which the yielding layer brakes, yields to; None if no single road user alone makes it
     brake.
     """
-    if must_yield(scene.only(np.array([i]))).rows:
+    if layer(scene.only(np.array([i]))).rows:
         return EGO
     hardest, whom = -math.inf, None
     for j in range(scene.count):
-        layer = must_yield(scene.only(np.array([i, j])), ego_present=False)
-        needed = dict(zip(layer.rows, layer.deceleration, strict=True)).get(0, -math.inf)
+        found = layer(scene.only(np.array([i, j])), ego_present=False)
+        needed = dict(zip(found.rows, found.deceleration, strict=True)).get(0, -math.inf)
         if j != i and needed > hardest:
             hardest, whom = needed, scene.ids[j]
     return whom

@@ -201,8 +201,18 @@ def test_tracks_say_whom_somebody_yields_to_since_when():
             whom = [name for since, name in track["yields"] if since <= k]
             if whom and whom[-1] is not None:
                 told[k][track["name"]] = whom[-1]
-    assert told == [who_yields(view.truth) for view, _, _ in seen]
+    assert told == [who_yields(view.truth, view.heedless) for view, _, _ in seen]
     assert {"ego"} < {whom for one in told for whom in one.values()}
+
+
+def test_who_disregards_the_right_of_way_is_known_from_when_it_begins():
+    """`who_yields` took such a driver to yield to the ego that it was about to hit."""
+    data, seen, _ = recorded("ignored_priority", "follower", 1)
+    (event,) = data["events"]
+    heedless = [view.heedless for view, _, _ in seen]
+    assert [len(names) for names in heedless] == [
+        int(0.1 * k > event["begun_s"] - 0.05) for k in range(len(seen))
+    ]
 
 
 @pytest.mark.parametrize("name", list(shipped_networks()))

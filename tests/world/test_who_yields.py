@@ -61,6 +61,7 @@ def test_who_brakes_for_the_ego_yields_to_it(make_scene, coming):
     """It stands across the way of somebody with priority."""
     scene = make_scene(coming("west", "straight", -5.0, 9.0), front=11.0, v=0.0)
     assert who_yields(scene) == {"other0": "ego"}
+    assert who_yields(scene, {"other0"}) == {}, "it disregards the right of way"
 
 
 def test_who_brakes_for_an_obstacle_yields_to_that(make_scene, coming, four_way):
