@@ -183,8 +183,9 @@ class TrainConfig(AgentConfig):
                 raise InputError(
                     f"{what}: sets algorithm to {other!r}, but {algorithm!r} is to be trained: take it out"
                 )
-        tree = with_preset(ALGORITHMS[algorithm], own)
-        config = settled(cls, {"algorithm": algorithm, **tree}, (), f"preset {preset!r}")
+        what = f"preset {preset!r}"
+        tree = with_preset(ALGORITHMS[algorithm], own, what)
+        config = settled(cls, {"algorithm": algorithm, **tree}, (), what)
         return config.changed(changes)
 
     def changed(self, changes: Mapping[str, Any]) -> Self:

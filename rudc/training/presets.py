@@ -8,9 +8,9 @@ from typing import Any
 
 from rudc.errors import InputError
 from rudc.hints import there_are
-from rudc.learning.algorithms import Algorithm
+from rudc.learning.algorithms import ALGORITHMS, Algorithm
 from rudc.scenario.yaml_text import read_yaml
-from rudc.settings import merged
+from rudc.settings import meant, merged
 
 FOLDER = Path(__file__).parent / "presets"
 
@@ -39,19 +39,34 @@ def read_preset(name: str) -> dict[str, Any]:
     return sheet.data
 
 
-def with_preset(algorithm: Algorithm, preset: Mapping[str, Any]) -> dict[str, Any]:
+def with_preset(algorithm: Algorithm, preset: Mapping[str, Any], what: str) -> dict[str, Any]:
     """The tree that an algorithm's training starts from: its own defaults, and over them those parts of the
     preset that fit it. Left out are a correction of another `kind` (and then `learns_from`), and settings
-    that its learner does not have.
+    that its learner does not have. A learner's setting that no algorithm has is refused: raises InputError,
+    in which the preset is called `what`.
     """
     own, tree = algorithm.defaults, dict(preset)
-    correction, known = tree.get("correction"), set(algorithm.config.model_fields)
-    if isinstance(correction, Mapping) and correction.get("kind") != own.get("correction", {}).get("kind"):
+    correction, learner, known = (
+        tree.get("correction"),
+        tree.get("learner"),
+        set(algorithm.config.model_fields),
+    )
+    if isinstance(learner, Mapping):
+        _refuse_what_nobody_has(learner, known, what)
+    mine = own.get("correction", {}).get("kind")
+    if isinstance(correction, Mapping) and correction.get("kind", mine) != mine:
         del tree["correction"]
         known.discard("learns_from")
-    if isinstance(tree.get("learner"), Mapping):
-        tree["learner"] = {key: value for key, value in tree["learner"].items() if key in known}
+    if isinstance(learner, Mapping):
+        tree["learner"] = {key: value for key, value in learner.items() if key in known}
     return merged(own, tree)
+
+
+def _refuse_what_nobody_has(learner: Mapping[str, Any], known: set[str], what: str) -> None:
+    for key in learner.keys() - known:
+        if not any(key in other.config.model_fields for other in ALGORITHMS.values()):
+            there = (f"learner.{name}" for name in sorted(known))
+            raise InputError(f"{what}: there is no setting 'learner.{key}'{meant(f'learner.{key}', there)}")
 
 
 def set_otherwise(preset: Mapping[str, Any], wanted: Any, there: Any, before: str = "") -> Iterator[str]:

@@ -253,6 +253,22 @@ def test_a_preset_of_ones_own(tmp_path):
         TrainConfig.of("sac", {}, "papr")
 
 
+def test_nothing_in_a_preset_is_lost_without_a_word(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text("correction: {d_safe: 0.1}\nlearner: {learns_from: proposed}\n")
+    found = TrainConfig.of("rudc-t", {}, str(path))
+    assert found.correction.model_dump()["d_safe"] == 0.1
+    assert found.learner.learns_from == "proposed"
+    with pytest.raises(InputError, match="or a mapping with `kind`"):
+        TrainConfig.of("sac", {}, str(path))
+    path.write_text("learner: {bacth_size: 64}\n")
+    with pytest.raises(
+        InputError,
+        match=r"mine.yaml': there is no setting 'learner.bacth_size' \(did you mean 'learner.batch_",
+    ):
+        TrainConfig.of("rudc-t", {}, str(path))
+
+
 def test_single_values_can_be_changed_by_their_keys():
     config = TrainConfig.of("rudc-t").changed(
         {
