@@ -1,8 +1,8 @@
 """Imports Python code that is not RUDC's: files and modules that a user names, and what installed packages
 offer.
 
-A named file can import from its own folder, as when Python runs it; a named module may lie in the working
-folder.
+A named file can import from its own folder, as when Python runs it (rudc/beside.py); a named module may lie
+in the working folder.
 
 An installed package offers agents, events, algorithms and barriers by entry points of the groups
 `rudc.agents`, `rudc.events`, `rudc.algorithms` and `rudc.barriers`. An agent's entry point is a class or
@@ -18,13 +18,11 @@ register their parts; all modules of a group are imported when the parts of that
 
 from __future__ import annotations
 
-import ast
 import hashlib
 import importlib
 import importlib.util
 import os
 import pickle
-import re
 import sys
 import traceback
 from collections import Counter
@@ -37,6 +35,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Generic, TypeVar
 
+from rudc.beside import code_beside, importing_beside
 from rudc.errors import InputError, PartFailedError, RudcError
 from rudc.hints import did_you_mean
 
@@ -44,9 +43,6 @@ PREFIX = "rudc_own_"
 """beginning of the names of modules that are made from files"""
 PLUGINS = ("rudc.events", "rudc.algorithms", "rudc.barriers")
 """groups of entry points whose modules are all imported when the parts of their kind are first looked up"""
-
-_PLACE = re.compile(r"(?P<module>[A-Za-z_][\w.]*):[A-Za-z_]\w*")
-"""text in the form that `found_at` takes: `package.module:Class`"""
 
 T = TypeVar("T")
 
@@ -114,67 +110,6 @@ def _place(module: str) -> Path | None:
     except (ImportError, ValueError):
         return None
     return Path(spec.origin) if spec is not None and spec.has_location and spec.origin else None
-
-
-def code_beside(path: Path, *, named: bool = False) -> dict[str, str]:
-    """Path -> first 16 hexadecimal digits of the SHA-256 digest, for a Python file and for each file that it
-    imports from its own folder or, if that folder belongs to a package, from that package. RUDC's own code is
-    left out, and so are other packages that pip has installed.
-
-    Imports are read from the text of a file; names that are passed to `importlib.import_module` are not
-    found. `named`: a string such as `"package.module:Class"`, by which an algorithm names a class, counts as
-    an import too.
-    """
-    root = home = path.resolve().parent
-    while (root / "__init__.py").is_file():
-        root, home = root.parent, root
-    if root == home and root.name in ("site-packages", "dist-packages"):
-        home = path.resolve()
-    found: dict[str, str] = {}
-    waiting = [path.resolve()]
-    while waiting:
-        file = waiting.pop()
-        if not file.is_file() or not (file == path.resolve() or _belongs(file, root, home)):
-            continue
-        if (name := file.relative_to(root).as_posix()) in found:
-            continue
-        text = file.read_bytes()
-        found[name] = hashlib.sha256(text).hexdigest()[:16]
-        waiting += _imported_by(file, text, root, named)
-        waiting += [package / "__init__.py" for package in file.parents if root in package.parents]
-    return found
-
-
-def _belongs(file: Path, root: Path, home: Path) -> bool:
-    """Whether an imported file lies under `home` and is not RUDC's own."""
-    return file.is_relative_to(home) and file.relative_to(root).parts[0] != "rudc"
-
-
-def _imported_by(file: Path, text: bytes, root: Path, named: bool) -> Iterator[Path]:
-    """The files that a Python file imports from under `root`; if `named`, also those that it names in a
-    string `module:Class`.
-    """
-    try:
-        tree = ast.parse(text)
-    except (SyntaxError, ValueError):
-        return
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            names = [(root, alias.name) for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.level <= len(file.parents):
-            base = file.parents[node.level - 1] if node.level else root
-            module = f"{node.module}." if node.module else ""
-            names = [(base, module.rstrip("."))] if module else []
-            names += [(base, f"{module}{alias.name}") for alias in node.names]
-        elif named and isinstance(node, ast.Constant) and (place := _PLACE.fullmatch(str(node.value))):
-            names = [(root, place["module"])]
-        else:
-            continue
-        for base, dotted in names:
-            parts = dotted.split(".")
-            for k in range(1, len(parts) + 1):
-                place = base.joinpath(*parts[:k])
-                yield from (one for one in (place.with_suffix(".py"), place / "__init__.py") if one.is_file())
 
 
 def found_at(place: str) -> Any:
@@ -347,12 +282,13 @@ def _load(path: Path, _modified: int) -> ModuleType:
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # so that its dataclasses and pickles find it
-    try:
-        spec.loader.exec_module(module)
-    except (Exception, SystemExit) as error:
-        del sys.modules[name]
-        raise InputError(f"{path} cannot be imported: {in_words(error)}") from error
+    with importing_beside(path):
+        sys.modules[name] = module  # so that its dataclasses and pickles find it
+        try:
+            spec.loader.exec_module(module)
+        except (Exception, SystemExit) as error:
+            del sys.modules[name]
+            raise InputError(f"{path} cannot be imported: {in_words(error)}") from error
     return module
 
 

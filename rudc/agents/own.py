@@ -22,9 +22,10 @@ from pathlib import Path
 from typing import Any
 
 from rudc.agents.base import Agent
+from rudc.beside import code_beside
 from rudc.errors import AgentError, RudcError
 from rudc.hints import did_you_mean, there_are
-from rudc.imports import code_beside, import_source, in_words
+from rudc.imports import import_source, in_words
 
 _NAME = re.compile(
     r"(?P<source>.+?\.py|[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*):(?P<attribute>[A-Za-z_]\w*)(?P<rest>$|[(+:].*)",
