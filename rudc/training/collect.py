@@ -9,7 +9,8 @@ the same decision process, the uncorrected one. With the filter in every episode
 whichever action is replayed: the policy drives on and leaves braking to the filter.
 
 An episode that cannot be set up (such as one in which no draw has a safe start) is left out: in a round the
-next one is drawn.
+next one is drawn. One that fails later is broken off: its last decision gives no transition, nor do those
+before it that still wait for the rewards of later decisions.
 
 With `training.outlook` whoever drives sees the world as the agent's outlook shows it. The outlook also bounds
 the commands, in the episodes that are corrected and in no others.
@@ -47,7 +48,7 @@ By = Literal["reference", "policy"]
 T = TypeVar("T")
 
 DRAWS = 20
-"""so many episodes in a row that cannot be set up end the training"""
+"""so many episodes in a row that cannot be set up or driven to their end end the training"""
 
 
 class Finished(NamedTuple):
@@ -94,20 +95,27 @@ class Collector:
         self._outlook = config.outlook.make() if config.training.outlook else None
         self._correcting = True
         self._steps = NStep(config.learner.n_step, config.learner.discount)
+        self._failed = 0
 
     def load(self, arrays: Mapping[str, Floats], percentiles: tuple[float, float] | None) -> None:
         """Drive with these weights from now on."""
         self._agent.load(arrays, percentiles)
 
     def collect(self, round_: int, decisions: int, by: By, *, drop: bool) -> Collected:
-        """Take that many `decisions`. `drop`: break the running episode off afterwards."""
+        """Take that many `decisions`. `drop`: break the running episode off afterwards. Raises
+        SimulationError after `DRAWS` episodes in a row that failed.
+        """
         rng = np.random.default_rng((self._training.seed, self._worker, round_))
         new: list[Transition] = []
         finished: list[Finished] = []
         for k in range(decisions):
             episode, scene = self._running(rng)
             choice = self._choose(scene, by, rng)
-            before, result = self._cost, episode.step(choice.decision.u)
+            try:
+                before, result = self._cost, episode.step(choice.decision.u)
+            except SimulationError as error:
+                self._leave_out(error)
+                continue
             self._show(result.scene)
             self._cost = result.cost
             new += self._transitions(choice, result, before, cut=drop and k == decisions - 1)
@@ -116,7 +124,7 @@ class Collector:
                 finished.append(
                     Finished(metrics.outcome, metrics.episode_reward, metrics.episode_cost, metrics.steps)
                 )
-                self._episode = None
+                self._episode, self._failed = None, 0
         if drop:
             self._episode = None
         return Collected(tuple(new), tuple(finished))
@@ -172,8 +180,7 @@ class Collector:
         return self._episode, self._scene
 
     def _set_up(self, rng: np.random.Generator) -> tuple[Episode, EpisodePlan, Scene]:
-        """The next episode that can be set up. Raises SimulationError after `DRAWS` that cannot."""
-        failed = 0
+        """The next episode that can be set up. Raises SimulationError as `_leave_out` does."""
         while True:
             plan = self._mixture.draw(rng)
             self._move_to(plan.network, plan.junction)
@@ -181,10 +188,20 @@ class Collector:
             try:
                 return episode, plan, episode.reset(plan)
             except SimulationError as error:
-                failed += 1
-                if failed == DRAWS:
-                    raise SimulationError(f"{DRAWS} episodes in a row cannot be set up: {error}") from error
-                self._renew()
+                self._leave_out(error)
+
+    def _leave_out(self, error: SimulationError) -> None:
+        """Go on in a new world after an episode that failed. Raises SimulationError if it is the last of
+        `DRAWS` in a row.
+        """
+        self._episode = None
+        self._steps.clear()
+        self._failed += 1
+        if self._failed >= DRAWS:
+            raise SimulationError(
+                f"{DRAWS} episodes in a row cannot be set up or driven to their end: {error}"
+            ) from error
+        self._renew()
 
     def _show(self, scene: Scene) -> Scene:
         """Take a scene in, as the outlook shows it: once a decision."""

@@ -150,7 +150,11 @@ class Trainer:
             self._losses.append(losses)
 
     def _measure(self, new: Sequence[Transition]) -> None:
-        """Take in how uncertain the critics are about decisions of this round, if they say."""
+        """Take in how uncertain the critics are about decisions of this round, if they say; there are none if
+        its episodes failed.
+        """
+        if not new:
+            return
         observation = np.stack([transition.observation for transition in new[:SIGMA_ROWS]])
         action = np.stack([transition.proposed for transition in new[:SIGMA_ROWS]])
         sigma = self._learner.sigma(observation, action)

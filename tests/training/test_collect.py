@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rudc.env.episode import Episode
+from rudc.env.episode import Episode, StepResult
 from rudc.env.reward import COLLISION
 from rudc.errors import SimulationError
+from rudc.learning.nstep import NStep
 from rudc.learning.parameters import policy_arrays
 from rudc.scenario.plan import EpisodePlan
 from rudc.training.collect import Collector
@@ -75,8 +76,35 @@ def test_an_episode_that_cannot_be_set_up_is_left_out(collector: Collector, monk
     assert second is not None
     assert second.number("seed") == 900_001
     enough = 1000
-    with pytest.raises(SimulationError, match="20 episodes in a row cannot be set up: no safe start"):
+    with pytest.raises(
+        SimulationError, match=r"20 episodes in a row cannot be set up or driven to .*: no safe start"
+    ):
         collector.collect(5, 20, "reference", drop=True)
+
+
+def test_an_episode_that_fails_later_is_broken_off(collector: Collector, monkeypatch: pytest.MonkeyPatch):
+    steps, failing = [], {30}
+
+    class Failing(Episode):
+        def step(self, u: Any) -> StepResult:
+            steps.append(self)
+            if len(steps) in failing:
+                raise SimulationError("two in one place")
+            return super().step(u)
+
+    monkeypatch.setattr("rudc.training.collect.Episode", Failing)
+    monkeypatch.setattr(collector, "_failed", 0)
+    monkeypatch.setattr(collector, "_steps", NStep(3, 0.99))
+    new, _ = collector.collect(6, 40, "reference", drop=True)
+    assert len(new) == 40 - 3  # the one that failed, and two before it that waited for its reward
+    assert steps[29] is not steps[30]
+    assert [k for k, (a, b) in enumerate(itertools.pairwise(steps)) if a is not b] == [29]
+    failing.update(range(1, 1000))
+    with pytest.raises(
+        SimulationError, match=r"20 episodes in a row .* driven to their end: two in one place"
+    ):
+        collector.collect(7, 40, "reference", drop=True)
+    assert len(steps) == 40 + 20 - 1  # the one in round 6 counts: none has ended since
 
 
 def test_collisions_cost_what_training_says(collector: Collector):

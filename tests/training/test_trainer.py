@@ -27,7 +27,7 @@ from rudc.safety.residual import shipped_predictor
 from rudc.training.calibration import calibrate
 from rudc.training.config import TrainConfig
 from rudc.training.folder import config_text, held, stored_config
-from rudc.training.trainer import astray, train
+from rudc.training.trainer import Trainer, astray, train
 from rudc.training.workers import WorkerPool
 
 pytestmark = pytest.mark.slow
@@ -164,6 +164,10 @@ def test_what_counts_as_astray(name: str):
     assert not astray(good, 10.0)
     for bad in (float("nan"), float("inf"), -11.0):
         assert astray(replace(good, **{name: bad}), 10.0)
+
+
+def test_a_round_in_which_every_episode_failed_says_nothing_of_sigma():
+    Trainer._measure(Trainer.__new__(Trainer), ())
 
 
 def test_a_folder_keeps_its_training(trained: Path):
