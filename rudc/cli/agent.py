@@ -127,6 +127,8 @@ def calibrate(
             f"all {result.episodes} episodes, as none succeeded: sigma_l and sigma_h are not to be relied on"
         )
     explained = f"the route explains {result.explained:.0%} of log sigma"
+    if result.left_out:
+        note(f"{result.left_out} episodes could not be set up or driven to their end: left out")
     note(f"of {result.decisions} decisions in {which}; {explained}; {stored}")
 
 

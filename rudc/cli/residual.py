@@ -47,15 +47,18 @@ def collect(
         raise InputError("SUMO's own driver takes no actions: nothing can be predicted of them")
     check_place(out, "a set of samples", ".safetensors")
     make_folder_of(out)
-    said = 0
+    said = lost = 0
 
-    def advance(count: int) -> None:
-        nonlocal said
+    def advance(count: int, left_out: int) -> None:
+        nonlocal said, lost
+        lost = left_out
         if count - said >= 20_000:
             said = count
             note(f"{count}/{samples} samples")
 
     save_dataset(out, run(samples, seed, driver, advance))
+    if lost:
+        note(f"{lost} episodes could not be set up or driven to their end: left out")
     note(f"done: {out}")
 
 

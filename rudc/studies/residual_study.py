@@ -87,7 +87,7 @@ def _samples(order: Order, kind: str) -> Dataset:
         dataset = load_dataset(path)
         if len(dataset["vehicle"].w) == wanted:
             return dataset
-    dataset = collect(wanted, order.seed + FRESH, read_action(kind), lambda _: None)
+    dataset = collect(wanted, order.seed + FRESH, read_action(kind), lambda *_: None)
     save_dataset(path, dataset)
     return dataset
 

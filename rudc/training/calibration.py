@@ -16,7 +16,7 @@ values. Where that matters, calibrate again.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -30,10 +30,10 @@ from rudc.agents.route_sigma import ROUTE, Heard, Place, RouteSigma, explained, 
 from rudc.arrays import Array, Arrays
 from rudc.env.episode import Episode
 from rudc.env.outcome import Outcome
-from rudc.errors import AgentError
+from rudc.errors import AgentError, SimulationError
 from rudc.evaluation.rollout import run_episode
 from rudc.learning.uncertainty import PERCENTILES
-from rudc.network.network import load_network
+from rudc.network.network import Network, load_network
 from rudc.scenario.plan import EpisodePlan
 from rudc.training.curriculum import held_out
 from rudc.world.scene import Scene
@@ -78,6 +78,8 @@ class Calibration(NamedTuple):
     """whether any did"""
     explained: float
     """share of the variance of log sigma_total that the place on the route explains, out of sample"""
+    left_out: int = 0
+    """number of episodes that could not be set up, or driven to their end"""
 
 
 class Noting:
@@ -139,8 +141,9 @@ def calibrate(
     folder: Path, scenarios: Sequence[str], episodes: int, *, write: bool, advance: Callable[[], object]
 ) -> Calibration:
     """Measure, and with `write` store, sigma_l and sigma_h of the agent in a checkpoint's folder, of
-    sigma_total and by route. `advance` is told of each episode. Raises AgentError if its critics say nothing
-    of sigma, and InputError for scenarios that `held_out` refuses.
+    sigma_total and by route. `advance` is told of each episode; those that fail are left out. Raises
+    AgentError if its critics say nothing of sigma or if all episodes fail, and InputError for scenarios that
+    `held_out` refuses.
     """
     learnt = load_learnt(folder)
     if "sigma" not in learnt.config.learner.offers:
@@ -148,15 +151,14 @@ def calibrate(
             f"{folder}: {learnt.config.algorithm} states no sigma, so there is nothing to calibrate"
         )
     agent = LearnedAgent(str(folder), learnt.config, learnt.arrays, learnt.percentiles)
-    heard = []
+    heard, left_out = [], []
     for name, scenario in held_out(scenarios).items():
-        world = World(load_network(scenario.network, scenario.junction))
-        try:
-            for _, seed in calibration_tasks((name,), episodes):
-                heard.append(hear(world, scenario.plan(seed), agent))
-                advance()
-        finally:
-            world.close()
+        plans = [scenario.plan(seed) for _, seed in calibration_tasks((name,), episodes)]
+        for one in _each(plans, load_network(scenario.network, scenario.junction), agent):
+            (left_out if isinstance(one, SimulationError) else heard).append(one)
+            advance()
+    if not heard:
+        raise AgentError(f"{folder}: none of {len(left_out)} episodes can be driven: {left_out[0]}")
     new, old, heard = measured(heard), RouteSigma.among(learnt.arrays), usual(heard)
     if write:
         save_learnt(folder, learnt._replace(percentiles=new.percentiles, arrays=learnt.arrays | new.arrays))
@@ -169,7 +171,25 @@ def calibrate(
         "route": _limits(by_route.percentiles, None if old is None else old.percentiles, route),
     }
     succeeded = any(one.succeeded for one in heard)
-    return Calibration(kinds, total.size, len(heard), succeeded, explained(heard))
+    return Calibration(kinds, total.size, len(heard), succeeded, explained(heard), len(left_out))
+
+
+def _each(
+    plans: Sequence[EpisodePlan], network: Network, agent: LearnedAgent
+) -> Iterator[Heard | SimulationError]:
+    """What is heard in each episode on a network, or why it failed; after that, the world is a new one."""
+    world = World(network)
+    try:
+        for plan in plans:
+            try:
+                one = hear(world, plan, agent)
+            except SimulationError as error:
+                one = error
+                world.close()
+                world = World(network)
+            yield one
+    finally:
+        world.close()
 
 
 def _limits(found: tuple[float, float], before: tuple[float, float] | None, sigmas: Array | None) -> Limits:

@@ -23,7 +23,7 @@ from rudc.arrays import Array, Floats
 from rudc.env.action import ActionKind
 from rudc.env.episode import Episode
 from rudc.env.tracking import steering
-from rudc.errors import InputError
+from rudc.errors import InputError, SimulationError
 from rudc.files import write_atomically
 from rudc.network.network import load_network
 from rudc.safety.barrier import STEP
@@ -31,6 +31,7 @@ from rudc.safety.config import FilterConfig
 from rudc.safety.constraints import ConstraintBuilder, Constraints
 from rudc.safety.residual import features, heads, predicted_change
 from rudc.scenario.plan import EpisodePlan
+from rudc.training.collect import DRAWS
 from rudc.training.config import Curriculum
 from rudc.training.curriculum import make_mixture
 from rudc.world.scene import Scene
@@ -113,29 +114,35 @@ class RandomActions:
         return Decision(u, u)
 
 
-def collect(samples: int, seed: int, driver: Agent | ActionKind, advance: Callable[[int], None]) -> Dataset:
+def collect(
+    samples: int, seed: int, driver: Agent | ActionKind, advance: Callable[[int, int], None]
+) -> Dataset:
     """`samples` samples of each head from random destinations. `driver`: an agent, or the kind of random
-    actions; `advance` is told how many samples there are.
+    actions; `advance` is told how many samples there are, and how many episodes were left out because they
+    could not be set up or driven to their end. Raises SimulationError after `DRAWS` of those in a row.
     """
     rng = np.random.default_rng((seed, 77))
     mixture = make_mixture("random_destination", Curriculum())
     first = mixture.scenarios[0]
-    world = World(load_network(first.network, first.junction))
+    network = load_network(first.network, first.junction)
+    world = World(network)
     keepers = {head: _Keeper(samples) for head in BUFFERS}
+    number = left_out = failed = 0
     try:
-        number = 0
         while not all(keeper.full for keeper in keepers.values()):
             plan = mixture.draw(rng)
-            _drive(
-                Episode(world),
-                plan,
-                RandomActions(rng, driver) if isinstance(driver, ActionKind) else driver,
-                rng,
-                keepers,
-                number,
-            )
+            who = RandomActions(rng, driver) if isinstance(driver, ActionKind) else driver
+            try:
+                _drive(Episode(world), plan, who, rng, keepers, number)
+                failed = 0
+            except SimulationError as error:
+                left_out, failed = left_out + 1, failed + 1
+                if failed == DRAWS:
+                    raise SimulationError(f"{DRAWS} episodes in a row cannot be driven: {error}") from error
+                world.close()
+                world = World(network)
             number += 1
-            advance(min(keeper.count for keeper in keepers.values()))
+            advance(min(keeper.count for keeper in keepers.values()), left_out)
     finally:
         world.close()
     return {head: keeper.samples() for head, keeper in keepers.items()}

@@ -21,7 +21,7 @@ from rudc.agents.route_sigma import (
     place_of,
 )
 from rudc.data import data_folder
-from rudc.errors import AgentError
+from rudc.errors import AgentError, SimulationError
 from rudc.learning.uncertainty import Uncertainty
 from tests.agents.learners import arrays_of, small
 
@@ -165,3 +165,30 @@ def test_an_episode_that_froze_is_not_usual():
     assert both.percentiles == alone.percentiles
     np.testing.assert_array_equal(both.arrays[f"{ROUTE}/stop"], alone.arrays[f"{ROUTE}/stop"])
     assert measured([stuck]).percentiles == (30.0, 30.0)
+
+
+def test_calibrating_leaves_out_episodes_that_fail(monkeypatch):
+    from rudc.training import calibration
+
+    answers: list[Heard | None] = []
+
+    def hear(*_):
+        answer = answers.pop(0)
+        if answer is None:
+            raise SimulationError("no safe start")
+        return answer
+
+    def calibrate(*these: Heard | None) -> calibration.Calibration:
+        answers.extend(these)
+        return calibration.calibrate(
+            data_folder("results/checkpoints") / "rudc-wo-cbf", ("dense_left_turn",), len(these), write=False,
+            advance=int,
+        )  # fmt: skip
+
+    monkeypatch.setattr(calibration, "hear", hear)
+    one, two, three = drives(3)
+    found = calibrate(one, None, two, three)
+    assert (found.episodes, found.left_out) == (3, 1)
+    assert found.kinds == calibrate(one, two, three).kinds
+    with pytest.raises(AgentError, match="none of 2 episodes can be driven: no safe start"):
+        calibrate(None, None)

@@ -9,7 +9,8 @@ from safetensors.numpy import save_file
 
 from rudc.arrays import Array
 from rudc.env.action import Adjustment
-from rudc.errors import AgentError, InputError
+from rudc.env.episode import Episode
+from rudc.errors import AgentError, InputError, SimulationError
 from rudc.safety.residual import ResidualPredictor, heads, load_predictor, shipped_predictor, trust
 from rudc.scenario import load_scenario
 from rudc.training import residual_data
@@ -23,13 +24,13 @@ VEHICLE, ROAD = heads().values()
 
 @pytest.fixture(scope="module")
 def dataset():
-    return collect(1500, 3, Adjustment(), lambda count: None)
+    return collect(1500, 3, Adjustment(), lambda *_: None)
 
 
 def test_samples_are_the_same_with_the_same_seed_and_survive_a_file(dataset, tmp_path):
     save_dataset(tmp_path / "data.safetensors", dataset)
     for again in (
-        collect(1500, 3, Adjustment(), lambda count: None),
+        collect(1500, 3, Adjustment(), lambda *_: None),
         load_dataset(tmp_path / "data.safetensors"),
     ):
         for head in heads():
@@ -45,6 +46,26 @@ def test_samples_have_what_is_named_and_the_model_predicts_most_of_the_change(da
         assert np.abs(samples.xi).max() < 20
         assert np.median(np.abs(samples.w)) < 0.5 * np.median(np.abs(samples.change))
         assert len(np.unique(samples.episode)) > 3
+
+
+def test_an_episode_that_fails_is_left_out(monkeypatch):
+    tried = []
+
+    class Failing(Episode):
+        def reset(self, plan, **more):
+            tried.append(plan)
+            if len(tried) == 1 or len(tried) > 30:
+                raise SimulationError("no safe start")
+            return super().reset(plan, **more)
+
+    monkeypatch.setattr(residual_data, "Episode", Failing)
+    told = []
+    found = collect(100, 3, Adjustment(), lambda *count: told.append(count))
+    assert {count for _, count in told} == {1}
+    assert set(found["vehicle"].episode) == set(range(1, len(tried)))
+    tried += [None] * 30
+    with pytest.raises(SimulationError, match="20 episodes in a row cannot be driven: no safe start"):
+        collect(100, 3, Adjustment(), lambda *_: None)
 
 
 def test_random_actions_stand_still_now_and_then(dataset):
@@ -160,7 +181,7 @@ def test_on_ice_the_faded_predictor_is_better_than_none(monkeypatch):
     ice = {"events": [{"kind": "low_friction", "friction": 0.2}]}
     mixture = Mixture((load_scenario("random_destination", ice),), (1.0,))
     monkeypatch.setattr(residual_data, "make_mixture", lambda source, curriculum: mixture)
-    samples = residual_data.collect(1500, 3, Adjustment(), lambda count: None)["road"]
+    samples = residual_data.collect(1500, 3, Adjustment(), lambda *_: None)["road"]
     known = replace(EgoVehicle(), a_min=-0.2 * 9.81)
     counts = [
         trust(known, 10 * v, np.array([6 * a, np.arctan(tan)]))
