@@ -85,11 +85,13 @@ class Settings(BaseModel):
 
 def changed(settings: M, changes: Mapping[str, Any], what: str) -> M:
     """The same settings with values changed at dotted keys. If the `kind` of a section changes, the section
-    gets that kind's default values. Settings that have no effect any more are dropped; one that is among the
-    changes is refused. Messages call the settings `what`. Raises InputError, with a hint.
+    gets that kind's default values. What is said of a whole section, or of its kind, comes before what is
+    said of its parts, in whatever order they are given. Settings that have no effect any more are dropped;
+    one that is among the changes is refused. Messages call the settings `what`. Raises InputError, with a
+    hint.
     """
     values = settings.model_dump()
-    for key in sorted(changes, key=lambda key: not key.endswith(".kind")):
+    for key in sorted(changes, key=lambda key: (key.count("."), not key.endswith(".kind"))):
         _put(values, key, changes[key])
     return settled(type(settings), values, changes, what, known_keys(settings))
 

@@ -1,5 +1,7 @@
 """The tree of settings: dotted keys, what has no effect, hints."""
 
+from itertools import permutations
+
 import pytest
 from pydantic import ValidationError
 
@@ -47,6 +49,29 @@ def test_what_loses_its_effect_by_a_change_is_forgotten_unless_it_is_given():
     assert changed(car, {"engine.kind": "electric"}, "car").engine.tank == 40
     with pytest.raises(InputError, match=r"car: engine\.tank: has no effect with kind=electric"):
         changed(Car(), {"engine.kind": "electric", "engine.tank": 3}, "car")
+
+
+class Garage(Settings):
+    kind: str = "small"
+    engine: Engine = Engine()
+
+
+class House(Settings):
+    garage: Garage = Garage()
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"garage.kind": "large", "garage.engine.kind": "diesel", "garage.engine.tank": 30},
+        {"garage": {"kind": "large"}, "garage.engine": {"kind": "diesel"}, "garage.engine.tank": 30},
+    ],
+)
+def test_the_order_in_which_changes_are_given_does_not_matter(changes: dict):
+    """A section's kind, or a whole section, is set before its parts, which it would take away."""
+    for keys in permutations(changes):
+        garage = changed(House(), {key: changes[key] for key in keys}, "house").garage
+        assert (garage.kind, garage.engine.kind, garage.engine.tank) == ("large", "diesel", 30)
 
 
 @pytest.mark.parametrize(
