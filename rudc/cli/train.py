@@ -133,7 +133,10 @@ def _config(
             f"{out} holds a training with algorithm {stored.algorithm}, not {algorithm}: resume it as it is"
         )
     given = changes | settings
-    other = [key for key in given if stored.changed({key: given[key]}) != stored]
+    same = (
+        stored.changed(given) == stored
+    )  # one key alone may differ: a section may be set, and then its parts
+    other = [] if same else [key for key in given if stored.changed({key: given[key]}) != stored]
     if other == ["training.steps"]:
         raise InputError(
             f"{out} holds a training of {stored.training.steps} steps: resume it as it is (without --steps), "

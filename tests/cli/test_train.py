@@ -125,6 +125,17 @@ def test_resuming_takes_the_settings_from_the_folder(rudc, calls):
         assert "resume it as it is" in answer.err
 
 
+def test_the_command_that_began_a_training_resumes_it(rudc, calls):
+    """The scenario takes the curriculum away, and the setting gives one of its own."""
+    said = ("train", "sac", "--scenario", "dense_left_turn", "--out", "x", "--resume")
+    density = ("--set", "training.curriculum.density=[10, 20]")
+    assert rudc(*said, *density).status == rudc(*said, *density).status == 0
+    assert calls[0][0] == calls[1][0]
+    other = rudc(*said, "--set", "training.curriculum.density=[10, 30]")
+    assert other.status == 2
+    assert "training.curriculum.density: resume it as it is" in other.err
+
+
 @pytest.mark.parametrize("algorithm", ["rudc-t", "sac"])
 def test_resuming_with_another_preset_is_refused(rudc, calls, tmp_path, algorithm):
     (tmp_path / "mine.yaml").write_text("learner: {n_step: 2, members: 4}\ntraining: {seed_steps: 300}\n")
