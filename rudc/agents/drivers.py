@@ -15,6 +15,7 @@ from types import MappingProxyType
 from typing import Any
 
 from rudc.agents.base import Agent
+from rudc.agents.checkpoint import shipped_checkpoints
 from rudc.agents.follower import Follower
 from rudc.agents.gap_acceptance import GapAcceptance, Planner
 from rudc.agents.guarded import GuardedAgent
@@ -45,7 +46,7 @@ def register_agent(name: str, make: MakeAgent) -> None:
         raise InputError(
             f"{name!r} can be no agent's name: letters, digits, '_', and '-' or '.' between them"
         )
-    if name in SHIPPED:
+    if _is_ours(name):
         raise InputError(f"there is an agent {name!r} already, and it is RUDC's own; take another name")
     if not callable(make):
         raise InputError(f"agent {name!r}: register its class, or a function that makes it, not {make!r}")
@@ -120,13 +121,18 @@ def offered_in_vain() -> list[str]:
     """
     found = []
     for entry in entry_points(group=GROUP):
-        package, used = _package(entry), _package(_installed()[entry.name])
+        package = _package(entry)
         what = f"the agent {entry.name!r} of the installed package {package} is not used"
-        if entry.name in SHIPPED:
+        if _is_ours(entry.name):
             found.append(f"{what}: it is RUDC's own")
-        elif used != package:
+        elif (used := _package(_installed()[entry.name])) != package:
             found.append(f"{what}: {used} offers one, too")
     return found
+
+
+def _is_ours(name: str) -> bool:
+    """Whether a name means one of RUDC's own agents, rule-based or learnt."""
+    return name in SHIPPED or name in shipped_checkpoints()
 
 
 def _package(entry: EntryPoint) -> str:
@@ -135,5 +141,6 @@ def _package(entry: EntryPoint) -> str:
 
 @cache
 def _installed() -> dict[str, EntryPoint]:
-    """Name -> entry point of each agent that installed packages offer."""
-    return {entry.name: entry for entry in entry_points(group=GROUP)}
+    """Name -> entry point of each agent that installed packages offer under a name that is not one of
+    RUDC's own."""
+    return {entry.name: entry for entry in entry_points(group=GROUP) if not _is_ours(entry.name)}

@@ -287,7 +287,7 @@ def test_registered(monkeypatch, scene_on):
     assert agent_summary("stand-still+ecbf").startswith("Stands still. Behind it")
     assert len(agent_settings("stand-still")["source"]) == 16
     rudc.register_agent("stand-still", Registered)  # a notebook's cell, run again
-    for name in ("follower", "stand+still", "a:b", ""):
+    for name in ("follower", "rudc-t", "stand+still", "a:b", ""):
         with pytest.raises(InputError):
             rudc.register_agent(name, Registered)
     with pytest.raises(InputError):
@@ -326,6 +326,19 @@ def test_agents_of_packages_whose_name_means_another_are_told(tmp_path, monkeypa
     assert re.fullmatch(
         r"the agent 'steady' of the installed package (one|two) is not used: (one|two) offers one, too", told
     )
+
+
+def test_an_agent_of_a_package_does_not_take_the_name_of_a_shipped_one(tmp_path, monkeypatch):
+    offer(tmp_path, "[rudc.agents]\nrudc-t = mine:Steady\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    drivers._installed.cache_clear()
+    try:
+        assert drivers.offered_in_vain() == [
+            "the agent 'rudc-t' of the installed package brought is not used: it is RUDC's own"
+        ]
+        assert not drivers.is_driver("rudc-t")
+    finally:
+        drivers._installed.cache_clear()
 
 
 def test_a_function_that_is_meant_is_named(tmp_path):
