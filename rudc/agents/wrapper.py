@@ -34,13 +34,17 @@ class SafetyFilterWrapper(gymnasium.Wrapper):
         self, env: gymnasium.Env, correction: str | Mapping[str, Any] | CorrectionKind = "cbf"
     ) -> None:
         """`correction`: the name of a kind, or a mapping of `kind` and settings, the same as `correction.KEY`
-        of agents. Raises InputError if `env` is another environment, if the correction corrects nothing,
-        or if it needs a learnt agent.
+        of agents. Raises InputError if `env` is another environment or has a SafetyFilterWrapper already,
+        if the correction corrects nothing, or if it needs a learnt agent.
         """
         super().__init__(env)
         settings = read_correction(correction)
         if not isinstance(self.unwrapped, IntersectionEnv):
             raise InputError("SafetyFilterWrapper stands around rudc/Intersection-v0 only")
+        while isinstance(env, gymnasium.Wrapper):
+            if isinstance(env, SafetyFilterWrapper):
+                raise InputError("SafetyFilterWrapper: one stands around this environment already; take one")
+            env = env.env
         if settings.asks:
             asked = " and ".join(settings.asks)
             raise InputError(f"a correction that asks the critics for {asked} needs a learnt agent")

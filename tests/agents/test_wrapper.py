@@ -64,3 +64,10 @@ def test_other_environments_are_refused():
     with pytest.raises(InputError, match="Intersection"):
         rudc.SafetyFilterWrapper(env)
     env.close()
+
+
+def test_a_second_filter_is_refused():
+    env = gymnasium.wrappers.ClipAction(_made())
+    with pytest.raises(InputError, match="one stands around this environment already"):
+        rudc.SafetyFilterWrapper(env)
+    env.close()
