@@ -106,12 +106,13 @@ def agent_settings(name: str) -> dict[str, Any]:
         driver = learnt_settings(_folder(base), shown if suffix else changes)
     if not suffix:
         return driver
-    residual = fingerprint(shipped_predictor().arrays) if others.get("correction.residual") else None
+    correction = filter_behind(suffix, others).model_dump(mode="json")
+    residual = fingerprint(shipped_predictor().arrays) if correction.get("residual") else None
     own = driver.get("correction", {"kind": "none"})
     return {
         **driver,
         **({"own_correction": own} if own["kind"] != "none" else {}),
-        "correction": filter_behind(suffix, others).model_dump(mode="json"),
+        "correction": correction,
         "predictor": residual,
     }
 

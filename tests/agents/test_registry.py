@@ -37,6 +37,13 @@ def test_filters_stand_behind_all_but_sumo():
     assert "correction" not in agent_settings("follower")
 
 
+def test_a_residual_predictor_is_recorded_if_it_is_used():
+    off, on = (agent_settings(f"follower+ttcbf:correction.residual={word}") for word in ("off", "on"))
+    assert (off["correction"]["residual"], off["predictor"]) == (False, None)
+    assert on["correction"]["residual"]
+    assert on["predictor"] is not None
+
+
 @pytest.mark.parametrize(
     ("wrong", "meant"),
     [
