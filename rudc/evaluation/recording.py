@@ -164,21 +164,19 @@ class Recording:
             flags += CONSTRAINED * (f"veh:{name}" in constrained) + ACTIVE * (f"veh:{name}" in active)
             x, y = scene.position[i]
             track["poses"].append((x, y, scene.heading[i]))
-            if not track["path"] or track["path"][-1][1] != int(scene.path[i]):
-                track["path"].append((k, int(scene.path[i])))
-            if yielding.get(name) != (track["yields"][-1][1] if track["yields"] else None):
-                track["yields"].append((k, yielding.get(name)))
+            now = {"path": int(scene.path[i]), "yields": yielding.get(name), "events": numbers.get(name)}
+            for kept, value in now.items():
+                if value != (track[kept][-1][1] if track[kept] else None):
+                    track[kept].append((k, value))
             track["speed"].append(round(float(speed[i]), 1))
             track["state"].append(flags)
-            if name in numbers and track["event"] is None:
-                track["event"], track["event_from"] = numbers[name], k
         self._open = still
 
     def _begin(self, scene: Scene, i: int, k: int) -> dict[str, Any]:
         track: dict[str, Any] = {
             "name": scene.ids[i], "kind": Kind(int(scene.kind[i])).name.lower(), "from": k,
-            "size": [round(float(v), 2) for v in scene.size[i]], "event": None, "event_from": None,
-            "path": [], "yields": [], "poses": [], "speed": [], "state": [],
+            "size": [round(float(v), 2) for v in scene.size[i]],
+            "path": [], "yields": [], "events": [], "poses": [], "speed": [], "state": [],
         }  # fmt: skip
         self._tracks.append(track)
         return track

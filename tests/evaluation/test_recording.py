@@ -258,3 +258,23 @@ def test_events_that_are_no_part_of_the_episode_are_named(tmp_path):
     data, _, _ = recorded(str(file), "follower", 0)
     assert data["absent"] == [{"number": 1, "kind": "hard_brake"}]
     assert [event["number"] for event in data["events"]] == [2]
+
+
+def test_tracks_say_in_which_events_somebody_takes_part_since_when(tmp_path):
+    file = tmp_path / "twice.yaml"
+    file.write_text(
+        "name: twice\nextends: sudden_brake\nevents:\n"
+        "  - {kind: hard_brake, vehicle: leader, deceleration: 1, duration: 1}\n"
+        "  - {kind: hard_brake, vehicle: leader, deceleration: 3, when: {simulation_time: {above: 1}}}\n"
+    )
+    data, seen, _ = recorded(str(file), "follower", 0)
+    told = [{} for _ in seen]
+    for track in data["tracks"]:
+        for k in range(track["from"], track["from"] + len(track["state"])):
+            numbers = [text for since, text in track["events"] if since <= k]
+            if numbers and numbers[-1] is not None:
+                told[k][track["name"]] = numbers[-1]
+    assert told == [
+        {name: text for name, text in view.numbers.items() if name in view.truth.ids} for view, _, _ in seen
+    ]
+    assert {"1", "1,2"} <= {text for one in told for text in one.values()}

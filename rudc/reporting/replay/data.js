@@ -62,13 +62,23 @@ function ahead(line, [x, y]) {
 
 // The way through the junction that a track is on in its frame i; undefined off all ways.
 function pathOf(run, track, i) {
-  return run.paths[track.path.filter(([from]) => from <= track.from + i).pop()[1]];
+  return run.paths[lastOf(track.path, track.from + i)];
 }
 
 // The name of whom a track yields to in frame k, or null.
 function yieldsTo(track, k) {
-  const [, name] = track.yields.filter(([from]) => from <= k).pop() || [0, null];
-  return name;
+  return lastOf(track.yields, k);
+}
+
+// The numbers of the events that a track takes part in in frame k, such as '1' or '1,2', or null.
+function eventsOf(track, k) {
+  return lastOf(track.events, k);
+}
+
+// Of values with the frames from which on they hold, the one of frame k; null before the first.
+function lastOf(values, k) {
+  const [, value] = values.filter(([from]) => from <= k).pop() || [0, null];
+  return value;
 }
 
 // How far along a way a place is, m.

@@ -146,7 +146,8 @@ function correction(run, k) {
   const done = change(a, turn), bounds = change(...bounded);
   const asks = told.asks_grip ? '  ·  brakes to learn how well the road grips' : '';
   if (!status) return (done ? `changed by ${done}` : 'no correction') + asks;
-  const kinds = present(run, k).filter((t) => t.state[k - t.from] & ACTIVE).map((t) => t.kind + (t.event ? ` (${t.event})` : ''));
+  const named = (t) => t.kind + (eventsOf(t, k) ? ` (${eventsOf(t, k)})` : '');
+  const kinds = present(run, k).filter((t) => t.state[k - t.from] & ACTIVE).map(named);
   const because = [...counted(kinds), ...(told.edges || []).map((side) => `${side} road edge`), ...(told.others || [])];
   const said = told.infeasible && status === 'solved' ? 'infeasible' : remark(status);
   const rest = (bounds ? `  ·  changed for course and grip: ${bounds}` : '') + asks;

