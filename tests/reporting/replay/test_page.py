@@ -130,15 +130,17 @@ def test_numbers_stand_beside_bodies_and_at_places_only_before(runs, tmp_path):
     events = [
         {**when, "number": 1, "places": [[0, 0]], "begun_s": 2.0, "visible_s": 3.0},
         {**when, "number": 2, "places": [], "begun_s": 4.0},
+        {**when, "number": 3, "places": [[5, 5]], "begun_s": 2.0, "over": 29},
     ]
     track = {**moving, "events": [[19, "1"], [39, "1,2"], [59, None]]}
     found = in_node(
         [{**runs[0], "tracks": [track], "events": events}],
-        tmp_path, ["data.js", "scene.js"], BADGES.replace("FRAMES_ASKED", "[9, 19, 29, 39]"),
+        tmp_path, ["data.js", "scene.js"], BADGES.replace("FRAMES_ASKED", "[9, 19, 28, 29, 39]"),
     )  # fmt: skip
     assert found == [
-        [["1", False, True]],
-        [["1", True, False]],
+        [["1", False, True], ["3", False, True]],
+        [["1", True, False], ["3", True, True]],
+        [["1", True, False], ["3", True, True]],
         [["1", True, True]],
         [["1,2", True, True]],
     ]
