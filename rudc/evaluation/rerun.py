@@ -15,7 +15,7 @@ from rudc.agents.registry import agent_settings
 from rudc.errors import InputError, SweepError
 from rudc.evaluation.columns import COLUMNS, TIMING
 from rudc.evaluation.folder import TRACEBACK, sweep_rows
-from rudc.evaluation.manifest import read_manifest, versions
+from rudc.evaluation.manifest import read_manifest, version_changes, versions
 from rudc.evaluation.own_networks import kept_scenario
 from rudc.evaluation.record import EpisodeRecord, as_text
 from rudc.evaluation.rows import by_row, is_whole
@@ -171,7 +171,7 @@ def _number(rows: Sequence[Mapping[str, str]], parameters: Sequence[str], which:
 
 
 def _changes(content: Mapping[str, Any], family: _Family, agent: str) -> list[str]:
-    """What differs now: scenario, agent, code that is not RUDC's, versions."""
+    """What differs now: scenario, agent, code that is not RUDC's, versions; also between the sweep's rows."""
     found = []
     if not family.same:
         found.append("the scenario, or a file that it names, means something else now")
@@ -185,6 +185,8 @@ def _changes(content: Mapping[str, Any], family: _Family, agent: str) -> list[st
     found += [
         f"{name} {then[name]} -> {now}" for name, now in versions().items() if then.get(name, now) != now
     ]
+    if told := version_changes(content):
+        found.append(f"its rows come from several versions: {', '.join(told)}")
     return found
 
 

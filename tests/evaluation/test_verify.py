@@ -102,6 +102,18 @@ def test_what_is_another_here_is_named(copied):
     assert processor.startswith("processor an abacus -> ")
 
 
+def test_versions_that_the_sweep_was_resumed_with_are_named(copied):
+    """Also where those of its first rows are the same here."""
+    path = copied / "manifest.json"
+    content = json.loads(path.read_text())
+    content["resumed_with"] = [{**content["versions"], "numpy": "0.1"}]
+    numpy = content["versions"]["numpy"]
+    path.write_text(json.dumps(content))
+    assert verify_sweep(copied, EpisodeRunner).changes == (
+        f"its rows come from several versions: numpy {numpy} -> 0.1",
+    )
+
+
 def test_the_networks_are_the_sweeps_own_copies(copied, swept):
     """Replaced, or gone, the original changes nothing."""
     path = copied / "manifest.json"
