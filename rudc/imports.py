@@ -2,7 +2,7 @@
 offer.
 
 A named file can import from its own folder, as when Python runs it (rudc/beside.py); a named module may lie
-in the working folder.
+in the working folder. What is printed while it is imported goes to stderr: stdout is for results.
 
 An installed package offers agents, events, algorithms and barriers by entry points of the groups
 `rudc.agents`, `rudc.events`, `rudc.algorithms` and `rudc.barriers`. An agent's entry point is a class or
@@ -18,6 +18,7 @@ register their parts; all modules of a group are imported when the parts of that
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import importlib
 import importlib.util
@@ -121,7 +122,8 @@ def found_at(place: str) -> Any:
 def load_entry(entry: EntryPoint, error: type[InputError] = InputError) -> Any:
     """The object that an installed package's entry point names. Raises `error` if the import fails."""
     try:
-        return entry.load()
+        with contextlib.redirect_stdout(sys.stderr):
+            return entry.load()
     except (Exception, SystemExit) as failed:
         package = entry.dist.name if entry.dist else "?"
         raise error(
@@ -282,7 +284,7 @@ def _load(path: Path, _modified: int) -> ModuleType:
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    with importing_beside(path):
+    with importing_beside(path), contextlib.redirect_stdout(sys.stderr):
         sys.modules[name] = module  # so that its dataclasses and pickles find it
         try:
             spec.loader.exec_module(module)
@@ -295,7 +297,8 @@ def _load(path: Path, _modified: int) -> ModuleType:
 def _module(source: str) -> ModuleType:
     _importable(Path.cwd())
     try:
-        return importlib.import_module(source)
+        with contextlib.redirect_stdout(sys.stderr):
+            return importlib.import_module(source)
     except ModuleNotFoundError as error:
         if error.name and (source == error.name or source.startswith(f"{error.name}.")):
             raise InputError(

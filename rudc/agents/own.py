@@ -16,6 +16,7 @@ import hashlib
 import inspect
 import os
 import re
+import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -98,7 +99,7 @@ def parse_own(name: str) -> tuple[OwnAgent, str] | None:
 
 def construct(make: Callable[..., Any], name: str, positional: Any = (), named: Any = None) -> Agent:
     """An agent made by a class (or function) that is not RUDC's. Raises AgentError if it cannot be made or
-    lacks a method.
+    lacks a method. What it prints meanwhile goes to stderr: stdout is for results.
     """
     named = named or {}
     with contextlib.suppress(ValueError):  # a class of C has no signature to be looked at
@@ -109,7 +110,8 @@ def construct(make: Callable[..., Any], name: str, positional: Any = (), named: 
             told = _unexpected(named, signature) or str(error)
             raise AgentError(f"agent {name}: {told}; its arguments are {signature}") from None
     try:
-        agent = make(*positional, **named)
+        with contextlib.redirect_stdout(sys.stderr):
+            agent = make(*positional, **named)
     except RudcError:
         raise
     except (Exception, SystemExit) as error:

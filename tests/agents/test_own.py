@@ -357,3 +357,18 @@ def test_an_algorithm_of_which_no_agent_is_shipped_is_said_to_be_one(name, monke
         AgentError, match=r"'mine-sac' is an algorithm, .* Mine. Train one, rudc train mine-sac "
     ):
         agent_summary(name)
+
+
+@pytest.mark.parametrize("name", ["loud.py:Loud", "loud:Loud", "loudly"])
+def test_what_it_prints_while_it_is_imported_and_made_is_no_result(tmp_path, monkeypatch, capsys, name):
+    (tmp_path / "loud.py").write_text(
+        "print('imported')\nclass Loud:\n    def __init__(self):\n        print('made')\n"
+        "    def reset(self, scene, seed):\n        pass\n    def act(self, scene):\n        return 0.0, 0.0\n"
+    )
+    offer(tmp_path, "[rudc.agents]\nloudly = loud:Loud\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr(drivers, "_installed", drivers._installed.__wrapped__)
+    make_agent(name)
+    sys.modules.pop("loud", None)
+    assert capsys.readouterr() == ("", "imported\nmade\n")
