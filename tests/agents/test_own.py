@@ -363,7 +363,7 @@ def test_an_algorithm_of_which_no_agent_is_shipped_is_said_to_be_one(name, monke
 def test_what_it_prints_while_it_is_imported_and_made_is_no_result(tmp_path, monkeypatch, capsys, name):
     (tmp_path / "loud.py").write_text(
         "print('imported')\nclass Loud:\n    def __init__(self):\n        print('made')\n"
-        "    def reset(self, scene, seed):\n        pass\n    def act(self, scene):\n        return 0.0, 0.0\n"
+        "    def reset(self, scene, seed): ...\n    def act(self, scene): ...\n"
     )
     offer(tmp_path, "[rudc.agents]\nloudly = loud:Loud\n")
     monkeypatch.chdir(tmp_path)
