@@ -11,6 +11,7 @@ import math
 import os
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -171,19 +172,19 @@ class _Outcomes:
     """How the episodes run so far have ended."""
 
     def __init__(self) -> None:
-        self._ends: list[str] = []
+        self._counts = Counter[str]()
 
     def __str__(self) -> str:
         """`SR 97 %, VR 1 %`, or nothing before the first."""
         from rudc.evaluation.columns import rates_of
 
-        rates = rates_of(self._ends)
-        return f"SR {rates['SR']:.0f} %, VR {rates['VR']:.0f} %" if self._ends else ""
+        rates = rates_of(self._counts)
+        return f"SR {rates['SR']:.0f} %, VR {rates['VR']:.0f} %" if self._counts else ""
 
     def count(self, record: EpisodeRecord) -> None:
         """Take in an episode that has ended."""
         if not record.error:
-            self._ends.append(record.outcome)
+            self._counts[record.outcome] += 1
 
 
 class SweepLines:

@@ -12,7 +12,7 @@ counted apart and enter no metric.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
@@ -321,11 +321,12 @@ def happened(rate: str, outcome: str) -> bool:
     return outcome in RATES[rate]
 
 
-def rates_of(outcomes: Collection[str]) -> dict[str, float]:
-    """SR, FR and VR of episodes with these outcomes, in percent; nan without any."""
-    n = len(outcomes)
+def rates_of(counts: Mapping[str, int]) -> dict[str, float]:
+    """SR, FR and VR of episodes, so many with each outcome, in percent; nan without any."""
+    n = sum(counts.values())
     return {
-        name: 100.0 * sum(o in ends for o in outcomes) / n if n else math.nan for name, ends in RATES.items()
+        name: 100.0 * sum(counts.get(end, 0) for end in ends) / n if n else math.nan
+        for name, ends in RATES.items()
     }
 
 

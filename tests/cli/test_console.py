@@ -12,7 +12,7 @@ from rudc.cli import metrics_table
 from rudc.cli.console import SweepBar, SweepLines
 from rudc.cli.metrics_table import print_metrics
 from rudc.cli.train import SILENCE_S, TrainBar, TrainLines
-from rudc.evaluation.columns import COLUMNS
+from rudc.evaluation.columns import COLUMNS, rates_of
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.tables import measured
 
@@ -47,6 +47,21 @@ def test_the_bar_says_how_it_goes_so_far():
     assert bar._progress.tasks[0].description == "1 failed, fog, sumo"
     bar.advance(TASK, record("wrong_way"))
     assert bar._progress.tasks[0].description == "1 failed, SR 0 %, VR 100 %, fog, sumo"
+
+
+def test_how_it_goes_is_told_from_counts(monkeypatch):
+    """What the bar looks through does not grow with the episodes."""
+    asked = []
+    monkeypatch.setattr(
+        "rudc.evaluation.columns.rates_of", lambda counts: asked.append(len(counts)) or rates_of(counts)
+    )
+    bar = SweepBar()
+    bar.begin(40, 40, [])
+    for _ in range(20):
+        bar.advance(TASK, record("success"))
+        bar.advance(TASK, record("off_road"))
+    assert max(asked) == 2
+    assert bar._progress.tasks[0].description == "SR 50 %, VR 50 %, fog, sumo"
 
 
 def test_what_users_write_is_no_markup(rudc, tmp_path, monkeypatch):

@@ -12,6 +12,7 @@ agents. The folder depends on scenarios, sweeps and code alone.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from itertools import chain, count
 from pathlib import Path
@@ -144,7 +145,7 @@ def chosen(episodes: Sequence[Shown]) -> dict[str, Shown]:
 def agent_rates(episodes: Sequence[Shown]) -> list[dict[str, Any]]:
     """SR, FR and VR of each agent, in percent."""
     return [
-        {"agent": agent, "episodes": len(ends), "rates": [rates_of(ends)[name] for name in RATES]}
+        {"agent": agent, "episodes": len(ends), "rates": [rates_of(Counter(ends))[name] for name in RATES]}
         for agent in _agents(episodes)
         if (ends := [one.row["outcome"] for one in episodes if one.row["agent"] == agent])
     ]
