@@ -19,6 +19,7 @@ import socket
 import time
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 from rudc.errors import InputError, SimulationError
@@ -71,18 +72,25 @@ def find_ray() -> Any:
         ) from None
 
 
-def connect() -> Any:
-    """The module `ray`, connected to the cluster that RAY_ADDRESS names, or that is on this machine; another
-    call does nothing more. Raises InputError, within 10 s, without ray or cluster.
+@contextmanager
+def connected() -> Iterator[Any]:
+    """In the block, the module `ray`, connected to the cluster that RAY_ADDRESS names, or that is on this
+    machine; a connection that was there before is used, and stays. Raises InputError, within 10 s, without
+    ray or cluster.
     """
     ray = find_ray()
     _refuse_silent(os.environ.get("RAY_ADDRESS", ""))
+    was_there = ray.is_initialized()
     try:
-        if not ray.is_initialized():
+        if not was_there:
             ray.init(log_to_driver=False)
     except (ConnectionError, RuntimeError, ValueError) as error:
         raise InputError(f"--engine ray: no cluster ({error})") from error
-    return ray
+    try:
+        yield ray
+    finally:
+        if not was_there:
+            ray.shutdown()
 
 
 def _refuse_silent(address: str) -> None:
@@ -105,12 +113,9 @@ def run_ray(
     """Run the tasks on at most `workers` actors and yield each record as its episode ends. Raises InputError
     without ray or cluster, SimulationError when no actor can be started.
     """
-    ray = connect()
-    compile_kernels()  # here, and not in each actor
-    try:
+    with connected() as ray:
+        compile_kernels()  # here, and not in each actor
         yield from _Actors(ray, tasks, limit_s, make_runner).run(min(workers, len(tasks)))
-    finally:
-        ray.shutdown()
 
 
 class _Actors:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -16,7 +16,7 @@ from rudc.evaluation.code import code_digest
 from rudc.evaluation.engine import Result, Runner, RunnerFactory, run_local
 from rudc.evaluation.folder import SweepFolder, read_sweep, sweep_rows
 from rudc.evaluation.limits import EPISODE_LIMIT_S, LONGEST_LIMIT_S
-from rudc.evaluation.ray_engine import connect, run_ray
+from rudc.evaluation.ray_engine import connected, run_ray
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.rows import by_row
 from rudc.evaluation.tasks import SweepPlan, Task
@@ -30,11 +30,12 @@ class Engine:
 
     run: Callable[[Sequence[Task], int, float, RunnerFactory], Iterator[Result]]
     """takes tasks, workers, a time limit (s) and a factory of runners; yields results in any order"""
-    check: Callable[[], object] | None = None
-    """raises InputError where it cannot run; called before the folder is touched"""
+    connected: Callable[[], AbstractContextManager[object]] = nullcontext
+    """what it needs, held for the whole sweep; raises InputError where that is not there, before the folder
+    is touched"""
 
 
-ENGINES = {"local": Engine(run_local), "ray": Engine(run_ray, connect)}
+ENGINES = {"local": Engine(run_local), "ray": Engine(run_ray, connected)}
 """by name: `local` worker processes on this machine, `ray` actors of a cluster"""
 
 
@@ -101,9 +102,7 @@ def run_sweep(
     if engine not in ENGINES:
         raise InputError(f"no engine {engine!r}{there_are(engine, ENGINES)}")
     chosen = ENGINES[engine]
-    if chosen.check is not None:
-        chosen.check()
-    with SweepFolder(out, plan) as folder:
+    with chosen.connected(), SweepFolder(out, plan) as folder:
         folder.open(resume)
         with kept_rows():
             return _finish(folder, workers, chosen, limit_s, make_runner, progress or Silent())

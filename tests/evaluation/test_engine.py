@@ -89,6 +89,22 @@ def test_ray_that_is_not_installed_is_named(make_plan, fakes, monkeypatch, tmp_p
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("before", [False, True])
+def test_a_connection_to_ray_is_as_it_was_before(make_plan, fakes, monkeypatch, tmp_path, before):
+    """Also after a sweep of which nothing was left to do."""
+    ray, is_open = _ray_in_process(), [before]
+    ray.is_initialized = lambda: is_open[0]
+    ray.init, ray.shutdown = (
+        (lambda **_: is_open.__setitem__(0, True)),
+        (lambda: is_open.__setitem__(0, False)),
+    )
+    monkeypatch.setitem(sys.modules, "ray", ray)
+    for resume in (False, True):
+        run_sweep(make_plan(), tmp_path / "out", fakes.Runner, engine="ray", resume=resume)
+        assert is_open == [before]
+    assert len(ray.made) == 1
+
+
 class _Actor:
     """Stands for a ray actor: calls are answered when they are asked for, those of one without a core
     never."""

@@ -51,9 +51,10 @@ def test_two_nodes_give_the_same_records_and_one_may_be_killed(cluster, fakes, m
 
 CONNECT = """
 from rudc.errors import InputError
-from rudc.evaluation.ray_engine import connect
+from rudc.evaluation.ray_engine import connected
 try:
-    print(connect().cluster_resources()["CPU"])
+    with connected() as ray:
+        print(ray.cluster_resources()["CPU"])
 except InputError as error:
     print(f"refused: {error}")
 """
