@@ -40,6 +40,7 @@ def replay(
 
     `rudc replay out/first -e dense_left_turn:follower:0 -e dense_left_turn:follower+ttcbf:0 -o both.html`
     """
+    from rudc.evaluation.rerun import find_episode
     from rudc.reporting.html.page import check_page
     from rudc.reporting.replay.again import replayed
     from rudc.reporting.replay.page import WHAT, save_replay
@@ -49,7 +50,7 @@ def replay(
         raise InputError(f"{len(episodes)} episodes were asked for, at most {MOST} stand beside each other")
     done = []
     for which in episodes:
-        done.append(replayed(folder, which))
+        done.append(replayed(folder, find_episode(folder, which)))
         note(done[-1].line)
     save_replay(out, [one.page for one in done], [one.check for one in done])
     note(f"{out} written")

@@ -51,14 +51,15 @@ def report(
 
 def _replay_worst(folder: Path, page: Path, count: int) -> None:
     """Pages of a sweep's worst episodes, in a folder beside the report."""
-    from rudc.evaluation.folder import read_sweep
+    from rudc.evaluation.rerun import Swept
     from rudc.reporting.replay.again import replayed
     from rudc.reporting.replay.page import save_replay
     from rudc.reporting.report.episodes import Episodes, replay_name, worst
     from rudc.reporting.report.sweep import REPLAYS
 
-    episodes = Episodes.of(*read_sweep(folder))
+    sweep = Swept(folder)  # read once: a sweep that ends sorts its rows
+    episodes = Episodes.of(sweep.rows, sweep.parameters)
     for i in worst(episodes)[:count]:
-        done = replayed(folder, str(i + 1))
+        done = replayed(folder, sweep.episode(i + 1))
         note(done.line)
         save_replay(page.parent / REPLAYS / replay_name(episodes, i), [done.page], [done.check])

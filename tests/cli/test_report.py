@@ -3,8 +3,12 @@
 import csv
 import json
 
+from rudc.reporting.report import episodes
+from tests.reporting.browser import parsed
 
-def test_a_report_and_replays_of_the_worst(rudc, tmp_path):
+
+def test_a_report_and_replays_of_the_worst(rudc, tmp_path, monkeypatch):
+    """Also when the sweep sorts its rows just after they were read."""
     agents = ("-a", "follower", "-a", "follower+ttcbf")
     answer = rudc("sweep", "random_destination", *agents, "-n", 2, "-w", 1, "-o", "swept")
     assert answer.status == 0, answer.err
@@ -12,11 +16,22 @@ def test_a_report_and_replays_of_the_worst(rudc, tmp_path):
     assert answer.status == 0, answer.err
     assert answer.err == "swept/report.html written\n"
     assert "4 episodes: 1 scenario × 2 agents × 2 seeds." in (tmp_path / "swept" / "report.html").read_text()
-    answer = rudc("report", "swept", "--out", "there/page.html", "--replays", 1)
+    worst, rows = episodes.worst, tmp_path / "swept" / "episodes.csv"
+
+    def then_others_come_first(known):
+        header, *lines = rows.read_text().splitlines(keepends=True)
+        rows.write_text("".join([header, *reversed(lines)]))
+        return worst(known)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(episodes, "worst", then_others_come_first)
+        answer = rudc("report", "swept", "--out", "there/page.html", "--replays", 1)
     assert answer.status == 0, answer.err
     assert "came out the same as row" in answer.err
     (page,) = (tmp_path / "there" / "replays").iterdir()
     assert page.name in (tmp_path / "there" / "page.html").read_text()
+    (run,) = json.loads(parsed(page.read_text()).data["data"])["runs"]
+    assert page.name.startswith(f"random_destination-{run['agent']}-{run['seed']}-")
     assert (
         rudc("sweep", "random_destination", *agents, "-n", 2, "-w", 1, "-o", "swept", "--resume").status == 0
     )

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 from rudc.drawing.preview import draw_preview
 from rudc.evaluation.columns import RATES, rates_of
 from rudc.evaluation.folder import read_sweep
+from rudc.evaluation.rerun import find_episode
 from rudc.files import make_folder, write_atomically
 from rudc.reporting.html.page import badge, render
 from rudc.reporting.replay.again import Replayed, replayed
@@ -106,7 +107,9 @@ def _card(
     clip = out / "clips" / f"{name}.webp"
     shown = chosen(episodes)
     driven = {
-        what: replayed(one.folder, str(one.number), clip if what == "success" else None)
+        what: replayed(
+            one.folder, find_episode(one.folder, str(one.number)), clip if what == "success" else None
+        )
         for what, one in shown.items()
     }
     replays = [_replay(out, what, shown[what], done) for what, done in driven.items()]

@@ -11,7 +11,7 @@ from rudc.env.episode import Episode
 from rudc.evaluation.film import Film
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.recording import Recording
-from rudc.evaluation.rerun import differences, find_episode
+from rudc.evaluation.rerun import Rerun, differences
 from rudc.evaluation.rollout import run_until_failure
 from rudc.network.network import load_network
 from rudc.world.world import World
@@ -38,11 +38,10 @@ class Replayed(NamedTuple):
     """all of that in a line"""
 
 
-def replayed(folder: Path, which: str, clip: Path | None = None) -> Replayed:
-    """Run an episode of a sweep again, and say how it went. `clip`: where a small film of it goes.
-    Raises SweepError, AgentError.
+def replayed(folder: Path, found: Rerun, clip: Path | None = None) -> Replayed:
+    """Run an episode that was found in a sweep's folder again, and say how it went. `clip`: where a small
+    film of it goes. Raises AgentError.
     """
-    found = find_episode(folder, which)
     record, page = recorded(found.task.scenario, found.task.seed, make_agent(found.task.agent), clip)
     other = [str(difference) for difference in differences(found.row, record)]
     check = _check(folder, found.number, other, found.changes)
