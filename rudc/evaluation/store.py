@@ -4,11 +4,13 @@ Only the sweep's own process writes. A row goes out in a single write, so that a
 written; what a full disk leaves of a row is cut off. The file is flushed to the disk with the first row, and
 then with the first that comes `FLUSH_S` later: a power cut may cost the rows since, and `--resume` drives
 their episodes again. A row never spans lines, so a file is whole up to its last line
-break. Rewriting (dropping rows, sorting) goes to a file beside it that then replaces it.
+break. Rewriting (dropping rows, sorting) goes to a file beside it that then replaces it. A byte order mark,
+which spreadsheets put before the first name, is no part of it.
 """
 
 from __future__ import annotations
 
+import codecs
 import contextlib
 import csv
 import errno
@@ -116,7 +118,7 @@ def read_header(path: Path) -> list[str]:
     """The names of a CSV file's columns; none if there is no file, or no whole line in it."""
     if not path.is_file():
         return []
-    with path.open(encoding="utf-8", errors="replace", newline="") as file:
+    with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
         line = file.readline()
     return next(csv.reader([line]), []) if line.endswith("\n") else []
 
@@ -143,7 +145,7 @@ def table_blocks(path: Path) -> tuple[list[str], Iterator[Cells]]:
     with path.open("rb") as file:
         first = file.readline()
     if first.endswith(b"\n"):
-        (header,) = _rows_one_by_one([first], 0, path)
+        (header,) = _rows_one_by_one([first.removeprefix(codecs.BOM_UTF8)], 0, path)
         if len(set(header)) != len(header):
             raise SweepError(f"{path}:1: names a column twice; {MENDED}")
     return header, _blocks(path, len(first), len(header))

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rudc.errors import StorageError, SweepError
-from rudc.evaluation.store import RowFile, format_row, read_table, table_blocks
+from rudc.evaluation.store import RowFile, format_row, read_header, read_table, table_blocks
 
 HEADER = ["name", "text"]
 
@@ -57,6 +57,18 @@ def test_a_torn_file_is_whole_up_to_its_last_line_break(tmp_path_factory, cut):
     rows.append(["d", "4"])
     rows.close()
     assert list(rows.rows()) == [*found, ("d", "4")]
+
+
+def test_what_a_spreadsheet_saved_is_read_and_gone_on_with(tmp_path):
+    """A byte order mark first, and other line breaks."""
+    path = tmp_path / "rows.csv"
+    path.write_bytes(b'\xef\xbb\xbfname,text\r\n\xc3\xa4,"1, 2"\r\n')
+    assert read_header(path) == HEADER
+    assert read_table(path) == [{"name": "ä", "text": "1, 2"}]
+    rows = RowFile(path, HEADER)
+    rows.append(["b", "3"])
+    rows.close()
+    assert list(rows.rows()) == [("ä", "1, 2"), ("b", "3")]
 
 
 def test_other_columns_are_refused(tmp_path):
