@@ -1,10 +1,4 @@
-"""What a Python file that is not RUDC's imports from its own folder.
-
-Such imports find the files of that folder, as when Python runs the file. A module of the same name may be
-there already: installed, or loaded from the folder of another file. It is then set aside while the file is
-imported, and afterwards the name means that module again. So two versions of one agent can stand side by
-side, each with its own helpers. Names of Python's own library always mean that library.
-"""
+"""What a Python file that is not RUDC's imports from its own folder."""
 
 from __future__ import annotations
 
@@ -13,11 +7,9 @@ import hashlib
 import importlib.util
 import re
 import sys
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterator
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
-from types import ModuleType
 
 from rudc.errors import InputError
 
@@ -86,49 +78,27 @@ def _imported_by(file: Path, text: bytes, root: Path, named: bool = False) -> It
                 yield from (one for one in (place.with_suffix(".py"), place / "__init__.py") if one.is_file())
 
 
-@contextmanager
-def importing_beside(path: Path) -> Iterator[None]:
-    """Within the block, a Python file's imports from its own folder find what lies there. Raises InputError
-    if a function of it would import later what means another module by then.
+def refuse_taken(path: Path) -> None:
+    """Raises InputError if an import of what lies beside a Python file would give another module: one that is
+    installed, or was loaded from the folder of another file. Names of Python's own library mean that library.
     """
     folder = path.resolve().parent
-    files = [] if (folder / "__init__.py").is_file() else [folder / name for name in code_beside(path)]
-    imported = ((file, other) for file in files for other in _imported_by(file, file.read_bytes(), folder))
-    names = {_top(other, folder) for file, other in imported if other in files and other != file}
-    names -= sys.stdlib_module_names
-    own = {name: spec for name in sorted(names) if (spec := PathFinder.find_spec(name, [str(folder)]))}
-    taken = {name: there for name, spec in own.items() if (there := _there(name)) not in (None, _file(spec))}
-    for file in files:
-        if late := next((name for name in _imported_late(file, folder) if name in taken), None):
+    waiting, names = [path.resolve()], dict[str, None]()
+    looked_at = {*waiting}
+    while waiting:
+        file = waiting.pop()
+        for other in _imported_by(file, file.read_bytes(), folder):
+            if other.is_relative_to(folder) and other not in looked_at:
+                looked_at.add(other)
+                waiting.append(other)
+                names[other.relative_to(folder).parts[0].removesuffix(".py")] = None
+    for name in names.keys() - sys.stdlib_module_names:
+        beside, there = PathFinder.find_spec(name, [str(folder)]), _there(name)
+        if beside is not None and there not in (None, _file(beside)):
             raise InputError(
-                f"{file}: a function imports {late!r}, and would get {taken[late]}, not what lies beside it; "
-                "import it at the top of the file, or give it another name"
+                f"{path}: it imports {name!r} and would get {there}, not {_file(beside)}; give one of them "
+                "another name, or make a package of each folder and name PACKAGE.MODULE:CLASS"
             )
-    aside = _take_out(taken)
-    finder = _Finder({name: own[name] for name in taken})
-    sys.meta_path.insert(0, finder)
-    try:
-        yield
-    finally:
-        sys.meta_path.remove(finder)
-        _take_out(taken)
-        sys.modules.update(aside)
-
-
-class _Finder:
-    """Finds some modules where it is told, before anybody else is asked."""
-
-    def __init__(self, specs: Mapping[str, ModuleSpec]) -> None:
-        self._specs = specs
-
-    def find_spec(self, name: str, path: object = None, target: object = None) -> ModuleSpec | None:
-        """See `importlib.abc.MetaPathFinder`."""
-        return self._specs.get(name)
-
-
-def _top(file: Path, folder: Path) -> str:
-    """The first part of the name by which a file under a folder is imported."""
-    return file.relative_to(folder).parts[0].removesuffix(".py")
 
 
 def _there(name: str) -> Path | None:
@@ -143,23 +113,3 @@ def _there(name: str) -> Path | None:
 def _file(spec: ModuleSpec) -> Path:
     folders = spec.submodule_search_locations
     return Path(next(iter(folders)) if folders and not spec.has_location else spec.origin or "?").resolve()
-
-
-def _take_out(names: Iterable[str]) -> dict[str, ModuleType]:
-    """Modules of these names, and those within them, which are loaded no longer."""
-    inside = [name for name in sys.modules if name.partition(".")[0] in names]
-    return {name: sys.modules.pop(name) for name in inside}
-
-
-def _imported_late(file: Path, folder: Path) -> Iterator[str]:
-    """First parts of the names that functions in a file import."""
-    try:
-        tree = ast.parse(file.read_bytes())
-    except (SyntaxError, ValueError):
-        return
-    functions = (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef))
-    for node in (inner for function in functions for inner in ast.walk(function)):
-        if isinstance(node, ast.Import):
-            yield from (alias.name.partition(".")[0] for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            yield _top(file, folder) if node.level else (node.module or "").partition(".")[0]

@@ -36,7 +36,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Generic, TypeVar
 
-from rudc.beside import code_beside, importing_beside
+from rudc.beside import code_beside, refuse_taken
 from rudc.errors import InputError, PartFailedError, RudcError
 from rudc.hints import did_you_mean
 
@@ -284,13 +284,14 @@ def _load(path: Path, _modified: int) -> ModuleType:
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    with importing_beside(path), contextlib.redirect_stdout(sys.stderr):
-        sys.modules[name] = module  # so that its dataclasses and pickles find it
-        try:
+    refuse_taken(path)
+    sys.modules[name] = module  # so that its dataclasses and pickles find it
+    try:
+        with contextlib.redirect_stdout(sys.stderr):
             spec.loader.exec_module(module)
-        except (Exception, SystemExit) as error:
-            del sys.modules[name]
-            raise InputError(f"{path} cannot be imported: {in_words(error)}") from error
+    except (Exception, SystemExit) as error:
+        del sys.modules[name]
+        raise InputError(f"{path} cannot be imported: {in_words(error)}") from error
     return module
 
 

@@ -120,39 +120,25 @@ def test_two_files_of_one_name_are_both_in_the_manifest(tmp_path, monkeypatch):
     assert sources_digests()["events_beside.py (2)"] == before["events_beside.py (2)"]
 
 
-@pytest.fixture
-def versions(tmp_path, monkeypatch):
-    """`old/agent.py` and `new/agent.py`, and a function that writes one's helper and imports both."""
+@pytest.mark.parametrize("package", [False, True])
+def test_a_helper_of_the_same_name_as_another_is_refused(tmp_path, monkeypatch, package):
+    """The second file drove with the helper of the first, or with an installed module."""
     monkeypatch.setattr(sys, "path", [*sys.path])
-
-    def load(agent: str, other: str = "") -> list:
-        write(tmp_path, old__agent=agent, old__gains="GAIN = 1\n" + other)
-        write(tmp_path, new__agent=agent, new__gains="GAIN = 2\n" + other, new__more="GAIN = 3\n")
-        return [import_source(str(tmp_path / folder / "agent.py")) for folder in ("old", "new")]
-
-    yield load
-    for name in ("gains", "more"):
-        sys.modules.pop(name, None)
-
-
-def test_each_of_two_files_imports_from_its_own_folder(versions, tmp_path):
-    old, new = versions("from gains import GAIN\nimport gains\n")
-    assert (old.GAIN, new.GAIN, old.gains.GAIN, new.gains.GAIN) == (1, 2, 1, 2)
-    assert sys.modules["gains"] is old.gains  # as before: what pickles name by it stays the same
-    (tmp_path / "new/gains.py").write_text("def late():\n    import gains\n")
-    (tmp_path / "new/agent.py").write_text("import gains, more\n")
-    with pytest.raises(
-        InputError, match=r"new/gains\.py: a function imports 'gains', and would get .*old/gains\.py, not"
-    ):
-        import_source(str(tmp_path / "new/agent.py"))
-
-
-def test_a_file_of_its_own_folder_comes_before_an_installed_module(versions, tmp_path, monkeypatch):
-    write(tmp_path, site__gains="GAIN = 5\n")
-    monkeypatch.syspath_prepend(tmp_path / "site")
-    old, new = versions("from gains import GAIN\n")
-    assert (old.GAIN, new.GAIN) == (1, 2)
-    assert "gains" not in sys.modules
+    for folder, gain in (("old", 1), ("new", 2)):
+        write(
+            tmp_path,
+            **{f"{folder}__agent": "from gains import GAIN\n", f"{folder}__gains": f"GAIN = {gain}\n"},
+        )
+        if package:
+            (tmp_path / folder / "__init__.py").touch()
+    try:
+        assert import_source(str(tmp_path / "old/agent.py")).GAIN == 1
+        with pytest.raises(
+            InputError, match=r"new/agent.py: .*'gains' and would get .*old/gains.py, not .*new"
+        ):
+            import_source(str(tmp_path / "new/agent.py"))
+    finally:
+        sys.modules.pop("gains")
 
 
 def test_a_file_lies_at_home_or_its_name_begins_with_a_tilde(tmp_path, monkeypatch):

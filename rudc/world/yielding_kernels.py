@@ -149,7 +149,7 @@ def braking(hits: NewFlags, speed: float, passed: bool, most: float) -> float:
     need = sets_off**2 / (2.0 * max(room - 0.3, 0.05))
     if need > BRAKE_FROM or first <= 2:
         return min(need, most)
-    # On ice, who creeps might not be able to stop any more after driving on until the next pass.
+    # On a slippery road who creeps may not be able to stop after picking up speed until the next pass.
     faster = speed + PICKS_UP * LAYER_S
     way = 0.5 * (speed + faster) * LAYER_S + faster**2 / (2.0 * most)
     return 0.0 if speed > CREEP or way > room + 0.5 * GROW_LENGTH else -1.0
