@@ -2,9 +2,10 @@
 
 A course is a line round what blocks, for the same movement as the route that it replaces
 (rudc/network/course.py). It is kept while it is clear. A new one is planned when it is not clear any more,
-and when those who came the wrong way, for whom it was chosen, have passed; at most once in AGAIN_S s. While
-no course is clear, the ego stops SHORT m before what blocks: nearer, it could not pull out. Beside bodies it
-drives at SLOW + PER_METRE x gap at most, and in the bends of a course as rudc/env/tracking.py says.
+when those who came the wrong way, for whom it was chosen, have passed, and when all that it leads round has
+been gone, in plain sight, for GONE_S s; at most once in AGAIN_S s. While no course is clear, the ego stops
+SHORT m before what blocks: nearer, it could not pull out. Beside bodies it drives at SLOW + PER_METRE x gap
+at most, and in the bends of a course as rudc/env/tracking.py says.
 
 Everywhere it drives at most TOLERATED times the speed limit. Before the junction and in it, that is the limit
 of the lane before it; beyond it, the limit of the lane beyond.
@@ -25,6 +26,7 @@ import numpy as np
 from rudc.agents.blocking import Blocking, Blocks
 from rudc.agents.following import PULL_OUT
 from rudc.agents.gaps import entering, suffices
+from rudc.agents.hidden import sees
 from rudc.agents.patience import Patience
 from rudc.agents.standoff import Standoff
 from rudc.arrays import Array
@@ -40,7 +42,7 @@ from rudc.env.tracking import (
     steering,
     stopping,
 )
-from rudc.geometry import rectangle_gaps
+from rudc.geometry import Rectangles, rectangle_gaps
 from rudc.network.course import CoursePlanner, gaps_along
 from rudc.network.paths import SPACING
 from rudc.network.route import Route
@@ -63,6 +65,10 @@ LEADER = 20.0
 """m ahead within which vehicles that stand for the moment are looked for, or more where the ego needs more"""
 AGAIN_S, OUTS_S = 1.0, 1.5
 """s, s: time between two plannings, and what is added to it if the ego stands and may have to pull out"""
+GONE_S, GONE = 2.0, 2.0
+"""s, m: a body is gone if none has stood within the second of its place for the first: longer than those
+whom sensors miss are remembered
+"""
 SLOW, PER_METRE = 2.5, 4.0
 """m/s, and m/s for each m of gap: the speed beside bodies"""
 TOLERATED = 1.2
@@ -106,6 +112,10 @@ class Courses:
         """the course driven at present; None for the route itself"""
         self._round_stray = False
         """whether the course was chosen while somebody came the wrong way"""
+        self._round = np.zeros((0, 2))
+        """(n, 2) m, places of the bodies on the route that the course leads round"""
+        self._there_s = -math.inf
+        """s, when one of them was there last, or hidden"""
         self._again_s = -math.inf
         self._outs: Iterator[tuple[Route | None, float]] = iter(())
         self._blocks: Blocks | None = None
@@ -117,7 +127,8 @@ class Courses:
         blocks = self._blocks = self._blocking.look(scene)
         shown = scene if self.course is None else along(scene, self.course)
         self._stop = math.inf
-        passed = self._round_stray and not blocks.any
+        passed = self._round_stray and not blocks.coming.outside.number
+        passed = self._gone(scene, blocks) or passed
         if not (blocks.any or passed):
             return shown
         wait, clear = _wait(shown, blocks), _clear(scene, blocks)
@@ -130,10 +141,21 @@ class Courses:
             if _first_hit(tried, blocks, least) == math.inf:
                 self.course, self._stop = course, _wait(tried, blocks)
                 self._round_stray = course is not None and blocks.coming.outside.number > 0
+                self._round = _on_route(scene, blocks, clear) if course else np.zeros((0, 2))
+                self._there_s = scene.time_s
                 self._outs = iter(())
                 return tried
         self._stop = min(hit - SHORT, wait)
         return shown
+
+    def _gone(self, scene: Scene, blocks: Blocks) -> bool:
+        """Whether all that the course leads round has been gone, in plain sight, for GONE_S."""
+        if not len(self._round):
+            return False
+        away = np.hypot(*(self._round[:, None] - blocks.standing.position[None]).transpose(2, 0, 1))
+        if (away < GONE).any() or not sees(scene, self._round).all():
+            self._there_s = scene.time_s
+        return scene.time_s > self._there_s + GONE_S
 
     def urge(self, scene: Scene, u: Array) -> Array:
         """(2,) a policy's proposal u (2,), m/s2 and rad, changed to set off if the ego has stood too long and
@@ -284,6 +306,16 @@ def _first_hit(scene: Scene, blocks: Blocks, clear: float) -> float:
         if len(hit):
             hits = min(hits, float(s[hit[0]]) - scene.ego_s)
     return hits
+
+
+def _on_route(scene: Scene, blocks: Blocks, clear: float) -> Array:
+    """(n, 2) m, places of the bodies that stand and block on the next LOOK m of the ego's path."""
+    path, here = scene.route.path, scene.ego_s + HERE
+    found = np.zeros(blocks.standing.number, dtype=np.bool_)
+    for i in range(blocks.standing.number):
+        one = Rectangles(*(part[i : i + 1] for part in blocks.standing))
+        found[i] = (gaps_along(path, here, here + LOOK, scene.vehicle, one)[1] < clear).any()
+    return blocks.standing.position[found]
 
 
 def _wait(scene: Scene, blocks: Blocks) -> float:

@@ -53,7 +53,7 @@ def ready_for_unseen(scene: Scene, u: Array) -> Array:
         return u
     front = scene.ego_s + 0.5 * scene.vehicle.length
     first, last = math.ceil(front / SPACING), int((front + AHEAD) / SPACING)
-    hidden = np.flatnonzero(~_seen(scene, scene.route.path.xy[first:last]))
+    hidden = np.flatnonzero(~sees(scene, scene.route.path.xy[first:last]))
     if not len(hidden):
         return u
     room = (first + float(hidden[0])) * SPACING - front - BEFORE
@@ -94,12 +94,12 @@ def _hidden_way(scene: Scene, rows: Index, conflict: Array, upstream: float) -> 
     """
     back = np.arange(0.0, upstream, EVERY)
     x, y, _ = scene.network.paths.pose(rows[:, None], np.maximum(conflict[:, None] - back, 0.0))
-    seen = _seen(scene, np.stack([x, y], axis=-1))
+    seen = sees(scene, np.stack([x, y], axis=-1))
     return np.where(seen.all(axis=1), np.inf, back[seen.argmin(axis=1)])
 
 
-def _seen(scene: Scene, points: Array) -> Flags:
-    """(...) whether the ego's sensors see each of the points (..., 2) m."""
+def sees(scene: Scene, points: Array) -> Flags:
+    """(...) whether the ego's sensors see what is at each of the points (..., 2) m."""
     eye = scene.ego.x, scene.ego.y
     seen = np.hypot(points[..., 0] - eye[0], points[..., 1] - eye[1]) < scene.sight_m
     return seen if scene.hidden_by is None else seen & in_sight(eye, points, scene.hidden_by)

@@ -167,8 +167,12 @@ class Prop:
         """Whether it can appear: nobody is where it is and where it needs to stop, nor must come there, even
         if the others notice it LATE_S later.
         """
+        return self._is_clear(scene, self.room(), LATE_S)
+
+    def room(self) -> tuple[float, float, float, float, float]:
+        """The rectangle from its rear to where it can stop: x, y (m), heading (rad), length, width (m)."""
         needed = self._needed()
-        return self._is_clear(scene, (*self.pose(0.5 * needed), self.length + needed, self.width), LATE_S)
+        return (*self.pose(0.5 * needed), self.length + needed, self.width)
 
     def _is_free(self, scene: Scene, reach: float) -> bool:
         """Whether `reach` m of its way before its front are free (behind its rear if negative)."""

@@ -84,6 +84,23 @@ def test_a_queue_blocks_only_behind_somebody_who_goes_nowhere(make_scene, four_w
     assert {tuple(p) for p in blocks.standing.position} == {tuple(p) for p in scene.position[:2]}
 
 
+@pytest.mark.parametrize("sight_m", [math.inf, 15.0])
+def test_a_course_ends_when_what_it_leads_round_is_gone_and_not_only_unseen(make_scene, four_way, sight_m):
+    row, courses = four_way.movement("south", "straight").rows[0], Courses()
+    x, y, psi = (float(v) for v in four_way.paths.pose(np.int64(row), four_way.paths.stop_s[row] - 10.0))
+    wall = {"at": (x, y, psi), "kind": Kind.OBSTACLE, "size": (4.0, 2.0)}
+    there, gone = (make_scene(*others, turn="straight", front=-35.0, v=0.0) for others in ((wall,), ()))
+    courses.reset(there)
+    found = []
+    for k in range(120):
+        scene = there if k < 60 else replace(gone, sight_m=sight_m)
+        courses.see(replace(scene, time_s=0.1 * k))
+        found.append(courses.course is not None)
+    assert found[59]
+    assert all(found[60:79]), "sensors may have missed it"
+    assert found[-1] == (sight_m < 20.0)
+
+
 @pytest.mark.parametrize("v", [9.0, 15.0])
 def test_it_slows_down_in_time_for_who_stands_for_the_moment(make_scene, four_way, v):
     """At 15 m/s it began 20 m before, and came to stand too near to pull out."""

@@ -138,7 +138,8 @@ def test_what_begins_in_one_decision_does_not_appear_in_one_place(world, standin
     at = {"lane": "west_out_0", "at": 40}
     when = {"simulation_time": {"above": 0.5}}
     first = event("accident", vehicles=[at], when=when) if standing else event("wrong_way", **at, when=when)
-    second = event("wrong_way", **at, speed=3.0, when=when)
+    near = {**at, "at": 46} if standing else at  # m before it, but less than it needs to stop
+    second = event("wrong_way", **near, speed=6.0, when=when)
     scenes = run(world, replace(CALM, density=0.0, events=(first, second)), 6.0)
     together = [np.hypot(*np.subtract(*scene.position)) for scene in scenes if scene.count == 2]
     assert min(together, default=np.inf) > 4.0

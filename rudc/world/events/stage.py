@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -185,17 +186,21 @@ class WorldStage(NetworkStage):
         rows = [i for i, name in enumerate(self.scene.ids) if name not in stand]
         at, heading, sizes = self.scene.position[rows], self.scene.heading[rows], self.scene.size[rows]
         free = bool((rectangle_gaps(*place, *(size or size_of(body)), at, heading, sizes) > 0.0).all())
-        return free and self._clear_of_new(place, size or size_of(body), moving=True)
+        return free and self._clear_of_new(place, size or size_of(body), only_moving=True)
 
-    def _clear_of_new(self, place: XYHeading, size: tuple[float, float], moving: bool) -> bool:
-        """Whether a rectangle touches no thing, or no `moving` thing, that has appeared since the scene."""
+    def _clear_of_new(self, place: XYHeading, size: Sequence[float], *, only_moving: bool) -> bool:
+        """Whether a rectangle touches nothing that has appeared since the scene. `only_moving`: things that
+        stand do not count.
+        """
         known = set(self.scene.ids) if self.scene is not None else set[str]()
-        new = [prop for prop in self.props if prop.name not in known and (prop.moves or not moving)]
+        new = [prop for prop in self.props if prop.name not in known and (prop.moves or not only_moving)]
         if not new:
             return True
         x, y, heading = np.array([prop.pose() for prop in new]).T
         sizes = np.array([(prop.length, prop.width) for prop in new])
-        return bool((rectangle_gaps(*place, *size, np.column_stack([x, y]), heading, sizes) > 0.0).all())
+        return bool(
+            (rectangle_gaps(*place, size[0], size[1], np.column_stack([x, y]), heading, sizes) > 0.0).all()
+        )
 
     def _block(self, name: str, lane: Lane, start: float, end: float) -> None:
         """Close a lane from start to end m for SUMO's traffic.
@@ -255,9 +260,8 @@ class WorldStage(NetworkStage):
         if self.scene is None:
             return True
         prop = self._prop("", body, way, speed)
-        return prop.has_room(self.scene) and self._clear_of_new(
-            prop.pose(), (prop.length, prop.width), moving=False
-        )
+        x, y, heading, *size = prop.room()
+        return prop.has_room(self.scene) and self._clear_of_new((x, y, heading), size, only_moving=False)
 
     def _prop(self, name: str, body: Body, way: Array, speed: float) -> Prop:
         prop = Prop(name, Kind[body.upper()], size_of(body), way, wanted=speed)
