@@ -125,13 +125,13 @@ class Collector:
                     Finished(metrics.outcome, metrics.episode_reward, metrics.episode_cost, metrics.steps)
                 )
                 self._episode, self._failed = None, 0
-        if drop:
-            self._episode = None
+        if drop:  # a training that is resumed here counts from 0, too
+            self._episode, self._failed = None, 0
         return Collected(tuple(new), tuple(finished))
 
     def evaluate(self, tasks: tuple[tuple[str, int], ...]) -> tuple[EpisodeRecord | None, ...]:
-        """Drive the held-out episodes (scenario, seed) as the agent will; None for one that cannot be set up.
-        The running episode is lost.
+        """Drive the held-out episodes (scenario, seed) as the agent will; None for one that cannot be set up
+        or driven to its end. The running episode is lost.
         """
         driver = with_outlook(self._agent, self._agent.name, self._config.outlook)
         return self._each(tasks, lambda plan: run_episode(Episode(self._world), plan, driver))

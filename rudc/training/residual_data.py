@@ -132,17 +132,21 @@ def collect(
         while not all(keeper.full for keeper in keepers.values()):
             plan = mixture.draw(rng)
             who = RandomActions(rng, driver) if isinstance(driver, ActionKind) else driver
+            kept = {head: _Keeper(samples) for head in BUFFERS}
             try:
-                _drive(Episode(world), plan, who, rng, keepers, number)
-                failed = 0
+                _drive(Episode(world), plan, who, rng, kept, number)
             except SimulationError as error:
                 left_out, failed = left_out + 1, failed + 1
                 if failed == DRAWS:
                     raise SimulationError(f"{DRAWS} episodes in a row cannot be driven: {error}") from error
                 world.close()
                 world = World(network)
+            else:
+                failed = 0
+                for head, keeper in keepers.items():
+                    keeper.take(kept[head])
             number += 1
-            advance(min(keeper.count for keeper in keepers.values()), left_out)
+            advance(min(samples, *(keeper.count for keeper in keepers.values())), left_out)
     finally:
         world.close()
     return {head: keeper.samples() for head, keeper in keepers.items()}
@@ -234,6 +238,11 @@ class _Keeper:
         if not self.full and len(w):
             self._parts.append((xi, change, w, np.full(len(w), episode, np.int32)))
             self.count += len(w)
+
+    def take(self, other: _Keeper) -> None:
+        """Add all samples of another."""
+        self._parts += other._parts
+        self.count += other.count
 
     def samples(self) -> Samples:
         xi, change, w, episode = (

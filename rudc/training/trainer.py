@@ -236,7 +236,8 @@ class Trainer:
 
     def _say_left_out(self, asked: int, driven: int) -> None:
         if driven < asked:
-            self._watcher.note(f"{asked - driven} of {asked} held-out episodes could not be set up: left out")
+            lost = f"{asked - driven} of {asked} held-out episodes"
+            self._watcher.note(f"{lost} could not be set up or driven to their end: left out")
 
     def _weights(self) -> Arrays:
         """The learner's weights, and the usual sigma along the route once it was measured."""

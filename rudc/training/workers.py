@@ -63,7 +63,7 @@ class WorkerPool:
 
     def evaluate(self, tasks: Sequence[tuple[str, int]]) -> list[EpisodeRecord]:
         """Drive held-out episodes (scenario, seed); records in the order of the tasks, of those that could be
-        set up.
+        set up and driven to their end.
         """
         return self._shared("evaluate", tasks)
 

@@ -68,6 +68,23 @@ def test_an_episode_that_fails_is_left_out(monkeypatch):
         collect(100, 3, Adjustment(), lambda *_: None)
 
 
+def test_nothing_is_kept_of_an_episode_that_fails_later(monkeypatch):
+    steps = []
+
+    class Failing(Episode):
+        def step(self, u):
+            steps.append(u)
+            if len(steps) == 10:
+                raise SimulationError("two in one place")
+            return super().step(u)
+
+    monkeypatch.setattr(residual_data, "Episode", Failing)
+    found = collect(100, 3, Adjustment(), lambda *_: None)
+    assert len(steps) > 10
+    assert 0 not in found["vehicle"].episode
+    assert 0 not in found["road"].episode
+
+
 def test_random_actions_stand_still_now_and_then(dataset):
     speed = 10 * dataset["vehicle"].xi[:, 2]
     assert 0.03 < np.mean(speed < 0.1) < 0.5
