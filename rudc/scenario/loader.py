@@ -217,7 +217,11 @@ def _sweep(sheet: Sheet, key: str, values: Sequence[object]) -> None:
     """Sweep a dotted key of a sheet over values."""
     before = sheet.data.get("sweep")
     kept = before.items() if isinstance(before, dict) else ()
-    others = {known: given for known, given in kept if not str(known).startswith(f"{key}.")}
+    others = {
+        known: given
+        for known, given in kept
+        if known == key or not (str(known).startswith(f"{key}.") or key.startswith(f"{known}."))
+    }
     sheet.data["sweep"] = {**others, key: list(values)}
     path: Path = ("sweep", key)
     sheet.marks = {known: mark for known, mark in sheet.marks.items() if known[:2] != path}

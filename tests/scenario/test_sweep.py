@@ -391,10 +391,3 @@ def test_a_swept_key_within_another_is_refused(tmp_path):
     assert found == [
         "2:30: sweep.ego.route.from: lies within ego.route, which is swept, too; leave one of them out"
     ]
-
-
-def test_the_sweep_of_a_part_ends_where_the_whole_is_swept(tmp_path):
-    text = "name: a\nego: {speed: {uniform: [5, 9]}}\nsweep: {ego.speed.uniform.0: [5, 6]}\n"
-    (tmp_path / "s.yaml").write_text(text)
-    scenario = load_scenario(tmp_path / "s.yaml", grid={"ego.speed": [7, 8]})
-    assert [point for point, _ in scenario.grid()] == [{"ego.speed": 7}, {"ego.speed": 8}]

@@ -1,0 +1,24 @@
+"""A list for a part of a key that the file sweeps, and for the whole of one of which it sweeps a part."""
+
+import pytest
+
+from rudc.errors import ScenarioError
+from rudc.scenario import load_scenario
+
+
+def test_the_sweep_of_a_part_ends_where_the_whole_is_swept(tmp_path):
+    text = "name: a\nego: {speed: {uniform: [5, 9]}}\nsweep: {ego.speed.uniform.0: [5, 6]}\n"
+    (tmp_path / "s.yaml").write_text(text)
+    scenario = load_scenario(tmp_path / "s.yaml", grid={"ego.speed": [7, 8]})
+    assert [point for point, _ in scenario.grid()] == [{"ego.speed": 7}, {"ego.speed": 8}]
+
+
+def test_a_swept_part_ends_the_files_own_sweep_of_the_whole(tmp_path):
+    (tmp_path / "s.yaml").write_text(
+        "name: a\ntraffic: {density: {uniform: [10, 20]}}\nsweep: {traffic.density: [10, 15]}\n"
+    )
+    part, whole = "traffic.density.uniform.1", "traffic.density"
+    scenario = load_scenario(tmp_path / "s.yaml", grid={part: [30, 40]})
+    assert [*scenario.points()] == [{part: 30}, {part: 40}]
+    with pytest.raises(ScenarioError, match=r"lies within traffic\.density, which is swept, too"):
+        load_scenario(tmp_path / "s.yaml", grid={part: [30, 40], whole: [10, 15]})
