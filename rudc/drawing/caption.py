@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 GAP = "      "
 """between the parts of a line"""
 EVENTS_A_LINE = 2
+EVENT_LINES = 8
+"""lines of events at most: below them there is the road"""
 UNITS = {
     "simulation_time": "s",
     "traveled_distance": "m",
@@ -86,8 +88,17 @@ def correction_line(view: View, driving: Driving) -> str:
 
 
 def events_lines(events: tuple[ShownEvent, ...]) -> list[str]:
-    """Each event's number and kind, and since when; EVENTS_A_LINE on a line."""
-    each = [f"({event.number}) {event.event.kind.replace('_', ' ')}{_since(event)}" for event in events]
+    """Each event's number and kind, and since when; EVENTS_A_LINE on a line. Of more than EVENT_LINES hold,
+    those that are over are left out first, and then the last; how many are is said.
+    """
+    room = EVENTS_A_LINE * EVENT_LINES
+    named = sorted(events, key=lambda event: event.is_over)[: room if len(events) <= room else room - 1]
+    each = [
+        f"({event.number}) {event.event.kind.replace('_', ' ')}{_since(event)}"
+        for event in sorted(named, key=lambda event: event.number)
+    ]
+    if len(named) < len(events):
+        each.append(f"and {len(events) - len(named)} more")
     return [GAP.join(each[i : i + EVENTS_A_LINE]) for i in range(0, len(each), EVENTS_A_LINE)]
 
 

@@ -93,6 +93,15 @@ def test_events_say_whether_they_happened():
     assert events_lines(()) == []
 
 
+def test_many_events_take_no_more_than_eight_lines_and_those_that_are_over_go_first():
+    shown = tuple(ShownEvent(i, BRAKE, begun_s=3.1, is_over=i <= 2) for i in range(1, 18))
+    assert len(events_lines(shown[:16])) == 8
+    parts = GAP.join(lines := events_lines(shown)).split(GAP)
+    assert len(lines) == 8
+    assert parts[0].startswith("(3) ")
+    assert parts[-2:] == ["(17) hard brake: since 3.1 s", "and 2 more"]
+
+
 def test_numbers_of_events_and_conditions_have_their_units():
     noise = event("sensor_noise", position=0.5, speed=1, heading=2, own_acceleration=0.3)
     assert describe(noise) == (

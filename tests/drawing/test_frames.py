@@ -61,6 +61,11 @@ def test_ego_is_where_it_is(renderer, make_scene, network):
     assert count(frame[row - 6 : row + 6, column - 3 : column + 3], EGO) > 10
 
 
+def test_a_scenario_of_many_events_leaves_the_ego_in_view(renderer, make_scene):
+    frame = renderer.frame(View(make_scene(), events=tuple(ShownEvent(i, ACCIDENT) for i in range(1, 61))))
+    assert count(frame, EGO) > 0.3 * 5.0 * 1.8 * SCALE**2
+
+
 def test_frames_do_not_draw_on_one_another(renderer, make_scene):
     first = renderer.frame(View(make_scene(s=100.0)))
     other = make_scene(s=104.0, others=[(2, 115.0, 5.0, 0.0)])
