@@ -123,12 +123,11 @@ def calibrate(
     stored = "stored" if write else "not stored: add --write"
     which = f"the {result.episodes} episodes that succeeded"
     if not result.succeeded:
-        which = (
-            f"all {result.episodes} episodes, as none succeeded: sigma_l and sigma_h are not to be relied on"
-        )
+        which = f"all {result.episodes} episodes"
+        warn("warning: none of the episodes succeeded: sigma_l and sigma_h are not to be relied on")
     explained = f"the route explains {result.explained:.0%} of log sigma"
     if result.left_out:
-        note(f"{result.left_out} episodes could not be set up or driven to their end: left out")
+        warn(f"warning: {result.left_out} episodes could not be set up or driven to their end: left out")
     note(f"of {result.decisions} decisions in {which}; {explained}; {stored}")
 
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rudc.cli.console import Quiet, note
+from rudc.cli.console import Quiet, note, warn
 from rudc.errors import InputError
 
 MOST = 2
@@ -51,7 +51,7 @@ def replay(
     done = []
     for which in episodes:
         done.append(replayed(folder, find_episode(folder, which)))
-        note(done[-1].line)
+        (note if done[-1].same else warn)(done[-1].line)
     save_replay(out, [one.page for one in done], [one.check for one in done])
     note(f"{out} written")
     if not all(one.same for one in done):

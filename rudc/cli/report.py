@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rudc.cli.console import Quiet, note
+from rudc.cli.console import Quiet, note, warn
 
 
 def report(
@@ -61,5 +61,5 @@ def _replay_worst(folder: Path, page: Path, count: int) -> None:
     episodes = Episodes.of(sweep.rows, sweep.parameters)
     for i in worst(episodes)[:count]:
         done = replayed(folder, sweep.episode(i + 1))
-        note(done.line)
+        (note if done.same else warn)(done.line)
         save_replay(page.parent / REPLAYS / replay_name(episodes, i), [done.page], [done.check])

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rudc.cli.console import Quiet, note, print_table
+from rudc.cli.console import Quiet, note, print_table, warn
 from rudc.errors import InputError
 from rudc.hints import install_command
 
@@ -58,7 +58,7 @@ def collect(
 
     save_dataset(out, run(samples, seed, driver, advance))
     if lost:
-        note(f"{lost} episodes could not be set up or driven to their end: left out")
+        warn(f"warning: {lost} episodes could not be set up or driven to their end: left out")
     note(f"done: {out}")
 
 

@@ -116,7 +116,7 @@ def test_an_episode_that_comes_out_otherwise_says_so(rudc, swept, tmp_path):
     first[header.index("steps")] = "7"
     with (swept / "episodes.csv").open("w", newline="") as file:
         csv.writer(file, lineterminator="\n").writerows([header, first, *rest])
-    answer = rudc("replay", "swept", "--episode", WHICH, "--out", "page.html")
+    answer = rudc("replay", "swept", "--episode", WHICH, "--out", "page.html", "--quiet")
     assert answer.status == 1
     assert "came out differently from row 1 of swept/episodes.csv: steps: 7 then, " in answer.err
     assert "came out differently" in (tmp_path / "page.html").read_text(encoding="utf-8")
