@@ -167,8 +167,7 @@ def agents() -> str:
             ["name", "in the paper", "status", "what it is"],
             [[code(e.name), e.paper, e.status, e.text] for e in entries()],
         ),
-        "Those that are trainable: `rudc train NAME --out DIR`, then `--agent DIR`.\n",
-        "## Algorithms\n\nWhat `rudc train` takes.\n",
+        "## Algorithms\n\nThese can be trained: `rudc train NAME --out DIR`, then `--agent DIR`.\n",
         table(["name", "what it is"], [[code(n), a.summary] for n, a in ALGORITHMS.items()]),
         "## Studies\n\nWhat `rudc study` takes.\n",
         table(

@@ -27,11 +27,13 @@ def list_(
     """Everything that can drive, or be trained to: its name in the paper, whether it is shipped, and how it
     differs from rudc-t.
 
-    **Example**: `rudc agent list --json | jq -r '.[] | select(.status == "trainable") | .name'`
+    **Example**, what can be trained:
+    `rudc agent list --json | jq -r '.[].algorithm | select(. != "")' | sort -u`
     """
     from rudc.agents.drivers import offered_in_vain
     from rudc.agents.filtered import filters
     from rudc.agents.listing import entries
+    from rudc.learning.algorithms import ALGORITHMS
 
     with broken_left_out():
         found = entries()
@@ -45,7 +47,8 @@ def list_(
     note("in the paper: its row of Tab. comparison or ablation (`rudc table DIR --against paper`)")
     folder = next((e.checkpoint.parent for e in found if e.checkpoint is not None), None)
     if folder is not None:
-        note(f"shipped: {folder}/NAME; trainable: rudc train NAME --out DIR, then --agent DIR")
+        note(f"shipped: {folder}/NAME")
+    note(f"rudc train NAME --out DIR trains {', '.join(ALGORITHMS)}; then --agent DIR")
     note(f"{', '.join(f'NAME+{suffix}' for suffix in filters())}: a safety filter behind any but sumo")
 
 

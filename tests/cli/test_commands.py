@@ -156,6 +156,7 @@ def test_agents_are_listed_and_shown(rudc, monkeypatch):
     listed = rudc("agent", "list")
     assert max(map(len, listed.out.splitlines())) <= 100
     assert "NAME+ecbf" in listed.err
+    assert f"rudc train NAME --out DIR trains {', '.join(ALGORITHMS)}; then --agent DIR" in listed.err
     described = {entry["name"]: entry for entry in json.loads(rudc("agent", "list", "--json").out)}
     assert {"planner", "rudc-t", "rudc-t-seed1", *ALGORITHMS} <= described.keys()
     assert all(name in listed.out for name in described)
