@@ -38,6 +38,8 @@ class ShownEvent:
     is_over: bool = False
     bodies: frozenset[str] = frozenset()
     """names, as in `Scene.ids`, of whom it put on the road or has taken hold of"""
+    unlawful: frozenset[str] = frozenset()
+    """those of them that break the rules now: they disregard the right of way"""
     places: tuple[tuple[float, float], ...] = ()
     """m, where its number goes while no body carries it"""
     way: Array | None = None
@@ -97,12 +99,7 @@ class View:
     @property
     def heedless(self) -> frozenset[str]:
         """Names of those whom an event has disregard the right of way."""
-        named = [
-            event.bodies
-            for event in self.events
-            if event.event.kind == "priority_violation" and not event.waits and not event.is_over
-        ]
-        return frozenset().union(*named)
+        return frozenset().union(*(event.unlawful for event in self.events))
 
     @property
     def numbers(self) -> dict[str, str]:
@@ -129,7 +126,7 @@ def view_of(world: AnyWorld, outcome: str | None = None) -> View:
         events=tuple(
             ShownEvent(
                 number, happening.event, happening.begun_s, happening.visible_s, happening.is_over,
-                happening.bodies,
+                happening.bodies, happening.unlawful,
                 () if happening.bodies or happening.is_over
                 else places(world.network, scene.route, happening.event),
                 way_of(world.network, scene.route, happening.event) if happening.begun_s is None else None,

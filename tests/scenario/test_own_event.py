@@ -6,11 +6,13 @@ from typing import Annotated, Literal
 import numpy as np
 import pytest
 
+from rudc.drawing.view import view_of
 from rudc.errors import InputError, PartFailedError, ScenarioError
 from rudc.network.network import load_network
 from rudc.scenario import EVENT_KINDS, json_schema, load_scenario, register_event
 from rudc.scenario.distributions import AnyDistribution, Bounds
 from rudc.scenario.events import Event, Felt, Stage, registry
+from rudc.scenario.events.event import Held, VehicleEvent
 from rudc.world.world import World
 
 
@@ -42,6 +44,31 @@ def written(tmp_path, event):
     path = tmp_path / "oily.yaml"
     path.write_text(f"name: oily\nextends: random_destination\nevents:\n  - {event}\n", encoding="utf-8")
     return path
+
+
+class Rush(VehicleEvent, frozen=True):
+    """Somebody is in a hurry."""
+
+    kind: Literal["rush"]
+    """somebody is in a hurry"""
+
+
+class RushEffect(Held[Rush]):
+    """They take no notice of the right of way."""
+
+    def hold(self, stage: Stage, name: str) -> None:
+        stage.seize(name, heedless=True)
+
+
+def test_whom_it_has_disregard_the_right_of_way_is_known(tmp_path):
+    register_event(Rush, RushEffect)
+    scenario = load_scenario(written(tmp_path, "{kind: rush, vehicle: nearest}"))
+    with World(load_network("four_way")) as world:
+        world.reset(scenario.plan(0))
+        assert view_of(world).heedless == frozenset()
+        world.advance(np.array([-6.0, 0.0]))
+        (rush,) = world.happenings()
+        assert view_of(world).heedless == rush.unlawful == rush.bodies != frozenset()
 
 
 def test_is_read_played_and_reported(tmp_path):

@@ -31,6 +31,8 @@ class Happening(NamedTuple):
     """names, as in `Scene.ids`, of the vehicles that it has acted on so far and of its things on the road"""
     felt: bool
     """whether it has no body, and the ego feels it as soon as it begins"""
+    unlawful: frozenset[str]
+    """those of its bodies that break the rules now: they disregard the right of way"""
 
 
 class Script:
@@ -86,6 +88,7 @@ class Script:
                 effect.name in self._begun and effect not in self._active,
                 self._bodies(effect),
                 effect.felt,
+                self._bodies(effect) & self._stage.unlawful,
             )
             for effect in self._effects
         )
