@@ -30,6 +30,16 @@ class Mine:
 """
 
 
+@pytest.fixture(autouse=True)
+def _nothing_stays(tmp_path, monkeypatch):
+    """Modules of the test's folder, and its places in sys.path, would be found by tests of other files."""
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    yield
+    for name, module in list(sys.modules.items()):
+        if str(getattr(module, "__file__", None) or "").startswith(str(tmp_path)):
+            del sys.modules[name]
+
+
 def write(folder, **files):
     for name, text in files.items():
         path = folder / f"{name.replace('__', '/')}.py"
@@ -121,9 +131,8 @@ def test_two_files_of_one_name_are_both_in_the_manifest(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("package", [False, True])
-def test_a_helper_of_the_same_name_as_another_is_refused(tmp_path, monkeypatch, package):
+def test_a_helper_of_the_same_name_as_another_is_refused(tmp_path, package):
     """The second file drove with the helper of the first, or with an installed module."""
-    monkeypatch.setattr(sys, "path", [*sys.path])
     for folder, gain in (("old", 1), ("new", 2)):
         write(
             tmp_path,
@@ -131,14 +140,9 @@ def test_a_helper_of_the_same_name_as_another_is_refused(tmp_path, monkeypatch, 
         )
         if package:
             (tmp_path / folder / "__init__.py").touch()
-    try:
-        assert import_source(str(tmp_path / "old/agent.py")).GAIN == 1
-        with pytest.raises(
-            InputError, match=r"new/agent.py: .*'gains' and would get .*old/gains.py, not .*new"
-        ):
-            import_source(str(tmp_path / "new/agent.py"))
-    finally:
-        sys.modules.pop("gains")
+    assert import_source(str(tmp_path / "old/agent.py")).GAIN == 1
+    with pytest.raises(InputError, match=r"new/agent.py: .*'gains' and would get .*old/gains.py, not .*new"):
+        import_source(str(tmp_path / "new/agent.py"))
 
 
 def test_a_file_lies_at_home_or_its_name_begins_with_a_tilde(tmp_path, monkeypatch):
@@ -168,8 +172,6 @@ def offered(tmp_path, monkeypatch):
     drivers._installed.cache_clear()
     yield site
     drivers._installed.cache_clear()
-    for name in [name for name in sys.modules if name.partition(".")[0] == "kit"]:
-        del sys.modules[name]
 
 
 def test_plug_ins_are_told_by_version_and_code_and_not_imported(offered):
