@@ -116,7 +116,8 @@ def _place(module: str) -> Path | None:
 def found_at(place: str) -> Any:
     """The object at a place `package.module:Class`, in RUDC or in a package; its module is imported."""
     module, _, name = place.partition(":")
-    return getattr(importlib.import_module(module), name)
+    with contextlib.redirect_stdout(sys.stderr):
+        return getattr(importlib.import_module(module), name)
 
 
 def load_entry(entry: EntryPoint, error: type[InputError] = InputError) -> Any:

@@ -13,7 +13,7 @@ from rudc.beside import code_beside
 from rudc.errors import InputError, SweepError
 from rudc.evaluation.manifest import Manifest, manifest, resumed
 from rudc.evaluation.tasks import SweepPlan
-from rudc.imports import import_first, import_source, imported_first, plugins, sources_digests
+from rudc.imports import found_at, import_first, import_source, imported_first, plugins, sources_digests
 from rudc.scenario import load_scenario
 from tests.offering import offer
 
@@ -206,6 +206,13 @@ def test_an_agent_of_a_package_is_another_when_what_it_imports_is(offered):
     before = agent_settings("slow")
     write(offered, kit__speed="SPEED = 9.0\n")
     assert agent_settings("slow")["imports"]["kit/speed.py"] != before["imports"]["kit/speed.py"]
+
+
+def test_what_a_module_prints_while_a_part_of_it_is_looked_up_is_no_result(tmp_path, monkeypatch, capsys):
+    write(tmp_path, loud_beside="print('imported')\nANSWER = 42\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert found_at("loud_beside:ANSWER") == 42
+    assert capsys.readouterr() == ("", "imported\n")
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere, names of files are text")
