@@ -20,8 +20,7 @@ from typing import Any, NamedTuple
 
 from rudc.drawing.preview import draw_preview
 from rudc.evaluation.columns import RATES, rates_of
-from rudc.evaluation.folder import read_sweep
-from rudc.evaluation.rerun import find_episode
+from rudc.evaluation.rerun import Swept
 from rudc.files import make_folder, write_atomically
 from rudc.reporting.html.page import badge, render
 from rudc.reporting.replay.again import Replayed, replayed
@@ -60,10 +59,11 @@ def save_gallery(
 ) -> None:
     """Write the folder; `say` is told of each scenario. Raises SweepError, ScenarioError, StorageError."""
     make_folder(out)
-    rows = {folder: _numbered(folder) for folder in sweeps}
+    swept = {folder: Swept(folder) for folder in sweeps}  # read once: a sweep that ends sorts its rows
+    rows = {folder: _numbered(folder, sweep) for folder, sweep in swept.items()}
     cards = []
     for scenario in scenarios:
-        cards.append(_card(out, scenario, rows))
+        cards.append(_card(out, scenario, rows, swept))
         say(f"{scenario.name}: {', '.join(shown['what'] for shown in cards[-1]['replays']) or 'picture'}")
     names = report_names(sweeps)
     reports = [{"name": str(folder), "file": name} for folder, name in zip(sweeps, names, strict=True)]
@@ -87,18 +87,20 @@ def report_names(sweeps: Sequence[Path]) -> list[str]:
     return found[1:]
 
 
-def _numbered(folder: Path) -> dict[str, list[Shown]]:
+def _numbered(folder: Path, sweep: Swept) -> dict[str, list[Shown]]:
     """Scenario -> its episodes that ran to an end."""
     found: dict[str, list[Shown]] = {}
-    rows, swept = read_sweep(folder)
-    for number, row in enumerate(rows, 1):
+    for number, row in enumerate(sweep.rows, 1):
         if not row["error"]:
-            found.setdefault(row["scenario"], []).append(Shown(folder, number, row, tuple(swept)))
+            found.setdefault(row["scenario"], []).append(Shown(folder, number, row, sweep.parameters))
     return found
 
 
 def _card(
-    out: Path, scenario: Scenario, rows: Mapping[Path, Mapping[str, Sequence[Shown]]]
+    out: Path,
+    scenario: Scenario,
+    rows: Mapping[Path, Mapping[str, Sequence[Shown]]],
+    swept: Mapping[Path, Swept],
 ) -> dict[str, Any]:
     """What the page says of a scenario; its picture, clip and replays are written."""
     name, kinds = scenario.name, list(dict.fromkeys(event.kind for event in scenario.events))
@@ -107,9 +109,7 @@ def _card(
     clip = out / "clips" / f"{name}.webp"
     shown = chosen(episodes)
     driven = {
-        what: replayed(
-            one.folder, find_episode(one.folder, str(one.number)), clip if what == "success" else None
-        )
+        what: replayed(one.folder, swept[one.folder].episode(one.number), clip if what == "success" else None)
         for what, one in shown.items()
     }
     replays = [_replay(out, what, shown[what], done) for what, done in driven.items()]

@@ -9,9 +9,11 @@ from PIL import Image
 from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.sweep import run_sweep
 from rudc.evaluation.tasks import SweepPlan
+from rudc.reporting.gallery import gallery as page_of_all
 from rudc.reporting.gallery.gallery import Shown, agent_rates, chosen, pair_of, report_names, save_gallery
+from rudc.reporting.replay.again import Replayed
 from rudc.reporting.report.page import report_page
-from rudc.scenario import find_scenarios, load_scenario
+from rudc.scenario import find_scenarios, load_scenario, shipped_scenarios
 from tests.reporting.accessibility import MISSING, faults
 from tests.reporting.browser import CHROMIUM, driven, parsed
 from tests.reporting.report.made_up import made_up_sweep
@@ -63,6 +65,28 @@ def test_what_never_happened_is_not_shown():
 def test_no_report_has_the_name_of_another_or_of_the_page():
     sweeps = [Path(name) for name in ("a/ood", "b/ood", "ood-2", "index", "plain")]
     assert report_names(sweeps) == ["ood.html", "ood-2.html", "ood-2-2.html", "index-2.html", "plain.html"]
+
+
+def test_a_sweep_that_ends_meanwhile_puts_no_page_under_another_episodes_name(tmp_path, monkeypatch):
+    swept, drawn, driven_again = made_up_sweep(tmp_path / "swept", 40, scenarios=1, agents=2), [], []
+
+    def end(*_):
+        header, *rows = (swept / "episodes.csv").read_text().splitlines(keepends=True)
+        (swept / "episodes.csv").write_text("".join([header, *reversed(rows)]))
+        drawn.append(rows)
+
+    def replayed(_folder, found, _clip):
+        driven_again.append(found)
+        return Replayed({"outcome": found.row["outcome"], "row": found.row}, "", True, "")
+
+    monkeypatch.setattr(page_of_all, "draw_preview", end)
+    monkeypatch.setattr(page_of_all, "replayed", replayed)
+    for name in ("save_replay", "save_report"):
+        monkeypatch.setattr(page_of_all, name, lambda *_: None)
+    said = []
+    save_gallery(tmp_path / "out", [swept], find_scenarios(list(shipped_scenarios())[:1]), said.append)
+    assert len(drawn) == 1
+    assert said[0].partition(": ")[2] == ", ".join(found.row["outcome"] for found in driven_again)
 
 
 @pytest.fixture(scope="module")
