@@ -38,9 +38,9 @@ def study(
             "--agent",
             "-a",
             metavar="NAME",
-            help="An agent; repeat for several. Default: those that the study is about; for `filter` and "
-            "`sigma`, rudc-t and rudc-e with all training seeds. For `comparison` and `ablation`: a row of "
-            "their tables. Default: all.",
+            help="An agent; repeat for several. Default: for `filter` and `sigma`, rudc-t and rudc-e with all "
+            "training seeds (`--budget quick`: rudc-e alone); for `comparison` and `ablation`, where an agent "
+            "is a row of their table, all rows; else those that the study is about.",
             autocompletion=complete_agents,
         ),
     ] = None,
@@ -73,7 +73,8 @@ def study(
 ) -> None:
     """Repeat one of the experiments behind the claims: a table (CSV and Markdown) and a figure in DIR.
 
-    `--episodes` of `filter` is for each of the two tasks; the out-of-distribution scenarios share as many.
+    `filter` drives N `--episodes` of each of the two tasks, and 2 N more that its out-of-distribution
+    scenarios share equally.
     Agents named `NAME-seedN` are pooled with `NAME`: the same algorithm, trained with other seeds.
     Of `comparison` and `ablation`, `--episodes` is for each task, and the budget says how many fewer each
     other scenario gets; rows and training seeds can be added later, with `--resume`. An option that has
