@@ -9,7 +9,8 @@ from typing import Annotated, Literal
 
 from rudc.scenario.distributions import AnyDistribution, Bounds
 from rudc.scenario.events import Felt, Stage, register_event
-from rudc.scenario.events.event import Event
+from rudc.scenario.events.event import Duration, Event
+from rudc.world.ego import DRY
 
 
 class Gust(Event, frozen=True):
@@ -18,15 +19,21 @@ class Gust(Event, frozen=True):
     kind: Literal["gust"]
     friction: Annotated[AnyDistribution, Bounds(0.1, 1.2)]
     """coefficient of friction while it lasts"""
+    duration: Duration | None = None
+    """s; by default for good"""
 
 
 class GustEffect(Felt[Gust]):
-    """The road is slippery from then on."""
+    """The road is slippery until the duration, if there is one, has passed."""
 
     def begin(self, stage: Stage) -> bool:
         """Called when `when` of the event holds; True: it has begun."""
         stage.set_friction(float(self.event.friction))
         return True
+
+    def end(self, stage: Stage) -> None:
+        """Called when the duration has passed."""
+        stage.set_friction(DRY)
 
 
 register_event(Gust, GustEffect)

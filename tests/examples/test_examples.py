@@ -5,11 +5,15 @@
 
 import csv
 import json
+import runpy
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from rudc.scenario.events import EVENT_KINDS, registry
+from rudc.world.ego import DRY
 from tests.blocks import run_apart
 from tests.cli.conftest import rudc
 
@@ -38,6 +42,21 @@ def test_own_event(tmp_path):
     )
     own = ("rudc", "--import", EXAMPLES / "own_event.py")
     run_apart(*((*own, *command) for command in commands), folder=tmp_path)
+
+
+def test_own_event_ends(monkeypatch):
+    assert EVENT_KINDS, "found once a process: before their table is copied"
+    monkeypatch.setattr(registry, "_REGISTERED", dict(registry._REGISTERED))
+    own = runpy.run_path(str(EXAMPLES / "own_event.py"))
+    told = []
+    stage = SimpleNamespace(time_s=0.0, set_friction=told.append)
+    gust = own["GustEffect"](own["Gust"](kind="gust", friction=0.3, duration=2), "gust0")
+    assert gust.begin(stage)
+    over = []
+    for stage.time_s in (1.9, 2.0):
+        over.append(gust.is_over(stage))
+    gust.end(stage)
+    assert (over, told) == ([False, True], [0.3, DRY])
 
 
 def test_own_barrier(tmp_path):
