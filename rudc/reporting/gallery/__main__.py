@@ -15,3 +15,5 @@ if __name__ == "__main__":
         save_gallery(out, sweeps, find_scenarios(list(shipped_scenarios())), say=print)
     except RudcError as error:
         sys.exit(f"error: {error}")
+    except KeyboardInterrupt:
+        sys.exit(130)

@@ -1,6 +1,7 @@
 """The gallery: which episodes it shows, and that its page is whole, drives, and has no serious fault."""
 
 import re
+import runpy
 from pathlib import Path
 
 import pytest
@@ -87,6 +88,17 @@ def test_a_sweep_that_ends_meanwhile_puts_no_page_under_another_episodes_name(tm
     save_gallery(tmp_path / "out", [swept], find_scenarios(list(shipped_scenarios())[:1]), said.append)
     assert len(drawn) == 1
     assert said[0].partition(": ")[2] == ", ".join(found.row["outcome"] for found in driven_again)
+
+
+def test_an_interrupted_gallery_ends_without_a_traceback(tmp_path, monkeypatch):
+    def stop(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(page_of_all, "save_gallery", stop)
+    monkeypatch.setattr("sys.argv", ["gallery", str(tmp_path)])
+    with pytest.raises(SystemExit) as ended:
+        runpy.run_module("rudc.reporting.gallery", run_name="__main__")
+    assert ended.value.code == 130
 
 
 @pytest.fixture(scope="module")
