@@ -204,4 +204,5 @@ def _value(value: Any, unit: str = "") -> str:
         return " ".join(f"{_words(inner)} {_value(v, unit)}" for inner, v in value.items())
     if isinstance(value, bool) or not isinstance(value, int | float):
         return str(value)
-    return f"{value:.3g} {unit}".rstrip()
+    digits = f"{value:.0f}" if abs(value) >= 999.5 else f"{value:.3g}"
+    return f"{digits} {unit}".rstrip()

@@ -7,6 +7,7 @@ from rudc.drawing.caption import (
     GAP,
     REMARKS,
     UNITS,
+    conditions,
     correction_line,
     describe,
     events_lines,
@@ -109,6 +110,10 @@ def test_numbers_of_events_and_conditions_have_their_units():
     )
     surge = event("density_surge", density=30, duration=5)
     assert describe(surge) == "density surge, density 30 veh/km, duration 5 s"
+    far = event("lane_closure", lane="north_in_0", at=1000, length=20)
+    assert "at 1000 m, length 20 m" in describe(far)
+    late = event("hard_brake", when={"traveled_distance": {"above": 999.7}})
+    assert conditions(late) == "the ego has driven above 1000 m"
     assert UNITS.keys() == Trigger.model_fields.keys() - {"probability"}
 
 
