@@ -159,7 +159,7 @@ def barrier() -> str:
 
 
 def _car(x: float, y: float, turned: bool, colour: str) -> Polygon:
-    dx, dy = (0.9, 2.25) if turned else (2.25, 0.9)
+    dx, dy = (0.9, 2.5) if turned else (2.5, 0.9)
     return Polygon(
         [(x - dx, y - dy), (x + dx, y - dy), (x + dx, y + dy), (x - dx, y + dy)], fc=colour, ec="none"
     )

@@ -17,9 +17,10 @@ sys.path.insert(0, str(Path(__file__).parent))
 from figures import FIGURES, scenario_pictures
 from reference import PAGES
 
-FILM = Path("results/blocked_left_turn.webp")
+ROOT = Path(__file__).parents[2]
+FILM = ROOT / "results" / "blocked_left_turn.webp"
 """of the front page"""
-GALLERY = Path("out/gallery")
+GALLERY = ROOT / "out" / "gallery"
 """what `make gallery` wrote, if it did"""
 
 

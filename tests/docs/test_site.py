@@ -19,11 +19,12 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
-    """Built with `strict`: a link that leads nowhere ends it."""
-    folder = tmp_path_factory.mktemp("site")
+    """Built with `strict`: a link that leads nowhere ends it. From elsewhere: no place depends on that."""
+    folder, elsewhere = tmp_path_factory.mktemp("site"), tmp_path_factory.mktemp("elsewhere")
     command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--site-dir", str(folder)]
+    command += ["--config-file", str(ROOT / "mkdocs.yml")]
     env = {**os.environ, "NO_MKDOCS_2_WARNING": "1", "PYTHONPATH": str(ROOT)}
-    run = subprocess.run(command, cwd=ROOT, env=env, capture_output=True, text=True, check=False)
+    run = subprocess.run(command, cwd=elsewhere, env=env, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
     assert run.stdout + run.stderr == ""
     return folder
