@@ -19,7 +19,7 @@ from rudc.cli.console import (
     sweep_progress,
     warn,
 )
-from rudc.cli.options import ResultsFolder, Workers, cores
+from rudc.cli.options import Workers, cores
 from rudc.errors import InputError
 
 SEED_DIGITS = 20
@@ -38,9 +38,9 @@ def study(
             "--agent",
             "-a",
             metavar="NAME",
-            help="An agent; repeat for several. Default: for `filter` and `sigma`, rudc-t and rudc-e with all "
-            "training seeds (`--budget quick`: rudc-e alone); for `comparison` and `ablation`, where an agent "
-            "is a row of their table, all rows; else those that the study is about.",
+            help="An agent; repeat for several. Default: for `filter` and `sigma`, rudc-t and rudc-e with "
+            "all training seeds (`--budget quick`: rudc-e alone); for `comparison` and `ablation`, where an "
+            "agent is a row of their table, all rows; else those that the study is about.",
             autocompletion=complete_agents,
         ),
     ] = None,
@@ -50,7 +50,12 @@ def study(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the first episode; the others follow.")] = 0,
     workers: Workers = None,
-    out: ResultsFolder = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", "-o", metavar="DIR", help="Folder for the results; must be given (not with `list`)."
+        ),
+    ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Finish the study in DIR; start it if there is none.")
     ] = False,
