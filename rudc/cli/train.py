@@ -29,7 +29,8 @@ def train(
         ),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder for agent and logs.")
+        Path | None,
+        typer.Option("--out", "-o", metavar="DIR", help="Folder for agent and logs; must be given."),
     ] = None,
     scenario: Annotated[
         str | None,
