@@ -3,8 +3,10 @@
 import csv
 import json
 
+from rudc.reporting.replay.again import Replayed
 from rudc.reporting.report import episodes
 from tests.reporting.browser import parsed
+from tests.reporting.report.made_up import made_up_sweep
 
 
 def test_a_report_and_replays_of_the_worst(rudc, tmp_path, monkeypatch):
@@ -35,6 +37,15 @@ def test_a_report_and_replays_of_the_worst(rudc, tmp_path, monkeypatch):
     assert (
         rudc("sweep", "random_destination", *agents, "-n", 2, "-w", 1, "-o", "swept", "--resume").status == 0
     )
+
+
+def test_quiet_leaves_in_that_a_replay_came_out_differently(rudc, tmp_path, monkeypatch):
+    made_up_sweep(tmp_path / "swept", 16, scenarios=1, agents=2)
+    for same, said in ((True, ""), (False, "told\n")):
+        done = Replayed({}, "", same, "told")
+        monkeypatch.setattr("rudc.reporting.replay.again.replayed", lambda *_, done=done: done)
+        monkeypatch.setattr("rudc.reporting.replay.page.save_replay", lambda *_: None)
+        assert rudc("report", "swept", "--replays", 1, "--quiet").err == said
 
 
 def test_what_is_no_folder_of_results_is_refused(rudc, tmp_path):
