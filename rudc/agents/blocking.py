@@ -33,6 +33,8 @@ QUEUE = 10.0
 """m between bumpers up to which a standing vehicle waits for the one before it"""
 BESIDE = 2.0
 """m to each side within which another vehicle counts as before it"""
+PIECE = 1.0
+"""m, steps in which a path is followed to whoever is before a vehicle on it"""
 BEFORE_STOP = 15.0
 """m before a stop line from which on vehicles wait for others"""
 STEP_S = 0.2
@@ -196,9 +198,22 @@ def _bodies(scene: Scene, who: Flags) -> Rectangles:
 
 
 def _before(scene: Scene, i: int) -> Flags:
-    """(N,) whether each other is before the vehicle i, and near enough to wait for."""
-    cos, sin = math.cos(scene.heading[i]), math.sin(scene.heading[i])
-    away: Array = scene.position - scene.position[i]
-    along, across = away[:, 0] * cos + away[:, 1] * sin, away[:, 1] * cos - away[:, 0] * sin
-    near = along < QUEUE + 0.5 * (scene.size[i, 0] + scene.size[:, 0])
-    return (along > 0.5) & near & (np.abs(across) < BESIDE)
+    """(N,) whether each other is before the vehicle i, which is on a path: straight on or along that path,
+    and near enough to wait for.
+    """
+    away = scene.position - scene.position[i]
+    apart = QUEUE + 0.5 * (scene.size[i, 0] + scene.size[:, 0])
+    along, across = _turned(away, scene.heading[i])
+    straight = (along > 0.5) & (along < apart) & (np.abs(across) < BESIDE)
+    way = np.arange(PIECE, apart.max(), PIECE)[:, None]
+    x, y, psi = scene.network.paths.pose(np.full(way.shape, scene.path[i]), scene.path_s[i] + way)
+    along, across = _turned(scene.position - np.stack([x, y], axis=2), psi)
+    found = straight | ((np.abs(along) < PIECE) & (np.abs(across) < BESIDE) & (way < apart)).any(axis=0)
+    found[i] = False
+    return found
+
+
+def _turned(away: Array, heading: Array) -> tuple[Array, Array]:
+    """m along `heading` (...) rad and m to its left, of `away` (..., N, 2) m."""
+    cos, sin = np.cos(heading), np.sin(heading)
+    return away[..., 0] * cos + away[..., 1] * sin, away[..., 1] * cos - away[..., 0] * sin

@@ -138,6 +138,15 @@ def test_time_is_counted_however_long_a_decision_is(make_scene, four_way, decisi
     assert k * decision_s == pytest.approx(PATIENCE + IDLE, abs=decision_s + 0.15)
 
 
+def test_who_stands_in_a_bend_behind_somebody_who_moves_does_not_block(make_scene, four_way):
+    """Who is before it was looked for straight on only, so that a queue in a bend counted as blocking."""
+    alone, _ = _waits_to_turn_left(make_scene, four_way)
+    row, s = int(alone.path[0]), float(alone.path_s[0])
+    creeps = {"row": row, "s": s + 12.0, "v": 0.5}
+    queue = make_scene({"row": row, "s": s}, creeps, origin="west", turn="straight")
+    assert [_standing_at(scene, LONG) for scene in (alone, queue)] == [1, 0]
+
+
 def test_each_gap_that_it_lets_go_by_counts(make_scene, four_way):
     scene, coming = _waits_to_turn_left(make_scene, four_way)
     watch, seen = Blocking(), []
