@@ -8,9 +8,10 @@
                  one decision of t s: delta_0 + (delta - delta_0) / (1 - exp(-t / T))
     limits       Braking and accelerating are limited to USABLE mu g, for filter, last resort and driver alike
     govern       Bends are taken at the speed at which they need USABLE mu g, reached by braking at BRAKING mu
-                 g. Where grip is poor, bends may need LATERAL mu g only; on straights the speed is at
-                 most the larger of CAREFUL and the speed that BRAKING mu g stops within STOPPING m; and
-                 the ego can stop for anybody who may come from where it does not see (hidden.py).
+                 g, or as hard as the car can if that is less. Where grip is poor, bends may need LATERAL mu g
+                 only; on straights the speed is at most the larger of CAREFUL and the speed that this
+                 braking stops within STOPPING m; and the ego can stop for anybody who may come from where it
+                 does not see (hidden.py).
                  Steering is limited to what braking, of up to BRAKING mu g, leaves of mu g: wheels that
                  ask for more do not turn the car any further, and take all grip from the brakes
     probe        Short full brakings show how well the road grips (probe.py)
@@ -104,8 +105,9 @@ class Adaptation:
         a, delta, grip = float(u[0]), float(u[1]), min(self.estimate.grip, DRY * GRAVITY)
         allowed = self._allowed(scene, grip)
         if grip < POOR and not onwards:
-            careful = max(CAREFUL, math.sqrt(2 * BRAKING * grip * STOPPING))
-            allowed = min(allowed, careful, speed_by_sight(scene, BRAKING * grip))
+            braking = _braking(scene, grip)
+            careful = max(CAREFUL, math.sqrt(2 * braking * STOPPING))
+            allowed = min(allowed, careful, speed_by_sight(scene, braking))
         a = min(a, (allowed - scene.ego.v) / RESPONSE_S)
         self.asks = not onwards and self._asks(scene, grip)
         if self.asks or a <= FULL * max(scene.vehicle.a_min, -USABLE * grip):
@@ -154,7 +156,7 @@ class Adaptation:
             self._profiles.clear()
         profile = self._profiles.get(grip)
         if profile is None:
-            profile = self._profiles[grip] = _profile(path, grip)
+            profile = self._profiles[grip] = _profile(path, grip, _braking(scene, grip))
         return profile
 
     def _asks(self, scene: Scene, grip: float) -> bool:
@@ -170,12 +172,17 @@ class Adaptation:
         return self._probe.asks(scene, grip, limited=limited, allowed=allowed)
 
 
-def _profile(path: ReferencePath, grip: float) -> Array:
+def _braking(scene: Scene, grip: float) -> float:
+    """m/s2, planned braking with that `grip` (m/s2): no harder than the car can."""
+    return min(BRAKING * grip, -scene.network.vehicle.a_min)
+
+
+def _profile(path: ReferencePath, grip: float, braking: float) -> Array:
     """(M,) m/s, highest speed at each station of the path from which all bends ahead can be taken with that
-    `grip` (m/s2).
+    `grip` (m/s2), braking at `braking` m/s2.
     """
     share = LATERAL if grip < POOR else USABLE
     squared = (share * grip / np.maximum(np.abs(path.curvature), 1e-4)).tolist()
     for i in range(len(squared) - 2, -1, -1):
-        squared[i] = min(squared[i], squared[i + 1] + 2 * BRAKING * grip * SPACING)
+        squared[i] = min(squared[i], squared[i + 1] + 2 * braking * SPACING)
     return np.sqrt(squared)
