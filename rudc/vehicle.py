@@ -3,9 +3,9 @@
 import math
 from dataclasses import dataclass
 
-TURNING = 0.5
-"""rad, front-wheel angle of the tightest bend that is planned; the rest, up to `delta_max`, is kept for
-corrections that keep the EV on the planned line"""
+TURNING, SHARE = 0.5, 5.0 / 6.0
+"""rad, and share of `delta_max`: the front-wheel angle of the tightest bend that is planned is the smaller of
+the two; the rest, up to `delta_max`, is kept for corrections that keep the EV on the planned line"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class EgoVehicle:
     @property
     def tightest(self) -> float:
         """1/m, curvature of the tightest bend that is planned."""
-        return math.tan(TURNING) / self.wheelbase
+        return math.tan(min(TURNING, SHARE * self.delta_max)) / self.wheelbase
 
     def scaled(self, a: float, delta: float) -> float:
         """Size (a norm, without unit) of a change of the action by `a` m/s2 and `delta` rad, each in units in

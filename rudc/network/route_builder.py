@@ -4,8 +4,9 @@ beside it.
 Turns are drawn as one circular arc (fillet) between the centre lines of the inbound and the outbound lane,
 extended straight into the junction: left turns with radius LEFT_RADIUS, which begins the turn as late as such
 an arc can (two opposing left-turners then wait without overlapping), right turns with the widest arc that
-fits. Where no arc fits between stop line and exit, or a car on it would leave the road, the lanes' own
-shapes serve, and where they bend more tightly than a car can turn, a wider line (rudc/network/widening.py).
+fits. Where no arc that the car can drive fits between stop line and exit, or it would leave the road there,
+the lanes' own shapes serve, and where they bend more tightly than it can turn, a wider line
+(rudc/network/widening.py).
 All lines are smoothed by a moving average of SMOOTHING m, so that curvature is continuous.
 """
 
@@ -32,7 +33,7 @@ LEFT_RADIUS = 10.5
 RIGHT_RADIUS = 15.0
 """m, widest arc of the ego's right turns"""
 LEAST_RADIUS = 5.2
-"""m, no fillet tighter than this"""
+"""m, no fillet tighter than this, or than `EgoVehicle.tightest`"""
 STRAIGHT_ON = np.radians(15.0)
 """rad, a movement that turns less follows the lanes' own shapes"""
 SMOOTHING = 4.0
@@ -109,7 +110,7 @@ def _alternatives(
     candidates = []
     for other in _other_exits(network, movement, row):
         exit_s = float(network.paths.exit_s[other])
-        joined = _join(line, stop, network.centre_line(other), exit_s, movement.angle)
+        joined = _join(line, stop, network.centre_line(other), exit_s, movement.angle, vehicle)
         if joined is not None:
             candidates.append(ReferencePath(joined))
     return tuple(path for path in candidates if fits(network, path, vehicle))
@@ -149,7 +150,7 @@ def _lines(
     longer than LONGEST; else the lanes' own line in spite of that.
     """
     if abs(movement.angle) > STRAIGHT_ON and not network.is_roundabout:
-        joined = _join(line, stop, line, exit_s, movement.angle)
+        joined = _join(line, stop, line, exit_s, movement.angle, vehicle)
         if joined is not None and fits(network, path := ReferencePath(joined), vehicle):
             yield path
     fine = resample(line, np.arange(0.0, arc_length(line)[-1], FINE))
@@ -165,7 +166,9 @@ def _lines(
     yield lanes
 
 
-def _join(before: Array, stop: float, after: Array, exit_s: float, angle: float) -> Array | None:
+def _join(
+    before: Array, stop: float, after: Array, exit_s: float, angle: float, vehicle: EgoVehicle
+) -> Array | None:
     """(K, 2) m, smoothed: `before` up to its arc length stop, over the junction, `after` from its exit_s;
     None if there is no such line.
 
@@ -178,7 +181,7 @@ def _join(before: Array, stop: float, after: Array, exit_s: float, angle: float)
         return None
     p, u = head[-1], _unit(head[-1] - head[-2])
     q, v = tail[0], _unit(tail[1] - tail[0])
-    middle = _fillet(p, u, q, v, angle) if abs(angle) > STRAIGHT_ON else _shift(p, u, q, v)
+    middle = _fillet(p, u, q, v, angle, vehicle) if abs(angle) > STRAIGHT_ON else _shift(p, u, q, v)
     if middle is None:
         return None
     line = without_repeats(np.concatenate([head, middle, tail]))
@@ -189,7 +192,7 @@ def _unit(d: Array) -> Array:
     return d / np.hypot(*d)
 
 
-def _fillet(p: Array, u: Array, q: Array, v: Array, angle: float) -> Array | None:
+def _fillet(p: Array, u: Array, q: Array, v: Array, angle: float, vehicle: EgoVehicle) -> Array | None:
     """Arc from the ray p + a u to the ray that ends in q along v, for a turn by about `angle`."""
     turn = float(np.arctan2(u[0] * v[1] - u[1] * v[0], u @ v))
     if turn * angle <= 0 or abs(turn) < STRAIGHT_ON or abs(turn) > np.radians(150):
@@ -197,7 +200,7 @@ def _fillet(p: Array, u: Array, q: Array, v: Array, angle: float) -> Array | Non
     a, b = np.linalg.solve(np.column_stack([u, v]), q - p)
     half = np.tan(abs(turn) / 2)
     radius = min(LEFT_RADIUS if angle > 0 else RIGHT_RADIUS, min(a, b) / half)
-    if radius < LEAST_RADIUS:
+    if radius < max(LEAST_RADIUS, 1.0 / vehicle.tightest):
         return None
     start = p + (a - radius * half) * u
     side = np.sign(turn)

@@ -252,6 +252,15 @@ def test_routes_are_those_of_a_vehicle():
     assert copy.deepcopy(route) is route
 
 
+@pytest.mark.parametrize("turn", ["left", "right"])
+def test_a_car_that_turns_in_wide_circles_gets_no_arc_that_it_cannot_drive(turn):
+    """Arcs were drawn down to 5.2 m whatever the car, and its wheels were taken to turn by 0.5 rad."""
+    long = EgoVehicle(length=6.0, wheelbase=4.0, cg_to_rear=2.0, delta_max=0.4)
+    path = load_network("t_junction", vehicle=long).route("south", turn).path
+    assert np.abs(path.curvature).max() < long.tightest < 0.85 * math.tan(0.4) / 4.0
+    assert EgoVehicle().tightest == math.tan(0.5) / 2.8, "of which a part is kept for corrections"
+
+
 @pytest.mark.parametrize("bend", [-0.18, -0.05, 0.1, 0.19])
 def test_the_body_on_a_path_stands_as_the_plant_does(bend):
     """Driven with the steering of its curvature, the plant's heading stays that of `body_pose`."""
