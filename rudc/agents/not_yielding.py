@@ -2,10 +2,10 @@
 
 Such a vehicle needs NEEDED or more to stop before the place where the two ways meet, and brakes with less
 than SHARE of it. In ordinary traffic that is rare: drivers who give way begin to brake earlier. On a slippery
-road they begin earlier still: where full braking is less than HARDEST, NEEDED shrinks in proportion. If it
-and the ego would come to that place at nearly the same time (rudc/agents/gaps.py), the ego drives no faster
-than it can stop from before it, braking at PLANNED. Where it cannot stop there any more, the command stays as
-it is.
+road they begin earlier still: where the road leaves the ego less than HARDEST and less than its brakes can
+give, NEEDED shrinks in proportion. If it and the ego would come to that place at nearly the same time
+(rudc/agents/gaps.py), the ego drives no faster than it can stop from before it, braking at PLANNED. Where it
+cannot stop there any more, the command stays as it is.
 
 Without this rule only the filter and the last resort would slow the ego down, and only when a collision is
 near: on a wet road it then stops in the way of the other.
@@ -24,7 +24,7 @@ from rudc.world.scene import Scene
 
 NEEDED = 1.5
 """m/s2, least braking to stop before the ego's way from which on a vehicle that gives way brakes already, on
-a road that gives HARDEST or more"""
+a dry road"""
 SHARE = 0.5
 """share of the braking that it needs; a vehicle that brakes with less does not look like giving way"""
 MARGIN = 0.5
@@ -38,7 +38,8 @@ def ready_for_not_yielding(scene: Scene, u: Array) -> Array:
     """(2,) the command u (2,), m/s2 and rad, with its acceleration bounded so that the ego can still stop
     before the way of each vehicle that should give way to it and does not look like it."""
     grip = hardest(scene, HARDEST)
-    least, enough = scene.ego.v**2 / (2 * grip), NEEDED * grip / HARDEST
+    on_dry = min(HARDEST, -scene.network.vehicle.a_min)
+    least, enough = scene.ego.v**2 / (2 * grip), NEEDED * grip / on_dry
     found = crossing(scene) if _may_heed(scene, least, enough) else None
     if found is None:
         return u

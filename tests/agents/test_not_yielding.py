@@ -2,6 +2,7 @@
 
 # ruff: noqa: F811 -- fixtures come by import
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,6 +11,8 @@ from rudc.agents import not_yielding
 from rudc.agents.gaps import crossing
 from rudc.agents.not_yielding import NEEDED, SHARE, ready_for_not_yielding
 from rudc.agents.registry import make_agent
+from rudc.network.network import load_network
+from rudc.vehicle import EgoVehicle
 from rudc.world.ego import EgoPlant
 from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
 
@@ -115,6 +118,17 @@ def test_on_a_slippery_road_a_slow_vehicle_that_does_not_brake_is_met_too(four_w
     assert bounded(icy) < 1.0, "it no longer accelerates fully"
     brakes = replace(icy, acceleration=np.full(icy.count, -0.6))
     assert bounded(brakes) == FULL[0]
+
+
+def test_weak_brakes_do_not_make_the_road_slippery(make_scene):
+    """How the others begin to brake was read off the ego's brakes."""
+    network = load_network("four_way", vehicle=EgoVehicle(a_min=-3.0))
+    row = network.movement("south", "straight").rows[0]
+    own = partial(make_scene, network=network, vehicle=network.vehicle)
+    dry = meets(network, own, row, ego=10.0, v=6.0, other=8.0, speed=4.0)
+    icy = replace(dry, vehicle=replace(dry.vehicle, a_min=-1.9))
+    assert bounded(dry) == FULL[0]
+    assert bounded(icy) < FULL[0]
 
 
 def test_agents_are_bounded_by_it_with_approach_only(four_way, make_scene, minor):
