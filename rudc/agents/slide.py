@@ -57,8 +57,9 @@ BACK_M, BACK_RAD = 0.5, 0.2
 EDGE = 0.15
 """m, by which a corner may stick out over the road's edge in a manoeuvre: half of what counts as off the
 road"""
-NEAR, APART = 50.0, 0.2
-"""m within which others count; m, gap that is kept from them"""
+NEAR, NEAR_S, APART = 50.0, 5.0, 0.2
+"""m, s: others count within the first, or as far as they come in the second if that is more; m, gap that is
+kept from them"""
 
 
 _Command = Callable[[float, EgoState, float, float], tuple[float, float]]
@@ -223,10 +224,11 @@ def _is_back(scene: Scene, ego: EgoState, s: float, offset: float, profile: Arra
 
 def _others(scene: Scene) -> tuple[Complex, Complex, Array]:
     """(n, T) m, (n, T) and (n, 2) m: predicted positions and directions, at their present speeds, and half
-    sizes, of the others within NEAR m.
+    sizes, of the others that are near (NEAR, NEAR_S).
     """
-    who = np.flatnonzero(np.hypot(*(scene.position - scene.ego_position).T) < NEAR)
+    speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
+    away = np.hypot(*(scene.position - scene.ego_position).T)
+    who = np.flatnonzero(away < np.maximum(NEAR, NEAR_S * speed))
     times = STEP_S * np.arange(1, round(HORIZON_S / STEP_S) + 1)
-    speed = np.hypot(scene.velocity[who, 0], scene.velocity[who, 1])
-    place, facing = those_ahead(scene, who, speed[:, None] * times)
+    place, facing = those_ahead(scene, who, speed[who, None] * times)
     return place, facing, 0.5 * scene.size[who]

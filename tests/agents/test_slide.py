@@ -17,14 +17,18 @@ from rudc.world.ego import EgoPlant
 from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
 
 
-def driven(scene, friction, seconds=12.0):
-    """Where a driver who follows the line and wants to go on comes to, and whether it stays on the road."""
+def adapted(scene, friction):
+    """An adaptation that knows how well the road grips."""
     adaptation = Adaptation("known", probe=False)
     adaptation.reset(scene)
-    actuation = Actuation(friction=friction)
-    adaptation.estimate = PlantEstimate(actuation, unusual=True)
-    plant = EgoPlant(scene.vehicle)
-    plant.resume(scene.ego, actuation)
+    adaptation.estimate = PlantEstimate(Actuation(friction=friction), unusual=True)
+    return adaptation
+
+
+def driven(scene, friction, seconds=12.0):
+    """Where a driver who follows the line and wants to go on comes to, and whether it stays on the road."""
+    adaptation, plant = adapted(scene, friction), EgoPlant(scene.vehicle)
+    plant.resume(scene.ego, Actuation(friction=friction))
     borders = Borders(scene.network.surface, scene.vehicle, may_cross_centre=False)
     for _ in range(round(seconds / 0.1)):
         u = adaptation.govern(scene, np.array([2.0, steering(scene)]))
@@ -70,6 +74,18 @@ def test_a_slide_does_not_end_in_somebody(make_scene):
     )
     assert stayed
     assert gap[0] > 0.0
+
+
+def test_who_comes_fast_counts_from_farther_away(make_scene):
+    """Only those within 50 m counted: this one meets the ego after 2 s."""
+    setting, v = {"turn": "right", "front": 1.0, "v": 11.0}, 25.0
+    free = make_scene(**setting)
+    there = driven(free, 0.4, 2.0)[0].ego
+    x, y = there.x + 2.0 * v * np.cos(there.psi), there.y + 2.0 * v * np.sin(there.psi)
+    coming = make_scene({"at": (x, y, there.psi + np.pi), "v": v}, **setting)
+    assert np.hypot(*(coming.position[0] - coming.ego_position)) > 60.0
+    steered = [adapted(s, 0.4).govern(s, np.array([2.0, steering(s)]))[1] for s in (free, coming)]
+    assert steered[0] < steered[1] - 0.02
 
 
 def test_an_ego_with_no_way_back_stands(make_scene):
