@@ -49,7 +49,7 @@ from rudc.network.route import Route
 from rudc.world.scene import STANDING, Scene
 
 LOOK = 60.0
-"""m of the course ahead that are checked"""
+"""m of the course ahead that are checked, or more where the ego needs more to stop"""
 CLEAR = 0.25
 """m, a course with at least this gap to bodies is clear; less is enough if the ego is nearer to one
 already"""
@@ -287,13 +287,18 @@ def _clear(scene: Scene, blocks: Blocks) -> float:
     return min(CLEAR, max(float(now.min(initial=math.inf)) - CLOSER, LEAST))
 
 
+def _look(scene: Scene) -> float:
+    """m of the course ahead that are checked: the ego can stop SHORT m before whatever comes into them."""
+    return max(LOOK, SHORT + stopping(scene, planned(scene, HARDEST)))
+
+
 def _first_hit(scene: Scene, blocks: Blocks, clear: float) -> float:
-    """m from the ego to the first place on the next LOOK m of its way to its destination, without the first
-    HERE m, that has a gap of less than `clear` m; inf if there is none.
+    """m from the ego to the first place on the next `_look` m of its way to its destination, without the
+    first HERE m, that has a gap of less than `clear` m; inf if there is none.
     """
     route, body, here = scene.route, scene.vehicle, scene.ego_s + HERE
     lanes = blocks.coming
-    hits, end = math.inf, min(here + LOOK, scene.destination_s)
+    hits, end = math.inf, min(here + _look(scene), scene.destination_s)
     stretches = (
         (blocks.standing, here, end),
         (lanes.outside, here, min(route.stop_line_s, end)),
@@ -356,7 +361,7 @@ def _astray(scene: Scene, blocks: Blocks) -> bool:
 def _profile(scene: Scene, blocks: Blocks) -> Array:
     """(M,) m/s, speed at each station of the ego's path that its bends and the gaps beside bodies allow."""
     path = scene.route.path
-    s, gap = gaps_along(path, scene.ego_s - BACK, scene.ego_s + LOOK, scene.vehicle, blocks.standing)
+    s, gap = gaps_along(path, scene.ego_s - BACK, scene.ego_s + _look(scene), scene.vehicle, blocks.standing)
     profile = speeds_in_bends(path).copy()
     station = np.minimum((s / SPACING).astype(np.int64), len(path.s) - 1)
     np.minimum.at(profile, station, SLOW + PER_METRE * gap)
@@ -364,9 +369,9 @@ def _profile(scene: Scene, blocks: Blocks) -> Array:
 
 
 def _speed_now(scene: Scene, profile: Array) -> float:
-    """m/s, speed from which comfortable braking keeps to `profile` (M,) m/s on the next LOOK m."""
+    """m/s, speed from which comfortable braking keeps to `profile` (M,) m/s on the next `_look` m."""
     s = scene.route.path.s
-    near = (s > scene.ego_s - BACK - SPACING) & (s < scene.ego_s + LOOK)
+    near = (s > scene.ego_s - BACK - SPACING) & (s < scene.ego_s + _look(scene))
     if not near.any():
         return math.inf
     braking = planned(scene, COMFORT)

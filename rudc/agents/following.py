@@ -8,8 +8,8 @@ Then it can stop behind a leader that brakes at LEADER until it stands, by braki
 is known to be poor, what that road gives replaces PLANNED. This is the safe distance of Shalev-Shwartz et
 al., "On a formal model of safe and scalable self-driving cars", 2017, with a follower that brakes less hard.
 The leader is the first vehicle that moves in the ego's direction, however slowly, in the band of road that
-the ego is about to drive over. Vehicles that stand still there are left to courses.py: a course may lead
-round them, and needs PULL_OUT m for that.
+the ego is about to drive over, on the next REACH m or, if that is more, as far as it needs to stop. Vehicles
+that stand still there are left to courses.py: a course may lead round them, and needs PULL_OUT m for that.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import math
 from rudc.agents.kernels import who_leads
 from rudc.arrays import Array
 from rudc.env.conflict import REACH
-from rudc.env.tracking import at_most, planned, slowing
+from rudc.env.tracking import at_most, planned, slowing, stopping
 from rudc.network.paths import SPACING
 from rudc.safety.prediction import ALONG
 from rudc.world.scene import STILL, Scene
@@ -34,11 +34,13 @@ def ready_to_follow(scene: Scene, u: Array) -> Array:
     """(2,) the command u (2,), m/s2 and rad, with an acceleration after which the ego can still stop
     behind its leader."""
     line, body = scene.route.path, scene.vehicle
+    braking = planned(scene, PLANNED)
     gap, along = who_leads(
         line.xy, line.heading, SPACING, scene.position, scene.heading, scene.velocity, scene.size,
-        scene.ego_s, body.length, body.width, STILL, ALONG, REACH,
+        scene.ego_s, body.length, body.width, STILL, ALONG,
+        max(REACH, PULL_OUT + stopping(scene, braking)),
     )  # fmt: skip
     if not 0.0 < gap < math.inf:
         return u
     room = gap - PULL_OUT + along**2 / (2 * LEADER)
-    return at_most(u, slowing(scene, room, 0.0, planned(scene, PLANNED)))
+    return at_most(u, slowing(scene, room, 0.0, braking))

@@ -127,3 +127,10 @@ def test_it_goes_with_the_approach(make_scene, four_way, straight):
         outlook.reset(scene)
         assert bool(outlook.govern(outlook.see(scene), FULL)[0] < 0.0) is approach
         assert outlook.govern(scene, FULL, onwards=True)[0] > 0.0, "who would be hit if it stopped goes on"
+
+
+def test_an_ego_that_is_fast_heeds_a_leader_that_is_farther_away(make_scene, four_way, straight):
+    """From 50 m on, which it looked ahead, it cannot stop behind this one any more."""
+    fast = replace(four_way.vehicle, v_max=30.0)
+    scene = make_scene(leader(four_way, straight, 80.0, 1.0), front=FRONT, v=25.0, vehicle=fast)
+    assert ready_to_follow(scene, FULL)[0] < 0.0

@@ -289,6 +289,18 @@ def test_settings_are_those_of_the_one_tree():
             make_agent(name)
 
 
+def test_an_ego_that_is_fast_looks_for_bodies_farther_ahead(make_scene, four_way):
+    """It looked 60 m ahead at any speed: too late for this one, beside which nothing is clear."""
+    fast, courses = replace(four_way.vehicle, v_max=30.0), Courses()
+    route = four_way.route("south", "straight")
+    wall = {"at": tuple(map(float, route.path.pose(150.0))), "size": (2.0, 40.0)}
+    scene = make_scene(wall, front=-50.0, v=25.0, vehicle=fast)
+    scene = replace(scene, route=replace(route, speed_limit=30.0, speed_limit_after=30.0))
+    courses.reset(scene)
+    assert 150.0 - scene.ego_s > 80.0
+    assert courses.govern(courses.see(scene), np.zeros(2))[0] < -1.0
+
+
 def test_nothing_clear_means_stopping_well_before(world_on):
     found = load_scenario("stalled_truck")
     events = tuple(
