@@ -127,7 +127,7 @@ class Courses:
         blocks = self._blocks = self._blocking.look(scene)
         shown = scene if self.course is None else along(scene, self.course)
         self._stop = math.inf
-        passed = self._round_stray and not blocks.coming.outside.number
+        passed = self._round_stray and not blocks.any
         passed = self._gone(scene, blocks) or passed
         if not (blocks.any or passed):
             return shown
