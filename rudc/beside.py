@@ -83,7 +83,7 @@ def refuse_taken(path: Path) -> None:
     installed, or was loaded from the folder of another file. Names of Python's own library mean that library.
     """
     folder = path.resolve().parent
-    waiting, names = [path.resolve()], dict[str, None]()
+    waiting, names = [path.resolve()], set[str]()
     looked_at = {*waiting}
     while waiting:
         file = waiting.pop()
@@ -91,8 +91,8 @@ def refuse_taken(path: Path) -> None:
             if other.is_relative_to(folder) and other not in looked_at:
                 looked_at.add(other)
                 waiting.append(other)
-                names[other.relative_to(folder).parts[0].removesuffix(".py")] = None
-    for name in names.keys() - sys.stdlib_module_names:
+                names.add(other.relative_to(folder).parts[0].removesuffix(".py"))
+    for name in sorted(names - sys.stdlib_module_names):
         beside, there = PathFinder.find_spec(name, [str(folder)]), _there(name)
         if beside is not None and there not in (None, _file(beside)):
             raise InputError(

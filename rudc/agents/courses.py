@@ -127,13 +127,12 @@ class Courses:
         blocks = self._blocks = self._blocking.look(scene)
         shown = scene if self.course is None else along(scene, self.course)
         self._stop = math.inf
-        passed = self._round_stray and not blocks.any
-        passed = self._gone(scene, blocks) or passed
-        if not (blocks.any or passed):
+        over = self._gone(scene, blocks) or (self._round_stray and not blocks.any)
+        if not (blocks.any or over):
             return shown
         wait, clear = _wait(shown, blocks), _clear(scene, blocks)
         hit = _first_hit(shown, blocks, clear)
-        if hit == math.inf and not passed and not _astray(shown, blocks):
+        if hit == math.inf and not over and not _astray(shown, blocks):
             self._stop = wait
             return shown
         for course, least in self._candidates(scene, blocks, clear):
@@ -314,12 +313,12 @@ def _first_hit(scene: Scene, blocks: Blocks, clear: float) -> float:
 
 
 def _on_route(scene: Scene, blocks: Blocks, clear: float) -> Array:
-    """(n, 2) m, places of the bodies that stand and block on the next LOOK m of the ego's path."""
-    path, here = scene.route.path, scene.ego_s + HERE
+    """(n, 2) m, places of the bodies that stand and block on the next `_look` m of the ego's path."""
+    path, here, look = scene.route.path, scene.ego_s + HERE, _look(scene)
     found = np.zeros(blocks.standing.number, dtype=np.bool_)
     for i in range(blocks.standing.number):
         one = Rectangles(*(part[i : i + 1] for part in blocks.standing))
-        found[i] = (gaps_along(path, here, here + LOOK, scene.vehicle, one)[1] < clear).any()
+        found[i] = (gaps_along(path, here, here + look, scene.vehicle, one)[1] < clear).any()
     return blocks.standing.position[found]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -12,6 +13,13 @@ from rudc.errors import InputError
 Workers = Annotated[
     int | None, typer.Option("--workers", "-w", min=1, help="Processes, a world each. Default: one a core.")
 ]
+ResultsFolder = Annotated[
+    Path | None,
+    typer.Option(
+        "--out", "-o", metavar="DIR",
+        help="Folder for the results; must be given unless there are none (`--verify`, `list`).",
+    ),
+]  # fmt: skip
 LiveReport = Annotated[
     bool, typer.Option("--report", help="Keep DIR/report.html fresh meanwhile: `rudc report`, live.")
 ]

@@ -12,7 +12,7 @@ import typer
 
 from rudc.cli.complete import complete_agents, complete_scenarios
 from rudc.cli.console import Quiet, note, resumable, sweep_progress, warn
-from rudc.cli.options import Workers, cores, parse_overrides
+from rudc.cli.options import ResultsFolder, Workers, cores, parse_overrides
 from rudc.errors import InputError
 
 if TYPE_CHECKING:
@@ -45,9 +45,7 @@ def search(
     episodes: Annotated[int, typer.Option("--episodes", "-n", min=1, help="Episodes in all.")] = 500,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the first episode; the others follow.")] = 0,
     workers: Workers = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder for the results; must be given.")
-    ] = None,
+    out: ResultsFolder = None,
     resume: Annotated[
         bool,
         typer.Option(

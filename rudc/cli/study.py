@@ -19,7 +19,7 @@ from rudc.cli.console import (
     sweep_progress,
     warn,
 )
-from rudc.cli.options import Workers, cores
+from rudc.cli.options import ResultsFolder, Workers, cores
 from rudc.errors import InputError
 
 SEED_DIGITS = 20
@@ -50,12 +50,7 @@ def study(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the first episode; the others follow.")] = 0,
     workers: Workers = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", "-o", metavar="DIR", help="Folder for the results; must be given (not with `list`)."
-        ),
-    ] = None,
+    out: ResultsFolder = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Finish the study in DIR; start it if there is none.")
     ] = False,

@@ -11,7 +11,7 @@ import typer
 
 from rudc.cli.complete import complete_agents, complete_scenarios
 from rudc.cli.console import TRIED_AGAIN, Quiet, SweepBar, SweepLines, note, resumable, sweep_progress, warn
-from rudc.cli.options import LiveReport, Workers, cores, parse_overrides
+from rudc.cli.options import LiveReport, ResultsFolder, Workers, cores, parse_overrides
 from rudc.cli.verify import verify_folder
 from rudc.errors import InputError
 from rudc.evaluation.limits import EPISODE_LIMIT_S
@@ -64,12 +64,7 @@ def sweep(
         typer.Option(min=0, help="Seed of the first episode; the others follow, the same for each agent."),
     ] = 0,
     workers: Workers = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", "-o", metavar="DIR", help="Folder for the results; must be given (not with --verify)."
-        ),
-    ] = None,
+    out: ResultsFolder = None,
     overrides: Annotated[
         list[str] | None,
         typer.Option(

@@ -134,9 +134,8 @@ def _config(
             f"{out} holds a training with algorithm {stored.algorithm}, not {algorithm}: resume it as it is"
         )
     given = changes | settings
-    same = (
-        stored.changed(given) == stored
-    )  # one key alone may differ: a section may be set, and then its parts
+    # One key alone may differ: a section may be set, and then its parts.
+    same = stored.changed(given) == stored
     other = [] if same else [key for key in given if stored.changed({key: given[key]}) != stored]
     if other == ["training.steps"]:
         raise InputError(

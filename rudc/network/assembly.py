@@ -198,7 +198,7 @@ def decide_major(arms: Sequence[Arm], ways: Sequence[Way], yields: Flags, node_t
     Where traffic from the right goes first no arm is major, although right turns yield to nobody there.
     """
     origin = np.array([way.source.origin for way in ways])
-    owes = yields & (origin[:, None] != origin[None, :])
+    owes = _owes_others(ways, yields)
     bound, owed = owes.any(axis=1), owes.any(axis=0)
     major = {k for k in origin.tolist() if not bound[origin == k].any() or (~bound & owed)[origin == k].any()}
     if node_type == "right_before_left":
@@ -206,15 +206,15 @@ def decide_major(arms: Sequence[Arm], ways: Sequence[Way], yields: Flags, node_t
     return [replace(arm, major=k in major) for k, arm in enumerate(arms)]
 
 
-def _yields_to_others(ways: Sequence[Way], yields: Flags) -> Flags:
-    """(P,) whether each way must yield to some way from another arm."""
+def _owes_others(ways: Sequence[Way], yields: Flags) -> Flags:
+    """(P, P) whether each way must yield to each other that comes from another arm."""
     origin = np.array([way.source.origin for way in ways])
-    return np.any(yields & (origin[:, None] != origin[None, :]), axis=1)
+    return yields & (origin[:, None] != origin[None, :])
 
 
 def make_movements(arms: Sequence[Arm], ways: Sequence[Way], yields: Flags) -> list[Movement]:
     """Movements in the order of their first rows."""
-    bound = _yields_to_others(ways, yields)
+    bound = _owes_others(ways, yields).any(axis=1)
     rows: dict[tuple[int, int], list[int]] = {}
     for row, way in enumerate(ways):
         rows.setdefault((way.source.origin, way.source.destination), []).append(row)

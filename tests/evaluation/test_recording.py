@@ -248,26 +248,30 @@ def test_out_of_a_roundabout_everybody_turns_right():
     assert all(way["blinks"][2] - way["blinks"][1] == pytest.approx(15.0, abs=0.2) for way in ways)
 
 
+def recorded_with(folder, *events):
+    """`sudden_brake` with other events, driven by `follower`, as `recorded` gives it."""
+    file = folder / "events.yaml"
+    lines = "".join(f"  - {event}\n" for event in events)
+    file.write_text(f"name: events\nextends: sudden_brake\nevents:\n{lines}")
+    return recorded(str(file), "follower", 0)
+
+
 def test_events_that_are_no_part_of_the_episode_are_named(tmp_path):
-    file = tmp_path / "maybe.yaml"
-    file.write_text(
-        "name: maybe\nextends: sudden_brake\nevents:\n"
-        "  - {kind: hard_brake, vehicle: leader, deceleration: 6, when: {probability: 0}}\n"
-        "  - {kind: low_friction, friction: 0.5}\n"
+    data, _, _ = recorded_with(
+        tmp_path,
+        "{kind: hard_brake, vehicle: leader, deceleration: 6, when: {probability: 0}}",
+        "{kind: low_friction, friction: 0.5}",
     )
-    data, _, _ = recorded(str(file), "follower", 0)
     assert data["absent"] == [{"number": 1, "kind": "hard_brake"}]
     assert [event["number"] for event in data["events"]] == [2]
 
 
 def test_tracks_say_in_which_events_somebody_takes_part_since_when(tmp_path):
-    file = tmp_path / "twice.yaml"
-    file.write_text(
-        "name: twice\nextends: sudden_brake\nevents:\n"
-        "  - {kind: hard_brake, vehicle: leader, deceleration: 1, duration: 1}\n"
-        "  - {kind: hard_brake, vehicle: leader, deceleration: 3, when: {simulation_time: {above: 1}}}\n"
+    data, seen, _ = recorded_with(
+        tmp_path,
+        "{kind: hard_brake, vehicle: leader, deceleration: 1, duration: 1}",
+        "{kind: hard_brake, vehicle: leader, deceleration: 3, when: {simulation_time: {above: 1}}}",
     )
-    data, seen, _ = recorded(str(file), "follower", 0)
     told = [{} for _ in seen]
     for track in data["tracks"]:
         for k in range(track["from"], track["from"] + len(track["state"])):
