@@ -199,7 +199,7 @@ def decide_major(arms: Sequence[Arm], ways: Sequence[Way], yields: Flags, node_t
     """
     origin = np.array([way.source.origin for way in ways])
     owes = _owes_others(ways, yields)
-    bound, owed = owes.any(axis=1), owes.any(axis=0)
+    bound, owed = np.any(owes, axis=1), np.any(owes, axis=0)
     major = {k for k in origin.tolist() if not bound[origin == k].any() or (~bound & owed)[origin == k].any()}
     if node_type == "right_before_left":
         major = set()
@@ -214,7 +214,7 @@ def _owes_others(ways: Sequence[Way], yields: Flags) -> Flags:
 
 def make_movements(arms: Sequence[Arm], ways: Sequence[Way], yields: Flags) -> list[Movement]:
     """Movements in the order of their first rows."""
-    bound = _owes_others(ways, yields).any(axis=1)
+    bound = np.any(_owes_others(ways, yields), axis=1)
     rows: dict[tuple[int, int], list[int]] = {}
     for row, way in enumerate(ways):
         rows.setdefault((way.source.origin, way.source.destination), []).append(row)
