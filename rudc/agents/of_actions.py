@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,17 +108,19 @@ class OfActions:
         self, scene: Scene, observation: Floats, action: Floats, critics: Critics
     ) -> tuple[Floats, str, bool] | None:
         """Another action (2,) in [-1, 1], the status that says how it came about, and whether the limit is
-        exceeded all the same; None if the proposed `action` (2,) may be taken.
+        exceeded all the same; None if the proposed `action` (2,) may be taken. `critics` may be asked what
+        the settings' `asks` names; if that is nothing, trainings give none.
         """
 
     def correct(self, scene: Scene, proposal: Proposal, critics: Critics | None) -> Corrected:
         """See `Correction`. Raises AgentError behind a driver that is not a learnt agent."""
-        if proposal.action is None or proposal.observation is None or critics is None:
+        if proposal.action is None or proposal.observation is None:
             raise AgentError(
                 f"{type(self).__name__} asks what only an agent says that has learnt with it; "
                 "it cannot stand behind another driver"
             )
-        found = self.instead(scene, proposal.observation, proposal.action, critics)
+        asked = cast("Critics", critics)  # there is one wherever the settings' `asks` names something
+        found = self.instead(scene, proposal.observation, proposal.action, asked)
         if found is None:
             return Corrected(proposal.u, np.zeros(2), "nominal")
         action, status, infeasible = found

@@ -70,7 +70,8 @@ class OwnAgent:
 
     def settings(self) -> dict[str, Any]:
         """Everything that decides what the agent does, to be written as JSON: its name, and digests of its
-        source, of the files that this imports from beside it, and of files that its arguments name.
+        source, of the files that this imports from beside it, and of files that its arguments name. If the
+        named file only takes it from elsewhere, or makes it by a call, that file counts among the imports.
         """
         given = {str(i): value for i, value in enumerate(self.positional)} | dict(self.named)
         files = {
@@ -79,8 +80,17 @@ class OwnAgent:
         }  # fmt: skip
         found = self.find()
         known = {"driver": self.text, "source": source_digest(found), "files": files}
-        beside = imports_beside(found)
+        beside = imports_beside(found) | self._named_apart(found)
         return known | ({"imports": beside} if beside else {})
+
+    def _named_apart(self, found: Callable[..., Any]) -> dict[str, str]:
+        """Path -> digest of the code of the named file, where `found` is not written in it."""
+        file = getattr(import_source(self.source), "__file__", None)
+        try:
+            written = Path(inspect.getfile(found)).resolve()
+        except TypeError:
+            written = None
+        return {} if file is None or Path(file).resolve() == written else code_beside(Path(file))
 
 
 def parse_own(name: str) -> tuple[OwnAgent, str] | None:
@@ -167,10 +177,13 @@ def _arguments(rest: str) -> str:
 def _values(inside: str, name: str) -> tuple[tuple[Any, ...], tuple[tuple[str, Any], ...]]:
     call = ast.parse(f"f{inside or '()'}", mode="eval").body
     assert isinstance(call, ast.Call)
+    words = [str(word.arg or "**") for word in call.keywords]
+    if twice := next((word for word in words if words.count(word) > 1), None):
+        raise AgentError(f"agent {name}: argument {twice} is given twice")
     try:
-        named = tuple((str(word.arg or "**"), ast.literal_eval(word.value)) for word in call.keywords)
+        named = tuple(zip(words, (ast.literal_eval(word.value) for word in call.keywords), strict=True))
         return tuple(ast.literal_eval(value) for value in call.args), named
-    except ValueError:
+    except (TypeError, ValueError):
         raise AgentError(
             f"agent {name}: arguments are numbers, texts in quotes, True, False, None, or lists of them"
         ) from None

@@ -119,7 +119,7 @@ def _config(
     from rudc.learning.algorithms import ALGORITHMS
     from rudc.training.config import TrainConfig
     from rudc.training.folder import stored_config
-    from rudc.training.presets import read_preset, set_otherwise
+    from rudc.training.presets import left_out, preset_names, read_preset, set_otherwise
 
     twice = sorted(changes.keys() & settings.keys() - {"training.curriculum"})
     if twice:
@@ -128,7 +128,11 @@ def _config(
     if stored is None:
         if algorithm is None:
             raise InputError(f"which algorithm? there are {', '.join(ALGORITHMS)}")
-        return TrainConfig.of(algorithm, changes | settings, preset or "default")
+        config = TrainConfig.of(algorithm, changes | settings, preset or "default")
+        own = {} if preset is None or preset in preset_names() else read_preset(preset)
+        if idle := list(left_out(own, config.model_dump())):
+            note(f"{preset}: without effect here, and left out: {', '.join(idle)}")
+        return config
     if algorithm not in (None, stored.algorithm):
         raise InputError(
             f"{out} holds a training with algorithm {stored.algorithm}, not {algorithm}: resume it as it is"

@@ -27,7 +27,7 @@ from rudc.files import make_folder
 from rudc.hints import install_command
 from rudc.reporting.agreement import Agreement, draw_agreement
 from rudc.safety.barrier import COMMON
-from rudc.safety.residual import heads, shipped_predictor
+from rudc.safety.residual import shipped_predictor
 from rudc.studies.base import Order, Report, write
 from rudc.training.residual_data import Dataset, Samples, collect, load_dataset, save_dataset
 from rudc.vehicle import EgoVehicle
@@ -57,14 +57,14 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
         parts = evaluate(dataset, predictor, only_held_out=False)
         gripped = evaluate(within_grip(dataset), predictor, only_held_out=False)
         parts += [
-            part._replace(about=f"{part.about}, within grip") for part in gripped if part.about in heads()
+            part._replace(about=f"{part.about}, within grip") for part in gripped if part.about in dataset
         ]
         for found in parts:
             for name, score in (("model alone", found.model), ("with predictor", found.predictor)):
                 line = {"action": kind, "constraints": found.about, "samples": found.samples, "by": name}
                 explained = found.explained if score is found.predictor else 0.0
                 lines.append(line | score._asdict() | {"share_of_w": explained})
-        for head in heads():
+        for head in dataset:
             samples = dataset[head]
             w = samples.w.astype(float)
             expected = predictor.of(head, samples.xi.astype(float))

@@ -34,7 +34,7 @@ class Training(Settings):
     """How an agent is trained."""
 
     scenario: str = "random_destination"
-    """shipped name or file"""
+    """shipped name or file; `curriculum` replaces its route, density and distance, unless it is null"""
     curriculum: Curriculum | None = Curriculum()
     """what replaces the scenario's start and traffic; None keeps them"""
     collision_reward: float = Field(default=-75.0, le=0)

@@ -50,7 +50,9 @@ def held_out(sources: Sequence[str]) -> dict[str, Scenario]:
 
 
 def make_mixture(source: str, curriculum: Curriculum | None) -> Mixture:
-    """The scenario as it is, or varied as the curriculum says: one variant for each arm and turn."""
+    """The scenario as it is, or varied as the curriculum says: one variant for each arm and turn. Each value
+    that the scenario sweeps is as likely as the others.
+    """
     scenario = load_scenario(source)
     if curriculum is None:
         variants = [variant for _, variant in scenario.grid()]
@@ -64,10 +66,13 @@ def make_mixture(source: str, curriculum: Curriculum | None) -> Mixture:
     total = sum(shares.values())
     if total == 0:
         raise InputError(f"the curriculum leaves nothing to drive on network {network.name!r}")
-    variants = [
-        load_scenario(source, {**drawn, "ego.route": {"from": arm, "turn": turn}}) for arm, turn in shares
-    ]
-    return Mixture(tuple(variants), tuple(share / total for share in shares.values()))
+    variants, chances = list[Scenario](), list[float]()
+    for (arm, turn), share in shares.items():
+        varied = load_scenario(source, {**drawn, "ego.route": {"from": arm, "turn": turn}})
+        points = [variant for _, variant in varied.grid()]
+        variants += points
+        chances += [share / total / len(points)] * len(points)
+    return Mixture(tuple(variants), tuple(chances))
 
 
 def _shares(network: Network, curriculum: Curriculum) -> dict[tuple[str, str], float]:

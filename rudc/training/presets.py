@@ -69,6 +69,15 @@ def _refuse_what_nobody_has(learner: Mapping[str, Any], known: set[str], what: s
             raise InputError(f"{what}: there is no setting 'learner.{key}'{meant(f'learner.{key}', there)}")
 
 
+def left_out(preset: Mapping[str, Any], settings: Mapping[str, Any], before: str = "") -> Iterator[str]:
+    """Dotted keys of what a preset sets and a tree of settings lacks, since it has no effect there."""
+    for key, value in preset.items():
+        if key not in settings:
+            yield f"{before}{key}"
+        elif isinstance(value, Mapping) and isinstance(settings[key], Mapping):
+            yield from left_out(value, settings[key], f"{before}{key}.")
+
+
 def set_otherwise(preset: Mapping[str, Any], wanted: Any, there: Any, before: str = "") -> Iterator[str]:
     """Dotted keys of those values that a preset sets and that differ between two trees of settings."""
     for key, value in preset.items():

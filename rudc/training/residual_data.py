@@ -27,9 +27,10 @@ from rudc.errors import InputError, SimulationError
 from rudc.files import write_atomically
 from rudc.network.network import load_network
 from rudc.safety.barrier import STEP
+from rudc.safety.barriers import BARRIERS
 from rudc.safety.config import FilterConfig
 from rudc.safety.constraints import ConstraintBuilder, Constraints
-from rudc.safety.residual import features, heads, predicted_change
+from rudc.safety.residual import features, predicted_change
 from rudc.scenario.plan import EpisodePlan
 from rudc.training.collect import DRAWS
 from rudc.training.config import Curriculum
@@ -38,7 +39,7 @@ from rudc.world.scene import Scene
 from rudc.world.world import World
 
 BUFFERS = {"vehicle": (0.0, 0.8), "road": (0.0, 0.5)}
-"""m, between which d_safe is drawn"""
+"""barriers that samples are taken of -> m, between which d_safe is drawn"""
 KEPT = 2
 """constraints of each head that are kept of a decision"""
 NEAR = 40.0
@@ -163,7 +164,10 @@ def _drive(
     """Drive an episode, and keep some of it."""
     scene = episode.reset(plan)
     driver.reset(scene, plan.seed)
-    every = FilterConfig.preset("ttcbf", constrained="all", d_safe=0.0, max_vehicles=None, road_d_safe=0.2)
+    others = {name: False for name in BARRIERS if name not in BUFFERS}
+    every = FilterConfig.preset(
+        "ttcbf", constrained="all", d_safe=0.0, max_vehicles=None, road_d_safe=0.2, **others
+    )
     before_builder, after_builder = ConstraintBuilder(every), ConstraintBuilder(every)
     while episode.outcome is None:
         decision = driver.act(scene)
@@ -261,7 +265,7 @@ def load_dataset(path: Path) -> Dataset:
     """Read samples. Raises InputError."""
     try:
         arrays = load_file(path)
-        return {head: Samples(*(arrays[f"{head}/{k}"] for k in Samples._fields)) for head in heads()}
+        return {head: Samples(*(arrays[f"{head}/{k}"] for k in Samples._fields)) for head in BUFFERS}
     except FileNotFoundError:
         raise InputError(
             f"no samples in {path}: `rudc residual collect --out {path}` collects them"

@@ -15,6 +15,7 @@ predicted, by the model alone and with the predictor, and how much of w is expla
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -113,9 +114,9 @@ def fit(
     """Learn both heads. `progress` is told head, epoch and loss. Raises InputError for samples of so few
     episodes that none are left to learn from, or to be held out.
     """
-    for head in heads():
+    for head in dataset:
         held_out(dataset, head)
-    parts = [(head, held_out(dataset, head, rest=True)) for head in heads()]
+    parts = [(head, held_out(dataset, head, rest=True)) for head in dataset]
     arrays: Arrays = {}
     with torch_threads(1):  # for layers this small, more gain nothing
         for number, (head, samples) in enumerate(parts):
@@ -127,7 +128,7 @@ def evaluate(dataset: Dataset, predictor: ResidualPredictor, *, only_held_out: b
     """Scores of both heads, on the held-out episodes or on all; then of standing vehicles near a standing
     ego, if any. Raises InputError where too few are held out.
     """
-    parts = [(head, head, held_out(dataset, head) if only_held_out else dataset[head]) for head in heads()]
+    parts = [(head, head, held_out(dataset, head) if only_held_out else dataset[head]) for head in dataset]
     still = standing(parts[0][2])
     if len(still.w) > 1:
         parts.append(("vehicle, both standing", "vehicle", still))
@@ -140,16 +141,21 @@ def evaluate(dataset: Dataset, predictor: ResidualPredictor, *, only_held_out: b
 def _measure(about: str, samples: Samples, expected: NDArray) -> Evaluation:
     """`expected`: (M,) m2, the w that was predicted."""
     w = samples.w.astype(np.float64)
-    missing = float(np.sum((w - expected) ** 2) / np.sum((w - w.mean()) ** 2))
     model, predictor = _score(samples.change, w), _score(samples.change, w - expected)
-    return Evaluation(about, len(w), model, predictor, 1.0 - missing)
+    return Evaluation(about, len(w), model, predictor, _explained(w - expected, w))
 
 
 def _score(change: NDArray, error: NDArray) -> Score:
-    change = change.astype(np.float64)
-    spread = float(np.sum((change - change.mean()) ** 2))
-    squares = float(np.sum(error**2))
-    return Score(1.0 - squares / spread, float(np.mean(np.abs(error))), float(np.sqrt(squares / len(error))))
+    explained = _explained(error, change.astype(np.float64))
+    return Score(explained, float(np.mean(np.abs(error))), float(np.sqrt(np.mean(error**2))))
+
+
+def _explained(error: NDArray, of: NDArray) -> float:
+    """R2, the share of the squares of `of` about its mean that an error (M,) leaves out; nan where all are
+    equal.
+    """
+    spread = float(np.sum((of - of.mean()) ** 2))
+    return 1.0 - float(np.sum(error**2)) / spread if spread else math.nan
 
 
 def _fit(

@@ -34,6 +34,7 @@ import torch
 
 from rudc.agents.checkpoint import LATEST, Learnt, save_learnt
 from rudc.arrays import Arrays
+from rudc.env.outcome import Outcome
 from rudc.errors import AgentError, InputError, TrainingError
 from rudc.evaluation.memory import keep_freed_blocks
 from rudc.files import aside_of, replace_folder, write_atomically
@@ -215,8 +216,8 @@ class Trainer:
         for row in evaluation_rows(self.steps, records):
             self._log.write("evaluation", row)
             if row["priority"] == "all":
-                good, frozen = row["success"], row["frozen"]
-                rates = f"success {good:.0%}, frozen {frozen:.0%}, violation {1 - good - frozen:.0%}"
+                violation = sum(row[outcome] for outcome in Outcome if outcome.is_violation)
+                rates = f"success {row['success']:.0%}, frozen {row['frozen']:.0%}, violation {violation:.0%}"
                 self._watcher.note(f"step {self.steps}, {row['scenario']}: {rates}")
 
     def _calibrate(self) -> None:
@@ -319,7 +320,7 @@ class Trainer:
             self._stop = True
             self._watcher.note("interrupted, finishing this round")
 
-        before = {number: signal.signal(number, stop) for number in (signal.SIGINT, *_told_to_end())}
+        before = {number: signal.signal(number, stop) for number in _told_to_end()}
         try:
             yield
         finally:
@@ -333,8 +334,8 @@ def astray(losses: Statistics, limit: float) -> bool:
 
 
 def _told_to_end() -> list[signal.Signals]:
-    """SIGTERM, and SIGHUP where there is one, but not where it is ignored (nohup)."""
-    known = [signal.Signals[name] for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    """SIGINT, SIGTERM, and SIGHUP where there is one, but none that is ignored (nohup; `&` in a script)."""
+    known = [signal.Signals[name] for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
     return [number for number in known if signal.getsignal(number) != signal.SIG_IGN]
 
 

@@ -188,5 +188,3 @@ def test_who_has_not_learnt_with_it_is_refused(scene: Scene, kind: str):
     assert correction is not None
     with pytest.raises(AgentError, match=r"only an agent .* that has learnt with it"):
         FilteredAgent(Follower(), "follower", correction).act(scene)
-    with pytest.raises(AgentError, match=r"only an agent .* that has learnt with it"):
-        correction.correct(scene, proposal(scene, [0.0, 0.0], Direct()), None)

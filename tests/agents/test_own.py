@@ -192,6 +192,26 @@ def test_settings_change_with_the_source_and_with_files_in_arguments(folder):
 
 
 @pytest.mark.parametrize(
+    "taken",
+    [
+        "from {beside} import Steady as Mine",
+        "from {beside} import Steady; Mine = partial(Steady, speed={number})",
+    ],
+)
+def test_settings_change_with_the_file_that_is_named(folder, taken):
+    """Also where the class is written in another file, or what is named is no class."""
+    beside = f"steady_{len(taken)}"  # this process imports each name once
+    (folder / f"{beside}.py").write_text(SOURCE, encoding="utf-8")
+    found = []
+    for number in (3, 9):
+        text = f"from functools import partial\n{taken.format(beside=beside, number=number)}  # {number}\n"
+        (folder / "taking.py").write_text(text, encoding="utf-8")
+        found.append(agent_settings("taking.py:Mine"))
+    assert found[0] != found[1]
+    assert "taking.py" in found[0]["imports"]
+
+
+@pytest.mark.parametrize(
     ("name", "told"),
     [
         ("mein.py:Steady", "there is no such file (did you mean 'mine.py'?)"),
@@ -209,6 +229,8 @@ def test_settings_change_with_the_source_and_with_files_in_arguments(folder):
         ("mine.py:Steady:", "KEY=VALUE expected after the colon"),
         ("mine.py:Steady+ttcbf:d_safe", "KEY=VALUE expected after the colon"),
         ("mine.py:Steady(speed=open('x'))", "arguments are numbers, texts in quotes"),
+        ("mine.py:Steady(speed=3, speed=6)", "argument speed is given twice"),
+        ("mine.py:Steady({[1]: 2})", "arguments are numbers, texts in quotes"),
         ("mine.py:Steady(3", "are not Python"),
         ("mine.py:NoReset", "has no method reset(scene, seed)"),
         ("mine.py:Costly", "cannot be made: FileNotFoundError: no weights (mine.py:"),

@@ -136,6 +136,15 @@ def test_the_command_that_began_a_training_resumes_it(rudc, calls):
     assert "training.curriculum.density: resume it as it is" in other.err
 
 
+def test_what_of_a_configuration_has_no_effect_is_said(rudc, calls, tmp_path):
+    (tmp_path / "mine.yaml").write_text(
+        "correction: {d_safe: 0.2}\nlearner: {distortion: cvar, distortion_parameter: 0.1, batch_size: 64}\n"
+    )
+    answer = rudc("train", "rudc-t", "--configuration", "mine.yaml", "--out", "x")
+    assert "mine.yaml: without effect here, and left out: learner.distortion_parameter\n" in answer.err
+    assert "left out" not in rudc("train", "rudc-t", "--configuration", "paper", "--out", "y").err
+
+
 @pytest.mark.parametrize("algorithm", ["rudc-t", "sac"])
 def test_resuming_with_another_preset_is_refused(rudc, calls, tmp_path, algorithm):
     (tmp_path / "mine.yaml").write_text("learner: {n_step: 2, members: 4}\ntraining: {seed_steps: 300}\n")

@@ -188,6 +188,15 @@ def test_without_curriculum_the_scenario_is_kept():
     assert sum(swept.chances) == pytest.approx(1)
 
 
+def test_with_a_curriculum_all_values_that_a_scenario_sweeps_are_trained_on(tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text("name: mine\nextends: random_destination\nsweep: {episode.timeout: [5, 60]}\n")
+    mixture = make_mixture(str(file), Curriculum())
+    plans = [(scenario.plan(0), chance) for scenario, chance in zip(*mixture, strict=True)]
+    for timeout in (5.0, 60.0):
+        assert sum(chance for plan, chance in plans if plan.timeout_s == timeout) == pytest.approx(0.5)
+
+
 def test_held_out_scenarios_have_names_of_their_own(tmp_path):
     """Episodes of two of one name could not be told from each other."""
     for file, density in (("thin", 10), ("thick", 35)):

@@ -57,6 +57,7 @@ SMALL = (
     "training.steps=50", "training.seed_steps=50", "training.learning_starts=16", "training.envs=1",
     "training.round_decisions=25", "training.evaluation_episodes=0", "learner.batch_size=16",
     "learner.policy.hidden=8", "learner.critic.hidden=8", "training.curriculum=null",
+    "training.filtered_share=1",
 )  # fmt: skip
 
 

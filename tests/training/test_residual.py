@@ -11,6 +11,7 @@ from rudc.arrays import Array
 from rudc.env.action import Adjustment
 from rudc.env.episode import Episode
 from rudc.errors import AgentError, InputError, SimulationError
+from rudc.safety.barriers import BARRIERS
 from rudc.safety.residual import ResidualPredictor, heads, load_predictor, shipped_predictor, trust
 from rudc.scenario import load_scenario
 from rudc.training import residual_data
@@ -18,6 +19,7 @@ from rudc.training.curriculum import Mixture
 from rudc.training.residual_data import Samples, collect, load_dataset, save_dataset
 from rudc.training.residual_fit import _initial, _predict, evaluate, fit, standing
 from rudc.vehicle import EgoVehicle
+from tests.safety.test_barriers import SpeedBarrier
 
 VEHICLE, ROAD = heads().values()
 
@@ -90,6 +92,14 @@ def test_random_actions_stand_still_now_and_then(dataset):
     assert 0.03 < np.mean(speed < 0.1) < 0.5
 
 
+def test_barriers_of_others_are_no_part_of_samples(monkeypatch):
+    class Eager(SpeedBarrier):
+        at_work = True
+
+    monkeypatch.setitem(BARRIERS, "speed", Eager)
+    assert set(collect(20, 3, Adjustment(), lambda *_: None)) == {"vehicle", "road"}
+
+
 def _known(rng: np.random.Generator, features_: int, rows: int = 2000) -> Samples:
     """Samples whose w is a smooth function of the features."""
     xi = rng.normal(size=(rows, features_)).astype(np.float32)
@@ -143,6 +153,16 @@ def test_samples_of_too_few_episodes_are_refused(episodes, said):
     if episodes:
         with pytest.raises(InputError, match="are held out"):
             evaluate(few, shipped_predictor(), only_held_out=True)
+
+
+def test_where_nothing_changes_there_is_nothing_to_explain():
+    rng = np.random.default_rng(0)
+    still = {head: _known(rng, len(names), rows=100) for head, names in heads().items()}
+    still = {
+        k: v._replace(change=np.zeros(100, np.float32), w=np.zeros(100, np.float32)) for k, v in still.items()
+    }
+    found = evaluate(still, shipped_predictor(), only_held_out=False)
+    assert all(np.isnan([part.explained, part.model.r2, part.predictor.r2]).all() for part in found)
 
 
 def test_samples_that_stand_beside_what_stands():
