@@ -19,7 +19,8 @@ FOLDER = "networks"
 
 
 def keep_networks(plan: SweepPlan, folder: Path) -> dict[str, str]:
-    """Copy the networks that do not come with RUDC into a sweep's folder: path given -> path of the copy.
+    """Copy the networks that do not come with RUDC into a sweep's folder: path, as given and absolute -> path
+    of the copy.
 
     Raises InputError where one cannot be read, SweepError where one is no longer what its scenario's digest
     says.
@@ -30,6 +31,7 @@ def keep_networks(plan: SweepPlan, folder: Path) -> dict[str, str]:
         for source in filter(is_network_path, named):
             if source not in copies:
                 copies[source] = _copied(Path(source), folder / FOLDER)
+                copies[str(Path(source).absolute())] = copies[source]  # how a swept one's episodes name it
         if with_copies(scenario, copies).digest != scenario.digest:
             raise SweepError(f"a network of scenario {scenario.name} was changed just now; start anew")
     return copies

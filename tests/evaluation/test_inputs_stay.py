@@ -3,6 +3,7 @@
 import os
 import shutil
 from functools import partial
+from pathlib import Path
 
 import pytest
 
@@ -99,6 +100,20 @@ def test_a_network_that_is_replaced_changes_no_row(plan, tmp_path, here):
     result = run_sweep(told, tmp_path / "replaced", Forgetful, progress=AfterTheFirst(deed))
     assert not result.errors
     assert len(list((tmp_path / "replaced" / "networks").rglob("own.net.xml"))) == 1
+
+
+def test_swept_networks_are_driven_on_the_copies_too(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("a.net.xml", "b.net.xml"):
+        shutil.copy(shipped_networks()["t_junction"], name)
+    named = ["a.net.xml", f"{tmp_path}//b.net.xml"]
+    scenario = load_scenario("random_destination", grid={"network": named})
+    with SweepFolder(tmp_path / "out", SweepPlan((scenario,), ("follower",), 1, 0)) as folder:
+        folder.open(resume=False)
+    driven = [Path(task.scenario.network) for task in folder.tasks]
+    assert [path.name for path in driven] == ["a.net.xml", "b.net.xml"]
+    assert all(path.is_relative_to(tmp_path / "out" / "networks") for path in driven)
+    assert [task.swept["network"] for task in folder.tasks] == named  # what the rows say
 
 
 def test_an_agent_that_is_replaced_is_refused(plan, tmp_path, here):
