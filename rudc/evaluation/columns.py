@@ -34,6 +34,8 @@ Average = Literal["episodes", "decisions", "share"]
 """mean over the episodes; mean over all decisions, of a column that is itself a mean over decisions; share of
 all decisions in percent, of a column that counts decisions"""
 
+BOUND = 1e12
+"""no episode has a number as large as this; statistics of larger ones overflow"""
 INTERVENTION_MPS2, INTERVENTION_RAD = 0.1, 0.005
 """an intervention changes acceleration or steering by more than this; nobody would feel a smaller change"""
 
@@ -89,8 +91,10 @@ class Column:
         if value is None:
             return ""
         if self.average is not None:
-            is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-            return "" if is_number else "what has an average is a number"
+            if not isinstance(value, (int, float)) or isinstance(value, bool):
+                return "what has an average is a number"
+            too_large = BOUND <= abs(value) < math.inf
+            return f"what has an average is between -{BOUND:g} and {BOUND:g}" if too_large else ""
         if not isinstance(value, (str, int, float)):
             return "a value is a number, a text, true, false or None"
         return "a text is one line" if isinstance(value, str) and len(value.splitlines()) > 1 else ""

@@ -13,7 +13,7 @@ import numpy as np
 from rudc.arrays import Array, Index
 from rudc.env.outcome import Outcome
 from rudc.errors import SweepError
-from rudc.evaluation.columns import COLUMNS, IDENTITY
+from rudc.evaluation.columns import BOUND, COLUMNS, IDENTITY
 from rudc.evaluation.store import MENDED
 
 Row = Mapping[str, str]
@@ -25,8 +25,6 @@ _NUMBERS = tuple(name for name, column in COLUMNS.items() if column.average is n
 _OUTCOMES = frozenset(map(str, Outcome))
 _SEED_DIGITS = 20
 """a seed has fewer"""
-_BOUND = 1e12
-"""no episode has a number as large; of larger ones statistics overflow"""
 
 
 @dataclass(frozen=True)
@@ -106,7 +104,7 @@ def _sound(block: Columns) -> bool:
     if any(bool(outcome) if failed else outcome not in _OUTCOMES for failed, outcome in ends):
         return False
     try:  # where sizes add up to less than the bound, each is below it
-        return all(sum(map(abs, map(float, {*block[name]} - {""}))) < _BOUND for name in _NUMBERS)
+        return all(sum(map(abs, map(float, {*block[name]} - {""}))) < BOUND for name in _NUMBERS)
     except ValueError:
         return False
 
@@ -122,7 +120,7 @@ def _wrong(row: Row) -> str:
         return f"outcome: {outcome[:40]!r} is none; there are {', '.join(sorted(_OUTCOMES))}"
     for name in _NUMBERS:
         if row[name] and not _is_number(row[name]):
-            return f"{name}: {row[name][:40]!r} is no number between -{_BOUND:g} and {_BOUND:g}"
+            return f"{name}: {row[name][:40]!r} is no number between -{BOUND:g} and {BOUND:g}"
     return ""
 
 
@@ -133,6 +131,6 @@ def is_whole(text: str) -> bool:
 
 def _is_number(text: str) -> bool:
     try:
-        return abs(float(text)) < _BOUND
+        return abs(float(text)) < BOUND
     except ValueError:
         return False

@@ -127,6 +127,7 @@ def test_blocks_of_rows_say_what_all_of_them_say():
         ("a\nb", None, "a text is one line, got"),
         ("x", "episodes", "what has an average is a number, got 'x'"),
         (True, "episodes", "what has an average is a number, got 'True'"),
+        (-1e12, "episodes", "what has an average is between -1e+12 and 1e+12, got '-1000000000000.0'"),
     ],
 )
 def test_what_no_cell_can_say_is_refused_by_the_columns_name(value, average, says):
