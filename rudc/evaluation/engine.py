@@ -18,7 +18,6 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import signal
-import sys
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -202,8 +201,14 @@ def serve(pipe: Connection, make_runner: RunnerFactory) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(signal, "SIGHUP"):
         signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, _end)
     return_large_blocks()
+    with contextlib.suppress(_ToldToEnd):
+        signal.signal(signal.SIGTERM, _end)
+        _answer(pipe, make_runner)
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def _answer(pipe: Connection, make_runner: RunnerFactory) -> None:
     try:
         run = make_runner()
     except Exception as error:
@@ -218,10 +223,15 @@ def serve(pipe: Connection, make_runner: RunnerFactory) -> None:
             pipe.send(run(task))
 
 
+class _ToldToEnd(BaseException):
+    """Raised at SIGTERM, wherever the worker stands; unlike SystemExit, nobody takes it for a failure of an
+    agent."""
+
+
 def _end(*_: object) -> None:
-    """End this process; a second SIGTERM changes nothing: a terminal's and the parent's may both come."""
+    """Raise _ToldToEnd; a second SIGTERM changes nothing: a terminal's and the parent's may both come."""
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    sys.exit(0)
+    raise _ToldToEnd
 
 
 def _cause(exit_code: int | None) -> str:

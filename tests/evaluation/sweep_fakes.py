@@ -11,6 +11,7 @@ from pathlib import Path
 from rudc.errors import SimulationError
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.tasks import SweepPlan, Task
+from rudc.imports import ask_own
 from rudc.scenario import find_scenarios
 
 
@@ -62,7 +63,7 @@ class SlowToLoad(Runner):
 
 
 class Troubled:
-    """Goes wrong at seed 1: `die`, `die_once`, `hang`, `fail`; answers all others."""
+    """Goes wrong at seed 1: `die`, `die_once`, `told_to_end`, `exit`, `hang`, `fail`; answers all others."""
 
     def __init__(self, trouble: str, folder: Path) -> None:
         self._trouble = trouble
@@ -74,6 +75,8 @@ class Troubled:
             self._mark.touch()
             if self._trouble == "die" or (self._trouble == "die_once" and first):
                 os.kill(os.getpid(), signal.SIGKILL)
+            if self._trouble == "told_to_end":
+                ask_own("agent mine", 0.0, "act", lambda: os.kill(os.getpid(), signal.SIGTERM))
             if self._trouble == "exit":
                 os._exit(7)
             if self._trouble == "hang":

@@ -50,7 +50,10 @@ def test_a_worker_that_dies_is_replaced_and_its_episode_retried(fakes, make_plan
     assert not any(record.error for record in records.values())
 
 
-@pytest.mark.parametrize(("trouble", "cause"), [("die", "SIGKILL"), ("exit", "exit code 7")])
+@pytest.mark.parametrize(
+    ("trouble", "cause"),
+    [("die", "SIGKILL"), ("exit", "exit code 7"), ("told_to_end", "it ended with exit code 0")],
+)
 def test_an_episode_that_kills_twice_is_recorded_with_its_error(fakes, make_plan, tmp_path, trouble, cause):
     tasks = make_plan(agents=("sumo",), episodes=4).tasks()
     records, count = collect(tasks, partial(fakes.Troubled, trouble, tmp_path))
