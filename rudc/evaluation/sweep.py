@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable, Generator, Iterator, Sequence
+import re
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
-from rudc.agents.drivers import MakeAgent, register_agent, registered_agents
+from rudc.agents.drivers import register_agent, registered_agents
 from rudc.errors import InputError, PartFailedError, RudcError, StorageError, SweepError
 from rudc.evaluation.code import code_digest
 from rudc.evaluation.engine import Result, Runner, RunnerFactory, run_local
@@ -92,9 +93,10 @@ def run_sweep(
 ) -> SweepResult:
     """Run what is not finished yet, and write episodes, metrics and manifest to `out`.
 
-    make_runner is called once in each worker (`EpisodeRunner`); it must be importable there, and so must
-    registered agents. Raises SweepError when the folder holds something else, StorageError when it cannot be
-    written. Whatever ends a sweep early (Ctrl-C included), all rows of finished episodes are kept.
+    make_runner is called once in each worker (`EpisodeRunner`); it must be importable there, and so must the
+    registered agents of the plan. Raises InputError where one is not, SweepError when the folder holds
+    something else, StorageError when it cannot be written. Whatever ends a sweep early (Ctrl-C included), all
+    rows of finished episodes are kept.
     """
     if workers < 1:
         raise SweepError(f"a sweep needs at least one worker, not {workers}")
@@ -102,6 +104,7 @@ def run_sweep(
     if engine not in ENGINES:
         raise InputError(f"no engine {engine!r}{there_are(engine, ENGINES)}")
     chosen = ENGINES[engine]
+    make_runner = prepared(make_runner, plan.agents)
     with chosen.connected(), SweepFolder(out, plan) as folder:
         folder.open(resume)
         with kept_rows():
@@ -140,7 +143,7 @@ def _finish(
     todo = [task for task in folder.tasks if task.key(folder.parameters) not in folder.finished]
     progress.begin(len(folder.tasks), len(folder.finished), folder.warnings)
     if todo:
-        with closing(_results(engine, todo, workers, limit_s, prepared(make_runner))) as results:
+        with closing(_results(engine, todo, workers, limit_s, make_runner)) as results:
             for task, record in results:
                 progress.advance(task, folder.add(task, record))
     folder.complete()
@@ -163,9 +166,29 @@ def _results(
         ) from error
 
 
-def prepared(make_runner: RunnerFactory) -> RunnerFactory:
-    """As `make_runner`, for processes with the code of this one; they learn which agents are registered."""
-    return _Prepared(code_digest(), imported_first(), registered_agents(), make_runner)
+def prepared(make_runner: RunnerFactory, agents: Iterable[str]) -> RunnerFactory:
+    """As `make_runner`, for processes with the code of this one; they learn which agents are registered, as
+    far as they can import them. Raises InputError for a registered one of `agents`, the names of those that
+    will drive, that no other process can import.
+    """
+    used = frozenset(re.split("[+:]", name)[0] for name in agents)
+    known: dict[str, bytes] = {}
+    for name, make in registered_agents().items():
+        if (getattr(make, "__module__", None) or "").startswith(PREFIX):
+            continue  # its file, which is imported first, registers it
+        try:
+            known[name] = pickle.dumps(make)
+        except Exception as error:
+            if name in used:
+                raise _not_importable(name, error) from error
+    return _Prepared(code_digest(), imported_first(), known, used, make_runner)
+
+
+def _not_importable(name: str, error: Exception) -> InputError:
+    return InputError(
+        f"agent {name!r} is registered here, and worker processes cannot import it ({in_words(error)}); "
+        "register a class or function that stands at the top of a module or of the script's file"
+    )
 
 
 @dataclass(frozen=True)
@@ -175,32 +198,37 @@ class _Prepared:
     code: str
     """its digest"""
     imports: tuple[str, ...]
-    agents: dict[str, MakeAgent]
+    agents: Mapping[str, bytes]
+    """name -> pickled class or function of each registered agent"""
+    used: frozenset[str]
+    """names of agents that must be there"""
     make_runner: RunnerFactory
 
     def __call__(self) -> Runner:
-        """Raises SweepError where this process has other code than the one that asks."""
+        """Raises SweepError where this process has other code than the one that asks, InputError where it
+        cannot import an agent that is used.
+        """
         if code_digest() != self.code:
             raise SweepError(
                 "RUDC's code was changed since the sweep began, and its rows would mix with others; "
                 "what is finished is kept: --resume goes on with the code as it is now"
             )
+        for name, make in self.agents.items():
+            try:
+                register_agent(name, pickle.loads(make))
+            except Exception as error:
+                if name in self.used:
+                    raise _not_importable(name, error) from error
         return self.make_runner()
 
     def __reduce__(self) -> tuple[Callable[..., _Prepared], tuple[Any, ...]]:
-        """Pickled with the files that its reader must import first; agents of these files register
-        themselves."""
-        agents = {
-            name: make for name, make in self.agents.items()
-            if not getattr(make, "__module__", "").startswith(PREFIX)
-        }  # fmt: skip
-        return _prepare, (self.code, self.imports, pickle.dumps((agents, self.make_runner)))
+        """Pickled with the files that its reader must import first."""
+        return _prepare, (self.code, self.imports, self.agents, self.used, pickle.dumps(self.make_runner))
 
 
-def _prepare(code: str, imports: tuple[str, ...], rest: bytes) -> _Prepared:
+def _prepare(
+    code: str, imports: tuple[str, ...], agents: Mapping[str, bytes], used: frozenset[str], rest: bytes
+) -> _Prepared:
     for source in imports:
         import_first(source)
-    agents, make_runner = pickle.loads(rest)
-    for name, make in agents.items():
-        register_agent(name, make)
-    return _Prepared(code, imports, agents, make_runner)
+    return _Prepared(code, imports, agents, used, pickle.loads(rest))

@@ -89,8 +89,9 @@ def verify_sweep(
     progress = progress or Silent()
     progress.begin(len(reruns), 0, ())
     tasks = [rerun.task for rerun in reruns.values()]
+    make_runner = prepared(make_runner, {task.agent for task in tasks})
     other = []
-    with closing(ENGINES["local"].run(tasks, workers, limit_s, prepared(make_runner))) as results:  # pyright: ignore
+    with closing(ENGINES["local"].run(tasks, workers, limit_s, make_runner)) as results:  # pyright: ignore
         for task, record in results:
             progress.advance(task, record)
             rerun = reruns[task.key(sweep.parameters)]

@@ -84,7 +84,7 @@ def stubbed(engine: str, workers: int, episodes: int, folder: Path, row: str) ->
     with SweepFolder(folder, plan) as opened:
         opened.open(False)
         run = ENGINES[engine].run
-        factory = prepared(partial(Stub, json.loads(row)))
+        factory = prepared(partial(Stub, json.loads(row)), plan.agents)
         with closing(run(opened.tasks, workers, 60.0, factory)) as results:  # pyright: ignore
             for task, record in results:
                 if not clock.times:

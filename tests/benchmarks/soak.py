@@ -130,7 +130,8 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         rows = RowFile(Path(folder) / "episodes.csv", list(COLUMNS))
         rows.rewrite([])
-        with closing(run_local(tasks, asked.workers, 300.0, prepared(EpisodeRunner))) as results:  # pyright: ignore
+        make_runner = prepared(EpisodeRunner, {task.agent for task in tasks})
+        with closing(run_local(tasks, asked.workers, 300.0, make_runner)) as results:  # pyright: ignore
             for number, (task, record) in enumerate(results, 1):
                 rows.append(record.row())
                 failed += bool(record.error)

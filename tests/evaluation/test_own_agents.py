@@ -1,15 +1,16 @@
 """Sweeps of agents that are not RUDC's: workers find them; one that fails costs its own episodes only."""
 
 import json
+import pickle
 import sys
 
 import pytest
 
 from rudc.agents import drivers
-from rudc.errors import SweepError
+from rudc.errors import InputError, SweepError
 from rudc.evaluation.folder import read_sweep
 from rudc.evaluation.runner import EpisodeRunner
-from rudc.evaluation.sweep import run_sweep
+from rudc.evaluation.sweep import prepared, run_sweep
 from rudc.evaluation.tasks import SweepPlan, Task
 from rudc.scenario import load_scenario
 
@@ -132,3 +133,22 @@ def test_workers_know_registered_agents(folder, monkeypatch):
     drivers.register_agent("straight-on", Registered)
     plan = plan_of(["straight-on"])
     assert not run_sweep(plan, folder / "out", EpisodeRunner).errors
+
+
+def test_an_agent_that_no_worker_can_import_is_refused_where_it_is_used(folder, monkeypatch):
+    monkeypatch.setattr(drivers, "_registered", {})
+    drivers.register_agent("mine", lambda: Registered())
+    assert pickle.loads(pickle.dumps(prepared(EpisodeRunner, ["follower"])))()
+    with pytest.raises(InputError, match="agent 'mine' is registered here, and worker processes cannot"):
+        run_sweep(plan_of(["mine+ttcbf:d_safe=0.3"]), folder / "out", EpisodeRunner)
+    assert not (folder / "out").exists()
+
+
+def test_an_agent_that_this_worker_cannot_import_ends_what_uses_it_alone(monkeypatch):
+    monkeypatch.setattr(drivers, "_registered", {})
+    drivers.register_agent("straight-on", Registered)
+    used, unused = (pickle.dumps(prepared(EpisodeRunner, [name])) for name in ("straight-on", "follower"))
+    monkeypatch.delattr(f"{__name__}.Registered")  # as for a class of a notebook
+    assert pickle.loads(unused)()
+    with pytest.raises(InputError, match=r"cannot import it \(AttributeError: .*'Registered'"):
+        pickle.loads(used)()

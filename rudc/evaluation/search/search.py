@@ -73,12 +73,11 @@ def run_search(
     if workers < 1:
         raise SweepError(f"a search needs at least one worker, not {workers}")
     sampler = Sampler(len(plan.space.axes), plan.seed)
+    make_runner = prepared(make_runner, [plan.agent])
     with SearchFolder(out, plan) as folder:
         folder.open(resume)
         with kept_rows():
-            asked = _finish(
-                folder, plan, sampler, workers, limit_s, prepared(make_runner), progress or Silent()
-            )
+            asked = _finish(folder, plan, sampler, workers, limit_s, make_runner, progress or Silent())
             found = _findings(folder, plan, asked)
             folder.complete(found.violations)
             return found
