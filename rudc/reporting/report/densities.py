@@ -46,7 +46,7 @@ def densities(episodes: Episodes) -> list[dict[str, Any]]:
         grid = np.linspace(low, high, POINTS)
         found.append({
             "name": name, "unit": COLUMNS[name].unit, "text": COLUMNS[name].text,
-            "low": round(float(low), 4), "high": round(float(high), 4),
+            "low": float(f"{low:.9g}"), "high": float(f"{high:.9g}"),
             "places": [_place(episodes, k, values, at, grid) for k, at in where],
         })  # fmt: skip
     return found

@@ -137,6 +137,12 @@ def test_densities_are_scipys(episodes):
     )
 
 
+def test_small_numbers_have_a_wide_axis_too(episodes):
+    rows = [{**row, "mean_correction": f"{k % 9}e-6"} for k, row in enumerate(episodes.rows)]
+    entry = next(e for e in densities(Episodes.of(rows, ())) if e["name"] == "mean_correction")
+    assert (entry["low"], entry["high"]) == (0.0, 8e-6)
+
+
 def row(outcome="success", fault="", gap="2", **more):
     base = {"scenario": "fog", "agent": "a", "seed": "0", "route_completion": "0.5", "error": ""}
     empty = dict.fromkeys(("events_fired", "first_event_s", "first_event_visible_s"), "")
