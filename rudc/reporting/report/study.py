@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import re
+import shlex
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -35,15 +37,22 @@ def study_content(folder: Path) -> dict[str, Any]:
         ]
     except (OSError, UnicodeDecodeError) as error:
         raise SweepError(f"{folder} cannot be read: {error}") from None
-    sweeps = sorted(path.parent for path in folder.rglob("manifest.json"))
+    manifests = dict(_manifests(folder))
     return {
         "data": {},
         "source": str(folder),
         "texts": texts,
         "figures": figures,
-        "sweeps": [str(sweep) for sweep in sweeps],
-        "versions": read_manifest(sweeps[0]).get("versions", {}) if sweeps else {},
+        "commands": [f"rudc report {shlex.quote(str(sweep))}" for sweep in manifests],
+        "versions": next((said.get("versions", {}) for said in manifests.values()), {}),
     }
+
+
+def _manifests(folder: Path) -> Iterator[tuple[Path, dict[str, Any]]]:
+    """Folder and manifest of each sweep below; a folder whose manifest says no sweep is none."""
+    for sweep in sorted(path.parent for path in folder.rglob("manifest.json")):
+        with contextlib.suppress(SweepError):
+            yield sweep, read_manifest(sweep)
 
 
 def parts(text: str) -> Iterator[dict[str, Any]]:

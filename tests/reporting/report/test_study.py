@@ -1,12 +1,13 @@
 """The report of a study: its own tables and figures, sorted and chosen from."""
 
+import json
 import re
 from pathlib import Path
 
 import pytest
 
 from rudc.reporting.report.page import report_page
-from rudc.reporting.report.study import is_study, parts
+from rudc.reporting.report.study import is_study, parts, study_content
 from tests.reporting.accessibility import MISSING, faults
 from tests.reporting.browser import CHROMIUM, driven, parsed
 
@@ -42,6 +43,16 @@ def test_a_page_has_every_row_and_refers_to_nothing_outside(name, tmp_path):
     rows = [line for line in lines if line.startswith("|") and not line.startswith("| -")]
     assert text.count("<tr>") == len(rows)
     assert len(text) < 5_000_000
+
+
+def test_commands_are_those_of_the_sweeps_below_and_can_be_pasted(tmp_path):
+    study, said = tmp_path / "my study", (RESULTS / "ood" / "manifest.json").read_text(encoding="utf-8")
+    for name, text in (("broken", "{"), ("fine", said), ("not_a_sweep", "{}")):
+        (study / name).mkdir(parents=True)
+        (study / name / "manifest.json").write_text(text, encoding="utf-8")
+    content = study_content(study)
+    assert content["commands"] == [f"rudc report '{study}/fine'"]
+    assert content["versions"] == json.loads(said)["versions"]
 
 
 DRIVE = """
