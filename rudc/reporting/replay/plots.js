@@ -37,12 +37,13 @@ function plotsOf(runs) {
 
 // The same for both runs, so that they compare.
 function rangeOf(plot, runs) {
-  const scale = plot.scale || 1, all = [];
+  const scale = plot.scale || 1;
+  let low = Infinity, high = -Infinity;
+  const reach = (v) => { low = Math.min(low, v); high = Math.max(high, v); };
   for (const run of runs) {
-    for (const line of plot.lines) for (const v of run.series[line.name]) if (v !== null) all.push(v * scale);
-    if (plot.limits && run.sigma_high !== null) all.push(run.sigma_high);
+    for (const line of plot.lines) for (const v of run.series[line.name]) if (v !== null) reach(v * scale);
+    if (plot.limits && run.sigma_high !== null) reach(run.sigma_high);
   }
-  let low = Math.min(...all), high = Math.max(...all);
   if (plot.zero) { low = Math.min(low, 0); high = Math.max(high, 0); }
   if (plot.floor !== undefined) low = plot.floor;
   const cut = plot.cut !== undefined && high > plot.cut;
