@@ -259,7 +259,8 @@ const KEYS = {
 
 document.addEventListener('keydown', (event) => {
   const act = KEYS[event.key], where = event.target.tagName;
-  const taken = where === 'SELECT' || (event.key === ' ' && (where === 'BUTTON' || where === 'SUMMARY'));
+  const pressed = where === 'BUTTON' || where === 'SUMMARY' || event.target.type === 'checkbox';
+  const taken = where === 'SELECT' || (event.key === ' ' && pressed);
   if (!act || taken || event.ctrlKey || event.metaKey || event.altKey) return;
   event.preventDefault();
   act(event);

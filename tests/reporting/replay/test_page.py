@@ -146,6 +146,15 @@ def test_numbers_stand_beside_bodies_and_at_places_only_before(runs, tmp_path):
     ]
 
 
+def test_a_plot_of_very_many_decisions_has_a_range(runs, tmp_path):
+    code = (
+        "const values = Array.from({ length: 300000 }, (_, k) => k % 50);\n"
+        "console.log(JSON.stringify(rangeOf({ lines: [{ name: 'a' }] }, [{ series: { a: values } }])));\n"
+    )
+    found = in_node(runs, tmp_path, ["data.js", "plots.js"], code)
+    assert (found["low"], found["high"]) == pytest.approx((-2.94, 51.94))
+
+
 DRIVE = r"""
 const told = [], clock = () => document.getElementById('clock').textContent.split(' of')[0];
 const press = (key, shiftKey) => document.dispatchEvent(new KeyboardEvent('keydown', { key, shiftKey }));
@@ -181,6 +190,8 @@ go(YIELDS); const shown = [picture(), said()];
 press('y');
 note('hides', [shown[0] !== picture(), shown[1].includes(' 1 yields, '), said().includes('yield')]);
 shows.click(); note('shows', shown[0] === picture() && shown[1] === said());
+shows.dispatchEvent(new KeyboardEvent('keydown', { key: ' ', bubbles: true }));
+note('space on the box', document.getElementById('play').textContent);
 note('fits', document.documentElement.scrollWidth <= window.innerWidth);
 press('Home'); press(' ');
 note('plays', document.getElementById('play').textContent);
@@ -207,7 +218,8 @@ def test_a_browser_opens_and_drives_the_page(runs, tmp_path, width):
         "opened": "12.3 s", "on": "12.4 s", "a second back": "11.4 s", "end": "40.0 s", "home": "0.1 s",
         "view": "all", "moment": told["moment"], "slider": "10.0 s", "plot": "40.0 s", "fits": True,
         "moments": True, "dragged": 20, "pinched": 2, "tapped": "Stop",
-        "hides": [True, True, False], "shows": True, "plays": "Stop", "moved": True, "stops": "Play",
+        "hides": [True, True, False], "shows": True, "space on the box": "Play",
+        "plays": "Stop", "moved": True, "stops": "Play",
     }  # fmt: skip
     assert float(told["moment"].split()[0]) > 1.0
 
