@@ -297,7 +297,9 @@ def test_one_agent_one_episode_and_no_manifest(folder, tmp_path):
     (tmp_path / "episodes.csv").write_text("".join(lines[:2]))
     text = report_page(tmp_path, tmp_path / "report.html")
     assert "no manifest.json in it" in text
-    data = json.loads(parsed(text).data["data"])
+    checker = parsed(text)
+    assert {link[1:] for link in checker.links if link.startswith("#")} <= set(checker.ids)
+    data = json.loads(checker.data["data"])
     assert data["densities"] == []
     assert data["heat"]["AES"][0][0][1:] == [None, None], "one value has no interval"
     assert "too few different values for an interval" in text
