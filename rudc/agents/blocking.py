@@ -94,7 +94,7 @@ class Blocking:
         if scene is seen and all_have_ways(scene.path, scene.kind, PEDESTRIAN):  # nobody stands
             self._since = {}
             return NOTHING
-        speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
+        speed = scene.speed
         still = speed < STILL
         self._since = {
             name: self._since.get(name, scene.time_s)

@@ -77,7 +77,7 @@ def _taken(scene: Scene, who: Index, speed: Array, through: Flags) -> Rectangles
     MEETING_S after the ego: the ego has passed everything before that place by then.
     """
     path, route, here = scene.route.path, scene.route, scene.ego_s
-    beyond, pace = here + 0.5 * scene.vehicle.length > route.exit_s, max(scene.ego.v, PACE)
+    beyond, pace = scene.front_s > route.exit_s, max(scene.ego.v, PACE)
     pieces: list[tuple[float, float, float, float, float]] = []
     ahead = list[int]()
     for k, i in enumerate(who.tolist()):

@@ -49,7 +49,7 @@ class Conduct:
         """
         on, s = scene.path >= 0, scene.path_s
         limit = scene.network.paths.highest_limit(scene.path, s, s)
-        speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
+        speed = scene.speed
         brakes = scene.acceleration < -BRAKES
         slow = (speed < SLOW * limit) & (scene.acceleration < SETTING_OFF) & (scene.kind != Kind.BICYCLE)
         room = self._room(scene, on & slow)

@@ -247,7 +247,7 @@ def along(scene: Scene, course: Route) -> Scene:
     """The scene as seen by an ego that follows `course`."""
     path = course.path
     s, offset = path.project(scene.ego.x, scene.ego.y)
-    x, y, _ = scene.route.path.pose(min(scene.destination_s, scene.route.length))
+    x, y, _ = scene.route.path.pose(scene.goal_s)
     end, _ = path.project(float(x), float(y))
     return replace(scene, route=course, ego_s=s, ego_offset=offset, destination_s=end)
 
@@ -334,7 +334,7 @@ def _wait(scene: Scene, blocks: Blocks) -> float:
     _, gap = gaps_along(route.path, route.waiting_s, route.exit_s, body, blocks.soon)
     if not (gap < CLEAR).any():
         return math.inf
-    front, least = scene.ego_s + 0.5 * body.length, scene.ego.v**2 / (2 * hardest(scene, HARDEST))
+    front, least = scene.front_s, scene.ego.v**2 / (2 * hardest(scene, HARDEST))
     s, gap = gaps_along(route.path, scene.ego_s, route.exit_s, body, blocks.later)
     near = np.flatnonzero(gap < ASIDE)
     clear = float(s[near[0]]) - SPACING - scene.ego_s if len(near) else math.inf
@@ -388,7 +388,7 @@ def _entry(scene: Scene, route: Route, profile: Array) -> float:
     rooms = found.ego_in[~suffices(scene, found, profile) & (found.ego_in > least)]
     if not len(rooms):
         return math.inf
-    room, front = float(rooms.min()), scene.ego_s + 0.5 * scene.vehicle.length
+    room, front = float(rooms.min()), scene.front_s
     waiting = scene.route.waiting_s - front
     if scene.route.stop_line_s < front + room < scene.route.exit_s and waiting > least - AT_LINE:
         room = min(room, waiting)

@@ -66,12 +66,12 @@ class GapAcceptance:
         """Gap (m) to the leader, and its speed along the path (m/s); (inf, 0) if there is none."""
         if scene.count == 0:
             return math.inf, 0.0
-        front = scene.ego_s + 0.5 * scene.vehicle.length
+        front = scene.front_s
         radius = 0.5 * scene.vehicle.width + BAND
         s = front + np.arange(-radius, LOOK_AHEAD, 1.0)
         x, y, psi = scene.route.path.pose(s)
         along = np.cos(scene.heading), np.sin(scene.heading)
-        speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
+        speed = scene.speed
         reach = 0.5 * scene.size + radius
         covered = np.zeros((scene.count, len(s)), dtype=bool)
         moving = (scene.kind == Kind.PEDESTRIAN).any()
@@ -102,7 +102,7 @@ class GapAcceptance:
         unsafe = ~suffices(scene, found, self._profile)
         if not unsafe.any():
             return math.inf
-        front = scene.ego_s + 0.5 * scene.vehicle.length
+        front = scene.front_s
         stopping = scene.ego.v**2 / (2 * hardest(scene, HARDEST))
         to_waiting = scene.route.waiting_s - front
         room = math.inf

@@ -51,7 +51,7 @@ def ready_for_unseen(scene: Scene, u: Array) -> Array:
     """
     if scene.hidden_by is None and scene.sight_m > AHEAD + scene.vehicle.length:
         return u
-    front = scene.ego_s + 0.5 * scene.vehicle.length
+    front = scene.front_s
     first, last = math.ceil(front / SPACING), int((front + AHEAD) / SPACING)
     hidden = np.flatnonzero(~sees(scene, scene.route.path.xy[first:last]))
     if not len(hidden):
@@ -68,7 +68,7 @@ def speed_by_sight(scene: Scene, braking: float) -> float:
         return math.inf
     paths, body = scene.network.paths, scene.vehicle
     table = scene.network.conflict(scene.route)
-    front = scene.ego_s + 0.5 * body.length
+    front = scene.front_s
     ahead = (table[:, 0] > front) & (table[:, 0] < front + AHEAD) & (table[:, 2] > paths.stop_s)
     rows = np.flatnonzero(ahead & (paths.origin != paths.origin[scene.route.row]))
     if not len(rows):

@@ -64,5 +64,5 @@ def _may_heed(scene: Scene, least: float, enough: float) -> bool:
     return any_unbraked(
         scene.path, scene.path_s, scene.size, scene.velocity, scene.acceleration, paths.origin,
         int(paths.origin[route.row]), scene.network.gives_way(route, route.row), met.table, met.again,
-        scene.ego_s + 0.5 * scene.vehicle.length, least, enough, SHARE, LEAST_ROOM,
+        scene.front_s, least, enough, SHARE, LEAST_ROOM,
     )  # fmt: skip

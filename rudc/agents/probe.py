@@ -76,7 +76,7 @@ class Probe:
 def _busy(scene: Scene, grip: float) -> bool:
     """Whether this is no place for a probe: in the junction, where others rely on it that the ego leaves,
     or in a bend."""
-    front = scene.ego_s + 0.5 * scene.vehicle.length
+    front = scene.front_s
     inside = scene.route.stop_line_s < front and scene.ego_s < scene.route.exit_s
     return inside or abs(_lateral(scene)) > STRAIGHT * grip
 

@@ -29,7 +29,6 @@ from numpy.typing import NDArray
 
 from rudc.agents.kernels import two_way
 from rudc.arrays import Array, Arrays, Index
-from rudc.env.distances import destination_s
 from rudc.errors import AgentError
 from rudc.learning.parameters import group
 from rudc.learning.uncertainty import PERCENTILES, Uncertainty
@@ -76,8 +75,7 @@ class Heard(NamedTuple):
 def place_of(scene: Scene) -> Place:
     """The place of the scene's ego."""
     route = scene.route
-    front = scene.ego_s + 0.5 * scene.vehicle.length
-    return Place(route.stop_line_s - front, destination_s(scene) - scene.ego_s, route.task, int(route.major))
+    return Place(route.stop_line_s - scene.front_s, scene.goal_s - scene.ego_s, route.task, int(route.major))
 
 
 class RouteSigma:

@@ -50,7 +50,7 @@ def ready_for_runners(scene: Scene, u: Array) -> Array:
     if scene.hidden_by is None or scene.ego.v <= CREEP:
         return u
     body, way = scene.vehicle, np.arange(EVERY, AHEAD, EVERY)
-    x, y, psi = scene.route.path.pose(scene.ego_s + 0.5 * body.length + way)
+    x, y, psi = scene.route.path.pose(scene.front_s + way)
     eye = scene.ego.x, scene.ego.y
     run = nearest_hidden(*eye, x, y, psi, 0.5 * body.width, ASIDE, scene.hidden_by)
     late = np.flatnonzero(way > scene.ego.v * run / RUNS)
@@ -66,13 +66,13 @@ def ready_for_followers(scene: Scene, u: Array) -> Array:
     """
     if scene.hidden_by is None:
         return u
-    speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
+    speed = scene.speed
     who = np.flatnonzero((scene.path < 0) & (speed > STANDING))
     if not len(who):
         return u
     body, v = scene.vehicle, scene.ego.v
     way = np.arange(FINE, AHEAD, FINE)
-    x, y, psi = scene.route.path.pose(scene.ego_s + 0.5 * body.length + way)
+    x, y, psi = scene.route.path.pose(scene.front_s + way)
     for i in who:
         direction = scene.velocity[i] / speed[i]
         trail = scene.position[i] - speed[i] * _BACK_S[:, None] * direction

@@ -226,7 +226,7 @@ def _others(scene: Scene) -> tuple[Complex, Complex, Array]:
     """(n, T) m, (n, T) and (n, 2) m: predicted positions and directions, at their present speeds, and half
     sizes, of the others that are near (NEAR, NEAR_S).
     """
-    speed: Array = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
+    speed = scene.speed
     away = np.hypot(*(scene.position - scene.ego_position).T)
     who = np.flatnonzero(away < np.maximum(NEAR, NEAR_S * speed))
     times = STEP_S * np.arange(1, round(HORIZON_S / STEP_S) + 1)

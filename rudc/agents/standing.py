@@ -59,7 +59,7 @@ class Standing:
         passed, self._seen_s = max(scene.time_s - self._seen_s, 0.0), scene.time_s
         if not self._known and not any_slower(scene.velocity, STILL):
             return scene
-        speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
+        speed = scene.speed
         for i, (name, now) in enumerate(zip(scene.ids, speed.tolist(), strict=True)):
             if now < STILL or name in self._known:
                 self._sight(scene, i, now, passed)

@@ -54,7 +54,7 @@ def _all_wait(scene: Scene) -> bool:
     """Whether the ego is where others wait for it, nobody comes whom it would hinder, and its way is
     clear.
     """
-    front = scene.ego_s + 0.5 * scene.vehicle.length
+    front = scene.front_s
     first = max(scene.route.waiting_s - AT, scene.route.stop_line_s + AT)
     if not first < front < scene.route.exit_s + scene.vehicle.length:
         return False
@@ -65,7 +65,7 @@ def _all_wait(scene: Scene) -> bool:
     if moves.all() or (moves & ~suffices(scene, found, speeds_in_bends(scene.route.path))).any():
         return False
     away = scene.position - scene.ego_position
-    speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
+    speed = scene.speed
     ahead = away[:, 0] * math.cos(scene.ego.psi) + away[:, 1] * math.sin(scene.ego.psi)
     if ((speed > STANDING) & (ahead > 0.0) & (np.hypot(*away.T) < NEAR)).any():
         return False

@@ -100,7 +100,7 @@ def draw_others(
 ) -> None:
     """Everybody but the ego. `involved`: who takes part in an event; `hidden`: whom the ego does not see."""
     in_view = canvas.holds(scene.position, 0.5 * np.hypot(*scene.size.T) + BESIDE_M)
-    braking = (scene.acceleration < -0.7) | (np.hypot(*scene.velocity.T) < 0.3)
+    braking = (scene.acceleration < -0.7) | (scene.speed < 0.3)
     for kind in Kind:
         rows = np.flatnonzero((scene.kind == int(kind)) & in_view)
         if not len(rows):

@@ -37,7 +37,7 @@ _CIRCLE = np.column_stack([np.cos(np.linspace(0, 2 * np.pi, 29)), np.sin(np.lins
 
 def draw_path(canvas: Canvas, scene: Scene) -> None:
     """The ego's path from where it is, and the ring where it has arrived."""
-    path, goal = scene.route.path, min(scene.destination_s, scene.route.length)
+    path, goal = scene.route.path, scene.goal_s
     ahead = path.xy[(path.s >= scene.ego_s) & (path.s <= goal)][::2]
     if len(ahead) > 1:
         canvas.area(strip(ahead, 0.9), PATH)

@@ -30,9 +30,4 @@ def measure(scene: Scene, vehicle_m: float | None = None) -> Distances:
             ego.x, ego.y, ego.psi, body.length, body.width, scene.position, scene.heading, scene.size, 0.0
         )
     road = scene.network.surface.depth(ego.x, ego.y)
-    return Distances(nearest, road, max(destination_s(scene) - scene.ego_s, 0.0))
-
-
-def destination_s(scene: Scene) -> float:
-    """m, arc length on the route's path at which the episode succeeds."""
-    return min(scene.destination_s, scene.route.length)
+    return Distances(nearest, road, max(scene.goal_s - scene.ego_s, 0.0))

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from rudc.arrays import Array
-from rudc.env.distances import Distances, destination_s, measure
+from rudc.env.distances import Distances, measure
 from rudc.env.outcome import Outcome
 from rudc.env.reward import reward_terms, step_cost
 from rudc.errors import SimulationError
@@ -159,7 +159,7 @@ class Episode:
         truth, outcome, steps = self.truth, self._outcome, self._steps
         violated = outcome is not None and outcome.is_violation
         hit = self._last.collision if self._last else None
-        whole = max(destination_s(truth) - self._start_s, 1e-9)
+        whole = max(truth.goal_s - self._start_s, 1e-9)
         done = 1.0 if outcome is Outcome.SUCCESS else (self._farthest_s - self._start_s) / whole
         happenings = self.world.happenings()
         begun = [event.begun_s for event in happenings if event.begun_s is not None]
@@ -215,7 +215,7 @@ def _judge(scene: Scene, advance: Advance) -> Outcome | None:
         return Outcome.OFF_ROAD
     if advance.wrong_way:
         return Outcome.WRONG_WAY
-    if scene.ego_s >= destination_s(scene) and abs(scene.ego_offset) <= BESIDE_M:
+    if scene.ego_s >= scene.goal_s and abs(scene.ego_offset) <= BESIDE_M:
         return Outcome.SUCCESS
     if scene.time_s >= scene.timeout_s - 1e-6:
         return Outcome.FROZEN

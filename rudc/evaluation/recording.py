@@ -20,7 +20,6 @@ from rudc.arrays import Array
 from rudc.drawing.palette import ASPHALT, MARK, PAVEMENT, RESERVED, VERGE, Colour
 from rudc.drawing.road_picture import Brush, paint_road
 from rudc.drawing.view import View, view_of
-from rudc.env.distances import destination_s
 from rudc.evaluation.moments import Step, moments
 from rudc.network.polyline import straightened
 from rudc.world.events import event_lines
@@ -121,7 +120,7 @@ class Recording:
                 "right": _flat(route.right_edge[::2] - center),
                 "spacing_m": float(route.path.s[2] - route.path.s[0]),
                 "blinks": _blinks(world.network, route.turn, route.stop_line_s, route.exit_s),
-                "goal_m": _number(destination_s(world.scene())),
+                "goal_m": _number(world.scene().goal_s),
             },
             "paths": {str(row): _path(world.network, row, route.row) for row in self._rows()},
             "courses": [_flat(course.path.xy[::2] - center) for course in self._courses],
@@ -154,7 +153,7 @@ class Recording:
         done = decision.corrected
         active = set(done.active) if done else set()
         constrained = set(done.names) if done else set()
-        speed, yielding = np.hypot(*scene.velocity.T), who_yields(scene, view.heedless)
+        speed, yielding = scene.speed, who_yields(scene, view.heedless)
         still: dict[str, dict[str, Any]] = {}
         for i, name in enumerate(scene.ids):
             track = self._open.get(name) or self._begin(scene, i, k)

@@ -72,7 +72,7 @@ def others_later(scene: Scene, later: float) -> Scene:
     """
     if not scene.count:
         return replace(scene, time_s=scene.time_s + later)
-    speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
+    speed = scene.speed
     way = np.stack([np.zeros_like(speed), speed * later], axis=1)
     place, facing = those_ahead(scene, np.arange(scene.count), way)
     turned = facing[:, 1] * facing[:, 0].conj()

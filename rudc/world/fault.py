@@ -74,20 +74,19 @@ def judge(scene: Scene, index: int, unlawful: bool, held: bool = False, sudden: 
     if yields[own, row] != yields[row, own]:
         return "ego" if yields[own, row] else "other"
     if yields[own, row] and scene.network.is_roundabout:
-        ours = scene.ego_s + 0.5 * scene.vehicle.length - scene.route.stop_line_s
+        ours = scene.front_s - scene.route.stop_line_s
         its = scene.path_s[index] + 0.5 * scene.size[index, 0] - paths.stop_s[row]
         return "ego" if ours < its else "other"
     return "other" if unlawful else "shared"
 
 
 def _may_wait(scene: Scene) -> bool:
-    front = scene.ego_s + 0.5 * scene.vehicle.length
-    return front <= scene.route.waiting_s + 0.5
+    return scene.front_s <= scene.route.waiting_s + 0.5
 
 
 def _on_an_arm(scene: Scene) -> bool:
     half = 0.5 * scene.vehicle.length
-    return scene.ego_s + half < scene.route.stop_line_s or scene.ego_s - half > scene.route.exit_s
+    return scene.front_s < scene.route.stop_line_s or scene.ego_s - half > scene.route.exit_s
 
 
 def _over_the_middle(scene: Scene) -> bool:

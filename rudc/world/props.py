@@ -194,7 +194,7 @@ class Prop:
             gaps = rectangle_gaps(*box, here, facing, np.array([[body.length, body.width]]))
             if (gaps <= (PASSES_M if slow and ego.v >= STANDING else 0.0)).any():
                 return False
-        speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
+        speed = scene.speed
         way = np.zeros_like(speed) if walks else speed * late_s + speed**2 / (2 * self._braking)
         heeded = np.array([name != self.name for name in scene.ids], dtype=bool)
         if not walks:

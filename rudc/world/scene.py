@@ -155,6 +155,21 @@ class Scene:
         """(2,) m."""
         return np.array([self.ego.x, self.ego.y])
 
+    @property
+    def speed(self) -> Array:
+        """(N,) m/s, speeds of the others."""
+        return np.hypot(self.velocity[:, 0], self.velocity[:, 1])
+
+    @property
+    def front_s(self) -> float:
+        """m, arc length of the ego's front bumper on `route.path`."""
+        return self.ego_s + 0.5 * self.vehicle.length
+
+    @property
+    def goal_s(self) -> float:
+        """m, arc length on `route.path` at which the episode succeeds: `destination_s`, or the path's end."""
+        return min(self.destination_s, self.route.length)
+
     def with_others_of(self, *scenes: Scene) -> Scene:
         """The scene with the others of further scenes after its own."""
         all_of = (self, *scenes)

@@ -112,7 +112,7 @@ def safe_to_start(scene: Scene) -> bool:
     aside = away @ (-np.sin(ego.psi), np.cos(ego.psi))
     same_way = np.cos(scene.heading - ego.psi) > 0.7
     in_lane = (np.abs(aside) < 0.5 * (body.width + scene.size[:, 1])) & same_way & (np.abs(ahead) < 60)
-    speed = np.hypot(scene.velocity[:, 0], scene.velocity[:, 1])
+    speed = scene.speed
     behind = np.where(ahead > 0, ego.v, speed)
     front = np.where(ahead > 0, speed, ego.v)
     needed = MARGIN_M + REACTION_S * behind + (behind**2 - front**2) / (2 * braking)

@@ -14,8 +14,6 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from rudc.arrays import Flags
 from rudc.world.scene import STANDING
 from rudc.world.vehicle_types import EGO
@@ -54,5 +52,5 @@ class Unblocking:
 
 def _standing(scene: Scene, among: Flags) -> set[str]:
     """Names of the SVs that stand, `among` (N,) all."""
-    stands = among & (scene.path >= 0) & (np.hypot(*scene.velocity.T) < STANDING)
+    stands = among & (scene.path >= 0) & (scene.speed < STANDING)
     return {scene.ids[i] for i in stands.nonzero()[0].tolist()}

@@ -44,7 +44,7 @@ def who_yields(scene: Scene, heedless: Collection[str] = ()) -> dict[str, str]:
     """
     most = min(BRAKE_MOST, math.inf if scene.actuation is None else grip_of(scene.actuation))
     layer = partial(must_yield, heedless=heedless, brake_most=most)
-    speed = np.hypot(*scene.velocity.T)
+    speed = scene.speed
     found = {}
     for i in np.flatnonzero(scene.path >= 0).tolist():
         first = _first_with_priority(scene, i, speed)

@@ -136,7 +136,7 @@ def _heeding(scene: Scene, stray: bool) -> Flags | None:
     ego, half, route, paths = scene.ego, 0.5 * scene.vehicle.length, scene.route, scene.network.paths
     heeds = np.ones(paths.count, dtype=np.bool_)
     if not stray:
-        front, stands, beside = scene.ego_s + half, ego.v < LINGERS, _front_offset(scene) > BESIDE_M
+        front, stands, beside = scene.front_s, ego.v < LINGERS, _front_offset(scene) > BESIDE_M
         if scene.ego_s - half > route.exit_s + PAST_M and not beside:
             return None
         if front <= route.waiting_s + 1.0:  # it waits: only SVs that it blocks or that owe it the way heed it
