@@ -73,11 +73,8 @@ def speed_by_sight(scene: Scene, braking: float) -> float:
     rows = np.flatnonzero(ahead & (paths.origin != paths.origin[scene.route.row]))
     if not len(rows):
         return math.inf
-    ours_in, ours_out, theirs_in = (
-        table[rows, 0] - front,
-        table[rows, 1] - front + body.length,
-        table[rows, 2],
-    )
+    ours_in, ours_out = table[rows, 0] - front, table[rows, 1] - front + body.length
+    theirs_in = table[rows, 2]
     fastest = float(paths.highest_limit(rows, np.zeros(len(rows)), theirs_in).max())
     way = _hidden_way(scene, rows, theirs_in, max(UPSTREAM, UPSTREAM_S * fastest))
     through = _time(scene.ego.v, ours_out, min(GOING, body.a_max))

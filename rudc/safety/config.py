@@ -104,10 +104,8 @@ class FilterConfig(Settings):
 
     def without_effect(self) -> dict[str, str]:
         """Name of each setting that has no effect because of the others -> which (`with rule=ttcbf`)."""
-        idle, barriers = (
-            {} if self.last_resort else {"last_resort_margin": "with last_resort=false"},
-            self.barriers,
-        )
+        idle = {} if self.last_resort else {"last_resort_margin": "with last_resort=false"}
+        barriers = self.barriers
         for key, owner, name in _keys():
             if owner in RULES and owner != self.rule:
                 idle[key] = f"with rule={self.rule}"
@@ -119,13 +117,13 @@ class FilterConfig(Settings):
 
     @model_serializer(mode="wrap")
     def _leave_out_what_has_no_effect(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        barriers, idle = self.barriers, self.without_effect()
         written = {key: value for key, value in handler(self).items() if key not in self._extra}
-        at_work = {name: name in self.barriers for name in BARRIERS}
-        written |= {name: on for name, on in at_work.items() if on or BARRIERS[name].at_work}
-        owners = {self.rule: self.rule_settings, **self.barriers}
+        written |= {n: n in barriers for n, barrier in BARRIERS.items() if n in barriers or barrier.at_work}
+        owners = {self.rule: self.rule_settings, **barriers}
         values = {owner: settings.model_dump() for owner, settings in owners.items()}
         written |= {key: values[owner][name] for key, owner, name in _keys() if owner in values}
-        return {key: value for key, value in written.items() if key not in self.without_effect()}
+        return {key: value for key, value in written.items() if key not in idle}
 
     def __eq__(self, other: object) -> bool:
         """Whether both have the same values, whether these were given or are defaults."""

@@ -91,10 +91,8 @@ class GuardedBarrier(Barrier):
                     self._who, scene.time_s, "terms", f"{name} = {shortened(given)}", "an array of numbers"
                 )
             if array.shape != wanted:
-                told, asked = (
-                    f"{name} of shape {array.shape}",
-                    f"shape {wanted} (a number for each name that find gave)",
-                )
+                told = f"{name} of shape {array.shape}"
+                asked = f"shape {wanted} (a number for each name that find gave)"
                 raise refused(self._who, scene.time_s, "terms", told, asked)
             mended[name] = array.astype(np.float64)
         return Terms(**mended)
