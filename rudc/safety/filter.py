@@ -39,7 +39,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -121,8 +121,6 @@ class SafetyFilter:
 
     def __init__(self, config: FilterConfig | None = None) -> None:
         self.config = config = config or FilterConfig()
-        self.counts: dict[str, int] = {}
-        """status -> number of decisions with it since the last `reset`"""
         self.last_problem: Problem | None = None
         """the last QP of the last decision, whether it was solved or not; None if it had no constraints"""
         self._weights = config.row_weights(road=False), config.row_weights(road=True)
@@ -135,11 +133,9 @@ class SafetyFilter:
         self._per_row: dict[bytes, RowWeights] = {}
         self._seen: tuple[Scene, Constraints] | None = None
         self._spent_ms = 0.0
-        self.reset()
 
     def reset(self) -> None:
         """Begin a new episode."""
-        self.counts = dict.fromkeys(get_args(Status), 0)
         self.last_problem = None
         self._seen = None
 
@@ -178,7 +174,6 @@ class SafetyFilter:
             instead = self._last_resort.instead_of(scene, filtered.u)
             if instead is not None:
                 filtered = self._replaced(scene, proposed, filtered, instead)
-        self.counts[filtered.status] += 1
         return filtered
 
     def _replaced(self, scene: Scene, proposed: Array, filtered: Corrected, instead: Instead) -> Corrected:

@@ -140,7 +140,6 @@ def test_brakes_for_what_is_in_the_way() -> None:
     )
     assert answer.solve_ms > 0
     assert answer.violation == 0
-    assert sum(filter.counts.values()) == filter.counts["solved"] == 1
 
 
 def test_leaves_alone_who_keeps_clear() -> None:
@@ -152,7 +151,6 @@ def test_leaves_alone_who_keeps_clear() -> None:
     assert not answer.correction.any()
     assert answer.solve_ms == 0
     assert answer.h.min() > 0
-    assert filter.counts["nominal"] == 1
 
 
 def test_nothing_to_constrain() -> None:
@@ -164,7 +162,7 @@ def test_nothing_to_constrain() -> None:
     assert filter.last_problem is None
 
 
-def test_infeasible_is_relaxed_and_counted() -> None:
+def test_infeasible_is_relaxed() -> None:
     filter = free()
     answer = filter.filter(wall(v=12.0), np.array([3.0, 0.0]))
     assert answer.status == "relaxed"
@@ -172,9 +170,6 @@ def test_infeasible_is_relaxed_and_counted() -> None:
     assert answer.u[0] == pytest.approx(EGO.a_min, abs=1e-6)
     assert answer.violation > 0
     assert "veh:sv0" in answer.active
-    assert filter.counts["relaxed"] == 1
-    filter.reset()
-    assert not any(filter.counts.values())
 
 
 @pytest.mark.parametrize("v", [0.0, 2.0])
@@ -231,7 +226,6 @@ def test_full_braking_when_nothing_can_be_solved() -> None:
     assert answer.u == pytest.approx([EGO.a_min, 0.1])
     assert answer.violation == math.inf
     assert answer.solve_ms > 0
-    assert filter.counts["braking"] == 1
 
 
 def test_a_standing_vehicle_is_not_asked_to_reverse() -> None:
@@ -293,7 +287,6 @@ def test_refuses_what_is_not_finite(bad: float) -> None:
             filter.filter(wall(**{name: broken}), u)
     with pytest.raises(SolverError, match="ego state"):
         filter.filter(make_scene(v=bad), u)
-    assert not any(filter.counts.values())
 
 
 def test_residual_of_the_wrong_length() -> None:
