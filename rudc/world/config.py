@@ -16,8 +16,6 @@ class WorldConfig:
     yielding: bool = True
     """whether surrounding vehicles look 2 s ahead for what SUMO does not see (paper, Sec. "Simulation
     Environment")"""
-    sumo_options: tuple[str, ...] = ()
-    """further options for SUMO's command line, for studies"""
 
     @property
     def substeps(self) -> int:

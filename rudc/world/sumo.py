@@ -184,7 +184,7 @@ class Sumo:
     refuses.
     """
 
-    def __init__(self, net_file: Path, step_s: float, options: Sequence[str] = ()) -> None:
+    def __init__(self, net_file: Path, step_s: float) -> None:
         global _owner
         if _owner == os.getpid():
             raise WorldBusyError(
@@ -192,7 +192,7 @@ class Sumo:
                 "or run the second in a process of its own"
             )
         self._net_file = net_file
-        self._arguments = ["--step-length", f"{step_s:g}", *_OPTIONS, *options]
+        self._arguments = ["--step-length", f"{step_s:g}", *_OPTIONS]
         self._running = _Running()
         self._release = weakref.finalize(self, _release, self._running)
         _owner = os.getpid()

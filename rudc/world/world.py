@@ -89,7 +89,7 @@ class World:
         self.network = network
         self.config = config or WorldConfig()
         self.vehicle = network.vehicle
-        self._sumo = Sumo(network.path, self.config.substep_s, self.config.sumo_options)
+        self._sumo = Sumo(network.path, self.config.substep_s)
         self.traffic = Traffic(self._sumo, network)
         self._plant = EgoPlant(self.vehicle)
         self._scene: Scene | None = None
