@@ -106,8 +106,6 @@ class Courses:
         """Begin a new episode on the route itself."""
         self._blocking = Blocking()
         self._standoff, self._patience = Standoff(), Patience()
-        self._standoff.reset()
-        self._patience.reset()
         self.course: Route | None = None
         """the course driven at present; None for the route itself"""
         self._round_stray = False

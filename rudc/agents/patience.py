@@ -23,13 +23,10 @@ PACE = 3.0
 
 
 class Patience:
-    """Urges one agent's policy on; call `reset` at the start of each episode."""
+    """Urges one agent's policy on in one episode."""
 
     def __init__(self) -> None:
         self._rules = GapAcceptance()
-
-    def reset(self) -> None:
-        """Begin a new episode."""
         self._going = False
 
     def urge(self, scene: Scene, u: Array) -> Array:

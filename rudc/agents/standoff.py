@@ -33,10 +33,9 @@ NEAR = 10.0
 
 
 class Standoff:
-    """Ends the standoffs of one agent; call `reset` at the start of each episode."""
+    """Ends the standoffs of one agent in one episode."""
 
-    def reset(self) -> None:
-        """Begin a new episode."""
+    def __init__(self) -> None:
         self._going = False
 
     def end(self, scene: Scene, u: Array) -> Array:

@@ -87,7 +87,7 @@ ORDINARY = PlantEstimate(Actuation(), unusual=False)
 
 
 class PlantMonitor:
-    """Identifies the plant from one decision to the next."""
+    """Identifies the plant from one decision of an episode to the next, at first as an ordinary car."""
 
     def __init__(self, vehicle: EgoVehicle) -> None:
         self._vehicle = vehicle
@@ -101,10 +101,6 @@ class PlantMonitor:
             + np.where(np.isinf(self._limit), 0.0, 5.0 / np.maximum(friction.ravel(), 1e-9))
         )
         self._nominal = int(np.argmin(self._plainness))
-        self.reset()
-
-    def reset(self) -> None:
-        """Begin a new episode with an ordinary car."""
         bank = len(DELAYS), len(LAGS), len(FRICTIONS)
         self._take_steps_of(SUBSTEP_S)
         self._timed = False
@@ -118,7 +114,7 @@ class PlantMonitor:
         self, ego: EgoState, last_u: Array | tuple[float, float], passed_s: float = DECISION_S
     ) -> PlantEstimate:
         """The new estimate, after the command `last_u` (2,), m/s2 and rad, was given for a decision of
-        `passed_s` s and has led to the state `ego`. In the first call of an episode only `ego` is used.
+        `passed_s` s and has led to the state `ego`. In the first call only `ego` is used.
         """
         if self._v is not None:
             if not self._timed:

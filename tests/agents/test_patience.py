@@ -20,9 +20,7 @@ BRAKES = np.array([-5.0, 0.1])
 
 @pytest.fixture
 def patience():
-    made = Patience()
-    made.reset()
-    return made
+    return Patience()
 
 
 def at(make_scene, v, waited_s, *others):

@@ -27,9 +27,7 @@ def waiting(make_scene, four_way):
 
 
 def ended(scene):
-    standoff = Standoff()
-    standoff.reset()
-    return standoff.end(scene, np.array([-2.0, 0.0]))
+    return Standoff().end(scene, np.array([-2.0, 0.0]))
 
 
 def test_where_all_stand_the_ego_goes_first(waiting):

@@ -108,13 +108,6 @@ def test_a_car_that_changes_on_the_way_is_noticed():
     assert estimate.grip == pytest.approx(0.2 * GRAVITY, rel=0.16)
 
 
-def test_a_new_episode_begins_with_an_ordinary_car():
-    monitor, _ = drive(Actuation(friction=0.2))
-    assert monitor.estimate.unusual
-    monitor.reset()
-    assert not monitor.estimate.unusual
-
-
 def test_commands_on_their_way_are_those_given_within_the_dead_time():
     monitor = PlantMonitor(BODY)
     state = EgoPlant(BODY).state
