@@ -128,11 +128,8 @@ class Scene:
 
     def __post_init__(self) -> None:
         """Make the arrays read-only, since the world goes on using those that it gives to agents."""
-        for array in (
-            self.position, self.heading, self.velocity, self.acceleration, self.size, self.kind, self.path,
-            self.path_s, self.last_u,
-        ):  # fmt: skip
-            array.setflags(write=False)
+        for name in (*OF_OTHERS, "last_u"):
+            getattr(self, name).setflags(write=False)
         if self.hidden_by is not None:
             self.hidden_by.setflags(write=False)
 
@@ -182,15 +179,5 @@ class Scene:
         """
         if len(index) == self.count and bool((index[1:] > index[:-1]).all()):
             return self
-        return replace(
-            self,
-            ids=tuple([self.ids[i] for i in index.tolist()]),
-            position=self.position[index],
-            heading=self.heading[index],
-            velocity=self.velocity[index],
-            acceleration=self.acceleration[index],
-            size=self.size[index],
-            kind=self.kind[index],
-            path=self.path[index],
-            path_s=self.path_s[index],
-        )
+        rows = {name: getattr(self, name)[index] for name in OF_OTHERS}
+        return replace(self, ids=tuple([self.ids[i] for i in index.tolist()]), **rows)
