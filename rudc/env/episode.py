@@ -42,8 +42,6 @@ class StepResult(NamedTuple):
     """the unified step-wise cost"""
     outcome: Outcome | None
     """how the episode ended; None while it goes on"""
-    violation: str | None
-    """`collision`, `off_road` or `wrong_way` if the episode ended in one of these, else None"""
     advance: Advance
     """what the world reports about the decision"""
     distances: Distances
@@ -150,9 +148,8 @@ class Episode:
         cost = step_cost(distances, collided=collided, broke_rule=broke_rule)
         self._truth, self._distances, self._outcome = after, distances, outcome
         self._count(advance, reward, cost)
-        violation = str(outcome) if outcome is not None and outcome.is_violation else None
         perceived = self.world.perceived()
-        return StepResult(perceived, terms, reward, cost, outcome, violation, advance, distances)
+        return StepResult(perceived, terms, reward, cost, outcome, advance, distances)
 
     def metrics(self) -> EpisodeMetrics:
         """The episode's metrics up to now."""

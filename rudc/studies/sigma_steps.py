@@ -147,8 +147,9 @@ class SigmaLog:
     def steps(self) -> Array:
         """(steps, columns) of the episode."""
         found = np.array(self._rows).reshape(len(self._rows), len(COLUMNS))
-        if self._last is not None and self._last.violation is not None:
-            found[:, AT["seen"]] = float(self._could_be_seen(self._last))
+        last = self._last
+        if last is not None and last.outcome is not None and last.outcome.is_violation:
+            found[:, AT["seen"]] = float(self._could_be_seen(last))
         return found
 
     def _could_be_seen(self, last: StepResult) -> bool:
