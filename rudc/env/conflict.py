@@ -39,6 +39,7 @@ from rudc.arrays import Array
 from rudc.env import kernels
 from rudc.env.remembered import Remembered
 from rudc.env.route_tables import RouteTables
+from rudc.network.paths import SPACING
 from rudc.world.scene import Scene
 
 ACCELERATIONS = (2.5, 1.0, 0.0, -1.5, -4.0)
@@ -96,12 +97,12 @@ def _meetings(scene: Scene, result: Array) -> tuple[float, float]:
     tables, line = _tables.get(route, lambda: RouteTables(scene.network, route)), route.path
     others = scene.position, scene.heading, scene.velocity, scene.acceleration, scene.size, scene.path
     which, s, codes, rear, speed = kernels.foreseen(
-        tables.lines(scene.path), tables.per_row, tables.ds, line.xy, line.heading, tables.rows,
+        tables.lines(scene.path), tables.per_row, SPACING, line.xy, line.heading, tables.rows,
         *others, scene.path_s, scene.ego_s, body.length, body.width,
         IDM_ACCEL, _U_MOST, _TAU, _U, _Y, _TIMES,
     )  # fmt: skip
     result[0:32] = kernels.meetings(
-        *tables.find(body, codes), tables.ds, s, which, tables.rows,
+        *tables.find(body, codes), SPACING, s, which, tables.rows,
         scene.ego_s, v, max(min(route.speed_limit, body.v_max), v), _ACCELERATIONS, _TIMES, TOUCH, BINS,
         line.xy, line.heading, body.length, body.width, *others,
     )  # fmt: skip

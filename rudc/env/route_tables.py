@@ -26,7 +26,6 @@ class RouteTables:
 
     def __init__(self, network: Network, route: Route) -> None:
         self.network, self.route = network, route
-        self.ds = network.paths.ds
         paths, conflict = network.paths, network.conflict(route)
         in_zone = np.column_stack([conflict[:, 2], np.minimum(conflict[:, 3], paths.exit_s)])
         in_zone[paths.origin == paths.origin[route.row]] = np.nan
@@ -83,7 +82,7 @@ class RouteTables:
         border are `FARTHEST`.
         """
         paths, path = self.network.paths, self.route.path
-        count = int(paths.length[row] / self.ds) + 1
+        count = int(paths.length[row] / SPACING) + 1
         xy, heading = paths.xy[row, :count], paths.heading[row, :count]
         gaps = gaps_at(
             path.xy, path.heading, body.length, body.width,

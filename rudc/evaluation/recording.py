@@ -21,6 +21,7 @@ from rudc.drawing.palette import ASPHALT, MARK, PAVEMENT, RESERVED, VERGE, Colou
 from rudc.drawing.road_picture import Brush, paint_road
 from rudc.drawing.view import View, view_of
 from rudc.evaluation.moments import Step, moments
+from rudc.network.paths import SPACING
 from rudc.network.polyline import straightened
 from rudc.world.events import event_lines
 from rudc.world.scene import Kind, Scene
@@ -118,7 +119,7 @@ class Recording:
                 "path": _flat(route.path.xy[::2] - center),
                 "left": _flat(route.left_edge[::2] - center),
                 "right": _flat(route.right_edge[::2] - center),
-                "spacing_m": float(route.path.s[2] - route.path.s[0]),
+                "spacing_m": 2 * SPACING,
                 "blinks": _blinks(world.network, route.turn, route.stop_line_s, route.exit_s),
                 "goal_m": _number(world.scene().goal_s),
             },
@@ -249,11 +250,11 @@ def _arm(network: Network, arm: Any) -> dict[str, Any]:
 def _path(network: Network, row: int, own: int) -> dict[str, Any]:
     """A way through the junction, where it leaves it, and who yields where the ego is on the row `own`."""
     paths = network.paths
-    until = int(paths.length[row] / paths.ds) + 1
+    until = int(paths.length[row] / SPACING) + 1
     before, after = bool(paths.yields[own, row]), bool(paths.yields[row, own])
     return {
         "xy": _flat(paths.xy[row, :until:PATH_STRIDE] - network.center),
-        "spacing_m": PATH_STRIDE * paths.ds,
+        "spacing_m": PATH_STRIDE * SPACING,
         "exit_m": round(float(paths.exit_s[row]), 1),
         "blinks": _blinks(network, _turn(network, row), paths.stop_s[row], paths.exit_s[row]),
         "yields": "ego" if before else "other" if after else "",

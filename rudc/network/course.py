@@ -71,13 +71,12 @@ def gaps_along(
     """(K,) m, arc lengths from `first` to `last`, and (K,) m, the gap there between a car on the path and the
     nearest rectangle; inf where it is NEAR or more.
     """
-    spacing = float(path.s[1])
-    s = np.arange(max(first, 0.0), min(last, path.length), spacing)
+    s = np.arange(max(first, 0.0), min(last, path.length), SPACING)
     gap = np.full(len(s), np.inf)
     if not len(s) or not others.number:
         return s, gap
-    reach = NEAR + 0.5 * math.hypot(body.length, body.width) + spacing
-    stations = int(s[0] / spacing), int(s[-1] / spacing) + 1
+    reach = NEAR + 0.5 * math.hypot(body.length, body.width) + SPACING
+    stations = int(s[0] / SPACING), int(s[-1] / SPACING) + 1
     if not any_beside(path.xy, *stations, reach, others.position, others.size):
         return s, gap
     xy, psi = path.body_pose(s, body)

@@ -49,9 +49,7 @@ class PathSource:
 
 
 class PathTable:
-    """P ways through the junction, sampled every `ds` m, padded straight on to M stations. Immutable."""
-
-    ds = SPACING
+    """P ways through the junction, sampled every SPACING m, padded straight on to M stations. Immutable."""
 
     def __init__(
         self, sources: Sequence[PathSource], arms: Sequence[str], edges: Edges, yields: Flags

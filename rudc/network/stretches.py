@@ -24,6 +24,7 @@ import numpy as np
 from rudc.arrays import Array
 from rudc.errors import NetworkError
 from rudc.network.layout import Layout
+from rudc.network.paths import SPACING
 from rudc.network.polyline import arc_length
 from rudc.network.road import Arm, Lane
 from rudc.network.route import ReferencePath, Route
@@ -143,7 +144,7 @@ class Stretch:
             if self.sign > 0 and not self.inside:
                 row = _straightest(network, self.lane)
                 s = float(network.paths.exit_s[row]) + at
-            back = network.paths.xy[row, : max(math.ceil((s - TOUCHES) / network.paths.ds), 0)][::-1]
+            back = network.paths.xy[row, : max(math.ceil((s - TOUCHES) / SPACING), 0)][::-1]
         return np.vstack([here, back if len(back) else here - (math.cos(psi), math.sin(psi))])
 
 

@@ -20,6 +20,7 @@ from __future__ import annotations
 import numpy as np
 
 from rudc.arrays import Array, Complex
+from rudc.network.paths import SPACING
 from rudc.network.route import Route
 from rudc.safety.barrier_kernels import to_edges
 from rudc.vehicle import EgoVehicle
@@ -43,11 +44,10 @@ class RoadPoints:
         self._ahead: Array = np.array([0.0, third, 2 * third]) - [0.0, vehicle.cg_to_rear, vehicle.cg_to_rear]
         self.offset: Array = np.concatenate([self._ahead, self._ahead])
         """(6,) m, reference points ahead of the centre of gravity, once for each edge"""
-        self._spacing = float(route.path.s[1] - route.path.s[0])
 
     def away(self, position: complex, heading: complex, s: float) -> Complex:
         """(6,) m, vector r from each reference point's projection on its edge to the point itself.
 
         `position` m and `heading` e^(i psi) of the centre of gravity, `s` m its arc length on the route.
         """
-        return to_edges(self._edges, self._spacing, REACH, position, heading, self._ahead, s)
+        return to_edges(self._edges, SPACING, REACH, position, heading, self._ahead, s)

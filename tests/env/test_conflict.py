@@ -12,6 +12,7 @@ from rudc.env.conflict import ACCELERATIONS, FEATURES, conflict_features, idm
 from rudc.env.kernels import FARTHEST, UNIT, code, table_gaps
 from rudc.env.route_tables import RouteTables
 from rudc.geometry import rectangle_gaps
+from rudc.network.paths import SPACING
 from rudc.vehicle import EgoVehicle
 from rudc.world.scene import Kind
 
@@ -120,7 +121,7 @@ def test_route_tables_hold_the_gaps(network):
         size = np.array([[12.0, 2.5]])
         gaps, entries = tables.find(EgoVehicle(), np.array([code(int(row), 12.0, 2.5)]))
         looked_up = np.full((1, 1, 50), FARTHEST)
-        table_gaps(gaps, entries, tables.ds, ours[None], theirs[None, None], looked_up)
+        table_gaps(gaps, entries, SPACING, ours[None], theirs[None, None], looked_up)
         x, y, psi = route.path.pose(ours)
         px, py, heading = paths.pose(np.full(50, row), theirs)
         for k in range(50):

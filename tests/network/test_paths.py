@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from rudc.network.net_file import read_net
 from rudc.network.network import load_network, shipped_networks
+from rudc.network.paths import SPACING
 
 NETWORKS = sorted(shipped_networks())
 
@@ -31,8 +32,8 @@ def test_a_lane_and_position_become_the_place_that_sumo_means(name):
 def test_paths_are_continuous(name):
     paths = load_network(name).paths
     steps = np.hypot(*np.moveaxis(np.diff(paths.xy, axis=1), -1, 0))
-    assert steps.max() < 1.1 * paths.ds
-    assert steps.min() > 0.9 * paths.ds
+    assert steps.max() < 1.1 * SPACING
+    assert steps.min() > 0.9 * SPACING
     assert np.abs(np.diff(paths.heading, axis=1)).max() < 0.25
 
 

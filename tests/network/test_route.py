@@ -194,7 +194,7 @@ def test_conflicts_are_where_centre_lines_come_close(name):
         assert table.shape == (paths.count, 4)
         assert network.conflict(route.path) is table
         for row in range(0, paths.count, 3):
-            s = paths.ds * np.arange(int(paths.length[row] / paths.ds) + 1)
+            s = SPACING * np.arange(int(paths.length[row] / SPACING) + 1)
             xy = paths.xy[row, : len(s)]
             close = np.hypot(*(route.path.xy[:, None] - xy[None]).transpose(2, 0, 1)) < 2.2
             if not close.any():

@@ -11,11 +11,10 @@ from typing import Any, cast
 import numpy as np
 
 from rudc.arrays import Array
+from rudc.network.paths import SPACING
 from rudc.network.route import ReferencePath
 from rudc.vehicle import EgoVehicle
 from rudc.world.scene import EgoState, Kind, Scene
-
-SPACING = 0.5
 
 
 @dataclass(frozen=True)
@@ -38,7 +37,6 @@ class Paths:
 
     xy: Array
     heading: Array
-    ds: float = SPACING
 
     @cached_property
     def poses(self) -> Array:

@@ -9,11 +9,12 @@ import pytest
 
 from rudc.env.tracking import PREVIEW_S, RETURN_M, steering
 from rudc.geometry import separation
+from rudc.network.paths import SPACING
 from rudc.network.route import ReferencePath
 from rudc.safety import barrier_kernels, kernels, last_resort_kernels, residual_kernels
 from rudc.vehicle import EgoVehicle
 from rudc.world.ego import EgoPlant
-from tests.safety.scenes import SPACING, crossing_paths, make_scene
+from tests.safety.scenes import crossing_paths, make_scene
 
 RNG = np.random.default_rng
 
