@@ -207,30 +207,30 @@ class Courses:
         self._again_s = scene.time_s + AGAIN_S
         if self.course is not None and abs(scene.ego_offset) < CLEAR:
             yield None, clear
-        ego, planned = scene.ego, list[Route]()
+        ego, made = scene.ego, list[Route]()
         for planner in _planners_of(scene):
             turned = planner.angle(scene.ego_s, ego.psi)
             slope = math.tan(min(max(turned, -STEEPEST), STEEPEST))
             course = planner.plan(scene.ego_s, scene.ego_offset, slope, blocks.standing, *blocks.coming)
             if course is not None:
-                planned.append(course)
+                made.append(course)
                 yield course, ROOMY if stands else clear
         if stands:
             self._again_s += OUTS_S
-            self._outs = _outs(scene, blocks, clear, planned)
+            self._outs = _outs(scene, blocks, clear, made)
 
 
 def _outs(
-    scene: Scene, blocks: Blocks, clear: float, planned: list[Route]
+    scene: Scene, blocks: Blocks, clear: float, made: list[Route]
 ) -> Iterator[tuple[Route | None, float]]:
     """Courses for an ego that stands, and the gap (m) that each must have: those on which it pulls out, and
-    then those `planned` before once more, now with the smaller gap `clear`.
+    then those `made` before once more, now with the smaller gap `clear`.
     """
     ego = scene.ego
     for planner in _planners_of(scene):
         for course in planner.pull_outs(ego.x, ego.y, ego.psi, blocks.standing, clear):
             yield course, clear
-    for course in planned:
+    for course in made:
         yield course, clear
 
 

@@ -74,16 +74,16 @@ class GapAcceptance:
         speed = scene.speed
         reach = 0.5 * scene.size + radius
         covered = np.zeros((scene.count, len(s)), dtype=bool)
-        moving = (scene.kind == Kind.PEDESTRIAN).any()
-        for later in PEDESTRIAN_S if moving else PEDESTRIAN_S[:1]:
-            shift = later * scene.velocity * (scene.kind == Kind.PEDESTRIAN)[:, None]
+        walks = scene.kind == Kind.PEDESTRIAN
+        for later in PEDESTRIAN_S if walks.any() else PEDESTRIAN_S[:1]:
+            shift = later * scene.velocity * walks[:, None]
             dx = x - (scene.position + shift)[:, :1]
             dy = y - (scene.position + shift)[:, 1:]
             ahead = np.abs(dx * along[0][:, None] + dy * along[1][:, None]) < reach[:, :1]
             covered |= ahead & (np.abs(dy * along[0][:, None] - dx * along[1][:, None]) < reach[:, 1:])
         if front < scene.route.zone_start_s - 0.5 * scene.vehicle.length:
-            crossing = (np.cos(scene.heading[:, None] - psi) < 0.7) & (speed > SLOWEST)[:, None]
-            covered &= ~crossing | (scene.path < 0)[:, None]
+            across = (np.cos(scene.heading[:, None] - psi) < 0.7) & (speed > SLOWEST)[:, None]
+            covered &= ~across | (scene.path < 0)[:, None]
         first = np.flatnonzero(covered.any(axis=0))
         if not len(first):
             return math.inf, 0.0

@@ -31,7 +31,7 @@ from rudc.agents.hidden import ready_for_unseen
 from rudc.agents.kerb import kept_on_road
 from rudc.agents.memory import Memory
 from rudc.agents.not_yielding import ready_for_not_yielding
-from rudc.agents.runners import ready_for_followers, ready_for_runners
+from rudc.agents.runners import ready_for_next_runners, ready_for_runners
 from rudc.agents.smoothing import Smoothing
 from rudc.arrays import Array
 from rudc.settings import Settings
@@ -104,7 +104,7 @@ class Outlook:
         if self._approach and not onwards:
             u = ready_for_not_yielding(scene, ready_to_wait(scene, u))
             u = ready_for_unseen(scene, ready_to_follow(scene, u))
-            u = ready_for_followers(scene, ready_for_runners(scene, u))
+            u = ready_for_next_runners(scene, ready_for_runners(scene, u))
         if self.courses is not None:
             u = kept_on_road(scene, self.courses.govern(scene, u, onwards=onwards))
         return u if self.adaptation is None else self.adaptation.govern(scene, u, onwards=onwards)

@@ -60,7 +60,7 @@ def ready_for_runners(scene: Scene, u: Array) -> Array:
     return at_most(u, slowing(scene, room, CREEP, PLANNED * -body.a_min))
 
 
-def ready_for_followers(scene: Scene, u: Array) -> Array:
+def ready_for_next_runners(scene: Scene, u: Array) -> Array:
     """(2,) the command u (2,), m/s2 and rad, with an acceleration after which the ego is past whoever may
     follow one who came from behind a box, or stops before their way, if it still can.
     """

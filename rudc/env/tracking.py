@@ -133,6 +133,6 @@ def speed_allowed(scene: Scene, profile: Array, cruise: float) -> float:
     return min(cruise, float(profile[index]))
 
 
-def acceleration_towards(speed: float, scene: Scene, at_most: float) -> float:
-    """m/s2, acceleration that brings the ego to `speed` m/s: at most `at_most`, at least full braking."""
-    return min(max((speed - scene.ego.v) / RESPONSE_S, scene.vehicle.a_min), at_most)
+def acceleration_towards(speed: float, scene: Scene, most: float) -> float:
+    """m/s2, acceleration that brings the ego to `speed` m/s: at most `most`, at least full braking."""
+    return min(max((speed - scene.ego.v) / RESPONSE_S, scene.vehicle.a_min), most)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rudc.agents.hidden import CREEP
-from rudc.agents.runners import RUNS, TRAIL_S, ready_for_followers, ready_for_runners
+from rudc.agents.runners import RUNS, TRAIL_S, ready_for_next_runners, ready_for_runners
 from rudc.vehicle import Actuation
 from rudc.world.ego import EgoPlant
 from rudc.world.scene import Kind
@@ -92,19 +92,19 @@ def test_who_ran_out_may_be_followed(make_scene):
         start = scene.ego_s
         for _ in range(int((TRAIL_S - passed_s) * 10)):
             came |= scene.ego_s - start > CROSSING
-            ego = plant.step(float(ready_for_followers(scene, FULL)[0]), 0.0, 0.1)
+            ego = plant.step(float(ready_for_next_runners(scene, FULL)[0]), 0.0, 0.1)
             s, offset = path.project(ego.x, ego.y, scene.ego_s)
             there = scene.position + 0.1 * scene.velocity
             scene = replace(scene, ego=ego, ego_s=s, ego_offset=offset, position=there)
         assert not came, "it stops before the way of those who may follow"
-        assert ready_for_followers(scene, FULL)[0] == FULL[0], "nobody came: it goes on"
+        assert ready_for_next_runners(scene, FULL)[0] == FULL[0], "nobody came: it goes on"
 
 
 def test_those_whom_nobody_can_follow_unseen_are_none(make_scene):
-    assert ready_for_followers(one_runs(make_scene, 1.0, v=10.0), FULL)[0] < 0.0
-    assert ready_for_followers(one_runs(make_scene, TRAIL_S + 0.5, v=10.0), FULL) is FULL, "long ago"
-    assert ready_for_followers(replace(one_runs(make_scene, 1.0, v=10.0), hidden_by=None), FULL) is FULL
-    assert ready_for_followers(one_runs(make_scene, 1.0, v=10.0, heading=np.pi / 2), FULL) is FULL, (
+    assert ready_for_next_runners(one_runs(make_scene, 1.0, v=10.0), FULL)[0] < 0.0
+    assert ready_for_next_runners(one_runs(make_scene, TRAIL_S + 0.5, v=10.0), FULL) is FULL, "long ago"
+    assert ready_for_next_runners(replace(one_runs(make_scene, 1.0, v=10.0), hidden_by=None), FULL) is FULL
+    assert ready_for_next_runners(one_runs(make_scene, 1.0, v=10.0, heading=np.pi / 2), FULL) is FULL, (
         "along the road"
     )
-    assert ready_for_followers(one_runs(make_scene, 1.0, v=15.0), FULL) is FULL, "it can stop no more"
+    assert ready_for_next_runners(one_runs(make_scene, 1.0, v=15.0), FULL) is FULL, "it can stop no more"
