@@ -56,9 +56,6 @@ SUFFIX = ".safetensors"
 SPEED = COMMON.index("speed / 10")
 FADING = 1.0
 """m/s, speed of the ego below which w is reduced in proportion to the speed"""
-
-DRY = EgoVehicle()
-"""the car, on the dry road, that the shipped predictors are fitted on"""
 HOLDS, GIVES_OUT = 1.5, 2.5
 """ratios of the acceleration asked for to what the road is known to give: w counts in full up to the
 first, and not at all from the second on. At mu of 0.2, 0.35 and 0.65, w improved the prediction up to 1.6
@@ -100,7 +97,7 @@ def predicted_change(terms: Terms, a: float, z: float) -> Array:
     return STEP * first + 0.5 * STEP * STEP * second
 
 
-def trust(vehicle: EgoVehicle, v: float, u: Array, dry: EgoVehicle = DRY) -> float:
+def trust(vehicle: EgoVehicle, v: float, u: Array, dry: EgoVehicle) -> float:
     """Factor on w, from 0 to 1, for a proposal u (2,), m/s2 and rad, at v m/s; `vehicle` is the scene's,
     `dry` the same on a dry road.
     """
@@ -163,29 +160,27 @@ class _Head:
 
     def __init__(self, arrays: Mapping[str, NDArray], head: str) -> None:
         """Raises KeyError if an array is missing, AgentError if one does not fit."""
-        _ = [arrays[f"{head}/{name}"] for name in _PARTS]
-        inputs, width = arrays[f"{head}/mean"].size, arrays[f"{head}/w2"].shape[:1]
-        last = arrays[f"{head}/b2"].shape
+        own = {name: arrays[f"{head}/{name}"] for name in _PARTS}
+        inputs, width, last = own["mean"].size, own["w2"].shape[:1], own["b2"].shape
         wanted = {
             **dict.fromkeys(("mean", "spread", "low", "high"), (inputs,)),
             "w1": (inputs, *width), "b1": width, "w2": (*width, *last), "b2": last, "w3": (*last, 1),
             "b3": (1,),
         }  # fmt: skip
         for name, shape in wanted.items():
-            array = arrays[f"{head}/{name}"]
+            array = own[name]
             if array.shape != shape or not np.all(np.isfinite(array)):
                 raise AgentError(f"the residual predictor's {head}/{name} does not fit, or is not finite")
-        if arrays[f"{head}/scale"].size != 1 or not np.all(arrays[f"{head}/spread"] > 0):
+        if own["scale"].size != 1 or not np.all(own["spread"] > 0):
             raise AgentError(f"the residual predictor's scales of {head} are not positive numbers")
-        mean, spread = arrays[f"{head}/mean"], arrays[f"{head}/spread"]
-        first = arrays[f"{head}/w1"] / spread[:, None]
-        self.inputs = len(mean)
-        scale = np.float32(arrays[f"{head}/scale"].item())
+        first = own["w1"] / own["spread"][:, None]
+        self.inputs = inputs
+        scale = np.float32(own["scale"].item())
         layers = (
-            arrays[f"{head}/low"], arrays[f"{head}/high"], first, arrays[f"{head}/b1"] - mean @ first,
-            arrays[f"{head}/w2"], arrays[f"{head}/b2"], arrays[f"{head}/w3"][:, 0] * scale,
+            own["low"], own["high"], first, own["b1"] - own["mean"] @ first,
+            own["w2"], own["b2"], own["w3"][:, 0] * scale,
         )  # fmt: skip
-        self._arrays = *map(np.ascontiguousarray, layers), np.float32(arrays[f"{head}/b3"][0]) * scale
+        self._arrays = *map(np.ascontiguousarray, layers), np.float32(own["b3"][0]) * scale
 
     def __call__(self, xi: Array) -> Array:
         return network(xi, *self._arrays, SPEED, 10 / FADING)

@@ -19,7 +19,7 @@ from rudc.safety.corrected import Corrected
 from rudc.safety.plant import SUBSTEP_S
 from rudc.safety.residual import trust
 from rudc.scenario import load_scenario
-from rudc.vehicle import Actuation
+from rudc.vehicle import Actuation, EgoVehicle
 from rudc.world.ego import EgoPlant
 from rudc.world.scene import Kind
 from tests.plans import PlanSource, event
@@ -270,7 +270,7 @@ def test_residuals_do_not_count_where_more_is_asked_than_ice_is_known_to_give(
     scene = make_scene(v=9.0, actuation=Actuation(friction=friction))
     outlook = Outlook(OutlookSettings(plant=plant))
     outlook.reset(scene)
-    assert trust(outlook.see(scene).vehicle, 9.0, np.array([-6.0, 0.3])) == counts
+    assert trust(outlook.see(scene).vehicle, 9.0, np.array([-6.0, 0.3]), EgoVehicle()) == counts
 
 
 def test_settings_are_those_of_the_one_tree():

@@ -221,7 +221,7 @@ def test_on_ice_the_faded_predictor_is_better_than_none(monkeypatch):
     samples = residual_data.collect(1500, 3, Adjustment(), lambda *_: None)["road"]
     known = replace(EgoVehicle(), a_min=-0.2 * 9.81)
     counts = [
-        trust(known, 10 * v, np.array([6 * a, np.arctan(tan)]))
+        trust(known, 10 * v, np.array([6 * a, np.arctan(tan)]), EgoVehicle())
         for a, tan, v in samples.xi[:, :3].astype(float)
     ]
     w = shipped_predictor().of("road", samples.xi.astype(float))
