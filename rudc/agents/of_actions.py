@@ -131,7 +131,7 @@ class OfActions:
 class UslCorrection(OfActions):
     """a <- psi(a), at most K times: see `UslSettings`."""
 
-    def __init__(self, settings: UslSettings, action: ActionKind = ADJUSTMENT) -> None:
+    def __init__(self, settings: UslSettings, action: ActionKind) -> None:
         super().__init__(action)
         self._settings = settings
 
@@ -153,7 +153,7 @@ class UslCorrection(OfActions):
 class RecoveryCorrection(OfActions):
     """a_task if Q_risk(s, a_task) <= d_th, else a_recovery: see `RecoverySettings`."""
 
-    def __init__(self, settings: RecoverySettings, action: ActionKind = ADJUSTMENT) -> None:
+    def __init__(self, settings: RecoverySettings, action: ActionKind) -> None:
         super().__init__(action)
         self._limit = settings.cost_limit
 
@@ -170,7 +170,7 @@ class RecoveryCorrection(OfActions):
 class QpslCorrection(OfActions):
     """argmin |a' - a|^2 / 2 with c + g . a' <= d_th, a' in [-1, 1]^2: see `QpslSettings`."""
 
-    def __init__(self, settings: QpslSettings, action: ActionKind = ADJUSTMENT) -> None:
+    def __init__(self, settings: QpslSettings, action: ActionKind) -> None:
         super().__init__(action)
         self._limit, self._solver = settings.cost_limit, make_solver(settings.solver)
         self._name = settings.solver

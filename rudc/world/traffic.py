@@ -20,7 +20,7 @@ from rudc.world.sumo import HEEDLESS, OWN_SPEED, Sumo
 from rudc.world.vehicle_types import EGO, EMERGENCY_DECEL, VEHICLE_TYPES, VehicleType
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Sequence
 
     from rudc.network.network import Lane, Movement, Network
     from rudc.scenario.plan import TrafficPlan
@@ -99,8 +99,6 @@ class Traffic:
         }
         """SUMO's classes of vehicles that may not drive the whole of each movement"""
         self.bends = Bends(sumo, network)
-        self.drivers: dict[str, Driver] = {}
-        self._waiting: set[str] = set()
 
     def begin(self, plan: TrafficPlan, rng: np.random.Generator) -> None:
         """Forget the last episode; the roads stay empty until `populate`."""
@@ -113,8 +111,8 @@ class Traffic:
         self.bends.forget()
         self._count = 0
         self._ego: Driver | None = None
-        self.drivers = {}
-        self._waiting = set()
+        self.drivers: dict[str, Driver] = {}
+        self._waiting: set[str] = set()
         names = sorted(plan.mix)
         weights = np.array([plan.mix[name] for name in names], dtype=float)
         self._mix = names, weights / weights.sum()
@@ -138,7 +136,7 @@ class Traffic:
     def populate(self) -> None:
         """Put SVs on the roads, towards the junction and away from it, until the density is reached."""
         for _ in range(self.target):
-            self._place_somewhere(self._occupied)
+            self._place_somewhere()
 
     @property
     def target(self) -> int:
@@ -289,7 +287,7 @@ class Traffic:
         self._waiting.add(name)
         return name
 
-    def _place_somewhere(self, occupied: dict[str, list[tuple[float, float]]]) -> None:
+    def _place_somewhere(self) -> None:
         for _ in range(40):
             movement, kind = self._draw_movement(), self.draw_type()
             inbound = self._rng.random() < 0.5
@@ -311,9 +309,9 @@ class Traffic:
             most = math.sqrt(1.6 * self.comfortable(self._plan.decel.mean) * max(to_stop, 0.1))
             speed = min(self._plan.speed.sample(self._rng), VEHICLE_TYPES[kind].max_speed, most)
             room = 4.0 + 0.7 * speed
-            there = self._there(occupied, edges, k, lane)
+            there = self._there(edges, k, lane)
             if all(front < r - room or front - length > f + room for r, f in there):
-                occupied.setdefault(lane.id, []).append((front - length, front))
+                self.reserve(lane.id, front - length, front)
                 route = _route(movement) if inbound else f"leave:{arm.name}"
                 if k > 0:
                     route = f"added:{self._count}"
@@ -332,9 +330,7 @@ class Traffic:
         """Length of an edge, m; 0 for an edge without lanes in the network (it is too short to be drawn)."""
         return self._lanes[edge][0].length if edge in self._lanes else 0.0
 
-    def _there(
-        self, occupied: Mapping[str, list[tuple[float, float]]], edges: Sequence[str], k: int, lane: Lane
-    ) -> list[tuple[float, float]]:
+    def _there(self, edges: Sequence[str], k: int, lane: Lane) -> list[tuple[float, float]]:
         """Occupied stretches (rear, front) on a lane of edge k, and on all lanes of the arm's other edges; m
         along the lane, negative before it."""
         starts = np.cumsum([0.0, *map(self._length, edges)])
@@ -342,7 +338,7 @@ class Traffic:
             (rear + starts[j] - starts[k], front + starts[j] - starts[k])
             for j, edge in enumerate(edges)
             for one in ([lane] if j == k else self._lanes.get(edge, []))
-            for rear, front in occupied.get(one.id, [])
+            for rear, front in self._occupied.get(one.id, [])
         ]
 
     def _enter(self, entry: dict[str, tuple[float, float]]) -> None:
