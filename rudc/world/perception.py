@@ -3,7 +3,7 @@ detections and limited range."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from rudc.world.scene import Scene
 class Sensors:
     """Flaws of the ego's perception; none by default."""
 
-    occluders: Array
+    occluders: Array = field(default_factory=lambda: np.zeros((0, 5)))
     """(K, 5) opaque boxes: centre x, y (m), heading (rad), length, width (m)"""
     position_std: float = 0.0
     """m"""

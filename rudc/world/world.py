@@ -211,7 +211,7 @@ class World:
         self._brakes = Brakes(self._sumo, self.traffic)
         self.stage = WorldStage(
             self._sumo, self.network, self.traffic, self._brakes, self._plant, self.route, event_rng,
-            Sensors(np.zeros((0, 5))), self.config.decision_s, self._ego_s,
+            Sensors(), self.config.decision_s, self._ego_s,
         )  # fmt: skip
         self.traffic.begin(plan.traffic, traffic_rng)
         self._reader = Reader(self._sumo, self.network, self.traffic)

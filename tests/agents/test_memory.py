@@ -14,7 +14,7 @@ from rudc.world.perception import Sensors
 from tests.plans import PlanSource
 from tests.world.conftest import four_way, make_scene, world, world_on  # noqa: F401 -- fixtures
 
-CLEAN = Sensors(occluders=np.zeros((0, 5)))
+CLEAN = Sensors()
 
 
 @pytest.fixture

@@ -18,8 +18,8 @@ from tests.safety.scenes import Other
 from tests.safety.scenes import make_scene as scene_of
 from tests.world.conftest import four_way, world, world_on  # noqa: F401 -- fixtures
 
-NOISY = Sensors(occluders=np.zeros((0, 5)), position_std=0.4, speed_std=0.5, heading_std=0.06)
-CLEAN = Sensors(occluders=np.zeros((0, 5)))
+NOISY = Sensors(position_std=0.4, speed_std=0.5, heading_std=0.06)
+CLEAN = Sensors()
 
 
 @pytest.fixture

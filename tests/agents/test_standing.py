@@ -29,7 +29,7 @@ def watched(scene, sensors, seconds, watch):
 
 
 def test_who_stands_is_seen_where_it_stands_through_noise_and_gaps(wreck):
-    sensors = Sensors(occluders=np.zeros((0, 5)), position_std=0.3, speed_std=0.5, heading_std=0.05, miss=0.2)
+    sensors = Sensors(position_std=0.3, speed_std=0.5, heading_std=0.05, miss=0.2)
     last = watched(wreck, sensors, 10.0, Standing())[50:]
     assert all(scene.count == 1 and not scene.velocity.any() for scene in last)
     assert all(np.hypot(*(scene.position[0] - POSE[:2])) < 0.35 for scene in last)
@@ -39,7 +39,7 @@ def test_who_stands_is_seen_where_it_stands_through_noise_and_gaps(wreck):
 
 
 def test_sensors_without_flaws_are_believed(wreck):
-    seen = watched(wreck, Sensors(occluders=np.zeros((0, 5))), 3.0, Standing())[-1]
+    seen = watched(wreck, Sensors(), 3.0, Standing())[-1]
     assert seen.position[0] == pytest.approx(POSE[:2], abs=1e-12)
     assert seen.heading[0] == pytest.approx(POSE[2], abs=1e-12)
 

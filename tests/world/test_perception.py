@@ -8,8 +8,6 @@ import pytest
 from rudc.world.perception import Sensors, visible
 from rudc.world.scene import EgoState
 
-NOWHERE = np.zeros((0, 5))
-
 
 @pytest.fixture
 def scene_with(make_scene):
@@ -57,7 +55,7 @@ def test_two_boxes_hide_what_neither_hides_alone(scene_with):
 
 def test_perfect_sensors_give_the_very_scene(scene_with):
     scene = scene_with((20.0, 0.0, 0.0))
-    assert Sensors(NOWHERE).perceive(scene, np.random.default_rng(0)) is scene
+    assert Sensors().perceive(scene, np.random.default_rng(0)) is scene
 
 
 def test_what_is_hidden_is_left_out_of_every_array(scene_with):
@@ -71,13 +69,13 @@ def test_what_is_hidden_is_left_out_of_every_array(scene_with):
 
 def test_nothing_is_seen_beyond_the_range(scene_with):
     scene = scene_with((9.9, 0.0, 0.0), (0.0, 10.1, 0.0))
-    seen = Sensors(NOWHERE, range_m=10.0).perceive(scene, np.random.default_rng(0))
+    seen = Sensors(range_m=10.0).perceive(scene, np.random.default_rng(0))
     assert seen.ids == scene.ids[:1]
 
 
 def test_each_is_missed_as_often_as_asked(scene_with):
     scene, rng = scene_with((10.0, 0.0, 0.0), (20.0, 5.0, 0.0)), np.random.default_rng(1)
-    sensors = Sensors(NOWHERE, miss=0.3)
+    sensors = Sensors(miss=0.3)
     found = [sensors.perceive(scene, rng).ids for _ in range(2000)]
     for name in scene.ids:
         assert sum(name in ids for ids in found) / 2000 == pytest.approx(0.7, abs=0.04)
@@ -85,7 +83,7 @@ def test_each_is_missed_as_often_as_asked(scene_with):
 
 def test_noise_has_the_standard_deviations_asked_for(scene_with):
     scene, rng = scene_with((10.0, 0.0, 0.5)), np.random.default_rng(1)
-    sensors = Sensors(NOWHERE, position_std=0.5, speed_std=0.8, heading_std=0.1)
+    sensors = Sensors(position_std=0.5, speed_std=0.8, heading_std=0.1)
     seen = [sensors.perceive(scene, rng) for _ in range(3000)]
     position = np.array([s.position[0] for s in seen]) - scene.position[0]
     heading = np.array([s.heading[0] for s in seen]) - 0.5
@@ -102,7 +100,7 @@ def test_noise_has_the_standard_deviations_asked_for(scene_with):
 
 def test_the_egos_own_accelerometer_may_be_noisy(scene_with):
     scene = scene_with((20.0, 5.0, 0.0))
-    sensors = Sensors(NOWHERE, own_acceleration_std=0.15)
+    sensors = Sensors(own_acceleration_std=0.15)
     rng = np.random.default_rng(0)
     read = [sensors.perceive(scene, rng).ego.acceleration - scene.ego.acceleration for _ in range(400)]
     assert np.std(read) == pytest.approx(0.15, rel=0.15)
