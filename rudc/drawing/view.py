@@ -115,7 +115,6 @@ def view_of(world: AnyWorld, outcome: str | None = None) -> View:
     """The episode that a world plays, as it is now."""
     scene, seen, sensors, plan = world.scene(), world.perceived(), world.sensors(), world.plan
     happenings = world.happenings()
-    numbers = plan.event_numbers or range(1, len(happenings) + 1)
     return View(
         truth=scene,
         perceived=None if seen is scene else seen,
@@ -131,7 +130,7 @@ def view_of(world: AnyWorld, outcome: str | None = None) -> View:
                 else places(world.network, scene.route, happening.event),
                 way_of(world.network, scene.route, happening.event) if happening.begun_s is None else None,
             )
-            for number, happening in zip(numbers, happenings, strict=True)
+            for number, happening in zip(plan.event_numbers, happenings, strict=True)
         ),
         outcome=outcome or "",
     )  # fmt: skip

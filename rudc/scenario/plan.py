@@ -87,7 +87,7 @@ class EpisodePlan:
     events: tuple[Event, ...]
     """in file order, numbers drawn; events whose `probability` failed are absent"""
     timeout_s: float
-    event_numbers: tuple[int, ...] = ()
+    event_numbers: tuple[int, ...]
     """place of each of `events` in the scenario's file, from 1"""
     scripted: tuple[str, ...] = ()
     """kinds of all events in the scenario's file, those that are absent from this episode included"""

@@ -40,8 +40,7 @@ class Script:
 
     def __init__(self, plan: EpisodePlan, stage: WorldStage) -> None:
         self._stage = stage
-        numbers = plan.event_numbers or range(1, len(plan.events) + 1)
-        pairs = zip(numbers, plan.events, strict=True)
+        pairs = zip(plan.event_numbers, plan.events, strict=True)
         self._effects = [effect_of(event, f"{event.kind}{number - 1}") for number, event in pairs]
         self._waiting = list(self._effects)
         self._active: list[Effect[Any]] = []
