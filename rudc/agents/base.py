@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
 import numpy as np
 
 from rudc.arrays import Array
+from rudc.world.config import EgoDriver
 from rudc.world.scene import Scene
 
 if TYPE_CHECKING:
     from rudc.learning.uncertainty import Uncertainty
     from rudc.safety.corrected import Corrected
     from rudc.safety.plant import PlantEstimate
-
-EgoDriver = Literal["agent", "sumo"]
 
 
 class Decision(NamedTuple):

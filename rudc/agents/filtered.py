@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import time
 
-from rudc.agents.base import Agent, Decision, EgoDriver
+from rudc.agents.base import Agent, Decision
 from rudc.agents.correction import Correction, Proposal
 from rudc.safety.rules import RULES
+from rudc.world.config import EgoDriver
 from rudc.world.scene import Scene
 
 _FUNCTIONS = {

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from rudc.agents.base import Decision, EgoDriver, unfiltered
+from rudc.agents.base import Decision, unfiltered
 from rudc.env.tracking import acceleration_towards, speed_allowed, speeds_in_bends, steering
+from rudc.world.config import EgoDriver
 from rudc.world.scene import Scene
 
 CRUISE = 8.0

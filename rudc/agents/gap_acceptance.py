@@ -20,9 +20,10 @@ import math
 
 import numpy as np
 
-from rudc.agents.base import Decision, EgoDriver, unfiltered
+from rudc.agents.base import Decision, unfiltered
 from rudc.agents.gaps import ACCELERATION, CRUISE, DECELERATION, SLOWEST, crossing, suffices
 from rudc.env.tracking import acceleration_towards, hardest, planned, speed_allowed, speeds_in_bends, steering
+from rudc.world.config import EgoDriver
 from rudc.world.scene import Kind, Scene
 
 HEADWAY, STANDSTILL = 1.0, 2.0

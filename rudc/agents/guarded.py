@@ -12,13 +12,14 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from rudc.agents.base import Agent, Decision, EgoDriver
+from rudc.agents.base import Agent, Decision
 from rudc.agents.seat import Correction, Critics, Percentiles, Proposal
 from rudc.arrays import Array
 from rudc.env.action import numbers_of, two_numbers
 from rudc.errors import AgentFailedError
 from rudc.imports import ask_own, in_words, refused, shortened
 from rudc.safety.corrected import Corrected
+from rudc.world.config import EgoDriver
 from rudc.world.ego import within_limits
 from rudc.world.scene import Scene
 

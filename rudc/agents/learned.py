@@ -20,7 +20,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rudc.agents.base import Decision, EgoDriver
+from rudc.agents.base import Decision
 from rudc.agents.checkpoint import load_learnt
 from rudc.agents.config import AgentConfig
 from rudc.agents.correction import Proposal, make_correction
@@ -31,6 +31,7 @@ from rudc.env.observation import observe_flat
 from rudc.errors import AgentError
 from rudc.learning.inference import Decider
 from rudc.learning.parameters import grouped, policy_arrays
+from rudc.world.config import EgoDriver
 from rudc.world.scene import Scene
 
 

@@ -24,7 +24,7 @@ from typing import Protocol, runtime_checkable
 
 from rudc.agents.adaptation import Adaptation, Knowledge
 from rudc.agents.approach import ready_to_wait
-from rudc.agents.base import Agent, Decision, EgoDriver, layers
+from rudc.agents.base import Agent, Decision, layers
 from rudc.agents.courses import Courses
 from rudc.agents.following import ready_to_follow
 from rudc.agents.hidden import ready_for_unseen
@@ -35,6 +35,7 @@ from rudc.agents.runners import ready_for_next_runners, ready_for_runners
 from rudc.agents.smoothing import Smoothing
 from rudc.arrays import Array
 from rudc.settings import Settings
+from rudc.world.config import EgoDriver
 from rudc.world.scene import Scene
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from rudc.agents.base import Decision, EgoDriver, unfiltered
+from rudc.agents.base import Decision, unfiltered
+from rudc.world.config import EgoDriver
 from rudc.world.scene import Scene
 
 

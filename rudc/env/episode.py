@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from rudc.arrays import Array
 from rudc.env.distances import Distances, measure
 from rudc.env.outcome import Outcome
 from rudc.env.reward import reward_terms, step_cost
 from rudc.errors import SimulationError
+from rudc.world.config import EgoDriver
 from rudc.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -100,7 +101,7 @@ class Episode:
         self,
         plan: EpisodePlan,
         *,
-        ego_driver: Literal["agent", "sumo"] = "agent",
+        ego_driver: EgoDriver = "agent",
         options: tuple[str, ...] = (),
     ) -> Scene:
         """Begin an episode; returns what the ego's sensors show. Arguments and errors are those of

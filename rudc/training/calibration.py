@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rudc.agents.base import Decision, EgoDriver
+from rudc.agents.base import Decision
 from rudc.agents.checkpoint import load_learnt, save_learnt
 from rudc.agents.learned import LearnedAgent
 from rudc.agents.outlook import with_outlook
@@ -36,6 +36,7 @@ from rudc.learning.uncertainty import PERCENTILES
 from rudc.network.network import Network, load_network
 from rudc.scenario.plan import EpisodePlan
 from rudc.training.curriculum import held_out
+from rudc.world.config import EgoDriver
 from rudc.world.scene import Scene
 from rudc.world.world import World
 

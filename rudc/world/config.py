@@ -2,6 +2,10 @@
 
 import math
 from dataclasses import dataclass
+from typing import Literal
+
+EgoDriver = Literal["agent", "sumo"]
+"""who drives the ego: an agent, or SUMO's own driver"""
 
 
 @dataclass(frozen=True, slots=True)

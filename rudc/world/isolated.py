@@ -25,11 +25,11 @@ import time
 import traceback
 import weakref
 from functools import cache
-from typing import IO, TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 from rudc.errors import InputError, RudcError, SimulationError, WorldBusyError
 from rudc.imports import import_first, imported_first, in_words
-from rudc.world.config import WorldConfig
+from rudc.world.config import EgoDriver, WorldConfig
 from rudc.world.world import World
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ class IsolatedWorld:
         self,
         plan: EpisodePlan,
         *,
-        ego_driver: Literal["agent", "sumo"] = "agent",
+        ego_driver: EgoDriver = "agent",
         options: tuple[str, ...] = (),
     ) -> Scene:
         """As `World.reset`."""

@@ -13,7 +13,7 @@ first sub-step events act, and twice a second (five times while a prop moves) th
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from rudc.errors import InputError, SimulationError
 from rudc.world.borders import Borders
 from rudc.world.brakes import Brakes
 from rudc.world.casting import cast
-from rudc.world.config import WorldConfig
+from rudc.world.config import EgoDriver, WorldConfig
 from rudc.world.contact import NOTHING, Nearest, nearest_of, survey
 from rudc.world.detours import Detours
 from rudc.world.ego import EgoPlant, realised, within_limits
@@ -109,7 +109,7 @@ class World:
         self,
         plan: EpisodePlan,
         *,
-        ego_driver: Literal["agent", "sumo"] = "agent",
+        ego_driver: EgoDriver = "agent",
         options: tuple[str, ...] = (),
     ) -> Scene:
         """Set up an episode and return its first scene.
@@ -199,7 +199,7 @@ class World:
 
     # ---- one episode's set-up
 
-    def _set_up(self, ego_driver: Literal["agent", "sumo"], options: tuple[str, ...]) -> bool:
+    def _set_up(self, ego_driver: EgoDriver, options: tuple[str, ...]) -> bool:
         plan = self.plan
         traffic_rng, ego_rng, self._sensor_rng, event_rng = np.random.default_rng(plan.world_seed).spawn(4)
         self._driven_by_sumo = ego_driver == "sumo"

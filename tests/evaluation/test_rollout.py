@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rudc.agents.base import Decision, EgoDriver, unfiltered
+from rudc.agents.base import Decision, unfiltered
 from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode
 from rudc.evaluation.columns import COLUMNS, TIMING, is_intervention
@@ -19,6 +19,7 @@ from rudc.evaluation.tasks import SweepPlan
 from rudc.evaluation.trace import Trace
 from rudc.network.network import load_network
 from rudc.scenario import find_scenarios, load_scenario
+from rudc.world.config import EgoDriver
 from rudc.world.world import World
 
 
