@@ -34,7 +34,7 @@ from rudc.arrays import Array
 from rudc.env.tracking import RESPONSE_S
 from rudc.network.paths import SPACING
 from rudc.network.route import ReferencePath
-from rudc.safety.plant import DECISION_S, PlantEstimate, PlantMonitor
+from rudc.safety.plant import DECISION_S, ORDINARY, PlantEstimate, PlantMonitor
 from rudc.safety.prediction import others_later
 from rudc.vehicle import Actuation
 from rudc.world.ego import DRY, GRAVITY, EgoPlant, widest_steering
@@ -64,7 +64,7 @@ class Adaptation:
 
     def __init__(self, knowledge: Knowledge, *, probe: bool) -> None:
         self._known, self._probes = knowledge == "known", probe and knowledge == "estimated"
-        self.estimate = PlantEstimate(Actuation(), unusual=False)
+        self.estimate = ORDINARY
         """what is known of the car at present"""
         self.asks = False
         """whether the last command brakes in order to learn how well the road grips"""

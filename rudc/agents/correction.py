@@ -148,7 +148,7 @@ def known_corrections() -> Kinds[CorrectionKind]:
     used.
     """
     brought = {kind: place for a in ALGORITHMS.values() for kind, place in a.corrections.items()}
-    return {**CORRECTIONS, **brought, **CORRECTIONS}
+    return {**CORRECTIONS, **brought, **CORRECTIONS}  # ours first, and not replaced by what is brought
 
 
 def read_correction(value: str | Mapping[str, Any] | CorrectionKind) -> CorrectionKind:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 
 from rudc.agents.base import Agent, Decision
-from rudc.agents.correction import Correction, Proposal
+from rudc.agents.seat import Correction, Proposal
 from rudc.safety.rules import RULES
 from rudc.world.config import EgoDriver
 from rudc.world.scene import Scene

@@ -23,8 +23,9 @@ from numpy.typing import NDArray
 from rudc.agents.base import Decision
 from rudc.agents.checkpoint import load_learnt
 from rudc.agents.config import AgentConfig
-from rudc.agents.correction import Proposal, make_correction
+from rudc.agents.correction import make_correction
 from rudc.agents.route_sigma import RouteSigma
+from rudc.agents.seat import Proposal
 from rudc.agents.variation import vary
 from rudc.arrays import Array, Floats
 from rudc.env.observation import observe_flat

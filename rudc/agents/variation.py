@@ -11,8 +11,9 @@ from collections.abc import Mapping
 from typing import Any, TypeVar
 
 from rudc.agents.config import AgentConfig, refuse_old_keys
-from rudc.agents.correction import CbfSettings, CorrectionKind, CorrectionSettings
+from rudc.agents.correction import CbfSettings, CorrectionSettings
 from rudc.agents.outlook import OutlookSettings
+from rudc.agents.seat import CorrectionKind
 from rudc.errors import AgentError, InputError
 from rudc.scenario.yaml_text import read_value
 from rudc.settings import Settings, changed

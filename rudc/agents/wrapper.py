@@ -8,7 +8,8 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from rudc.agents.correction import CorrectionKind, Proposal, make_correction, read_correction
+from rudc.agents.correction import make_correction, read_correction
+from rudc.agents.seat import CorrectionKind, Proposal
 from rudc.arrays import Array
 from rudc.env.intersection import IntersectionEnv
 from rudc.errors import InputError

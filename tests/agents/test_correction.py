@@ -12,17 +12,15 @@ from pydantic import BaseModel
 from rudc.agents.correction import (
     CORRECTIONS,
     CbfSettings,
-    CorrectionKind,
     CorrectionSettings,
     NoCorrection,
-    Proposal,
     make_correction,
     read_correction,
 )
 from rudc.agents.filtered import FilteredAgent
 from rudc.agents.follower import Follower
 from rudc.agents.learned import LearnedAgent
-from rudc.agents.seat import ADJUSTMENT
+from rudc.agents.seat import ADJUSTMENT, CorrectionKind, Proposal
 from rudc.errors import InputError, PartFailedError
 from rudc.safety.corrected import Corrected
 from rudc.safety.rules import Ecbf
