@@ -24,6 +24,7 @@ import importlib
 import importlib.util
 import os
 import pickle
+import re
 import sys
 import traceback
 from collections import Counter
@@ -280,7 +281,8 @@ def _file(source: str) -> ModuleType:
 def _load(path: Path, _modified: int) -> ModuleType:
     """The file as a module; it runs again only after the file has changed."""
     _importable(path.parent)
-    name = f"{PREFIX}{path.stem}_{hashlib.sha256(os.fsencode(path)).hexdigest()[:8]}"
+    stem = re.sub(r"\W", "_", path.stem)  # a dot would make it a part of a package
+    name = f"{PREFIX}{stem}_{hashlib.sha256(os.fsencode(path)).hexdigest()[:8]}"
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None
     assert spec.loader is not None

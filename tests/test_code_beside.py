@@ -2,6 +2,7 @@
 
 import json
 import os
+import pickle
 import sys
 from pathlib import Path
 
@@ -128,6 +129,12 @@ def test_two_files_of_one_name_are_both_in_the_manifest(tmp_path, monkeypatch):
     assert list(before) == ["events_beside.py", "events_beside.py (2)"]
     assert sources_digests()["events_beside.py"] != before["events_beside.py"]
     assert sources_digests()["events_beside.py (2)"] == before["events_beside.py (2)"]
+
+
+def test_what_a_file_with_a_dot_in_its_name_defines_can_be_sent_to_workers(tmp_path):
+    write(tmp_path, **{"oil.v2": "class Oil:\n    pass\n"})
+    oil = import_source(str(tmp_path / "oil.v2.py")).Oil
+    assert pickle.loads(pickle.dumps(oil)) is oil
 
 
 @pytest.mark.parametrize("package", [False, True])
