@@ -1,6 +1,7 @@
 """An event of one's own: registered, it is read, refused, described, played and pickled as the others are."""
 
 import pickle
+import sys
 from typing import Annotated, Literal
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 from rudc.drawing.view import view_of
 from rudc.errors import InputError, PartFailedError, ScenarioError
+from rudc.imports import Carried, _load, import_source, imported_first
 from rudc.network.network import load_network
 from rudc.scenario import EVENT_KINDS, json_schema, load_scenario, register_event
 from rudc.scenario.distributions import AnyDistribution, Bounds
@@ -31,6 +33,18 @@ class OilSpillEffect(Felt[OilSpill]):
     def begin(self, stage: Stage) -> bool:
         stage.set_friction(float(self.event.friction))
         return True
+
+
+GLAZE = """
+from typing import Literal
+from rudc.scenario.events import Felt, register_event
+from rudc.scenario.events.event import Event
+
+class Glaze(Event, frozen=True):
+    kind: Literal["glaze"]
+
+register_event(Glaze, Felt)
+"""
 
 
 @pytest.fixture(autouse=True)
@@ -117,6 +131,20 @@ def test_its_keys_are_in_the_schema():
 def test_survives_pickling_on_its_way_to_a_worker(tmp_path):
     scenario = load_scenario(written(tmp_path, "{kind: oil_spill, friction: 0.1}"))
     assert pickle.loads(pickle.dumps(scenario)) == scenario
+
+
+def test_a_worker_imports_the_file_of_an_agent_that_has_it(tmp_path, monkeypatch):
+    monkeypatch.setattr("rudc.imports._asked", {})
+    file = tmp_path / "driver.py"
+    file.write_text(GLAZE, encoding="utf-8")
+    module = import_source(str(file))  # as `--agent driver.py:Mine` does
+    assert imported_first() == ()
+    scenario = load_scenario(written(tmp_path, "{kind: glaze}"))
+    assert imported_first() == (str(file),)
+    sent = pickle.dumps(Carried(scenario))
+    monkeypatch.delitem(sys.modules, module.__name__)  # as in a worker, which has not imported it
+    _load.cache_clear()
+    assert pickle.loads(sent).events[0].kind == "glaze"
 
 
 def test_a_kind_is_taken_once_and_must_be_said():

@@ -12,7 +12,7 @@ from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationError
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from rudc.errors import InputError
-from rudc.imports import ask_own, import_offered, is_own
+from rudc.imports import ask_own, import_first_elsewhere, import_offered, is_own
 from rudc.scenario.base import again
 from rudc.scenario.events.event import Effect, Event
 from rudc.scenario.events.stage import Stage
@@ -110,6 +110,12 @@ class _ByKind:
 
 
 def _parse(value: Any) -> Event:
+    event = _validated(value)
+    import_first_elsewhere(type(event))  # for the workers of a sweep: it may be of an agent's file
+    return event
+
+
+def _validated(value: Any) -> Event:
     if isinstance(value, Event):
         return value
     kind = value.get("kind") if isinstance(value, dict) else None
