@@ -84,8 +84,12 @@ def _too_far(network: Network, movements: list[Movement], ego: Ego) -> list[Prob
     return [Problem(("ego", "distance"), text)]
 
 
-def likely(value: Distribution) -> tuple[float, float]:
-    """Least and greatest value that is drawn; for a normal distribution, within SURE standard deviations."""
+def likely(value: Distribution | float) -> tuple[float, float]:
+    """Least and greatest value that is drawn; for a normal distribution, within SURE standard deviations. An
+    event of a user's may have a plain number.
+    """
+    if not isinstance(value, Distribution):
+        return float(value), float(value)
     low, high = value.support
     if isinstance(value, Normal):
         mean, spread = value.normal.mean, SURE * value.normal.std

@@ -14,7 +14,8 @@ from rudc.network.network import load_network
 from rudc.scenario import EVENT_KINDS, json_schema, load_scenario, register_event
 from rudc.scenario.distributions import AnyDistribution, Bounds
 from rudc.scenario.events import Event, Felt, Stage, registry
-from rudc.scenario.events.event import Held, VehicleEvent
+from rudc.scenario.events.event import Effect, Held, VehicleEvent
+from rudc.world.fitting import misfits
 from rudc.world.world import World
 
 
@@ -32,6 +33,30 @@ class OilSpillEffect(Felt[OilSpill]):
 
     def begin(self, stage: Stage) -> bool:
         stage.set_friction(float(self.event.friction))
+        return True
+
+
+class Crates(Event, frozen=True):
+    """Crates on the road."""
+
+    kind: Literal["crates"]
+    """crates on the road"""
+    lane: str
+    """the lane on which they stand"""
+    at: float
+    """m along the lane"""
+    vehicles: AnyDistribution
+    """how many vehicles lost them"""
+    boxes: int = 2
+    """how many there are"""
+
+
+class CratesEffect(Effect[Crates]):
+    """They stand there."""
+
+    def begin(self, stage: Stage) -> bool:
+        place = stage.pose_on_lane(self.event.lane, self.event.at)
+        stage.stand(f"{self.name}:first", "obstacle", place, (1.0, 1.0))
         return True
 
 
@@ -131,6 +156,17 @@ def test_its_keys_are_in_the_schema():
 def test_survives_pickling_on_its_way_to_a_worker(tmp_path):
     scenario = load_scenario(written(tmp_path, "{kind: oil_spill, friction: 0.1}"))
     assert pickle.loads(pickle.dumps(scenario)) == scenario
+
+
+def test_its_things_and_keys_may_be_named_as_it_likes(tmp_path):
+    register_event(Crates, CratesEffect)
+    crates = "{{kind: crates, lane: east_in_0, at: {}, vehicles: 1}}"
+    assert load_scenario(written(tmp_path, crates.format(30)), fit=misfits).events
+    with pytest.raises(ScenarioError, match=r"events\.0\.at: 900 m lies beyond 'east_in_0'"):
+        load_scenario(written(tmp_path, crates.format(900)), fit=misfits)
+    both = f"{crates.format(30)}\n  - {crates.format(30.5)}"
+    with pytest.raises(ScenarioError, match=r"events\.1: stands where events\.0 stands"):
+        load_scenario(written(tmp_path, both), fit=misfits)
 
 
 def test_a_worker_imports_the_file_of_an_agent_that_has_it(tmp_path, monkeypatch):
