@@ -93,20 +93,20 @@ def calibrate(
 
     **Example**: `rudc agent calibrate out/first`
     """
-    from rudc.agents.checkpoint import checkpoint_in, find_checkpoint
+    from rudc.agents.checkpoint import checkpoint_in, find_checkpoint, shipped_checkpoints
     from rudc.errors import AgentError
+    from rudc.files import past_links
     from rudc.training.calibration import SCENARIOS, calibrate
     from rudc.training.folder import CONFIG, held
 
-    found, shipped = checkpoint_in(folder), find_checkpoint(str(folder))
-    if found is None and shipped is not None and write:
-        raise AgentError(
-            f"{folder} is a shipped agent, which --write leaves as it is; give a folder of your own, "
-            f"such as a copy of {shipped}"
-        )
-    found = found or shipped
+    found = checkpoint_in(folder) or find_checkpoint(str(folder))
     if found is None:
         raise AgentError(f"no checkpoint in {folder}")
+    if write and past_links(found) in map(past_links, shipped_checkpoints().values()):
+        raise AgentError(
+            f"{folder} is a shipped agent, which --write leaves as it is; give a folder of your own, "
+            f"such as a copy of {found}"
+        )
     names, done = scenario or list(SCENARIOS), 0
 
     def advance() -> None:

@@ -194,9 +194,11 @@ def test_a_shipped_agent_is_not_written_to_and_a_folder_of_its_name_is(rudc, tmp
         raise AgentError("enough")
 
     monkeypatch.setattr("rudc.training.calibration.calibrate", calibrate)
-    answer = rudc("agent", "calibrate", "rudc-wo-cbf", "--write")
-    assert answer.status == 2
-    assert "rudc-wo-cbf is a shipped agent, which --write leaves as it is" in answer.err
+    (tmp_path / "linked").symlink_to(shipped)
+    for place in ("rudc-wo-cbf", shipped, "linked"):
+        answer = rudc("agent", "calibrate", place, "--write")
+        assert answer.status == 2
+        assert f"{place} is a shipped agent, which --write leaves as it is" in answer.err
     assert not seen
     rudc("agent", "calibrate", "rudc-wo-cbf")
     shutil.copytree(shipped, tmp_path / "rudc-wo-cbf" / "checkpoint")
