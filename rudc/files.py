@@ -189,17 +189,26 @@ def _drafted(path: Path) -> Iterator[BinaryIO]:
 
 def replace_folder(new: Path, old: Path) -> None:
     """Put the folder `new` in the place of `old`, which first moves to `aside_of(old)`: at any moment there
-    is a whole folder at one of these two places. Raises StorageError.
+    is a whole folder at one of these two places. Where `old` is a symbolic link, the link is replaced, and
+    what it leads to stays as it is. Raises StorageError.
     """
     aside = aside_of(old)
     try:
         if old.exists():
-            shutil.rmtree(aside, ignore_errors=True)
+            _remove(aside)
             os.replace(old, aside)
         os.replace(new, old)
-        shutil.rmtree(aside, ignore_errors=True)
+        _remove(aside)
     except OSError as error:
         explain(old, error)
+
+
+def _remove(folder: Path) -> None:
+    """Remove a folder, or a symbolic link to one, if it is there; what cannot be removed is left."""
+    if folder.is_symlink():
+        folder.unlink()
+    else:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def aside_of(folder: Path) -> Path:
