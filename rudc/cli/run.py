@@ -99,6 +99,7 @@ def run(
         check_place(steps, "a table of decisions", ".csv")
     if fcd is not None:
         check_place(fcd, "SUMO's floating car data", ".xml", ".xml.gz", ".csv", ".parquet")
+        _refuse_colon(fcd)
     _refuse_one_for_two({"--video": video, "--replay": replay, "--steps": steps, "--fcd": fcd})
     files = _Files(video, steps, fcd, gui, replay is not None)
     driven = [_drive(scenario, seed, driver, files) for driver in drivers]
@@ -139,6 +140,13 @@ def _check_several(agents: int, single: dict[str, Path | bool | None], replay: P
     given = [name for name, value in single.items() if value]
     if given:
         raise InputError(f"{given[0]} shows one agent, and {agents} were named")
+
+
+def _refuse_colon(fcd: Path) -> None:
+    """Raise InputError for a path that SUMO would take for a host and a port."""
+    place = fcd.absolute()
+    if ":" in str(place.relative_to(place.anchor)):  # Windows has one in the anchor
+        raise InputError(f"--fcd: SUMO cannot write to {place}, which has a colon in it; name another place")
 
 
 def _refuse_one_for_two(outputs: dict[str, Path | None]) -> None:

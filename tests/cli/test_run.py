@@ -125,6 +125,16 @@ def test_one_file_for_two_outputs_is_refused(rudc, tmp_path, first, second, both
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_path_that_sumo_takes_for_a_port_is_refused(rudc, tmp_path):
+    answer = rudc(*RUN, *SHORT, "--fcd", "14:37/f.xml")
+    assert answer.status == 2
+    assert answer.err == (
+        f"error: --fcd: SUMO cannot write to {tmp_path}/14:37/f.xml, which has a colon in it; "
+        "name another place\n"
+    )
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_name_without_an_ending_promises_nothing(rudc, tmp_path):
     assert rudc(*RUN, *SHORT, "--steps", "steps", "--fcd", "/dev/null").status == 0
     assert rudc(*RUN, *SHORT, "--steps", "/dev/null", "--fcd", "/dev/null").status == 0
