@@ -43,7 +43,7 @@ def console(*, to_stderr: bool = False) -> Console:
     """A console as wide as the terminal or as COLUMNS says, or else wide enough for anything."""
     stream = sys.stderr if to_stderr else sys.stdout
     told = stream.isatty() or "COLUMNS" in os.environ  # `main` has dropped what is no number
-    return Console(file=stream, width=None if told else WIDE, highlight=False)
+    return Console(file=stream, width=None if told else WIDE, highlight=False, emoji=False)
 
 
 class _Manner:

@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 from rudc.cli import metrics_table
-from rudc.cli.console import SweepBar, SweepLines
+from rudc.cli.console import SweepBar, SweepLines, console
 from rudc.cli.metrics_table import print_metrics
 from rudc.cli.train import SILENCE_S, TrainBar, TrainLines
 from rudc.evaluation.columns import COLUMNS, rates_of
@@ -83,6 +83,12 @@ def test_what_users_write_is_no_markup(rudc, tmp_path, monkeypatch):
     bar._progress.refresh()
     bar.close()
     assert "Own(name='[/a]')" in screen.getvalue()
+
+
+def test_names_of_agents_become_no_pictures(capsys):
+    name = "my.py:Car:outlook.course=true"
+    console(to_stderr=True).print(name, markup=False)
+    assert capsys.readouterr().err == f"{name}\n"
 
 
 @pytest.mark.parametrize(
