@@ -82,6 +82,14 @@ def test_how_many_violations_lie_where_they_are_likeliest(capsys, tmp_path, viol
     )
 
 
+def test_files_that_were_imported_first_are_in_the_command_for_the_first_again(capsys, tmp_path, monkeypatch):
+    monkeypatch.setattr("rudc.imports._asked", {"/my files/oil.py": None, "mine.events": None})
+    findings = Findings(9, (4,), {}, (), Rate(0.1, 0.05, 0.2, 0.2), Region({}, 1, 9, 1))
+    search._tell(findings, tmp_path, "mine", "follower")
+    command = shlex.split(capsys.readouterr().err.partition("the first again: ")[2].partition("\n")[0])
+    assert command[:6] == ["rudc", "--import", "/my files/oil.py", "--import", "mine.events", "run"]
+
+
 def test_without_cma_the_command_that_installs_it_is_said(rudc, monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "cma", None)
     answer = rudc("search", "random_destination", "-a", "follower", "-o", "out")
