@@ -94,19 +94,20 @@ def find_netconvert() -> Path:
 
 
 def find_program(name: str) -> Path | None:
-    """One of SUMO's programs, from the Python package `eclipse-sumo`, from SUMO_HOME or from the PATH."""
+    """The absolute path of one of SUMO's programs, from the Python package `eclipse-sumo`, from SUMO_HOME or
+    from the PATH.
+    """
     homes = []
     spec = importlib.util.find_spec("sumo")
     if spec is not None and spec.submodule_search_locations:
         homes += list(spec.submodule_search_locations)
     if "SUMO_HOME" in os.environ:
         homes.append(os.environ["SUMO_HOME"])
-    for home in homes:
-        found = shutil.which(name, path=str(Path(home) / "bin"))
+    for folders in (*(str(Path(home) / "bin") for home in homes), None):  # None: those of the PATH
+        found = shutil.which(name, path=folders)
         if found:
-            return Path(found)
-    found = shutil.which(name)
-    return Path(found) if found else None
+            return Path(found).absolute()
+    return None
 
 
 def _arguments(folder: Path) -> tuple[str, list[str]]:

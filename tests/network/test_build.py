@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from rudc.cli.commands import app
 from rudc.errors import NetworkError
 from rudc.network import build as network_build
-from rudc.network.build import build_network, lost_edges
+from rudc.network.build import build_network, find_program, lost_edges
 from rudc.network.network import load_network, shipped_networks
 
 
@@ -98,6 +98,18 @@ def test_edges_that_netconvert_leaves_out_are_named(tmp_path):
     told = CliRunner().invoke(app, ["network", "build", str(tmp_path)])
     assert "netconvert left out edge east_in" in told.stderr
     assert told.stdout == f"{tmp_path / 'own.net.xml'}\n"
+
+
+@pytest.mark.parametrize(("variable", "value"), [("SUMO_HOME", "sumo"), ("PATH", "sumo/bin")])
+def test_a_program_in_a_relative_folder_is_found_from_anywhere(tmp_path, monkeypatch, variable, value):
+    program = tmp_path / "sumo" / "bin" / "netconvert"
+    program.parent.mkdir(parents=True)
+    program.touch(mode=0o755)
+    monkeypatch.setattr(network_build.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.delenv("SUMO_HOME", raising=False)
+    monkeypatch.setenv(variable, value)
+    monkeypatch.chdir(tmp_path)
+    assert find_program("netconvert") == program
 
 
 def test_without_netconvert_the_error_says_how_to_get_it(monkeypatch):
