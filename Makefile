@@ -19,6 +19,7 @@ help:
 	@echo "make bench   the benchmarks, as ratios"
 	@echo "make fuzz    damaged inputs of every sort; SHARE=0.01 of them, from FIRST=0.5 on: out/fuzz/fuzz.md"
 	@echo "make soak    20,000 episodes, SHARE=0.02 of them: are memory, speed and open files flat?"
+	@echo "make clean   remove .venv, build, dist and, in out/, docs, gallery and fuzz; sweeps and trainings stay"
 
 setup: .venv/.core
 
@@ -47,7 +48,7 @@ setup: .venv/.core
 	@touch $@
 
 sweep: .venv/.core
-	$(PY) -m rudc sweep --shipped --episodes $(EPISODES) --seed 0 --workers $(WORKERS) --out $(OUT) --resume
+	$(PY) -m rudc sweep --shipped --episodes $(EPISODES) --seed 0 --workers $(WORKERS) --out "$(OUT)" --resume
 
 test: .venv/.dev
 	$(PY) -m pytest -n $(WORKERS) --dist worksteal
@@ -85,4 +86,4 @@ soak: .venv/.dev
 	$(PY) -m tests.benchmarks.soak --share $(SHARE) --workers $(WORKERS)
 
 clean:
-	rm -rf .venv out build dist
+	rm -rf .venv build dist out/docs out/gallery out/fuzz

@@ -2,6 +2,9 @@
 
 import ast
 import re
+import shlex
+import shutil
+import subprocess
 import sys
 import tomllib
 from functools import cache
@@ -36,6 +39,17 @@ def test_a_type_of_arrays_means_one_thing(name):
 @pytest.mark.parametrize(("trace", "home"), [("os.replace(", "files.py"), ("get_close_matches", "hints.py")])
 def test_files_and_hints_are_made_in_one_place(trace, home):
     assert [f.name for f in PACKAGE.rglob("*.py") if trace in f.read_text(encoding="utf-8")] == [home]
+
+
+@pytest.mark.skipif(shutil.which("make") is None, reason="there is no make")
+def test_make_takes_any_folder_and_leaves_results_alone():
+    command = ["make", "--no-print-directory", "-n", "clean", "sweep", "OUT=out/two words"]
+    lines = subprocess.run(command, cwd=PACKAGE.parent, capture_output=True, text=True, check=True).stdout
+    removed, *_, sweep = lines.splitlines()
+    removed, sweep = shlex.split(removed), shlex.split(sweep)
+    assert removed[:2] == ["rm", "-rf"]
+    assert not {"out", "out/sweep", "results"} & set(removed)
+    assert sweep[-2:] == ["out/two words", "--resume"]
 
 
 COMES_WITH = {"pydantic-core": "pydantic"}
