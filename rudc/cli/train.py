@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rudc.cli.console import Quiet, note, progress_bar, shows_bars, warn
-from rudc.cli.options import LiveReport, parse_overrides
+from rudc.cli.options import LiveReport, parse_overrides, rudc
 from rudc.errors import InputError
 from rudc.hints import install_command
 
@@ -105,7 +105,7 @@ def train(
     if not done:
         note("add --resume to go on")
         raise typer.Exit(130)
-    note(f"done: rudc sweep SCENARIO --agent {shlex.quote(name_of(out))} --out DIR")
+    note(f"done: {shlex.join(rudc())} sweep SCENARIO --agent {shlex.quote(name_of(out))} --out DIR")
 
 
 def _config(

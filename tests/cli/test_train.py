@@ -87,6 +87,12 @@ def test_the_command_at_the_end_drives_what_was_trained(rudc, calls, out, called
     assert f"done: rudc sweep SCENARIO --agent {called} --out DIR" in rudc("train", "sac", "--out", out).err
 
 
+def test_the_command_at_the_end_imports_what_this_one_did(rudc, calls, monkeypatch):
+    monkeypatch.setattr("rudc.imports._asked", {"mine.events": None})
+    said = rudc("train", "sac", "--out", "x").err
+    assert "done: rudc --import mine.events sweep SCENARIO --agent x --out DIR" in said
+
+
 def test_steps_that_are_rounded_are_said_once(rudc, calls):
     answer = rudc("train", "rudc-t", "--steps", 1, "--out", "x")
     assert answer.err.count("200 steps instead of 1: whole rounds of 200 are made\n") == 1
