@@ -83,7 +83,7 @@ class Swept:
             raise SweepError(f"{self._folder / 'manifest.json'} says nothing of the scenario {name!r}")
         try:
             family = kept_scenario(said["values"], said["digest"], self._folder)
-            family = family.read_from(family.path, family.overridden, said.get("given"))
+            family = family.read_from(family.path, said.get("given"))
         except ValidationError as error:
             problem = describe(error, Scenario, said["values"])[0]
             configuration = self._content["configuration"]

@@ -11,7 +11,7 @@ from __future__ import annotations
 from copy import deepcopy
 from typing import Any
 
-from rudc.scenario.dotted import Path, dotted
+from rudc.scenario.dotted import Path
 from rudc.scenario.yaml_text import Mark, Sheet
 
 SECTIONS: frozenset[Path] = frozenset({(), ("ego",), ("traffic",), ("traffic", "idm"), ("episode",)})
@@ -20,17 +20,16 @@ OWN = ("name", "description", "out_of_distribution", "extends")
 """keys that are not inherited"""
 
 
-def inherit(child: Sheet, parent: Sheet) -> tuple[Sheet, tuple[str, ...]]:
-    """Both together, and the dotted keys in which the child differs from its parent."""
+def inherit(child: Sheet, parent: Sheet) -> Sheet:
+    """Both together."""
     kept = {key: value for key, value in parent.data.items() if key not in OWN}
     marks = {path: mark for path, mark in parent.marks.items() if path and path[0] not in OWN}
     merged = Sheet(deepcopy(kept), {**marks, (): child.marks[()]})
-    differing: list[str] = []
-    _merge(child.data, child.marks, merged.data, merged.marks, (), differing)
+    _merge(child.data, child.marks, merged.data, merged.marks, ())
     if "sweep" not in child.data and isinstance(merged.data.get("sweep"), dict):
         for key in [key for key in merged.data["sweep"] if gives(child.data, str(key))]:
             del merged.data["sweep"][key]
-    return merged, tuple(differing)
+    return merged
 
 
 def gives(data: dict[str, Any], key: str) -> bool:
@@ -51,20 +50,16 @@ def _merge(
     here: dict[str, Any],
     marks: dict[Path, Mark],
     path: Path,
-    differing: list[str],
 ) -> None:
     for key, value in child.items():
         below = (*path, key)
-        inherited = key in here
         if below in SECTIONS and isinstance(value, dict) and isinstance(here.get(key, {}), dict):
             marks[below] = child_marks[below]
-            _merge(value, child_marks, here.setdefault(key, {}), marks, below, differing)
+            _merge(value, child_marks, here.setdefault(key, {}), marks, below)
             continue
-        if key not in OWN and not (inherited and here[key] == value):
-            differing.append(dotted(below))
         for known in [known for known in marks if known[: len(below)] == below]:
             del marks[known]
-        if value is None and inherited:
+        if value is None and key in here:
             del here[key]
             continue
         here[key] = deepcopy(value)

@@ -37,7 +37,7 @@ def load_scenario(
     not have). Raises ScenarioError, one line for every problem.
     """
     path = find_file(source)
-    sheet, overridden, reports = _read(path, ())
+    sheet, reports = _read(path, ())
     if sheet is None:
         raise _error(reports, path)
     for key, value in (overrides or {}).items():
@@ -57,7 +57,7 @@ def load_scenario(
         reports += fit_reports(sheet, _without_empty(sheet.data), fit)
     if reports or scenario is None:
         raise _error([_with_hint(report, sheet.data, overrides or {}) for report in reports], path)
-    return scenario.read_from(path.absolute(), overridden, _without_empty(sheet.data))
+    return scenario.read_from(path.absolute(), _without_empty(sheet.data))
 
 
 def find_scenarios(
@@ -98,26 +98,26 @@ def _error(reports: list[Report], path: File) -> ScenarioError:
     return ScenarioError("\n".join(dict.fromkeys(str(report) for report in ordered)))
 
 
-def _read(path: File, children: tuple[File, ...]) -> tuple[Sheet | None, tuple[str, ...], list[Report]]:
-    """What a file and those it extends say together, the keys in which it differs from them, and problems."""
+def _read(path: File, children: tuple[File, ...]) -> tuple[Sheet | None, list[Report]]:
+    """What a file and those it extends say together, and problems."""
     try:
         with path.open("rb") as file:
             text = file.read(4 * LONGEST + 4).decode("utf-8-sig")  # a character takes at most 4 bytes
     except UnicodeDecodeError as error:
         line = error.object[: error.start].count(b"\n") + 1
         column = error.start - error.object.rfind(b"\n", 0, error.start)
-        return None, (), [Report(shown(path), line, column, (), "not valid UTF-8 text")]
+        return None, [Report(shown(path), line, column, (), "not valid UTF-8 text")]
     except OSError as error:
         raise ScenarioError(f"{shown(path)}: cannot be read: {error.strerror}") from None
     sheet, reports = read_yaml(text, shown(path))
     if sheet is None:
-        return None, (), reports
+        return None, reports
     _anchor_networks(sheet, path.parent)
     parent_name = sheet.data.get("extends")
     if isinstance(parent_name, int | float) and not isinstance(parent_name, bool):
         parent_name = str(parent_name)
     if not isinstance(parent_name, str) or not parent_name.strip():
-        return sheet, (), reports
+        return sheet, reports
     parent = find_parent(parent_name, path)
     chain = (*children, path.resolve())
     if parent is None:
@@ -128,16 +128,15 @@ def _read(path: File, children: tuple[File, ...]) -> tuple[Sheet | None, tuple[s
         else:
             near = did_you_mean(parent_name, parents_known(path))
             text = f"no scenario {parent_name!r} beside this file, and none shipped{near}"
-        return sheet, (), [*reports, sheet.report(("extends",), text)]
+        return sheet, [*reports, sheet.report(("extends",), text)]
     if parent.resolve() in chain:
         ring = " -> ".join(file.name for file in (*chain[chain.index(parent.resolve()) :], parent))
-        return sheet, (), [*reports, sheet.report(("extends",), f"goes round in a circle: {ring}")]
-    parent_sheet, _, parent_reports = _read(parent, chain)
+        return sheet, [*reports, sheet.report(("extends",), f"goes round in a circle: {ring}")]
+    parent_sheet, parent_reports = _read(parent, chain)
     reports += parent_reports
     if parent_sheet is None:
-        return sheet, (), reports
-    merged, overridden = inherit(sheet, parent_sheet)
-    return merged, overridden, reports
+        return sheet, reports
+    return inherit(sheet, parent_sheet), reports
 
 
 def _anchor_networks(sheet: Sheet, folder: File) -> None:

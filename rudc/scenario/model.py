@@ -85,14 +85,8 @@ class Scenario(FileModel, frozen=True):
     sweep: dict[str, tuple[Annotated[Scalar, BeforeValidator(_scalar)], ...]] = Field(default_factory=dict)
     """dotted key -> list of values; every combination is run"""
 
-    _overridden: tuple[str, ...] = PrivateAttr(default=())
     _path: Path | None = PrivateAttr(default=None)
     _given: dict[str, Any] | None = PrivateAttr(default=None)
-
-    @property
-    def overridden(self) -> tuple[str, ...]:
-        """Dotted keys in which this file differs from the scenario it extends."""
-        return self._overridden
 
     @property
     def path(self) -> Path | None:
@@ -153,17 +147,13 @@ class Scenario(FileModel, frozen=True):
             raise ScenarioError(
                 "\n".join(f"{self.name}: {dotted(p.path)}: {p.text}" for p in problems)
             ) from None
-        return scenario.read_from(self._path, self._overridden)
+        return scenario.read_from(self._path)
 
-    def read_from(
-        self, path: Path | None, overridden: tuple[str, ...], given: dict[str, Any] | None = None
-    ) -> Scenario:
-        """The same scenario, which now knows its file, the keys in which it differs from what it extends, and
-        what is `given` there."""
+    def read_from(self, path: Path | None, given: dict[str, Any] | None = None) -> Scenario:
+        """The same scenario, which now knows its file and what is `given` there."""
         known = self.model_copy()
         # A frozen model's private attributes may be set all the same.
         known._path = path  # pyright: ignore[reportAttributeAccessIssue]
-        known._overridden = overridden  # pyright: ignore[reportAttributeAccessIssue]
         known._given = given  # pyright: ignore[reportAttributeAccessIssue]
         return known
 

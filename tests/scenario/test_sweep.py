@@ -382,7 +382,7 @@ def test_a_kept_scenario_has_the_grid_that_it_had(tmp_path):
     """As a sweep's manifest says it, which holds all values."""
     scenario = load(tmp_path, MIX)
     told = json.loads(json.dumps({"values": scenario.data(), "given": scenario.given}))
-    kept = Scenario.model_validate(told["values"]).read_from(None, (), told["given"])
+    kept = Scenario.model_validate(told["values"]).read_from(None, told["given"])
     assert [point.digest for _, point in kept.grid()] == [point.digest for _, point in scenario.grid()]
 
 
