@@ -20,15 +20,14 @@ from numpy.typing import NDArray
 
 from rudc.arrays import Array
 from rudc.geometry import Rectangles, rectangle_corners
-from rudc.network.conflicts import waiting_bumper
 from rudc.network.depths import Depths
 from rudc.network.kernels import any_beside, gaps_at
 from rudc.network.lattice import STEP, Lattice
 from rudc.network.network import Network
 from rudc.network.paths import SPACING
 from rudc.network.polyline import arc_length, resample, smooth, union_boundary
-from rudc.network.road_edges import edge_widths
 from rudc.network.route import ReferencePath, Route
+from rudc.network.route_builder import along
 from rudc.vehicle import EgoVehicle
 
 REACH = 80.0
@@ -226,29 +225,10 @@ class CoursePlanner:
 
     def _along(self, path: ReferencePath) -> Route:
         """The route with another line."""
-        network, old = self._network, self._route
-        paths, row = network.paths, old.row
+        old = self._route
         stop, exit_s = (self._same_place(path, s) for s in (old.stop_line_s, old.exit_s))
-        table = network.conflict(path)
-        crossing = table[(paths.origin != paths.origin[row]) & np.isfinite(table[:, 0])]
-        left, right = edge_widths(self._boundary, path, self._body)
-        normal = np.column_stack([-np.sin(path.heading), np.cos(path.heading)])
-        return replace(
-            old,
-            path=path,
-            stop_line_s=stop,
-            waiting_s=waiting_bumper(
-                path, paths, network.gives_way(path, row), stop, exit_s, self._body.width
-            ),
-            zone_start_s=float(crossing[:, 0].min()) if len(crossing) else stop,
-            zone_end_s=min(float(crossing[:, 1].max()), exit_s) if len(crossing) else stop,
-            exit_s=exit_s,
-            length=path.length,
-            left_edge=path.xy + left[:, None] * normal,
-            right_edge=path.xy - right[:, None] * normal,
-            left_width=left,
-            right_width=right,
-        )
+        line = along(self._network, old.row, path, stop, exit_s, self._boundary, self._body)
+        return replace(old, **line)
 
     def _same_place(self, path: ReferencePath, s: float) -> float:
         """m, arc length on another line of the place that is at s m on the route's."""

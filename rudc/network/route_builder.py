@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import chain
+from typing import Any
 
 import numpy as np
 
@@ -54,12 +55,9 @@ def build_route(network: Layout, movement: Movement, lane: int | None, vehicle: 
     line = network.centre_line(row)
     stop, exit_s = float(paths.stop_s[row]), float(paths.exit_s[row])
     path = _reference(network, row, stop, exit_s, movement, vehicle)
-    table = network.conflict(path)
     stop_line_s = _station_of(path, resample(line, np.array([stop]))[0], stop)
     exit_line_s = _station_of(path, resample(line, np.array([exit_s]))[0], exit_s)
-    crossing = table[(paths.origin != paths.origin[row]) & np.isfinite(table[:, 0])]
-    left, right = edge_widths(union_boundary(network.carriageway(movement)), path, vehicle)
-    normal = np.column_stack([-np.sin(path.heading), np.cos(path.heading)])
+    boundary = union_boundary(network.carriageway(movement))
     return Route(
         origin=movement.origin,
         destination=movement.destination,
@@ -67,26 +65,46 @@ def build_route(network: Layout, movement: Movement, lane: int | None, vehicle: 
         task=TASKS[movement.turn],
         edges=movement.edges,
         row=row,
-        path=path,
         alternatives=_alternatives(network, movement, row, vehicle),
-        stop_line_s=stop_line_s,
-        waiting_s=waiting_bumper(
-            path, paths, network.gives_way(path, row), stop_line_s, exit_line_s, vehicle.width
-        ),
-        zone_start_s=float(crossing[:, 0].min()) if len(crossing) else stop_line_s,
-        zone_end_s=min(float(crossing[:, 1].max()), exit_line_s) if len(crossing) else stop_line_s,
-        exit_s=exit_line_s,
-        length=path.length,
         major=arm.major,
         speed_limit=float(paths.speed_limit[row]),
         speed_limit_after=network.outbound_lane(row).speed,
-        left_edge=path.xy + left[:, None] * normal,
-        right_edge=path.xy - right[:, None] * normal,
-        left_width=left,
-        right_width=right,
         canonical_angle=float(wrap(arm.heading_in - np.pi / 2)),
         key=RouteKey(network.path, network.junction, movement.origin, movement.destination, lane, vehicle),
+        **along(network, row, path, stop_line_s, exit_line_s, boundary, vehicle),
     )
+
+
+def along(
+    network: Layout,
+    row: int,
+    path: ReferencePath,
+    stop: float,
+    exit_s: float,
+    boundary: Array,
+    body: EgoVehicle,
+) -> dict[str, Any]:
+    """The fields of a `Route` over `row` that go with its line: the line, where it stops, waits, meets others
+    and ends, and the road's edges beside it. `stop`, `exit_s`: m, on the line; `boundary`: the carriageway's,
+    as of `union_boundary`.
+    """
+    paths, table = network.paths, network.conflict(path)
+    crossing = table[(paths.origin != paths.origin[row]) & np.isfinite(table[:, 0])]
+    left, right = edge_widths(boundary, path, body)
+    normal = np.column_stack([-np.sin(path.heading), np.cos(path.heading)])
+    return {
+        "path": path,
+        "stop_line_s": stop,
+        "waiting_s": waiting_bumper(path, paths, network.gives_way(path, row), stop, exit_s, body.width),
+        "zone_start_s": float(crossing[:, 0].min()) if len(crossing) else stop,
+        "zone_end_s": min(float(crossing[:, 1].max()), exit_s) if len(crossing) else stop,
+        "exit_s": exit_s,
+        "length": path.length,
+        "left_edge": path.xy + left[:, None] * normal,
+        "right_edge": path.xy - right[:, None] * normal,
+        "left_width": left,
+        "right_width": right,
+    }
 
 
 def _station_of(path: ReferencePath, point: Array, near: float) -> float:
