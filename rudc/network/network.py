@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import copyreg
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import fields
-from functools import cache, cached_property, lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
-from rudc.data import data_folder
+from rudc.data import shipped_networks
 from rudc.errors import NetworkError
 from rudc.hints import did_you_mean, there_are
 from rudc.kernels import as_written
@@ -156,14 +155,6 @@ class Network(Layout):
             with understood(self.path), as_written():  # few calls, also by commands that never drive
                 self._routes[key] = build_route(self, movement, lane, self.vehicle)
         return self._routes[key]
-
-
-@cache
-def shipped_networks() -> Mapping[str, Path]:
-    """Name -> .net.xml of the networks that come with RUDC; looked for once."""
-    folder = data_folder("sumo_networks")
-    found = sorted(folder.glob("*/*.net.xml"))
-    return MappingProxyType({path.name.removesuffix(".net.xml"): path for path in found})
 
 
 def load_network(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from rudc.data import shipped_networks
 from rudc.scenario.model import Scenario
-from rudc.scenario.networks import shipped_networks
 
 
 def json_schema() -> dict[str, Any]:

@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 import os
-from functools import cache
 from pathlib import Path
 
-from rudc.data import data_folder
+from rudc.data import shipped_networks
 from rudc.files import names_beside
 from rudc.hints import did_you_mean, nearest
 from rudc.scenario.base import refuse
 
 NETWORK_SUFFIXES = (".net.xml", ".net.xml.gz")
-
-
-@cache
-def shipped_networks() -> tuple[str, ...]:
-    """Names of the networks that come with the package, sorted; looked for once."""
-    folder = data_folder("sumo_networks")
-    return tuple(sorted(path.parent.name for path in folder.glob("*/*.net.xml")))
 
 
 def is_network_path(value: object) -> bool:

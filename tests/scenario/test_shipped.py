@@ -2,8 +2,8 @@
 
 import pytest
 
+from rudc.data import shipped_networks
 from rudc.scenario import EVENT_KINDS, find_scenarios, load_scenario, shipped_scenarios
-from rudc.scenario.networks import shipped_networks
 
 SHIPPED = {name: load_scenario(name) for name in shipped_scenarios()}
 RARE = {name: scenario for name, scenario in SHIPPED.items() if scenario.out_of_distribution}
