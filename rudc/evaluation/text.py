@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from rudc.evaluation.record import as_text
 from rudc.evaluation.store import format_row
@@ -33,14 +34,21 @@ def markdown(headings: Sequence[str], rows: Sequence[Sequence[str]], left: int =
     return "".join(f"| {' | '.join(line)} |\n" for line in [padded[0], rule, *padded[1:]])
 
 
+def number(value: float, decimals: int = 1) -> str:
+    """A number; `MISSING` where it is not known."""
+    return MISSING if math.isnan(value) else f"{value:.{decimals}f}"
+
+
 def interval(mean: float, low: float, high: float, decimals: int = 1) -> str:
     """`mean [low, high]`, without the interval where there is none."""
-    if math.isnan(mean):
-        return MISSING
-    text = f"{mean:.{decimals}f}"
-    return (
-        text if math.isnan(low) or math.isnan(high) else f"{text} [{low:.{decimals}f}, {high:.{decimals}f}]"
-    )
+    text = number(mean, decimals)
+    known = not any(map(math.isnan, (mean, low, high)))
+    return f"{text} [{low:.{decimals}f}, {high:.{decimals}f}]" if known else text
+
+
+def interval_of(line: Mapping[str, Any], name: str, decimals: int = 1) -> str:
+    """`interval` of a line's NAME, NAME_low and NAME_high."""
+    return interval(line[name], line[f"{name}_low"], line[f"{name}_high"], decimals)
 
 
 def _cell(value: object) -> str:

@@ -22,7 +22,7 @@ from rudc.errors import InputError
 from rudc.evaluation.metrics import group_metrics
 from rudc.evaluation.sweep import Progress, run_sweep
 from rudc.evaluation.tasks import SweepPlan
-from rudc.evaluation.text import MISSING, csv_text, interval, markdown
+from rudc.evaluation.text import csv_text, interval_of, markdown, number
 from rudc.files import make_folder, past_links
 from rudc.reporting.case import draw_cases
 from rudc.reporting.density import Cloud, density
@@ -152,14 +152,10 @@ def as_markdown(lines: Sequence[Mapping[str, Any]]) -> str:
             line["agent"],
             line["settings"],
             str(line["episodes"]),
-            *(interval(line[r], line[f"{r}_low"], line[f"{r}_high"]) for r in RATES),
+            *(interval_of(line, rate) for rate in RATES),
             str(line["decisions"]),
-            *(_number(line[k]) for k in ("corrected_percent", "turning_point", "turning_point_p90")),
+            *(number(line[k], 2) for k in ("corrected_percent", "turning_point", "turning_point_p90")),
         ]
         for line in lines
     ]
     return markdown(headings, rows, left=2)
-
-
-def _number(value: float) -> str:
-    return MISSING if value != value else f"{value:.2f}"

@@ -24,7 +24,7 @@ from rudc.evaluation.metrics import group_metrics
 from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.sweep import Progress, run_sweep
 from rudc.evaluation.tasks import SweepPlan
-from rudc.evaluation.text import csv_text, interval, markdown
+from rudc.evaluation.text import csv_text, interval_of, markdown
 from rudc.files import make_folder
 from rudc.reporting.cbf_grid import draw_grid
 from rudc.studies.base import Order, Report, in_distribution, kinds_of_errors, write
@@ -143,7 +143,7 @@ def as_markdown(lines: Sequence[Mapping[str, Any]]) -> str:
     for line in lines:
         rates = f"{line['rate1']:g}" + (f", {line['rate2']:g}" if line["rule"] == "ecbf" else "")
         said = [text for text, key in (("paper's", "paper"), ("chosen", "chosen")) if line[key]]
-        values = [interval(line[r], line[f"{r}_low"], line[f"{r}_high"]) for r in ("SR", "FR", "VR")]
+        values = [interval_of(line, rate) for rate in ("SR", "FR", "VR")]
         name = [line["driver"], line["constrained"], line["rule"], rates, ", ".join(said)]
         rows.append([*name, str(line["episodes"]), *values, f"{line['AES']:.1f}"])
     return markdown(headings, rows, left=5)

@@ -29,7 +29,7 @@ from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.statistics import paired_change, summarise_rate
 from rudc.evaluation.sweep import Progress, run_sweep
 from rudc.evaluation.tasks import SweepPlan
-from rudc.evaluation.text import MISSING, csv_text, interval, markdown
+from rudc.evaluation.text import MISSING, csv_text, interval_of, markdown, number
 from rudc.files import make_folder
 from rudc.reporting.tradeoff import DRAWN, OFF, Point, draw_tradeoff
 from rudc.studies.base import (
@@ -188,20 +188,18 @@ def as_markdown(lines: Sequence[Mapping]) -> str:
     for line in lines:
         if line["scenario"] != "all":
             continue
-        rates = [interval(line[r], line[f"{r}_low"], line[f"{r}_high"]) for r in RATES]
+        rates = [interval_of(line, rate) for rate in RATES]
         changes = [
-            MISSING
-            if line["variant"] == "off"
-            else interval(*(line[f"{r}_change{end}"] for end in ("", "_low", "_high")))
-            for r in ("VR", "FR")
+            MISSING if line["variant"] == "off" else interval_of(line, f"{rate}_change")
+            for rate in ("VR", "FR")
         ]
         d_safe = MISSING if math.isnan(line["d_safe_m"]) else f"{line['d_safe_m']:g}"
         where = [line["agent"], line["domain"], line["constrained"] or MISSING, line["variant"], d_safe]
         effort = [
-            interval(line["interventions_percent"], math.nan, math.nan),
-            interval(line["engaged_percent"], math.nan, math.nan),
-            interval(line["mean_correction"], math.nan, math.nan, 3),
-            interval(line["infeasible_percent"], math.nan, math.nan, 2),
+            number(line["interventions_percent"]),
+            number(line["engaged_percent"]),
+            number(line["mean_correction"], 3),
+            number(line["infeasible_percent"], 2),
         ]
         rows.append([*where, str(line["episodes"]), *rates, *changes, *effort])
     return markdown(headings, rows, left=4)

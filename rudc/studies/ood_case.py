@@ -14,7 +14,7 @@ from rudc.errors import InputError
 from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.sweep import Progress, run_sweep
 from rudc.evaluation.tasks import SweepPlan
-from rudc.evaluation.text import MISSING, csv_text, markdown
+from rudc.evaluation.text import csv_text, markdown, number
 from rudc.files import make_folder
 from rudc.reporting.case import Case, draw_cases
 from rudc.scenario import find_scenarios
@@ -98,11 +98,7 @@ def as_markdown(lines: Sequence[Mapping[str, Any]]) -> str:
     ]  # fmt: skip
     rows = []
     for line in lines:
-        told = [_number(value) for value in list(line.values())[3:11]]
+        told = [number(value, 2) for value in list(line.values())[3:11]]
         of_all = f"{line['SR']:.0f} ({line['episodes']} episodes)"
         rows.append([line["agent"], line["settings"], line["outcome"], *told, of_all])
     return markdown(headings, rows, left=3)
-
-
-def _number(value: float) -> str:
-    return MISSING if value != value else f"{value:.2f}"

@@ -11,7 +11,7 @@ from rudc.evaluation.columns import METRICS, Metric
 from rudc.evaluation.paper import paper_groups
 from rudc.evaluation.statistics import Summary
 from rudc.evaluation.tables import heading
-from rudc.evaluation.text import MISSING, interval, markdown
+from rudc.evaluation.text import MISSING, interval, interval_of, markdown
 from rudc.studies.campaign import Campaign, Row
 from rudc.studies.outcomes import Outcomes
 
@@ -86,10 +86,7 @@ def iqm_markdown(lines: Sequence[Line]) -> str:
     rows = [
         [
             line["title"],
-            *(
-                interval(*(line[f"{m.name}_{part}"] for part in ("iqm", "iqm_low", "iqm_high")))
-                for m in shown
-            ),
+            *(interval_of(line, f"{metric.name}_iqm") for metric in shown),
         ]
         for line in lines
     ]

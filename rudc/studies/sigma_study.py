@@ -43,7 +43,7 @@ from rudc.errors import InputError
 from rudc.evaluation.columns import happened
 from rudc.evaluation.sweep import Progress, run_sweep
 from rudc.evaluation.tasks import SweepPlan
-from rudc.evaluation.text import csv_text, interval, markdown
+from rudc.evaluation.text import csv_text, interval_of, markdown, number
 from rudc.files import make_folder, past_links
 from rudc.reporting.separation import Mark, draw_separation
 from rudc.studies.auroc import RESAMPLES, auroc, auroc_draws, percentile_interval
@@ -293,7 +293,7 @@ def as_markdown(lines: Sequence[Mapping]) -> str:
             grouped.setdefault((line["family"], line["task"], line["scenarios"]), []).append(line)
     rows = []
     for key, members in grouped.items():
-        values = [interval(m["auroc"], m["auroc_low"], m["auroc_high"], 3) for m in members]
+        values = [interval_of(m, "auroc", 3) for m in members]
         rows.append([*key, str(members[0]["episodes"]), str(members[0]["positive_episodes"]), *values])
     return markdown(headings, rows, left=3)
 
@@ -348,8 +348,5 @@ def slack_markdown(lines: Sequence[Mapping]) -> str:
         ("relaxed_violation_seen", "cause seen"),
         ("relaxed_violation_hidden", "cause hidden"),
     ]
-    rows = [
-        [line["agent"], line["sigma"], *(interval(line[key], math.nan, math.nan, 1) for key, _ in shares)]
-        for line in lines
-    ]
+    rows = [[line["agent"], line["sigma"], *(number(line[key]) for key, _ in shares)] for line in lines]
     return markdown(["agent", "sigma", *(text for _, text in shares)], rows, left=2)
