@@ -10,7 +10,7 @@ from typing import Any
 from rudc.evaluation.columns import METRICS, Metric
 from rudc.evaluation.paper import paper_groups
 from rudc.evaluation.statistics import Summary
-from rudc.evaluation.tables import heading
+from rudc.evaluation.tables import cell, heading
 from rudc.evaluation.text import MISSING, interval, interval_of, markdown
 from rudc.studies.campaign import Campaign, Row
 from rudc.studies.outcomes import Outcomes
@@ -148,11 +148,7 @@ def paper_markdown(lines: Sequence[Line]) -> str:
 
 
 def _short(metric: Metric, line: Line) -> str:
-    value = Summary(line[f"{metric.name}_mean"], line[f"{metric.name}_std"], math.nan, math.nan)
-    if math.isnan(value.mean):
-        return MISSING
-    spread = "" if math.isnan(value.std) else f" ({value.std:.{metric.decimals}f})"
-    return f"{value.mean:.{metric.decimals}f}{spread}"
+    return cell(metric, Summary(line[f"{metric.name}_mean"], line[f"{metric.name}_std"], math.nan, math.nan))
 
 
 def _cell(line: Line, metric: Metric) -> str:
