@@ -18,6 +18,7 @@ from rudc.drawing.palette import (
     GLASS,
     INK,
     PAPER,
+    SENSED,
     SHADOW,
     TRAFFIC,
     Colour,
@@ -128,7 +129,7 @@ def draw_ego(canvas: Canvas, scene: Scene) -> None:
     _draw_body(canvas, points, EGO, dark, lights if braking else (), seen=True)
 
 
-def draw_sensed(canvas: Canvas, scene: Scene, perceived: Scene, colour: Colour) -> None:
+def draw_sensed(canvas: Canvas, scene: Scene, perceived: Scene) -> None:
     """Outlines where the ego's sensors show the others of a scene, if that is not where they are."""
     rows = {name: i for i, name in enumerate(scene.ids)}
     for k, name in enumerate(perceived.ids):
@@ -138,7 +139,7 @@ def draw_sensed(canvas: Canvas, scene: Scene, perceived: Scene, colour: Colour) 
         shape = placed(
             BODY, perceived.position[k : k + 1], perceived.heading[k : k + 1], perceived.size[k : k + 1]
         )
-        canvas.outline(shape[0], colour, 0.2)
+        canvas.outline(shape[0], SENSED, 0.2)
 
 
 def draw_badge(canvas: Canvas, x: float, y: float, text: str, *, there: bool = True) -> None:

@@ -23,7 +23,6 @@ from rudc.drawing.palette import (
     INK,
     OUTCOMES,
     PAPER,
-    SENSED,
     TEXT,
     faint,
 )
@@ -37,6 +36,8 @@ Frame = NDArray[np.uint8]
 
 MARGIN_M = 12.0
 """m of view kept around the ego"""
+VIEW_M = 110.0
+"""m across a frame"""
 REACH_M = 170.0
 """m of road each way from the middle of a picture of it: some 40 MB"""
 BAR_M = 10.0
@@ -50,7 +51,7 @@ def draw_view(canvas: Canvas, view: View, driving: Driving) -> None:
     draw_path(canvas, scene)
     draw_others(canvas, scene, numbers, view.hidden)
     if view.perceived is not None:
-        draw_sensed(canvas, scene, view.perceived, SENSED)
+        draw_sensed(canvas, scene, view.perceived)
     draw_ego(canvas, scene)
     draw_constraints(canvas, scene, driving)
     for event in view.events:
@@ -64,12 +65,10 @@ def draw_view(canvas: Canvas, view: View, driving: Driving) -> None:
 class Renderer:
     """Draws views of one network."""
 
-    def __init__(self, network: Network, size: int = 600, view_m: float = 110.0) -> None:
-        """`size`: pixels along each side of a frame; `view_m`: m across."""
+    def __init__(self, network: Network, size: int = 600) -> None:
+        """`size`: pixels along each side of a frame."""
         self._network = network
         self._size = size
-        self._view = view_m
-        self._reach = max(REACH_M, view_m)
         self._text = size / 41
         self._road: tuple[tuple[float, float], RoadPicture] | None = None
         self._empty: tuple[tuple[float, float, int], Canvas] | None = None
@@ -93,8 +92,8 @@ class Renderer:
 
     def _view_of_road(self, scene: Scene, height: int) -> Canvas:
         """The part of the road in view: about the junction's centre, moved so that the ego is in it."""
-        per_m, centre, ego = self._size / self._view, self._network.center, scene.ego
-        half_x, half_y = 0.5 * self._view, 0.5 * height / per_m
+        per_m, centre, ego = self._size / VIEW_M, self._network.center, scene.ego
+        half_x, half_y = 0.5 * VIEW_M, 0.5 * height / per_m
         x = min(max(float(centre[0]), ego.x - half_x + MARGIN_M), ego.x + half_x - MARGIN_M)
         y = min(max(float(centre[1]), ego.y - half_y + MARGIN_M), ego.y + half_y - MARGIN_M)
         key = x - half_x, y + half_y, height
@@ -106,18 +105,18 @@ class Renderer:
         """A picture of the road that holds the view about (x, y) m: the one about the junction, where that
         does, else one of those beside it. A picture of all the road would be too large where arms are long.
         """
-        apart = 2.0 * self._reach - self._view
+        apart = 2.0 * REACH_M - VIEW_M
         centre = self._network.center.tolist()
         middle = round((x - centre[0]) / apart) * apart, round((y - centre[1]) / apart) * apart
         if self._road is None or self._road[0] != middle:
-            scale = FINE * self._size / self._view
-            self._road = middle, draw_road(self._network, scale, self._reach, middle)
+            scale = FINE * self._size / VIEW_M
+            self._road = middle, draw_road(self._network, scale, REACH_M, middle)
         return self._road[1]
 
     def _draw_bar(self, picture: Image.Image) -> None:
         """The scale: a bar and its length."""
         side, draw = self._size, ImageDraw.Draw(picture)
-        length, pad = BAR_M * self._size / self._view, side / 40
+        length, pad = BAR_M * self._size / VIEW_M, side / 40
         right, y = side - pad, side - pad
         draw.line((right - length, y, right, y), fill=INK, width=max(side // 300, 1))
         for x in (right - length, right):

@@ -35,19 +35,17 @@ class EpisodeRunner:
 
     def __init__(
         self,
-        make: Callable[[str], Agent] = make_agent,
         limit_s: float | None = None,
         folder: Path | None = None,
         watch: Callable[[Episode, Agent], Watcher] | None = None,
     ) -> None:
-        """`make`: an agent's name -> the agent. `limit_s`: s of wall time after which an episode is given up,
-        wherever it stands. `folder`: what relative paths in agents' names are relative to, should this
-        process have been started elsewhere. `watch`: an episode and its agent -> who is shown its decisions.
+        """`limit_s`: s of wall time after which an episode is given up, wherever it stands. `folder`: what
+        relative paths in agents' names are relative to, should this process have been started elsewhere.
+        `watch`: an episode and its agent -> who is shown its decisions.
         """
         compile_kernels()
         if folder is not None and folder.is_dir():
             os.chdir(folder)
-        self._make = make
         self._limit_s = limit_s
         self._watch = watch
         self._world: World | None = None
@@ -78,7 +76,7 @@ class EpisodeRunner:
 
     def _load(self, task: Task) -> tuple[Agent, World]:
         if task.agent not in self._agents:
-            agent = self._make(task.agent)
+            agent = make_agent(task.agent)
             if task.agent_digest not in ("", agent_digest(task.agent)):
                 raise AgentError(
                     f"agent {task.agent} is no longer what it was when the sweep began: a file of it was "

@@ -32,10 +32,8 @@ from rudc.arrays import Array
 
 @dataclass(frozen=True, slots=True)
 class Distortion:
-    """A distortion function by name."""
+    """A distortion function."""
 
-    name: str
-    """as in the configuration"""
     zeta: Callable[[float], float]
     """maps [0, 1] onto [0, 1], never falling"""
 
@@ -59,7 +57,7 @@ def make_distortion(name: str, parameter: float | None = None) -> Distortion:
     value = default if parameter is None else parameter
     if not low < value <= high:
         raise ValueError(f"the parameter of {name} must lie in ({low}, {high}], not {value}")
-    return Distortion(name, maker(value))
+    return Distortion(maker(value))
 
 
 def _expectation(_: float) -> Callable[[float], float]:

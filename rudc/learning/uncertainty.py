@@ -64,8 +64,7 @@ class RunningPercentiles:
     exact, and nothing is drawn at random.
     """
 
-    def __init__(self, window: int = 20_000, percentiles: tuple[float, ...] = PERCENTILES) -> None:
-        self.percentiles = percentiles
+    def __init__(self, window: int = 20_000) -> None:
         self._values = np.full(window, np.nan)
         self._seen = 0
 
@@ -82,10 +81,10 @@ class RunningPercentiles:
         self._seen += new.size
 
     def values(self) -> tuple[float, ...]:
-        """The percentiles, linearly interpolated; nan while nothing was seen."""
+        """The PERCENTILES, linearly interpolated; nan while nothing was seen."""
         if not len(self):
-            return tuple(float("nan") for _ in self.percentiles)
-        return tuple(float(v) for v in np.percentile(self._values[: len(self)], self.percentiles))
+            return tuple(float("nan") for _ in PERCENTILES)
+        return tuple(float(v) for v in np.percentile(self._values[: len(self)], PERCENTILES))
 
     def state(self) -> Arrays:
         """What `load` takes to carry on exactly from here."""

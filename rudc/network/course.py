@@ -96,7 +96,7 @@ class CoursePlanner:
         carriageway = network.carriageway(movement, may_cross_centre)
         self._boundary = union_boundary(carriageway)
         depths = Depths(route.path, carriageway, self._boundary)
-        self._lattice = Lattice(route.path, depths, body, body.tightest)
+        self._lattice = Lattice(route.path, depths, body)
 
     def plan(
         self,

@@ -12,7 +12,7 @@ programming finds the profile with the least
 
 among those that keep to nodes where the car may be, with curvature
 
-    |k / (1 - k l) + l'' / (1 - k l)^2| <= tightest                      k the path's own
+    |k / (1 - k l) + l'' / (1 - k l)^2| <= tightest          k: the path's own; tightest: the car's
 
 which is that of an offset line to first order in the slope.
 """
@@ -57,9 +57,8 @@ _OUTLINE = [(a, b) for a in (-0.5, 0.0, 0.5) for b in (-0.5, 0.5)]
 class Lattice:
     """The lattice of one path, for one car, on one carriageway."""
 
-    def __init__(self, path: ReferencePath, depths: Depths, body: EgoVehicle, tightest: float) -> None:
-        """`tightest`: 1/m, largest curvature that the car may drive."""
-        self._body, self._tightest = body, tightest
+    def __init__(self, path: ReferencePath, depths: Depths, body: EgoVehicle) -> None:
+        self._body = body
         self.s: Array = np.arange(0.0, path.length, STEP)
         """(S,) m"""
         x, y, self._psi = path.pose(self.s)
@@ -99,7 +98,7 @@ class Lattice:
             price, OFFSET * self._offsets[:, None] ** 2 + SLOPE * SLOPES[None] ** 2,
             self._bend[first : last + 1], self._offsets,
             _nearest(self._offsets, offset), _nearest(SLOPES, slope),
-            self._tightest, bends, BEND * bends**2, STRAIGHTEST,
+            self._body.tightest, bends, BEND * bends**2, STRAIGHTEST,
         )  # fmt: skip
         return self._offsets[rows] if len(rows) else None
 

@@ -10,6 +10,10 @@ from rudc.arrays import Array, Flags
 
 GAP = 0.04
 """m, polygons closer than this touch"""
+REPEAT = 1e-3
+"""m, a point closer than this to the one before repeats it"""
+PIECE = 0.25
+"""m, longest piece of a boundary"""
 
 
 def wrap(angle: Array | float) -> Array:
@@ -22,9 +26,9 @@ def arc_length(xy: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])
 
 
-def without_repeats(xy: Array, tolerance: float = 1e-3) -> Array:
-    """The polyline xy (K, 2) without points that lie within `tolerance` m of the one before."""
-    keep = np.concatenate([[True], np.hypot(*np.diff(xy, axis=0).T) > tolerance])
+def without_repeats(xy: Array) -> Array:
+    """The polyline xy (K, 2) without points that lie within REPEAT m of the one before."""
+    keep = np.concatenate([[True], np.hypot(*np.diff(xy, axis=0).T) > REPEAT])
     return xy[keep]
 
 
@@ -125,8 +129,8 @@ def signed_area(polygon: Array) -> float:
     return 0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
 
 
-def union_boundary(polygons: Sequence[Array], piece: float = 0.25) -> Array:
-    """(B, 2, 2) m, boundary of the polygons' union in straight pieces of at most `piece` m.
+def union_boundary(polygons: Sequence[Array]) -> Array:
+    """(B, 2, 2) m, boundary of the polygons' union in straight pieces of at most PIECE m.
 
     A piece of some polygon's edge is on the boundary when a point GAP outside of its middle is in no
     polygon: lanes that share an edge (to the centimetre that SUMO writes) so count as one surface.
@@ -135,7 +139,7 @@ def union_boundary(polygons: Sequence[Array], piece: float = 0.25) -> Array:
     for polygon in polygons:
         ring = polygon if signed_area(polygon) > 0 else polygon[::-1]
         start, end = ring, np.roll(ring, -1, axis=0)
-        count = np.maximum(np.ceil(np.hypot(*(end - start).T) / piece).astype(int), 1)
+        count = np.maximum(np.ceil(np.hypot(*(end - start).T) / PIECE).astype(int), 1)
         edge = np.repeat(np.arange(len(ring)), count)
         part = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
         step = ((end - start) / count[:, None])[edge]

@@ -78,6 +78,8 @@ def _save(figure: Figure, path: Path) -> None:
         raise StorageError(f"cannot write {path}: {error}") from None
 
 
+LABEL_SIZE = 7.5
+"""points, height of a label's text"""
 NEAR = 4.0
 """points between a label and its point, where there is room"""
 
@@ -92,7 +94,7 @@ class Label(NamedTuple):
     colour: str
 
 
-def place_labels(figure: Figure, labels: Sequence[Label], size: float = 7.5) -> list[Annotation]:
+def place_labels(figure: Figure, labels: Sequence[Label]) -> list[Annotation]:
     """Write each label as near to its point as it can stand without lying over another; a thin line leads to
     the point where that is farther off. To be called when everything else is drawn.
     """
@@ -101,7 +103,7 @@ def place_labels(figure: Figure, labels: Sequence[Label], size: float = 7.5) -> 
     written = []
     for label in labels:
         note = label.axes.annotate(
-            label.text, label.place, xytext=(0, 0), textcoords="offset points", fontsize=size,
+            label.text, label.place, xytext=(0, 0), textcoords="offset points", fontsize=LABEL_SIZE,
             color=label.colour, zorder=6,
         )  # fmt: skip
         note.set_in_layout(False)

@@ -17,7 +17,6 @@ and by what course and grip allow (rudc/agents/outlook.py).
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -109,7 +108,7 @@ class _Keeper:
     """Keeps one episode; `watch` is for `run_episode`."""
 
     def __init__(self, agent: Agent) -> None:
-        self.stopwatch = Stopwatch(time.thread_time)
+        self.stopwatch = Stopwatch()
         own = type(agent).act.__get__(agent)
         setattr(agent, "act", self.stopwatch.timed(REST, own))  # noqa: B010 -- to a checker, `act` is a method
         self._barrier = ConstraintBuilder(FilterConfig.preset("ttcbf", constrained="all", road=False))

@@ -11,7 +11,6 @@ from typing import Protocol
 import numpy as np
 
 from rudc.agents.base import Agent, Decision
-from rudc.agents.registry import make_agent
 from rudc.arrays import Array
 from rudc.env.episode import Episode, StepResult
 from rudc.errors import InputError, StorageError
@@ -45,7 +44,7 @@ class StepRunner:
         """`begin`: an episode and its agent -> what keeps its numbers."""
         self._folder, self._begin = folder, begin
         self._log: StepLog | None = None
-        self._run = EpisodeRunner(make_agent, watch=self._watcher)
+        self._run = EpisodeRunner(watch=self._watcher)
 
     def _watcher(self, episode: Episode, agent: Agent) -> Watcher:
         self._log = self._begin(episode, agent)

@@ -64,7 +64,6 @@ def run_search(
     *,
     workers: int = 1,
     resume: bool = False,
-    limit_s: float = EPISODE_LIMIT_S,
     progress: Progress | None = None,
 ) -> Findings:
     """Search in `out`, and write what is found there. Raises as `run_sweep` does; whatever ends it early,
@@ -77,7 +76,7 @@ def run_search(
     with SearchFolder(out, plan) as folder:
         folder.open(resume)
         with kept_rows():
-            asked = _finish(folder, plan, sampler, workers, limit_s, make_runner, progress or Silent())
+            asked = _finish(folder, plan, sampler, workers, make_runner, progress or Silent())
             found = _findings(folder, plan, asked)
             folder.complete(found.violations)
             return found
@@ -88,14 +87,13 @@ def _finish(
     plan: SearchPlan,
     sampler: Sampler,
     workers: int,
-    limit_s: float,
     make_runner: RunnerFactory,
     progress: Progress,
 ) -> list[Batch]:
     """Ask for all points, and run those episodes that have no row."""
     asked: list[Batch] = []
     progress.begin(plan.episodes, len(folder.rows), folder.warnings)
-    with local_workers(min(workers, BATCH, plan.episodes), limit_s, make_runner) as run:
+    with local_workers(min(workers, BATCH, plan.episodes), EPISODE_LIMIT_S, make_runner) as run:
         for first in range(plan.seed, plan.seed + plan.episodes, BATCH):
             count = min(BATCH, plan.seed + plan.episodes - first)
             asked.append(sampler.ask(count))
