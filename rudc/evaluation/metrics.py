@@ -156,12 +156,6 @@ def _ranks(cells: Sequence[str]) -> dict[str, float]:
         return {cell: place for place, cell in enumerate(dict.fromkeys(cells))}
 
 
-def measure(metric: Metric, rows: Sequence[Row]) -> Summary:
-    """A metric of episodes that ran to an end; nan where none did."""
-    groups = group_metrics(rows, (), [metric])
-    return groups[0].metrics[metric.name] if groups else Summary(math.nan, math.nan, math.nan, math.nan)
-
-
 def average(metric: Metric, rows: Sequence[Row]) -> float:
     """The mean alone of a metric that is no rate; nan where no episode has a number."""
     totals, parts = _weighted(metric, lambda name: numbers(rows, name))

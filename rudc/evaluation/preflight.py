@@ -41,8 +41,8 @@ def validated(path: Path) -> tuple[Scenario | None, list[str]]:
 
 
 def try_out(scenario: Scenario) -> list[str]:
-    """What goes wrong when the scenario's episode of seed 0 is set up in a world, for each of the points of its
-    sweep that `tried_points` chooses."""
+    """What goes wrong when the scenario's episode of seed 0 is set up in a world, for each of the points
+    of its sweep that `tried_points` chooses."""
     from rudc.world.world import World  # loads libsumo, which checking alone does not need
 
     found: dict[str, str] = {}

@@ -90,11 +90,6 @@ class Recording:
         self._note_events(view, k)
         self._note_sensors(view, k)
 
-    @property
-    def frames(self) -> int:
-        """Decisions kept so far."""
-        return len(self._steps)
-
     def data(self, record: EpisodeRecord) -> dict[str, Any]:
         """Everything that was kept, ready to be written as JSON. `record`: what became of the episode."""
         world, center = self._episode.world, self._episode.world.network.center
@@ -113,7 +108,7 @@ class Recording:
             "arms": [_arm(world.network, arm) for arm in world.network.arms],
             "vehicle": [body.length, body.width],
             "limits": {"a": [body.a_min, body.a_max], "delta": body.delta_max},
-            "frames": self.frames,
+            "frames": len(self._steps),
             "ego": _poses(self._ego),
             "route": {
                 "path": _flat(route.path.xy[::2] - center),

@@ -9,7 +9,7 @@ edge is straight. Farther than MARGIN m from the area's extent, values are those
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -41,11 +41,14 @@ class Surface:
 
     def signed_distance(self, xy: Array) -> Array:
         """(...) m, distance from xy (..., 2) to the edge of the drivable area, positive inside."""
-        return self._by_tile(Tile.depths, xy)
-
-    def lane_direction(self, xy: Array) -> Array:
-        """(...) rad, direction of travel of the lane under xy (..., 2); nan inside nodes and off the road."""
-        return self._by_tile(Tile.directions, xy)
+        places = np.asarray(xy, dtype=float)
+        flat = np.minimum(np.maximum(places.reshape(-1, 2), self._low), self._high)
+        result = np.empty(len(flat))
+        tiles, which = np.unique(np.floor(flat * (1.0 / SIDE)).astype(np.int64), axis=0, return_inverse=True)
+        for k, (column, row) in enumerate(tiles.tolist()):
+            mine = which.reshape(-1) == k
+            result[mine] = self._tile(column, row).depths(flat[mine])
+        return result.reshape(places.shape[:-1])
 
     def project(self, xy: Array) -> Array:
         """(..., 2) m, the point of the edge nearest to xy (..., 2)."""
@@ -59,7 +62,7 @@ class Surface:
         return self._tile(int(x // SIDE), int(y // SIDE)).depth(x, y)
 
     def direction(self, x: float, y: float) -> float:
-        """`lane_direction` (rad) at one point (m, m)."""
+        """rad, direction of travel of the lane under a point (m, m); nan inside nodes and off the road."""
         x, y = min(max(x, self._west), self._east), min(max(y, self._south), self._north)
         return self._tile(int(x // SIDE), int(y // SIDE)).direction(x, y)
 
@@ -69,14 +72,3 @@ class Surface:
         if tile is None:
             tile = self._tiles[column, row] = self._maker.make(column, row)
         return tile
-
-    def _by_tile(self, look_up: Callable[[Tile, Array], Array], xy: Array) -> Array:
-        """(...) what `look_up` says of xy (..., 2), tile by tile."""
-        places = np.asarray(xy, dtype=float)
-        flat = np.minimum(np.maximum(places.reshape(-1, 2), self._low), self._high)
-        result = np.empty(len(flat))
-        tiles, which = np.unique(np.floor(flat * (1.0 / SIDE)).astype(np.int64), axis=0, return_inverse=True)
-        for k, (column, row) in enumerate(tiles.tolist()):
-            mine = which.reshape(-1) == k
-            result[mine] = look_up(self._tile(column, row), flat[mine])
-        return result.reshape(places.shape[:-1])

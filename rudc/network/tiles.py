@@ -62,12 +62,12 @@ class Edge:
 class Tile:
     """A square of raster points. Immutable."""
 
-    __slots__ = ("_direction", "_distance", "_value", "_way", "_x", "_y")
+    __slots__ = ("_distance", "_value", "_way", "_x", "_y")
 
     def __init__(self, x: float, y: float, distance: Array, direction: Array) -> None:
         """Corner (m, m); signed distance (m) and direction (rad) of its (CELLS + 1)^2 raster points, flat,
         along y first."""
-        self._x, self._y, self._distance, self._direction = x, y, distance, direction
+        self._x, self._y, self._distance = x, y, distance
         self._value, self._way = distance.item, direction.item
 
     def depths(self, xy: Array) -> Array:
@@ -80,11 +80,6 @@ class Tile:
         far = far + v * (flat[at + _ROW + 1] - far)
         return near + u * (far - near)
 
-    def directions(self, xy: Array) -> Array:
-        """(N,) rad, direction of travel at xy (N, 2); nan where none is given."""
-        cell = ((xy - [self._x, self._y]) * (1.0 / CELL) + 0.5).astype(np.int64)
-        return self._direction[cell[:, 0] * _ROW + cell[:, 1]]
-
     def depth(self, x: float, y: float) -> float:
         """Signed distance (m) of one point (m, m)."""
         u, v = (x - self._x) / CELL, (y - self._y) / CELL
@@ -95,7 +90,7 @@ class Tile:
         return near * (1 - u) + far * u
 
     def direction(self, x: float, y: float) -> float:
-        """Direction of travel (rad) at one point (m, m)."""
+        """Direction of travel (rad) at one point (m, m); nan where none is given."""
         return self._way(int((x - self._x) / CELL + 0.5) * _ROW + int((y - self._y) / CELL + 0.5))
 
 

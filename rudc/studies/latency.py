@@ -120,10 +120,6 @@ class LatencyRunner:
         self._warm.add(self._drives)
         return record
 
-    def close(self) -> None:
-        """Forget everything; the next task starts afresh."""
-        self._run.close()
-
 
 def run(order: Order, progress: Callable[[str], Progress]) -> Report:
     """Drive and measure."""

@@ -142,7 +142,7 @@ def test_a_place_on_a_lane_is_where_it_was_put(name, data):
     lane = network.lane(lane_name)
     end = lane.xy[-1] if "_in_" in lane_name else lane.xy[0]
     assert np.hypot(*(middle - end)) == pytest.approx(at, abs=1.0 if name == "roundabout" else 0.02)
-    direction = float(network.surface.lane_direction(middle))
+    direction = network.surface.direction(*middle)
     if at > 1.0:
         assert np.cos(direction - psi + 0.3) > 0.99
 

@@ -52,15 +52,10 @@ def test_the_projection_lies_on_the_edge_as_far_away_as_stated(name, x, y):
 def test_queries_of_many_points_are_those_of_each(name):
     surface = load_network(name).surface
     xy = np.random.default_rng(1).uniform(-200, 200, (3, 5, 2))
-    distance, direction, nearest = (
-        surface.signed_distance(xy),
-        surface.lane_direction(xy),
-        surface.project(xy),
-    )
-    assert distance.shape == direction.shape == (3, 5)
+    distance, nearest = surface.signed_distance(xy), surface.project(xy)
+    assert distance.shape == (3, 5)
     for index in np.ndindex(3, 5):
         assert float(surface.signed_distance(xy[index])) == distance[index]
-        np.testing.assert_equal(float(surface.lane_direction(xy[index])), direction[index])
         np.testing.assert_array_equal(surface.project(xy[index]), nearest[index])
 
 
@@ -86,10 +81,10 @@ def test_lane_direction_is_that_of_the_lane_and_nan_elsewhere(name):
             lane = network.lanes[lane_id]
             middle = 0.5 * (lane.xy[:-1] + lane.xy[1:])
             heading = np.arctan2(*np.diff(lane.xy, axis=0).T[::-1])
-            error = network.surface.lane_direction(middle) - heading
+            error = [network.surface.direction(x, y) for x, y in middle] - heading
             np.testing.assert_allclose(np.cos(error), 1.0, atol=0.01)
-    assert np.isnan(network.surface.lane_direction(np.array([1000.0, 1000.0])))
-    assert np.isnan(network.surface.lane_direction(network.center))
+    assert np.isnan(network.surface.direction(1000.0, 1000.0))
+    assert np.isnan(network.surface.direction(*network.center))
 
 
 def test_the_road_does_not_end_at_an_arms_outer_end():
@@ -129,7 +124,6 @@ def test_one_point_is_looked_up_as_many_are(name):
         assert network.surface.depth(x, y) == pytest.approx(
             float(network.surface.signed_distance(xy)), abs=1e-9
         )
-        np.testing.assert_equal(network.surface.direction(x, y), float(network.surface.lane_direction(xy)))
 
 
 @pytest.mark.parametrize(("size", "filled"), [(1.0, True), (6.0, False)])
