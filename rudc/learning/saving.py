@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from rudc.errors import AgentError
+from rudc.learning.parameters import group, grouped
 
 State = dict[str, NDArray]
 
@@ -29,15 +30,14 @@ class Part(Protocol):
 
 def state_of(parts: Mapping[str, Part]) -> State:
     """The states of all parts as one, named `PART/NAME`."""
-    return {f"{part}/{k}": v for part, one in parts.items() for k, v in one.state().items()}
+    return grouped(**{name: part.state() for name, part in parts.items()})
 
 
 def load_into(parts: Mapping[str, Part], state: Mapping[str, NDArray]) -> None:
     """Give each part its own again. AgentError if it does not fit."""
     try:
         for name, part in parts.items():
-            prefix = f"{name}/"
-            part.load({k.removeprefix(prefix): v for k, v in state.items() if k.startswith(prefix)})
+            part.load(group(state, name))
     except (KeyError, RuntimeError, ValueError) as error:
         raise AgentError(f"the training state does not fit this configuration: {error}") from error
 

@@ -42,6 +42,7 @@ from rudc.hints import listed
 from rudc.learning.checkpoint import load_state, save_state
 from rudc.learning.learner import Statistics
 from rudc.learning.nstep import Transition
+from rudc.learning.parameters import group, grouped
 from rudc.learning.products import widest_products
 from rudc.learning.replay import Replay
 from rudc.learning.threads import torch_threads
@@ -274,8 +275,7 @@ class Trainer:
         arrays = self._weights() | self._taken_along
         training = self._config.model_dump(mode="json")["training"]
         save_learnt(new, Learnt(self._config.agent, arrays, self._percentiles(), training, summary))
-        state = {f"learner/{k}": v for k, v in self._learner.state().items()}
-        state |= {f"sigma/{k}": v for k, v in self._sigmas.state().items()}
+        state = grouped(learner=self._learner.state(), sigma=self._sigmas.state())
         counters = {"round": self._round, "wall_s": self._elapsed()}
         save_state(new / STATE, state)
         self._replay.save(new / REPLAY)
@@ -291,9 +291,9 @@ class Trainer:
             counters = json.loads((source / COUNTERS).read_text(encoding="utf-8"))
             state = load_state(source / STATE)
             self._round, self._wall_s = int(counters["round"]), float(counters["wall_s"])
-            self._learner.load(_below(state, "learner/"))
+            self._learner.load(group(state, "learner"))
             self._replay.load(source / REPLAY)
-            self._sigmas.load(_below(state, "sigma/"))
+            self._sigmas.load(group(state, "sigma"))
         except (OSError, ValueError, KeyError) as error:
             raise AgentError(f"{source}: training cannot be resumed from it: {error}") from error
 
@@ -337,10 +337,6 @@ def _told_to_end() -> list[signal.Signals]:
     """SIGINT, SIGTERM, and SIGHUP where there is one, but none that is ignored (nohup; `&` in a script)."""
     known = [signal.Signals[name] for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
     return [number for number in known if signal.getsignal(number) != signal.SIG_IGN]
-
-
-def _below(state: Arrays, prefix: str) -> Arrays:
-    return {key[len(prefix) :]: value for key, value in state.items() if key.startswith(prefix)}
 
 
 def train(config: TrainConfig, folder: Path, watcher: Watcher, *, resume: bool = False) -> bool:
