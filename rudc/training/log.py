@@ -6,8 +6,6 @@ training that was stopped leaves the same files as one that was not (except for 
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
@@ -17,7 +15,7 @@ from typing import Any, Protocol
 from rudc.env.outcome import Outcome
 from rudc.errors import InputError
 from rudc.evaluation.record import EpisodeRecord
-from rudc.evaluation.store import MENDED, read_header, read_table
+from rudc.evaluation.store import MENDED, format_row, read_header, read_table
 from rudc.files import explain, write_atomically
 from rudc.training.collect import Finished
 
@@ -79,11 +77,10 @@ class Log:
     def write(self, name: str, row: Mapping[str, Any]) -> None:
         """Append a row to `progress` or `evaluation`."""
         columns = self._files[name]
-        text = io.StringIO()
-        csv.writer(text, lineterminator="\n").writerow([_shown(row[column]) for column in columns])
+        text = format_row([_shown(row[column]) for column in columns])
         try:
             with open(self._folder / f"{name}.csv", "a", encoding="utf-8") as file:
-                file.write(text.getvalue())
+                file.write(text)
         except OSError as error:
             explain(self._folder / f"{name}.csv", error)
         if self._board is not None:
@@ -143,10 +140,10 @@ def _mean(values: Sequence[float]) -> float:
     return math.fsum(values) / len(values) if values else math.nan
 
 
-def _shown(value: Any) -> Any:
+def _shown(value: Any) -> str:
     if isinstance(value, float):
         return "" if math.isnan(value) else f"{value:.6g}"
-    return value
+    return str(value)
 
 
 def read_log(path: Path) -> list[dict[str, str]]:
@@ -178,7 +175,5 @@ def _cut(path: Path, columns: Sequence[str], step: int) -> None:
             f"{path} has other columns than are written now: move it elsewhere to go on with a new one, or "
             "train anew in another folder"
         )
-    rows = [row.values() for row in read_log(path) if int(row["steps"]) <= step] if header else []
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows([columns, *rows])
-    write_atomically(path, text.getvalue())
+    rows = [list(row.values()) for row in read_log(path) if int(row["steps"]) <= step] if header else []
+    write_atomically(path, "".join(map(format_row, [columns, *rows])))
