@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from rudc.reporting.figures import INK, PALETTE, Label, bare, grid, legend_below, place_labels
 
@@ -13,26 +14,27 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 OFF = "off"
-_COLOURS: dict[str, str] = {
-    "fixed": PALETTE[5],
-    "residual": PALETTE[2],
-    "slack": PALETTE[4],
-    "both": PALETTE[1],
-    "last_resort": PALETTE[3],
-    "level_route": PALETTE[0],
-    "rate_route": INK,
-}
-_MARKERS = {
-    "fixed": "o",
-    "residual": "s",
-    "slack": "^",
-    "both": "D",
-    "last_resort": "v",
-    "level_route": "P",
-    "rate_route": "X",
+
+
+class _Look(NamedTuple):
+    """How a variant is drawn, and what it is called."""
+
+    colour: str
+    marker: str
+    label: str
+
+
+_LOOKS = {
+    "fixed": _Look(PALETTE[5], "o", "fixed"),
+    "residual": _Look(PALETTE[2], "s", "residual only"),
+    "slack": _Look(PALETTE[4], "^", "slack only"),
+    "both": _Look(PALETTE[1], "D", "residual and slack"),
+    "last_resort": _Look(PALETTE[3], "v", "and last resort"),
+    "level_route": _Look(PALETTE[0], "P", "slack by route"),
+    "rate_route": _Look(INK, "X", "the same as a rate"),
 }
 
-DRAWN = tuple(_COLOURS)
+DRAWN = tuple(_LOOKS)
 """variants that are drawn, besides OFF"""
 
 Estimate = tuple[float, float, float]
@@ -81,13 +83,13 @@ def draw_tradeoff(points: Sequence[Point], path: Path) -> Path:
 
 def _panel(axes: Axes, points: Sequence[Point]) -> list[Label]:
     """Draw a panel; the labels that are still to be placed."""
-    shown = [p for p in points if p.fr[0] == p.fr[0]]
+    shown = [p for p in points if not math.isnan(p.fr[0])]
     if not shown:
         bare(axes, "no episode ended")
         return []
     labels = []
     for p in shown:
-        colour = INK if p.variant == OFF else _COLOURS[p.variant]
+        colour = INK if p.variant == OFF else _LOOKS[p.variant].colour
         (x, y), (x_error, y_error) = (p.fr[0], p.vr[0]), (_arms(p.fr), _arms(p.vr))
         axes.errorbar(x, y, y_error, x_error, fmt="none", ecolor=colour, elinewidth=0.8, alpha=0.3)
     for variant in dict.fromkeys(p.variant for p in shown):
@@ -96,8 +98,9 @@ def _panel(axes: Axes, points: Sequence[Point]) -> list[Label]:
         if variant == OFF:
             axes.plot(x, y, "*", color=INK, markersize=12, zorder=5)
             continue
-        axes.plot(x, y, color=_COLOURS[variant], lw=1.2, marker=_MARKERS[variant], markersize=4.5, zorder=4)
-        labels += [Label(axes, place, text, _COLOURS[variant]) for place, text in _ends(line).items()]
+        look = _LOOKS[variant]
+        axes.plot(x, y, color=look.colour, lw=1.2, marker=look.marker, markersize=4.5, zorder=4)
+        labels += [Label(axes, place, text, look.colour) for place, text in _ends(line).items()]
     axes.set_xlim(left=min(0.0, axes.get_xlim()[0]))
     axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
     return labels
@@ -128,19 +131,10 @@ def _handles(points: Sequence[Point]) -> list:
     numbers = f"d_safe {d_safe[0]:g} m" if len(d_safe) == 1 else "numbers: d_safe (m)"
 
     off = Line2D([], [], color=INK, marker="*", markersize=11, ls="none", label="filter off")
-    names = {
-        "fixed": "fixed",
-        "residual": "residual only",
-        "slack": "slack only",
-        "both": "residual and slack",
-        "last_resort": "and last resort",
-        "level_route": "slack by route",
-        "rate_route": "the same as a rate",
-    }
     rest = [
-        Line2D([], [], color=_COLOURS[v], marker=_MARKERS[v], markersize=5, label=label)
-        for v, label in names.items()
-        if v in variants
+        Line2D([], [], color=look.colour, marker=look.marker, markersize=5, label=look.label)
+        for variant, look in _LOOKS.items()
+        if variant in variants
     ]
     note = Line2D([], [], ls="none", label=f"{numbers}; thin lines: 95 % intervals")
     return [off, *rest, note]
