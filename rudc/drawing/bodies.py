@@ -6,7 +6,6 @@ from collections.abc import Collection, Mapping
 from functools import cache
 
 import numpy as np
-from PIL import ImageFont
 
 from rudc.arrays import Array
 from rudc.drawing.canvas import FINE, Canvas
@@ -24,6 +23,7 @@ from rudc.drawing.palette import (
     Colour,
     faint,
 )
+from rudc.drawing.text import font
 from rudc.world.scene import Kind, Scene
 
 _Points = list[tuple[float, float]]
@@ -145,13 +145,14 @@ def draw_sensed(canvas: Canvas, scene: Scene, perceived: Scene) -> None:
 def draw_badge(canvas: Canvas, x: float, y: float, text: str, *, there: bool = True) -> None:
     """An event's number, or several, centred on (x, y) m; grey where nothing of the event is there yet."""
     (px, py), r = canvas.pixels(np.array([x, y])).tolist(), BADGE_PX * FINE
-    half = max(r, 0.5 * _badge_font().getlength(text) + 0.5 * r)
+    letters = font(BADGE_TEXT_PX * FINE)
+    half = max(r, 0.5 * letters.getlength(text) + 0.5 * r)
     box, edge = (px - half, py - r, px + half, py + r), round(1.4 * FINE)
     canvas.draw.rounded_rectangle(
         box, radius=r, fill=PAPER, outline=EVENT if there else FAINT_TEXT, width=edge
     )
     ink = INK if there else (110, 116, 124)
-    canvas.draw.text((px, py), text, fill=ink, font=_badge_font(), anchor="mm")
+    canvas.draw.text((px, py), text, fill=ink, font=letters, anchor="mm")
 
 
 def draw_badges(canvas: Canvas, scene: Scene, numbers: Mapping[str, str]) -> None:
@@ -175,11 +176,6 @@ def _nearest_to(target: Array, position: Array, heading: float, length: float) -
     """(2,) m, the place on a body's axis that is nearest to a target (2,) m."""
     course = np.array([np.cos(heading), np.sin(heading)])
     return position + np.clip((target - position) @ course, -0.5 * length, 0.5 * length) * course
-
-
-@cache
-def _badge_font() -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
-    return ImageFont.load_default(BADGE_TEXT_PX * FINE)
 
 
 def _draw_body(
