@@ -64,6 +64,8 @@ DARK_PARTS: dict[Kind, list[_Points]] = {
 }  # fmt: skip
 """dark parts of each kind: windows, the gap behind a cab, riders, the stripes of a barrier"""
 HAS_LIGHTS = (Kind.CAR, Kind.TRUCK, Kind.BUS)
+BRAKES_MPS2, STANDS_MPS = -0.7, 0.3
+"""m/s2, m/s: below which brake lights are lit"""
 
 PEDESTRIAN_M = 0.6
 """m, radius of the disc that stands for a pedestrian, larger than life"""
@@ -101,7 +103,7 @@ def draw_others(
 ) -> None:
     """Everybody but the ego. `involved`: who takes part in an event; `hidden`: whom the ego does not see."""
     in_view = canvas.holds(scene.position, 0.5 * np.hypot(*scene.size.T) + BESIDE_M)
-    braking = (scene.acceleration < -0.7) | (scene.speed < 0.3)
+    braking = (scene.acceleration < BRAKES_MPS2) | (scene.speed < STANDS_MPS)
     for kind in Kind:
         rows = np.flatnonzero((scene.kind == int(kind)) & in_view)
         if not len(rows):
@@ -125,7 +127,7 @@ def draw_ego(canvas: Canvas, scene: Scene) -> None:
     shape, dark, lights = _parts(Kind.CAR)
     place = np.array([[ego.x, ego.y]]), np.array([ego.psi]), np.array([[body.length, body.width]])
     points = canvas.pixels(placed(shape, *place)).ravel().tolist()
-    braking = ego.acceleration < -0.7 or ego.v < 0.3
+    braking = ego.acceleration < BRAKES_MPS2 or ego.v < STANDS_MPS
     _draw_body(canvas, points, EGO, dark, lights if braking else (), seen=True)
 
 

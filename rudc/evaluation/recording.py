@@ -17,6 +17,7 @@ import numpy as np
 
 from rudc.agents.base import layers
 from rudc.arrays import Array
+from rudc.drawing.bodies import BRAKES_MPS2, STANDS_MPS
 from rudc.drawing.palette import ASPHALT, MARK, PAVEMENT, RESERVED, VERGE, Colour
 from rudc.drawing.road_picture import Brush, paint_road
 from rudc.drawing.view import View, view_of
@@ -53,8 +54,6 @@ SERIES: dict[str, float] = {
 }  # fmt: skip
 """what is kept of every frame -> the step that its values are multiples of"""
 _LAYERS = {VERGE: "verge", RESERVED: "reserved", PAVEMENT: "pavement", ASPHALT: "asphalt", MARK: "mark"}
-_BRAKING, _STANDS = -0.7, 0.3
-"""m/s2, m/s: below which brake lights are lit, as in rudc/drawing/bodies.py"""
 
 
 class Recording:
@@ -154,7 +153,7 @@ class Recording:
         for i, name in enumerate(scene.ids):
             track = self._open.get(name) or self._begin(scene, i, k)
             still[name] = track
-            flags = BRAKES * bool(scene.acceleration[i] < _BRAKING or speed[i] < _STANDS)
+            flags = BRAKES * bool(scene.acceleration[i] < BRAKES_MPS2 or speed[i] < STANDS_MPS)
             flags += HIDDEN * (name in hidden)
             flags += CONSTRAINED * (f"veh:{name}" in constrained) + ACTIVE * (f"veh:{name}" in active)
             x, y = scene.position[i]

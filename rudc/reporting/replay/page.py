@@ -11,7 +11,16 @@ from pathlib import Path
 from typing import Any
 
 from rudc.drawing import palette
-from rudc.drawing.bodies import BLINKERS, BODY, BRAKE_LIGHTS, DARK_PARTS, HAS_LIGHTS, PEDESTRIAN_M
+from rudc.drawing.bodies import (
+    BLINKERS,
+    BODY,
+    BRAKE_LIGHTS,
+    BRAKES_MPS2,
+    DARK_PARTS,
+    HAS_LIGHTS,
+    PEDESTRIAN_M,
+    STANDS_MPS,
+)
 from rudc.drawing.caption import REMARKS
 from rudc.drawing.overlays import AHEAD_M, BEHIND_M, KEPT_M
 from rudc.evaluation.recording import SERIES
@@ -65,6 +74,8 @@ def _look() -> dict[str, Any]:
         "body": BODY.tolist(),
         "lights": BRAKE_LIGHTS,
         "blinkers": BLINKERS,
+        "brakes_mps2": BRAKES_MPS2,
+        "stands_mps": STANDS_MPS,
         "lit": [kind.name.lower() for kind in HAS_LIGHTS],
         "dark": {kind.name.lower(): parts for kind, parts in DARK_PARTS.items()},
         "pedestrian_m": PEDESTRIAN_M,

@@ -325,7 +325,8 @@ class SceneView {
   }
 
   egoBrakes(k) {
-    return this.run.series.acceleration_mps2[k] < -0.7 || this.run.series.speed_mps[k] < 0.3;
+    const { acceleration_mps2, speed_mps } = this.run.series;
+    return acceleration_mps2[k] < LOOK.brakes_mps2 || speed_mps[k] < LOOK.stands_mps;
   }
 
   stroke(path, colour, width, dash) {
