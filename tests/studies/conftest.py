@@ -1,4 +1,4 @@
-"""What tests of studies share: a small agent with a filter, and the command line."""
+"""What tests of studies share: a small agent with a filter."""
 
 from pathlib import Path
 

@@ -1,25 +1,9 @@
-"""`rudc study`; each study is driven in test_quick.py."""
+"""`rudc study`; each study is driven in tests/studies/test_quick.py."""
 
 import pytest
 
 from rudc.agents.checkpoint import find_checkpoint
-from rudc.cli.main import main
 from rudc.studies.catalogue import STUDIES
-
-
-@pytest.fixture
-def rudc(monkeypatch, capsys, tmp_path):
-    """`rudc("study", "list")`: exit status, stdout, stderr."""
-    monkeypatch.chdir(tmp_path)
-
-    def call(*arguments: object):
-        monkeypatch.setattr("sys.argv", ["rudc", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        said = capsys.readouterr()
-        return ended.value.code or 0, said.out, said.err
-
-    return call
 
 
 def test_list(rudc):
