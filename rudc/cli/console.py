@@ -35,6 +35,8 @@ TRIED_AGAIN = (
     "rows of old and new code would mix"
 )
 """advice for episodes that failed"""
+SILENCE_S = 30.0
+"""s without a word at most, off a terminal"""
 WIDE = 200
 """columns assumed where there is no terminal: nothing is cut off in a log"""
 
@@ -209,7 +211,7 @@ class SweepLines:
             _note_failure(self._failed, task, record, self._rows)
         now = time.monotonic()
         tenth = 10 * self._done // self._total > 10 * (self._done - 1) // self._total
-        if tenth or now - self._last > 30.0:
+        if tenth or now - self._last > SILENCE_S:
             self._last = now
             rate = (self._done - self._first) / max(now - self._start, 1e-9)
             left = (self._total - self._done) / rate

@@ -22,9 +22,6 @@ from rudc.cli.console import (
 from rudc.cli.options import ResultsFolder, Workers, cores
 from rudc.errors import InputError
 
-SEED_DIGITS = 20
-"""a training seed has fewer"""
-
 
 def study(
     name: Annotated[str, typer.Argument(metavar="NAME", help="A study; `list` says which there are.")],
@@ -135,8 +132,10 @@ def study(
 def _numbers(text: str | None) -> tuple[int, ...]:
     if text is None:
         return ()
+    from rudc.evaluation.rows import is_whole
+
     parts = [part.strip() for part in text.split(",")]
-    if not all(part.isascii() and part.isdigit() and len(part) < SEED_DIGITS for part in parts):
+    if not all(map(is_whole, parts)):
         raise InputError(f"--seeds {text[:80]!r}: expected numbers with commas between, such as 0,1,2")
     return tuple(dict.fromkeys(map(int, parts)))
 

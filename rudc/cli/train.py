@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rudc.cli.console import Quiet, note, progress_bar, shows_bars, warn
+from rudc.cli.console import SILENCE_S, Quiet, note, progress_bar, shows_bars, warn
 from rudc.cli.options import LiveReport, parse_overrides, rudc
 from rudc.errors import InputError
 from rudc.hints import install_command
@@ -164,10 +164,6 @@ def _note_rounding(config: TrainConfig) -> None:
     asked, made = config.training.steps, _Count(config).total
     if made != asked:
         note(f"{made} steps instead of {asked}: whole rounds of {config.round_steps} are made")
-
-
-SILENCE_S = 30.0
-"""s without a word at most, off a terminal"""
 
 
 class _Count:

@@ -9,9 +9,9 @@ import pytest
 from rich.console import Console
 
 from rudc.cli import metrics_table
-from rudc.cli.console import SweepBar, SweepLines, console
+from rudc.cli.console import SILENCE_S, SweepBar, SweepLines, console
 from rudc.cli.metrics_table import print_metrics
-from rudc.cli.train import SILENCE_S, TrainBar, TrainLines
+from rudc.cli.train import TrainBar, TrainLines
 from rudc.evaluation.columns import COLUMNS, rates_of
 from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.tables import measured
