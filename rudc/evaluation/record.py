@@ -51,7 +51,7 @@ class EpisodeRecord:
 
     @property
     def outcome(self) -> str:
-        """How it ended (`rudc.env.episode.Outcome`); empty with an error."""
+        """How it ended (`rudc.env.outcome.Outcome`); empty with an error."""
         return self.text("outcome")
 
     @property

@@ -81,7 +81,7 @@ def verify_sweep(
     Raises SweepError when it is no sweep's folder, or holds no episode that could be run.
     """
     if not 0.0 < share <= 1.0:
-        raise SweepError(f"a share of the episodes is more than 0 and at most 1, not {share:g}")
+        raise SweepError(f"--share is more than 0 and at most 1, not {share:g}")
     check_limit(limit_s)
     sweep = Swept(folder)
     drawn = _sample(sweep.rows, share, seed, folder)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -68,7 +69,7 @@ def draw_separation(marks: Sequence[Mark], path: Path) -> Path:
 
 def _rows(marks: Sequence[Mark]) -> list[str]:
     """Scenarios that have an AUROC, in the order that they are drawn in."""
-    totals = {m.scenarios: m.value[0] for m in marks if m.sigma == "total" and m.value[0] == m.value[0]}
+    totals = {m.scenarios: m.value[0] for m in marks if m.sigma == "total" and not math.isnan(m.value[0])}
     single = sorted((name for name in totals if " " not in name), key=lambda name: -totals[name])
     return [*(name for name in totals if " " in name), *single]
 
@@ -85,7 +86,7 @@ def _panel(axes: Axes, marks: Sequence[Mark], room: int) -> None:
             continue
         value, low, high = m.value
         y = rows.index(m.scenarios) + _SHIFT[m.sigma]
-        if low == low:
+        if not math.isnan(low):
             axes.plot([low, high], [y, y], color=_COLOURS[m.sigma], lw=1.1, alpha=0.6)
         axes.plot([value], [y], "o", color=_COLOURS[m.sigma], markersize=3.0)
     others = {m.scenarios for m in marks if " " not in m.scenarios} - set(rows)

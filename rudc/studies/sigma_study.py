@@ -175,7 +175,7 @@ class Question:
         if self.task == "exposed":
             return drive.of("exposed") > 0
         seen = drive.of("seen")  # nan without a violation
-        wanted = {"violation": seen == seen, "violation seen": seen == 1, "violation hidden": seen == 0}
+        wanted = {"violation": ~np.isnan(seen), "violation seen": seen == 1, "violation hidden": seen == 0}
         return drive.before_violation() & wanted[self.task]
 
     def negative(self, drive: Drive) -> Flags:

@@ -55,7 +55,7 @@ class Finished(NamedTuple):
     """A training episode that has ended."""
 
     outcome: str
-    """see rudc/env/episode.py"""
+    """see rudc/env/outcome.py"""
     reward: float
     """sum of the environment's rewards"""
     cost: float
