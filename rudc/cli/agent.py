@@ -76,7 +76,9 @@ def calibrate(
     folder: Annotated[
         Path, typer.Argument(metavar="DIR", help="Folder of a training, or of its checkpoint.")
     ],
-    episodes: Annotated[int, typer.Option("--episodes", "-n", min=1, help="For each scenario.")] = 200,
+    episodes: Annotated[
+        int, typer.Option("--episodes", "-n", min=1, help="Episodes of each scenario.")
+    ] = 200,
     scenario: Annotated[
         list[str] | None,
         typer.Option(metavar="SCENARIO", help="Instead of random_destination and dense_left_turn."),

@@ -21,7 +21,11 @@ ResultsFolder = Annotated[
     ),
 ]  # fmt: skip
 LiveReport = Annotated[
-    bool, typer.Option("--report", help="Keep DIR/report.html fresh meanwhile: `rudc report`, live.")
+    bool,
+    typer.Option(
+        "--report",
+        help="Write DIR/report.html again and again while this runs, as `rudc report` does at the end.",
+    ),
 ]
 Overrides = Annotated[
     list[str] | None,

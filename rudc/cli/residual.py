@@ -24,7 +24,9 @@ Data = Annotated[Path, typer.Argument(metavar="DATA", help="File of `rudc residu
 @app.command()
 def collect(
     out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="Where the samples go.")],
-    samples: Annotated[int, typer.Option(min=100, help="Of vehicles, and as many of road edges.")] = 200_000,
+    samples: Annotated[
+        int, typer.Option(min=100, help="Samples of vehicles, and as many of road edges.")
+    ] = 200_000,
     seed: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = 0,
     agent: Annotated[
         str | None, typer.Option("--agent", "-a", help="Whose actions; random ones if left out.")

@@ -31,7 +31,7 @@ def search(
             "--agent",
             "-a",
             metavar="NAME",
-            help="The driver. See `rudc agent list`.",
+            help="The agent. See `rudc agent list`.",
             autocompletion=complete_agents,
         ),
     ],

@@ -43,7 +43,9 @@ def study(
     ] = None,
     episodes: Annotated[
         int | None,
-        typer.Option("--episodes", "-n", min=1, help="For each scenario and agent. Default: by the budget."),
+        typer.Option(
+            "--episodes", "-n", min=1, help="Episodes of each scenario and agent. Default: by the budget."
+        ),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the first episode; the others follow.")] = 0,
     workers: Workers = None,

@@ -49,14 +49,17 @@ def sweep(
             "--agent",
             "-a",
             metavar="NAME",
-            help="A driver; repeat for several. See `rudc agent list`.",
+            help="An agent; repeat for several. See `rudc agent list`.",
             autocompletion=complete_agents,
         ),
     ] = None,
     episodes: Annotated[
         int | None,
         typer.Option(
-            "--episodes", "-n", min=1, help="For each scenario, swept value and agent; 100 by default."
+            "--episodes",
+            "-n",
+            min=1,
+            help="Episodes of each scenario, swept value and agent; 100 by default.",
         ),
     ] = None,
     seed: Annotated[
@@ -98,7 +101,10 @@ def sweep(
     ] = None,
     share: Annotated[
         float | None,
-        typer.Option(metavar="X", help="Of the episodes, for --verify; 0.05 by default. --seed draws them."),
+        typer.Option(
+            metavar="X",
+            help="With --verify: share of the episodes to run again, drawn by --seed; 0.05 by default.",
+        ),
     ] = None,
     report: LiveReport = False,
     as_json: Annotated[

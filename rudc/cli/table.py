@@ -45,9 +45,9 @@ def table(
     ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """The metrics of a sweep, with 95 % intervals: Wilson's for rates; for means Student's of fewer than 20
-    episodes, else the bootstrap's. Bold: better than all other agents in the scenario, by intervals that do
-    not overlap.
+    """The metrics of a sweep, with 95 % intervals: Wilson's for rates; for means Student's below 20 episodes,
+    the bootstrap's from 20 on, the normal one from 2,000 on. Bold: better than all other agents in the
+    scenario, by intervals that do not overlap.
 
     **Examples**
 
