@@ -194,7 +194,7 @@ def replace_folder(new: Path, old: Path) -> None:
     """
     aside = aside_of(old)
     try:
-        if old.exists():
+        if os.path.lexists(old):
             _remove(aside)
             os.replace(old, aside)
         os.replace(new, old)

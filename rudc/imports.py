@@ -67,12 +67,14 @@ def import_first(source: str) -> None:
     _asked[str(Path(os.path.expanduser(source)).resolve()) if source.endswith(".py") else source] = None
 
 
-def import_first_elsewhere(part: type) -> None:
-    """If a class is of a file that was named by its path, have other processes import that file first, as if
-    `import_first` had been asked for it here.
+def import_first_elsewhere(part: Any) -> bool:
+    """Whether a class or function is of a file that was named by its path. If so, other processes import that
+    file first, as if `import_first` had been asked for it here.
     """
-    if part.__module__.startswith(PREFIX):
-        _asked[str(sys.modules[part.__module__].__file__)] = None
+    module = getattr(part, "__module__", None) or ""
+    if module.startswith(PREFIX):
+        _asked[str(sys.modules[module].__file__)] = None
+    return module.startswith(PREFIX)
 
 
 def imported_first() -> tuple[str, ...]:

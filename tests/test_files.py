@@ -146,9 +146,11 @@ def test_a_folder_takes_the_place_of_another(tmp_path):
         replace_folder(new, old)
 
 
-def test_a_folder_takes_the_place_of_a_link_and_is_replaced_in_turn(tmp_path):
+@pytest.mark.parametrize("there", [True, False])
+def test_a_folder_takes_the_place_of_a_link_and_is_replaced_in_turn(tmp_path, there):
     elsewhere, new, old = tmp_path / "elsewhere", tmp_path / "new", tmp_path / "checkpoint"
-    make_folder(elsewhere)
+    if there:
+        make_folder(elsewhere)
     old.symlink_to(elsewhere)
     for text in ("first", "second"):
         make_folder(new)
@@ -156,7 +158,7 @@ def test_a_folder_takes_the_place_of_a_link_and_is_replaced_in_turn(tmp_path):
         replace_folder(new, old)
         assert (old / "x").read_text() == text
         assert not os.path.lexists(aside_of(old))
-    assert list(elsewhere.iterdir()) == []
+    assert not there or list(elsewhere.iterdir()) == []
 
 
 def test_a_folder_that_another_writes_to_is_refused(tmp_path):

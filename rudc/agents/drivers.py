@@ -8,6 +8,7 @@ agent is named by the place of its class, `my_agents.py:Careful(speed=6)`: see r
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Callable, Mapping
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
@@ -19,7 +20,7 @@ from rudc.agents.checkpoint import shipped_checkpoints
 from rudc.agents.follower import Follower
 from rudc.agents.gap_acceptance import GapAcceptance, Planner
 from rudc.agents.guarded import GuardedAgent
-from rudc.agents.own import OwnAgent, construct, imports_beside, parse_own, source_digest
+from rudc.agents.own import OwnAgent, construct, imports_beside, named_apart, parse_own, source_digest
 from rudc.agents.sumo import SumoDriver
 from rudc.errors import AgentError, InputError
 from rudc.imports import load_entry
@@ -98,7 +99,9 @@ def driver_settings(name: str) -> dict[str, Any]:
     if own := _own(name):
         return own.settings()
     found = _find(name)
-    beside = {} if name in _registered else imports_beside(found)
+    beside = {}
+    if name not in _registered:
+        beside = imports_beside(found) | named_apart(sys.modules[_installed()[name].module], found)
     return {"driver": name, "source": source_digest(found)} | ({"imports": beside} if beside else {})
 
 

@@ -20,6 +20,7 @@ import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from rudc.agents.base import Agent
@@ -80,17 +81,8 @@ class OwnAgent:
         }  # fmt: skip
         found = self.find()
         known = {"driver": self.text, "source": source_digest(found), "files": files}
-        beside = imports_beside(found) | self._named_apart(found)
+        beside = imports_beside(found) | named_apart(import_source(self.source), found)
         return known | ({"imports": beside} if beside else {})
-
-    def _named_apart(self, found: Callable[..., Any]) -> dict[str, str]:
-        """Path -> digest of the code of the named file, where `found` is not written in it."""
-        file = getattr(import_source(self.source), "__file__", None)
-        try:
-            written = Path(inspect.getfile(found)).resolve()
-        except TypeError:
-            written = None
-        return {} if file is None or Path(file).resolve() == written else code_beside(Path(file))
 
 
 def parse_own(name: str) -> tuple[OwnAgent, str] | None:
@@ -163,6 +155,16 @@ def imports_beside(thing: Any) -> dict[str, str]:
     return {
         name: found for name, found in code_beside(path).items() if not path.as_posix().endswith(f"/{name}")
     }
+
+
+def named_apart(module: ModuleType, thing: Any) -> dict[str, str]:
+    """Path -> digest of the code of the module in which something is named, where it is not written there."""
+    file = getattr(module, "__file__", None)
+    try:
+        written = Path(inspect.getfile(thing)).resolve()
+    except (TypeError, OSError):
+        written = None
+    return {} if file is None or Path(file).resolve() == written else code_beside(Path(file))
 
 
 def _arguments(rest: str) -> str:

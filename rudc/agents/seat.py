@@ -4,8 +4,9 @@
 
 The proposal contains the action, in physical units and, if a policy proposed it, in [-1, 1]; how unsure the
 driver is; and what it observed. `critics` answers questions about other actions; it is None behind drivers
-that are not learnt. A correction states in `asks` what it needs from the critics, and only agents whose
-learner offers that (`LearnerConfig.offers`) can have it. So one interface serves
+that are not learnt, and in trainings with a correction that asks nothing. A correction states in `asks` what
+it needs from the critics, and only agents whose learner offers that (`LearnerConfig.offers`) can have it. So
+one interface serves
 
     cbf         the safety filter: it needs only sigma, which the proposal contains
     usl         unrolled corrections: they need Q_c - d_th of an action, and its gradient

@@ -119,7 +119,7 @@ def _config(
     from rudc.learning.algorithms import ALGORITHMS
     from rudc.training.config import TrainConfig
     from rudc.training.folder import stored_config
-    from rudc.training.presets import left_out, preset_names, read_preset, set_otherwise
+    from rudc.training.presets import fitting, left_out, preset_names, read_preset, set_otherwise
 
     twice = sorted(changes.keys() & settings.keys() - {"training.curriculum"})
     if twice:
@@ -130,7 +130,8 @@ def _config(
             raise InputError(f"which algorithm? there are {', '.join(ALGORITHMS)}")
         config = TrainConfig.of(algorithm, changes | settings, preset or "default")
         own = {} if preset is None or preset in preset_names() else read_preset(preset)
-        if idle := list(left_out(own, config.model_dump())):
+        fit = fitting(ALGORITHMS[algorithm], own, str(preset))
+        if idle := [*left_out(own, fit), *left_out(fit, config.model_dump())]:
             note(f"{preset}: without effect here, and left out: {', '.join(idle)}")
         return config
     if algorithm not in (None, stored.algorithm):

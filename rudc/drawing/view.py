@@ -12,6 +12,7 @@ from rudc.arrays import Array
 from rudc.network.polyline import resample
 from rudc.scenario.poses import Pose
 from rudc.world.events.places import across_arm, against_lane
+from rudc.world.obstacles import listed_parts
 from rudc.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -138,7 +139,7 @@ def view_of(world: AnyWorld, outcome: str | None = None) -> View:
 
 def places(network: Network, route: Route, event: Event) -> tuple[tuple[float, float], ...]:
     """m, m: where an event takes place, as far as it says so itself."""
-    parts: Any = getattr(event, "vehicles", None) or getattr(event, "boxes", None) or [event]
+    parts: Any = listed_parts(event, "vehicles") or listed_parts(event, "boxes") or (event,)
     found = []
     for part in parts:
         # the `position` of `sensor_noise` is no place

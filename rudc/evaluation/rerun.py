@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
@@ -81,6 +82,9 @@ class Swept:
         said = self._content["configuration"]["scenarios"].get(name)
         if said is None:
             raise SweepError(f"{self._folder / 'manifest.json'} says nothing of the scenario {name!r}")
+        for agent in self._content["configuration"]["agents"]:
+            with contextlib.suppress(InputError):
+                _settings(agent)  # an agent's own file may register the scenario's events
         try:
             family = kept_scenario(said["values"], said["digest"], self._folder)
             family = family.read_from(family.path, said.get("given"))

@@ -22,7 +22,7 @@ from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.rows import by_row
 from rudc.evaluation.tasks import SweepPlan, Task
 from rudc.hints import there_are
-from rudc.imports import PREFIX, import_first, imported_first, in_words, is_own
+from rudc.imports import import_first, import_first_elsewhere, imported_first, in_words, is_own
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,8 +174,8 @@ def prepared(make_runner: RunnerFactory, agents: Iterable[str]) -> RunnerFactory
     used = frozenset(re.split("[+:]", name)[0] for name in agents)
     known: dict[str, bytes] = {}
     for name, make in registered_agents().items():
-        if (getattr(make, "__module__", None) or "").startswith(PREFIX):
-            continue  # its file, which is imported first, registers it
+        if import_first_elsewhere(make):
+            continue  # its file registers it
         try:
             known[name] = pickle.dumps(make)
         except Exception as error:

@@ -13,8 +13,8 @@ from rudc.errors import InputError
 from rudc.hints import there_are
 from rudc.learning.algorithms import ALGORITHMS
 from rudc.learning.config import Problem
-from rudc.settings import Settings, changed, settled
-from rudc.training.presets import read_preset, with_preset
+from rudc.settings import Settings, changed, merged, settled
+from rudc.training.presets import fitting, read_preset
 
 
 class Curriculum(Settings):
@@ -184,8 +184,8 @@ class TrainConfig(AgentConfig):
                     f"{what}: sets algorithm to {other!r}, but {algorithm!r} is to be trained: take it out"
                 )
         what = f"preset {preset!r}"
-        tree = with_preset(ALGORITHMS[algorithm], own, what)
-        config = settled(cls, {"algorithm": algorithm, **tree}, (), what)
+        start = merged(ALGORITHMS[algorithm].defaults, fitting(ALGORITHMS[algorithm], own, what))
+        config = settled(cls, {"algorithm": algorithm, **start}, (), what)
         return config.changed(changes)
 
     def changed(self, changes: Mapping[str, Any]) -> Self:

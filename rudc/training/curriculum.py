@@ -9,6 +9,7 @@ import numpy as np
 
 from rudc.errors import InputError
 from rudc.evaluation.tasks import refuse_twice
+from rudc.hints import listed
 from rudc.network.network import Network, load_network
 from rudc.scenario import load_scenario
 from rudc.scenario.model import Scenario
@@ -51,12 +52,17 @@ def held_out(sources: Sequence[str]) -> dict[str, Scenario]:
 
 def make_mixture(source: str, curriculum: Curriculum | None) -> Mixture:
     """The scenario as it is, or varied as the curriculum says: one variant for each arm and turn. Each value
-    that the scenario sweeps is as likely as the others.
+    that the scenario sweeps is as likely as the others. Raises InputError.
     """
     scenario = load_scenario(source)
     if curriculum is None:
         variants = [variant for _, variant in scenario.grid()]
         return Mixture(tuple(variants), (1 / len(variants),) * len(variants))
+    if elsewhere := [key for key in scenario.sweep if key in ("network", "junction")]:
+        raise InputError(
+            f"{scenario.name} sweeps {listed(elsewhere)}, and a curriculum has the arms of one network: "
+            "set training.curriculum=null, or name a scenario for each network"
+        )
     network = load_network(scenario.network, scenario.junction)
     drawn = {
         "traffic.density": {"uniform": list(curriculum.density)},

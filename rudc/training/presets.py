@@ -10,7 +10,7 @@ from rudc.errors import InputError
 from rudc.hints import there_are
 from rudc.learning.algorithms import ALGORITHMS, Algorithm
 from rudc.scenario.yaml_text import read_yaml
-from rudc.settings import meant, merged
+from rudc.settings import meant
 
 FOLDER = Path(__file__).parent / "presets"
 
@@ -39,27 +39,23 @@ def read_preset(name: str) -> dict[str, Any]:
     return sheet.data
 
 
-def with_preset(algorithm: Algorithm, preset: Mapping[str, Any], what: str) -> dict[str, Any]:
-    """The tree that an algorithm's training starts from: its own defaults, and over them those parts of the
-    preset that fit it. Left out are a correction of another `kind` (and then `learns_from`), and settings
-    that its learner does not have. A learner's setting that no algorithm has is refused: raises InputError,
-    in which the preset is called `what`.
+def fitting(algorithm: Algorithm, preset: Mapping[str, Any], what: str) -> dict[str, Any]:
+    """Those parts of a preset that fit an algorithm. Left out are a correction of another `kind` (and then
+    `learns_from`), and settings that its learner does not have. A learner's setting that no algorithm has is
+    refused: raises InputError, in which the preset is called `what`.
     """
-    own, tree = algorithm.defaults, dict(preset)
-    correction, learner, known = (
-        tree.get("correction"),
-        tree.get("learner"),
-        set(algorithm.config.model_fields),
-    )
+    tree = dict(preset)
+    correction, learner = tree.get("correction"), tree.get("learner")
+    known = set(algorithm.config.model_fields)
     if isinstance(learner, Mapping):
         _refuse_what_nobody_has(learner, known, what)
-    mine = own.get("correction", {}).get("kind")
+    mine = algorithm.defaults.get("correction", {}).get("kind")
     if isinstance(correction, Mapping) and correction.get("kind", mine) != mine:
         del tree["correction"]
         known.discard("learns_from")
     if isinstance(learner, Mapping):
         tree["learner"] = {key: value for key, value in learner.items() if key in known}
-    return merged(own, tree)
+    return tree
 
 
 def _refuse_what_nobody_has(learner: Mapping[str, Any], known: set[str], what: str) -> None:
@@ -70,7 +66,7 @@ def _refuse_what_nobody_has(learner: Mapping[str, Any], known: set[str], what: s
 
 
 def left_out(preset: Mapping[str, Any], settings: Mapping[str, Any], before: str = "") -> Iterator[str]:
-    """Dotted keys of what a preset sets and a tree of settings lacks, since it has no effect there."""
+    """Dotted keys of what a preset sets and another tree of settings lacks."""
     for key, value in preset.items():
         if key not in settings:
             yield f"{before}{key}"

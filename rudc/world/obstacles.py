@@ -179,14 +179,14 @@ def _is_placed(event: Event) -> bool:
 
 def _follows_ego(event: Event) -> bool:
     """Whether an event names a lane relative to the ego (`EGO_LANES`)."""
-    parts = (event, *_listed(event, "vehicles"), *_listed(event, "boxes"))
+    parts = (event, *listed_parts(event, "vehicles"), *listed_parts(event, "boxes"))
     return any(getattr(part, "lane", None) in EGO_LANES for part in parts)
 
 
-def _listed(event: Event, key: str) -> tuple[Any, ...]:
+def listed_parts(event: Event, key: str) -> tuple[Any, ...]:
     """The parts that an event lists under a key; none where an event of a user's has something else there."""
     parts = getattr(event, key, ())
-    return parts if isinstance(parts, tuple) else ()
+    return tuple(parts) if isinstance(parts, (tuple, list)) else ()
 
 
 def _played(network: Network, route: Route, i: int, event: Event) -> _Site | None:
@@ -204,14 +204,14 @@ def _played(network: Network, route: Route, i: int, event: Event) -> _Site | Non
 def _standing(network: Network, route: Route, i: int, event: Event) -> Iterator[_Thing]:
     """The things that an event puts on the road to stand there."""
     site = None if effect_of(event, event.kind).felt else _played(network, route, i, event)
-    parts = {str(k): ("vehicles", k) for k in range(len(_listed(event, "vehicles")))}
+    parts = {str(k): ("vehicles", k) for k in range(len(listed_parts(event, "vehicles")))}
     for thing in site.found if site is not None else ():
         yield ("events", i, *parts.get(thing.name.rpartition(":")[2], ())), event, thing
 
 
 def _boxes_on_the_road(network: Network, route: Route, i: int, event: Event) -> dict[Path, Problem]:
     """The problem of each box that reaches onto the road, by the box's place in the file."""
-    site = _played(network, route, i, event) if _listed(event, "boxes") else None
+    site = _played(network, route, i, event) if listed_parts(event, "boxes") else None
     found = {}
     for k, (place, size) in enumerate(site.hiding if site is not None else ()):
         path: Path = ("events", i, "boxes", k)

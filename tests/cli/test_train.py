@@ -149,6 +149,11 @@ def test_what_of_a_configuration_has_no_effect_is_said(rudc, calls, tmp_path):
     answer = rudc("train", "rudc-t", "--configuration", "mine.yaml", "--out", "x")
     assert "mine.yaml: without effect here, and left out: learner.distortion_parameter\n" in answer.err
     assert "left out" not in rudc("train", "rudc-t", "--configuration", "paper", "--out", "y").err
+    (tmp_path / "mine.yaml").write_text(
+        "correction: {kind: usl, steps: 3}\nlearner: {learns_from: executed}\n"
+    )
+    answer = rudc("train", "rudc-t", "--configuration", "mine.yaml", "--out", "z")
+    assert "left out: correction, learner.learns_from\n" in answer.err
 
 
 @pytest.mark.parametrize("algorithm", ["rudc-t", "sac"])

@@ -7,8 +7,11 @@ from typing import Annotated, Literal
 import numpy as np
 import pytest
 
-from rudc.drawing.view import view_of
+from rudc.drawing.view import places, view_of
 from rudc.errors import InputError, PartFailedError, ScenarioError
+from rudc.evaluation.rerun import find_episode
+from rudc.evaluation.sweep import run_sweep
+from rudc.evaluation.tasks import SweepPlan
 from rudc.imports import Carried, _load, import_source, imported_first
 from rudc.network.network import load_network
 from rudc.scenario import EVENT_KINDS, json_schema, load_scenario, register_event
@@ -17,6 +20,7 @@ from rudc.scenario.events import Event, Felt, Stage, registry
 from rudc.scenario.events.event import Effect, Held, VehicleEvent
 from rudc.world.fitting import misfits
 from rudc.world.world import World
+from tests.evaluation.sweep_fakes import Runner
 
 
 class OilSpill(Event, frozen=True):
@@ -69,6 +73,16 @@ class Glaze(Event, frozen=True):
     kind: Literal["glaze"]
 
 register_event(Glaze, Felt)
+"""
+
+
+DRIVER = """
+class Mine:
+    def reset(self, scene, seed):
+        pass
+
+    def act(self, scene):
+        return 0.0, 0.0
 """
 
 
@@ -161,7 +175,9 @@ def test_survives_pickling_on_its_way_to_a_worker(tmp_path):
 def test_its_things_and_keys_may_be_named_as_it_likes(tmp_path):
     register_event(Crates, CratesEffect)
     crates = "{{kind: crates, lane: east_in_0, at: {}, vehicles: 1}}"
-    assert load_scenario(written(tmp_path, crates.format(30)), fit=misfits).events
+    (event,) = load_scenario(written(tmp_path, crates.format(30)), fit=misfits).events
+    network = load_network("four_way")
+    assert len(places(network, network.route("south", "left"), event)) == 1
     with pytest.raises(ScenarioError, match=r"events\.0\.at: 900 m lies beyond 'east_in_0'"):
         load_scenario(written(tmp_path, crates.format(900)), fit=misfits)
     both = f"{crates.format(30)}\n  - {crates.format(30.5)}"
@@ -181,6 +197,20 @@ def test_a_worker_imports_the_file_of_an_agent_that_has_it(tmp_path, monkeypatch
     monkeypatch.delitem(sys.modules, module.__name__)  # as in a worker, which has not imported it
     _load.cache_clear()
     assert pickle.loads(sent).events[0].kind == "glaze"
+
+
+def test_an_episode_is_set_up_again_whose_event_an_agents_file_registers(tmp_path, monkeypatch):
+    monkeypatch.setattr("rudc.imports._asked", {})
+    file = tmp_path / "driver.py"
+    file.write_text(GLAZE + DRIVER, encoding="utf-8")
+    module = import_source(str(file))
+    scenario = load_scenario(written(tmp_path, "{kind: glaze}"))
+    run_sweep(SweepPlan((scenario,), (f"{file}:Mine",), 1, 0), tmp_path / "out", Runner)
+    others = {kind: entry for kind, entry in registry._REGISTERED.items() if kind != "glaze"}
+    monkeypatch.setattr(registry, "_REGISTERED", others)  # as in a process of its own
+    monkeypatch.delitem(sys.modules, module.__name__)
+    _load.cache_clear()
+    assert find_episode(tmp_path / "out", "1").task.scenario.events[0].kind == "glaze"
 
 
 def test_a_kind_is_taken_once_and_must_be_said():

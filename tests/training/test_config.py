@@ -195,6 +195,9 @@ def test_with_a_curriculum_all_values_that_a_scenario_sweeps_are_trained_on(tmp_
     plans = [(scenario.plan(0), chance) for scenario, chance in zip(*mixture, strict=True)]
     for timeout in (5.0, 60.0):
         assert sum(chance for plan, chance in plans if plan.timeout_s == timeout) == pytest.approx(0.5)
+    file.write_text("name: mine\nextends: random_destination\nsweep: {network: [four_way, t_junction]}\n")
+    with pytest.raises(InputError, match="mine sweeps network, and a curriculum has the arms of one network"):
+        make_mixture(str(file), Curriculum())
 
 
 def test_held_out_scenarios_have_names_of_their_own(tmp_path):
