@@ -59,7 +59,7 @@ class SlowToLoad(Runner):
     """Takes its time to load what an episode needs, not for the episode."""
 
     def prepare(self, task: Task) -> None:
-        time.sleep(1.5)
+        time.sleep(0.8)
 
 
 class Troubled:

@@ -65,8 +65,8 @@ def test_an_episode_that_kills_twice_is_recorded_with_its_error(fakes, make_plan
 
 def test_an_episode_that_hangs_is_given_up(fakes, make_plan, tmp_path):
     tasks = make_plan(agents=("sumo",), episodes=3).tasks()
-    records, _ = collect(tasks, partial(fakes.Troubled, "hang", tmp_path), limit_s=1.0)
-    assert "no result within 1 s" in records["sumo", 1].error
+    records, _ = collect(tasks, partial(fakes.Troubled, "hang", tmp_path), limit_s=0.5)
+    assert "no result within 0.5 s" in records["sumo", 1].error
     assert not records["sumo", 2].error
 
 
@@ -248,7 +248,7 @@ def test_ray_actors_that_cannot_start_say_why(make_plan, fakes, monkeypatch):
 
 def test_the_limit_counts_the_episode_not_what_is_loaded_for_it(fakes, make_plan):
     tasks = make_plan(agents=("sumo",), episodes=1).tasks()
-    ((_, record),) = run_local(tasks, 1, 1.0, fakes.SlowToLoad)
+    ((_, record),) = run_local(tasks, 1, 0.5, fakes.SlowToLoad)
     assert record.error == ""
 
 
@@ -268,7 +268,7 @@ from multiprocessing import Pipe
 from rudc.evaluation.engine import serve
 
 def make_runner():
-    atexit.register(time.sleep, 3.0)
+    atexit.register(time.sleep, 0.8)
     print("here", flush=True)
     return lambda task: None
 
@@ -286,6 +286,6 @@ def test_a_worker_that_is_told_to_end_twice_ends_without_a_word():
     assert worker.stdout.readline() == "here\n"
     for _ in range(5):
         worker.send_signal(signal.SIGTERM)
-        time.sleep(0.3)
+        time.sleep(0.1)
     _, told = worker.communicate(timeout=60)
     assert (worker.returncode, told) == (0, "")
