@@ -65,12 +65,14 @@ def test_the_second_world_moves_out_by_itself():
     assert isinstance(second, IsolatedWorld)
     with pytest.raises(WorldBusyError):
         open_world(network, config, isolated=False)
-    for world in (first, second):
-        world.close()
-    with pytest.raises(SimulationError, match="closed"):
-        second.scene_after = second.advance(COAST)
-    with pytest.raises(SimulationError, match="closed"):
-        first.reset(load_scenario("random_destination").plan(0))
+    first.close()
+    with World(network):  # not busy
+        process = second._process
+        del second
+        gc.collect()
+    assert process.returncode is not None, "ended, and waited for"
+    assert process.stdin is not None
+    assert process.stdin.closed
 
 
 def test_a_dropped_world_is_released():
@@ -79,15 +81,10 @@ def test_a_dropped_world_is_released():
     world.reset(load_scenario("dense_left_turn").plan(0))
     del world
     gc.collect()
-    apart = IsolatedWorld(network)
     with World(network) as world:  # not busy
         world.reset(load_scenario("dense_left_turn").plan(0))
-    process = apart._process
-    del apart
-    gc.collect()
-    assert process.returncode is not None, "ended, and waited for"
-    assert process.stdin is not None
-    assert process.stdin.closed
+    with pytest.raises(SimulationError, match="closed"):
+        world.reset(load_scenario("random_destination").plan(0))
 
 
 def test_closing_an_old_world_leaves_the_new_one_alone():
@@ -104,24 +101,39 @@ def test_closing_an_old_world_leaves_the_new_one_alone():
         new.advance(COAST)
 
 
-def test_its_errors_are_ours():
+def test_its_errors_are_ours_and_a_reset_starts_another_after_an_interrupt():
     world = IsolatedWorld(load_network("four_way"))
     with pytest.raises(SimulationError, match="no episode"):
         world.scene()
-    plan = load_scenario("random_destination", {"ego.distance": 900}).plan(0)
+    far = load_scenario("random_destination", {"ego.distance": 900}).plan(0)
     with pytest.raises(SimulationError, match=r"ego\.distance 900\.0 m does not fit"):
-        world.reset(plan)
-    world.reset(load_scenario("random_destination").plan(0))
+        world.reset(far)
+    plan = load_scenario("random_destination").plan(0)
+    scene = world.reset(plan)
     with pytest.raises(SimulationError, match=r"own process: IndexError: .*\.py:\d+") as caught:
         world.advance(np.zeros(0))
     assert "Traceback" in caught.value.__notes__[0]
-    world.reset(load_scenario("random_destination").plan(0))
+    assert world.reset(plan) == scene
+    signal.signal(signal.SIGALRM, signal.default_int_handler)
+    os.kill(world._process.pid, signal.SIGSTOP)  # it will not answer
+    signal.setitimer(signal.ITIMER_REAL, 0.2)
+    with pytest.raises(KeyboardInterrupt):
+        world.advance(COAST)
+    assert world._process.returncode is not None
+    with pytest.raises(SimulationError, match="has ended; reset"):
+        world.advance(COAST)
+    assert world.reset(plan) == scene
     world.advance(COAST)
     os.kill(world._process.pid, signal.SIGKILL)
     with pytest.raises(SimulationError, match="has died"):
         world.advance(COAST)
     with pytest.raises(SimulationError, match="has ended; reset"):
         world.advance(COAST)
+    world.close()
+    with pytest.raises(SimulationError, match="closed"):
+        world.advance(COAST)
+    with pytest.raises(SimulationError, match="closed"):
+        world.reset(plan)
 
 
 def test_a_process_whose_world_cannot_be_opened_is_ended(monkeypatch):
@@ -136,28 +148,17 @@ def test_a_process_whose_world_cannot_be_opened_is_ended(monkeypatch):
     assert not world._end.alive  # so that a reset starts another
 
 
-def test_an_interrupt_ends_it_and_a_reset_starts_another():
-    world = IsolatedWorld(load_network("four_way"))
-    scene = world.reset(load_scenario("random_destination").plan(0))
-    signal.signal(signal.SIGALRM, signal.default_int_handler)
-    os.kill(world._process.pid, signal.SIGSTOP)  # it will not answer
-    signal.setitimer(signal.ITIMER_REAL, 0.2)
-    with pytest.raises(KeyboardInterrupt):
-        world.advance(COAST)
-    assert world._process.returncode is not None
-    with pytest.raises(SimulationError, match="has ended; reset"):
-        world.advance(COAST)
-    assert world.reset(load_scenario("random_destination").plan(0)) == scene
-    world.advance(COAST)
-    world.close()
-    with pytest.raises(SimulationError, match="closed"):
-        world.reset(load_scenario("random_destination").plan(0))
-
-
 PARENT = """
-import os, sys, time
+import os, subprocess, time
 from rudc.network.network import load_network
 from rudc.world.isolated import IsolatedWorld
+popen = subprocess.Popen
+
+def impatient(command, **given):  # the world's process looks for its parent every 0.1 s, not every 2 s
+    now = "; import rudc.world.isolated as own; own.ORPHAN_S = 0.1; serve("
+    return popen([*command[:2], command[2].replace("; serve(", now)], **given)
+
+subprocess.Popen = impatient
 world = IsolatedWorld(load_network("four_way"))
 if os.fork() == 0:
     time.sleep(60)  # holds the pipe's other end, too
