@@ -38,7 +38,9 @@ def test_whom_an_event_selects_is_there_whatever_the_traffic(selector, density):
         "speed": 4,
         "when": {"simulation_time": {"above": 0.5}},
     }
-    scenario = load_scenario("random_destination", {"events": [slow], "traffic.density": density})
+    scenario = load_scenario(
+        "random_destination", {"events": [slow], "traffic.density": density, "episode.timeout": 5}
+    )
     (firing,), *_ = drive_and_count(scenario, range(3))
     assert firing.fired == 3
 
@@ -56,6 +58,7 @@ def test_a_leader_is_there_though_a_lane_beyond_the_junction_is_closed():
         "events": [slow, closed],
         "traffic.density": 10,
         "ego.route": {"from": "west", "turn": "straight"},
+        "episode.timeout": 5,
     }
     firings, *_ = drive_and_count(load_scenario("random_destination", settings), range(3))
     assert [firing.fired for firing in firings] == [3, 3]

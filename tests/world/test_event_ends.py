@@ -223,6 +223,7 @@ def test_who_leads_the_ego_changes_lanes_only_where_there_is_room(world):
     ]
     route = {"from": "south", "turn": "straight"}
     changed = {"traffic.density": 45, "ego.route": route, "ego.distance": 55, "events": events}
+    changed["episode.timeout"] = 10  # it did so within 1 s
     scenario, episode = load_scenario("random_destination", changed), Episode(world)
     for seed in (1, 6, 8):
         record = run_episode(episode, scenario.plan(seed), make_agent("planner"))
