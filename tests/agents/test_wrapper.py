@@ -37,7 +37,7 @@ def test_trains_with_stable_baselines():
     env = _made({"kind": "cbf", "rule": "ecbf", "residual": True}, observation="conflict")
     try:
         model = SAC("MlpPolicy", env, learning_starts=50, batch_size=32, seed=0, device="cpu")
-        model.learn(300)
+        model.learn(100)
         action, _ = model.predict(env.reset(seed=0)[0], deterministic=True)
         assert "correction" in env.step(action)[4]
     finally:
