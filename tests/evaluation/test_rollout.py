@@ -76,7 +76,10 @@ def test_a_record_is_consistent_and_repeats(episode, name):
 
 
 def test_watching_sees_every_decision_and_changes_nothing(episode, tmp_path):
-    plan, agent = load_scenario("blocked_left_turn").plan(1), make_agent("follower+ttcbf")
+    plan, agent = (
+        load_scenario("blocked_left_turn", {"episode.timeout": 15}).plan(1),
+        make_agent("follower+ttcbf"),
+    )
     bare = run_episode(episode, plan, agent)
     trace = Trace()
     film = Film(episode, size=120)
@@ -138,7 +141,7 @@ def test_a_runner_goes_from_network_to_network_and_survives_what_fails(tmp_path,
 
 def test_a_real_sweep_is_the_same_with_one_worker_and_with_two(tmp_path):
     plan = SweepPlan(
-        tuple(find_scenarios(["random_destination", "fog"])), ("sumo", "gap-acceptance+ecbf"), 2, 5
+        tuple(find_scenarios(["random_destination", "fog"])), ("sumo", "gap-acceptance+ecbf"), 1, 5
     )
     one = run_sweep(plan, tmp_path / "one", EpisodeRunner, workers=1)
     two = run_sweep(plan, tmp_path / "two", EpisodeRunner, workers=2)
