@@ -101,30 +101,32 @@ def test_a_folder_that_is_no_sweep(tmp_path):
         read_table(tmp_path / "episodes.csv")
 
 
-def test_lines_with_quotes_and_lines_without_say_the_same(tmp_path):
+def test_lines_with_quotes_and_lines_without_say_the_same(tmp_path, monkeypatch):
     """A block of lines is read at once, by the comma alone where no line of it has a quote."""
-    rows = [[f"agent {k}", str(k)] for k in range(50_000)]
+    monkeypatch.setattr("rudc.evaluation.store._BLOCK", 1_000)
+    rows = [[f"agent {k}", str(k)] for k in range(500)]
     (tmp_path / "plain.csv").write_text("".join(map(format_row, [HEADER, *rows])))
-    rows[40_000][0] = 'a, "b"'
+    rows[400][0] = 'a, "b"'
     (tmp_path / "quoted.csv").write_text("".join(map(format_row, [HEADER, *rows])))
     plain, quoted = (read_table(tmp_path / name) for name in ("plain.csv", "quoted.csv"))
     assert [list(row.values()) for row in quoted] == rows
-    assert [k for k in range(50_000) if plain[k] != quoted[k]] == [40_000]
+    assert [k for k in range(500) if plain[k] != quoted[k]] == [400]
 
 
 @pytest.mark.parametrize(
     ("line", "told"),
     [
-        (b'"a,b\n', ":40001: not a row"),
-        (b"a\n", ":40001: has 1 cells, not 2"),
-        (b"\xff,b\n", ":40001: not valid UTF-8"),
-        (b"a,b\rc\n", ":40001: not a row"),
+        (b'"a,b\n', ":401: not a row"),
+        (b"a\n", ":401: has 1 cells, not 2"),
+        (b"\xff,b\n", ":401: not valid UTF-8"),
+        (b"a,b\rc\n", ":401: not a row"),
     ],
 )
 @pytest.mark.parametrize("others", [b"a,b\n", b'"a",b\n'])
-def test_a_line_that_is_no_row_is_named_wherever_it_stands(tmp_path, line, told, others):
+def test_a_line_that_is_no_row_is_named_wherever_it_stands(tmp_path, monkeypatch, line, told, others):
+    monkeypatch.setattr("rudc.evaluation.store._BLOCK", 1_000)
     path = tmp_path / "rows.csv"
-    path.write_bytes(b"name,text\n" + 39_999 * others + line + 40_000 * others)
+    path.write_bytes(b"name,text\n" + 399 * others + line + 400 * others)
     with pytest.raises(SweepError, match=told):
         read_table(path)
 
