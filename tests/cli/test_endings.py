@@ -10,24 +10,22 @@ import subprocess
 import sys
 import time
 from functools import partial
+from multiprocessing import Pipe
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from rudc.cli.main import main
 from rudc.errors import InputError
 from rudc.evaluation.ray_engine import _refuse_silent
+from rudc.training.trainer import Trainer
+from rudc.training.workers import _work
 
 RUDC = [sys.executable, "-m", "rudc"]
 
 
-@pytest.mark.parametrize(
-    ("command", "number"),
-    [
-        ("sweep", signal.SIGTERM),
-        ("sweep", signal.SIGHUP),
-        ("search", signal.SIGINT),
-    ],
-)
+@pytest.mark.parametrize(("command", "number"), [("sweep", signal.SIGTERM), ("search", signal.SIGHUP)])
 def test_a_command_that_is_ended_keeps_what_is_finished(tmp_path, command, number):
     out = tmp_path / "out"
     begun = [*RUDC, command, "random_destination", "-a", "follower", "-n", "2000", "-w", "1", "-o", str(out)]
@@ -47,9 +45,8 @@ def test_a_command_that_is_ended_keeps_what_is_finished(tmp_path, command, numbe
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
-def test_a_training_that_is_ended_says_what_is_kept(tmp_path, number):
-    """Its workers hear the signal, too, as where a terminal closes."""
+def test_a_training_that_is_ended_says_what_is_kept(tmp_path):
+    """Its workers hear the signal, too, as where a terminal closes. SIGTERM: the test below."""
     out = tmp_path / "out"
     small = ("seed_steps=25", "round_decisions=25", "checkpoint_every=50", "curriculum=null")
     settings = [part for value in small for part in ("--set", f"training.{value}")]
@@ -57,7 +54,7 @@ def test_a_training_that_is_ended_says_what_is_kept(tmp_path, number):
 
     def heard():
         os.setpgrp()
-        signal.signal(number, signal.SIG_DFL)
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
     process = subprocess.Popen(begun, stderr=subprocess.PIPE, text=True, preexec_fn=heard)
     deadline = time.monotonic() + 120
@@ -65,12 +62,36 @@ def test_a_training_that_is_ended_says_what_is_kept(tmp_path, number):
         assert process.poll() is None
         assert time.monotonic() < deadline
         time.sleep(0.05)
-    os.killpg(process.pid, number)
+    os.killpg(process.pid, signal.SIGHUP)
     _, told = process.communicate(timeout=60)
     assert process.returncode == 130
     assert f"interrupted; the last checkpoint is kept in {out / 'checkpoint'}" in told
     assert "add --resume to go on" in told
     assert "Traceback" not in told
+
+
+def test_a_training_takes_both_signals_alike(monkeypatch):
+    """Each ends it after the round; its workers leave that to it."""
+    both, missed, heard = (signal.SIGTERM, signal.SIGHUP), [], []
+    before = {number: signal.signal(number, lambda *given: missed.append(given)) for number in both}
+    trainer: Any = Trainer.__new__(Trainer)
+    trainer._watcher = SimpleNamespace(note=heard.append)
+    try:
+        for number in both:
+            trainer._stop = False
+            with trainer._interruptible():
+                signal.raise_signal(number)
+            assert trainer._stop
+        pipe, other = Pipe()
+        other.close()
+        monkeypatch.setattr("rudc.training.workers.Collector", lambda *_: pipe.recv())  # ends at once
+        _work(pipe, trainer, 0)
+        assert [signal.getsignal(number) for number in both] == [signal.SIG_IGN] * 2
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    assert heard == ["interrupted, finishing this round"] * 2
+    assert not missed
 
 
 def test_a_path_that_is_too_long_is_wrong_input(rudc, tmp_path):
