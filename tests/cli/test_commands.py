@@ -148,7 +148,6 @@ def test_networks_are_listed_checked_and_built(rudc, tmp_path):
     answer = rudc("network", "build", source, "--out", tmp_path / "built.net.xml")
     assert answer.status == 0, answer.err
     assert (tmp_path / "built.net.xml").read_bytes() == (source / "four_way.net.xml").read_bytes()
-    assert rudc("network", "check", "built.net.xml").status == 0
 
 
 def test_agents_are_listed_and_shown(rudc, monkeypatch):
@@ -223,36 +222,22 @@ def test_a_checkpoint_is_not_calibrated_anew_while_its_training_goes_on(rudc, tm
 
 
 @pytest.fixture(scope="module")
-def swept(tmp_path_factory):
+def swept(tmp_path_factory, rudc_once):
     """The folder of a small real sweep, and what the command printed."""
     out = tmp_path_factory.mktemp("swept") / "with spaces"
-    command = [
-        *PYTHON,
-        "sweep",
-        "dense_left_turn",
-        "-a",
-        "sumo",
-        "-a",
-        "follower",
-        "-n",
-        "3",
-        "-w",
-        "2",
-        "-o",
-        str(out),
-    ]
-    result = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert result.returncode == 0, result.stderr
-    return out, result
+    agents = ("-a", "sumo", "-a", "follower")
+    answer = rudc_once("sweep", "dense_left_turn", *agents, "-n", 3, "-w", 2, "-o", out)
+    assert answer.status == 0, answer.err
+    return out, answer
 
 
 def test_a_sweep_prints_its_table_and_says_where_it_is(swept):
-    out, result = swept
-    assert "SR (%)" in result.stdout
-    assert "min-DTC (m)" in result.stdout
-    assert result.stdout.count("[") == 6
-    assert "6/6 episodes" in result.stderr
-    assert str(out) in result.stderr
+    out, answer = swept
+    assert "SR (%)" in answer.out
+    assert "min-DTC (m)" in answer.out
+    assert answer.out.count("[") == 6
+    assert "6/6 episodes" in answer.err
+    assert str(out) in answer.err
     assert sorted(path.name for path in out.iterdir()) == [
         "episodes.csv", "manifest.json", "metrics.csv",
     ]  # fmt: skip
@@ -286,7 +271,7 @@ def test_a_sweep_of_none_of_the_papers_tasks_is_said_to_be_so(swept, rudc, tmp_p
         )
 
 
-def test_a_reader_who_has_had_enough_is_no_error(swept):
+def test_a_reader_who_has_had_enough_is_no_error():
     reader = subprocess.Popen(
         [*PYTHON, "scenario", "schema"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
@@ -300,7 +285,7 @@ def test_a_reader_who_has_had_enough_is_no_error(swept):
     assert "Traceback" not in said
 
 
-def test_ctrl_c_keeps_what_is_finished_and_leaves_with_130(tmp_path):
+def test_ctrl_c_keeps_what_is_finished_ends_the_workers_and_leaves_with_130(tmp_path):
     out = tmp_path / "out"
     command = [
         *PYTHON,
@@ -311,7 +296,7 @@ def test_ctrl_c_keeps_what_is_finished_and_leaves_with_130(tmp_path):
         "-n",
         "500",
         "-w",
-        "1",
+        "2",
         "-o",
         str(out),
     ]
@@ -329,7 +314,19 @@ def test_ctrl_c_keeps_what_is_finished_and_leaves_with_130(tmp_path):
     assert process.returncode == 130
     assert f"interrupted; what is finished is kept in {out}: add --resume to go on" in said
     assert "Traceback" not in said
-    assert len(read_table(rows)) >= 2
+    assert 2 <= len(read_table(rows)) < 500
+    assert _gone(process.pid)
+
+
+def _gone(group: int) -> bool:
+    """Whether no process of a group is left, or will be in a moment."""
+    for _ in range(100):
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.1)
+    return False
 
 
 def test_failed_episodes_are_named_and_end_with_1(rudc, tmp_path):

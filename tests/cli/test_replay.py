@@ -1,6 +1,7 @@
 """`rudc run --replay` and `rudc replay`."""
 
 import csv
+import shutil
 
 import pytest
 
@@ -9,24 +10,20 @@ from rudc.errors import SweepError
 WHICH = "random_destination:follower:0"
 
 
-@pytest.fixture
-def swept(rudc, tmp_path):
-    answer = rudc(
-        "sweep",
-        "random_destination",
-        "-a",
-        "follower",
-        "-a",
-        "follower+ttcbf",
-        "-n",
-        1,
-        "-w",
-        1,
-        "-o",
-        "swept",
-    )
+@pytest.fixture(scope="module")
+def made(rudc_once, tmp_path_factory):
+    """The folder of a sweep, which is left as it is."""
+    out = tmp_path_factory.mktemp("made") / "swept"
+    agents = ("-a", "follower", "-a", "follower+ttcbf")
+    answer = rudc_once("sweep", "random_destination", *agents, "-n", 1, "-w", 1, "-o", out)
     assert answer.status == 0, answer.err
-    return tmp_path / "swept"
+    return out
+
+
+@pytest.fixture
+def swept(rudc, made, tmp_path):
+    """A copy of it in the test's folder."""
+    return shutil.copytree(made, tmp_path / "swept")
 
 
 def test_a_run_leaves_a_page_of_one_agent_or_two(rudc, tmp_path):

@@ -2,9 +2,7 @@
 
 import errno
 import json
-import os
 import shutil
-import signal
 import subprocess
 import sys
 import time
@@ -68,7 +66,7 @@ def test_a_sweep_killed_at_any_moment_and_resumed_gives_the_same_files(fakes, tm
     plan = fakes.slow_plan()
     script = [sys.executable, fakes.__file__, str(tmp_path / "killed")]
     rows = tmp_path / "killed" / "episodes.csv"
-    for enough in (2, 11, 17):
+    for enough in (2, 11):
         process = subprocess.Popen([*script, "0.05", "2"])
         deadline = time.monotonic() + 300
         while not rows.exists() or rows.read_bytes().count(b"\n") <= enough:
@@ -79,7 +77,7 @@ def test_a_sweep_killed_at_any_moment_and_resumed_gives_the_same_files(fakes, tm
         process.wait()
         with rows.open("ab") as file:  # as a kill in the middle of a write would leave it
             file.write(b"density_sweep,sumo,1")
-    assert len(read_sweep(tmp_path / "killed")[0]) >= 17
+    assert len(read_sweep(tmp_path / "killed")[0]) >= 11
     assert not (tmp_path / "killed" / "metrics.csv").exists()
     run_sweep(plan, tmp_path / "killed", fakes.Runner, workers=2, resume=True)
     run_sweep(plan, tmp_path / "whole", fakes.Runner)
@@ -92,35 +90,6 @@ def test_a_sweep_killed_at_any_moment_and_resumed_gives_the_same_files(fakes, tm
     for name in ("whole", "killed"):
         (tmp_path / name / "manifest.json").write_text("")
     assert_same(tmp_path / "whole", tmp_path / "killed")
-
-
-def test_an_interrupted_sweep_keeps_its_rows_and_ends_its_workers(fakes, tmp_path):
-    out = tmp_path / "out"
-    process = subprocess.Popen(
-        [sys.executable, fakes.__file__, str(out), "0.2", "2"],
-        start_new_session=True, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
-    rows = out / "episodes.csv"
-    while not rows.exists() or rows.read_bytes().count(b"\n") <= 3:
-        assert process.poll() is None
-        time.sleep(0.02)
-    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the workers too
-    _, said = process.communicate(timeout=60)
-    assert process.returncode != 0
-    assert said.count("Traceback") == 1, "workers must stay silent"
-    assert 3 <= len(read_sweep(out)[0]) < 40
-    assert _gone(process.pid)
-
-
-def _gone(group: int) -> bool:
-    """Whether no process of a group is left, or will be in a moment."""
-    for _ in range(100):
-        try:
-            os.killpg(group, 0)
-        except ProcessLookupError:
-            return True
-        time.sleep(0.1)
-    return False
 
 
 def test_resuming_a_finished_sweep_changes_nothing(fakes, make_plan, tmp_path):
