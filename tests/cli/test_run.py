@@ -151,9 +151,9 @@ def test_sumo_writes_the_kinds_that_are_allowed(rudc, tmp_path, ending, begins):
 
 
 def test_a_disk_that_is_full_while_sumo_writes_is_a_failure_of_the_work(tmp_path):
-    limited = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (20_000, 20_000))
+    limited = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (8_000, 8_000))
     answer = subprocess.run(
-        [sys.executable, "-m", "rudc", *RUN, "--fcd", tmp_path / "fcd.xml"],
+        [sys.executable, "-m", "rudc", *RUN, "--set", "episode.timeout=1", "--fcd", tmp_path / "fcd.xml"],
         capture_output=True, text=True, check=False, preexec_fn=limited,
     )  # fmt: skip
     assert answer.returncode == 1
