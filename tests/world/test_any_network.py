@@ -30,7 +30,7 @@ def scenario_on(network, **changes):
     return load_scenario("random_destination", {"network": str(network), **mix, **changes})
 
 
-@pytest.mark.parametrize("limit", [1.5, 5.0, 8.33, 13.9, 27.8, "mixed"])
+@pytest.mark.parametrize("limit", [1.5, 8.33, 27.8, "mixed"])
 def test_drawn_speeds_fit_the_road(tmp_path, limit):
     """The drawn speeds are 6 to 10 m/s, the drawn speed factors 0.8 to 1.2."""
     path = with_limits(tmp_path, lambda edge: MIXED.get(edge, 13.9) if limit == "mixed" else limit)

@@ -100,7 +100,7 @@ def test_what_is_drawn_once_an_episode_is_searched():
 def test_all_that_a_shipped_scenario_draws_once_can_be_set(name, tmp_path):
     scenario = load_scenario(name)
     space = space_of(scenario, {})
-    for z in (-30.0, -8.5, 0.3, 8.5, 30.0):
+    for z in (-30.0, -8.5, 0.3, 30.0):
         fixed = space.fixed(scenario, space.values(np.full(len(space.axes), z)))
         with pytest.raises(InputError, match="draws no number"):
             space_of(fixed, {})
