@@ -3,9 +3,11 @@ found in them, and that the same order with --resume finds it again.
 
 What trains, trains little here: `comparison` one row, `ablation` none, since it takes what is shipped. From
 training to tables with several rows: test_comparison.py. `sigma` and `residual` are resumed in files of their
-own.
+own. `sensitivity-beta` is `sensitivity-ensemble` with another setting: test_sensitivity.py. Episodes are cut
+short, but for studies that look at how they end.
 """
 
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -14,6 +16,7 @@ from PIL import Image
 from rudc.agents.registry import make_agent
 from rudc.cli.main import main
 from rudc.evaluation.store import read_table
+from rudc.scenario import find_scenarios
 from rudc.studies import (
     ablation_case,
     base,
@@ -22,6 +25,7 @@ from rudc.studies import (
     filter_variants,
     latency,
     ood_case,
+    residual_study,
     sensitivity,
 )
 from rudc.studies.campaign import Effort
@@ -29,8 +33,9 @@ from rudc.studies.catalogue import STUDIES
 from tests.studies.test_trained import TINIER
 
 LESS = {
-    "training.steps": 500, "training.seed_steps": 200, "training.learning_starts": 128, "training.envs": 1,
-    "training.evaluation_episodes": 1, "training.calibration_episodes": 1, "learner.batch_size": 32,
+    "training.steps": 200, "training.seed_steps": 100, "training.learning_starts": 128, "training.envs": 1,
+    "training.evaluation_episodes": 1, "training.evaluate_on": ("random_destination",),
+    "training.calibration_episodes": 1, "learner.batch_size": 32,
 }  # fmt: skip
 """what `comparison` trains with besides the quick budget's settings"""
 FEW = ("-n", 1)
@@ -45,16 +50,17 @@ COMMANDS = {
     "ood-case": (*FEW, "-a", "rudc-t", "-a", "gap-acceptance"),
     "ablation-case": FEW,
     "residual": (),
-    "sensitivity-beta": FEW,
     "sensitivity-ensemble": FEW,
     "cbf-grid": FEW,
 }
+WHOLE = ("sigma", "ablation-case")
+"""studies whose episodes end as they do"""
 RESUMED = {"filter": None, "latency": None, "ood-case": -1, "sensitivity-ensemble": 0}
 """study -> the line of its page that comes out the same, None for all: the others have times in them"""
 
 
 def test_all_are_here():
-    assert set(COMMANDS) == set(STUDIES)
+    assert set(COMMANDS) | {"sensitivity-beta"} == set(STUDIES)
 
 
 def test_who_drives_when_nobody_is_named_is_there():
@@ -68,12 +74,13 @@ def test_who_drives_when_nobody_is_named_is_there():
 
 @pytest.fixture
 def few(monkeypatch):
-    """Smaller trainings, fewer variants, one pair of scenarios for them."""
+    """Smaller trainings, fewer samples and variants."""
     whole = Effort.settings.fget
     assert whole is not None
     monkeypatch.setattr(Effort, "settings", property(lambda effort: {**whole(effort), **LESS}))
     monkeypatch.setattr(sensitivity, "TRAINING", {"quick": TINIER})
     monkeypatch.setattr(sensitivity, "ASKED", 5)
+    monkeypatch.setattr(residual_study, "SAMPLES", {"quick": 300})
     monkeypatch.setattr(filter_variants, "LEVELS", (1.0,))
     monkeypatch.setattr(filter_variants, "RATES", (0.5,))
     monkeypatch.setattr(filter_study, "D_SAFE", {"quick": (0.3,)})
@@ -140,6 +147,10 @@ def test_a_study_runs_by_one_command(name, tmp_path, monkeypatch, capsys, few, t
     from rudc.agents.checkpoint import shipped_checkpoints
 
     monkeypatch.chdir(tmp_path)
+    if name not in WHOLE:
+        short = partial(find_scenarios, overrides={"episode.timeout": 5})
+        for module in (base, latency, ood_case):
+            monkeypatch.setattr(module, "find_scenarios", short)
     if name == "filter":
         monkeypatch.setattr(base, "IN_DISTRIBUTION", ("random_destination",))
         monkeypatch.setattr(base, "QUICK_OOD", ("ignored_priority",))

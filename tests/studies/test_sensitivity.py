@@ -12,6 +12,7 @@ from rudc.evaluation.store import read_table
 from rudc.evaluation.sweep import Silent
 from rudc.studies import base, sensitivity
 from rudc.studies.base import Order
+from rudc.studies.catalogue import STUDIES
 from rudc.studies.sensitivity import BETA, ENSEMBLE, critics_ms, study_of, weights
 from rudc.studies.trained import Trained, Wanted
 from rudc.training.config import TrainConfig
@@ -51,7 +52,7 @@ def test_weights_are_those_of_policy_critics_and_priors():
 def test_trainings_made_before_are_taken_and_the_others_said_to_be_missing(tmp_path, small):
     shutil.copytree(data_folder("results/checkpoints") / "rudc-t", tmp_path / "rudc-t-seed0")
     order = Order(tmp_path / "out", trainings=tmp_path, episodes=1)
-    report = study_of(BETA)(order, lambda _: Silent())
+    report = STUDIES["sensitivity-beta"].run(order, lambda _: Silent())
     assert [note for note in report.notes if "rudc-t-beta0.1-seed0: no training" in note]
     (task, both) = read_table(tmp_path / "out" / "sensitivity_beta.csv")
     assert (task["beta"], task["scenario"], both["scenario"]) == ("0.25", "dense_left_turn", "both tasks")
