@@ -5,6 +5,7 @@ import io
 import json
 import os
 import re
+import runpy
 import shlex
 import subprocess
 import sys
@@ -15,7 +16,7 @@ from typing import NamedTuple
 from rudc.cli.main import main
 
 FENCE = re.compile(r'^```(\w+)(?: title="([^"]+)")?\n(.*?)^```', re.M | re.S)
-PLAIN = re.compile(r"rudc [^|&;$<\\\\]*$")
+PLAIN = re.compile(r"(rudc|python) [^|&;$<\\\\]*$")
 """a line that is one command, with no more of bash than quotes, or `> FILE`"""
 COMMENT = re.compile(r"(^|\s)\s*# .*")
 QUICK = (
@@ -26,7 +27,7 @@ QUICK = (
             "seed_steps=50",
             "learning_starts=32",
             "round_decisions=25",
-            "evaluation_episodes=1",
+            "evaluation_episodes=0",
             "curriculum=null",
         )
     )
@@ -35,15 +36,15 @@ QUICK = (
 LESS = (
     (r"--steps \d+", "--steps 50"),
     (r"(--episodes |\bepisodes=)\d+", r"\g<1>1"),
-    (r"(rudc sweep .*--episodes \d+)", r"\1 --set episode.timeout=8"),
+    (r"(rudc (?:--import \S+ )?sweep .*--episodes \d+)", r"\1 --set episode.timeout=8"),
     (r"--workers \d+", "--workers 1"),
     (r"--seeds \d+", "--seeds 1"),
     (r" --envs \d+", ""),  # QUICK has it
     (r"rudc train (rudc-\S+|sac|dsac) ", rf"rudc train \1 {QUICK} "),
-    (r"(rudc study filter .*--agent) rudc-t", r"\1 gap-acceptance+ttcbf:correction.d_safe=0.5"),
-    (r"rudc train (rudc-\S+) ", r"rudc train \1 --set training.calibration_episodes=1 "),
+    (r"rudc train (rudc-\S+) ", r"rudc train \1 --set training.calibration_episodes=0 "),
+    (r"_episodes=0(?=.* --out out/agent\b)", "_episodes=1"),  # its report shows them
 )
-"""what is run with smaller numbers, or fewer variants -> which"""
+"""what is run with smaller numbers -> which"""
 
 
 class Block(NamedTuple):
@@ -76,7 +77,7 @@ def run_script(script: str, folder: Path) -> None:
 
 
 def run_commands(script: str, folder: Path) -> None:
-    """As `run_script`, but in this process, which has imported what each `rudc` would import anew.
+    """As `run_script`, but in this process, which has imported what each command would import anew.
 
     Blocks with more than plain commands go to bash; those with `--import`, whose entries would stay, to one
     process of their own.
@@ -150,12 +151,19 @@ def answers_apart(*commands: Sequence[object], folder: Path, **more: str) -> lis
 
 
 def run_here(words: list[str], folder: Path) -> str:
-    """What a command, its name the first word, writes to stdout, run in this process; it must succeed."""
+    """What a command, its name the first word, writes to stdout, run in this process; it must succeed.
+
+    `python FILE` runs the file, by its whole path: processes that it starts import it, too.
+    """
     out, err, before = io.StringIO(), io.StringIO(), sys.argv
-    sys.argv, status = words, None
+    script = words[0] == "python"
+    sys.argv, status = words[script:], None
     try:
         with contextlib.chdir(folder), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-            main()
+            if script:
+                runpy.run_path(str(folder / words[1]), run_name="__main__")
+            else:
+                main()
     except SystemExit as ended:
         status = ended.code
     finally:
