@@ -3,6 +3,7 @@
 import csv
 import shutil
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -30,10 +31,12 @@ from tests.studies.test_trained import TINY
 PAPER = Path(rudc.evaluation.paper.__file__).with_name("paper.csv")
 FOG = {"fog": ("fog",)}
 SMALL = {
-    **TINY, "training.steps": 100, "training.evaluate_every": 50, "training.evaluation_episodes": 1,
-    "training.calibration_episodes": 1, "training.envs": 1,
+    **TINY, "training.steps": 100, "training.evaluate_every": 100, "training.evaluation_episodes": 1,
+    "training.evaluate_on": ("random_destination",), "training.calibration_episodes": 1, "training.envs": 1,
 }  # fmt: skip
 """what is trained is not what is looked at; the quick budget's, and what is drawn: test_quick.py"""
+SHORT = {"episode.timeout": 5}
+"""nor is how episodes end"""
 
 
 def drove(outcomes: Outcomes, row: str, ends: str, *, seed: int = 0, scenario: str = "fog", speed: float = 6):
@@ -250,6 +253,7 @@ def test_from_training_to_tables(tmp_path, monkeypatch):
     monkeypatch.setattr("rudc.evaluation.manifest.code_version", lambda: "v0")
     monkeypatch.setattr(Effort, "settings", SMALL)
     monkeypatch.setattr(comparison, "draw_curves", not_drawn)
+    monkeypatch.setattr("rudc.studies.base.find_scenarios", partial(find_scenarios, overrides=SHORT))
     order = Order(tmp_path / "a", agents=("sac", "rudc-t"), episodes=1, budget="quick")
     report = comparison.run(order, lambda _: Silent())
     assert not report.errors
@@ -287,8 +291,9 @@ def first(tmp_path, monkeypatch):
     """
     monkeypatch.setattr(comparison, "draw_curves", not_drawn)
     monkeypatch.setattr("rudc.evaluation.manifest.code_version", lambda: "v0")
-    monkeypatch.setattr(comparison, "in_distribution", lambda: find_scenarios(["dense_left_turn"]))
-    monkeypatch.setattr(comparison, "out_of_distribution", lambda _: find_scenarios(["blocked_left_turn"]))
+    inside, outside = (find_scenarios([f"{n}_left_turn"], overrides=SHORT) for n in ("dense", "blocked"))
+    monkeypatch.setattr(comparison, "in_distribution", lambda: inside)
+    monkeypatch.setattr(comparison, "out_of_distribution", lambda _: outside)
     (tmp_path / "none").mkdir()
     return Order(tmp_path / "a", ("rudc-t",), episodes=1, budget="quick", trainings=tmp_path / "none")
 
