@@ -1,15 +1,12 @@
 """A stranger's first hour, as README and examples/ tell it: each command must work as it stands.
 
-In this process, which has imported what each would import anew; as they type it: README's first command, in
-test_readme.py.
+In this process, which has imported what each would import anew. README's own commands, the first as they type
+it: test_readme.py.
 """
 
 import csv
 import json
-import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -39,26 +36,6 @@ def rudc(desk, *arguments):
     return run_here(["rudc", *map(str, arguments)], desk)
 
 
-def run(desk, *arguments):
-    command = [sys.executable, *map(str, arguments)]
-    env = {**os.environ, "OMP_NUM_THREADS": "1"}
-    ended = subprocess.run(command, cwd=desk, capture_output=True, text=True, check=False, env=env)
-    assert ended.returncode == 0, ended.stderr
-    return ended.stdout
-
-
-def outcomes(desk, out):
-    """(agent, outcome) of a sweep's rows."""
-    with (desk / out / "episodes.csv").open(newline="") as file:
-        return [(row["agent"], row["outcome"]) for row in csv.DictReader(file)]
-
-
-def test_first_sweep_and_its_table(desk):
-    first = ("sweep", "dense_left_turn", "-a", "gap-acceptance+ttcbf", "-n", 2, "-o", "out/first")
-    rudc(desk, *first)
-    assert "gap-acceptance+ttcbf" in rudc(desk, "table", "out/first", "--format", "markdown")
-
-
 @pytest.mark.usefixtures("mine")
 def test_own_scenario(desk):
     rudc(desk, "scenario", "validate", "mine.yaml")
@@ -67,33 +44,17 @@ def test_own_scenario(desk):
     rudc(desk, "run", "mine.yaml", "--agent", "gap-acceptance", "--seed", 1)
 
 
-@pytest.mark.usefixtures("mine")
-def test_own_agent_beside_rudc_t(desk):
-    agent = "examples/own_agent.py:Patient(gap_s=3)"
-    rudc(desk, "sweep", "mine.yaml", "-a", agent, "-a", "rudc-t", "-n", 2, "-o", "out/own")
-    found = outcomes(desk, "out/own")
-    assert {name for name, _ in found} == {agent, "rudc-t"}
-    assert all(outcome for _, outcome in found)
-
-
-def test_own_network(desk):
-    pytest.importorskip("sumo")
-    rudc(desk, "network", "build", "examples/osm_crossing")
-    rudc(desk, "scenario", "validate", "examples/osm_crossing/crossing.yaml")
-    rudc(
-        desk, "sweep", "examples/osm_crossing/crossing.yaml", "-a", "gap-acceptance", "-n", 2, "-o", "out/osm"
-    )
-    assert all(outcome for _, outcome in outcomes(desk, "out/osm"))
-
-
 @pytest.mark.slow
 @pytest.mark.usefixtures("mine")
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_an_agent_trained_elsewhere(desk):
     pytest.importorskip("stable_baselines3")
-    model = run(desk, "examples/sb3_agent.py", "--steps", 100, "--every", 100, "--episodes", 1).strip()
+    few = ["--steps", "100", "--every", "100", "--episodes", "1"]
+    model = run_here(["python", "examples/sb3_agent.py", *few], desk).strip()
     agent = f"examples/sb3_agent.py:Sb3Agent(path={model!r})"
     rudc(desk, "sweep", "mine.yaml", "-a", agent, "-n", 1, "-w", 1, "-o", "out/sb3")
-    assert all(outcome for _, outcome in outcomes(desk, "out/sb3"))
+    with (desk / "out/sb3/episodes.csv").open(newline="") as file:
+        assert [bool(row["outcome"]) for row in csv.DictReader(file)] == [True]
     manifest = json.loads((desk / "out/sb3/manifest.json").read_text())
     assert manifest["configuration"]["agents"][agent]["files"].keys() == {"path"}
 

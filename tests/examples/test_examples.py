@@ -31,17 +31,35 @@ def test_own_agent_beside_ours(rudc):
     settings = json.loads(Path("out/manifest.json").read_text())["configuration"]["agents"]
     assert settings[agent]["source"]
     assert list(settings) == [agent, f"{agent}+ttcbf", "rudc-t"]
+    assert all(row["outcome"] for row in rows("out"))
 
 
-def test_own_event(tmp_path):
-    scenario = EXAMPLES / "gusts.yaml"
-    commands = (
-        ("scenario", "validate", scenario),
-        ("scenario", "preview", scenario),
-        ("sweep", scenario, "-a", "follower", "-n", 1, "-w", 1, "-o", "out"),
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory):
+    """A folder with sweeps that an event and a barrier of ours are in."""
+    folder, scenario = tmp_path_factory.mktemp("driven"), EXAMPLES / "gusts.yaml"
+    event, barrier = (("rudc", "--import", EXAMPLES / f"own_{kind}.py") for kind in ("event", "barrier"))
+    quick = ("-n", 1, "-w", 1)
+    limit = "follower+ttcbf:correction.speed_limit=true,correction.speed_limit_most=5"
+    free = ("random_destination", "--set", "traffic.density=0", "-a", "follower+ttcbf", "-a", limit)
+    run_apart(
+        (*event, "scenario", "validate", scenario),
+        (*event, "scenario", "preview", scenario),
+        (*event, "sweep", scenario, "-a", "follower", *quick, "-o", "gusts"),
+        (*barrier, "sweep", *free, *quick, "-o", "limits"),
+        folder=folder,
     )
-    own = ("rudc", "--import", EXAMPLES / "own_event.py")
-    run_apart(*((*own, *command) for command in commands), folder=tmp_path)
+    return folder
+
+
+def rows(out):
+    """Of a sweep."""
+    with (Path(out) / "episodes.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_own_event(driven):
+    assert [row["error"] for row in rows(driven / "gusts")] == [""]
 
 
 def test_own_event_ends(monkeypatch):
@@ -59,25 +77,8 @@ def test_own_event_ends(monkeypatch):
     assert (over, told) == ([False, True], [0.3, DRY])
 
 
-def test_own_barrier(tmp_path):
-    limit = "follower+ttcbf:correction.speed_limit=true,correction.speed_limit_most=5"
-    agents = ["-a", "follower+ttcbf", "-a", limit]
-    sweep = (
-        "sweep",
-        "random_destination",
-        "--set",
-        "traffic.density=0",
-        *agents,
-        "-n",
-        1,
-        "-w",
-        1,
-        "-o",
-        "out",
-    )
-    run_apart(("rudc", "--import", EXAMPLES / "own_barrier.py", *sweep), folder=tmp_path)
-    with (tmp_path / "out/episodes.csv").open(newline="") as file:
-        fast, slow = (float(row["mean_speed_mps"]) for row in csv.DictReader(file))
+def test_own_barrier(driven):
+    fast, slow = (float(row["mean_speed_mps"]) for row in rows(driven / "limits"))
     assert slow == pytest.approx(5.0, abs=0.15)  # it starts faster, and then holds 4.9
     assert fast > 6.0
 
@@ -91,5 +92,7 @@ def test_a_map_of_openstreetmap(rudc, tmp_path):
     assert checked.status == 0
     assert all(limit in checked.out for limit in (" 13.9 ", " 8.3 ", " 5.6 "))
     assert "warning" not in checked.err
+    assert rudc("scenario", "validate", folder / "crossing.yaml").status == 0
     answer = rudc("sweep", folder / "crossing.yaml", "-a", "gap-acceptance", "-n", 2, "-o", "out")
     assert answer.status == 0, answer.err
+    assert all(row["outcome"] for row in rows("out"))
