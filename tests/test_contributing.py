@@ -127,20 +127,6 @@ def test_agent_event_and_metric(house, said):
     assert any("waste" in line for line in said.splitlines()[-3:]), said
 
 
-def test_action_kind(house):
-    run(
-        house, "-c",
-        "import gymnasium, rudc, numpy as np\n"
-        "env = gymnasium.make(rudc.ENV_ID, action='gentle')\n"
-        "_, info = env.reset(seed=0)\n"
-        "env.step(np.ones(2, np.float32))\n"
-        "from rudc.env.action import read_action\n"
-        "kind, scene = read_action('gentle'), info['scene']\n"
-        "a = np.array([0.3, -0.8])\n"
-        "np.testing.assert_allclose(kind.normalised(kind.physical(a, scene), scene), a, atol=1e-6)\n",
-    )  # fmt: skip
-
-
 def touched(changes):
     """Files, as the table says it."""
     new = {change.file for change in changes if change.how == NEW}
@@ -177,12 +163,16 @@ class Watcher:
 if __name__ == "__main__":
     import sys
     from pathlib import Path
+    import gymnasium
+    import numpy as np
+    import rudc
     from rudc.agents.registry import make_agent
+    from rudc.env.action import read_action
     from rudc.training.config import TrainConfig
     from rudc.training.trainer import train
 
     small = {
-        "training.steps": 50, "training.seed_steps": 50, "training.learning_starts": 16, "training.envs": 1,
+        "training.steps": 25, "training.seed_steps": 25, "training.learning_starts": 16, "training.envs": 1,
         "training.round_decisions": 25, "training.evaluation_episodes": 0,
         "training.curriculum": None, "learner.batch_size": 16,
         "learner.policy.hidden": 8, "learner.critic.hidden": 8,
@@ -190,11 +180,30 @@ if __name__ == "__main__":
     for name in sys.argv[1:]:
         assert train(TrainConfig.of(name, small), Path("out", name), Watcher())
         print(name, make_agent(f"out/{name}").inner.config.correction.kind)
+
+    env = gymnasium.make(rudc.ENV_ID, action="gentle")
+    _, info = env.reset(seed=0)
+    env.step(np.ones(2, np.float32))
+    kind, scene = read_action("gentle"), info["scene"]
+    a = np.array([0.3, -0.8])
+    np.testing.assert_allclose(kind.normalised(kind.physical(a, scene), scene), a, atol=1e-6)
+    print(kind.kind)
 """
 
 
-def test_learners(house):
-    """Workers read learn.py, too: what needs torch stands where they do not import it."""
+@pytest.fixture(scope="module")
+def learnt(house):
+    """What learn.py says, line by line. Workers read it, too: what needs torch stands where they do not
+    import it.
+    """
     (house / "learn.py").write_text(LEARN, encoding="utf-8")
-    said = run(house, "learn.py", "plain", "limited", "recovering")
-    assert said.splitlines() == ["plain none", "limited none", "recovering hand_over"]
+    return run(house, "learn.py", "plain", "limited", "recovering").splitlines()
+
+
+def test_learners(learnt):
+    assert learnt[:3] == ["plain none", "limited none", "recovering hand_over"]
+
+
+def test_action_kind(learnt):
+    """Its inverse is one: learn.py sees to that."""
+    assert learnt[3:] == ["gentle"]
