@@ -58,21 +58,33 @@ EVERYTHING = Way(
 )
 
 
-def swept(
-    way: Way, out: Path, agents: Sequence[str], episodes: int, timeout_s: float
-) -> dict[tuple[str, ...], list[str]]:
-    """Run the sweep in a way; identity of an episode -> its row, timing left out."""
-    order = -1 if way.backwards else 1
-    command = [sys.executable, "-m", "rudc", "sweep", *SCENARIOS[::order]]
-    command += [word for agent in agents[::order] for word in ("--agent", agent)]
+Rows = dict[tuple[str, ...], list[str]]
+"""identity of an episode -> its row, timing left out"""
+
+
+def order(way: Way, out: Path, agents: Sequence[str], episodes: int, timeout_s: float) -> list[str]:
+    """What `rudc` is told for a sweep in a way."""
+    step = -1 if way.backwards else 1
+    command = ["sweep", *SCENARIOS[::step]]
+    command += [word for agent in agents[::step] for word in ("--agent", agent)]
     command += ["--episodes", str(episodes), "--workers", str(way.workers), "--engine", way.engine]
-    command += ["--set", f"episode.timeout={timeout_s:g}", "--quiet", "--resume", "--out", str(out)]
+    return [*command, "--set", f"episode.timeout={timeout_s:g}", "--quiet", "--resume", "--out", str(out)]
+
+
+def swept(way: Way, out: Path, agents: Sequence[str], episodes: int, timeout_s: float) -> Rows:
+    """Run the sweep in a way, in processes of its own."""
+    command = [sys.executable, "-m", "rudc", *order(way, out, agents, episodes, timeout_s)]
     environment = {**os.environ, **PLAIN.environment, **way.environment}
     if way.killed:
         _killed_halfway(command, environment, out, len(SCENARIOS) * len(agents) * episodes // 2)
     done = subprocess.run(command, env=environment, capture_output=True, text=True)
     if done.returncode != 0:
         raise SystemExit(done.stderr)
+    return rows_of(out)
+
+
+def rows_of(out: Path) -> Rows:
+    """Of a sweep that was run."""
     rows, _ = read_sweep(out)
     return {
         tuple(row[name] for name in IDENTITY): [text for name, text in row.items() if name not in TIMING]
