@@ -110,12 +110,13 @@ for sys.argv in json.loads(sys.stdin.read()):
 """
 
 
-def run_apart(*commands: Sequence[object], folder: Path, **more: str) -> str:
+def run_apart(*commands: Sequence[object], folder: Path, before: str = "", **more: str) -> str:
     """Run commands, the name of each its first word, in one process of their own, where what they register
-    stays: what they write to stdout, one after the other. Each must succeed. `more` of the environment.
+    stays: what they write to stdout, one after the other. Each must succeed. `before`: code that runs first;
+    `more` of the environment.
     """
     told = json.dumps([[*map(str, words)] for words in commands])
-    return _run([sys.executable, "-c", SEVERAL], folder, told, **more)
+    return _run([sys.executable, "-c", before + SEVERAL], folder, told, **more)
 
 
 ONE_BY_ONE = """

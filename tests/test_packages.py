@@ -3,9 +3,9 @@
 import csv
 import json
 import os
-import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -36,7 +36,7 @@ assert list(BARRIERS) == ["vehicle", "road", "speed_limit"]
 
 @pytest.fixture
 def installed(tmp_path):
-    """A folder with three modules, offered by one package; answers how a command ended that knows it."""
+    """A folder with three modules, offered by one package, and a path of Python's with it."""
     site = tmp_path / "site"
     site.mkdir()
     offer(site, OFFERS)
@@ -45,28 +45,18 @@ def installed(tmp_path):
         (site / f"own_{kind}.py").write_text(text, encoding="utf-8")
     (site / "own_algorithm.py").write_text(ALGORITHM, encoding="utf-8")
 
-    def run(*command):
-        env = {**os.environ, "PYTHONPATH": run.path}
-        whole = [sys.executable, *map(str, command)]
-        return subprocess.run(whole, cwd=tmp_path, capture_output=True, text=True, check=False, env=env)
-
-    run.site, run.path = site, os.pathsep.join([str(site), *sys.path])
-    return run
-
-
-def test_nothing_is_imported_before_somebody_asks_what_there_is(installed):
-    ended = installed("-c", EVERY_MODULE)
-    assert ended.returncode == 0, ended.stderr
+    return SimpleNamespace(site=site, path=os.pathsep.join([str(site), *sys.path]))
 
 
 def test_events_algorithms_and_barriers_of_a_package_are_as_ours(installed, tmp_path):
+    """And nothing is imported before somebody asks what there is."""
     slow = "follower+ttcbf:correction.speed_limit=true,correction.speed_limit_most=3"
     agents = ("-a", "follower+ttcbf", "-a", slow)
     said = run_apart(
         ("rudc", "agent", "list", "--json"),
         ("rudc", "scenario", "keys"),
         ("rudc", "sweep", "random_destination", *agents, "-n", 1, "-w", 2, "-o", "out"),
-        folder=tmp_path, PYTHONPATH=installed.path,
+        folder=tmp_path, before=EVERY_MODULE, PYTHONPATH=installed.path,
     )  # fmt: skip
     listed, end = json.JSONDecoder().raw_decode(said)
     assert "brought-sac" in [entry["name"] for entry in listed]

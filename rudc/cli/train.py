@@ -85,13 +85,14 @@ def train(
     if find_spec("torch") is None:
         raise InputError(f"training needs torch: {install_command('train')}")
     from rudc.agents.registry import name_of
-    from rudc.training.trainer import train as run
 
     given = {"scenario": scenario, "steps": steps, "seed": seed, "device": device, "envs": envs}
     changes = {f"training.{k}": v for k, v in given.items() if v is not None}
     if scenario is not None:
         changes["training.curriculum"] = None
     config = _config(algorithm, changes, configuration, parse_overrides(settings), out, resume)
+    from rudc.training.trainer import train as run  # torch: what is wrong is said before it is loaded
+
     _note_rounding(config)
     watcher = TrainBar(config) if shows_bars() else TrainLines(config)
     if report:
