@@ -1,7 +1,8 @@
 """The README's examples run: its bash blocks, its python blocks, its YAML.
 
-The first command is run as a user types it, the others in this process, which has imported what each would
-import anew, with fewer episodes. Blocks without a language are not run: set-up, long training, output.
+The first command is run as a user types it, with short episodes, the others in this process, which has
+imported what each would import anew, with fewer episodes. Blocks without a language are not run: set-up, long
+training, output.
 """
 
 import inspect
@@ -35,7 +36,7 @@ def test_there_are_examples_of_each_kind():
 @pytest.mark.parametrize("script", _texts("bash"))
 def test_commands_run_from_another_folder(script, tmp_path):
     first, _, others = script.partition("\n") if script == _texts("bash")[0] else ("", "", script)
-    run_script(first, tmp_path)
+    run_script(f"{first} --set episode.timeout=8" if first else "", tmp_path)
     run_commands(smaller(others), tmp_path)
 
 
