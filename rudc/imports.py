@@ -67,14 +67,18 @@ def import_first(source: str) -> None:
     _asked[str(Path(os.path.expanduser(source)).resolve()) if source.endswith(".py") else source] = None
 
 
-def import_first_elsewhere(part: Any) -> bool:
-    """Whether a class or function is of a file that was named by its path. If so, other processes import that
-    file first, as if `import_first` had been asked for it here.
-    """
+def own_file(part: Any) -> str | None:
+    """The file of a class or function, if it was named by its path."""
     module = getattr(part, "__module__", None) or ""
-    if module.startswith(PREFIX):
-        _asked[str(sys.modules[module].__file__)] = None
-    return module.startswith(PREFIX)
+    return str(sys.modules[module].__file__) if module.startswith(PREFIX) else None
+
+
+def import_first_elsewhere(part: type) -> None:
+    """If a class is of a file that was named by its path, have other processes import that file first, as if
+    `import_first` had been asked for it here.
+    """
+    if file := own_file(part):
+        _asked[file] = None
 
 
 def imported_first() -> tuple[str, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import math
 import os
@@ -82,9 +81,12 @@ class Swept:
         said = self._content["configuration"]["scenarios"].get(name)
         if said is None:
             raise SweepError(f"{self._folder / 'manifest.json'} says nothing of the scenario {name!r}")
+        unread = []
         for agent in self._content["configuration"]["agents"]:
-            with contextlib.suppress(InputError):
+            try:
                 _settings(agent)  # an agent's own file may register the scenario's events
+            except InputError as error:
+                unread.append(f"; {error}")
         try:
             family = kept_scenario(said["values"], said["digest"], self._folder)
             family = family.read_from(family.path, said.get("given"))
@@ -97,7 +99,7 @@ class Swept:
                 f"{dotted(problem.path)}: {problem.text}; "
                 f"the sweep ran with rudc {self._content['versions'].get('code', 'of another version')}"
                 f"{f' and --import {listed(list(imported))}' if imported else ''}"
-                f"{f' and the plug-ins of {listed(list(offered))}' if offered else ''}"
+                f"{f' and the plug-ins of {listed(list(offered))}' if offered else ''}{''.join(unread)}"
             ) from None
         given = family.model_copy(update={"sweep": said["values"].get("sweep", {})})  # not the copies' paths
         points = {

@@ -22,7 +22,7 @@ from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.rows import by_row
 from rudc.evaluation.tasks import SweepPlan, Task
 from rudc.hints import there_are
-from rudc.imports import import_first, import_first_elsewhere, imported_first, in_words, is_own
+from rudc.imports import import_first, imported_first, in_words, is_own, own_file
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,16 +172,17 @@ def prepared(make_runner: RunnerFactory, agents: Iterable[str]) -> RunnerFactory
     will drive, that no other process can import.
     """
     used = frozenset(re.split("[+:]", name)[0] for name in agents)
-    known: dict[str, bytes] = {}
+    known, imports = dict[str, bytes](), list(imported_first())
     for name, make in registered_agents().items():
-        if import_first_elsewhere(make):
-            continue  # its file registers it
+        if file := own_file(make):
+            imports += [file] if name in used else []  # it registers the agent there, too
+            continue
         try:
             known[name] = pickle.dumps(make)
         except Exception as error:
             if name in used:
                 raise _not_importable(name, error) from error
-    return _Prepared(code_digest(), imported_first(), known, used, make_runner)
+    return _Prepared(code_digest(), tuple(dict.fromkeys(imports)), known, used, make_runner)
 
 
 def _not_importable(name: str, error: Exception) -> InputError:

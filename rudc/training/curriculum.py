@@ -61,7 +61,7 @@ def make_mixture(source: str, curriculum: Curriculum | None) -> Mixture:
     if elsewhere := [key for key in scenario.sweep if key in ("network", "junction")]:
         raise InputError(
             f"{scenario.name} sweeps {listed(elsewhere)}, and a curriculum has the arms of one network: "
-            "set training.curriculum=null, or name a scenario for each network"
+            "set training.curriculum=null, or train on a scenario of one network"
         )
     network = load_network(scenario.network, scenario.junction)
     drawn = {

@@ -5,12 +5,14 @@ import math
 import numpy as np
 import pytest
 
+from rudc.agents import drivers
 from rudc.agents.follower import Follower
 from rudc.agents.gap_acceptance import GapAcceptance
 from rudc.agents.sumo import SumoDriver
 from rudc.network.network import load_network
 from rudc.world.scene import Kind
 from tests.agents.conftest import Other
+from tests.offering import offer
 
 HALF = 2.5
 
@@ -130,3 +132,16 @@ def test_sumo_leaves_the_wheel_to_sumo(scene_on):
     driver = SumoDriver()
     assert driver.ego_driver == "sumo"
     np.testing.assert_array_equal(act(driver, scene_on("south", "left", 60.0, 5.0)), [0.0, 0.0])
+
+
+def test_settings_change_with_the_file_that_an_entry_point_names(tmp_path, monkeypatch):
+    """Also where that file takes the class from another."""
+    (tmp_path / "within_it.py").write_text("class Calm:\n    pass\n", encoding="utf-8")
+    offer(tmp_path, "[rudc.agents]\ncalm = outside_it:Calm\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(drivers, "_installed", drivers._installed.__wrapped__)
+    found = []
+    for number in (3, 9):
+        (tmp_path / "outside_it.py").write_text(f"from within_it import Calm  # {number}\n", encoding="utf-8")
+        found.append(drivers.driver_settings("calm"))
+    assert found[0] != found[1]

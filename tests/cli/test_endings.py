@@ -25,7 +25,7 @@ from rudc.training.workers import _work
 RUDC = [sys.executable, "-m", "rudc"]
 
 
-@pytest.mark.parametrize(("command", "number"), [("sweep", signal.SIGTERM), ("search", signal.SIGHUP)])
+@pytest.mark.parametrize(("command", "number"), [("sweep", signal.SIGTERM), ("search", signal.SIGINT)])
 def test_a_command_that_is_ended_keeps_what_is_finished(tmp_path, command, number):
     out = tmp_path / "out"
     begun = [*RUDC, command, "random_destination", "-a", "follower", "-n", "2000", "-w", "1", "-o", str(out)]

@@ -7,8 +7,10 @@ import sys
 import pytest
 
 from rudc.agents import drivers
+from rudc.agents.registry import make_agent
 from rudc.errors import InputError, SweepError
 from rudc.evaluation.folder import read_sweep
+from rudc.evaluation.rerun import find_episode
 from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.sweep import prepared, run_sweep
 from rudc.evaluation.tasks import SweepPlan, Task
@@ -133,6 +135,15 @@ def test_workers_know_registered_agents(folder, monkeypatch):
     drivers.register_agent("straight-on", Registered)
     plan = plan_of(["straight-on"])
     assert not run_sweep(plan, folder / "out", EpisodeRunner).errors
+
+
+def test_workers_know_an_agent_that_anothers_file_registers(folder, monkeypatch):
+    monkeypatch.setattr(drivers, "_registered", {})
+    more = "import rudc\nrudc.register_agent('second', Steady)\n"
+    (folder / "two.py").write_text(SOURCE + more, encoding="utf-8")
+    make_agent("two.py:Steady")
+    assert not run_sweep(plan_of(["second"]), folder / "out", EpisodeRunner).errors
+    assert find_episode(folder / "out", "1").changes == ()
 
 
 def test_an_agent_that_no_worker_can_import_is_refused_where_it_is_used(folder, monkeypatch):

@@ -55,8 +55,8 @@ def _config(algorithm: str = "rudc-wo-cbf", **changes: Any) -> TrainConfig:
     return TrainConfig.of(algorithm, settings | {f"learner.{k}": v for k, v in learner.items()})
 
 
-ALIKE = ("rudc-e", "only-ttcbf", "rudc-wo-cbf")
-"""trained by the learner of rudc-t, only-ecbf and esac; their settings: tests/studies/test_comparison.py"""
+ALIKE = ("only-ttcbf", "rudc-wo-cbf")
+"""trained by the learner of rudc-t, only-ecbf and esac; their settings: test_config.py, test_baselines.py"""
 
 
 class Watcher:
@@ -122,8 +122,10 @@ def test_stopped_and_resumed_twice_gives_the_same_numbers(trained: Path, tmp_pat
     assert not train(_config(), folder, late, resume=True)  # between two checkpoints
     assert late.notes[-1] == f"interrupted; the last checkpoint is kept in {folder / 'checkpoint'}"
     assert _round(folder) == 4
+    (folder / "scenarios.json").unlink()  # as where a training began before they were kept
     assert train(_config(), folder, Watcher(), resume=True)
     _assert_the_same(trained, folder)
+    assert (folder / "scenarios.json").read_text() == (trained / "scenarios.json").read_text()
     assert [row["steps"] for row in _curves(trained)["progress"]] == ["100", "200", "300"]
 
 
@@ -226,15 +228,6 @@ def test_a_training_goes_on_from_the_scenarios_that_it_began_with(
     assert [row["scenario"] for row in _curves(folder)["evaluation"]][:1] == ["own"]
     for name in ("config.json", "checkpoint/agent.json"):
         assert str(tmp_path) not in (folder / name).read_text()
-
-
-def test_a_training_of_before_scenarios_were_kept_is_resumed(trained: Path, tmp_path: Path):
-    shutil.copytree(trained, tmp_path / "old")
-    kept = tmp_path / "old" / "scenarios.json"
-    before = kept.read_text()
-    kept.unlink()
-    assert train(_config(), tmp_path / "old", Watcher(), resume=True)
-    assert kept.read_text() == before
 
 
 def test_a_trained_folder_is_an_agent(trained: Path):
