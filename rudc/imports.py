@@ -68,7 +68,7 @@ def import_first(source: str) -> None:
 
 
 def own_file(part: Any) -> str | None:
-    """The file of a class or function, if it was named by its path."""
+    """The file of a class or function, if that file was given by its path (`--agent FILE.py:Class`)."""
     module = getattr(part, "__module__", None) or ""
     return str(sys.modules[module].__file__) if module.startswith(PREFIX) else None
 

@@ -108,8 +108,8 @@ class OfActions:
         self, scene: Scene, observation: Floats, action: Floats, critics: Critics
     ) -> tuple[Floats, str, bool] | None:
         """Another action (2,) in [-1, 1], the status that says how it came about, and whether the limit is
-        exceeded all the same; None if the proposed `action` (2,) may be taken. `critics` may be asked what
-        the settings' `asks` names; if that is nothing, trainings give none.
+        exceeded all the same; None if the proposed `action` (2,) may be taken. `critics` answers what the
+        settings' `asks` names; where that is nothing, it is None in trainings.
         """
 
     def correct(self, scene: Scene, proposal: Proposal, critics: Critics | None) -> Corrected:

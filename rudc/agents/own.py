@@ -158,7 +158,9 @@ def imports_beside(thing: Any) -> dict[str, str]:
 
 
 def named_apart(module: ModuleType, thing: Any) -> dict[str, str]:
-    """Path -> digest of the code of the module in which something is named, where it is not written there."""
+    """Path -> digest (`code_beside`) of a module that names a class or function written elsewhere. Empty if
+    it is written in that module.
+    """
     file = getattr(module, "__file__", None)
     try:
         written = Path(inspect.getfile(thing)).resolve()

@@ -130,10 +130,10 @@ def _config(
         if algorithm is None:
             raise InputError(f"which algorithm? there are {', '.join(ALGORITHMS)}")
         config = TrainConfig.of(algorithm, changes | settings, preset or "default")
-        own = {} if preset is None or preset in preset_names() else read_preset(preset)
-        fit = fitting(ALGORITHMS[algorithm], own, str(preset))
-        if idle := [*left_out(own, fit), *left_out(fit, config.model_dump())]:
-            note(f"{preset}: without effect here, and left out: {', '.join(idle)}")
+        if preset is not None and preset not in preset_names():
+            own = read_preset(preset)
+            fit = fitting(ALGORITHMS[algorithm], own, preset)
+            _note_left_out(preset, [*left_out(own, fit), *left_out(fit, config.model_dump())])
         return config
     if algorithm not in (None, stored.algorithm):
         raise InputError(
@@ -159,6 +159,12 @@ def _config(
                 "resume it as it is"
             )
     return stored
+
+
+def _note_left_out(file: str, keys: list[str]) -> None:
+    """Say which settings of a user's file have no effect with this algorithm and the other settings."""
+    if keys:
+        note(f"{file}: without effect here, and left out: {', '.join(keys)}")
 
 
 def _note_rounding(config: TrainConfig) -> None:

@@ -6,6 +6,7 @@ import json
 import math
 import os
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -77,16 +78,22 @@ class Swept:
         said = {name: text for name, text in row.items() if name not in self._lacking}
         return Rerun(number, said, Task(scenario, swept, agent, int(row["seed"])), self._changes[name, agent])
 
+    @cached_property
+    def _unread(self) -> list[str]:
+        """Why agents of the sweep cannot be found any more. Looking for them imports their files."""
+        found = []
+        for agent in self._content["configuration"]["agents"]:
+            try:
+                _settings(agent)
+            except InputError as error:
+                found.append(f"; {error}")
+        return found
+
     def _family(self, name: str) -> _Family:
         said = self._content["configuration"]["scenarios"].get(name)
         if said is None:
             raise SweepError(f"{self._folder / 'manifest.json'} says nothing of the scenario {name!r}")
-        unread = []
-        for agent in self._content["configuration"]["agents"]:
-            try:
-                _settings(agent)  # an agent's own file may register the scenario's events
-            except InputError as error:
-                unread.append(f"; {error}")
+        unread = self._unread  # before the scenario is read: agents' files may register its events
         try:
             family = kept_scenario(said["values"], said["digest"], self._folder)
             family = family.read_from(family.path, said.get("given"))

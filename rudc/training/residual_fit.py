@@ -151,8 +151,8 @@ def _score(change: NDArray, error: NDArray) -> Score:
 
 
 def _explained(error: NDArray, of: NDArray) -> float:
-    """R2, the share of the squares of `of` about its mean that an error (M,) leaves out; nan where all are
-    equal.
+    """R2: 1 - (sum of squares of `error`) / (sum of squares of `of` about its mean), both (M,); nan where all
+    of `of` are equal.
     """
     spread = float(np.sum((of - of.mean()) ** 2))
     return 1.0 - float(np.sum(error**2)) / spread if spread else math.nan
