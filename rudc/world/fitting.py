@@ -46,7 +46,7 @@ def misfits(parts: Parts) -> list[Problem]:
     movements, found = _movements(network, parts.ego)
     for i, event in parts.events.items():
         for path, part in _placed(event, ("events", i)):
-            found += _misplaced(network, movements, path, part)
+            found += _of_another_type(path, part) or _misplaced(network, movements, path, part)
     if parts.ego is not None:
         found += in_the_way(network, movements, parts.ego, parts.events)
     return found
@@ -108,6 +108,35 @@ def _placed(value: Any, path: Path) -> Iterator[tuple[Path, FileModel]]:
             yield path, value
         for name in type(value).model_fields:
             yield from _placed(getattr(value, name), (*path, name))
+
+
+def _of_another_type(path: Path, part: Any) -> list[Problem]:
+    """The first key of an event of a user's that names a place, by its name, but has a value that cannot."""
+    for key, said, meant in (
+        ("position", _is_point, "[east, north] in m"),
+        ("lane", _is_name, "the name of a lane"),
+        ("arm", _is_name, "the name of an arm"),
+        ("at", _is_number, "a number of m"),
+        ("length", _is_number, "a number of m"),
+    ):
+        value = getattr(part, key, None)
+        if value is not None and not said(value):
+            text = f"{value!r} is not {meant}; call a key of your event otherwise if it means something else"
+            return [Problem((*path, key), text)]
+    return []
+
+
+def _is_point(value: Any) -> bool:
+    """A number is no place, but that of `sensor_noise`."""
+    return not isinstance(value, tuple) or (len(value) == 2 and all(map(_is_number, value)))
+
+
+def _is_name(value: Any) -> bool:
+    return isinstance(value, str)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, Distribution | float | int)
 
 
 def _misplaced(network: Network, movements: list[Movement], path: Path, part: Any) -> list[Problem]:

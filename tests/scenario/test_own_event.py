@@ -185,6 +185,36 @@ def test_its_things_and_keys_may_be_named_as_it_likes(tmp_path):
         load_scenario(written(tmp_path, both), fit=misfits)
 
 
+class Drone(Event, frozen=True):
+    """A drone looks down."""
+
+    kind: Literal["drone"]
+    """a drone looks down"""
+    position: tuple[float, ...] | None = None
+    """m east, m north and m up"""
+    lane: str | int | None = None
+    """of the sky"""
+    at: float | str = 0.0
+    """when"""
+
+
+@pytest.mark.parametrize(
+    ("keys", "problem"),
+    [
+        (
+            "position: [9, 9, 900]",
+            r"events\.0\.position: \(9\.0, 9\.0, 900\.0\) is not \[east, north\] in m; call",
+        ),
+        ("lane: 3", r"events\.0\.lane: 3 is not the name of a lane"),
+        ("lane: east_in_0, at: dawn", r"events\.0\.at: 'dawn' is not a number of m"),
+    ],
+)
+def test_its_keys_of_a_place_that_mean_something_else_are_refused(tmp_path, keys, problem):
+    register_event(Drone, OilSpillEffect)
+    with pytest.raises(ScenarioError, match=problem):
+        load_scenario(written(tmp_path, f"{{kind: drone, {keys}}}"), fit=misfits)
+
+
 def test_a_worker_imports_the_file_of_an_agent_that_has_it(tmp_path, monkeypatch):
     monkeypatch.setattr("rudc.imports._asked", {})
     file = tmp_path / "driver.py"
