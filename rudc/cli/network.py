@@ -52,6 +52,7 @@ def check(
 ) -> None:
     """Say what is understood of a network: arms, lanes, movements, right of way; and what may go wrong.
 
+    Of arms: `bearing`, where the arm lies 20 m out as seen from the junction's centre, 0 is east, 90 north.
     Of movements: `length` from stop line to exit; `radius` of the tightest bend; `waits inside`, how far
     beyond the stop line somebody who yields may come to wait.
 
@@ -65,20 +66,19 @@ def check(
         from rudc.drawing.picture_file import check_picture
 
         check_picture(out)
+        from rudc.drawing.network_picture import draw_network
+        from rudc.drawing.picture_file import save_picture
+
+        written = save_picture(draw_network(report.network), out)
     if as_json:
         print_json(_values(report))
     else:
         _show(report, lanes)
         for warning in report.warnings:
             warn(f"warning: {warning}")
-    refuse_untried(report.network)
-    if out is not None:
-        from rudc.drawing.network_picture import draw_network
-        from rudc.drawing.picture_file import save_picture
-
-        written = save_picture(draw_network(report.network), out)
-        if not as_json:
+        if out is not None:
             typer.echo(f"\n{written}")
+    refuse_untried(report.network)
 
 
 def _values(report: NetworkReport) -> dict[str, Any]:

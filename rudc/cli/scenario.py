@@ -108,7 +108,7 @@ def show(
 def keys(
     topic: Annotated[
         str | None,
-        typer.Argument(metavar="[KIND]", help="A kind of event, `when`, or a part such as `traffic.idm`."),
+        typer.Argument(metavar="[KIND]", help="A kind of event, `events`, `when`, or a part: `traffic.idm`."),
     ] = None,
     as_json: AsJson = False,
 ) -> None:

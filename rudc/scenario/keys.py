@@ -46,13 +46,16 @@ class Section:
 
 
 def sections(topic: str | None = None) -> list[Section]:
-    """All sections, or the one of an event's kind, of `when`, or of a part of the file by its (dotted) key.
+    """All sections, or the one of an event's kind, of `when`, or of a part of the file by its (dotted) key;
+    of `events` those of all kinds.
 
     Raises InputError for an unknown topic.
     """
     whole = {name: _section(name, model, "") for name, model in _models().items()}
     if topic is None:
         return list(whole.values())
+    if topic == "events":
+        return [whole[kind] for kind in EVENT_KINDS]
     known = {**whole, **_parts()}
     last = {name.rpartition(".")[2]: name for name in reversed(known)}
     if topic not in known and topic not in last:

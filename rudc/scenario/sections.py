@@ -51,8 +51,12 @@ class EgoRoute(FileModel, frozen=True):
         """Where it goes is given by `turn` or by `to`, and `to` needs `from`."""
         if "to" in given and "turn" in given:
             yield "does not go with `turn`: give one of the two", "to"
-        if "to" in given and given.get("from", given.get("origin", "random")) == "random":
+        origin = given.get("from", given.get("origin"))
+        if "to" in given and origin is None:
             yield "needs `from`, the arm or edge it comes from", "to"
+        if "to" in given and origin == "random":
+            several = "`sweep: {ego.route.from: [ARM, ARM]}` drives from each of several"
+            yield f"does not go with `from: random`: name the arm or edge it comes from; {several}", "to"
 
     @model_serializer(mode="wrap")
     def _without_idle_turn(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from rudc.data import data_folder
 from rudc.errors import AgentError
 from rudc.evaluation.store import read_table
 from rudc.learning.algorithms import ALGORITHMS
-from rudc.scenario import load_scenario, shipped_scenarios
+from rudc.scenario import EVENT_KINDS, load_scenario, shipped_scenarios
 from rudc.training.calibration import Calibration, Limits
 from rudc.training.folder import held
 
@@ -121,6 +121,8 @@ def test_keys_are_listed_with_units(rudc):
     ]  # fmt: skip
     assert "[number, number]" in rudc("scenario", "keys", "occlusion").out
     assert rudc("scenario", "keys", "hard_brak").status == 2
+    every = rudc("scenario", "keys", "events").out
+    assert all(f"{kind}: " in every for kind in EVENT_KINDS)
 
 
 def test_the_first_line_of_a_new_scenario_names_its_schema_for_editors(rudc, tmp_path):

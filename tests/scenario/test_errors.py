@@ -248,6 +248,10 @@ def test_a_byte_order_mark_is_no_problem(tmp_path):
             ["2:27: ego.route.to: does not go with `turn`...", "2:27: ego.route.to: needs `from`, ..."],
         ),
         (
+            "name: a\nego: {route: {from: random, to: E}}\n",
+            ["2:29: ego.route.to: does not go with `from: random`: name the arm or edge it comes from; ..."],
+        ),
+        (
             "name: a\nego: {route: {from: south, turn: lef}}\n",
             ["2:34: ego.route.turn: expected one of left, straight, right, random; got the text 'lef' ..."],
         ),
