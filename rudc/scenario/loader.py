@@ -102,7 +102,9 @@ def _read(path: File, children: tuple[File, ...]) -> tuple[Sheet | None, list[Re
     """What a file and those it extends say together, and problems."""
     try:
         with path.open("rb") as file:
-            text = file.read(4 * LONGEST + 4).decode("utf-8-sig")  # a character takes at most 4 bytes
+            start = file.read(4 * LONGEST + 4)  # a character takes at most 4 bytes
+        cut = len(start) == 4 * LONGEST + 4  # perhaps in the middle of a character; it is too long anyway
+        text = start.decode("utf-8-sig", errors="ignore" if cut else "strict")
     except UnicodeDecodeError as error:
         line = error.object[: error.start].count(b"\n") + 1
         column = error.start - error.object.rfind(b"\n", 0, error.start)

@@ -24,8 +24,9 @@ def aliases(levels):
         ("a: " + "[" * 600, r"bomb.yaml:1:33: nested more than 30 deep"),
         ("a: [" + "1, " * 20_000 + "1]", r"bomb.yaml:1:\d+: more than 10000 values"),
         ("a: " + "x" * 5_000_000, r"bomb.yaml:1:1: longer than 200000 characters"),
+        ("a: " + "ä" * 400_002, r"bomb.yaml:1:1: longer than 200000 characters"),  # cut in an ä
     ],
-    ids=["aliases", "deep", "many", "long"],
+    ids=["aliases", "deep", "many", "long", "long in other letters"],
 )
 def test_too_much_is_said_at_once(tmp_path, text, told):
     path = tmp_path / "bomb.yaml"
