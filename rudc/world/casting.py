@@ -4,7 +4,8 @@ An event acts on the leader, or on an oncoming vehicle, for example, when its tr
 if the traffic already has such a vehicle:
 
     leader, follower     the next vehicle in the ego's lane, at most a few seconds away. A leader is given the
-                         ego's route, so that it leads all the way; both keep their lane.
+                         ego's route, so that it leads all the way; both keep their lane. One that is added
+                         is as far away as the ego's safe start asks (spawn.py).
     oncoming, crossing   a vehicle that reaches its stop line at about the same time as the ego, and crosses
                          the ego's path.
 
@@ -21,7 +22,7 @@ import numpy as np
 
 from rudc.world.events.selection import comes_from, pick, towards_junction
 from rudc.world.scene import Scene
-from rudc.world.spawn import entry
+from rudc.world.spawn import ROUNDED_M, Entry, entry, safe_gap
 from rudc.world.vehicle_types import VEHICLE_TYPES
 
 if TYPE_CHECKING:
@@ -79,20 +80,35 @@ def _in_line(scene: Scene, stage: WorldStage, rng: np.random.Generator, ahead: b
                 stage.traffic.redirect(scene.ids[row], route.origin, route.destination)
             _keep_lane(stage, scene.ids[row])
             return []
-    kind = stage.traffic.draw_type()
     movement = stage.network.movement(route.origin, route.destination)
-    length = VEHICLE_TYPES[kind].length
-    most = min(APART_M + HEADWAY_S[1] * v, room - length - APART_M)
-    if most < least:
+    for _ in range(TRIES):
+        kind = stage.traffic.draw_type()
+        widest = room - VEHICLE_TYPES[kind].length - APART_M
+        most = min(APART_M + HEADWAY_S[1] * v, widest)
+        if most < least:
+            return []
+        gap = float(rng.uniform(least, most))
+        place = _place_in_line(scene, gap, VEHICLE_TYPES[kind].length, ahead)
+        if stage.traffic.may_drive(kind, movement, place.lane):
+            break
+    else:
         return []
-    gap = float(rng.uniform(least, most))
-    way = 0.5 * scene.vehicle.length + gap + (length if ahead else 0.0)
-    place = entry(scene.network, route, scene.ego_s + way if ahead else scene.ego_s - way)
-    if not stage.traffic.may_drive(kind, movement, place.lane):
-        return []
-    name = stage.traffic.add(movement, place, kind, v)
+    driver = stage.traffic.draw_driver(movement, kind)
+    speed = stage.traffic.entry_speed(driver, place.lane, v)
+    needed = float(safe_gap(scene, np.array(v if ahead else speed), np.array(speed if ahead else v)))
+    if needed > gap:
+        if needed > widest:
+            return []
+        place = _place_in_line(scene, needed + ROUNDED_M, driver.type.length, ahead)
+    name = stage.traffic.add(driver, place, v)
     _keep_lane(stage, name)
     return [name]
+
+
+def _place_in_line(scene: Scene, gap: float, length: float, ahead: bool) -> Entry:
+    """Where a vehicle of a length (m) enters `gap` m before or behind the ego."""
+    way = 0.5 * scene.vehicle.length + gap + (length if ahead else 0.0)
+    return entry(scene.network, scene.route, scene.ego_s + way if ahead else scene.ego_s - way)
 
 
 def _keep_lane(stage: WorldStage, name: str) -> None:
@@ -143,7 +159,7 @@ def _towards_junction(scene: Scene, stage: WorldStage, rng: np.random.Generator,
         away = np.hypot(*(scene.position - (x, y)).T)
         place = entry(network, route, front)
         if away.min(initial=np.inf) > CLEAR_M and stage.traffic.may_drive(kind, movement, place.lane):
-            return [stage.traffic.add(movement, place, kind, speed)]
+            return [stage.traffic.add(stage.traffic.draw_driver(movement, kind), place, speed)]
     return []
 
 

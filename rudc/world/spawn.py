@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from rudc.arrays import Array
 from rudc.errors import NetworkError
 from rudc.geometry import rectangle_gaps
 from rudc.vehicle import Actuation
@@ -99,7 +100,6 @@ def safe_to_start(scene: Scene) -> bool:
     Both brake at 4 m/s2, or as hard as the road lets them if that is less, the one behind 0.5 s later.
     """
     ego, body = scene.ego, scene.vehicle
-    braking = min(BRAKING, grip_of(scene.actuation or Actuation()))
     if scene.count == 0:
         return True
     gaps = rectangle_gaps(
@@ -115,5 +115,10 @@ def safe_to_start(scene: Scene) -> bool:
     speed = scene.speed
     behind = np.where(ahead > 0, ego.v, speed)
     front = np.where(ahead > 0, speed, ego.v)
-    needed = MARGIN_M + REACTION_S * behind + (behind**2 - front**2) / (2 * braking)
-    return bool(np.all(gaps[in_lane] >= needed[in_lane]))
+    return bool(np.all(gaps[in_lane] >= safe_gap(scene, behind, front)[in_lane]))
+
+
+def safe_gap(scene: Scene, behind: Array, front: Array) -> Array:
+    """m, gap that one who drives `behind` m/s needs to who drives `front` m/s before it."""
+    braking = min(BRAKING, grip_of(scene.actuation or Actuation()))
+    return MARGIN_M + REACTION_S * behind + (behind**2 - front**2) / (2 * braking)

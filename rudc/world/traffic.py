@@ -157,11 +157,30 @@ class Traffic:
         for _ in range(self.missing):
             self._enter(entry)
 
-    def add(self, movement: Movement, place: Entry, kind: str, speed: float) -> str:
+    def add(self, driver: Driver, place: Entry, speed: float) -> str:
         """Add an SV beyond those that the density asks for; it enters at the next step. Returns its name."""
         route = f"added:{self._count}"
         self._sumo.add_route(route, place.edges)
-        return self._add(movement, route, kind, place.lane, place.front, speed)
+        return self._add(driver, route, place.lane, place.front, speed)
+
+    def draw_driver(self, movement: Movement, kind: str) -> Driver:
+        """Who will drive a further SV of that kind."""
+        plan, rng = self._plan, self._rng
+        return Driver(
+            VEHICLE_TYPES[kind],
+            movement.origin,
+            movement.destination,
+            plan.accel.sample(rng),
+            plan.decel.sample(rng),
+            plan.speed_factor.sample(rng),
+        )
+
+    def entry_speed(self, driver: Driver, lane: Lane, wanted: float) -> float:
+        """m/s, the speed with which an SV enters on a lane, if `wanted` m/s are wanted."""
+        # SUMO ends the simulation over a vehicle that departs faster than it would ever drive on its lane,
+        # and refuses one that departs faster than its edge's limit or than it can, whatever its speed factor.
+        usual = 0.99 * driver.speed_factor * min(self.bends.limit(lane), driver.type.max_speed)
+        return min(wanted, usual, driver.type.max_speed, self.bends.edge_limit(lane.edge))
 
     def may_go(self, name: str, origin: str, destination: str) -> bool:
         """Whether all roads of a movement are open to an SV's class of vehicles."""
@@ -253,23 +272,12 @@ class Traffic:
         lanes = sorted(self._lanes.get(edge, []), key=lambda lane: lane.id)
         return [lane for lane in lanes if lane.id in own] or lanes
 
-    def _add(self, movement: Movement, route: str, kind: str, lane: Lane, front: float, speed: float) -> str:
+    def _add(self, driver: Driver, route: str, lane: Lane, front: float, speed: float) -> str:
         name = f"sv{self._count}"
         self._count += 1
         plan, rng = self._plan, self._rng
-        driver = Driver(
-            VEHICLE_TYPES[kind],
-            movement.origin,
-            movement.destination,
-            plan.accel.sample(rng),
-            plan.decel.sample(rng),
-            plan.speed_factor.sample(rng),
-        )
-        # SUMO ends the simulation over a vehicle that departs faster than it would ever drive on its lane,
-        # and refuses one that departs faster than its edge's limit or than it can, whatever its speed factor.
-        usual = 0.99 * driver.speed_factor * min(self.bends.limit(lane), driver.type.max_speed)
-        speed = min(speed, usual, driver.type.max_speed, self.bends.edge_limit(lane.edge))
-        self._sumo.add(name, route, kind, lane.index, front, speed)
+        speed = self.entry_speed(driver, lane, speed)
+        self._sumo.add(name, route, driver.type.kind.name.lower(), lane.index, front, speed)
         character = {
             "tau": (plan.headway_s.sample(rng), plan.headway_s.mean),
             "min_gap": (plan.min_gap_m.sample(rng), plan.min_gap_m.mean),
@@ -316,7 +324,7 @@ class Traffic:
                 if k > 0:
                     route = f"added:{self._count}"
                     self._sumo.add_route(route, (movement.edges if inbound else edges)[k:])
-                self._add(movement, route, kind, lane, front, speed)
+                self._add(self.draw_driver(movement, kind), route, lane, front, speed)
                 return
 
     def _draw_edge(self, edges: Sequence[str]) -> int:
@@ -357,7 +365,7 @@ class Traffic:
             if room < math.inf:
                 braking = self.comfortable(self._plan.decel.mean)
                 speed = min(speed, math.sqrt(leader_speed**2 + braking * room))
-            self._add(movement, _route(movement), kind, lane, length + 0.1, speed)
+            self._add(self.draw_driver(movement, kind), _route(movement), lane, length + 0.1, speed)
             entry[lane.id] = (0.1, speed)
             return
 

@@ -9,12 +9,14 @@ import pytest
 from rudc.scenario import load_scenario
 from rudc.world.casting import selected
 from rudc.world.events.selection import pick
-from tests.plans import PlanSource, event
+from rudc.world.spawn import safe_to_start
+from tests.plans import PlanSource, constant, event
 from tests.world.networks import bent
 from tests.world.test_world import follow
 
 LATER = {"simulation_time": {"above": 100.0}}
 QUIET = PlanSource(density=0.0, turn="left", speed=(8.0, 8.0))
+ICE = event("low_friction", friction=0.15)
 RNG = np.random.default_rng(0)
 
 
@@ -51,6 +53,22 @@ def test_who_has_begun_to_turn_elsewhere_is_not_made_the_leader(world, seed):
         "ego": {"route": {"from": "east", "turn": "left"}, "distance": 20, "speed": 4},
     }
     world.reset(load_scenario("random_destination", changes).plan(seed))
+
+
+def test_a_leader_that_is_slower_is_added_where_the_ego_can_stop_behind_it(world):
+    """On ice: it was as near as one that drives as fast as the ego."""
+    for factor in (0.8, 1.0):
+        source = replace(
+            QUIET,
+            speed=(10.0, 10.0),
+            speed_factor=constant(factor),
+            distance=(60.0, 60.0),
+            events=(brake("leader"), ICE),
+        )
+        for seed in range(3):
+            scene = world.reset(source.plan(seed))
+            assert world.plan.attempt == 0
+            assert safe_to_start(scene), (factor, seed)
 
 
 def test_a_follower_is_added_behind_at_a_safe_distance(world):
