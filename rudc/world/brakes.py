@@ -24,13 +24,16 @@ class Brakes:
         """name of each vehicle that is braked -> m/s2"""
         self._until_s = 0.0
         """until when they are braked, in SUMO's time"""
+        self._grip = math.inf
+        """m/s2, the road's grip when they were braked last"""
         self._events: dict[str, tuple[float, float]] = {}
         """name of a vehicle -> when events last slowed it down (s of SUMO's time), and how hard (m/s2)"""
 
     @property
     def are_over(self) -> bool:
-        """Whether vehicles are no longer braked, since `apply` was called for no longer."""
-        return self._sumo.time() >= self._until_s
+        """Whether vehicles are no longer braked as they should be: `apply` was called for no longer, or the
+        road's grip has changed since."""
+        return self._sumo.time() >= self._until_s or self._grip != self._traffic.grip
 
     def apply(self, wanted: Mapping[str, tuple[float, float]], duration_s: float) -> None:
         """Brake vehicles for the next duration_s seconds, and release all others.
@@ -39,6 +42,7 @@ class Brakes:
         """
         drivers, hard, now = self._traffic.drivers, set(), self._sumo.time()
         self.asked.clear()
+        self._grip = self._traffic.grip
         self._until_s = now + duration_s - ROUNDED_S
         for name, (speed, deceleration) in wanted.items():
             driver = drivers.get(name)
@@ -54,6 +58,15 @@ class Brakes:
             if name == EGO or name in drivers:
                 self._traffic.set_mode(name)
         self._hard = hard
+
+    def set_mode(self, name: str) -> None:
+        """Have SUMO limit an SV's speed as the events say that act on it, and go on to brake it as hard as it
+        is being braked.
+        """
+        hard = self.asked.get(name, 0.0) > self._traffic.comfortable(self._traffic.drivers[name].decel)
+        if hard:
+            self._hard.add(name)
+        self._traffic.set_mode(name, hard=hard)
 
     def leave_to_event(self, name: str, deceleration: float) -> bool:
         """Note that an event slows a vehicle down with deceleration m/s2 until the next decision. Returns

@@ -20,7 +20,7 @@ import math
 
 import numpy as np
 
-from rudc.arrays import Array
+from rudc.arrays import Array, Index
 from rudc.geometry import rectangle_gaps
 from rudc.world.scene import STANDING, Kind, Scene
 
@@ -35,7 +35,9 @@ PATIENCE_S, BACK_M, BACK_SPEED = 3.0, 1.0, 0.5
 LONG_S = 10.0
 """s after which who is held up goes back to where they came from"""
 DRIVER_BACK_M, DRIVER_BACK_SPEED = 8.0, 2.5
-"""m before a driver that must be free until it stops going back; how fast it goes back (m/s)"""
+"""m before a driver below which it goes back; how fast it goes back (m/s)"""
+FURTHER_M = 2.0
+"""m by which it goes back further than it has to, or it would set off again and again before who creeps up"""
 WALKING_PACE = 2.0
 """m/s, an ego slower than this is taken to be about to stop: a driver stops before it"""
 PASSES_M = 0.5
@@ -102,8 +104,13 @@ class Prop:
         """Decide, by what is around it in the scene, whether to go on, to stop, or to go back."""
         self._free = not self.moves or (not self._gives_up and self._is_free(scene, self._needed()))
         if self._is_held_up:
-            room = min(self._room_back, BACK_M) if self._walks else CLEARANCE_M
-            wanted = room > 0.0 if self._walks else self._gives_up or not self._is_free(scene, DRIVER_BACK_M)
+            if self._walks:
+                room = min(self._room_back, BACK_M)
+                wanted = room > 0.0
+            else:
+                room = CLEARANCE_M + self.speed**2 / (2 * self._braking)
+                enough = DRIVER_BACK_M + (FURTHER_M if self.speed < 0.0 else 0.0)
+                wanted = self._gives_up or not self._is_free(scene, enough)
             self._back_is_free = wanted and self._is_free(scene, -room)
 
     def step(self, dt: float) -> None:
@@ -116,13 +123,24 @@ class Prop:
             self._held_s = min(self._held_s + dt, LONG_S + dt)
         if self.appeared_m > 0.0 and (self._held_s > LONG_S or self.travelled < self.appeared_m):
             self._gives_up = True
-        if self._is_held_up and self._back_is_free and not self._free:
-            self.speed = -BACK_SPEED if self._walks else -DRIVER_BACK_SPEED
+        goes_back = self._is_held_up and self._back_is_free and not self._free
+        if self._walks and goes_back:
+            self.speed = -BACK_SPEED
         else:
-            change = (min(ACCELERATION, self.grip) if self._free else -self._braking) * dt
-            self.speed = min(max(self.speed + change, 0.0), self.wanted)
+            wanted = -DRIVER_BACK_SPEED if goes_back else self.wanted if self._free else 0.0
+            self.speed = self._towards(wanted, dt)
         self.travelled += self.speed * dt
         self._stepped_back = max(self._stepped_back - self.speed * dt, 0.0)
+
+    def _towards(self, wanted: float, dt: float) -> float:
+        """m/s, its speed `dt` s later, if it speeds up or brakes until it drives `wanted` m/s."""
+        faster, braked = min(ACCELERATION, self.grip) * dt, self._braking * dt
+        low, high = (braked, faster) if self.speed >= 0.0 else (faster, braked)
+        if self.speed * wanted < 0.0:  # it turns round: it stops first
+            wanted = 0.0
+        elif self.speed == 0.0:
+            low = faster
+        return min(max(wanted, self.speed - low), self.speed + high)
 
     @property
     def _room_back(self) -> float:
@@ -161,7 +179,7 @@ class Prop:
         reach = CLEARANCE_M + self.speed**2 / (2 * self._braking)
         if self._walks:
             return reach + (self._stepped_back + MORE_M if back else 0.0)
-        return max(reach, DRIVER_BACK_M + MORE_M) if back else reach
+        return max(reach, DRIVER_BACK_M + FURTHER_M + MORE_M) if back else reach
 
     def has_room(self, scene: Scene) -> bool:
         """Whether it can appear: nobody is where it is and where it needs to stop, nor must come there, even
@@ -195,7 +213,7 @@ class Prop:
             if (gaps <= (PASSES_M if slow and ego.v >= STANDING else 0.0)).any():
                 return False
         speed = scene.speed
-        way = np.zeros_like(speed) if walks else speed * late_s + speed**2 / (2 * self._braking)
+        way = np.zeros_like(speed) if walks else stopping_way(scene, late_s, self._braking)
         heeded = np.array([name != self.name for name in scene.ids], dtype=bool)
         if not walks:
             along = np.cos(scene.heading - box[2])
@@ -203,10 +221,22 @@ class Prop:
             heeded &= (scene.path >= 0) | (speed < STANDING) | (along > SAME_WAY) | crossing
         away = scene.position - box[:2]
         rows = np.flatnonzero(heeded & (np.hypot(away[:, 0], away[:, 1]) < box[3] + way + 10.0))
-        course = np.column_stack([np.cos(scene.heading[rows]), np.sin(scene.heading[rows])])
-        size = scene.size[rows] + way[rows, None] * (1.0, 0.0)
-        position = scene.position[rows] + 0.5 * way[rows, None] * course
-        return bool((rectangle_gaps(*box, position, scene.heading[rows], size) > 0.0).all())
+        return bool((gaps_to_ways(scene, rows, way[rows], box) > 0.0).all())
+
+
+def stopping_way(scene: Scene, late_s: float, braking: float) -> Array:
+    """(N,) m that each body of the scene needs to stop, if it brakes with `braking` m/s2 `late_s` s later."""
+    return scene.speed * late_s + scene.speed**2 / (2 * braking)
+
+
+def gaps_to_ways(
+    scene: Scene, rows: Index, way: Array, box: tuple[float, float, float, float, float]
+) -> Array:
+    """(K,) m between a box (x m, y m, heading rad, length m, width m) and what bodies of the scene, those of
+    `rows` (K,), cover on the next `way` (K,) m straight on."""
+    heading = scene.heading[rows]
+    position = scene.position[rows] + 0.5 * way[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
+    return rectangle_gaps(*box, position, heading, scene.size[rows] + way[:, None] * (1.0, 0.0))
 
 
 def standing(name: str, kind: Kind, x: float, y: float, heading: float, length: float, width: float) -> Prop:

@@ -76,7 +76,7 @@ def test_what_stood_in_the_way_leaves_no_stand_in_that_comes_later(world):
     ]
     source = replace(CALM, density=30.0, origin="south", turn="left", events=tuple(stalled))
     for seed in range(8):
-        run(world, source, 12.0, seed)
+        run(world, source, 25.0, seed)
         assert all(happening.is_over for happening in world.happenings())
         assert not [name for name in libsumo.vehicle.getIDList() if name.startswith("block")]
         assert not [name for name in libsumo.simulation.getPendingVehicles() if name.startswith("block")]
@@ -147,9 +147,18 @@ def test_what_begins_in_one_decision_does_not_appear_in_one_place(world, standin
 
 
 @pytest.mark.parametrize("stays", [False, True])
-@pytest.mark.parametrize("kind", ["accident", "lane_closure", "stalled_vehicle"])
-def test_what_stands_waits_for_who_is_in_its_place_but_not_for_ever(world, kind, stays):
-    """It appeared on top of surrounding vehicles. Its trigger holds for one decision only."""
+@pytest.mark.parametrize(
+    ("kind", "before_m", "v"),
+    [
+        ("accident", 4.0, 0.0),
+        ("lane_closure", 4.0, 0.0),
+        ("stalled_vehicle", 4.0, 0.0),
+        ("accident", 12.0, 10.0),
+    ],
+)
+def test_what_stands_waits_for_who_is_in_its_place_but_not_for_ever(world, kind, before_m, v, stays):
+    """It appeared on top of surrounding vehicles, or so near before them that they drove through it. Its
+    trigger holds for one decision only."""
     place = {"lane": "west_in_0", "at": 20}
     fields = {"accident": {"vehicles": [place]}, "lane_closure": {**place, "length": 5}}.get(kind, place)
     later = event(kind, **fields, when={"simulation_time": {"above": 0.05, "below": 0.15}})
@@ -157,7 +166,7 @@ def test_what_stands_waits_for_who_is_in_its_place_but_not_for_ever(world, kind,
     alone = world.scene()
     x, y, psi = world.network.place_on_lane("west_in_0", 20)
     one = replace(
-        alone, ids=("there",), position=np.array([[x - 4.0, y]]), velocity=np.zeros((1, 2)),
+        alone, ids=("there",), position=np.array([[x - before_m, y]]), velocity=np.array([[v, 0.0]]),
         heading=np.array([psi]), acceleration=np.zeros(1), size=np.array([[5.0, 1.8]]),
         kind=np.zeros(1, int), path=np.zeros(1, int), path_s=np.zeros(1),
     )  # fmt: skip
@@ -282,6 +291,35 @@ def test_whom_an_event_brakes_brakes_harder_where_it_must(world, by_event):
         speeds.append(libsumo.vehicle.getSpeed(name))
     harder = max(by_event, 3.0)
     assert np.diff(speeds) == pytest.approx(-0.1 * np.array([harder, harder, by_event]), abs=0.01)
+
+
+@pytest.mark.parametrize("ends", ["the event", "the dry road"])
+def test_who_brakes_hard_to_yield_goes_on_when_an_event_or_the_dry_road_ends(world, monkeypatch, ends):
+    """Until the yielding layer looked again, up to 0.4 s later, it braked comfortably."""
+    brake = event("hard_brake", vehicle="leader", deceleration=0.5, duration=0.2)
+    run(world, replace(LED, events=(brake,)), 0.1, u=np.zeros(2))
+    (name,) = world.happenings()[0].bodies
+    asked = 8.0 if ends == "the event" else 4.9  # that the wet road still gives
+    monkeypatch.setattr(
+        world,
+        "_brake",
+        lambda scene, s: world._brakes.apply({name: (libsumo.vehicle.getSpeed(name), asked)}, s),
+    )
+    world._brakes.apply({name: (libsumo.vehicle.getSpeed(name), asked)}, 0.5)
+    if ends == "the dry road":
+        run_on(world, 2)
+        world.stage.set_friction(0.5)
+    speeds = run_on(world, 4, name)
+    assert np.diff(speeds) == pytest.approx(-0.1 * asked, abs=0.02)
+
+
+def run_on(world, decisions, name=None):
+    """m/s of a vehicle before and after each of so many decisions."""
+    speeds = [] if name is None else [libsumo.vehicle.getSpeed(name)]
+    for _ in range(decisions):
+        world.advance(np.zeros(2))
+        speeds += [] if name is None else [libsumo.vehicle.getSpeed(name)]
+    return speeds
 
 
 def test_events_are_over_when_all_their_vehicles_have_left(world):

@@ -6,7 +6,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rudc.world.props import BACK_M, BRAKING, DRIVER_BACK_M, LONG_S, PATIENCE_S, WALKING_PACE, Prop, standing
+from rudc.world.props import (
+    ACCELERATION,
+    BACK_M,
+    BRAKING,
+    DRIVER_BACK_M,
+    FURTHER_M,
+    LONG_S,
+    PATIENCE_S,
+    WALKING_PACE,
+    Prop,
+    standing,
+)
 from rudc.world.scene import Kind
 
 BEND = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 20.0]])
@@ -96,9 +107,25 @@ def test_a_driver_who_is_held_up_makes_room_and_keeps_it(make_scene):
     for x in (0.0, -6.0):  # who stands before it, and comes nearer
         before_it = make_scene({"at": (x, 100.0, math.pi)})
         drive_towards(prop, lambda i, scene=before_it: scene, steps=600)
-        assert x - 2.5 - (prop.pose()[0] + 2.5) == pytest.approx(DRIVER_BACK_M, abs=0.1)
+        assert x - 2.5 - (prop.pose()[0] + 2.5) == pytest.approx(DRIVER_BACK_M + FURTHER_M, abs=0.1)
         assert prop.speed == 0.0
     assert drive_towards(prop, lambda i: make_scene(), steps=600)[0] > 30.0, "it goes on once its way is free"
+
+
+def test_a_driver_goes_back_as_a_car_does_and_not_again_and_again_before_who_creeps_up(make_scene):
+    """It was at its full speed at once, and backed a little at each little step of an ego that crept up."""
+    prop = car(np.array([[-60.0, 100.0], [60.0, 100.0]]))
+    drive_towards(prop, lambda i: make_scene({"at": (0.0, 100.0, math.pi)}), steps=500)
+    speeds = []
+    for i in range(400):  # 0.1 m/s towards it
+        prop.look_out(make_scene({"at": (-0.005 * i, 100.0, math.pi)}))
+        prop.step(0.05)
+        speeds.append(prop.speed)
+    changes = np.diff(speeds)
+    assert min(speeds) < 0.0
+    assert changes.min() >= -ACCELERATION * 0.05 - 1e-9
+    assert changes.max() <= BRAKING * 0.05 + 1e-9
+    assert np.count_nonzero((np.array(speeds[1:]) < 0.0) & (np.array(speeds[:-1]) >= 0.0)) <= 2
 
 
 def test_a_driver_who_has_gone_back_to_where_it_appeared_backs_out_of_the_road(make_scene):

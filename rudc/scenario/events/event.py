@@ -30,7 +30,7 @@ ROUNDED_S = 1e-6
 HARDEST = 12.0
 """m/s2, hardest braking that an event can ask of a vehicle"""
 WAITS_S = 20.0
-"""s that an event waits, at most, while somebody is where its things would stand"""
+"""s that an event waits, at most, while somebody is where its things would stand, or cannot stop before"""
 
 
 class Event(FileModel, frozen=True):
@@ -94,7 +94,7 @@ class Effect(ABC, Generic[E]):
 
     def put(self, stage: Stage, things: Sequence[Thing]) -> bool:
         """Put things on the road that stand there; False, for WAITS_S at most, while somebody is in a place
-        of theirs."""
+        of theirs or could not stop before it."""
         if self.waits_since_s is None:
             self.waits_since_s = stage.time_s
         waits = stage.time_s < self.waits_since_s + WAITS_S - ROUNDED_S

@@ -142,8 +142,8 @@ class Stage(ABC):
 
     @abstractmethod
     def is_free(self, body: Body, place: XYHeading, size: tuple[float, float] | None = None) -> bool:
-        """Whether nobody who drives or walks, the ego apart, is where something would stand. `size` as in
-        `stand`."""
+        """Whether nobody who drives or walks, the ego apart, is where something would stand, or would come
+        there even braking hard. `size` as in `stand`."""
 
     @abstractmethod
     def send(

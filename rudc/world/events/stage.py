@@ -25,7 +25,7 @@ from rudc.world.events.places import (
     size_of,
 )
 from rudc.world.events.selection import pick
-from rudc.world.props import Prop, standing
+from rudc.world.props import BRAKING, LATE_S, Prop, gaps_to_ways, standing, stopping_way
 from rudc.world.scene import Kind, Scene
 from rudc.world.spawn import ROUNDED_M
 
@@ -107,7 +107,7 @@ class WorldStage(NetworkStage):
             self.unlawful.add(name)
         else:
             driver.overridden += 1
-        self.traffic.set_mode(name)
+        self.brakes.set_mode(name)
 
     def release(self, name: str, *, heedless: bool = False) -> None:
         driver = self.traffic.drivers[name]
@@ -117,7 +117,7 @@ class WorldStage(NetworkStage):
                 self.unlawful.discard(name)
         else:
             driver.overridden -= 1
-        self.traffic.set_mode(name)
+        self.brakes.set_mode(name)
 
     def slow_down(self, name: str, deceleration: float, least: float = 0.0) -> None:
         slower = max(self.speed(name) - min(deceleration, self.traffic.grip) * self.decision_s, least)
@@ -183,10 +183,11 @@ class WorldStage(NetworkStage):
         if self.scene is None:
             return True
         stand = {prop.name for prop in self.props if not prop.moves}
-        rows = [i for i, name in enumerate(self.scene.ids) if name not in stand]
-        at, heading, sizes = self.scene.position[rows], self.scene.heading[rows], self.scene.size[rows]
-        free = bool((rectangle_gaps(*place, *(size or size_of(body)), at, heading, sizes) > 0.0).all())
-        return free and self._clear_of_new(place, size or size_of(body), only_moving=True)
+        rows = np.array([i for i, name in enumerate(self.scene.ids) if name not in stand], dtype=int)
+        length, width = size or size_of(body)
+        way = stopping_way(self.scene, LATE_S, min(BRAKING, self.traffic.grip))[rows]
+        free = bool((gaps_to_ways(self.scene, rows, way, (*place, length, width)) > 0.0).all())
+        return free and self._clear_of_new(place, (length, width), only_moving=True)
 
     def _clear_of_new(self, place: XYHeading, size: Sequence[float], *, only_moving: bool) -> bool:
         """Whether a rectangle touches nothing that has appeared since the scene. `only_moving`: things that
