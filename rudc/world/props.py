@@ -46,6 +46,8 @@ SAME_WAY = math.cos(math.pi / 4)
 """cosine of the angle between their headings, above which a prop drives behind another as in a column"""
 LATE_S = 0.7
 """s until others brake for a prop that appears: one pass of the yielding layer, and a little more"""
+LOOK_S = 0.1
+"""s until a driver looks again: a decision"""
 MORE_M = 0.1
 """m that must be free beyond the room a prop has made by going back, before it goes on"""
 
@@ -179,6 +181,7 @@ class Prop:
         reach = CLEARANCE_M + self.speed**2 / (2 * self._braking)
         if self._walks:
             return reach + (self._stepped_back + MORE_M if back else 0.0)
+        reach += self.speed * LOOK_S
         return max(reach, DRIVER_BACK_M + FURTHER_M + MORE_M) if back else reach
 
     def has_room(self, scene: Scene) -> bool:
@@ -195,7 +198,7 @@ class Prop:
     def _is_free(self, scene: Scene, reach: float) -> bool:
         """Whether `reach` m of its way before its front are free (behind its rear if negative)."""
         middle = 0.5 * (math.copysign(self.length, reach) + reach)
-        return self._is_clear(scene, (*self.pose(middle), abs(reach), self.width), 0.0)
+        return self._is_clear(scene, (*self.pose(middle), abs(reach), self.width), LOOK_S)
 
     def _is_clear(self, scene: Scene, box: tuple[float, float, float, float, float], late_s: float) -> bool:
         """Whether a box on its way (x m, y m, heading rad, length m, width m) is free.

@@ -57,7 +57,8 @@ def test_a_standing_prop_stands():
 
 def drive_towards(prop, scene_at, steps=200):
     for i in range(steps):
-        prop.look_out(scene_at(i))
+        if i % 2 == 0:  # once a decision
+            prop.look_out(scene_at(i))
         prop.step(0.05)
     return prop.pose()
 
@@ -69,7 +70,7 @@ def test_a_car_stops_short_of_what_stands_and_goes_on_when_it_leaves(make_scene)
     free = make_scene({"at": (0.0, 110.0, 0.0)})
     x, _, _ = drive_towards(prop, lambda i: blocked)
     assert -6.5 < x < -5.5, "half a metre to a metre and a half between the bumpers"
-    assert prop.speed == 0.0
+    assert prop.speed <= 0.2, "it stands, but for its last centimetres"
     assert drive_towards(prop, lambda i: free)[0] > 30.0
 
 
@@ -83,8 +84,10 @@ def test_a_car_stops_for_who_walks_across_its_way(make_scene, heading, stops):
     assert (x < -2.75) is stops
 
 
-def test_a_car_stops_for_an_oncoming_one_that_brakes(make_scene):
-    prop = car(np.array([[-20.0, 100.0], [60.0, 100.0]]))
+@pytest.mark.parametrize(("wanted", "start"), [(6.0, -20.0), *((12.6, -50.0 + 0.25 * k) for k in range(8))])
+def test_a_car_stops_for_an_oncoming_one_that_brakes(make_scene, wanted, start):
+    """Between two looks a fast one came nearer by more than its margin."""
+    prop = car(np.array([[start, 100.0], [60.0, 100.0]]), wanted)
     them = make_scene({"row": 0, "s": 10.0})
 
     def oncoming(i):
@@ -107,7 +110,7 @@ def test_a_driver_who_is_held_up_makes_room_and_keeps_it(make_scene):
     for x in (0.0, -6.0):  # who stands before it, and comes nearer
         before_it = make_scene({"at": (x, 100.0, math.pi)})
         drive_towards(prop, lambda i, scene=before_it: scene, steps=600)
-        assert x - 2.5 - (prop.pose()[0] + 2.5) == pytest.approx(DRIVER_BACK_M + FURTHER_M, abs=0.1)
+        assert x - 2.5 - (prop.pose()[0] + 2.5) == pytest.approx(DRIVER_BACK_M + FURTHER_M, abs=0.2)
         assert prop.speed == 0.0
     assert drive_towards(prop, lambda i: make_scene(), steps=600)[0] > 30.0, "it goes on once its way is free"
 
