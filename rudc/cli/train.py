@@ -68,9 +68,9 @@ def train(
     """Train an agent from scratch.
 
     DIR gets `checkpoint/` (the agent, which every `--agent` takes as `--agent DIR`, and what resuming needs),
-    `progress.csv`, `evaluation.csv` (held-out episodes as training goes), `config.json` and `scenarios.json`
-    (what it learns from). Ctrl-C keeps the last checkpoint, and `--resume` goes on from there to the same
-    numbers as without a stop.
+    `progress.csv`, `evaluation.csv` (how it drives as training goes, in episodes that it does not learn
+    from), `config.json` and `scenarios.json` (what it learns from). Ctrl-C keeps the last checkpoint, and
+    `--resume` goes on from there to the same numbers as without a stop.
 
     **Examples**
 
