@@ -117,7 +117,7 @@ class _Keeper:
         self._sizes: dict[str, Array] = {}
 
     def watch(self, scene: Scene, decision: Decision, result: StepResult) -> None:
-        """Keep a decision."""
+        """Keep a decision; what keeping it takes is no time of the next."""
         spent, ego, unsure = self.stopwatch.take(), scene.ego, decision.uncertainty
         sigma = [math.nan] * 3 if unsure is None else [unsure.total, unsure.epistemic, unsure.aleatoric]
         cbf = sum(spent.get(part, 0.0) for part in CBF)
@@ -131,6 +131,7 @@ class _Keeper:
             ]
         )  # fmt: skip
         self._look(scene)
+        self.stopwatch.take()
 
     def _h(self, scene: Scene) -> float:
         return float(self._barrier.build(scene).terms(scene).h.min(initial=math.inf))

@@ -35,6 +35,7 @@ def test_a_case_holds_the_episode():
     assert np.diff(case.ego["time_s"]) == pytest.approx(0.1)
     assert sum(track.is_event for track in case.tracks) == 3
     assert np.isnan(case.ego["sigma_total"]).all()
+    assert not case.ego["HOCBF_ms"].any(), "drawing h is no part of a decision"
     assert case.ego["h_m2"].min() < 25.0 < case.ego["h_m2"].max()
     assert case.duration_s == pytest.approx(case.ego["time_s"][-1] + 0.1)
 
