@@ -84,12 +84,16 @@ def scaled_correction(decision: Decision, scene: Scene) -> float:
 
 
 def drive(scenario: Scenario, driver: Driver, seed: int) -> Case:
-    """Drive an episode and keep all of it."""
-    agent = make_agent(driver.agent)
+    """Drive an episode and keep all of it. It is driven twice: the first time warms up, and nothing of it is
+    kept.
+    """
+    agent, plan = make_agent(driver.agent), scenario.plan(seed)
     with World(load_network(scenario.network, scenario.junction)) as world:
-        episode, keeper = Episode(world), _Keeper(agent)
+        episode = Episode(world)
+        run_episode(episode, plan, agent)
+        keeper = _Keeper(agent)
         with timing(keeper.stopwatch, PLACES):
-            record = run_episode(episode, scenario.plan(seed), agent, watch=keeper.watch)
+            record = run_episode(episode, plan, agent, watch=keeper.watch)
         bodies = frozenset[str]().union(*(event.bodies for event in world.happenings()))
         return keeper.case(driver.label, record, episode, bodies)
 

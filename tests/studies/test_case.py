@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from rudc.agents.follower import Follower
 from rudc.errors import AgentError
 from rudc.scenario import find_scenarios
 from rudc.studies.case import COLUMNS, Driver, chosen_seed, drive, drivers
+from tests.studies.test_latency import busy
 
 
 def rows(*ends: tuple[int, str, str]):
@@ -40,8 +42,18 @@ def test_a_case_holds_the_episode():
     assert case.duration_s == pytest.approx(case.ego["time_s"][-1] + 0.1)
 
 
-def test_the_scene_of_a_collision_counts():
+def test_warming_up_is_left_out_and_the_scene_of_a_collision_counts(monkeypatch):
+    act, acted = Follower.act, []
+
+    def slow_at_first(self, scene):
+        if not acted:
+            busy(0.05)
+        acted.append(scene)
+        return act(self, scene)
+
+    monkeypatch.setattr(Follower, "act", slow_at_first)
     (scenario,) = find_scenarios(["blocked_left_turn"])
     case = drive(scenario, Driver("blind", "follower"), 0)
+    assert case.ego["rest_ms"].max() < 50.0
     assert case.outcome == "collision"
     assert case.least_h_m2 < case.ego["h_m2"].min()
