@@ -84,7 +84,11 @@ def _frame_at(steps: Sequence[Step], time_s: float | None) -> int | None:
 
 
 def _change(step: Step) -> tuple[float, float]:
-    """m/s2 and rad, by which the correction changed an action; changes for course and grip left out."""
+    """m/s2 and rad, by which the correction changed an action, 0 without one; changes for course and grip
+    left out.
+    """
+    if not step.status:
+        return 0.0, 0.0
     names = "acceleration_mps2", "steering_rad"
     a, delta = (step.series[f"safe_{name}"] - step.series[f"nominal_{name}"] for name in names)
     return a - step.bounded[0], delta - step.bounded[1]

@@ -10,6 +10,7 @@ import pytest
 from rudc.agents.registry import make_agent
 from rudc.drawing.view import view_of
 from rudc.env.episode import Episode
+from rudc.evaluation.moments import Step, moments
 from rudc.evaluation.recording import (
     ACTIVE,
     ANGLE,
@@ -25,6 +26,7 @@ from rudc.evaluation.rollout import run_episode
 from rudc.evaluation.trace import Trace
 from rudc.network.network import load_network, shipped_networks
 from rudc.scenario import load_scenario
+from rudc.vehicle import EgoVehicle
 from rudc.world.who_yields import who_yields
 from rudc.world.world import World
 
@@ -139,6 +141,15 @@ def test_what_asking_for_grip_changes_is_no_correction(storm):
     largest = next(moment for moment in data["moments"] if moment["kind"] == "correction")
     a = seen[largest["frame"]][1].corrected.correction[0]
     assert largest["text"].startswith(f"largest correction: {a:+.1f} m/s2")
+
+
+@pytest.mark.parametrize(("status", "kinds"), [("", []), ("solved", ["correction"])])
+def test_without_a_correction_no_change_is_one(status, kinds):
+    series = dict.fromkeys(SERIES, math.nan) | dict.fromkeys(
+        ("time_s", "nominal_acceleration_mps2", "nominal_steering_rad", "safe_steering_rad"), 0.0
+    )
+    step = Step({**series, "safe_acceleration_mps2": -6.0}, status, infeasible=False, outcome="")
+    assert [moment["kind"] for moment in moments([step], [], EgoVehicle())] == kinds
 
 
 def test_steps_say_what_was_known_of_the_car(storm, tmp_path):
