@@ -96,14 +96,14 @@ def _first(
     metric = METRIC[claim.metric]
     sign = -1.0 if metric.better == "lower" else 1.0
     pairs: dict[str, Paired] = {}
-    frozen = []
+    frozen, absent, apart = [], [], []
     for other in claim.than or titles:
         if other == claim.row or other in claim.without:
             continue
         pair = outcomes.paired(claim.row, other, metric, scenarios)
         if pair is None:
-            continue
-        if outcomes.over_seeds(other, METRIC["FR"], scenarios).mean > FROZEN:
+            (apart if other in outcomes.rows() else absent).append(titles[other])
+        elif outcomes.over_seeds(other, METRIC["FR"], scenarios).mean > FROZEN:
             frozen.append(titles[other])
         else:
             pairs[other] = pair
@@ -118,9 +118,8 @@ def _first(
     figures += [f"behind {', '.join(behind)}"] if behind else []
     figures += [f"not clearly apart from {', '.join(level)}"] if level else []
     figures += [f"not counted, they freeze: {', '.join(frozen)}"] if frozen else []
-    others = {*claim.than} or titles.keys() - {claim.row, *claim.without}
-    absent = [titles[name] for name in titles if name in others and name not in outcomes.rows()]
     figures += [f"without {', '.join(absent)}, which did not drive"] if absent else []
+    figures += [f"without {', '.join(apart)}, which finished none of the same episodes"] if apart else []
     figures += [f"freezes itself in {own:.0f} %"] if own > FROZEN else []
     return (HELD if held else NOT_HELD), "; ".join(figures), tuple(pairs)
 

@@ -184,6 +184,9 @@ def test_the_first_is_clear_of_all_that_drive():
     assert alone.verdict == HELD
     assert "they freeze: USL" in alone.figures
     assert "without DSAC, which did not drive" in alone.figures
+    drove(outcomes, "dsac", "s" * 50, seed=1)
+    (apart,) = verdicts(outcomes, first)
+    assert apart.figures.endswith("without DSAC, which finished none of the same episodes")
     drove(outcomes, "dsac", "s" * 50)
     (level,) = verdicts(outcomes, first)
     assert (level.verdict, "not clearly apart from DSAC" in level.figures) == (NOT_HELD, True)
