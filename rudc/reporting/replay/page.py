@@ -45,6 +45,7 @@ def save_replay(path: Path, runs: Sequence[Mapping[str, Any]], checks: Sequence[
 
 def replay_page(runs: Sequence[Mapping[str, Any]], checks: Sequence[str] = ()) -> str:
     """The page's text; arguments as for `save_replay`."""
+    places = [f"{run['scenario']}, seed {run['seed']}" for run in runs]
     return render(
         _FOLDER,
         _title(runs),
@@ -52,7 +53,8 @@ def replay_page(runs: Sequence[Mapping[str, Any]], checks: Sequence[str] = ()) -
         scripts=_SCRIPTS,
         data={"data": {"runs": _shared_roads(runs), "steps": SERIES}, "look": _look()},
         runs=[
-            {"number": i, "agent": run["agent"], "outcome": badge(run["outcome"], run["row"].get("fault")),
+            {"number": i, "agent": run["agent"], "place": places[i] if len(set(places)) > 1 else "",
+             "outcome": badge(run["outcome"], run["row"].get("fault")),
              "row": run["row"], "lines": run["event_lines"], "check": checks[i] if i < len(checks) else ""}
             for i, run in enumerate(runs)
         ],
@@ -88,6 +90,8 @@ def _look() -> dict[str, Any]:
 
 
 def _title(runs: Sequence[Mapping[str, Any]]) -> str:
-    first = runs[0]
-    agents = " and ".join(dict.fromkeys(run["agent"] for run in runs))
-    return f"{first['scenario']}, {agents}, seed {first['seed']}"
+    scenarios, agents, seeds = (
+        list(dict.fromkeys(str(run[name]) for run in runs)) for name in ("scenario", "agent", "seed")
+    )
+    counted = "seeds" if len(seeds) > 1 else "seed"
+    return f"{' and '.join(scenarios)}, {' and '.join(agents)}, {counted} {' and '.join(seeds)}"

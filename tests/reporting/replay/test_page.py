@@ -63,6 +63,15 @@ def test_the_data_in_the_page_are_the_recordings(runs):
     assert data["steps"] == SERIES
 
 
+def test_a_page_names_both_of_its_episodes(runs):
+    same = replay_page(runs)
+    assert "<h1>blocked_left_turn, gap-acceptance+ttcbf and follower, seed 3</h1>" in same
+    assert 'class="place"' not in same
+    other = replay_page([runs[0], {**runs[0], "scenario": "fog", "seed": 5}])
+    assert "<h1>blocked_left_turn and fog, gap-acceptance+ttcbf, seeds 3 and 5</h1>" in other
+    assert re.findall(r'class="place">(.*)</span>', other) == ["blocked_left_turn, seed 3", "fog, seed 5"]
+
+
 def test_what_a_name_says_stays_text(runs):
     told = {**runs[0], "agent": "</script><b>x", "event_lines": ["<img src=x>"]}
     checker = parsed(replay_page([told]))
