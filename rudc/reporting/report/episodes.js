@@ -40,7 +40,7 @@ function drawEvents() {
     const number = (text, ...more) => element('td', { class: 'number' }, text, ...more);
     return element('tr', {}, element('th', { scope: 'row' }, DATA.scenarios[entry.scenario]),
       element('td', {}, counted_(entry.kinds).join(', ') || 'not known'), number(String(n)),
-      number(share(some, n), whisker({ mean: n ? (100 * some) / n : NaN }, [0, 100])), number(share(all, n)), number(share(seen, some)), number(first));
+      number(share(some, n), whisker({ mean: n ? (100 * some) / n : NaN }, [0, 100])), number(entry.kinds.length ? share(all, n) : '–'), number(share(seen, some)), number(first));
   }));
 }
 
@@ -56,13 +56,13 @@ function drawWorst() {
   const lines = DATA.worst.filter((line) => (scenario === '' || line[1] === Number(scenario)) && (agent === '' || line[2] === Number(agent)) && (outcome === '' || line[5] === outcome));
   const shown = lines.slice(0, shownWorst);
   find('worst-table').replaceChildren(...shown.map(([row, s, a, seed, swept, end, fault, gap, way, first, which, page]) => {
-    const command = `rudc replay ${DATA.folder} --episode ${which} --out replay.html`;
+    const command = DATA.replayed && `rudc replay ${DATA.replayed} --episode ${which} --out replay.html`;
     const number = (value, unit) => element('td', { class: 'number' }, value === null ? '–' : `${value} ${unit}`);
     return element('tr', {}, element('td', { class: 'number' }, String(row)), element('th', { scope: 'row' }, DATA.scenarios[s] + (swept ? ` (${swept})` : '')),
       element('td', {}, DATA.agents[a]), element('td', { class: 'number' }, seed),
       element('td', {}, `${LOOK.outcomes[end]?.words ?? end}${fault ? `, fault: ${fault}` : ''}`), number(gap, 'm'), number(way, '%'), number(first, 's'),
       element('td', {}, page ? element('a', { href: `${DATA.replays}/${encodeURIComponent(page)}` }, 'open replay') : null, page ? ' ' : null,
-        element('code', {}, command), element('button', { type: 'button', class: 'copy', 'aria-label': `Copy the command for row ${row}`, onclick: (event) => copy(event, command) }, 'copy')));
+        ...(command ? [element('code', {}, command), element('button', { type: 'button', class: 'copy', 'aria-label': `Copy the command for row ${row}`, onclick: (event) => copy(event, command) }, 'copy')] : [])));
   }));
   find('worst-count').textContent = `${shown.length} of ${lines.length}`;
   find('worst-more').hidden = shown.length >= lines.length;

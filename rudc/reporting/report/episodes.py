@@ -95,8 +95,8 @@ def error_kinds(episodes: Episodes) -> list[dict[str, Any]]:
 
 def event_counts(episodes: Episodes, scripted: Mapping[str, Sequence[str]]) -> list[dict[str, Any]]:
     """For each scenario with events: `kinds`, and for each agent [number of episodes that state their events;
-    in how many of them some event happened; in how many all did; in how many the ego's sensors showed one;
-    mean of when the first began (s)].
+    in how many of them some event happened; in how many all did, None where `kinds` are not known; in how
+    many the ego's sensors showed one; mean of when the first began (s)].
     """
     fired, first = episodes.number("events_fired"), episodes.number("first_event_s")
     seen = ~np.isnan(episodes.number("first_event_visible_s"))
@@ -112,7 +112,7 @@ def event_counts(episodes: Episodes, scripted: Mapping[str, Sequence[str]]) -> l
             some = fired[mine] > 0
             begun = first[mine][~np.isnan(first[mine])]
             lines.append([
-                len(mine), int(some.sum()), int((fired[mine] >= max(len(kinds), 1)).sum()),
+                len(mine), int(some.sum()), int((fired[mine] >= len(kinds)).sum()) if kinds else None,
                 int((some & seen[mine]).sum()), round(float(begun.mean()), 1) if len(begun) else None,
             ])  # fmt: skip
         found.append({"scenario": k, "kinds": kinds, "agents": lines})

@@ -54,7 +54,7 @@ def sweep_content(folder: Path, page: Path) -> dict[str, Any]:
     tables = [_table(folder, rows, by) for by in _groupings(episodes)]
     made = sorted(path.name for path in (page.parent / REPLAYS).glob("*.html"))
     data = {
-        "folder": shlex.quote(str(folder)),
+        "replayed": "" if lacking else shlex.quote(str(folder)),
         "scenarios": episodes.scenarios,
         "agents": episodes.agents,
         "metrics": [_described(metric) for metric in SHOWN],

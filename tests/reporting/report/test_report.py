@@ -208,6 +208,8 @@ def test_events_are_counted_where_rows_say_so():
     ]
     (entry,) = event_counts(Episodes.of(told, ()), {"fog": ["occlusion", "hard_brake"]})
     assert entry == {"scenario": 0, "kinds": ["occlusion", "hard_brake"], "agents": [[3, 2, 1, 1, 4.0]]}
+    (entry,) = event_counts(Episodes.of(told, ()), {})
+    assert entry == {"scenario": 0, "kinds": [], "agents": [[3, 2, None, 1, 4.0]]}
 
 
 @pytest.mark.parametrize(("count", "ends"), [(8, "s6 (0 %), s7 (0 %)."), (11, "s7 (0 %), ... (11 in all).")])
@@ -297,10 +299,12 @@ def test_one_agent_one_episode_and_no_manifest(folder, tmp_path):
     (tmp_path / "episodes.csv").write_text("".join(lines[:2]))
     text = report_page(tmp_path, tmp_path / "report.html")
     assert "no manifest.json in it" in text
+    assert "--replays N" not in text
     checker = parsed(text)
     assert {link[1:] for link in checker.links if link.startswith("#")} <= set(checker.ids)
     data = json.loads(checker.data["data"])
     assert data["densities"] == []
+    assert data["replayed"] == "", "nothing can be driven again"
     assert data["heat"]["AES"][0][0][1:] == [None, None], "one value has no interval"
     assert "too few different values for an interval" in text
 
