@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rudc.evaluation.columns import METRICS
-from rudc.evaluation.metrics import Group
+from rudc.evaluation.metrics import Group, group_metrics
 from rudc.evaluation.tables import cell
 from rudc.hints import listed
 from rudc.reporting.report.episodes import Episodes
@@ -26,10 +27,11 @@ def findings(
     """Sentences, the most important first. `agents`: metrics of each agent over all scenarios; `data`: the
     page's.
     """
-    ranked = sorted((g for g in agents if g.episodes), key=lambda g: -g.metrics["SR"].mean)
+    comparable, where = _comparable(episodes, agents)
+    ranked = sorted(comparable, key=lambda g: -g.metrics["SR"].mean)
     said = [_size(episodes, total)]
     if ranked:
-        said += _best(ranked, episodes, data)
+        said += _best(ranked, where, episodes, data)
         said += _hard(ranked[0].key[0], data)
     return [*said, *_events(data)]
 
@@ -48,18 +50,33 @@ def _size(episodes: Episodes, total: int | None) -> str:
     return f"{there}: {' × '.join(parts)}{swept}{errors}."
 
 
-def _best(ranked: Sequence[Group], episodes: Episodes, data: Mapping[str, Any]) -> list[str]:
+def _comparable(episodes: Episodes, agents: Sequence[Group]) -> tuple[Sequence[Group], str]:
+    """Metrics of each agent that finished any, over the episodes that all of these finished; and which those
+    are, in words.
+    """
+    there = [group for group in agents if group.episodes]
+    known = {group.key[0] for group in there}
+    rows = [row for row in episodes.rows if row["agent"] in known and not row["error"]]
+    keys = [tuple(row[name] for name in ("scenario", "seed", *episodes.parameters)) for row in rows]
+    times = Counter(keys)
+    shared = [row for row, key in zip(rows, keys, strict=True) if times[key] == len(there)]
+    if len(shared) == len(rows):
+        return there, "over all scenarios"
+    each = _counted(len(shared) // len(there), "episode")
+    return group_metrics(shared, ("agent",), METRICS), f"in the {each} that all finished"
+
+
+def _best(ranked: Sequence[Group], where: str, episodes: Episodes, data: Mapping[str, Any]) -> list[str]:
+    """Who succeeds most often, and how it compares with the next. `where`: in which episodes, in words."""
     first = ranked[0]
     level = [g.key[0] for g in ranked if g.metrics["SR"].mean == first.metrics["SR"].mean]
     if len(level) > 1:
         rate = f"{first.metrics['SR'].mean:.1f} %"
-        said = [
-            f"{listed(level, _LISTED)} succeed equally often over all scenarios, none more often: SR {rate}."
-        ]
+        said = [f"{listed(level, _LISTED)} succeed equally often {where}, none more often: SR {rate}."]
     else:
         rates = ", ".join(f"{m.name} {cell(m, first.metrics[m.name])}" for m in _RATES)
         place = " succeeds most often" if len(ranked) > 1 else ""
-        said = [f"{first.key[0]}{place} over all scenarios: {rates} %."]
+        said = [f"{first.key[0]}{place} {where}: {rates} %."]
     at = {name: i for i, name in enumerate(episodes.agents)}
     for other in ranked[1 : 1 + _NAMED]:
         if told := _against(at[first.key[0]], at[other.key[0]], data):

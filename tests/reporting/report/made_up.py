@@ -50,6 +50,13 @@ def made_up_sweep(folder: Path, episodes: int, scenarios: int = 20, agents: int 
     return folder
 
 
+def row(outcome="success", fault="", gap="2", **more):
+    """A row, as far as worst episodes and events look at it."""
+    base = {"scenario": "fog", "agent": "a", "seed": "0", "route_completion": "0.5", "error": ""}
+    empty = dict.fromkeys(("events_fired", "first_event_s", "first_event_visible_s"), "")
+    return base | empty | {"outcome": outcome, "fault": fault, "min_dtc_m": gap} | more
+
+
 def _drawn(rng, k, j, scenario):
     success = 0.6 + 0.05 * j - 0.01 * k
     outcome = rng.choice(
