@@ -18,9 +18,9 @@ violation follows within HORIZON. The scores are
 They are computed for each agent, since critics of different agents have scales of their own, and as the mean
 of the agents that differ only in their training seed.
 
-For the slack, by either kind of sigma: the share of decisions in distribution above sigma_l, which should be
-5 %; and the share of the decisions within HORIZON before a violation in which sigma was below sigma_l, so
-that delta > 0 relaxed the filter.
+For the slack, by either kind of sigma, of agents whose sigma_l is known: the share of decisions in
+distribution above sigma_l, which should be 5 %; and the share of the decisions within HORIZON before a
+violation in which sigma was below sigma_l, so that delta > 0 relaxed the filter.
 """
 
 from __future__ import annotations
@@ -123,10 +123,10 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
     drives = {name: _drives([row for row in result.rows if row["agent"] == name], steps) for name in agents}
     lines = measure(drives)
     slack = [line for name in agents for line in slack_lines(name, limits_of(name), drives[name])]
-    table = f"{as_markdown(lines)}\n{slack_markdown(slack)}"
+    table = as_markdown(lines) + (f"\n{slack_markdown(slack)}" if slack else "")
     files = (
         write(order.out / "sigma.csv", csv_text(lines)),
-        write(order.out / "sigma_slack.csv", csv_text(slack)),
+        *([write(order.out / "sigma_slack.csv", csv_text(slack))] if slack else []),
         write(order.out / "sigma.md", table),
         draw_separation(marks(lines), order.out / "sigma.png"),
     )

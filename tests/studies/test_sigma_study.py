@@ -157,7 +157,10 @@ def test_it_drives_listens_and_resumes(monkeypatch, tmp_path):
     (share, *_) = read_table(tmp_path / "s" / "sigma_slack.csv")
     assert float(share["sigma_l"]) == pytest.approx(limits_of("rudc-wo-cbf")["total"])
     before = (tmp_path / "s" / "sigma.csv").read_bytes()
+    monkeypatch.setattr(module, "limits_of", lambda _: {})
     again = run(Order(order.out, order.agents, (), 1, 3, resume=True), lambda _: Silent())
+    assert [path.name for path in again.files] == ["sigma.csv", "sigma.md", "sigma.png"]
+    assert "sigma_l" not in again.table
     assert again.files[0].read_bytes() == before
     steps_file(tmp_path / "s" / "steps", "rudc-wo-cbf", "random_destination", 3).unlink()
     with pytest.raises(StorageError, match=r"3\.npy cannot be read"):
