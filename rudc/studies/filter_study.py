@@ -178,11 +178,13 @@ def _effort(rows: Sequence[Row]) -> dict[str, float | int]:
 
 
 def as_markdown(lines: Sequence[Mapping]) -> str:
-    """The pooled lines, most telling columns."""
+    """The pooled lines, most telling columns. `mean_correction` is none of them: it counts changes for course
+    and grip, too, but not those of `off`, so that the two cannot be compared.
+    """
     headings = [
         "agent", "scenarios", "constrained", "variant", "d_safe (m)", "episodes",
         *(f"{rate} (%)" for rate in RATES), "VR − off", "FR − off",
-        "interventions (%)", "engaged (%)", "mean correction", "infeasible (%)",
+        "interventions (%)", "engaged (%)", "infeasible (%)",
     ]  # fmt: skip
     rows = []
     for line in lines:
@@ -198,7 +200,6 @@ def as_markdown(lines: Sequence[Mapping]) -> str:
         effort = [
             number(line["interventions_percent"]),
             number(line["engaged_percent"]),
-            number(line["mean_correction"], 3),
             number(line["infeasible_percent"], 2),
         ]
         rows.append([*where, str(line["episodes"]), *rates, *changes, *effort])

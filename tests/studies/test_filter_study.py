@@ -178,6 +178,7 @@ def test_training_seeds_are_pooled_and_episodes_compared_in_pairs():
     assert [line["scenario"] for line in lines] == ["all", "all", "fog", "fog"]
     text = as_markdown(lines)
     assert len(text.splitlines()) == 4
+    assert "mean correction" not in text, "off has none by definition, and it counts more than the filter's"
     assert "| out of distribution | gated       | fixed   |" in text
 
 
