@@ -14,7 +14,7 @@
 6. One of the two had to yield to the other by the junction's right of way: the fault of that one. In a
    roundabout each may have to yield at its own entry; then it is the fault of the one that has driven less
    far beyond its stop line.
-7. An event makes the other break the rules: the other's fault.
+7. An event makes the other disregard the right of way: the other's fault.
 8. Otherwise shared.
 """
 
@@ -43,7 +43,7 @@ class Collision(NamedTuple):
 
 def judge(scene: Scene, index: int, unlawful: bool, held: bool = False, sudden: bool = False) -> Fault:
     """Whose fault a contact between the ego and row `index` of the scene's others is. `unlawful`: an event
-    makes the other break the rules; `held`: the yielding layer makes it brake or has just made it stand;
+    makes the other disregard the right of way; `held`: the yielding layer makes it brake or has just made it stand;
     `sudden`: an event put it so near that the ego could not stop."""
     if sudden:
         return "other"

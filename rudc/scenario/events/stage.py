@@ -26,7 +26,8 @@ class Stage(ABC):
     """What events act on. Names are those of vehicles and things in a scene."""
 
     unlawful: set[str]
-    """names of those who break the rules, at fault when they hit the ego; for events to add to"""
+    """names of those who disregard the right of way: they do not yield to the ego, and what hits it is their
+    fault unless a rule before that one decides (rudc/world/fault.py); for events to add to"""
     decision_s: float
     """s between two decisions"""
 
