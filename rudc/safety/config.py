@@ -33,6 +33,7 @@ from rudc.errors import InputError
 from rudc.hints import there_are
 from rudc.safety.barrier import BarrierSettings
 from rudc.safety.barriers import BARRIERS
+from rudc.safety.guarded import most_of, weights_of
 from rudc.safety.qp import SolverName
 from rudc.safety.rows import RowWeights
 from rudc.safety.rules import RULES, NotNegative, Positive, Rule
@@ -177,8 +178,14 @@ class FilterConfig(Settings):
             raise InputError(problems(error, "correction")) from None
 
     def row_weights(self, *, road: bool) -> RowWeights:
-        """The weights of h, h' and h'' in a row, for vehicles or for road-edge points."""
-        return self.rule_settings.weights(self.dt, road=road)
+        """The weights of h, h' and h'' in a row, for vehicles or for road-edge points. Raises PartFailedError
+        if a rule that is not RUDC's fails.
+        """
+        return weights_of(self.rule_settings, self.rule, self.dt, road=road)
+
+    def most(self, *, road: bool) -> float:
+        """What `Rule.most` answers. Raises PartFailedError as `row_weights` does."""
+        return most_of(self.rule_settings, self.rule, road=road)
 
 
 def _error(kind: PydanticCustomError | str, key: str, value: Any) -> ValidationError:

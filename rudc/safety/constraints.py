@@ -15,7 +15,7 @@ from rudc.safety.barrier import Barrier, Found, Terms
 from rudc.safety.barriers import BARRIERS
 from rudc.safety.clearance import Bodies, Clearance, clearance_terms, ego_pose
 from rudc.safety.config import FilterConfig
-from rudc.safety.guarded import GuardedBarrier, GuardedClearance, refuse_alike
+from rudc.safety.guarded import GuardedBarrier, GuardedClearance, barrier_of, refuse_alike
 from rudc.safety.rows import RowWeights, affine_rows
 from rudc.world.scene import Scene
 
@@ -82,7 +82,7 @@ class ConstraintBuilder:
     """Builds the constraints of one instant."""
 
     def __init__(self, config: FilterConfig) -> None:
-        barriers = [BARRIERS[name](settings) for name, settings in config.barriers.items()]
+        barriers = [barrier_of(BARRIERS[name], name, settings) for name, settings in config.barriers.items()]
         self._clearances = [
             GuardedClearance(barrier) if is_own(barrier) else barrier
             for barrier in barriers if isinstance(barrier, Clearance)

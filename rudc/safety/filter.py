@@ -124,7 +124,7 @@ class SafetyFilter:
         self.last_problem: Problem | None = None
         """the last QP of the last decision, whether it was solved or not; None if it had no constraints"""
         self._weights = config.row_weights(road=False), config.row_weights(road=True)
-        self._most = config.rule_settings.most(road=False), config.rule_settings.most(road=True)
+        self._most = config.most(road=False), config.most(road=True)
         self._builder = ConstraintBuilder(config)
         self._last_resort = LastResort(config) if config.last_resort else None
         self._solver = make_solver(config.solver)

@@ -1,5 +1,5 @@
-"""Checks the answers of barriers and solvers that are not RUDC's: where an answer does not fit, an error says
-whose it is and what is wrong with it.
+"""Checks the answers of barriers, rules and solvers that are not RUDC's: where an answer does not fit, an
+error says whose it is and what is wrong with it.
 
 The filter puts the numbers of all barriers into one table, row after row. An array that is too long or too
 short would shift the rows of other barriers.
@@ -7,17 +7,21 @@ short would shift the rows of other barriers.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from numbers import Real
 from typing import Any
 
 import numpy as np
 
 from rudc.arrays import Array, Flags
 from rudc.imports import ask_own, is_own, refused, shortened
-from rudc.safety.barrier import Barrier, Found, Terms
+from rudc.safety.barrier import Barrier, BarrierSettings, Found, Terms
 from rudc.safety.clearance import Bodies, Clearance
 from rudc.safety.qp import Problem, Solution, Solver
+from rudc.safety.rows import RowWeights
+from rudc.safety.rules import Rule
 from rudc.world.scene import Scene
 
 _FLOAT = np.dtype(np.float64)
@@ -29,7 +33,7 @@ class GuardedBarrier(Barrier):
     """
 
     def __init__(self, inner: Barrier) -> None:
-        super().__init__(inner.settings)
+        super().__init__(getattr(inner, "settings", None))
         self.inner = inner
         self._who = f"barrier {inner.name}"
         for fixed in ("name", "as_road", "inputs"):
@@ -113,6 +117,39 @@ class GuardedClearance(GuardedBarrier, Clearance):
         self._ask("fill", scene, lambda: self._fill(scene, found, to))
 
 
+def barrier_of(kind: type[Barrier], name: str, settings: BarrierSettings) -> Barrier:
+    """A barrier with these settings. Raises PartFailedError if it is not RUDC's and cannot be made."""
+    if not is_own(kind):
+        return kind(settings)
+    return ask_own(f"barrier {name}", None, "__init__", lambda: kind(settings))
+
+
+def weights_of(rule: Rule, name: str, dt: float, *, road: bool) -> RowWeights:
+    """The rule's weights. Raises PartFailedError if the rule is not RUDC's and either raises an exception or
+    answers with something that is no `RowWeights` of finite numbers. `dt`: s that an action is held.
+    """
+    if not is_own(rule):
+        return rule.weights(dt, road=road)
+    who = f"rule {name}"
+    answer: Any = ask_own(who, None, "weights", lambda: rule.weights(dt, road=road))
+    if isinstance(answer, RowWeights):
+        numbers = answer.h, answer.first, answer.second, answer.required
+        if all(map(_is_number, numbers)):
+            return answer
+    raise refused(who, None, "weights", shortened(answer), "`RowWeights` of four finite numbers")
+
+
+def most_of(rule: Rule, name: str, *, road: bool) -> float:
+    """The rule's `most`, checked in the same way: a number that is at least 1."""
+    if not is_own(rule):
+        return rule.most(road=road)
+    who = f"rule {name}"
+    answer: Any = ask_own(who, None, "most", lambda: rule.most(road=road))
+    if _is_number(answer) and answer >= 1.0:
+        return float(answer)
+    raise refused(who, None, "most", shortened(answer), "a finite number that is at least 1")
+
+
 def answer_of(solver: Solver, name: str, problem: Problem, time_s: float) -> Solution:
     """The solver's answer. Raises PartFailedError if the solver is not RUDC's and either raises an exception
     or answers with something that is no `Solution` of the problem. `time_s`: s, time in the episode.
@@ -136,6 +173,10 @@ def refuse_alike(scene: Scene, barriers: Iterable[Barrier], names: Sequence[str]
     if alike:
         who = f"barriers {', '.join(barrier.name for barrier in barriers)}"
         raise refused(who, scene.time_s, "find", f"the name {alike[0]!r} twice", "a name of its own for each")
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, Real) and math.isfinite(value)
 
 
 def _is_finite(array: Any, shape: tuple[int, ...]) -> bool:

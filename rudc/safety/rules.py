@@ -11,6 +11,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from rudc.errors import InputError
 from rudc.safety.rows import RowWeights, ecbf_weights, ttcbf_weights
 from rudc.settings import within
 
@@ -88,6 +89,8 @@ RULES: dict[str, type[Rule]] = {"ttcbf": Ttcbf, "ecbf": Ecbf}
 
 def register_rule(name: str, rule: type[Rule]) -> None:
     """Make a rule known by its name, for `+NAME` behind any driver and `correction.rule=NAME` of a learnt
-    agent.
+    agent. Raises InputError if it lacks a method.
     """
+    if rule.__abstractmethods__:
+        raise InputError(f"rule {name!r} lacks {', '.join(sorted(rule.__abstractmethods__))}")
     RULES[name] = rule

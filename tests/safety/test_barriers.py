@@ -147,3 +147,9 @@ def test_a_barrier_that_is_not_complete_is_refused_when_it_is_registered():
         with pytest.raises(InputError, match=says):
             register_barrier(barrier)
         assert barrier.name not in BARRIERS
+
+
+def test_a_rule_without_weights_is_refused_when_it_is_registered():
+    with pytest.raises(InputError, match="rule 'idle' lacks weights"):
+        register_rule("idle", type("Idle", (Rule,), {}))
+    assert "idle" not in RULES

@@ -1,4 +1,4 @@
-"""Barriers of other people: what does not fit together is refused, and what does drives as before."""
+"""Barriers, rules and solvers of other people: what does not fit is refused, what fits drives as before."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -12,6 +12,8 @@ from rudc.safety.barriers import BARRIERS
 from rudc.safety.clearance import Clearance
 from rudc.safety.filter import FilterConfig, SafetyFilter
 from rudc.safety.qp import SOLVERS, Solution
+from rudc.safety.rows import RowWeights
+from rudc.safety.rules import RULES, Rule
 from tests.safety.scenes import Other, make_scene
 
 
@@ -138,6 +140,41 @@ def test_one_that_keeps_a_distance(monkeypatch):
     broken = type("Broken", (Pole,), {"fill": lambda self, scene, found, to: to.margin.missing})
     with pytest.raises(PartFailedError, match=r"barrier pole at 0.0 s: fill raised AttributeError: "):
         with_barriers(monkeypatch, broken).filter(make_scene(), np.zeros(2))
+
+
+@pytest.mark.parametrize(
+    ("method", "answer", "told"),
+    [
+        ("weights", lambda: (0.1, 0.1, 0.005, 0.0), "weights answered (0.1, 0.1, 0.005, 0.0); expected `Row"),
+        (
+            "weights",
+            lambda: RowWeights(0.1, np.nan, 0.005, 0.0),
+            "weights answered RowWeights(h=0.1, first=n",
+        ),
+        ("weights", lambda: {}["no"], "weights raised KeyError: 'no' (test_guarded.py:"),
+        ("most", lambda: None, "most answered None; expected a finite number that is at least 1"),
+        ("most", lambda: {}["no"], "most raised KeyError: 'no' (test_guarded.py:"),
+    ],
+)
+def test_a_rule_that_gives_no_weights(monkeypatch, method, answer, told):
+    class Mine(Rule):
+        def weights(self, dt, *, road):
+            return RowWeights(0.1, dt, 0.5 * dt * dt, 0.0)
+
+    monkeypatch.setitem(RULES, "mine", Mine)
+    SafetyFilter(FilterConfig.preset("mine"))
+    monkeypatch.setattr(Mine, method, lambda self, *_, road: answer())
+    with pytest.raises(PartFailedError) as caught:
+        SafetyFilter(FilterConfig.preset("mine"))
+    assert str(caught.value).startswith(f"rule mine: {told}")
+
+
+def test_a_barrier_that_cannot_be_made(monkeypatch):
+    settingless = type("Settingless", (Far,), {"__init__": lambda self, settings: None})
+    assert with_barriers(monkeypatch, settingless).filter(make_scene(), np.zeros(2)).names[-1:] == ("far",)
+    broken = type("Broken", (Far,), {"__init__": lambda self, settings: settings.missing})
+    with pytest.raises(PartFailedError, match=r"^barrier far: __init__ raised AttributeError: "):
+        with_barriers(monkeypatch, broken)
 
 
 def nothing(problem, **other):
