@@ -161,7 +161,8 @@ class FilterConfig(Settings):
         except ValidationError as error:
             first = error.errors()[0]
             wrong = PydanticCustomError("setting", "{message}", {"message": first["msg"]})
-            raise _error(wrong, keys[str(first["loc"][0])], first["input"]) from None
+            place = str(next(iter(first["loc"]), ""))  # empty for a check across settings
+            raise _error(wrong, keys.get(place, owner), first["input"]) from None
 
     @classmethod
     def preset(cls, rule: str, **changes: Any) -> Self:

@@ -4,6 +4,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from pydantic import Field, model_validator
 
 from rudc.errors import InputError
 from rudc.safety.barrier import Barrier, BarrierSettings, Found, Terms
@@ -133,6 +134,26 @@ def test_their_settings_are_the_trees():
     ):
         with pytest.raises(InputError, match=said):
             FilterConfig.preset("ttcbf", **changes)
+
+
+def test_a_check_across_settings_names_whose_they_are():
+    class Between(BarrierSettings):
+        low: float = 1.0
+        high: float = 2.0
+
+        @model_validator(mode="after")
+        def _in_order(self):
+            if self.low > self.high:
+                raise ValueError("low lies above high")
+            return self
+
+    class Renamed(BarrierSettings):
+        low: float = Field(alias="bottom")
+
+    for settings, said in ((Between, "band: low lies above high"), (Renamed, "band: Field required")):
+        register_barrier(type("Band", (SpeedBarrier,), {"name": "band", "Settings": settings}))
+        with pytest.raises(InputError, match=said):
+            FilterConfig.preset("ttcbf", band=True, band_low=3.0)
 
 
 def test_a_barrier_that_is_not_complete_is_refused_when_it_is_registered():
