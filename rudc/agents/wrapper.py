@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,6 +14,7 @@ from rudc.agents.seat import CorrectionKind, Proposal
 from rudc.arrays import Array
 from rudc.env.intersection import IntersectionEnv
 from rudc.errors import InputError
+from rudc.safety.config import FilterConfig
 from rudc.safety.corrected import Corrected
 from rudc.world.scene import Scene
 
@@ -36,7 +38,8 @@ class SafetyFilterWrapper(gymnasium.Wrapper):
     ) -> None:
         """`correction`: the name of a kind, or a mapping of `kind` and settings, the same as `correction.KEY`
         of agents. Raises InputError if `env` is another environment or has a SafetyFilterWrapper already,
-        if the correction corrects nothing, or if it needs a learnt agent.
+        if the correction corrects nothing, if it needs a learnt agent, or if it is a filter for actions
+        that are held for another time than the environment's.
         """
         super().__init__(env)
         settings = read_correction(correction)
@@ -49,6 +52,12 @@ class SafetyFilterWrapper(gymnasium.Wrapper):
         if settings.asks:
             asked = " and ".join(settings.asks)
             raise InputError(f"a correction that asks the critics for {asked} needs a learnt agent")
+        held = self.unwrapped.decision_s
+        if isinstance(settings, FilterConfig) and not math.isclose(settings.dt, held):
+            raise InputError(
+                f"SafetyFilterWrapper: the filter expects actions that are held for dt={settings.dt:g} s, "
+                f"but this environment holds them for {held:g} s; give dt={held:g}"
+            )
         made = make_correction(settings, {}, action=self.unwrapped.action)
         if made is None:
             raise InputError("SafetyFilterWrapper: correction `none` corrects nothing")

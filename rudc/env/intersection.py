@@ -200,6 +200,8 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         self._changes = {**(overrides or {}), **({} if network is None else {"network": str(network)})}
         self._scenario = self._find(scenario)
         self._config = config or WorldConfig()
+        self.decision_s = self._config.decision_s
+        """s between two decisions"""
         self._isolated = isolated
         self._vehicle = vehicle or EgoVehicle()
         self._kind: ObservationKind = observation

@@ -7,6 +7,7 @@ from stable_baselines3 import SAC
 
 import rudc
 from rudc.errors import InputError
+from rudc.world.config import WorldConfig
 
 
 def _made(correction="cbf", **arguments):
@@ -57,6 +58,15 @@ def test_what_cannot_be_is_refused(correction, said):
     with pytest.raises(InputError, match=said):
         rudc.SafetyFilterWrapper(env, correction)
     env.close()
+
+
+def test_a_filter_for_another_decision_length_is_refused():
+    slow, fits = WorldConfig(decision_s=0.2), {"kind": "cbf", "dt": 0.2}
+    with pytest.raises(InputError, match=r"dt=0\.1 s, but .* holds them for 0\.2 s; give dt=0\.2"):
+        _made(config=slow)
+    with pytest.raises(InputError, match=r"give dt=0\.1"):
+        _made(fits)
+    _made(fits, config=slow).close()
 
 
 def test_other_environments_are_refused():
