@@ -202,6 +202,7 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         self._config = config or WorldConfig()
         self.decision_s = self._config.decision_s
         """s between two decisions"""
+        self.metadata = {**self.metadata, "render_fps": 1.0 / self.decision_s}
         self._isolated = isolated
         self._vehicle = vehicle or EgoVehicle()
         self._kind: ObservationKind = observation

@@ -15,6 +15,7 @@ from rudc.errors import InputError, SimulationError, WorldBusyError
 from rudc.network.network import load_network
 from rudc.scenario import load_scenario
 from rudc.vehicle import EgoVehicle
+from rudc.world.config import WorldConfig
 from rudc.world.scene import Scene
 from tests.env.test_reward import TERMS
 
@@ -143,6 +144,11 @@ def test_the_longest_episode_is_said(make):
     env = gymnasium.make(ID, overrides={"episode.timeout": {"uniform": [2, 5]}})
     assert env.spec.max_episode_steps == 50
     assert "TimeLimit" not in str(env), "the episode itself ends there"
+
+
+def test_films_are_as_fast_as_decisions(make):
+    slow = make(config=WorldConfig(decision_s=0.2))
+    assert (make().metadata["render_fps"], slow.metadata["render_fps"]) == (10, 5)
 
 
 def test_leaving_the_road_terminates(make):
