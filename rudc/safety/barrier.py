@@ -89,7 +89,9 @@ class Barrier(ABC):
     as_road: ClassVar[bool] = False
     """whether its rows use the rates and the violation weight of road edges, not those of vehicles"""
     inputs: ClassVar[tuple[str, ...]] = ()
-    """inputs of the residual predictor besides `COMMON`; empty: nothing is predicted, w = 0"""
+    """inputs of the residual predictor besides `COMMON`; empty: nothing is predicted, w = 0. A `Clearance`
+    alone may have some
+    """
     Settings: ClassVar[type[BarrierSettings]] = BarrierSettings
 
     def __init__(self, settings: Any) -> None:

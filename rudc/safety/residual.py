@@ -42,6 +42,7 @@ from safetensors.numpy import load_file
 from rudc.arrays import Array, Arrays
 from rudc.data import data_folder
 from rudc.errors import AgentError
+from rudc.imports import is_own
 from rudc.safety.barrier import COMMON, STEP, Terms
 from rudc.safety.barriers import BARRIERS
 from rudc.safety.constraints import Constraints
@@ -111,7 +112,9 @@ def trust(vehicle: EgoVehicle, v: float, u: Array, dry: EgoVehicle) -> float:
 
 
 class ResidualPredictor:
-    """The networks (heads) f_vehicle and f_road, and one for each further barrier that was fitted."""
+    """The networks (heads) f_vehicle and f_road, and those of further barriers with inputs that its arrays
+    have. `rudc residual fit` makes the first two; w = 0 for barriers without a head.
+    """
 
     def __init__(self, arrays: Mapping[str, NDArray]) -> None:
         """`arrays`: for each head `HEAD/mean`, `/spread`, `/low`, `/high`, `/scale`, and `/w1`, `/b1` to
@@ -120,7 +123,8 @@ class ResidualPredictor:
         self.arrays: Arrays = {name: np.asarray(value, dtype=np.float32) for name, value in arrays.items()}
         self._heads: dict[str, _Head] = {}
         for name, inputs in heads().items():
-            if BARRIERS[name].at_work or f"{name}/mean" in self.arrays:
+            demanded = BARRIERS[name].at_work and not is_own(BARRIERS[name])
+            if demanded or f"{name}/mean" in self.arrays:
                 self._heads[name] = self._head(name, len(inputs))
 
     def _head(self, name: str, inputs: int) -> _Head:

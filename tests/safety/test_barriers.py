@@ -11,7 +11,7 @@ from rudc.safety.barrier import Barrier, BarrierSettings, Found, Terms
 from rudc.safety.barriers import BARRIERS, register_barrier
 from rudc.safety.clearance import EPSILON, Bodies, Clearance
 from rudc.safety.filter import FilterConfig, SafetyFilter
-from rudc.safety.residual import shipped_predictor
+from rudc.safety.residual import ResidualPredictor, shipped_predictor
 from rudc.safety.rows import RowWeights
 from rudc.safety.rules import RULES, Rule, register_rule
 from rudc.world.scene import Kind
@@ -115,6 +115,23 @@ def test_barriers_stand_beside_each_other_and_beside_the_predictor():
     np.testing.assert_array_equal(plain.h, answer.h[:-2])
 
 
+def test_a_barrier_at_work_needs_no_head_of_the_predictor():
+    class Seen(PedestrianBarrier):
+        name: ClassVar[str] = "seen"
+        at_work: ClassVar[bool] = True
+        inputs: ClassVar[tuple[str, ...]] = ("speed / 10",)
+
+        def features(self, scene, found, part, xi):
+            xi[:, -1] = scene.ego.v / 10
+
+    register_barrier(Seen)
+    scene = make_scene([Other(14.0, 3.0, length=0.5, width=0.5)], v=8.0, kind=np.array([Kind.PEDESTRIAN]))
+    constraints = SafetyFilter(FilterConfig.preset("ttcbf", road=False, constrained="all")).constraints(scene)
+    predictor = ResidualPredictor(shipped_predictor().arrays)
+    assert constraints.names == ("veh:sv0", "pedestrian:sv0")
+    assert (predictor(scene, constraints, np.array([2.0, 0.0])) != 0).tolist() == [True, False]
+
+
 def test_their_settings_are_the_trees():
     config = FilterConfig.preset("halving", halving_share=0.25, speed=True, speed_limit=5.0)
     written = config.model_dump()
@@ -160,11 +177,22 @@ def test_a_barrier_that_is_not_complete_is_refused_when_it_is_registered():
     class Idle(Barrier):
         name: ClassVar[str] = "idle"
 
-    class Blind(SpeedBarrier):
+    class Blind(PedestrianBarrier):
         name: ClassVar[str] = "blind"
         inputs: ClassVar[tuple[str, ...]] = ("speed / 10",)
 
-    for barrier, says in ((Idle, "'idle' lacks find, terms"), (Blind, "'blind' lacks features")):
+    class Bodiless(SpeedBarrier):
+        name: ClassVar[str] = "bodiless"
+        inputs: ClassVar[tuple[str, ...]] = ("speed / 10",)
+
+        def features(self, scene, found, part, xi):
+            xi[:, -1] = scene.ego.v / 10
+
+    for barrier, says in (
+        (Idle, "'idle' lacks find, terms"),
+        (Blind, "'blind' lacks features"),
+        (Bodiless, "'bodiless' has inputs, but .* make it a Clearance"),
+    ):
         with pytest.raises(InputError, match=says):
             register_barrier(barrier)
         assert barrier.name not in BARRIERS
