@@ -38,7 +38,8 @@ class RouteTables:
         """(P * M, 4) as `lines` returns it; 0 for ways on which nobody was seen yet"""
         self._lined: set[int] = {-1}
         """rows of the ways whose stations are filled in, and -1 for no way"""
-        self._entries: dict[EgoVehicle, dict[int, tuple[int, ...]]] = {}
+        self._entries: dict[tuple[float, float], dict[int, tuple[int, ...]]] = {}
+        """length and width of the ego, m -> path and size of another -> place of their table"""
         self._gaps = np.zeros(0, dtype=np.uint8)
 
     def lines(self, path: Index) -> Array:
@@ -58,7 +59,7 @@ class RouteTables:
         """All gap tables in one array, and (K, 6) the place of each vehicle's table in it (see `_add`).
         `codes` (K,): path and size of each vehicle (`kernels.code`).
         """
-        known, wanted = self._entries.setdefault(body, {}), codes.tolist()
+        known, wanted = self._entries.setdefault((body.length, body.width), {}), codes.tolist()
         for code in wanted:
             if code not in known:
                 known[code] = self._add(body, code)

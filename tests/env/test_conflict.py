@@ -131,6 +131,18 @@ def test_route_tables_hold_the_gaps(network):
             assert looked_up[0, 0, k] == pytest.approx(min(gap[0], FARTHEST), abs=UNIT)
 
 
+def test_limits_of_the_ego_need_no_table_of_their_own(network):
+    """An outlook shows the ego with the limits that the road gives, which change in an episode."""
+    route = network.route("south", "left")
+    tables, row = RouteTables(network, route), np.flatnonzero(np.isfinite(network.conflict(route)[:, 0]))[0]
+    codes = np.array([code(int(row), 5.0, 1.8)])
+    first, weaker, wider = (
+        tables.find(body, codes)[1][0, 0]
+        for body in (EgoVehicle(), EgoVehicle(a_min=-2.0, a_max=1.0), EgoVehicle(width=2.2))
+    )
+    assert first == weaker != wider
+
+
 def test_whoever_follows_does_not_count(make_scene, network):
     route = network.route("south", "straight")
     scene = make_scene("south", "straight", s=100.0, v=5.0, others=[(route.row, 90.0, 9.0, 0.0)])
