@@ -1,7 +1,10 @@
 """The ego vehicle (EV): its body and limits, and how its car carries out a command."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from numbers import Real
+
+from rudc.errors import InputError
 
 TURNING, SHARE = 0.5, 5.0 / 6.0
 """rad, and share of `delta_max`: the front-wheel angle of the tightest bend that is planned is the smaller of
@@ -33,6 +36,23 @@ class EgoVehicle:
     def tightest(self) -> float:
         """1/m, curvature of the tightest bend that is planned."""
         return math.tan(min(TURNING, SHARE * self.delta_max)) / self.wheelbase
+
+    def check(self) -> None:
+        """Raise InputError if a value is no finite number, or if no car can have these. Not done whenever
+        one is made: where the road is known to give nothing, `a_min` and `a_max` of a scene's are 0.
+        """
+        for name, value in asdict(self).items():
+            if not isinstance(value, Real) or not math.isfinite(value):
+                raise InputError(f"ego vehicle: {name}={value!r} is no finite number")
+        needed = {
+            "length > 0, width > 0, v_max > 0": min(self.length, self.width, self.v_max) > 0,
+            "0 < cg_to_rear < wheelbase": 0 < self.cg_to_rear < self.wheelbase,
+            "a_min < 0 < a_max": self.a_min < 0 < self.a_max,
+            "0 < delta_max < pi/2": 0 < self.delta_max < math.pi / 2,
+        }
+        for condition, holds in needed.items():
+            if not holds:
+                raise InputError(f"ego vehicle: it must be that {condition}, unlike in {self}")
 
     def scaled(self, a: float, delta: float) -> float:
         """Size (a norm, without unit) of a change of the action by `a` m/s2 and `delta` rad, each in units in

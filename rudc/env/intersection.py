@@ -205,6 +205,7 @@ class IntersectionEnv(gymnasium.Env[Any, np.ndarray], EzPickle):
         self.metadata = {**self.metadata, "render_fps": 1.0 / self.decision_s}
         self._isolated = isolated
         self._vehicle = vehicle or EgoVehicle()
+        self._vehicle.check()
         self._kind: ObservationKind = observation
         self._as_dict = as_dict
         self.observation_space = observation_space(observation, as_dict)

@@ -54,10 +54,11 @@ class Network(Layout):
 
     def __init__(self, path: Path, junction: str | None = None, vehicle: EgoVehicle | None = None) -> None:
         """`path` and `junction` as for `Layout`; `vehicle`: the car that drives the routes, None: an ordinary
-        one."""
+        one. Raises NetworkError, and InputError for a vehicle that no car is."""
         super().__init__(path, junction)
         self.vehicle = vehicle or EgoVehicle()
         """the car whose body the routes keep on the road and whose waiting positions are clear of others"""
+        self.vehicle.check()
         self._routes: dict[tuple[str, str, int | None], Route] = {}
 
     def __reduce__(self) -> tuple[Callable[..., Network], tuple[Path, str | None, EgoVehicle]]:
@@ -161,7 +162,7 @@ def load_network(
     source: str | Path, junction: str | None = None, vehicle: EgoVehicle | None = None
 ) -> Network:
     """A shipped network by name, or any .net.xml by its path, with the routes of `vehicle` (None: an ordinary
-    car's); read once per process. Raises NetworkError.
+    car's); read once per process. Raises NetworkError, and InputError for a vehicle that no car is.
     """
     shipped = shipped_networks()
     path = shipped.get(str(source))

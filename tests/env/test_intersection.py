@@ -127,6 +127,8 @@ def test_time_limit_truncates(make):
 
 
 def test_the_vehicle_can_be_another(make):
+    with pytest.raises(InputError, match="a_min < 0 < a_max"):
+        make(vehicle=EgoVehicle(a_min=6.0))
     van = EgoVehicle(length=6.0, width=2.2, a_max=1.5)
     env = make(scenario="dense_left_turn", vehicle=van, overrides={"traffic.density": 0})
     _, info = env.reset(seed=0)

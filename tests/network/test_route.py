@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from rudc.errors import NetworkError
+from rudc.errors import InputError, NetworkError
 from rudc.network.check import waiting_gap
 from rudc.network.network import load_network, shipped_networks
 from rudc.network.paths import SPACING
@@ -250,6 +250,23 @@ def test_routes_are_those_of_a_vehicle():
     assert again[0] is route
     assert again[1] is network
     assert copy.deepcopy(route) is route
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"length": math.nan}, r"length=nan is no finite number"),
+        ({"width": "2"}, r"width='2' is no finite number"),
+        ({"v_max": math.inf}, r"v_max=inf is no finite number"),
+        ({"width": 0.0}, r"it must be that length > 0, width > 0, v_max > 0, .* width=0\.0"),
+        ({"cg_to_rear": 2.8}, r"it must be that 0 < cg_to_rear < wheelbase"),
+        ({"a_min": 6.0}, r"it must be that a_min < 0 < a_max"),
+        ({"delta_max": 35.0}, r"it must be that 0 < delta_max < pi/2"),
+    ],
+)
+def test_a_vehicle_that_no_car_is_has_no_routes(values, said):
+    with pytest.raises(InputError, match=said):
+        load_network("four_way", vehicle=EgoVehicle(**values))
 
 
 @pytest.mark.parametrize("turn", ["left", "right"])
