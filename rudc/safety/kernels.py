@@ -105,7 +105,7 @@ def drives_behind(
     """Whether somebody drives on the line (`drives_on`), from `tail` m to 2 m behind an ego at s m."""
     at = int(s / SPACING)
     first, end = max(at - int(tail / SPACING), 0), max(at - int(2.0 / SPACING), 1)
-    return drives_on(poses, first, end, lane, along_it, here, heading)
+    return drives_on(poses, first, min(end, len(poses)), lane, along_it, here, heading)
 
 
 @kernel

@@ -250,6 +250,9 @@ def test_behind_is_who_follows_on_the_line_within_the_tail():
     assert not behind(-50j)
     assert not behind(10j)
     assert not behind(-10j, 1 + 0j)
+    begun = line[:170]  # ends 15 m before the ego; what lies behind it in memory is no part of it
+    assert kernels.drives_behind(begun, 100.0, 45.0, 1.5, 0.7, -20j, 1j)
+    assert not kernels.drives_behind(begun, 100.0, 45.0, 1.5, 0.7, -10j, 1j)
 
 
 def test_the_nearest_place_on_an_edge_is_the_best_of_all_its_pieces():
