@@ -191,14 +191,12 @@ class SafetyFilter:
             return self._passed(scene, proposed, np.zeros(0), ())
         conditions = self._conditions(scene, constraints, slack, residual)
         rows, b = conditions.rows(bounds.nominal)
-        least = least_excess(rows, b, bounds.nominal)
-        if math.isnan(least):
-            _refuse_unknown_rows(rows, b, constraints.names)
+        least = _least(rows, b, bounds.nominal, constraints.names)
         spared = conditions.sparing(scene, constraints, bounds) if least < 0.0 else None
         if spared is not None:
             conditions = spared
             rows, b = conditions.rows(bounds.nominal)
-            least = least_excess(rows, b, bounds.nominal)
+            least = _least(rows, b, bounds.nominal, constraints.names)
         h = conditions.terms.h
         q = -self._prices * bounds.nominal
         problem = self.last_problem = Problem(self._cost, q, rows, b, bounds.lower, bounds.upper)
@@ -359,12 +357,15 @@ def _on_the_road(x: Array, problem: Problem, mode: Array) -> Array:
     return on_the_road(x, *problem[2:], mode, LEAST_LEVER)
 
 
-def _refuse_unknown_rows(rows: Array, b: Array, names: tuple[str, ...]) -> None:
-    """Raise SolverError, naming the constraints whose rows are not finite, if there are any."""
-    bad = ~(np.isfinite(rows).all(axis=1) & np.isfinite(b))
-    if bad.any():
+def _least(rows: Array, b: Array, u: Array, names: tuple[str, ...]) -> float:
+    """m2 per step, least of A u - b. Raises SolverError, naming the constraints, if rows are not finite."""
+    least = least_excess(rows, b, u)
+    if math.isnan(least):
+        bad = ~(np.isfinite(rows).all(axis=1) & np.isfinite(b))
         wrong = ", ".join(name for name, is_bad in zip(names, bad, strict=True) if is_bad)
-        raise SolverError(f"the filter's rows are not finite for {wrong}")
+        if wrong:
+            raise SolverError(f"the filter's rows are not finite for {wrong}")
+    return least
 
 
 def _within(body: EgoVehicle, u: Array) -> Array:

@@ -1,12 +1,14 @@
 """Barriers, rules and solvers of other people: what does not fit is refused, what fits drives as before."""
 
+import math
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from rudc.errors import PartFailedError
+from rudc.errors import PartFailedError, SolverError
 from rudc.safety.barrier import Barrier, Found, Terms
 from rudc.safety.barriers import BARRIERS
 from rudc.safety.clearance import Clearance
@@ -118,6 +120,18 @@ def test_who_is_in_conflict_is_one_answer_a_name(monkeypatch):
     scene, barrier = make_scene(towards, v=8.0), answered("in_conflict", np.zeros(2, dtype=bool))
     with pytest.raises(PartFailedError, match=r"in_conflict answered .* an array of 1 truth values"):
         with_barriers(monkeypatch, barrier).constraints(scene).in_conflict(scene)
+
+
+def test_rows_that_are_unknown_on_the_path_are_refused(monkeypatch):
+    """Such a row was left out without a word."""
+
+    class Lost(Limit):
+        def on_path(self, scene):
+            return replace(scene, ego=replace(scene.ego, v=math.nan))
+
+    guarded = with_barriers(monkeypatch, Lost)
+    with pytest.raises(SolverError, match="the filter's rows are not finite for limit"):
+        guarded.filter(make_scene(v=5.0), np.zeros(2))
 
 
 @pytest.mark.parametrize("convert", [list, np.float32, int], ids=["lists", "float32", "whole"])
