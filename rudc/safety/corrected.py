@@ -27,7 +27,8 @@ class Corrected(NamedTuple):
     names: tuple[str, ...] = ()
     """(K,) their names"""
     violation: float = 0.0
-    """m2 per step, largest violation of a row by a `relaxed` solution; inf with status `braking`"""
+    """m2 per step, largest violation of any row by a `relaxed` solution, also of rows that were given up; inf
+    with status `braking`"""
     optimality_gap: float = 0.0
     """largest violation of the QP's optimality conditions; 0 where nothing was solved, inf with status
     `braking`"""

@@ -324,16 +324,20 @@ class SafetyFilter:
     def _action(
         self, status: Status, body: EgoVehicle, proposed: Array, bounds: _Bounds, solution: Solution
     ) -> tuple[Array, float]:
-        """The action (m/s2, rad) that a solution stands for, and the largest violation (m2 per step)."""
+        """The action (m/s2, rad) that a solution stands for, and the largest violation (m2 per step) of a row
+        of the last problem, those that were given up included.
+        """
         if status == "braking":  # whatever the solver left is not looked at
             return np.array([body.a_min, _within(body, proposed)[1]]), math.inf
         (a, z), (a_low, z_low), (a_high, z_high) = (
             part.tolist() for part in (solution.x[:2], bounds.lower, bounds.upper)
         )
         a, z = min(max(a, a_low), a_high), min(max(z, z_low), z_high)
+        violation, problem = 0.0, self.last_problem
+        if status == "relaxed" and problem is not None:
+            violation = max(0.0, -least_excess(problem.A, problem.b, np.array([a, z])))
         if a <= a_low + 1e-6:  # as good as standing still: brake as hard as was proposed
             a = min(a, max(float(proposed[0]), body.a_min))
-        violation = max(solution.x[2:].tolist(), default=0.0) if status == "relaxed" else 0.0
         return _within(body, np.array([a, math.atan(z)])), violation
 
 

@@ -181,6 +181,10 @@ def test_a_car_that_passes_does_not_outbid_the_truck_ahead(v: float) -> None:
     assert answer.status == "relaxed"
     assert 1.0 < answer.h[0] < 1.5
     assert answer.u[0] <= LEAST_ROOM
+    problem = filter.last_problem
+    assert problem is not None
+    violations = problem.b - problem.A @ [max(answer.u[0], problem.lower[0]), math.tan(answer.u[1])]
+    assert answer.violation == pytest.approx(violations.max(), abs=1e-6)
     alone = filter.filter(make_scene([truck], v=v), np.array([3.0, 0.0]))
     assert answer.u[0] <= alone.u[0] + 1e-3, "who passes asks for nothing that the truck does not allow"
 
