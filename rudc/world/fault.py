@@ -43,8 +43,8 @@ class Collision(NamedTuple):
 
 def judge(scene: Scene, index: int, unlawful: bool, held: bool = False, sudden: bool = False) -> Fault:
     """Whose fault a contact between the ego and row `index` of the scene's others is. `unlawful`: an event
-    makes the other disregard the right of way; `held`: the yielding layer makes it brake or has just made it stand;
-    `sudden`: an event put it so near that the ego could not stop."""
+    makes the other disregard the right of way; `held`: the yielding layer makes it brake or has just made it
+    stand; `sudden`: an event put it so near that the ego could not stop."""
     if sudden:
         return "other"
     ego = scene.ego
