@@ -293,6 +293,35 @@ def test_whom_an_event_brakes_brakes_harder_where_it_must(world, by_event):
     assert np.diff(speeds) == pytest.approx(-0.1 * np.array([harder, harder, by_event]), abs=0.01)
 
 
+@pytest.mark.parametrize("first", [False, True])
+@pytest.mark.parametrize(
+    ("kind", "lasts", "passes"),
+    [
+        ("low_friction", {"friction": 0.5}, {"friction": 0.1}),
+        ("sensor_dropout", {"range": 80.0}, {"probability": 1.0}),
+        ("sensor_noise", {"position": 0.1}, {"speed": 2.0, "own_acceleration": 1.0}),
+        ("actuator_delay", {"delay": 0.1}, {"lag": 0.5}),
+    ],
+)
+def test_a_fault_with_a_duration_passes_and_the_one_that_it_replaced_is_back(
+    world, kind, lasts, passes, first
+):
+    def faults():
+        world.advance(STAND)
+        known = world.sensors()
+        sensors = known.miss, known.range_m, known.position_std, known.speed_std, known.own_acceleration_std
+        return world.scene().actuation, sensors, world.traffic.grip
+
+    later = event(kind, **passes, duration=0.5, when={"simulation_time": {"above": 0.55}})
+    events = (event(kind, **lasts), later) if first else (later,)
+    world.reset(replace(CALM, density=10.0, events=events).plan(0))
+    before, *_, during, _ = [faults() for _ in range(8)]
+    after = [faults() for _ in range(6)][-1]
+    assert during != before == after
+    over = [happening.is_over for happening in world.happenings()]
+    assert over == ([False, True] if first else [True])
+
+
 @pytest.mark.parametrize("ends", ["the event", "the dry road"])
 def test_who_brakes_hard_to_yield_goes_on_when_an_event_or_the_dry_road_ends(world, monkeypatch, ends):
     """Until the yielding layer looked again, up to 0.4 s later, it braked comfortably."""

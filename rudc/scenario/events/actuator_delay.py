@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
 from rudc.scenario.distributions import AnyDistribution, Bounds, Constant
-from rudc.scenario.events.event import Event, Felt
+from rudc.scenario.events.event import Duration, Event, Felt
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import Stage
 
@@ -20,6 +20,8 @@ class ActuatorDelay(Event, frozen=True):
     """s until a command takes effect"""
     lag: Annotated[AnyDistribution, Bounds(0, 3, "s")] = Constant(value=0.0)
     """s, time constant of a first-order lag"""
+    duration: Duration | None = None
+    """s until it is over; by default for good"""
 
     @classmethod
     def misfits(cls, given: Mapping[str, Any]) -> Iterator[tuple[str, str | None]]:
@@ -37,6 +39,9 @@ class ActuatorDelayEffect(Felt[ActuatorDelay]):
     def begin(self, stage: Stage) -> bool:
         stage.set_actuators(float(self.event.delay), float(self.event.lag))
         return True
+
+    def end(self, stage: Stage) -> None:
+        stage.set_actuators(0.0, 0.0)
 
 
 register_event(ActuatorDelay, ActuatorDelayEffect)

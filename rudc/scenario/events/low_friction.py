@@ -5,19 +5,21 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from rudc.scenario.distributions import AnyDistribution, Bounds
-from rudc.scenario.events.event import Event, Felt
+from rudc.scenario.events.event import Duration, Event, Felt
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import Stage
 
 
 class LowFriction(Event, frozen=True):
-    """A slippery road, from then on; a later event of this kind replaces it."""
+    """A slippery road; a later event of this kind replaces it."""
 
     kind: Literal["low_friction"]
     """a slippery road: nobody brakes or accelerates harder than mu g; the ego slides if it turns harder,
     others slow down for bends"""
     friction: Annotated[AnyDistribution, Bounds(0.03, 1.2)]
     """coefficient of friction: 0.9 dry, 0.5 wet, 0.3 snow, 0.1 ice"""
+    duration: Duration | None = None
+    """s until it is over; by default for good"""
 
 
 class LowFrictionEffect(Felt[LowFriction]):
@@ -29,6 +31,9 @@ class LowFrictionEffect(Felt[LowFriction]):
     def begin(self, stage: Stage) -> bool:
         stage.set_friction(float(self.event.friction))
         return True
+
+    def end(self, stage: Stage) -> None:
+        stage.set_friction(None)
 
 
 register_event(LowFriction, LowFrictionEffect)

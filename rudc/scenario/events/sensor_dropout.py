@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
 from rudc.scenario.distributions import AnyDistribution, Bounds, Constant
-from rudc.scenario.events.event import Event, Felt
+from rudc.scenario.events.event import Duration, Event, Felt
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import Stage
 
@@ -21,6 +21,8 @@ class SensorDropout(Event, frozen=True):
     """probability of missing a vehicle, drawn anew for each vehicle at each decision"""
     range: Annotated[AnyDistribution, Bounds(0, 1000, "m", above=True)] | None = None
     """m beyond which nothing is seen; by default no limit"""
+    duration: Duration | None = None
+    """s until it is over; by default for good"""
 
     @classmethod
     def misfits(cls, given: Mapping[str, Any]) -> Iterator[tuple[str, str | None]]:
@@ -39,6 +41,9 @@ class SensorDropoutEffect(Felt[SensorDropout]):
         reach = math.inf if self.event.range is None else float(self.event.range)
         stage.set_dropout(float(self.event.probability), reach)
         return True
+
+    def end(self, stage: Stage) -> None:
+        stage.set_dropout(0.0, math.inf)
 
 
 register_event(SensorDropout, SensorDropoutEffect)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
 from rudc.scenario.distributions import AnyDistribution, Bounds, Constant
-from rudc.scenario.events.event import Event, Felt
+from rudc.scenario.events.event import Duration, Event, Felt
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import Stage
 
@@ -25,6 +25,8 @@ class SensorNoise(Event, frozen=True):
     """deg, standard deviation"""
     own_acceleration: Annotated[AnyDistribution, Bounds(0, 5, "m/s2")] = Constant(value=0.0)
     """m/s2, standard deviation of what the ego measures of its own acceleration"""
+    duration: Duration | None = None
+    """s until it is over; by default for good"""
 
     @classmethod
     def misfits(cls, given: Mapping[str, Any]) -> Iterator[tuple[str, str | None]]:
@@ -46,6 +48,10 @@ class SensorNoiseEffect(Felt[SensorNoise]):
         stage.set_noise(float(event.position), float(event.speed), math.radians(float(event.heading)))
         stage.set_own_noise(float(event.own_acceleration))
         return True
+
+    def end(self, stage: Stage) -> None:
+        stage.set_noise(0.0, 0.0, 0.0)
+        stage.set_own_noise(0.0)
 
 
 register_event(SensorNoise, SensorNoiseEffect)

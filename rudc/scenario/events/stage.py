@@ -198,8 +198,9 @@ class Stage(ABC):
         """How likely the ego is to miss a vehicle at a decision, and how far it sees (m)."""
 
     @abstractmethod
-    def set_friction(self, friction: float) -> None:
-        """The road's coefficient of friction, for the ego and for surrounding vehicles."""
+    def set_friction(self, friction: float | None) -> None:
+        """The road's coefficient of friction, for the ego and for surrounding vehicles; None: dry, as before any
+        event."""
 
     @abstractmethod
     def set_actuators(self, delay_s: float, lag_s: float) -> None:

@@ -44,6 +44,8 @@ class Script:
         self._effects = [effect_of(event, f"{event.kind}{number - 1}") for number, event in pairs]
         self._waiting = list(self._effects)
         self._active: list[Effect[Any]] = []
+        self._lasting: dict[type[Effect[Any]], Effect[Any]] = {}
+        """of each kind of which there is one at a time, the latest that began and has no duration"""
         self._begun: dict[str, float] = {}
         self._visible: dict[str, float] = {}
         self._begin([e for e in self._waiting if e.from_the_start and e.event.when is None])
@@ -62,6 +64,9 @@ class Script:
             if ask_effect(effect, "is_over", stage, stage.time_s):
                 ask_effect(effect, "end", stage, stage.time_s)
                 self._active.remove(effect)
+                if (replaced := self._lasting.get(type(effect))) is not None:
+                    ask_effect(replaced, "begin", stage, stage.time_s)
+                    self._active.append(replaced)
             else:
                 ask_effect(effect, "step", stage, stage.time_s)
         return self._begin([effect for effect in self._waiting if self._is_due(effect, scene)])
@@ -102,6 +107,8 @@ class Script:
             self._waiting.remove(effect)
             self._active = [e for e in self._active if type(e) is not type(effect) or not e.replaceable]
             self._active.append(effect)
+            if effect.replaceable and getattr(effect.event, "duration", None) is None:
+                self._lasting[type(effect)] = effect
         return tuple(effect.name for effect in begun)
 
     def _bodies(self, effect: Effect[Any]) -> frozenset[str]:

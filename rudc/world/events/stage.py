@@ -295,9 +295,9 @@ class WorldStage(NetworkStage):
     def set_dropout(self, probability: float, range_m: float) -> None:
         self.sensors.miss, self.sensors.range_m = probability, range_m
 
-    def set_friction(self, friction: float) -> None:
+    def set_friction(self, friction: float | None) -> None:
         self.plant.actuation = replace(self.plant.actuation, friction=friction)
-        self.traffic.lose_grip(friction * GRAVITY)
+        self.traffic.lose_grip(math.inf if friction is None else friction * GRAVITY)
         for prop in self.props:
             prop.grip = self.traffic.grip
 
