@@ -199,7 +199,7 @@ class Stage(ABC):
 
     @abstractmethod
     def set_friction(self, friction: float | None) -> None:
-        """The road's coefficient of friction, for the ego and surrounding vehicles; None: dry, as at first."""
+        """The road's coefficient of friction, for the ego and surrounding vehicles; None if it is dry."""
 
     @abstractmethod
     def set_actuators(self, delay_s: float, lag_s: float) -> None:
