@@ -112,9 +112,6 @@ class Problem:
     """all gradient steps, over which learning rates fall linearly; they stay at the last value afterwards"""
 
 
-Precision = Literal["single", "bfloat16"]
-"""of products of matrices (products.py)"""
-
 Rate = Annotated[float, Field(ge=0)]
 """a learning rate; 0 learns nothing"""
 

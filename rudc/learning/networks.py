@@ -97,15 +97,13 @@ class Stack:
 
     @staticmethod
     def decode(weights: Weights, latent: Tensor, action: Tensor | None = None) -> Tensor:
-        """Outputs (N, B, outputs) from latents (N, B, hidden) and, for a critic, actions (B, actions); of
-        single precision.
-        """
+        """Outputs (N, B, outputs) from latents (N, B, hidden) and, for a critic, actions (B, actions)."""
         if action is None:
             first = gelu(latent)
         else:
             weight = weights["action.weight"]
             first = _gelu(torch.baddbmm(latent, action.expand(weight.shape[0], *action.shape), weight))
-        return _linear(weights, "out", _gelu(_linear(weights, "hidden", first))).float()
+        return _linear(weights, "out", _gelu(_linear(weights, "hidden", first)))
 
 
 def _gelu(x: Tensor) -> Tensor:

@@ -1,4 +1,4 @@
-"""How products of matrices are computed: by which kernels, and how precisely."""
+"""Which kernels compute products of matrices of single precision."""
 
 from __future__ import annotations
 
@@ -6,10 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-import torch
 from torch.backends import mkldnn
-
-from rudc.learning.config import Precision
 
 
 @contextmanager
@@ -23,14 +20,6 @@ def widest_products() -> Iterator[None]:
     """
     with _precision("bf16"):
         yield
-
-
-def products_in(precision: Precision, device: str) -> torch.autocast:
-    """In the block, networks' products on `device` are of that precision. `bfloat16` rounds what goes into
-    them and comes out to 8 bits, and sums in single precision; weights, losses and optimisers stay single.
-    """
-    kind = torch.device(device).type
-    return torch.autocast(kind, dtype=torch.bfloat16, enabled=precision == "bfloat16")
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from rudc.agents.correction import NoCorrection
 from rudc.errors import InputError
 from rudc.hints import there_are
 from rudc.learning.algorithms import ALGORITHMS
-from rudc.learning.config import Precision, Problem
+from rudc.learning.config import Problem
 from rudc.settings import Settings, changed, merged, settled
 from rudc.training.presets import fitting, read_preset
 
@@ -65,9 +65,6 @@ class Training(Settings):
     """seed of everything drawn: episodes, exploration, batches, masks, initial weights"""
     device: str = "cpu"
     """where the learner computes: cpu, cuda, cuda:1, ..."""
-    precision: Precision = "single"
-    """of the networks' products in updates: `single`, or `bfloat16`, which is faster for networks of the
-    paper's size on processors that have instructions for it, and slower on others"""
     log_every: int = Field(default=1_000, ge=1)
     """decisions for each row of progress.csv; there is one at each checkpoint besides"""
     checkpoint_every: int = Field(default=5_000, ge=1)

@@ -43,7 +43,7 @@ from rudc.learning.checkpoint import load_state, save_state
 from rudc.learning.learner import Statistics
 from rudc.learning.nstep import Transition
 from rudc.learning.parameters import group, grouped
-from rudc.learning.products import products_in, widest_products
+from rudc.learning.products import widest_products
 from rudc.learning.replay import Replay
 from rudc.learning.threads import torch_threads
 from rudc.learning.uncertainty import RunningPercentiles
@@ -124,7 +124,7 @@ class Trainer:
         seeding = self._round < config.seed_rounds
         self._pool.load(self._learner.weights(), self._percentiles())
         self._pool.start(self._round, "reference" if seeding else "policy", drop=self._breaks(1))
-        with widest_products(), products_in(config.training.precision, config.training.device):
+        with widest_products():
             self._learn()
         collected = self._pool.finish()
         for part in collected:
