@@ -36,7 +36,7 @@ LONG_S = 10.0
 """s after which who is held up goes back to where they came from"""
 DRIVER_BACK_M, DRIVER_BACK_SPEED = 8.0, 2.5
 """m before a driver below which it goes back; how fast it goes back (m/s)"""
-FURTHER_M = 2.0
+FURTHER_M = 6.0
 """m by which it goes back further than it has to, or it would set off again and again before who creeps up"""
 WALKING_PACE = 2.0
 """m/s, an ego slower than this is taken to be about to stop: a driver stops before it"""
@@ -182,7 +182,7 @@ class Prop:
         if self._walks:
             return reach + (self._stepped_back + MORE_M if back else 0.0)
         reach += self.speed * LOOK_S
-        return max(reach, DRIVER_BACK_M + FURTHER_M + MORE_M) if back else reach
+        return max(reach, DRIVER_BACK_M + FURTHER_M + CLEARANCE_M) if back else reach
 
     def has_room(self, scene: Scene) -> bool:
         """Whether it can appear: nobody is where it is and where it needs to stop, nor must come there, even
