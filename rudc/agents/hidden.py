@@ -1,5 +1,7 @@
 """How fast the ego may drive where it does not see everything.
 
+An ego whose sensors may have failed brakes, unless it is in the junction.
+
 On its own path the ego drives no faster than it can stop from within what it sees, braking at PLANNED; CREEP
 is always allowed.
 
@@ -39,6 +41,8 @@ CREEP = 2.0
 """m/s, always allowed: an ego that creeps can stop within a step"""
 BEFORE = 0.5
 """m, distance before a conflict, or before the end of what it sees, at which the ego can stop"""
+BLIND = 3.0
+"""m/s2, with which the ego brakes while it sees nobody though somebody must be there"""
 GOING = 2.0
 """m/s2, acceleration with which the ego passes"""
 PLANNED = 0.8
@@ -58,6 +62,15 @@ def ready_for_unseen(scene: Scene, u: Array) -> Array:
         return u
     room = (first + float(hidden[0])) * SPACING - front - BEFORE
     return at_most(u, slowing(scene, room, CREEP, PLANNED * -scene.vehicle.a_min))
+
+
+def ready_while_blind(scene: Scene, u: Array) -> Array:
+    """(2,) the command u (2,), m/s2 and rad, of an ego whose sensors may have failed (`Memory.blind`): it
+    brakes with BLIND, unless it is in the junction.
+    """
+    rear, front = scene.ego_s - 0.5 * scene.vehicle.length, scene.front_s
+    inside = front > scene.route.stop_line_s and rear < scene.route.exit_s
+    return u if inside else at_most(u, -BLIND)
 
 
 def speed_by_sight(scene: Scene, braking: float) -> float:

@@ -1,9 +1,12 @@
 """Remembers those who are not seen for a moment.
 
 Sensors miss others now and then, and boxes hide those who drive behind them. Once somebody has vanished and
-come back, everybody who vanishes is shown for another KEPT_S, moved along its path at the speed that it had
-(rudc/safety/prediction.py). As long as nobody has come back, those who vanish are taken to be gone, so that
-the scene of sensors that miss nobody is not changed.
+come back, or a vehicle has vanished in plain sight, everybody who vanishes is shown for another KEPT_S, moved
+along its path at the speed that it had (rudc/safety/prediction.py). Until then those who vanish are taken to
+be gone, so that the scene of sensors that miss nobody is not changed. A vehicle vanishes in plain sight where
+the sensors reach, no box hides it, and its path goes on for END_M or more.
+
+While nobody at all is seen, those who were are shown for BLIND_S, and the ego is `blind`.
 """
 
 from __future__ import annotations
@@ -12,11 +15,14 @@ import math
 
 import numpy as np
 
+from rudc.agents.hidden import sees
 from rudc.safety.prediction import others_later
 from rudc.world.scene import Scene
 
-KEPT_S = 1.0
-"""s, how long somebody who vanishes is shown"""
+KEPT_S, BLIND_S = 1.0, 3.0
+"""s, s: how long somebody who vanishes is shown, and how long if everybody has vanished"""
+END_M = 10.0
+"""m before the end of its path, from which on a vehicle that vanishes may have left"""
 
 
 class Memory:
@@ -24,10 +30,12 @@ class Memory:
 
     def __init__(self) -> None:
         self._last: dict[str, Scene] = {}
-        """name of each who was seen within KEPT_S -> scene in which it was seen last"""
+        """name of each who was seen within KEPT_S or BLIND_S -> scene in which it was seen last"""
         self._seen_s = -math.inf
         self._misses = False
         """whether sensors have been seen to miss somebody"""
+        self.blind = False
+        """whether nobody is seen, though somebody was within BLIND_S: the sensors may have failed"""
 
     def see(self, scene: Scene) -> Scene:
         """The scene, with those who are missing added; call it once for each decision."""
@@ -38,15 +46,25 @@ class Memory:
             self._last[name] = scene
         missing: dict[float, list[str]] = {}
         for name, last in list(self._last.items()):
-            if scene.time_s - last.time_s > KEPT_S:
+            if scene.time_s - last.time_s > (KEPT_S if scene.count else BLIND_S):
                 del self._last[name]
             elif last is not scene:
                 missing.setdefault(last.time_s, []).append(name)
+        if before in missing and not self._misses:
+            self._misses = self._in_plain_sight(missing[before], scene)
+        self.blind = self._misses and scene.count == 0 and bool(missing)
         if not (self._misses and missing):
             return scene
         joined = scene.with_others_of(*(self._now(names, scene.time_s) for names in missing.values()))
         away = joined.position - scene.ego_position
         return joined.only(np.argsort(np.hypot(away[:, 0], away[:, 1]), kind="stable"))
+
+    def _in_plain_sight(self, names: list[str], scene: Scene) -> bool:
+        """Whether any of the vehicles that have just vanished should be seen now."""
+        should = self._now(names, scene.time_s)
+        drives = np.flatnonzero(should.path >= 0)
+        goes_on = scene.network.paths.length[should.path[drives]] - should.path_s[drives] > END_M
+        return bool((sees(scene, should.position[drives]) & goes_on).any())
 
     def _now(self, names: list[str], time_s: float) -> Scene:
         """A scene of those `names`, which were last seen at the same time, where they would be at

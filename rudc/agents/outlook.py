@@ -27,7 +27,7 @@ from rudc.agents.approach import ready_to_wait
 from rudc.agents.base import Agent, Decision, layers
 from rudc.agents.courses import Courses
 from rudc.agents.following import ready_to_follow
-from rudc.agents.hidden import ready_for_unseen
+from rudc.agents.hidden import ready_for_unseen, ready_while_blind
 from rudc.agents.kerb import kept_on_road
 from rudc.agents.memory import Memory
 from rudc.agents.not_yielding import ready_for_not_yielding
@@ -106,6 +106,7 @@ class Outlook:
             u = ready_for_not_yielding(scene, ready_to_wait(scene, u))
             u = ready_for_unseen(scene, ready_to_follow(scene, u))
             u = ready_for_next_runners(scene, ready_for_runners(scene, u))
+            u = ready_while_blind(scene, u) if self.memory.blind else u
         if self.courses is not None:
             u = kept_on_road(scene, self.courses.govern(scene, u, onwards=onwards))
         return u if self.adaptation is None else self.adaptation.govern(scene, u, onwards=onwards)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rudc.agents.memory import KEPT_S, Memory
+from rudc.agents.memory import BLIND_S, KEPT_S, Memory
 from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode
 from rudc.world.perception import Sensors
@@ -53,17 +53,38 @@ def test_who_is_missed_is_shown_where_it_is(traffic):
 
 
 def test_it_is_forgotten_after_a_while(make_scene):
-    there, watch = make_scene({"at": (20.0, 3.0, 0.0), "v": 4.0}), Memory()
-    nobody = make_scene()
-    for k, scene in enumerate([there, nobody, there]):
+    parked, drives = {"at": (5.0, -20.0, 0.0)}, {"at": (20.0, 3.0, 0.0), "v": 4.0}
+    there, watch = replace(make_scene(drives, parked), ids=("drives", "parked")), Memory()
+    gone = replace(make_scene(parked), ids=("parked",))
+    for k, scene in enumerate([there, gone, there]):
         watch.see(replace(scene, time_s=0.1 * k))
     for k in range(3, 20):
-        shown = watch.see(replace(nobody, time_s=0.1 * k))
+        shown = watch.see(replace(gone, time_s=0.1 * k))
         since = 0.1 * (k - 2)
         if k == 12:  # as long as it is kept, to the last bit
             continue
-        assert shown.count == (since < KEPT_S), since
-        if shown.count:
-            assert shown.position[0] == pytest.approx([20.0 + 4.0 * since, 3.0])
-            assert math.isclose(np.hypot(*shown.velocity[0]), 4.0)
-    assert watch.see(replace(there, time_s=9.0)).count == 1
+        assert ("drives" in shown.ids) == (since < KEPT_S), since
+        if "drives" in shown.ids:
+            row = shown.ids.index("drives")
+            assert shown.position[row] == pytest.approx([20.0 + 4.0 * since, 3.0])
+            assert math.isclose(np.hypot(*shown.velocity[row]), 4.0)
+    assert watch.see(replace(there, time_s=9.0)).count == 2
+
+
+@pytest.mark.parametrize(
+    ("s", "sight_m", "missed"), [(20.0, math.inf, True), (20.0, 10.0, False), (-6.0, math.inf, False)]
+)
+def test_a_vehicle_that_vanishes_in_plain_sight_is_missed_and_an_ego_that_sees_nobody_is_blind(
+    make_scene, s, sight_m, missed
+):
+    """Not one that has left its road, nor one that is beyond the sensors' reach."""
+    watch, empty = Memory(), replace(make_scene(), sight_m=sight_m)
+    end = float(empty.network.paths.length[0])
+    drives = make_scene({"row": 0, "s": s % end, "v": 5.0})
+    watch.see(replace(drives, time_s=0.0))
+    for k in range(1, 40):
+        shown = watch.see(replace(empty, time_s=0.1 * k))
+        known = missed and 0.1 * k < BLIND_S + 0.05
+        assert (shown.count, watch.blind) == ((1, True) if known else (0, False)), k
+    watch.see(replace(drives, time_s=5.0))
+    assert not watch.blind
