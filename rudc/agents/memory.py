@@ -4,7 +4,7 @@ Sensors miss others now and then, and boxes hide those who drive behind them. On
 come back, or a vehicle has vanished in plain sight, everybody who vanishes is shown for another KEPT_S, moved
 along its path at the speed that it had (rudc/safety/prediction.py). Until then those who vanish are taken to
 be gone, so that the scene of sensors that miss nobody is not changed. A vehicle vanishes in plain sight where
-the sensors reach, no box hides it, and its path goes on for END_M or more.
+no box hides it, and both the sensors' reach and its path go on for END_M or more.
 
 While nobody at all is seen, those who were are shown for BLIND_S, and the ego is `blind`.
 """
@@ -12,6 +12,7 @@ While nobody at all is seen, those who were are shown for BLIND_S, and the ego i
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,7 +23,8 @@ from rudc.world.scene import Scene
 KEPT_S, BLIND_S = 1.0, 3.0
 """s, s: how long somebody who vanishes is shown, and how long if everybody has vanished"""
 END_M = 10.0
-"""m before the end of its path, from which on a vehicle that vanishes may have left"""
+"""m before the end of its path or of the sensors' reach, from which on a vehicle that vanishes may have left
+"""
 
 
 class Memory:
@@ -64,7 +66,8 @@ class Memory:
         should = self._now(names, scene.time_s)
         drives = np.flatnonzero(should.path >= 0)
         goes_on = scene.network.paths.length[should.path[drives]] - should.path_s[drives] > END_M
-        return bool((sees(scene, should.position[drives]) & goes_on).any())
+        near = replace(scene, sight_m=scene.sight_m - END_M)
+        return bool((sees(near, should.position[drives]) & goes_on).any())
 
     def _now(self, names: list[str], time_s: float) -> Scene:
         """A scene of those `names`, which were last seen at the same time, where they would be at

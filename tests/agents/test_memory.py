@@ -72,12 +72,12 @@ def test_it_is_forgotten_after_a_while(make_scene):
 
 
 @pytest.mark.parametrize(
-    ("s", "sight_m", "missed"), [(20.0, math.inf, True), (20.0, 10.0, False), (-6.0, math.inf, False)]
+    ("s", "sight_m", "missed"), [(20.0, math.inf, True), (20.0, 120.0, False), (-6.0, math.inf, False)]
 )
 def test_a_vehicle_that_vanishes_in_plain_sight_is_missed_and_an_ego_that_sees_nobody_is_blind(
     make_scene, s, sight_m, missed
 ):
-    """Not one that has left its road, nor one that is beyond the sensors' reach."""
+    """Not one that has left its road, nor one that is about to leave the sensors' reach."""
     watch, empty = Memory(), replace(make_scene(), sight_m=sight_m)
     end = float(empty.network.paths.length[0])
     drives = make_scene({"row": 0, "s": s % end, "v": 5.0})
