@@ -49,7 +49,7 @@ class OutlookSettings(Settings):
     approach: bool = True
     """whether the ego drives so that it can still stop where it must give way while gaps are too short,
     before vehicles that do not look like giving way to it, behind its leader, at the end of what it sees,
-    and before those who may run out from behind a box; with `course` only"""
+    before those who may run out from behind a box, and while its sensors have failed; with `course` only"""
     plant: Knowledge = "off"
     """what is known of dead time, lag and friction: nothing (`off`), what is estimated while driving
     (`estimated`), or the truth (`known`, for ablations)"""
