@@ -6,7 +6,8 @@ along its path at the speed that it had (rudc/safety/prediction.py). Until then 
 be gone, so that the scene of sensors that miss nobody is not changed. A vehicle vanishes in plain sight where
 no box hides it, and both the sensors' reach and its path go on for END_M or more.
 
-While nobody at all is seen, those who were are shown for BLIND_S, and the ego is `blind`.
+Where nobody at all has been seen for SURE_S, though somebody should be, the ego is `blind`; those who were
+there are then shown for BLIND_S.
 """
 
 from __future__ import annotations
@@ -21,7 +22,9 @@ from rudc.safety.prediction import others_later
 from rudc.world.scene import Scene
 
 KEPT_S, BLIND_S = 1.0, 3.0
-"""s, s: how long somebody who vanishes is shown, and how long if everybody has vanished"""
+"""s, s: how long somebody who vanishes is shown, and how long to an ego that is blind"""
+SURE_S = 0.25
+"""s for which nobody is seen before the ego counts as blind: sensors miss a single vehicle now and then"""
 END_M = 10.0
 """m before the end of its path or of the sensors' reach, from which on a vehicle that vanishes may have left
 """
@@ -37,7 +40,7 @@ class Memory:
         self._misses = False
         """whether sensors have been seen to miss somebody"""
         self.blind = False
-        """whether nobody is seen, though somebody was within BLIND_S: the sensors may have failed"""
+        """whether nobody is seen, though somebody should be: the sensors may have failed"""
 
     def see(self, scene: Scene) -> Scene:
         """The scene, with those who are missing added; call it once for each decision."""
@@ -48,13 +51,17 @@ class Memory:
             self._last[name] = scene
         missing: dict[float, list[str]] = {}
         for name, last in list(self._last.items()):
-            if scene.time_s - last.time_s > (KEPT_S if scene.count else BLIND_S):
+            if scene.time_s - last.time_s > (BLIND_S if self.blind and scene.count == 0 else KEPT_S):
                 del self._last[name]
             elif last is not scene:
                 missing.setdefault(last.time_s, []).append(name)
         if before in missing and not self._misses:
             self._misses = self._in_plain_sight(missing[before], scene)
-        self.blind = self._misses and scene.count == 0 and bool(missing)
+        self.blind = scene.count == 0 and any(
+            scene.time_s - seen_s > SURE_S and self._in_plain_sight(names, scene)
+            for seen_s, names in missing.items()
+        )
+        self._misses = self._misses or self.blind
         if not (self._misses and missing):
             return scene
         joined = scene.with_others_of(*(self._now(names, scene.time_s) for names in missing.values()))
@@ -62,7 +69,7 @@ class Memory:
         return joined.only(np.argsort(np.hypot(away[:, 0], away[:, 1]), kind="stable"))
 
     def _in_plain_sight(self, names: list[str], scene: Scene) -> bool:
-        """Whether any of the vehicles that have just vanished should be seen now."""
+        """Whether any of the vehicles of these names, seen last at one time, should be seen now."""
         should = self._now(names, scene.time_s)
         drives = np.flatnonzero(should.path >= 0)
         goes_on = scene.network.paths.length[should.path[drives]] - should.path_s[drives] > END_M
