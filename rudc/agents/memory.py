@@ -57,9 +57,9 @@ class Memory:
                 missing.setdefault(last.time_s, []).append(name)
         if before in missing and not self._misses:
             self._misses = self._in_plain_sight(missing[before], scene)
-        self.blind = scene.count == 0 and any(
-            scene.time_s - seen_s > SURE_S and self._in_plain_sight(names, scene)
-            for seen_s, names in missing.items()
+        unseen_s = scene.time_s - max(missing, default=math.inf)
+        self.blind = (scene.count == 0 and unseen_s > SURE_S) and any(
+            self._in_plain_sight(names, scene) for names in missing.values()
         )
         self._misses = self._misses or self.blind
         if not (self._misses and missing):

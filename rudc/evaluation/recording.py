@@ -189,12 +189,15 @@ class Recording:
                     "kind": event.event.kind,
                     "places": [_rounded(np.array(place) - center) for place in event.places],
                     "way": None if event.way is None else _flat(event.way - center),
-                    "over": None,
+                    "over": list[list[int | None]](),
                 },
             )
             noted["begun_s"], noted["visible_s"] = event.begun_s, event.visible_s
-            if event.is_over and noted["over"] is None:
-                noted["over"] = k
+            open_span = bool(noted["over"]) and noted["over"][-1][1] is None
+            if event.is_over and not open_span:
+                noted["over"].append([k, None])
+            elif open_span and not event.is_over:  # what replaced it has passed
+                noted["over"][-1][1] = k
 
     def _note_sensors(self, view: View, k: int) -> None:
         center = np.array([*self._episode.world.network.center, 0.0, 0.0, 0.0])

@@ -123,6 +123,8 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
     drives = {name: _drives([row for row in result.rows if row["agent"] == name], steps) for name in agents}
     lines = measure(drives)
     slack = [line for name in agents for line in slack_lines(name, limits_of(name), drives[name])]
+    if not slack:
+        (order.out / "sigma_slack.csv").unlink(missing_ok=True)  # of an earlier run
     table = as_markdown(lines) + (f"\n{slack_markdown(slack)}" if slack else "")
     files = (
         write(order.out / "sigma.csv", csv_text(lines)),

@@ -42,7 +42,7 @@ EARLY_S, LATE_S = 1.0, 5.0
 CLEAR_M = 12.0
 """m, least distance between the centre of an added vehicle and that of any other"""
 TRIES = 20
-"""how many places are tried for an oncoming or crossing vehicle"""
+"""how many places are tried for an oncoming or crossing vehicle, and kinds for a leader or follower"""
 
 
 def selected(events: Iterable[Event]) -> set[str]:
@@ -96,10 +96,13 @@ def _in_line(scene: Scene, stage: WorldStage, rng: np.random.Generator, ahead: b
     driver = stage.traffic.draw_driver(movement, kind)
     speed = stage.traffic.entry_speed(driver, place.lane, v)
     needed = float(safe_gap(scene, np.array(v if ahead else speed), np.array(speed if ahead else v)))
+    if needed > widest:
+        return []
     if needed > gap:
-        if needed > widest:
-            return []
         place = _place_in_line(scene, needed + ROUNDED_M, driver.type.length, ahead)
+        slower = stage.traffic.entry_speed(driver, place.lane, v) < speed
+        if slower or not stage.traffic.may_drive(kind, movement, place.lane):
+            return []
     name = stage.traffic.add(driver, place, v)
     _keep_lane(stage, name)
     return [name]

@@ -111,7 +111,7 @@ def _placed(value: Any, path: Path) -> Iterator[tuple[Path, FileModel]]:
 
 
 def _of_another_type(path: Path, part: Any) -> list[Problem]:
-    """The first key of an event of a user's that names a place, by its name, but has a value that cannot."""
+    """The problem of the first key that by its name is a place's, but whose value cannot be, if any."""
     for key, said, meant in (
         ("position", _is_point, "[east, north] in m"),
         ("lane", _is_name, "the name of a lane"),
@@ -127,7 +127,7 @@ def _of_another_type(path: Path, part: Any) -> list[Problem]:
 
 
 def _is_point(value: Any) -> bool:
-    """A number is no place, but that of `sensor_noise`."""
+    """Whether a value is a point, or nothing that is read as one, such as the number of `sensor_noise`."""
     return not isinstance(value, tuple) or (len(value) == 2 and all(map(_is_number, value)))
 
 

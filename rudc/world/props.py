@@ -46,10 +46,8 @@ SAME_WAY = math.cos(math.pi / 4)
 """cosine of the angle between their headings, above which a prop drives behind another as in a column"""
 LATE_S = 0.7
 """s until others brake for a prop that appears: one pass of the yielding layer, and a little more"""
-LOOK_S = 0.1
-"""s until a driver looks again: a decision"""
 MORE_M = 0.1
-"""m that must be free beyond the room a prop has made by going back, before it goes on"""
+"""m that must be free beyond the room a pedestrian has made by going back, before they go on"""
 
 
 class Prop:
@@ -82,6 +80,8 @@ class Prop:
         begin and backs to it is gone"""
         self.grip = math.inf
         """m/s2, how hard the road lets a vehicle brake and accelerate"""
+        self.look_s = 0.1
+        """s until a driver looks again: a decision"""
         moved = np.append(True, np.hypot(*np.diff(way, axis=0).T) > 0.0)
         way = way[moved]  # a leg of no length has no direction
         legs = np.diff(way, axis=0)
@@ -110,7 +110,7 @@ class Prop:
                 room = min(self._room_back, BACK_M)
                 wanted = room > 0.0
             else:
-                room = CLEARANCE_M + self.speed**2 / (2 * self._braking)
+                room = CLEARANCE_M + self.speed**2 / (2 * self._braking) + abs(self.speed) * self.look_s
                 enough = DRIVER_BACK_M + (FURTHER_M if self.speed < 0.0 else 0.0)
                 wanted = self._gives_up or not self._is_free(scene, enough)
             self._back_is_free = wanted and self._is_free(scene, -room)
@@ -181,7 +181,7 @@ class Prop:
         reach = CLEARANCE_M + self.speed**2 / (2 * self._braking)
         if self._walks:
             return reach + (self._stepped_back + MORE_M if back else 0.0)
-        reach += self.speed * LOOK_S
+        reach += abs(self.speed) * self.look_s
         return max(reach, DRIVER_BACK_M + FURTHER_M + CLEARANCE_M) if back else reach
 
     def has_room(self, scene: Scene) -> bool:
@@ -198,7 +198,7 @@ class Prop:
     def _is_free(self, scene: Scene, reach: float) -> bool:
         """Whether `reach` m of its way before its front are free (behind its rear if negative)."""
         middle = 0.5 * (math.copysign(self.length, reach) + reach)
-        return self._is_clear(scene, (*self.pose(middle), abs(reach), self.width), LOOK_S)
+        return self._is_clear(scene, (*self.pose(middle), abs(reach), self.width), self.look_s)
 
     def _is_clear(self, scene: Scene, box: tuple[float, float, float, float, float], late_s: float) -> bool:
         """Whether a box on its way (x m, y m, heading rad, length m, width m) is free.

@@ -88,3 +88,15 @@ def test_a_vehicle_that_vanishes_in_plain_sight_is_missed_and_an_ego_that_sees_n
         assert (shown.count, watch.blind) == ((1, 0.1 * k > SURE_S) if known else (0, False)), k
     watch.see(replace(drives, time_s=5.0))
     assert not watch.blind
+
+
+def test_an_ego_is_blind_a_moment_after_the_last_was_seen_not_the_first(make_scene):
+    watch, empty = Memory(), make_scene()
+    two = make_scene({"row": 0, "s": 20.0, "v": 0.5}, {"row": 0, "s": 40.0, "v": 0.5})
+    one = two.only(np.array([1]))
+    seen = [two, two, one, one, one, one, empty, empty, empty, empty]
+    blind = []
+    for k, scene in enumerate(seen):
+        watch.see(replace(scene, time_s=0.1 * k))
+        blind.append(watch.blind)
+    assert blind == [False] * 8 + [True] * 2

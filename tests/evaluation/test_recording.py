@@ -277,6 +277,17 @@ def test_events_that_are_no_part_of_the_episode_are_named(tmp_path):
     assert [event["number"] for event in data["events"]] == [2]
 
 
+def test_an_event_that_another_replaces_for_a_while_is_over_meanwhile(tmp_path):
+    data, *_ = recorded_with(
+        tmp_path,
+        "{kind: sensor_noise, position: 0.1}",
+        "{kind: sensor_noise, speed: 1, duration: 0.5, when: {simulation_time: {above: 0.95}}}",
+    )
+    lasting, short = data["events"]
+    ((begin, end),) = lasting["over"]
+    assert (end - begin, short["over"]) == (5, [[end, None]])
+
+
 def test_tracks_say_in_which_events_somebody_takes_part_since_when(tmp_path):
     data, seen, _ = recorded_with(
         tmp_path,

@@ -160,6 +160,7 @@ def test_it_drives_listens_and_resumes(monkeypatch, tmp_path):
     monkeypatch.setattr(module, "limits_of", lambda _: {})
     again = run(Order(order.out, order.agents, (), 1, 3, resume=True), lambda _: Silent())
     assert [path.name for path in again.files] == ["sigma.csv", "sigma.md", "sigma.png"]
+    assert not (order.out / "sigma_slack.csv").exists()
     assert "sigma_l" not in again.table
     assert again.files[0].read_bytes() == before
     steps_file(tmp_path / "s" / "steps", "rudc-wo-cbf", "random_destination", 3).unlink()

@@ -90,6 +90,11 @@ function present(run, k) {
   return run.tracks.filter((t) => t.from <= k && k < t.from + t.x.length);
 }
 
+// Whether an event is over at step k; one that a shorter one replaced for a while is on again afterwards.
+function isOver(event, k) {
+  return event.over.some(([from, to]) => k >= from && (to === null || k < to));
+}
+
 function themed() {
   const style = getComputedStyle(document.documentElement);
   const colour = (name) => style.getPropertyValue(`--${name}`).trim();

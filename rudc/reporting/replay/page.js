@@ -181,7 +181,7 @@ function standing(run, k) {
   return [...run.events.map((event) => {
     const name = named(event);
     if (event.begun_s === null || event.begun_s > time + 1e-6) return `${name}: waits`;
-    if (event.over !== null && k >= event.over) return `${name}: over`;
+    if (isOver(event, k)) return `${name}: over`;
     if (event.visible_s === null || event.visible_s > time + 1e-6) return `${name}: not seen yet`;
     return name;
   }), ...absent];

@@ -265,7 +265,7 @@ class SceneView {
     for (const event of run.events) {
       const begun = event.begun_s !== null && event.begun_s <= time + 1e-6;
       if (event.way && !begun) this.stroke(trace(new Path2D(), event.way), this.colours.event, 0.3, [1, 0.8]);
-      if (numbers.has(event.number) || (event.over !== null && k >= event.over)) continue;
+      if (numbers.has(event.number) || isOver(event, k)) continue;
       for (const [x, y] of event.places) this.badge(x, y, event.number, begun, true);
     }
   }

@@ -33,6 +33,8 @@ def findings(
     if ranked:
         said += _best(ranked, where, episodes, data)
         said += _hard(ranked[0].key[0], data)
+    elif any(group.episodes for group in agents):
+        said.append("The agents have finished none of the same episodes yet, so they are not ranked.")
     return [*said, *_events(data)]
 
 

@@ -76,7 +76,7 @@ class Effect(ABC, Generic[E]):
     """whether it has no body, and the ego feels it as soon as it begins"""
     replaceable = False
     """whether it is over as soon as a later event of its kind begins; when that one's duration has passed, it
-    is back if it has no duration itself"""
+    begins again if it has no duration itself"""
 
     def __init__(self, event: E, name: str) -> None:
         self.event = event

@@ -64,8 +64,8 @@ class Script:
             if ask_effect(effect, "is_over", stage, stage.time_s):
                 ask_effect(effect, "end", stage, stage.time_s)
                 self._active.remove(effect)
-                if (replaced := self._lasting.get(type(effect))) is not None:
-                    ask_effect(replaced, "begin", stage, stage.time_s)
+                replaced = self._lasting.get(type(effect))
+                if replaced is not None and ask_effect(replaced, "begin", stage, stage.time_s):
                     self._active.append(replaced)
             else:
                 ask_effect(effect, "step", stage, stage.time_s)

@@ -266,7 +266,7 @@ class WorldStage(NetworkStage):
 
     def _prop(self, name: str, body: Body, way: Array, speed: float) -> Prop:
         prop = Prop(name, Kind[body.upper()], size_of(body), way, wanted=speed)
-        prop.grip = self.traffic.grip
+        prop.grip, prop.look_s = self.traffic.grip, self.decision_s
         return prop
 
     def things_of(self, event: str) -> frozenset[str]:

@@ -135,11 +135,11 @@ console.log(JSON.stringify(frames));
 def test_numbers_stand_beside_bodies_and_at_places_only_before(runs, tmp_path):
     """The badges of the page's own script: text, whether anything is there, whether the ego has seen it."""
     moving = next(track for track in runs[0]["tracks"] if len(track["state"]) == runs[0]["frames"])
-    when = {"kind": "hard_brake", "way": None, "over": None, "begun_s": None, "visible_s": None}
+    when = {"kind": "hard_brake", "way": None, "over": [], "begun_s": None, "visible_s": None}
     events = [
         {**when, "number": 1, "places": [[0, 0]], "begun_s": 2.0, "visible_s": 3.0},
         {**when, "number": 2, "places": [], "begun_s": 4.0},
-        {**when, "number": 3, "places": [[5, 5]], "begun_s": 2.0, "over": 29},
+        {**when, "number": 3, "places": [[5, 5]], "begun_s": 2.0, "over": [[29, None]]},
     ]
     track = {**moving, "events": [[19, "1"], [39, "1,2"], [59, None]]}
     found = in_node(
