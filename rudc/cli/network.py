@@ -62,13 +62,12 @@ def check(
     from rudc.world.trial import refuse_untried
 
     report = check_network(source, junction)
-    if out is not None:
-        from rudc.drawing.picture_file import check_picture
+    written = None
+    if out is not None:  # first, since whoever reads the tables may stop reading
+        from rudc.drawing.network_picture import draw_network
+        from rudc.drawing.picture_file import check_picture, save_picture
 
         check_picture(out)
-        from rudc.drawing.network_picture import draw_network
-        from rudc.drawing.picture_file import save_picture
-
         written = save_picture(draw_network(report.network), out)
     if as_json:
         print_json(_values(report))
@@ -76,7 +75,7 @@ def check(
         _show(report, lanes)
         for warning in report.warnings:
             warn(f"warning: {warning}")
-        if out is not None:
+        if written is not None:
             typer.echo(f"\n{written}")
     refuse_untried(report.network)
 
