@@ -60,8 +60,8 @@ class Brakes:
         self._hard = hard
 
     def set_mode(self, name: str) -> None:
-        """Have SUMO limit an SV's speed as the events say that act on it, and go on to brake it as hard as it
-        is being braked.
+        """Have SUMO limit an SV's speed as the events that act on it say; it is still braked as hard as
+        before.
         """
         hard = self.asked.get(name, 0.0) > self._traffic.comfortable(self._traffic.drivers[name].decel)
         if hard:

@@ -95,7 +95,7 @@ def _in_line(scene: Scene, stage: WorldStage, rng: np.random.Generator, ahead: b
         return []
     driver = stage.traffic.draw_driver(movement, kind)
     speed = stage.traffic.entry_speed(driver, place.lane, v)
-    needed = float(safe_gap(scene, np.array(v if ahead else speed), np.array(speed if ahead else v)))
+    needed = safe_gap(scene, v, speed) if ahead else safe_gap(scene, speed, v)
     if needed > widest:
         return []
     if needed > gap:

@@ -112,7 +112,7 @@ def _placed(value: Any, path: Path) -> Iterator[tuple[Path, FileModel]]:
 
 def _of_another_type(path: Path, part: Any) -> list[Problem]:
     """The problem of the first key that by its name is a place's, but whose value cannot be, if any."""
-    for key, said, meant in (
+    for key, fits, meant in (
         ("position", _is_point, "[east, north] in m"),
         ("lane", _is_name, "the name of a lane"),
         ("arm", _is_name, "the name of an arm"),
@@ -120,9 +120,9 @@ def _of_another_type(path: Path, part: Any) -> list[Problem]:
         ("length", _is_number, "a number of m"),
     ):
         value = getattr(part, key, None)
-        if value is not None and not said(value):
-            text = f"{value!r} is not {meant}; call a key of your event otherwise if it means something else"
-            return [Problem((*path, key), text)]
+        if value is not None and not fits(value):
+            other = "if this key of your event means something else, give it another name"
+            return [Problem((*path, key), f"{value!r} is not {meant}; {other}")]
     return []
 
 

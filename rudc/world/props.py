@@ -35,9 +35,9 @@ PATIENCE_S, BACK_M, BACK_SPEED = 3.0, 1.0, 0.5
 LONG_S = 10.0
 """s after which who is held up goes back to where they came from"""
 DRIVER_BACK_M, DRIVER_BACK_SPEED = 8.0, 2.5
-"""m before a driver below which it goes back; how fast it goes back (m/s)"""
+"""m, m/s: a driver goes back if less than this is free before it; how fast it goes back"""
 FURTHER_M = 6.0
-"""m by which it goes back further than it has to, or it would set off again and again before who creeps up"""
+"""m that it goes back beyond DRIVER_BACK_M; else it would set off again and again before who creeps"""
 WALKING_PACE = 2.0
 """m/s, an ego slower than this is taken to be about to stop: a driver stops before it"""
 PASSES_M = 0.5

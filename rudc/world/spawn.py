@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -66,6 +66,10 @@ def draw_route(network: Network, plan: EgoPlan, rng: np.random.Generator) -> Rou
     return network.route(movement.origin, movement.destination)
 
 
+Speed = TypeVar("Speed", float, Array)
+"""m/s, of one vehicle or of each of several"""
+
+
 class Entry(NamedTuple):
     """Where a vehicle enters a route."""
 
@@ -118,7 +122,7 @@ def safe_to_start(scene: Scene) -> bool:
     return bool(np.all(gaps[in_lane] >= safe_gap(scene, behind, front)[in_lane]))
 
 
-def safe_gap(scene: Scene, behind: Array, front: Array) -> Array:
+def safe_gap(scene: Scene, behind: Speed, front: Speed) -> Speed:
     """m, gap that one who drives `behind` m/s needs to who drives `front` m/s before it."""
     braking = min(BRAKING, grip_of(scene.actuation or Actuation()))
     return MARGIN_M + REACTION_S * behind + (behind**2 - front**2) / (2 * braking)

@@ -185,6 +185,30 @@ def test_its_things_and_keys_may_be_named_as_it_likes(tmp_path):
         load_scenario(written(tmp_path, both), fit=misfits)
 
 
+class DriesEffect(OilSpillEffect):
+    """The road dries by itself."""
+
+    replaceable = True
+
+    def is_over(self, stage: Stage) -> bool:
+        return stage.time_s >= 0.3
+
+    def end(self, stage: Stage) -> None:
+        stage.set_friction(None)
+
+
+def test_one_that_ends_by_itself_stays_over(tmp_path):
+    register_event(OilSpill, DriesEffect)
+    scenario = load_scenario(written(tmp_path, "{kind: oil_spill, friction: 0.1}"))
+    with World(load_network("four_way")) as world:
+        world.reset(scenario.plan(0))
+        for _ in range(6):
+            world.advance(np.zeros(2))
+        (oil,) = world.happenings()
+        assert oil.is_over
+        assert world.scene().actuation.friction is None
+
+
 class Drone(Event, frozen=True):
     """A drone looks down."""
 
@@ -203,7 +227,7 @@ class Drone(Event, frozen=True):
     [
         (
             "position: [9, 9, 900]",
-            r"events\.0\.position: \(9\.0, 9\.0, 900\.0\) is not \[east, north\] in m; call",
+            r"events\.0\.position: \(9\.0, 9\.0, 900\.0\) is not \[east, north\] in m; if this key",
         ),
         ("lane: 3", r"events\.0\.lane: 3 is not the name of a lane"),
         ("lane: east_in_0, at: dawn", r"events\.0\.at: 'dawn' is not a number of m"),

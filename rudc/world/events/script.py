@@ -64,6 +64,8 @@ class Script:
             if ask_effect(effect, "is_over", stage, stage.time_s):
                 ask_effect(effect, "end", stage, stage.time_s)
                 self._active.remove(effect)
+                if self._lasting.get(type(effect)) is effect:  # an own one that ends by itself
+                    del self._lasting[type(effect)]
                 replaced = self._lasting.get(type(effect))
                 if replaced is not None and ask_effect(replaced, "begin", stage, stage.time_s):
                     self._active.append(replaced)
