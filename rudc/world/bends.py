@@ -1,9 +1,11 @@
-"""Vehicles that SUMO drives slow down for bends where the road is slippery.
+"""Vehicles that SUMO drives slow down for bends as the road's grip asks.
 
-SUMO knows no lateral grip: its vehicles drive a bend at their lane's limit on ice, too. So each lane gets a
-lower limit v while the road allows no more than `grip` m/s2, with its tightest bend of radius R:
+SUMO knows no lateral grip: its vehicles drive a bend at their lane's limit, even on ice. So a lane gets a
+lower limit v where its own would ask for more than `grip` m/s2 allows, with its tightest bend of radius R:
 
     v^2 / R = SHARE * grip
+
+No road has more grip than a dry one.
 
 Limits are for all who drive on a lane: whose speed factor is f takes f^2 times SHARE.
 """
@@ -16,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rudc.network.paths import SPACING
+from rudc.world.ego import DRY, GRAVITY
 
 if TYPE_CHECKING:
     from rudc.network.network import Network
@@ -41,7 +44,8 @@ class Bends:
         self._limits = {}
 
     def slow(self, grip: float) -> None:
-        """From now on the road allows `grip` m/s2 across a vehicle's direction."""
+        """From now on the road allows `grip` m/s2 across a vehicle's direction, or a dry road's if less."""
+        grip = min(grip, DRY * GRAVITY)
         if self._curvature is None:
             self._curvature = curvatures(self._network)
         for name, curvature in self._curvature.items():

@@ -109,6 +109,7 @@ class Traffic:
         self.grip = math.inf
         """m/s2, how hard the road lets an SV brake and accelerate"""
         self.bends.forget()
+        self.bends.slow(self.grip)
         self._count = 0
         self._ego: Driver | None = None
         self.drivers: dict[str, Driver] = {}
