@@ -40,7 +40,8 @@ class Descent:
         gradients = torch.autograd.grad(loss / unit, self._weights)
         squares = torch.stack([torch.linalg.vector_norm(g, dim=(1, 2)) for g in gradients]).square_()
         norms = squares.sum(dim=0).sqrt_()
-        if not bool((norms <= self._max_gradient).all()):
+        on_cpu = norms.device.type == "cpu"  # elsewhere reading them would wait for all that was launched
+        if not (on_cpu and bool((norms <= self._max_gradient).all())):
             scale = (self._max_gradient / (norms + 1e-12)).clamp_(max=1.0)[:, None, None]
             gradients = [gradient * scale for gradient in gradients]
         for weight, gradient in zip(self._weights, gradients, strict=True):
@@ -48,12 +49,24 @@ class Descent:
         return norms
 
     def step(self) -> None:
-        """Follow the gradients that are set."""
+        """Follow the gradients that are set, at the next rate."""
+        self.advance()
+        self.follow()
+
+    def advance(self) -> None:
+        """Set the next rate."""
         first, last = self._rates
-        done = min(self._steps / self._updates, 1.0)
-        self._adam.param_groups[0]["lr"] = first + (last - first) * done
-        self._adam.step()
+        rate = first + (last - first) * min(self._steps / self._updates, 1.0)
+        settings = self._adam.param_groups[0]
+        if isinstance(settings["lr"], Tensor):
+            settings["lr"].fill_(rate)
+        else:
+            settings["lr"] = rate
         self._steps += 1
+
+    def follow(self) -> None:
+        """Follow the gradients that are set, at the rate that is set."""
+        self._adam.step()
 
     def state(self) -> State:
         """Adam's moments, and how many steps were taken."""
@@ -66,8 +79,12 @@ class Descent:
 
 
 def adam(weights: Iterable[Tensor], rate: float) -> torch.optim.Adam:
-    """A new optimiser."""
-    return torch.optim.Adam(list(weights), lr=rate, fused=True)
+    """A new optimiser. On a GPU its steps can be recorded (recorded.py): its rate is a number there."""
+    weights = list(weights)
+    device = weights[0].device
+    if device.type != "cuda":
+        return torch.optim.Adam(weights, lr=rate, fused=True)
+    return torch.optim.Adam(weights, lr=torch.tensor(rate, device=device), fused=True, capturable=True)
 
 
 def moments(optimizer: torch.optim.Optimizer) -> State:

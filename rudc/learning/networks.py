@@ -90,9 +90,9 @@ class Stack:
             weights["importance.weight"],
         )  # (N, 2, W), (N, count, W)
         placed = (importance[:, :, None] * weight[:, None]).flatten(1, 2)  # one map of all waypoints
-        shift = (importance * (weights["waypoint.bias"] + self._positions.to(rows.device))).sum(
-            1, keepdim=True
-        )
+        if self._positions.device != rows.device:
+            self._positions = self._positions.to(rows.device)
+        shift = (importance * (weights["waypoint.bias"] + self._positions)).sum(1, keepdim=True)
         return _gelu(torch.baddbmm(shift, rows.expand(weight.shape[0], *rows.shape), placed))
 
     @staticmethod

@@ -20,6 +20,7 @@ backward pass is one product.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import torch
@@ -41,7 +42,7 @@ def quantile_huber(predicted: Tensor, target: Tensor, kappa: float = 1.0) -> Ten
 class _QuantileHuber(Function):
     @staticmethod
     def forward(ctx: Any, predicted: Tensor, target: Tensor, kappa: float) -> Tensor:
-        tau = torch.from_numpy(midpoints(predicted.shape[2])).to(predicted)
+        tau = _fractions(predicted.shape[2], predicted.device, predicted.dtype)
         scale = 1 / (kappa * target.shape[1])
         usual = predicted.device.type == "cpu" and predicted.dtype == torch.float32
         sums = _by_kernel if usual else _by_torch
@@ -54,6 +55,11 @@ class _QuantileHuber(Function):
     def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None, None]:  # pyright: ignore[reportIncompatibleMethodOverride] -- torch's own is variadic
         (slope,) = ctx.saved_tensors
         return gradient[..., None] * -slope, None, None
+
+
+@lru_cache
+def _fractions(count: int, device: torch.device, dtype: torch.dtype) -> Tensor:
+    return torch.from_numpy(midpoints(count)).to(device, dtype)
 
 
 def _by_kernel(predicted: Tensor, target: Tensor, tau: Tensor, kappa: float) -> tuple[Tensor, Tensor]:

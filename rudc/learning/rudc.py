@@ -18,18 +18,22 @@ gradient is clipped on its own. Units are those of reward.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
 from rudc.arrays import Arrays
 from rudc.learning.batch import Batch
 from rudc.learning.config import EnsembleConfig, Problem
 from rudc.learning.ensemble import CriticEnsemble
-from rudc.learning.learner import SoftActorCritic, Statistics
+from rudc.learning.learner import SoftActorCritic, Statistics, Tensors
 from rudc.learning.parameters import grouped
 from rudc.learning.policy import Policy
 from rudc.learning.quantiles import quantile_huber
+from rudc.learning.recorded import Recorded
 from rudc.learning.saving import array
 from rudc.learning.uncertainty import uncertainty
 
@@ -47,6 +51,7 @@ class RudcLearner(SoftActorCritic):
         self.policy_descent = self.learns("policy", self.policy, config.actor_rate)
         weights = config.risk().weights(config.quantiles)
         self._weights = torch.tensor(weights, dtype=torch.float32, device=self.device)
+        self._recorded = Recorded(self._compute, self.device)
 
     def start(self, batch: Batch) -> None:
         """Normalise the priors on what was seen (see ensemble.py)."""
@@ -56,9 +61,19 @@ class RudcLearner(SoftActorCritic):
         """One gradient step of critics, policy and temperature, one step of the targets."""
         seen = self.tensors(batch)
         mask = self.tensor(np.ascontiguousarray(batch.mask.T, dtype=np.float32))
+        noise = self.noise(*seen.action.shape), self.noise(*seen.action.shape)
+        self.critic_descent.advance()
+        self.policy_descent.advance()
+        said = self._recorded(*seen, mask, *noise)
+        self.updates += 1
+        return Statistics(*map(float, said.cpu()))
+
+    def _compute(self, *given: Tensor) -> Tensor:
+        """An update from tensors alone: the numbers of `Statistics`, in their order."""
+        seen, (mask, noise_after, noise) = Tensors._make(given[:-3]), given[-3:]
         alpha = self.temperature.value
         with torch.no_grad():
-            after = self.policy.draw(self.policy.target, seen.after, self.noise(*seen.action.shape))
+            after = self.policy.draw(self.policy.target, seen.after, noise_after)
             future = self.critics.mean_target(seen.after, after.action)
             future -= (alpha * after.log_probability)[:, None]
             target = seen.reward[:, None] + seen.discount[:, None] * future
@@ -69,28 +84,25 @@ class RudcLearner(SoftActorCritic):
         member_loss = (mask * quantile_huber(quantiles, target, self.config.kappa)).mean(dim=1)  # (N,)
         critic_norms = self.critic_descent.differentiate(member_loss.sum(), self.config.value_scale)
 
-        drawn = self.policy.draw(self.policy.trained, seen.state, self.noise(*seen.action.shape))
+        drawn = self.policy.draw(self.policy.trained, seen.state, noise)
         value = self.critics.objective(latent, prior_latent, drawn.action, self._weights)
         policy_loss = (alpha * drawn.log_probability - value).mean()
         policy_norm = self.policy_descent.differentiate(policy_loss, self.config.value_scale)
 
         entropy = -drawn.log_probability.detach().mean()
-        self.critic_descent.step()
-        self.policy_descent.step()
+        self.critic_descent.follow()
+        self.policy_descent.follow()
         self.temperature.step(entropy)
         self.critics.follow()
         self.policy.follow()
-        self.updates += 1
-        return Statistics(
-            critic_loss=float(member_loss.detach().mean()),
-            policy_loss=float(policy_loss.detach()),
-            value=float(value.detach().mean()),
-            target=float(target.mean()),
-            entropy=float(entropy),
-            temperature=float(alpha),
-            critic_gradient=float(critic_norms.max()),
-            policy_gradient=float(policy_norm),
-        )
+        losses = member_loss.mean(), policy_loss, value.mean(), target.mean(), entropy, alpha
+        norms = critic_norms.max(), policy_norm
+        return torch.stack([number.detach().reshape(()) for number in (*losses, *norms)])
+
+    def load(self, state: Mapping[str, NDArray]) -> None:
+        """See `Learner`."""
+        super().load(state)
+        self._recorded.forget()
 
     def sigma(self, observation: NDArray, action: NDArray) -> NDArray:
         """sigma_total (B,) of what follows from actions (B, actions), reward units."""

@@ -1,12 +1,13 @@
 """A gradient update of the ensemble against the same update written as a loop over separate critics.
 
-    python -m tests.benchmarks.critic_update [--threads 2] [--repeats 15] [--members 5]
+    python -m tests.benchmarks.critic_update [--threads 2] [--repeats 15] [--members 5] [--device cuda]
 
 Two sizes: `paper` (attention networks, width 256, batch 256, the paper's observation) and `quick` (128 x 2 on
 all features, batch 128). Against each stand three loops (tests/benchmarks/loop_learner.py): the same networks
 number for number, the same with a careful author's economies, and the same with the usual key and value
 projections. They take turns of eight updates, so that a machine with other work to do slows them alike; in
-training fifty come in a row. Ratios are those of the medians and of the fastest.
+training fifty come in a row. Ratios are those of the medians and of the fastest. On a GPU the first warm up
+and record ours (rudc/learning/recorded.py); all read their losses, and so wait for the GPU, in each update.
 """
 
 from __future__ import annotations
@@ -37,23 +38,24 @@ def configurations(members: int) -> dict[str, Case]:
     }
 
 
-def contestants(case: Case) -> dict[str, Callable[..., object]]:
+def contestants(case: Case, device: str) -> dict[str, Callable[..., object]]:
     """Updates by name, ours first."""
     result: dict[str, Callable[..., object]] = {
-        "stack": widest_products()(RudcLearner(*case).update),
-        "loop": LoopLearner(*case).update,
-        "loop, our products": widest_products()(LoopLearner(*case).update),
-        "lean loop": LoopLearner(*case, lean=True).update,
+        "stack": widest_products()(RudcLearner(*case, device).update),
+        "loop": LoopLearner(*case, device).update,
+        "lean loop": LoopLearner(*case, device, lean=True).update,
     }
+    if device == "cpu":
+        result["loop, our products"] = widest_products()(LoopLearner(*case).update)
     if case.config.critic.encoder == "attention":
-        result["loop, projections"] = LoopLearner(*case, projections=True).update
+        result["loop, projections"] = LoopLearner(*case, device, projections=True).update
     return result
 
 
-def measure(case: Case, repeats: int) -> dict[str, list[float]]:
+def measure(case: Case, repeats: int, device: str) -> dict[str, list[float]]:
     """Seconds of each update, by name."""
     batches = [random_batch(case, case.config.batch_size, seed) for seed in range(4)]
-    updates = contestants(case)
+    updates = contestants(case, device)
     seconds: dict[str, list[float]] = {name: [] for name in updates}
     for turn in range(-1, repeats):  # the first warms up
         for name, update in updates.items():
@@ -71,12 +73,13 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--repeats", type=int, default=5, help="turns of each")
     parser.add_argument("--members", type=int, default=5)
+    parser.add_argument("--device", default="cpu")
     options = parser.parse_args()
     torch.set_num_threads(options.threads)
     keep_freed_blocks()  # as the trainer does
-    print(f"gradient update, {options.members} critics, {options.threads} threads")
+    print(f"gradient update, {options.members} critics, {options.threads} threads, {options.device}")
     for size, case in configurations(options.members).items():
-        seconds = measure(case, options.repeats)
+        seconds = measure(case, options.repeats, options.device)
         ours = seconds["stack"]
         print(f"{size:8s}{'stack':20s}{1e3 * float(np.median(ours)):8.1f} ms")
         for name, theirs in seconds.items():

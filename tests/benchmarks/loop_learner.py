@@ -62,9 +62,8 @@ class Network(nn.Module):
                 self.maps[name] = identity
         if network.encoder == "attention":
             self.importance = nn.Parameter(torch.from_numpy(arrays["importance.weight"][member].copy()))
-            self.positions = torch.from_numpy(
-                waypoint_positions(layout.waypoints, network.waypoint_embedding)
-            )
+            positions = torch.from_numpy(waypoint_positions(layout.waypoints, network.waypoint_embedding))
+            self.register_buffer("positions", positions)
 
     def forward(self, observation: Tensor, action: Tensor | None = None) -> Tensor:
         maps, layout = self.maps, self.layout
@@ -100,13 +99,20 @@ class LoopLearner:
     """The update of RudcLearner in plain form."""
 
     def __init__(
-        self, config: EnsembleConfig, problem: Problem, *, lean: bool = False, projections: bool = False
+        self,
+        config: EnsembleConfig,
+        problem: Problem,
+        device: str = "cpu",
+        *,
+        lean: bool = False,
+        projections: bool = False,
     ) -> None:
-        self.config, self.problem, self.lean = config, problem, lean
+        self.config, self.problem, self.device, self.lean = config, problem, device, lean
 
         def critics(arrays: Arrays) -> list[Network]:
             members = range(config.members)
-            return [Network(problem.layout, config.critic, arrays, n, projections) for n in members]
+            made = [Network(problem.layout, config.critic, arrays, n, projections) for n in members]
+            return [network.to(device) for network in made]
 
         self.critics, self.targets = (
             critics(critic_arrays(config, problem)),
@@ -114,12 +120,12 @@ class LoopLearner:
         )
         self.priors = critics(prior_arrays(config, problem))
         self.policy, self.target_policy = (
-            Network(problem.layout, config.policy, policy_arrays(config, problem), 0, projections)
+            Network(problem.layout, config.policy, policy_arrays(config, problem), 0, projections).to(device)
             for _ in range(2)
         )
         for network in (*self.priors, *self.targets, self.target_policy):
             network.requires_grad_(False)
-        self.log_alpha = torch.tensor([math.log(config.temperature)], requires_grad=True)
+        self.log_alpha = torch.tensor([math.log(config.temperature)], device=device, requires_grad=True)
         self.generator = torch.Generator().manual_seed(problem.seed)
         critic_rate, actor_rate = config.critic_rate[0], config.actor_rate[0]
         self.critic_adams = [torch.optim.Adam(c.parameters(), critic_rate, fused=lean) for c in self.critics]
@@ -135,6 +141,7 @@ class LoopLearner:
     def draw(self, policy: Network, observation: Tensor) -> tuple[Tensor, Tensor]:
         """Actions and the logarithms of their probability."""
         noise = torch.randn(len(observation), self.problem.actions, generator=self.generator)
+        noise = noise.to(self.device)
         mean, log_std = policy(observation).chunk(2, 1)
         log_std = log_std.clamp(*self.config.log_std)
         u = mean + log_std.exp() * noise
@@ -144,7 +151,7 @@ class LoopLearner:
     def quantile_huber(self, predicted: Tensor, target: Tensor) -> Tensor:
         """(B,) from (B, N_q) and (B, N_q), pair by pair."""
         count, kappa = predicted.shape[1], self.config.kappa
-        tau = (torch.arange(count) + 0.5) / count
+        tau = (torch.arange(count, device=self.device) + 0.5) / count
         delta = target[:, None, :] - predicted[:, :, None]
         size = delta.abs()
         huber = torch.where(size > kappa, kappa * (size - 0.5 * kappa), 0.5 * delta**2) / kappa
@@ -152,7 +159,8 @@ class LoopLearner:
 
     def update(self, batch: Batch) -> dict[str, float]:
         """One update."""
-        observation, action, _, reward, _, discount, after, terminal, mask, _ = map(torch.from_numpy, batch)
+        columns = (torch.from_numpy(column).to(self.device) for column in batch)
+        observation, action, _, reward, _, discount, after, terminal, mask, _ = columns
         alpha = self.log_alpha.detach().exp()
         with torch.no_grad():
             next_action, log_p = self.draw(self.target_policy, after)
@@ -192,6 +200,7 @@ class LoopLearner:
             critic.requires_grad_(False)
         action, log_p = self.draw(self.policy, observation)
         weights = torch.tensor(self.config.risk().weights(self.config.quantiles), dtype=torch.float32)
+        weights = weights.to(self.device)
         values = [
             (self.combined(*pair, observation, action) * weights).sum(1)
             for pair in zip(self.critics, self.priors, strict=True)
