@@ -6,8 +6,8 @@ along its path at the speed that it had (rudc/safety/prediction.py). Until then 
 be gone, so that the scene of sensors that miss nobody is not changed. A vehicle vanishes in plain sight where
 no box hides it, and both the sensors' reach and its path go on for END_M or more.
 
-Where nobody at all has been seen for SURE_S, though somebody should be, the ego is `blind`; those who were
-there are then shown for BLIND_S.
+Where nobody at all has been seen for SURE_S, though somebody should be, the ego is `blind`, until it sees
+somebody, or for HOLD_S; those who were there are shown for BLIND_S.
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ from rudc.world.scene import Scene
 
 KEPT_S, BLIND_S = 1.0, 3.0
 """s, s: how long somebody who vanishes is shown, and how long to an ego that is blind"""
+HOLD_S = 10.0
+"""s after which an ego that sees nobody takes the roads for empty"""
 SURE_S = 0.25
 """s for which nobody is seen before the ego counts as blind: sensors miss a single vehicle now and then"""
 END_M = 10.0
@@ -39,6 +41,7 @@ class Memory:
         self._seen_s = -math.inf
         self._misses = False
         """whether sensors have been seen to miss somebody"""
+        self._blind_since = math.inf
         self.blind = False
         """whether nobody is seen, though somebody should be: the sensors may have failed"""
 
@@ -58,9 +61,13 @@ class Memory:
         if before in missing and not self._misses:
             self._misses = self._in_plain_sight(missing[before], scene)
         unseen_s = scene.time_s - max(missing, default=math.inf)
-        self.blind = (scene.count == 0 and unseen_s > SURE_S) and any(
+        if scene.count > 0:
+            self._blind_since = math.inf
+        elif (self._blind_since == math.inf and unseen_s > SURE_S) and any(
             self._in_plain_sight(names, scene) for names in missing.values()
-        )
+        ):
+            self._blind_since = scene.time_s
+        self.blind = 0.0 <= scene.time_s - self._blind_since <= HOLD_S
         self._misses = self._misses or self.blind
         if not (self._misses and missing):
             return scene

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rudc.agents.memory import BLIND_S, KEPT_S, SURE_S, Memory
+from rudc.agents.memory import BLIND_S, HOLD_S, KEPT_S, SURE_S, Memory
 from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode
 from rudc.world.perception import Sensors
@@ -82,12 +82,15 @@ def test_a_vehicle_that_vanishes_in_plain_sight_is_missed_and_an_ego_that_sees_n
     end = float(empty.network.paths.length[0])
     drives = make_scene({"row": 0, "s": s % end, "v": 0.5})
     watch.see(replace(drives, time_s=0.0))
-    for k in range(1, 40):
+    for k in range(1, 120):
         shown = watch.see(replace(empty, time_s=0.1 * k))
-        known = missed and 0.1 * k < BLIND_S + 0.05
-        assert (shown.count, watch.blind) == ((1, 0.1 * k > SURE_S) if known else (0, False)), k
-    watch.see(replace(drives, time_s=5.0))
+        known, holds = missed and 0.1 * k < BLIND_S + 0.05, SURE_S < 0.1 * k < SURE_S + 0.1 + HOLD_S
+        assert (shown.count, watch.blind) == (int(known), missed and holds), k
+    watch.see(replace(drives, time_s=13.0))
     assert not watch.blind
+    watch.see(replace(empty, time_s=13.1))
+    watch.see(replace(empty, time_s=13.5))
+    assert watch.blind == missed, "again"
 
 
 def test_an_ego_is_blind_a_moment_after_the_last_was_seen_not_the_first(make_scene):
