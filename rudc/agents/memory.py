@@ -2,12 +2,13 @@
 
 Sensors miss others now and then, and boxes hide those who drive behind them. Once somebody has vanished and
 come back, or a vehicle has vanished in plain sight, everybody who vanishes is shown for another KEPT_S, moved
-along its path at the speed that it had (rudc/safety/prediction.py). Until then those who vanish are taken to
-be gone, so that the scene of sensors that miss nobody is not changed. A vehicle vanishes in plain sight where
-no box hides it, and both the sensors' reach and its path go on for END_M or more.
+along its path at the speed that it had (rudc/safety/prediction.py), and for twice the longest time after
+which somebody came back if that is more, up to LONGEST_S. Until then those who vanish are taken to be gone,
+so that the scene of sensors that miss nobody is not changed. A vehicle vanishes in plain sight where no box
+hides it, and both the sensors' reach and its path go on for END_M or more.
 
 Where nobody at all has been seen for SURE_S, though somebody should be, the ego is `blind`, until it sees
-somebody, or for HOLD_S; those who were there are shown for BLIND_S.
+somebody, or for HOLD_S; those who were there are shown for LONGEST_S.
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ from rudc.agents.hidden import sees
 from rudc.safety.prediction import others_later
 from rudc.world.scene import Scene
 
-KEPT_S, BLIND_S = 1.0, 3.0
-"""s, s: how long somebody who vanishes is shown, and how long to an ego that is blind"""
+KEPT_S, LONGEST_S = 1.0, 3.0
+"""s, s: how long somebody who vanishes is shown, at least and at most"""
 HOLD_S = 10.0
 """s after which an ego that sees nobody takes the roads for empty"""
 SURE_S = 0.25
@@ -37,8 +38,10 @@ class Memory:
 
     def __init__(self) -> None:
         self._last: dict[str, Scene] = {}
-        """name of each who was seen within KEPT_S or BLIND_S -> scene in which it was seen last"""
+        """name of each who was seen within LONGEST_S -> scene in which it was seen last"""
         self._seen_s = -math.inf
+        self._longest_s = 0.0
+        """s, the longest time after which somebody came back"""
         self._misses = False
         """whether sensors have been seen to miss somebody"""
         self._blind_since = math.inf
@@ -50,13 +53,18 @@ class Memory:
         before, self._seen_s = self._seen_s, scene.time_s
         for name in scene.ids:
             last = self._last.get(name)
-            self._misses = self._misses or (last is not None and last.time_s < before)
+            if last is not None and last.time_s < before:
+                self._misses, gap_s = True, scene.time_s - last.time_s
+                self._longest_s = max(self._longest_s, gap_s)
             self._last[name] = scene
+        kept_s = max(KEPT_S, min(2.0 * self._longest_s, LONGEST_S))
+        if self.blind and scene.count == 0:
+            kept_s = LONGEST_S
         missing: dict[float, list[str]] = {}
         for name, last in list(self._last.items()):
-            if scene.time_s - last.time_s > (BLIND_S if self.blind and scene.count == 0 else KEPT_S):
+            if scene.time_s - last.time_s > LONGEST_S:
                 del self._last[name]
-            elif last is not scene:
+            elif last is not scene and scene.time_s - last.time_s <= kept_s:
                 missing.setdefault(last.time_s, []).append(name)
         if before in missing and not self._misses:
             self._misses = self._in_plain_sight(missing[before], scene)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rudc.agents.memory import BLIND_S, HOLD_S, KEPT_S, SURE_S, Memory
+from rudc.agents.memory import HOLD_S, KEPT_S, LONGEST_S, SURE_S, Memory
 from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode
 from rudc.world.perception import Sensors
@@ -71,6 +71,17 @@ def test_it_is_forgotten_after_a_while(make_scene):
     assert watch.see(replace(there, time_s=9.0)).count == 2
 
 
+@pytest.mark.parametrize(("gap", "kept_s"), [(3, KEPT_S), (8, 1.6), (20, LONGEST_S)])
+def test_who_is_missed_for_long_is_kept_for_long(make_scene, gap, kept_s):
+    there, away, watch = make_scene({"at": (20.0, 3.0, 0.0)}), make_scene(), Memory()
+    shown = []
+    for k in range(gap + 41):
+        seen = there if k in (0, gap) else away
+        shown.append(watch.see(replace(seen, time_s=0.1 * k)).count)
+    after = [0.1 * k for k, count in enumerate(shown[gap:]) if count]
+    assert after[-1] == pytest.approx(kept_s, abs=0.11)
+
+
 @pytest.mark.parametrize(
     ("s", "sight_m", "missed"), [(20.0, math.inf, True), (20.0, 120.0, False), (-6.0, math.inf, False)]
 )
@@ -84,7 +95,7 @@ def test_a_vehicle_that_vanishes_in_plain_sight_is_missed_and_an_ego_that_sees_n
     watch.see(replace(drives, time_s=0.0))
     for k in range(1, 120):
         shown = watch.see(replace(empty, time_s=0.1 * k))
-        known, holds = missed and 0.1 * k < BLIND_S + 0.05, SURE_S < 0.1 * k < SURE_S + 0.1 + HOLD_S
+        known, holds = missed and 0.1 * k < LONGEST_S + 0.05, SURE_S < 0.1 * k < SURE_S + 0.1 + HOLD_S
         assert (shown.count, watch.blind) == (int(known), missed and holds), k
     watch.see(replace(drives, time_s=13.0))
     assert not watch.blind
