@@ -23,7 +23,7 @@ SLOWEST = 4.0
 """m/s, no probe is made below this speed, since braking says little there"""
 LONGEST_S = 0.5
 """s after which a probe ends, whatever it has shown"""
-SHOWN = 0.9
+SHOWN = 0.95
 """share of full braking, or of the known grip, from which on the road has shown its grip"""
 SETTLED = 0.5
 """m/s2, the car has responded to the braking once its acceleration changes by less than this from one

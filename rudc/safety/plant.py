@@ -43,7 +43,7 @@ LONGEST_S = 2.0
 LAGS = np.array([0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6])
 """s, lags of the bank"""
 FRICTIONS = np.array(
-    [np.inf, 0.7, 0.6, 0.52, 0.46, 0.4, 0.35, 0.3, 0.26, 0.23, 0.2, 0.17, 0.15, 0.13, 0.11, 0.09]
+    [np.inf, 0.7, 0.6, 0.56, 0.52, 0.46, 0.4, 0.35, 0.3, 0.26, 0.23, 0.2, 0.17, 0.15, 0.13, 0.11, 0.09]
 )
 """coefficients of friction of the bank; inf for a dry road"""
 _LIMITS: Array = np.minimum(FRICTIONS, DRY) * GRAVITY

@@ -121,6 +121,28 @@ def test_a_road_that_does_not_answer_is_not_asked_for_longer_than_stated(make_sc
     assert asked == round(LONGEST_S / 0.1)
 
 
+@pytest.mark.parametrize("friction", [0.45, 0.5, 0.56, None])
+def test_what_a_wet_road_gives_is_known_after_the_first_braking(world_on, friction):
+    wet = (event("low_friction", friction=friction),) if friction else ()
+    plan = PlanSource(origin="south", turn="straight", distance=(60.0, 60.0), density=1.0, events=wet).plan(0)
+    agent = OutlookAgent(Hurried(), "hurried", OutlookSettings(plant="estimated").make())
+    episode = Episode(world_on("four_way"))
+    scene = episode.reset(plan)
+    agent.reset(scene, 0)
+    braked = []
+    for _ in range(10):
+        decision = agent.act(scene)
+        braked.append(decision.u[0] == -6.0)
+        scene = episode.step(decision.u).scene
+    known = decision.plant.actuation.friction
+    if friction is None:
+        assert known is None
+        assert sum(braked) == 1
+    else:
+        assert known == pytest.approx(friction, rel=0.06)
+        assert sum(braked) <= LONGEST_S / 0.1
+
+
 @pytest.mark.parametrize(("probe", "outcome"), [(True, "success"), (False, "off_road")])
 def test_a_road_that_turns_wet_before_a_bend_is_found_out_in_time(world_on, probe, outcome):
     wet = event("low_friction", friction=0.4, when={"ego_distance_to_junction": {"below": 20.0}})
