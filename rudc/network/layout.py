@@ -19,13 +19,13 @@ import numpy as np
 
 from rudc.arrays import Array, Flags
 from rudc.errors import NetworkError
-from rudc.hints import there_are
+from rudc.hints import did_you_mean
 from rudc.network import assembly, reader
 from rudc.network.conflicts import Crossings, conflict_table, crossings, departure_table, silent
 from rudc.network.net_file import read_net
 from rudc.network.paths import PathTable
 from rudc.network.polyline import without_repeats
-from rudc.network.road import Arm, Lane, Movement
+from rudc.network.road import Arm, Lane, Movement, may_mean
 from rudc.network.route import ReferencePath, Route
 from rudc.network.surface import Surface
 
@@ -123,9 +123,10 @@ class Layout:
         for arm in self.arms:
             if name in arm.in_edges or name in arm.out_edges:
                 return arm
+        names = [arm.name for arm in self.arms]
         raise NetworkError(
-            f"no arm {name!r} in network {self.name}{there_are(name, [arm.name for arm in self.arms])}; "
-            "an arm can also be given by the id of one of its edges"
+            f"no arm {name!r} in network {self.name}{did_you_mean(name, may_mean(name, names))}; there are: "
+            f"{', '.join(names)}; an arm can also be given by the id of one of its edges"
         )
 
     def lanes_of(self, arm: Arm) -> list[Lane]:

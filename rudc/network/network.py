@@ -21,7 +21,7 @@ from rudc.hints import did_you_mean, there_are
 from rudc.kernels import as_written
 from rudc.network.layout import Layout
 from rudc.network.net_file import understood
-from rudc.network.road import Arm, Lane, Movement, Turn
+from rudc.network.road import Arm, Lane, Movement, Turn, may_mean
 from rudc.network.route import ReferencePath, Route, RouteKey
 from rudc.network.route_builder import build_route
 from rudc.network.stretches import (
@@ -112,7 +112,7 @@ class Network(Layout):
         if same:
             raise NetworkError(f"no lane {name!r} in network {self.name}; cars have {', '.join(same)} there")
         known = ", ".join([*self._outer, *list(self._inner)[:1]])
-        hint = did_you_mean(name, [*self._outer, *self._inner, *EGO_LANES])
+        hint = did_you_mean(name, may_mean(name, [*self._outer, *self._inner, *EGO_LANES]))
         hint = hint or f"; there are: {known} and others inside"
         raise NetworkError(f"no lane {name!r} in network {self.name}{hint}")
 

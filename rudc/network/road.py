@@ -3,6 +3,7 @@ SI units."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -16,6 +17,26 @@ COMPASS = ("east", "northeast", "north", "northwest", "west", "southwest", "sout
 
 ROAD_USERS = ("passenger", "truck", "bus", "motorcycle", "bicycle")
 """SUMO's vehicle classes that traffic is made of"""
+
+
+def may_mean(name: str, names: Iterable[str]) -> list[str]:
+    """Those of `names` (of arms or lanes) that may be meant by `name`: if it begins with a compass word, none
+    that begins with one more than 45 degrees away.
+    """
+    return [other for other in names if _steps_between(_direction(name), _direction(other)) <= 1]
+
+
+def _direction(name: str) -> int | None:
+    word = name.partition("_")[0]
+    return COMPASS.index(word) if word in COMPASS else None
+
+
+def _steps_between(one: int | None, other: int | None) -> int:
+    """Steps of 45 degrees; 0 where a direction is not known."""
+    if one is None or other is None:
+        return 0
+    away = abs(one - other)
+    return min(away, len(COMPASS) - away)
 
 
 @dataclass(frozen=True, eq=False)

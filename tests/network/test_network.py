@@ -160,6 +160,13 @@ def test_unknown_names_are_refused_with_a_suggestion():
         network.lane("west_inn_0")
     with pytest.raises(NetworkError, match=r"no arm 'sout'.*did you mean 'south'"):
         network.arm("sout")
+    with pytest.raises(NetworkError, match=r"no arm 'northeast'.*did you mean 'north'"):
+        network.arm("northeast")
+    three = load_network("t_junction")
+    with pytest.raises(NetworkError, match=r"no arm 'north' in network t_junction; there are: "):
+        three.arm("north")  # not the arm opposite
+    with pytest.raises(NetworkError, match=r"no lane 'north_in_0' in network t_junction; there are: "):
+        three.lane("north_in_0")
     with pytest.raises(NetworkError, match=r"no network 'fourway'.*did you mean 'four_way'"):
         load_network("fourway")
     with pytest.raises(NetworkError, match=r"arm 'east' does not lead to 'right'.*west \(straight\)"):
