@@ -1,14 +1,14 @@
 """Remembers those who are not seen for a moment.
 
 Sensors miss others now and then, and boxes hide those who drive behind them. Once somebody has vanished and
-come back, or a vehicle has vanished in plain sight, everybody who vanishes is shown for another KEPT_S, moved
-along its path at the speed that it had (rudc/safety/prediction.py), and for twice the longest time after
-which somebody came back if that is more, up to LONGEST_S. Until then those who vanish are taken to be gone,
-so that the scene of sensors that miss nobody is not changed. A vehicle vanishes in plain sight where no box
-hides it, and both the sensors' reach and its path go on for END_M or more.
+come back within KEPT_S, or a vehicle has vanished in plain sight, everybody who vanishes is shown for another
+KEPT_S, moved along its path at the speed that it had (rudc/safety/prediction.py); or, if that is longer, for
+twice the longest time for which the sensors have missed somebody, LONGEST_S at most. Until then those who
+vanish are taken to be gone, so that the scene of sensors that miss nobody is not changed. A vehicle vanishes
+in plain sight where no box hides it, and both the sensors' reach and its path go on for END_M or more.
 
-Where nobody at all has been seen for SURE_S, though somebody should be, the ego is `blind`, until it sees
-somebody, or for HOLD_S; those who were there are shown for LONGEST_S.
+Where nobody at all has been seen for SURE_S, though somebody who vanished in plain sight should be, the ego
+is `blind` until it sees somebody, for HOLD_S at most; those who were there are shown for LONGEST_S.
 """
 
 from __future__ import annotations
@@ -39,11 +39,13 @@ class Memory:
     def __init__(self) -> None:
         self._last: dict[str, Scene] = {}
         """name of each who was seen within LONGEST_S -> scene in which it was seen last"""
+        self._lost: set[str] = set()
+        """names of those of them who vanished in plain sight"""
         self._seen_s = -math.inf
-        self._longest_s = 0.0
-        """s, the longest time after which somebody came back"""
         self._misses = False
         """whether sensors have been seen to miss somebody"""
+        self._longest_s = 0.0
+        """s, the longest time for which they did"""
         self._blind_since = math.inf
         self.blind = False
         """whether nobody is seen, though somebody should be: the sensors may have failed"""
@@ -52,44 +54,59 @@ class Memory:
         """The scene, with those who are missing added; call it once for each decision."""
         before, self._seen_s = self._seen_s, scene.time_s
         for name in scene.ids:
-            last = self._last.get(name)
-            if last is not None and last.time_s < before:
-                self._misses, gap_s = True, scene.time_s - last.time_s
-                self._longest_s = max(self._longest_s, gap_s)
-            self._last[name] = scene
-        kept_s = max(KEPT_S, min(2.0 * self._longest_s, LONGEST_S))
-        if self.blind and scene.count == 0:
-            kept_s = LONGEST_S
+            self._find(name, scene, before)
         missing: dict[float, list[str]] = {}
         for name, last in list(self._last.items()):
             if scene.time_s - last.time_s > LONGEST_S:
                 del self._last[name]
-            elif last is not scene and scene.time_s - last.time_s <= kept_s:
+                self._lost.discard(name)
+            elif last is not scene:
                 missing.setdefault(last.time_s, []).append(name)
-        if before in missing and not self._misses:
-            self._misses = self._in_plain_sight(missing[before], scene)
-        unseen_s = scene.time_s - max(missing, default=math.inf)
-        if scene.count > 0:
-            self._blind_since = math.inf
-        elif (self._blind_since == math.inf and unseen_s > SURE_S) and any(
-            self._in_plain_sight(names, scene) for names in missing.values()
-        ):
-            self._blind_since = scene.time_s
-        self.blind = 0.0 <= scene.time_s - self._blind_since <= HOLD_S
-        self._misses = self._misses or self.blind
-        if not (self._misses and missing):
+        if lost := self._in_plain_sight(missing.get(before, []), scene):
+            self._misses = True
+            self._lost |= lost
+        self._notice_failure(scene, missing)
+        if not self._misses:
             return scene
-        joined = scene.with_others_of(*(self._now(names, scene.time_s) for names in missing.values()))
+        kept_s = LONGEST_S if self.blind else max(KEPT_S, min(2.0 * self._longest_s, LONGEST_S))
+        kept = [names for time_s, names in missing.items() if scene.time_s - time_s <= kept_s]
+        if not kept:
+            return scene
+        joined = scene.with_others_of(*(self._now(names, scene.time_s) for names in kept))
         away = joined.position - scene.ego_position
         return joined.only(np.argsort(np.hypot(away[:, 0], away[:, 1]), kind="stable"))
 
-    def _in_plain_sight(self, names: list[str], scene: Scene) -> bool:
-        """Whether any of the vehicles of these names, seen last at one time, should be seen now."""
+    def _find(self, name: str, scene: Scene, before: float) -> None:
+        """Somebody is seen in a scene; `before`: s, time of the scene before."""
+        last = self._last.get(name)
+        if last is not None and last.time_s < before:
+            self._misses = self._misses or before - last.time_s <= KEPT_S
+            if name in self._lost:
+                self._longest_s = max(self._longest_s, scene.time_s - last.time_s)
+        self._last[name] = scene
+        self._lost.discard(name)
+
+    def _notice_failure(self, scene: Scene, missing: dict[float, list[str]]) -> None:
+        """Find out whether the ego is blind; `missing`: names by the time (s) when they were seen last."""
+        unseen_s = scene.time_s - max(missing, default=math.inf)
+        if scene.count > 0:
+            self._blind_since = math.inf
+        elif (self._blind_since == math.inf and SURE_S < unseen_s <= KEPT_S) and any(
+            self._lost & self._in_plain_sight(names, scene) for names in missing.values()
+        ):
+            self._blind_since = scene.time_s
+        self.blind = 0.0 <= scene.time_s - self._blind_since <= HOLD_S
+
+    def _in_plain_sight(self, names: list[str], scene: Scene) -> set[str]:
+        """Those of the vehicles of these `names`, seen last at one time, who should be seen now."""
+        if not names:
+            return set()
         should = self._now(names, scene.time_s)
         drives = np.flatnonzero(should.path >= 0)
         goes_on = scene.network.paths.length[should.path[drives]] - should.path_s[drives] > END_M
         near = replace(scene, sight_m=scene.sight_m - END_M)
-        return bool((sees(near, should.position[drives]) & goes_on).any())
+        visible = drives[sees(near, should.position[drives]) & goes_on]
+        return {should.ids[row] for row in visible}
 
     def _now(self, names: list[str], time_s: float) -> Scene:
         """A scene of those `names`, which were last seen at the same time, where they would be at

@@ -23,8 +23,8 @@ SLOWEST = 4.0
 """m/s, no probe is made below this speed, since braking says little there"""
 LONGEST_S = 0.5
 """s after which a probe ends, whatever it has shown"""
-SHOWN = 0.95
-"""share of full braking, or of the known grip, from which on the road has shown its grip"""
+SHOWN, FULL = 0.9, 0.95
+"""shares of the known grip, and of full braking, from the lesser of which on the road has shown its grip"""
 SETTLED = 0.5
 """m/s2, the car has responded to the braking once its acceleration changes by less than this from one
 decision to the next"""
@@ -51,7 +51,7 @@ class Probe:
             self._driven += 0.5 * (ego.v + self._last[1]) * (scene.time_s - self._last[0])
         self._last = scene.time_s, ego.v
         used = math.hypot(min(ego.acceleration, 0.0), _lateral(scene))
-        if used > SHOWN * min(grip, -scene.network.vehicle.a_min):
+        if used > min(SHOWN * grip, FULL * -scene.network.vehicle.a_min):
             self._shown = self._driven
 
     def asks(self, scene: Scene, grip: float, *, limited: bool, allowed: float) -> bool:

@@ -73,13 +73,28 @@ def test_it_is_forgotten_after_a_while(make_scene):
 
 @pytest.mark.parametrize(("gap", "kept_s"), [(3, KEPT_S), (8, 1.6), (20, LONGEST_S)])
 def test_who_is_missed_for_long_is_kept_for_long(make_scene, gap, kept_s):
-    there, away, watch = make_scene({"at": (20.0, 3.0, 0.0)}), make_scene(), Memory()
-    shown = []
+    there, watch = make_scene({"row": 0, "s": 20.0, "v": 0.5}, {"at": (20.0, 3.0, 0.0)}), Memory()
+    away, shown = there.only(np.array([1])), []
     for k in range(gap + 41):
         seen = there if k in (0, gap) else away
         shown.append(watch.see(replace(seen, time_s=0.1 * k)).count)
-    after = [0.1 * k for k, count in enumerate(shown[gap:]) if count]
+    after = [0.1 * k for k, count in enumerate(shown[gap:]) if count == 2]
     assert after[-1] == pytest.approx(kept_s, abs=0.11)
+
+
+@pytest.mark.parametrize("boxes", [True, False])
+def test_who_drives_behind_a_box_and_stays_there_is_not_missed(make_scene, boxes):
+    """Nor does it make the ego blind, though it should have come out on the other side."""
+    drives = make_scene({"row": 0, "s": 20.0, "v": 8.0}, front=-30.0)
+    x, y = drives.position[0]
+    wall = np.array([[x, y, 0.0, 4.0, 4.0]]) if boxes else None
+    empty, watch = replace(make_scene(front=-30.0), hidden_by=wall), Memory()
+    watch.see(replace(drives, time_s=0.0, hidden_by=wall))
+    blind = []
+    for k in range(1, 60):
+        watch.see(replace(empty, time_s=0.1 * k))
+        blind.append(watch.blind)
+    assert any(blind) is not boxes
 
 
 @pytest.mark.parametrize(
