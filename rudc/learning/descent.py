@@ -79,7 +79,7 @@ class Descent:
 
 
 def adam(weights: Iterable[Tensor], rate: float) -> torch.optim.Adam:
-    """A new optimiser. On a GPU its steps can be recorded (recorded.py): its rate is a number there."""
+    """A new optimiser. On a GPU its rate lies there, so that a recorded step reads it anew (recorded.py)."""
     weights = list(weights)
     device = weights[0].device
     if device.type != "cuda":

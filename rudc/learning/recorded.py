@@ -17,9 +17,10 @@ WARM_UPS = 3
 
 
 class Recorded:
-    """A function of tensors whose shapes are the same in all calls. Only GPUs record; elsewhere it is called.
+    """A function of tensors. Only GPUs record; elsewhere it is called.
 
     What the function changes besides, such as weights, must stay where it is between calls; else `forget`.
+    Inputs of other shapes are recorded anew.
     """
 
     def __init__(self, compute: Callable[..., Tensor], device: torch.device) -> None:
@@ -29,6 +30,7 @@ class Recorded:
     def forget(self) -> None:
         """Record anew, since what the function changes is elsewhere from now on."""
         self._graph: torch.cuda.CUDAGraph | None = None
+        self._inputs: list[Tensor] = []
         self._calls = 0
 
     def __call__(self, *inputs: Tensor) -> Tensor:
@@ -36,6 +38,8 @@ class Recorded:
         if self._device.type != "cuda":
             return self._compute(*inputs)
         with torch.cuda.device(self._device):
+            if self._graph is not None and [i.shape for i in inputs] != [i.shape for i in self._inputs]:
+                self.forget()
             if self._calls < WARM_UPS:
                 self._calls += 1
                 return self._aside(*inputs)
@@ -50,7 +54,7 @@ class Recorded:
     def _record(self, *inputs: Tensor) -> None:
         self._inputs = [given.clone() for given in inputs]
         graph = torch.cuda.CUDAGraph()
-        with torch.cuda.graph(graph):
+        with torch.cuda.graph(graph, stream=torch.cuda.Stream()):  # torch's own is of one device
             self._output = self._compute(*self._inputs)
         self._graph = graph
 

@@ -101,8 +101,8 @@ class RudcLearner(SoftActorCritic):
 
     def load(self, state: Mapping[str, NDArray]) -> None:
         """See `Learner`."""
-        super().load(state)
         self._recorded.forget()
+        super().load(state)
 
     def sigma(self, observation: NDArray, action: NDArray) -> NDArray:
         """sigma_total (B,) of what follows from actions (B, actions), reward units."""

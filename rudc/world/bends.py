@@ -1,13 +1,13 @@
 """Vehicles that SUMO drives slow down for bends as the road's grip asks.
 
-SUMO knows no lateral grip: its vehicles drive a bend at their lane's limit, even on ice. So a lane gets a
-lower limit v where its own would ask for more than `grip` m/s2 allows, with its tightest bend of radius R:
+SUMO knows no lateral grip: its vehicles drive a bend at their lane's limit, even on ice. So a lane whose limit
+would take more than SHARE of the grip in its tightest bend, of radius R, gets a lower limit v:
 
     v^2 / R = SHARE * grip
 
 No road has more grip than a dry one.
 
-Limits are for all who drive on a lane: whose speed factor is f takes f^2 times SHARE.
+Limits are for all who drive on a lane: who has a speed factor f takes f^2 times SHARE.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Bends:
         self._limits = {}
 
     def slow(self, grip: float) -> None:
-        """From now on the road allows `grip` m/s2 across a vehicle's direction, or a dry road's if less."""
+        """From now on the road allows `grip` m/s2 across a vehicle's direction, or as much as a dry road if that is less."""
         grip = min(grip, DRY * GRAVITY)
         if self._curvature is None:
             self._curvature = curvatures(self._network)

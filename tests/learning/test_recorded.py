@@ -27,9 +27,11 @@ def test_recorded_updates_give_the_same_numbers(monkeypatch):
     batches = [random_batch(case, 24, seed) for seed in range(12)]
     quick = RudcLearner(*case, "cuda")
     found = statistics(quick, batches)
+    assert quick._recorded._graph is not None
     monkeypatch.setattr(recorded, "WARM_UPS", 100)
     slow = RudcLearner(*case, "cuda")
     assert found == [pytest.approx(row, rel=1e-3, abs=1e-4) for row in statistics(slow, batches)]
+    assert slow._recorded._graph is None
     on_cpu = statistics(RudcLearner(*case), batches)
     assert found == [pytest.approx(row, rel=1e-2, abs=1e-3) for row in on_cpu]
     assert quick.critic_descent.rate == pytest.approx(slow.critic_descent.rate)
@@ -43,6 +45,8 @@ def test_stopped_and_resumed_on_a_gpu():
     expected = statistics(through, batches)
     statistics(first, batches[:8])
     statistics(second, batches[3:9])  # whatever it did before
+    assert second._recorded._graph is not None
     second.load(first.state())
+    assert second._recorded._graph is None
     found = statistics(second, batches[8:])
     assert found == [pytest.approx(row, rel=1e-3, abs=1e-4) for row in expected[8:]]

@@ -15,7 +15,7 @@ class LowFriction(Event, frozen=True):
 
     kind: Literal["low_friction"]
     """a slippery road: nobody brakes or accelerates harder than mu g; the ego slides if it turns harder,
-    others slow down for bends"""
+    others slow down more for bends"""
     friction: Annotated[AnyDistribution, Bounds(0.03, 1.2)]
     """coefficient of friction: 0.9 dry, 0.5 wet, 0.3 snow, 0.1 ice"""
     duration: Duration | None = None
