@@ -1,7 +1,7 @@
 """Vehicles that SUMO drives slow down for bends as the road's grip asks.
 
-SUMO knows no lateral grip: its vehicles drive a bend at their lane's limit, even on ice. So a lane whose limit
-would take more than SHARE of the grip in its tightest bend, of radius R, gets a lower limit v:
+SUMO knows no lateral grip: its vehicles drive a bend at their lane's limit, even on ice. So a lane whose
+limit would take more than SHARE of the grip in its tightest bend, of radius R, gets a lower limit v:
 
     v^2 / R = SHARE * grip
 
@@ -44,7 +44,9 @@ class Bends:
         self._limits = {}
 
     def slow(self, grip: float) -> None:
-        """From now on the road allows `grip` m/s2 across a vehicle's direction, or as much as a dry road if that is less."""
+        """From now on the road allows `grip` m/s2 across a vehicle's direction, or as much as a dry road if
+        that is less.
+        """
         grip = min(grip, DRY * GRAVITY)
         if self._curvature is None:
             self._curvature = curvatures(self._network)
