@@ -6,8 +6,8 @@ Two sizes: `paper` (attention networks, width 256, batch 256, the paper's observ
 all features, batch 128). Against each stand up to four loops (tests/benchmarks/loop_learner.py): the same
 networks number for number, the same with our matrix products, with a careful author's economies, and with the
 usual key and value projections. They take turns of eight updates, so that a machine with other work to do
-slows them alike; in training fifty come in a row. Ratios are those of the medians and of the fastest. On a GPU
-ours are recorded (rudc/learning/recorded.py) in the turn that is not counted; all read their losses, and so
+slows them alike; in training fifty come in a row. Ratios are those of the medians and of the fastest. On a
+GPU ours are recorded (rudc/learning/recorded.py) in the turn that is not counted; all read their losses, and so
 wait for the GPU, in each update.
 """
 
