@@ -7,8 +7,8 @@ all features, batch 128). Against each stand up to four loops (tests/benchmarks/
 networks number for number, the same with our matrix products, with a careful author's economies, and with the
 usual key and value projections. They take turns of eight updates, so that a machine with other work to do
 slows them alike; in training fifty come in a row. Ratios are those of the medians and of the fastest. On a
-GPU ours are recorded (rudc/learning/recorded.py) in the turn that is not counted; all read their losses, and so
-wait for the GPU, in each update.
+GPU ours are recorded (rudc/learning/recorded.py) in the turn that is not counted; all read their losses, and
+so wait for the GPU, in each update.
 """
 
 from __future__ import annotations
