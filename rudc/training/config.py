@@ -183,9 +183,8 @@ class TrainConfig(AgentConfig):
                 raise InputError(
                     f"{what}: sets algorithm to {other!r}, but {algorithm!r} is to be trained: take it out"
                 )
-        what = f"preset {preset!r}"
-        start = merged(ALGORITHMS[algorithm].defaults, fitting(ALGORITHMS[algorithm], own, what))
-        config = settled(cls, {"algorithm": algorithm, **start}, (), what)
+        start = merged(ALGORITHMS[algorithm].defaults, fitting(ALGORITHMS[algorithm], own, preset))
+        config = settled(cls, {"algorithm": algorithm, **start}, (), f"preset {preset!r}")
         return config.changed(changes)
 
     def changed(self, changes: Mapping[str, Any]) -> Self:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from rudc.agents.correction import read_correction
 from rudc.errors import InputError
 from rudc.hints import there_are
 from rudc.learning.algorithms import ALGORITHMS, Algorithm
@@ -39,23 +40,36 @@ def read_preset(name: str) -> dict[str, Any]:
     return sheet.data
 
 
-def fitting(algorithm: Algorithm, preset: Mapping[str, Any], what: str) -> dict[str, Any]:
-    """Those parts of a preset that fit an algorithm. Left out are a correction of another `kind` (and then
-    `learns_from`), and settings that its learner does not have. A learner's setting that no algorithm has is
-    refused: raises InputError, in which the preset is called `what`.
+def fitting(algorithm: Algorithm, preset: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """Those parts of a preset, called `name`, that fit an algorithm. Left out are a correction that does not
+    (and then `learns_from`), and settings that its learner does not have. A learner's setting that no
+    algorithm has is refused: raises InputError.
     """
     tree = dict(preset)
-    correction, learner = tree.get("correction"), tree.get("learner")
+    learner = tree.get("learner")
     known = set(algorithm.config.model_fields)
     if isinstance(learner, Mapping):
-        _refuse_what_nobody_has(learner, known, what)
-    mine = algorithm.defaults.get("correction", {}).get("kind")
-    if isinstance(correction, Mapping) and correction.get("kind", mine) != mine:
+        _refuse_what_nobody_has(learner, known, f"preset {name!r}")
+    if "correction" in tree and not _can_have(algorithm, tree["correction"], name in preset_names()):
         del tree["correction"]
         known.discard("learns_from")
     if isinstance(learner, Mapping):
         tree["learner"] = {key: value for key, value in learner.items() if key in known}
     return tree
+
+
+def _can_have(algorithm: Algorithm, correction: Any, shipped: bool) -> bool:
+    """Whether an algorithm takes a preset's correction: from a shipped preset only one of its own kind, from
+    a user's file each that asks no more than its critics say. What is wrong in itself is refused later.
+    """
+    mine = algorithm.defaults.get("correction", {}).get("kind")
+    kind = correction.get("kind", mine) if isinstance(correction, Mapping) else correction
+    if kind == mine or shipped:
+        return kind == mine
+    try:
+        return set(read_correction(correction).asks) <= set(algorithm.config.offers)
+    except InputError:
+        return True
 
 
 def _refuse_what_nobody_has(learner: Mapping[str, Any], known: set[str], what: str) -> None:

@@ -281,6 +281,36 @@ def test_nothing_in_a_preset_is_lost_without_a_word(tmp_path):
         TrainConfig.of("rudc-t", {}, str(path))
 
 
+@pytest.mark.parametrize(
+    ("algorithm", "correction", "kind"),
+    [
+        ("rudc-t", "{kind: none}", "none"),
+        ("usl", "{kind: none}", "none"),
+        ("sac", "{kind: cbf, d_safe: 0.1}", "cbf"),
+        ("usl", "{kind: cbf}", "cbf"),
+        ("sac", "{kind: cbf, slack: {gain: 0.5}}", "none"),  # asks for sigma
+        ("rudc-t", "{kind: usl, steps: 3}", "cbf"),
+        ("rudc-t", "usl", "cbf"),
+        ("fac", "{kind: usl}", "usl"),
+    ],
+)
+def test_a_correction_of_ones_own_preset_is_taken_where_it_can_work(tmp_path, algorithm, correction, kind):
+    path = tmp_path / "mine.yaml"
+    path.write_text(f"correction: {correction}\nlearner: {{learns_from: proposed}}\n")
+    found = TrainConfig.of(algorithm, {}, str(path)).correction
+    assert found.model_dump()["kind"] == kind
+    if "d_safe" in correction:
+        assert found.model_dump()["d_safe"] == 0.1
+
+
+def test_a_wrong_correction_in_ones_own_preset_is_refused(tmp_path):
+    path = tmp_path / "mine.yaml"
+    for wrong in ("{kind: cbff}", "{kind: cbf, d_saef: 1}", "{kind: [1]}", "null"):
+        path.write_text(f"correction: {wrong}\n")
+        with pytest.raises(InputError, match=r"mine.yaml': .*(correction|d_saef)"):
+            TrainConfig.of("sac", {}, str(path))
+
+
 def test_single_values_can_be_changed_by_their_keys():
     config = TrainConfig.of("rudc-t").changed(
         {
