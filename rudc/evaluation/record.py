@@ -47,7 +47,7 @@ class EpisodeRecord:
     @property
     def seed(self) -> int:
         """Which episode of the scenario."""
-        return int(self.number("seed"))
+        return int(self.text("seed"))  # not by way of a float, which rounds those above 2^53
 
     @property
     def outcome(self) -> str:

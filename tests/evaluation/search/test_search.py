@@ -3,6 +3,7 @@
 import contextlib
 import errno
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -228,6 +229,13 @@ def test_an_episode_that_cannot_be_run_is_said_and_counts_for_nothing(tmp_path):
     assert found.episodes == 29
     assert found.errors == ("ValueError: no; traceback in errors/10.txt",)
     assert (tmp_path / "x" / "errors" / "10.txt").read_text() == "ValueError: no\n\nlines"
+
+
+def test_seeds_that_no_float_holds_are_kept(tmp_path):
+    plan = replace(planned(3), seed=2**53)
+    assert run_search(plan, tmp_path / "x", Stub).episodes == 3
+    rows = read_table(tmp_path / "x" / "evaluations.csv")
+    assert [int(row["seed"]) for row in rows] == [2**53, 2**53 + 1, 2**53 + 2]
 
 
 def test_two_cannot_write_to_one_folder(tmp_path):
