@@ -4,6 +4,7 @@ somewhere.
 
 import re
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -57,6 +58,19 @@ def test_what_a_page_says_works(page, tmp_path, monkeypatch):
         else:
             assert block.language == "text", f"{page}: nobody runs {block.language}"
     run_commands(smaller(last), tmp_path)
+
+
+def test_functions_that_tables_name_are_there():
+    """In rows whose first cell is one of our modules, the second names functions: `NAME` (what)."""
+    rows = re.findall(
+        r"^\| `(rudc\.[\w.]+)` \| (.*?) \|",
+        "\n".join(page.read_text(encoding="utf-8") for page in PAGES),
+        re.MULTILINE,
+    )
+    assert len(rows) >= 3
+    for module, names in rows:
+        for name in re.findall(r"`(\w+)`", names):
+            assert hasattr(import_module(module), name), f"{module}.{name}"
 
 
 def test_every_page_is_in_the_menu():
