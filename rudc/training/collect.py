@@ -172,7 +172,7 @@ class Collector:
             if self._outlook is not None:
                 self._outlook.reset(first)
             scene = self._show(first)
-            self._cost = scene_cost(first)
+            self._cost = scene_cost(self._episode.truth)
             self._reference.reset(scene, plan.seed)
             self._agent.reset(scene, plan.seed)
             self._correcting = bool(rng.random() < self._training.filtered_share)

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from rudc.env.episode import Episode, StepResult
-from rudc.env.reward import COLLISION
+from rudc.env.reward import COLLISION, scene_cost
 from rudc.errors import SimulationError
 from rudc.learning.nstep import NStep
 from rudc.learning.parameters import policy_arrays
+from rudc.scenario import load_scenario
 from rudc.scenario.plan import EpisodePlan
 from rudc.training.collect import Collector
 from rudc.training.config import TrainConfig
@@ -55,6 +56,25 @@ def test_a_round_can_be_taken_again(collector: Collector):
     for one, other in zip(first.transitions, again.transitions, strict=True):
         for a, b in zip(one, other, strict=True):
             np.testing.assert_array_equal(a, b)
+
+
+def test_the_cost_before_the_first_decision_is_that_of_the_world_as_it_is(
+    collector: Collector, monkeypatch: pytest.MonkeyPatch
+):
+    """In fog the sensors show others elsewhere, in this episode one that is near."""
+    costs = []
+
+    class Watched(Episode):
+        def reset(self, plan: EpisodePlan, **more: Any) -> Scene:
+            perceived = super().reset(load_scenario("fog").plan(1), **more)
+            costs.append((scene_cost(self.truth), scene_cost(perceived)))
+            return perceived
+
+    monkeypatch.setattr("rudc.training.collect.Episode", Watched)
+    (first,) = collector.collect(8, 1, "reference", drop=True).transitions
+    ((true, shown),) = costs
+    assert abs(true - shown) > 0.01
+    assert first.cost - first.cost_change == pytest.approx(true)
 
 
 def test_an_episode_that_cannot_be_set_up_is_left_out(collector: Collector, monkeypatch: pytest.MonkeyPatch):
