@@ -230,13 +230,15 @@ class TrainBar:
     def __init__(self, config: TrainConfig) -> None:
         self._progress, self._count = progress_bar(), _Count(config)
         self._id = self._progress.add_task("starting", total=self._count.total)
+        self._seeding = True
         self._progress.start()
 
     def advance(self, steps: int) -> None:
         """Move the bar; while the reference driver drives, say so."""
         if steps < self._count.before:
             self._progress.update(self._id, description=self._count.of(steps))
-        elif steps == self._count.before:
+        elif self._seeding:
+            self._seeding = False
             self._progress.update(self._id, description="")
         self._progress.update(self._id, completed=max(steps - self._count.before, 0))
 

@@ -148,7 +148,22 @@ def test_the_reference_drivers_steps_are_counted_apart(capsys, monkeypatch):
     bar.advance(100)
     assert (task.completed, task.total, task.description) == (0, 800, "100/200 steps of the reference driver")
     bar.advance(300)
-    assert (task.completed, task.total) == (100, 800)
+    assert (task.completed, task.total, task.description) == (100, 800, "")
+    bar.progress({"steps": 100, "episodes": 0})
+    bar.advance(400)
+    assert task.description == "no episode ended"
+    bar.close()
+
+
+@pytest.mark.parametrize("seed_rounds", [0, 2])
+def test_a_training_that_goes_on_is_not_starting(seed_rounds):
+    """Its first round ends beyond the reference driver's steps: without one, and resumed after it."""
+    config = SimpleNamespace(rounds=10, round_steps=100, seed_rounds=seed_rounds)
+    bar = TrainBar(config)  # pyright: ignore[reportArgumentType]
+    task = bar._progress.tasks[0]
+    assert task.description == "starting"
+    bar.advance(300)
+    assert task.description == ""
     bar.close()
 
 
