@@ -5,6 +5,7 @@ time cost). Which episode, and what h is: rudc/studies/case.py.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -73,6 +74,7 @@ def summary(driver: Driver, case: Case, rows: Sequence[Mapping[str, str]]) -> di
     ego = case.ego
     spent = np.sum([ego[f"{part}_ms"] for part in MS], axis=0)
     sigma = ego["sigma_total"]
+    peak = None if np.isnan(sigma).all() else int(np.nanargmax(sigma))
     return {
         "agent": driver.label,
         "settings": driver.agent,
@@ -81,8 +83,8 @@ def summary(driver: Driver, case: Case, rows: Sequence[Mapping[str, str]]) -> di
         "least_h_m2": case.least_h_m2,
         "largest_correction": float(ego["correction"].max()),
         "sigma_first_second": float(np.mean(sigma[:10])),
-        "sigma_peak": float(sigma.max()),
-        "sigma_peak_at_s": float(ego["time_s"][int(np.argmax(np.nan_to_num(sigma)))]),
+        "sigma_peak": math.nan if peak is None else float(sigma[peak]),
+        "sigma_peak_at_s": math.nan if peak is None else float(ego["time_s"][peak]),
         "decision_mean_ms": float(spent.mean()),
         "decision_peak_ms": float(spent.max()),
         "episodes": len(own),

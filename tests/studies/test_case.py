@@ -7,6 +7,7 @@ from rudc.agents.follower import Follower
 from rudc.errors import AgentError
 from rudc.scenario import find_scenarios
 from rudc.studies.case import COLUMNS, Driver, chosen_seed, drive, drivers
+from rudc.studies.ood_case import summary
 from tests.studies.test_latency import busy
 
 
@@ -40,6 +41,12 @@ def test_a_case_holds_the_episode():
     assert not case.ego["HOCBF_ms"].any(), "drawing h is no part of a decision"
     assert case.ego["h_m2"].min() < 25.0 < case.ego["h_m2"].max()
     assert case.duration_s == pytest.approx(case.ego["time_s"][-1] + 0.1)
+    said = summary(Driver("mine", "planner"), case, [])
+    assert np.isnan([said["sigma_peak"], said["sigma_peak_at_s"]]).all(), "no sigma, no peak"
+    sigma = np.full(len(case.ego["time_s"]), np.nan)
+    sigma[3:6] = 1.0, 2.0, 1.0
+    said = summary(Driver("mine", "planner"), case._replace(ego={**case.ego, "sigma_total": sigma}), [])
+    assert (said["sigma_peak"], said["sigma_peak_at_s"]) == (2.0, case.ego["time_s"][4])
 
 
 def test_warming_up_is_left_out_and_the_scene_of_a_collision_counts(monkeypatch):
