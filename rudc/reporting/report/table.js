@@ -9,15 +9,19 @@ function parsed(text) {
   return { mean: numbers[0], low: text.includes('[') ? numbers[1] : NaN, high: text.includes('[') ? numbers[2] : NaN };
 }
 
+// Numbers of the scenarios whose `values` these are, those with no mean last; `sign`: -1 where lower is better.
+function hardestFirst(values, sign) {
+  const means = values.map((row) => { const v = row.filter((x) => x).map((x) => x[0]); return v.reduce((a, b) => a + b, 0) / v.length; });
+  const order = [...means.keys()], known = order.filter((k) => !Number.isNaN(means[k]));
+  return [...known.sort((a, b) => sign * (means[a] - means[b])), ...order.filter((k) => Number.isNaN(means[k]))];
+}
+
 function drawHeat() {
   const name = chosen('heat-metric'), values = DATA.heat[name];
   const metric = DATA.metrics.find((m) => m.name === name);
   const known = values.flat().filter((v) => v).map((v) => v[0]);
   const [low, high] = RATES.includes(name) ? [0, 100] : [Math.min(...known), Math.max(...known)];
-  const order = DATA.scenarios.map((_, k) => k);
-  const mean = (k) => { const v = values[k].filter((x) => x).map((x) => x[0]); return v.reduce((a, b) => a + b, 0) / v.length; };
-  const sign = metric.better === 'lower' ? -1 : 1;
-  if (chosen('heat-order') === 'hard') order.sort((a, b) => sign * (mean(a) - mean(b)));
+  const order = chosen('heat-order') === 'hard' ? hardestFirst(values, metric.better === 'lower' ? -1 : 1) : [...values.keys()];
   const head = element('tr', {}, element('th', { scope: 'col' }, 'scenario'),
     ...DATA.agents.map((agent) => element('th', { scope: 'col' }, ...wrapped(agent))));
   const lines = order.map((k) => element('tr', {},

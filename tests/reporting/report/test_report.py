@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,11 +13,12 @@ from rudc.errors import SweepError
 from rudc.evaluation.columns import DECISION_MS, METRICS
 from rudc.evaluation.folder import read_sweep
 from rudc.evaluation.tables import make_table
+from rudc.reporting.report import page
 from rudc.reporting.report.densities import POINTS, densities
 from rudc.reporting.report.episodes import Episodes, event_counts, replay_name, which, worst
 from rudc.reporting.report.page import report_page, save_report
 from rudc.reporting.report.pairs import differences
-from tests.reporting.browser import CHROMIUM, driven, parsed
+from tests.reporting.browser import CHROMIUM, driven, in_node, parsed
 from tests.reporting.report.made_up import made_up_sweep, row
 
 SHOWN = (*METRICS, DECISION_MS)
@@ -80,6 +82,15 @@ def test_the_heat_map_has_the_means_of_the_table(data):
         for metric, text in zip(METRICS, cells, strict=False):
             value = data["heat"][metric.name][at[0]][at[1]]
             assert f"{value[0]:.{metric.decimals}f}" == text.split()[0]
+
+
+def test_scenarios_without_a_finished_episode_are_the_last_of_the_hardest(tmp_path):
+    script = (Path(page.__file__).parent / "table.js").read_text(encoding="utf-8")
+    rates = [[50, 70], [None, None], [10, None], [None, None], [90, 80], [20, 40]]
+    values = json.dumps([[None if rate is None else [rate, 0, 100] for rate in row] for row in rates])
+    code = f"console.log(JSON.stringify([1, -1].map((sign) => hardestFirst({values}, sign))));"
+    told = in_node(f"const DATA = {{ metrics: [] }};\n{script}\n{code}", tmp_path)
+    assert told == [[2, 5, 0, 4, 1, 3], [4, 0, 5, 2, 1, 3]]
 
 
 def test_differences_are_of_the_same_episodes(episodes, data):
