@@ -10,7 +10,7 @@ whichever action is replayed: the policy drives on and leaves braking to the fil
 
 An episode that cannot be set up (such as one in which no draw has a safe start) is left out: in a round the
 next one is drawn. One that fails later is broken off: its last decision gives no transition, nor do those
-before it that still wait for the rewards of later decisions.
+before it that still wait for the rewards of later decisions. `Collected` counts both.
 
 With `training.outlook` whoever drives sees the world as the agent's outlook shows it. The outlook also bounds
 the commands, in the episodes that are corrected and in no others.
@@ -71,6 +71,10 @@ class Collected(NamedTuple):
     """what to learn from"""
     finished: tuple[Finished, ...]
     """episodes that ended"""
+    drawn: int
+    """number of episodes that were drawn"""
+    left_out: int
+    """number of episodes that could not be set up or driven to their end"""
 
 
 class Collector:
@@ -95,7 +99,7 @@ class Collector:
         self._outlook = config.outlook.make() if config.training.outlook else None
         self._correcting = True
         self._steps = NStep(config.learner.n_step, config.learner.discount)
-        self._failed = 0
+        self._failed = self._drawn = self._left_out = 0
 
     def load(self, arrays: Mapping[str, Floats], percentiles: tuple[float, float] | None) -> None:
         """Drive with these weights from now on."""
@@ -108,6 +112,7 @@ class Collector:
         rng = np.random.default_rng((self._training.seed, self._worker, round_))
         new: list[Transition] = []
         finished: list[Finished] = []
+        self._drawn = self._left_out = 0
         for k in range(decisions):
             episode, scene = self._running(rng)
             choice = self._choose(scene, by, rng)
@@ -127,7 +132,7 @@ class Collector:
                 self._episode, self._failed = None, 0
         if drop:  # a training that is resumed here counts from 0, too
             self._episode, self._failed = None, 0
-        return Collected(tuple(new), tuple(finished))
+        return Collected(tuple(new), tuple(finished), self._drawn, self._left_out)
 
     def evaluate(self, tasks: tuple[tuple[str, int], ...]) -> tuple[EpisodeRecord | None, ...]:
         """Drive the held-out episodes (scenario, seed) as the agent will; None for one that cannot be set up
@@ -183,6 +188,7 @@ class Collector:
         """The next episode that can be set up. Raises SimulationError as `_leave_out` does."""
         while True:
             plan = self._mixture.draw(rng)
+            self._drawn += 1
             self._move_to(plan.network, plan.junction)
             episode = Episode(self._world)
             try:
@@ -197,6 +203,7 @@ class Collector:
         self._episode = None
         self._steps.clear()
         self._failed += 1
+        self._left_out += 1
         if self._failed >= DRAWS:
             raise SimulationError(
                 f"{DRAWS} episodes in a row cannot be set up or driven to their end: {error}"

@@ -84,6 +84,7 @@ class Trainer:
         self._calibrated: Measured | None = None
         self._round = 0
         self._finished: list[Finished] = []
+        self._drawn = self._left_out = 0
         self._losses: list[Statistics] = []
         self._wall_s = 0.0
         self._stop = False
@@ -131,6 +132,8 @@ class Trainer:
             for transition in part.transitions:
                 self._replay.add(transition)
             self._finished += part.finished
+            self._drawn += part.drawn
+            self._left_out += part.left_out
         if not seeding:
             self._measure(collected[0].transitions)
         self._round += 1
@@ -184,6 +187,9 @@ class Trainer:
         training = self._config.training
         if self.steps and (self._at(training.log_every) or self._breaks()):
             self._write_progress()
+        if self._breaks():  # only then have all episodes that were drawn ended
+            self._say_left_out(self._drawn, self._left_out, "training")
+            self._drawn = self._left_out = 0
         if self._round == self._config.rounds:
             self._calibrate()
         if self.steps and self._at(training.evaluate_every) and training.evaluation_episodes:
@@ -213,7 +219,7 @@ class Trainer:
         self._pool.load(self._weights(), self._percentiles())
         tasks = [(name, seed) for name in training.evaluate_on for seed in seeds]
         records = self._pool.evaluate(tasks)
-        self._say_left_out(len(tasks), len(records))
+        self._say_left_out(len(tasks), len(tasks) - len(records), "held-out")
         for row in evaluation_rows(self.steps, records):
             self._log.write("evaluation", row)
             if row["priority"] == "all":
@@ -230,16 +236,16 @@ class Trainer:
         self._pool.load(self._learner.weights(), self._percentiles(), critics=True)
         tasks = calibration_tasks(training.evaluate_on, training.calibration_episodes)
         heard = self._pool.hear(tasks)
-        self._say_left_out(len(tasks), len(heard))
+        self._say_left_out(len(tasks), len(tasks) - len(heard), "held-out")
         if heard:
             self._calibrated = measured(heard)
         if not any(one.succeeded for one in heard):
             self._watcher.note("no held-out episode succeeded: sigma_l and sigma_h are not to be relied on")
 
-    def _say_left_out(self, asked: int, driven: int) -> None:
-        if driven < asked:
-            lost = f"{asked - driven} of {asked} held-out episodes"
-            self._watcher.note(f"{lost} could not be set up or driven to their end: left out")
+    def _say_left_out(self, drawn: int, lost: int, kind: str) -> None:
+        if lost:
+            these = f"{lost} of {drawn} {kind} episodes"
+            self._watcher.note(f"{these} could not be set up or driven to their end: left out")
 
     def _weights(self) -> Arrays:
         """The learner's weights, and the usual sigma along the route once it was measured."""

@@ -34,7 +34,7 @@ def _ends(collected) -> list[int]:
 
 
 def test_decisions_of_an_episode_follow_one_another(collector: Collector):
-    new, finished = collector.collect(0, 400, "reference", drop=True)
+    new, finished, *_ = collector.collect(0, 400, "reference", drop=True)
     assert len(new) == 400
     assert finished
     ends = set(_ends(collector.collect(0, 400, "reference", drop=True)))
@@ -45,7 +45,7 @@ def test_decisions_of_an_episode_follow_one_another(collector: Collector):
 
 
 def test_the_reference_driver_steers_along_the_path_but_for_noise(collector: Collector):
-    new, _ = collector.collect(1, 200, "reference", drop=True)
+    new, *_ = collector.collect(1, 200, "reference", drop=True)
     steering = np.array([transition.executed[1] for transition in new])
     assert abs(steering.mean()) < 0.03
     assert steering.std() == pytest.approx(CONFIG.training.seed_noise, rel=0.25)
@@ -88,8 +88,10 @@ def test_an_episode_that_cannot_be_set_up_is_left_out(collector: Collector, monk
             return super().reset(plan, **more)
 
     monkeypatch.setattr("rudc.training.collect.Episode", Refusing)
-    assert len(collector.collect(4, 20, "reference", drop=True).transitions) == 20
+    new, _, drawn, left_out = collector.collect(4, 20, "reference", drop=True)
+    assert (len(new), drawn, left_out) == (20, 2, 1)
     assert len(refused) == 1
+    assert collector.collect(4, 1, "reference", drop=True)[2:] == (1, 0)
     refused.clear()
     first, second = collector.evaluate((("random_destination", 900_000), ("random_destination", 900_001)))
     assert (first, refused) == (None, [900_000])
@@ -115,9 +117,10 @@ def test_an_episode_that_fails_later_is_broken_off(collector: Collector, monkeyp
     monkeypatch.setattr("rudc.training.collect.Episode", Failing)
     monkeypatch.setattr(collector, "_failed", 0)
     monkeypatch.setattr(collector, "_steps", NStep(3, 0.99))
-    new, _ = collector.collect(6, 40, "reference", drop=True)
+    new, _, drawn, left_out = collector.collect(6, 40, "reference", drop=True)
     assert len(new) == 40 - 3  # the one that failed, and two before it that waited for its reward
     assert steps[29] is not steps[30]
+    assert (drawn, left_out) == (2, 1)
     assert [k for k, (a, b) in enumerate(itertools.pairwise(steps)) if a is not b] == [29]
     failing.update(range(1, 1000))
     with pytest.raises(
@@ -131,7 +134,7 @@ def test_collisions_cost_what_training_says(collector: Collector):
     arrays = policy_arrays(CONFIG.learner, CONFIG.given)
     arrays["out.bias"][..., 0] = 5.0  # full acceleration, whatever is ahead
     collector.load({f"policy/{name}": value for name, value in arrays.items()}, None)
-    new, finished = collector.collect(3, 1000, "policy", drop=True)
+    new, finished, *_ = collector.collect(3, 1000, "policy", drop=True)
     ends = np.cumsum([episode.steps for episode in finished]).tolist()
     losses = [
         new[end - 1].reward

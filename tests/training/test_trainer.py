@@ -151,6 +151,21 @@ def test_cut_off_in_an_evaluation_and_resumed_gives_the_same_numbers(
     assert _curves(trained)["evaluation"]
 
 
+def test_training_episodes_that_cannot_be_set_up_are_said_at_checkpoints(tmp_path: Path):
+    """As those that begin before their arm does; the same after a stop."""
+    config = _config("sac", envs=1, steps=100, checkpoint_every=50, curriculum={"distance": (40, 240)})
+    said = "training episodes could not be set up or driven to their end: left out"
+    whole, early, late = Watcher(), Watcher(stop_at=175), Watcher()
+    assert train(config, tmp_path / "whole", whole)
+    notes = [note for note in whole.notes if note.endswith(said)]
+    assert len(notes) == 3, "after the seeding, and for each 50 steps"
+    assert all(0 < int(lost) < int(drawn) for lost, _, drawn, *_ in map(str.split, notes))
+    assert not train(config, tmp_path / "stopped", early)
+    assert train(config, tmp_path / "stopped", late, resume=True)
+    assert [note for note in early.notes + late.notes if note.endswith(said)] == notes
+    _assert_the_same(tmp_path / "whole", tmp_path / "stopped")
+
+
 def test_another_seed_gives_other_numbers(trained: Path, tmp_path: Path):
     assert train(_config(seed=1, steps=100, evaluate_every=100), tmp_path / "other", Watcher())
     assert _curves(trained)["progress"][0] != _curves(tmp_path / "other")["progress"][0]
