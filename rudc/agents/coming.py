@@ -43,7 +43,9 @@ NOBODY = Lanes(NO_RECTANGLES, NO_RECTANGLES)
 
 
 def strays(scene: Scene, who: Flags) -> Index:
-    """(n,) indices of those of the others `who` (N,) that drive against the ego's line, ahead on its road."""
+    """(n,) indices of those of the others `who` (N,) that drive against the ego's line, ahead on its road.
+    Who backs away makes room, and is none of them.
+    """
     return np.array([i for i in np.flatnonzero(who).tolist() if _against(scene, i)], dtype=np.int64)
 
 
@@ -121,9 +123,12 @@ def _goes_through(scene: Scene, i: int) -> bool:
 
 
 def _against(scene: Scene, i: int) -> bool:
-    """Whether somebody ahead on the ego's road drives against its line."""
-    path = scene.route.path
+    """Whether somebody ahead on the ego's road drives against its line, and does not back away along it."""
+    path, heading = scene.route.path, float(scene.heading[i])
     s, offset = path.project(*scene.position[i].tolist())
     if not scene.ego_s < s < path.length or abs(offset) > FAR_BESIDE:
         return False
-    return math.cos(float(scene.heading[i]) - float(path.pose(s)[2])) < AGAINST
+    vx, vy = scene.velocity[i].tolist()
+    if vx * math.cos(heading) + vy * math.sin(heading) < 0.0:
+        return False
+    return math.cos(heading - float(path.pose(s)[2])) < AGAINST

@@ -51,6 +51,13 @@ def test_before_the_junction_the_lane_beside_is_taken(make_scene, four_way):
     assert courses.see(nobody) is nobody
 
 
+def test_who_backs_away_does_not_come(make_scene, four_way):
+    scene = against(make_scene, four_way, 20.0, v=-2.5, front=-75.0)
+    assert not Blocking().look(scene).coming.outside.number
+    forwards = replace(scene, velocity=-scene.velocity)
+    assert Blocking().look(forwards).coming.outside.number
+
+
 @pytest.mark.parametrize("may_cross_centre", [False, True])
 def test_once_it_has_passed_the_way_is_the_route_again(make_scene, four_way, may_cross_centre):
     scene = against(make_scene, four_way, 50.0, front=-75.0, v=8.0)
