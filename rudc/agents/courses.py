@@ -125,7 +125,7 @@ class Courses:
         blocks = self._blocks = self._blocking.look(scene)
         shown = scene if self.course is None else along(scene, self.course)
         self._stop = math.inf
-        over = self._gone(scene, blocks) or (self._round_stray and not blocks.any)
+        over = self._gone(scene, blocks) or (self._round_stray and not blocks.coming.outside.number)
         if not (blocks.any or over):
             return shown
         wait, clear = _wait(shown, blocks), _clear(scene, blocks)

@@ -82,6 +82,25 @@ def test_once_it_has_passed_the_way_is_the_route_again(make_scene, four_way, may
     assert courses.see(replace(past, time_s=past.time_s + 2.0)).route.path is back, "and it is kept"
 
 
+def test_once_it_has_passed_wrecks_elsewhere_change_nothing(make_scene, four_way):
+    scene = against(make_scene, four_way, 50.0, front=-75.0, v=8.0)
+    courses = Courses()
+    courses.reset(scene)
+    courses.see(scene)
+    assert courses.course is not None
+    behind = scene.position - 80.0 * np.array([math.cos(scene.ego.psi), math.sin(scene.ego.psi)])
+    wreck = against(make_scene, four_way, -40.0, 0.0, front=-75.0)
+    past = make_scene(
+        {"at": (*behind[0].tolist(), float(scene.heading[0])), "v": 4.0},
+        {"at": (*wreck.position[0].tolist(), float(wreck.heading[0]))},
+        front=-75.0,
+    )
+    past = replace(past, time_s=scene.time_s + 5.0)
+    assert Blocking().look(past).standing.number == 1
+    courses.see(past)
+    assert courses.course is None
+
+
 def test_its_lane_follows_the_bends_of_the_road(make_scene, four_way):
     scene = against(make_scene, four_way, 30.0, v=5.0, turn="left", front=-14.0)
     path = scene.route.path
