@@ -15,6 +15,9 @@ reaches the conflict after
 and the ego must either have passed the conflict before that, or be able to stop before it, braking at b:
 
     (time until the ego has passed) + SPARE < t      or      v^2 <= max(2 b (way to the conflict), CREEP^2)
+
+Where both go on in one lane, the ego has passed MERGED m in, and the other, if it is faster, must slow down
+behind it (as in rudc/agents/gaps.py).
 """
 
 from __future__ import annotations
@@ -23,8 +26,10 @@ import math
 
 import numpy as np
 
+from rudc.agents.gaps import DECELERATION
 from rudc.arrays import Array, Flags, Index
 from rudc.env.tracking import at_most, slowing
+from rudc.network.conflicts import MERGED
 from rudc.network.paths import SPACING
 from rudc.world.perception import in_sight
 from rudc.world.scene import Scene
@@ -86,16 +91,32 @@ def speed_by_sight(scene: Scene, braking: float) -> float:
     rows = np.flatnonzero(ahead & (paths.origin != paths.origin[scene.route.row]))
     if not len(rows):
         return math.inf
-    ours_in, ours_out = table[rows, 0] - front, table[rows, 1] - front + body.length
+    end, merges = _passed(scene, rows, table[rows])
+    ours_in, ours_out = table[rows, 0] - front, end - front + body.length
     theirs_in = table[rows, 2]
     fastest = float(paths.highest_limit(rows, np.zeros(len(rows)), theirs_in).max())
     way = _hidden_way(scene, rows, theirs_in, max(UPSTREAM, UPSTREAM_S * fastest))
-    through = _time(scene.ego.v, ours_out, min(GOING, body.a_max))
-    threat = through + SPARE >= way / paths.highest_limit(rows, theirs_in - way, theirs_in)
+    going = min(GOING, body.a_max)
+    through, limit = (
+        _time(scene.ego.v, ours_out, going),
+        paths.highest_limit(rows, theirs_in - way, theirs_in),
+    )
+    faster = np.where(merges, np.maximum(limit - scene.ego.v - going * through, 0.0), 0.0)
+    threat = through + faster / DECELERATION + SPARE >= way / limit
     if not threat.any():
         return math.inf
     room = max(float(ours_in[threat].min()) - BEFORE, 0.0)
     return max(math.sqrt(2.0 * braking * room), CREEP)
+
+
+def _passed(scene: Scene, rows: Index, table: Array) -> tuple[Array, Flags]:
+    """(n,) m of the ego's path at which it has passed its conflicts `table` (n, 4) with `rows` (n,), and (n,)
+    whether both go on in one lane from there: then that is MERGED m in. Rows that it meets once more later
+    end where they did.
+    """
+    met = scene.network.crossings(scene.route, scene.route.row)
+    merges = (met.merges & np.isnan(met.again[:, 0]))[rows]
+    return np.where(merges, np.minimum(table[:, 1], table[:, 0] + MERGED), table[:, 1]), merges
 
 
 def _hidden_way(scene: Scene, rows: Index, conflict: Array, upstream: float) -> Array:

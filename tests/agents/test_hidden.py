@@ -46,6 +46,14 @@ def test_where_traffic_is_fast_it_is_looked_for_farther_away(make_scene, tmp_pat
     assert speed_by_sight(replace(scene, network=fast), 3.0) < 12.0
 
 
+def test_who_merges_has_passed_before_the_end_of_the_road(make_scene):
+    """The end of the exit arm counted as the end of the conflict: it crept before every merge."""
+    for turn, sight in (("right", 40.0), ("straight", 60.0)):
+        scene = make_scene(turn=turn, front=-1.0, v=6.0)
+        assert speed_by_sight(replace(scene, sight_m=sight), 1.0) == math.inf
+        assert speed_by_sight(replace(scene, sight_m=15.0), 1.0) < 6.0
+
+
 @pytest.mark.parametrize("sight", [3.0, 9.0, 20.0])
 def test_on_its_path_it_can_stop_within_what_it_sees(make_scene, sight):
     full = np.array([3.0, 0.0])
