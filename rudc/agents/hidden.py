@@ -28,7 +28,7 @@ import numpy as np
 
 from rudc.agents.gaps import DECELERATION
 from rudc.arrays import Array, Flags, Index
-from rudc.env.tracking import at_most, slowing
+from rudc.env.tracking import at_most, slowing, stopping
 from rudc.network.conflicts import MERGED
 from rudc.network.paths import SPACING
 from rudc.world.perception import in_sight
@@ -39,7 +39,11 @@ UPSTREAM, UPSTREAM_S, EVERY = 60.0, 6.0, 2.0
 comes in UPSTREAM_S if that is more, and distance between the places checked
 """
 AHEAD = 40.0
-"""m of the ego's path ahead; conflicts and hidden places beyond do not count yet"""
+"""m of the ego's path ahead, or more where the ego needs more to stop; conflicts and hidden places beyond do
+not count yet"""
+MORE, WEAKEST = 4.0, 0.01
+"""m, what is looked at beyond the way that the ego needs to stop; m/s2, braking that this way is reckoned
+with at least"""
 SPARE = 0.5
 """s, by which the ego must have passed before the other arrives"""
 CREEP = 2.0
@@ -58,15 +62,24 @@ def ready_for_unseen(scene: Scene, u: Array) -> Array:
     """(2,) the command u (2,), m/s2 and rad, with an acceleration after which the ego can still stop within
     what it sees of its path.
     """
-    if scene.hidden_by is None and scene.sight_m > AHEAD + scene.vehicle.length:
+    front, braking = scene.front_s, PLANNED * -scene.vehicle.a_min
+    look = look_ahead(scene, AHEAD, braking)
+    if scene.hidden_by is None and scene.sight_m > look + scene.vehicle.length:
         return u
-    front = scene.front_s
-    first, last = math.ceil(front / SPACING), int((front + AHEAD) / SPACING)
+    first, last = math.ceil(front / SPACING), int((front + look) / SPACING)
     hidden = np.flatnonzero(~sees(scene, scene.route.path.xy[first:last]))
     if not len(hidden):
         return u
     room = (first + float(hidden[0])) * SPACING - front - BEFORE
-    return at_most(u, slowing(scene, room, CREEP, PLANNED * -scene.vehicle.a_min))
+    return at_most(u, slowing(scene, room, CREEP, braking))
+
+
+def look_ahead(scene: Scene, least: float, braking: float) -> float:
+    """m of the ego's path ahead to look at: `least`, or MORE than it needs to stop, braking at `braking`
+    m/s2, if that is more and its path is that long.
+    """
+    needed = BEFORE + stopping(scene, max(braking, WEAKEST)) + MORE
+    return max(least, min(needed, scene.route.path.length - scene.front_s))
 
 
 def ready_while_blind(scene: Scene, u: Array) -> Array:
@@ -86,8 +99,8 @@ def speed_by_sight(scene: Scene, braking: float) -> float:
         return math.inf
     paths, body = scene.network.paths, scene.vehicle
     table = scene.network.conflict(scene.route)
-    front = scene.front_s
-    ahead = (table[:, 0] > front) & (table[:, 0] < front + AHEAD) & (table[:, 2] > paths.stop_s)
+    front, look = scene.front_s, look_ahead(scene, AHEAD, braking)
+    ahead = (table[:, 0] > front) & (table[:, 0] < front + look) & (table[:, 2] > paths.stop_s)
     rows = np.flatnonzero(ahead & (paths.origin != paths.origin[scene.route.row]))
     if not len(rows):
         return math.inf

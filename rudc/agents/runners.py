@@ -21,7 +21,7 @@ import math
 
 import numpy as np
 
-from rudc.agents.hidden import BEFORE, CREEP, PLANNED
+from rudc.agents.hidden import BEFORE, CREEP, PLANNED, look_ahead
 from rudc.agents.kernels import nearest_hidden
 from rudc.arrays import Array
 from rudc.env.tracking import at_most, slowing
@@ -31,7 +31,8 @@ from rudc.world.scene import STANDING, Scene
 RUNS = 3.0
 """m/s, a jogger"""
 AHEAD, EVERY = 20.0, 1.0
-"""m, m: length of the ego's way ahead that is checked, and distance between the places checked"""
+"""m, m: length of the ego's way ahead that is checked, or more where the ego needs more to stop, and distance
+between the places checked"""
 ASIDE: Array = np.arange(0.5, 3.25, 0.5)
 """m, distances from the ego's side that are checked"""
 TRAIL_S = 3.0
@@ -49,7 +50,8 @@ def ready_for_runners(scene: Scene, u: Array) -> Array:
     """
     if scene.hidden_by is None or scene.ego.v <= CREEP:
         return u
-    body, way = scene.vehicle, np.arange(EVERY, AHEAD, EVERY)
+    body, braking = scene.vehicle, PLANNED * -scene.vehicle.a_min
+    way = np.arange(EVERY, look_ahead(scene, AHEAD, braking), EVERY)
     x, y, psi = scene.route.path.pose(scene.front_s + way)
     eye = scene.ego.x, scene.ego.y
     run = nearest_hidden(*eye, x, y, psi, 0.5 * body.width, ASIDE, scene.hidden_by)
@@ -57,7 +59,7 @@ def ready_for_runners(scene: Scene, u: Array) -> Array:
     if not len(late):
         return u
     room = float(way[late[0]]) - BEFORE
-    return at_most(u, slowing(scene, room, CREEP, PLANNED * -body.a_min))
+    return at_most(u, slowing(scene, room, CREEP, braking))
 
 
 def ready_for_next_runners(scene: Scene, u: Array) -> Array:
@@ -71,7 +73,8 @@ def ready_for_next_runners(scene: Scene, u: Array) -> Array:
     if not len(who):
         return u
     body, v = scene.vehicle, scene.ego.v
-    way = np.arange(FINE, AHEAD, FINE)
+    braking = PLANNED * -body.a_min
+    way = np.arange(FINE, look_ahead(scene, AHEAD, braking), FINE)
     x, y, psi = scene.route.path.pose(scene.front_s + way)
     for i in who:
         direction = scene.velocity[i] / speed[i]
@@ -86,5 +89,5 @@ def ready_for_next_runners(scene: Scene, u: Array) -> Array:
         late = crosses & (beside <= FINE) & (along > 0.0) & (way + body.length > v * arrives)
         first = float(way[late.argmax()]) if late.any() else -math.inf
         if first >= v**2 / (2 * -body.a_min):
-            u = at_most(u, slowing(scene, first - BEFORE, 0.0, PLANNED * -body.a_min))
+            u = at_most(u, slowing(scene, first - BEFORE, 0.0, braking))
     return u

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rudc.agents.hidden import BEFORE, CREEP, ready_for_unseen, speed_by_sight
+from rudc.agents.hidden import BEFORE, CREEP, look_ahead, ready_for_unseen, speed_by_sight
 from rudc.network.network import load_network
 from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
 from tests.world.networks import with_limits
@@ -66,6 +66,32 @@ def test_on_its_path_it_can_stop_within_what_it_sees(make_scene, sight):
         assert later**2 / (2 * hardest) <= max(room, 0.0) + CREEP**2 or a == -hardest
         assert a > 0.0 or v >= CREEP, "it never stands for that"
     assert ready_for_unseen(replace(scene, sight_m=60.0), full) is full
+
+
+@pytest.mark.parametrize(("a_min", "v", "sight"), [(-3.0, 15.0, 45.5), (-6.0, 25.0, 50.0)])
+def test_who_needs_more_to_stop_looks_farther(make_scene, a_min, v, sight):
+    """It looked 40 m ahead at most, and beyond a sight of 45 m not at all."""
+    full = np.array([3.0, 0.0])
+    scene = make_scene(turn="straight", front=-75.0, v=v)
+    scene = replace(scene, vehicle=replace(scene.vehicle, a_min=a_min, v_max=25.0))
+    assert ready_for_unseen(replace(scene, sight_m=sight), full)[0] < 0.0
+    assert ready_for_unseen(replace(scene, sight_m=150.0), full) is full
+    box = np.array([[scene.ego.x, scene.ego.y + sight + 0.5, 0.0, 1.0, 1.0]])
+    assert ready_for_unseen(replace(scene, hidden_by=box), full)[0] < 0.0
+    nothing = replace(scene, sight_m=sight, vehicle=replace(scene.vehicle, a_min=0.0))
+    assert ready_for_unseen(nothing, full)[0] == 0.0, "where the road gives nothing"
+
+
+def test_a_usual_car_at_usual_speeds_looks_as_far_as_ever(make_scene):
+    for v, least in ((10.0, 20.0), (15.0, 40.0)):
+        scene = make_scene(turn="straight", front=-75.0, v=v)
+        assert look_ahead(scene, least, 0.8 * 6.0) == least
+
+
+def test_conflicts_count_from_where_the_ego_needs_to_stop(make_scene):
+    scene = replace(make_scene(turn="left", front=-60.0, v=12.0), sight_m=30.0)
+    assert speed_by_sight(scene, 5.0) == math.inf
+    assert speed_by_sight(scene, 1.0) < 12.0
 
 
 def test_a_wall_beside_a_bend_hides_the_path_behind_it(make_scene):

@@ -53,6 +53,19 @@ def test_it_stops_for_whoever_runs_out_or_is_past_before(make_scene, aside):
     assert speeds[-1] > speeds.min() + 2.0, "past the wall it goes on"
 
 
+@pytest.mark.parametrize("a_min", [-6.0, -3.0])
+def test_who_needs_more_to_stop_looks_farther(make_scene, a_min):
+    """It looked 20 m ahead only: a car that brakes with 3 m/s2 could not stop from 15 m/s any more."""
+    scene = make_scene(front=-75.0, v=15.0)
+    scene = replace(scene, vehicle=replace(scene.vehicle, a_min=a_min))
+    scene = beside_a_wall(scene, 0.8, end=65.0)
+    scene = replace(scene, hidden_by=scene.hidden_by * [1, 1, 1, 0.1, 1] + [0, 9, 0, 0, 0])
+    speeds, ways = drive(scene)
+    room = scene.ego_s + 65.0 - 0.5 * scene.vehicle.length - ways
+    for v, way in zip(speeds[room > 0.0], room[room > 0.0], strict=True):
+        assert way / v <= 1.3 / RUNS or v <= CREEP or v * v / (2 * -a_min) <= way
+
+
 def test_only_what_hides_near_the_way_slows_it_down(make_scene):
     scene = make_scene(front=-40.0, v=9.0)
     assert ready_for_runners(scene, FULL) is FULL
