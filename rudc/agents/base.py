@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
 
@@ -90,6 +90,15 @@ class Agent(Protocol):
     def act(self, scene: Scene) -> Decision:
         """What to do for the next 0.1 s, given what the ego's sensors show."""
         ...
+
+
+class Urged:
+    """Base of RUDC's own drivers whose proposals can be changed before they are corrected. An outlook asks
+    for this class: what another driver calls `urge` is its own.
+    """
+
+    urge: Callable[[Scene, Array], Array] | None = None
+    """scene, proposal (2,) in m/s2 and rad -> proposal that is then corrected; None: it stays as it is"""
 
 
 def layers(agent: Agent) -> Iterator[Agent]:

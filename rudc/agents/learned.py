@@ -13,21 +13,21 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rudc.agents.base import Decision
+from rudc.agents.base import Decision, Urged
 from rudc.agents.checkpoint import load_learnt
 from rudc.agents.config import AgentConfig
 from rudc.agents.correction import make_correction
 from rudc.agents.route_sigma import RouteSigma
 from rudc.agents.seat import Proposal
 from rudc.agents.variation import vary
-from rudc.arrays import Array, Floats
+from rudc.arrays import Floats
 from rudc.env.observation import observe_flat
 from rudc.errors import AgentError
 from rudc.learning.inference import Decider
@@ -48,7 +48,7 @@ class Chosen(NamedTuple):
     """(2,) what the policy proposed, in [-1, 1]"""
 
 
-class LearnedAgent:
+class LearnedAgent(Urged):
     """Drives by a learnt policy."""
 
     ego_driver: EgoDriver = "agent"
@@ -65,8 +65,6 @@ class LearnedAgent:
         """
         self.name = name
         self.config = config
-        self.urge: Callable[[Scene, Array], Array] | None = None
-        """see `rudc.agents.outlook.Urged`"""
         self._decider = Decider(config.learner, config.problem().layout, arrays)
         self.correction = make_correction(config.correction, arrays, percentiles, config.action)
         self.load(arrays, percentiles)

@@ -19,12 +19,11 @@ another car than the one that it was made for, and need not know of either.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
-from typing import Protocol, runtime_checkable
+from collections.abc import Mapping
 
 from rudc.agents.adaptation import Adaptation, Knowledge
 from rudc.agents.approach import ready_to_wait
-from rudc.agents.base import Agent, Decision, layers
+from rudc.agents.base import Agent, Decision, Urged, layers
 from rudc.agents.courses import Courses
 from rudc.agents.following import ready_to_follow
 from rudc.agents.hidden import ready_for_unseen, ready_while_blind
@@ -110,14 +109,6 @@ class Outlook:
         if self.courses is not None:
             u = kept_on_road(scene, self.courses.govern(scene, u, onwards=onwards))
         return u if self.adaptation is None else self.adaptation.govern(scene, u, onwards=onwards)
-
-
-@runtime_checkable
-class Urged(Protocol):
-    """A driver whose proposals can be changed before they are corrected."""
-
-    urge: Callable[[Scene, Array], Array] | None
-    """scene, proposal (2,) in m/s2 and rad -> proposal that is then corrected; None: it stays as it is"""
 
 
 class OutlookAgent:

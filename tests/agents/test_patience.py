@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rudc.agents.base import Decision, layers
+from rudc.agents.base import Decision, Urged, layers
 from rudc.agents.config import AgentConfig
 from rudc.agents.learned import LearnedAgent, untrained
-from rudc.agents.outlook import OutlookSettings, Urged, with_outlook
+from rudc.agents.outlook import OutlookSettings, with_outlook
 from rudc.agents.patience import PACE, PATIENCE, Patience
 from rudc.agents.registry import make_agent
 from rudc.training.calibration import Noting
@@ -48,12 +48,11 @@ def test_rules_that_stop_it_end_it(make_scene, patience, four_way):
     assert patience.urge(at(make_scene, 2.0, 0.0), BRAKES) is BRAKES, "until it has waited anew"
 
 
-class Still:
+class Still(Urged):
     """Stands for good; keeps what it was shown."""
 
     name = "still"
     ego_driver = "agent"
-    urge = None
 
     def reset(self, scene, seed):
         self.changed = 0
@@ -79,6 +78,27 @@ def test_with_courses_the_policy_is_urged_on_them_and_off(make_scene, course):
     assert agent.act(scene).u[0] > 0.0
     assert still.changed == 2
     assert still.urge is None, "whoever drives it without an outlook has its own proposals"
+
+
+def test_an_own_agent_may_call_something_of_its_own_urge(make_scene):
+    class Own:
+        name = "own"
+        ego_driver = "agent"
+
+        def reset(self, scene, seed):
+            pass
+
+        def urge(self):
+            return np.array([1.0, 0.0])
+
+        def act(self, scene):
+            return Decision(self.urge(), self.urge())
+
+    agent = with_outlook(Own(), "own", OutlookSettings(course=True))
+    scene = make_scene(front=-30.0, v=3.0)
+    agent.reset(scene, 0)
+    for k in range(2):
+        assert agent.act(replace(scene, time_s=0.1 * k)).u_rl.tolist() == [1.0, 0.0]
 
 
 def test_learnt_agents_are_urged_before_they_are_corrected(make_scene):
