@@ -42,6 +42,8 @@ class Decision(NamedTuple):
     """what was known of the car (rudc/agents/adaptation.py); None for drivers that do not watch it"""
     asks_grip: bool = False
     """whether the ego brakes in order to learn how well the road grips"""
+    still_onwards: bool = False
+    """whether a correction before `corrected` makes the ego go on, and `corrected` left its acceleration"""
 
     @property
     def bounded(self) -> Array:
@@ -53,7 +55,7 @@ class Decision(NamedTuple):
     @property
     def onwards(self) -> bool:
         """Whether a correction makes the ego go on because stopping would be worse."""
-        return self.corrected is not None and self.corrected.onwards
+        return self.still_onwards or (self.corrected is not None and self.corrected.onwards)
 
     @property
     def sigma(self) -> float:

@@ -13,6 +13,8 @@ from rudc.safety.rules import RULES
 from rudc.world.config import EgoDriver
 from rudc.world.scene import Scene
 
+UNCHANGED = 1e-6
+"""m/s2: a change of the acceleration below this is none"""
 _FUNCTIONS = {
     "ttcbf": "truncated Taylor control barrier functions",
     "ecbf": "exponential control barrier functions",
@@ -44,11 +46,17 @@ class FilteredAgent:
 
     def act(self, scene: Scene) -> Decision:
         """The driver's decision with `u` corrected. `corrected` is the result of this correction; `u_rl`
-        stays the driver's.
+        stays the driver's. The time of the driver's own correction is added to that of this one.
         """
         proposed = self.inner.act(scene)
         start = time.perf_counter()
         corrected = self.correction.correct(scene, Proposal(proposed.u, sigma=proposed.sigma), None)
         spent = 1000.0 * (time.perf_counter() - start)
-        timing = {**proposed.timing_ms, "correction": spent}
-        return proposed._replace(u=corrected.u, corrected=corrected, timing_ms=timing)
+        spent += proposed.timing_ms.get("correction", 0.0)
+        left = abs(float(corrected.u[0] - proposed.u[0])) < UNCHANGED
+        return proposed._replace(
+            u=corrected.u,
+            corrected=corrected,
+            timing_ms={**proposed.timing_ms, "correction": spent},
+            still_onwards=proposed.onwards and left,
+        )

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 
+from rudc.agents.base import Decision
 from rudc.agents.correction import (
     CORRECTIONS,
     CbfSettings,
@@ -182,6 +183,29 @@ def test_another_correction_takes_the_same_seat(monkeypatch, scene_on):
     assert proposal.sigma == choice.decision.sigma
     np.testing.assert_array_equal(proposal.action, choice.proposed)
     np.testing.assert_array_equal(proposal.observation, choice.observation)
+
+
+def test_behind_a_correction_another_keeps_what_it_says(scene_on):
+    """Going on was hidden from the outlook, and the time of the first was lost."""
+    scene, hastens = scene_on("south", "left", 50.0, 4.0), np.array([3.0, 0.0])
+
+    def drives(status, u, **parts):
+        decision = Decision(u, u, corrected=Corrected(u, 0.0 * u, status), **parts)
+        return SimpleNamespace(act=lambda scene: decision, reset=lambda scene, seed: None)
+
+    for status, share, onwards in (
+        ("onwards", 1.0, True),
+        ("onwards", 0.5, False),
+        ("last_resort", 1.0, False),
+    ):
+        inner = drives(status, hastens, timing_ms={"policy": 1.0, "correction": 1000.0})
+        agent = FilteredAgent(inner, "two", Halving(share))
+        decision = agent.act(scene)
+        assert decision.onwards is onwards
+        assert decision.corrected.status == "halved", "the result of the outer one"
+        assert decision.timing_ms["correction"] > 1000.0
+        third = FilteredAgent(agent, "three", Halving(1.0))
+        assert third.act(scene).onwards is onwards
 
 
 def test_a_constant_is_given_whatever_sigma_is_and_behind_any_driver():
