@@ -13,10 +13,12 @@ from typing import Annotated, Any, Literal, Self
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, ConfigDict, Field, SerializeAsAny, model_validator
 
+from rudc.agents.base import Agent, layers
 from rudc.agents.guarded import GuardedCorrection
 from rudc.agents.seat import ADJUSTMENT, Correction, CorrectionKind, Critics, Percentiles, Proposal
 from rudc.arrays import Arrays
 from rudc.env.action import ActionKind
+from rudc.errors import AgentError
 from rudc.imports import is_own
 from rudc.kinds import Kinds, of_kind, read_kind
 from rudc.learning.algorithms import ALGORITHMS
@@ -169,6 +171,19 @@ def make_correction(
     if made is None or not is_own(made):
         return made
     return GuardedCorrection(made, type(settings).model_fields["kind"].default)
+
+
+def refuse_other_steps(agent: Agent, held_s: float) -> None:
+    """Raise AgentError if a filter of the agent is for actions that are held for another time than `held_s`
+    s.
+    """
+    for layer in layers(agent):
+        made = getattr(layer, "correction", None)
+        if isinstance(made, CbfCorrection) and not math.isclose(made.filter.config.dt, held_s):
+            raise AgentError(
+                f"{agent.name}: the filter expects actions that are held for dt={made.filter.config.dt:g} s, "
+                f"but this world holds them for {held_s:g} s; give correction.dt={held_s:g}"
+            )
 
 
 CorrectionSettings = Annotated[

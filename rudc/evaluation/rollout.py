@@ -31,9 +31,13 @@ def run_episode(
     watch: Watcher | None = None,
 ) -> EpisodeRecord:
     """Drive the plan's episode to its end. `options` go to SUMO's command line. Raises what `World.reset`
-    does, and AgentFailedError where an agent of a user's own fails. What is printed meanwhile goes to stderr:
+    does, AgentError if a filter of the agent is for actions that are held for another time than the world's,
+    and AgentFailedError where an agent of a user's own fails. What is printed meanwhile goes to stderr:
     stdout is for results.
     """
+    from rudc.agents.correction import refuse_other_steps  # not needed to start a sweep
+
+    refuse_other_steps(agent, episode.world.config.decision_s)
     decisions: list[Decision] = []
     spent_ms: list[float] = []
     with contextlib.redirect_stdout(sys.stderr):

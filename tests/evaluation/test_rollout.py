@@ -3,13 +3,16 @@
 import csv
 import math
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from rudc.agents.base import Decision, unfiltered
+from rudc.agents.correction import refuse_other_steps
 from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode
+from rudc.errors import AgentError
 from rudc.evaluation.columns import COLUMNS, TIMING, is_intervention
 from rudc.evaluation.film import Film
 from rudc.evaluation.rollout import run_episode
@@ -19,7 +22,7 @@ from rudc.evaluation.tasks import SweepPlan
 from rudc.evaluation.trace import Trace
 from rudc.network.network import load_network
 from rudc.scenario import find_scenarios, load_scenario
-from rudc.world.config import EgoDriver
+from rudc.world.config import EgoDriver, WorldConfig
 from rudc.world.world import World
 
 
@@ -52,6 +55,21 @@ def test_what_an_agent_prints_is_no_result(episode, capsys):
     said = capsys.readouterr()
     assert said.out == ""
     assert said.err.startswith("a new episode\nfull throttle\n")
+
+
+@pytest.mark.parametrize(
+    "name", ["follower+ttcbf", "planner+ecbf", "rudc-t", "rudc-t+ttcbf:correction.dt=0.2"]
+)
+def test_a_filter_for_other_decisions_than_the_worlds_is_refused(name):
+    slow: Any = SimpleNamespace(world=SimpleNamespace(config=WorldConfig(decision_s=0.2)))
+    plan, told = load_scenario("random_destination").plan(3), "held for dt=0.1 s, but .* for 0.2 s"
+    with pytest.raises(AgentError, match=told):
+        run_episode(slow, plan, make_agent(name))
+
+
+def test_a_filter_for_the_worlds_decisions_is_taken():
+    refuse_other_steps(make_agent("follower+ttcbf:correction.dt=0.2"), 0.2)
+    refuse_other_steps(make_agent("follower"), 0.2)
 
 
 @pytest.mark.parametrize("name", ["sumo", "follower", "gap-acceptance", "gap-acceptance+ttcbf"])
