@@ -40,6 +40,8 @@ SQUEEZED = 0.1
 """m, added instead to the width of an SV that stands or creeps, where the ego stands"""
 BRAKE_FROM = 1.5
 """m/s2, needed deceleration above which an SV brakes, even if the overlap is not near"""
+SHARE = 0.5
+"""of the hardest braking there is, above which it brakes, too: on ice it could not stop from BRAKE_FROM on"""
 CREEP = 1.0
 """m/s, speed at which a standing SV is taken to set off"""
 LINGERS = 1.0
@@ -147,7 +149,7 @@ def braking(hits: NewFlags, speed: float, passed: bool, most: float) -> float:
         return -1.0
     room = sets_off * (STEP_S * (first - 1))
     need = sets_off**2 / (2.0 * max(room - 0.3, 0.05))
-    if need > BRAKE_FROM or first <= 2:
+    if need > min(BRAKE_FROM, SHARE * most) or first <= 2:
         return min(need, most)
     # On a slippery road who creeps may not be able to stop after picking up speed until the next pass.
     faster = speed + PICKS_UP * LAYER_S
@@ -176,7 +178,7 @@ def room_before(
 def braking_before(room: float, speed: float, most: float) -> float:
     """m/s2, how hard an SV at `speed` m/s brakes to stop within `room` m; negative if it need not yet."""
     need = STEADY if room <= 0.3 else speed**2 / (2.0 * room)
-    return min(need, most) if need > BRAKE_FROM else -1.0
+    return min(need, most) if need > min(BRAKE_FROM, SHARE * most) else -1.0
 
 
 @kernel

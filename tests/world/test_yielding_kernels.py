@@ -76,3 +76,15 @@ def test_one_that_creeps_goes_no_faster_where_it_could_not_stop_afterwards(most,
     """Half a second later it drives 2.25 m/s after 0.8 m of 1.75 m, and needs 0.3 m to stop, on ice 2.1 m."""
     hits = np.isin(np.arange(9), [6, 7])
     assert kernels.braking(hits, 1.0, False, most) == wanted
+
+
+@pytest.mark.parametrize(("most", "brakes"), [(9.0, 0.0), (1.4, 1.304), (1.0, 1.0)])
+def test_on_ice_one_brakes_while_it_can_still_stop(most, brakes):
+    """It braked once it needed 1.5 m/s2, where the road gave 1 m/s2."""
+    hits = np.isin(np.arange(9), [6, 7])
+    assert kernels.braking(hits, 3.0, False, most) == pytest.approx(brakes, abs=1e-3)
+
+
+@pytest.mark.parametrize(("most", "brakes"), [(9.0, -1.0), (1.0, 0.8)])
+def test_on_ice_one_that_is_faced_brakes_while_it_can_still_stop(most, brakes):
+    assert kernels.braking_before(10.0, 4.0, most) == pytest.approx(brakes)
