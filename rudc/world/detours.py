@@ -52,7 +52,8 @@ WAIT = 1.0
 CHANGE_M = 8.0
 """m of free road behind the junction on which an SV can change lanes"""
 COMFORT = 2.5
-"""m/s2: an SV begins to brake for that place once it needs more than this"""
+"""m/s2: an SV begins to brake for that place once it needs more than this, or, on a slippery road, more than
+what is comfortable there"""
 HOLD_S = 2.0
 """s for which SUMO is asked to keep an SV on another lane"""
 
@@ -185,7 +186,7 @@ class Detours:
         room = float(paths.stop_s[row]) - WAIT - front
         speed = float(np.hypot(*scene.velocity[i]))
         need = speed**2 / (2 * max(room, 0.1))
-        return (speed, need) if need > COMFORT or room < 0.5 else None
+        return (speed, need) if need > self._traffic.comfortable(COMFORT) or room < 0.5 else None
 
     def _move_over(self, name: str, row: int, other: int, front: float) -> None:
         """Have an SV take the lane of another row on the edge where it is, if that row has one there."""

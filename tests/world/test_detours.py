@@ -153,6 +153,21 @@ def test_a_leader_whose_exit_is_blocked_changes_lanes_behind_the_junction(world_
     assert goes or scene.position[row, 1] < -14.25
 
 
+def test_on_ice_who_waits_before_a_block_stops_before_its_line(world_on):
+    """It began to brake once it needed 2.5 m/s2, where the road gave 1 m/s2, and slid past."""
+    ice, stalled = event("low_friction", friction=0.1), event("stalled_vehicle", lane="east_out_0", at=8.0)
+    leads = event("slow_vehicle", vehicle="leader", speed=9.0, duration=0.5)
+    source = PlanSource("t_junction", 0.0, "south", "right", events=(ice, stalled, leads))
+    world = world_on("t_junction")
+    world.reset(replace(source, speed=(6.0, 6.0), distance=(60.0, 60.0)).plan(0))
+    for _ in range(250):
+        world.advance(np.array([-6.0, 0.0]))
+    scene = world.scene()
+    (row,) = np.flatnonzero(scene.path >= 0)
+    front = scene.path_s[row] + 0.5 * scene.size[row, 0]
+    assert -2.0 < front - scene.network.paths.stop_s[scene.path[row]] < 0.0
+
+
 def test_on_an_arm_of_several_edges_it_is_the_lane_of_the_edge_where_they_are(
     world_on, tmp_path, monkeypatch
 ):
