@@ -11,8 +11,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from rudc.geometry import rectangle_gaps
 from rudc.world.kernels import near_on_paths
 from rudc.world.scene import Kind
+from rudc.world.yielding_kernels import in_junction
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,8 +27,8 @@ if TYPE_CHECKING:
 
 NEAR = 15.0
 """m between centres"""
-NEAR_PROP = 30.0
-"""m between centres: enough to stop before somebody who comes the wrong way"""
+NEAR_PROP = 25.0
+"""m of gap: enough to stop before somebody who comes the wrong way"""
 BETWEEN = 0.8
 """m of lateral offset from its route from which on the ego may reach into another lane"""
 
@@ -38,11 +42,7 @@ class LaneKeeping:
 
     def step(self, scene: Scene, props: Sequence[Prop]) -> None:
         """Hold the SVs that are near now in their lanes; all others change lanes as before."""
-        ego = scene.ego
-        near = _near(scene, ego.x, ego.y, NEAR, abs(scene.ego_offset) < BETWEEN)
-        for prop in props:
-            if prop.kind != Kind.PEDESTRIAN:
-                near |= _near(scene, *prop.pose()[:2], NEAR_PROP, True)
+        near = _near_ego(scene) | _near_props(scene, props)
         if not near and not self._modes:
             return
         held = {scene.ids[i] for i in near}
@@ -54,11 +54,25 @@ class LaneKeeping:
             self._modes[name] = self._sumo.hold_lane(name)
 
 
-def _near(scene: Scene, x: float, y: float, reach: float, inside_only: bool) -> set[int]:
-    """Indices of the SVs within `reach` m of (x, y) m; `inside_only`: of those inside the junction."""
-    paths = scene.network.paths
+def _near_ego(scene: Scene) -> set[int]:
+    """Indices of the SVs near the ego; unless it is between two lanes, of those inside the junction."""
+    ego, paths = scene.ego, scene.network.paths
     found = near_on_paths(
-        x, y, reach, inside_only,
+        ego.x, ego.y, NEAR, abs(scene.ego_offset) < BETWEEN,
         scene.position, scene.size, scene.path, scene.path_s, paths.stop_s, paths.exit_s,
     )  # fmt: skip
     return set(found.tolist())
+
+
+def _near_props(scene: Scene, props: Sequence[Prop]) -> set[int]:
+    """Indices of the SVs inside the junction that are near a vehicle or obstacle."""
+    bodies, paths = [prop for prop in props if prop.kind != Kind.PEDESTRIAN], scene.network.paths
+    near = set[int]()
+    if not bodies:
+        return near
+    inside = np.flatnonzero(in_junction(scene.size, scene.path, scene.path_s, paths.stop_s, paths.exit_s))
+    others = scene.position[inside], scene.heading[inside], scene.size[inside]
+    for prop in bodies:
+        gaps = rectangle_gaps(*prop.pose(), prop.length, prop.width, *others)
+        near.update(inside[gaps < NEAR_PROP].tolist())
+    return near

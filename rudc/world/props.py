@@ -223,7 +223,8 @@ class Prop:
             crossing = (scene.kind == Kind.PEDESTRIAN) & (along > -SAME_WAY)
             heeded &= (scene.path >= 0) | (speed < STANDING) | (along > SAME_WAY) | crossing
         away = scene.position - box[:2]
-        rows = np.flatnonzero(heeded & (np.hypot(away[:, 0], away[:, 1]) < box[3] + way + 10.0))
+        reach = box[3] + way + 0.5 * np.hypot(scene.size[:, 0], scene.size[:, 1]) + 10.0
+        rows = np.flatnonzero(heeded & (np.hypot(away[:, 0], away[:, 1]) < reach))
         return bool((gaps_to_ways(scene, rows, way[rows], box) > 0.0).all())
 
 

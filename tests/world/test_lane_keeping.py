@@ -1,9 +1,14 @@
 """No surrounding vehicle jumps into another lane where SUMO does not see the ego."""
 
+import pytest
+
 from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode
 from rudc.scenario import load_scenario
-from tests.world.conftest import world, world_on  # noqa: F401 -- fixtures
+from rudc.world.lane_keeping import LaneKeeping
+from rudc.world.props import standing
+from rudc.world.scene import Kind
+from tests.world.conftest import four_way, make_scene, world, world_on  # noqa: F401 -- fixtures
 
 
 def test_inside_the_junction_nobody_near_the_ego_changes_lanes(world_on):  # noqa: F811
@@ -27,3 +32,25 @@ def test_inside_the_junction_nobody_near_the_ego_changes_lanes(world_on):  # noq
             jumps += inside and scene.path[i] != row and float(moved @ moved) > 2.5**2
     assert not jumps
     assert episode.outcome is None
+
+
+class Held:
+    """In SUMO's place: who is held in its lane."""
+
+    def __init__(self) -> None:
+        self.names: list[str] = []
+
+    def hold_lane(self, name: str) -> int:
+        self.names.append(name)
+        return 0
+
+
+@pytest.mark.parametrize(("gap", "held"), [(24.0, True), (26.0, False)])
+def test_near_a_long_closure_it_is_its_near_end_that_counts(make_scene, four_way, gap, held):  # noqa: F811
+    row = four_way.movement("south", "north").rows[0]
+    scene = make_scene({"row": row, "s": 0.5 * (four_way.paths.stop_s[row] + four_way.paths.exit_s[row])})
+    x, y = scene.position[0]
+    closure = standing("closure", Kind.OBSTACLE, x, y + 2.5 + gap + 30.0, scene.heading[0], 60.0, 3.0)
+    sumo = Held()
+    LaneKeeping(sumo).step(scene, [closure])  # pyright: ignore[reportArgumentType]
+    assert sumo.names == ["other0"] * held

@@ -74,6 +74,15 @@ def test_a_car_stops_short_of_what_stands_and_goes_on_when_it_leaves(make_scene)
     assert drive_towards(prop, lambda i: free)[0] > 30.0
 
 
+def test_a_car_stops_short_of_a_long_closure(make_scene):
+    """What counted was how far its middle was: the car was 15 m inside when it stopped."""
+    prop = car(np.array([[-60.0, 100.0], [60.0, 100.0]]))
+    closure = {"at": (40.0, 100.0, 0.0), "size": (80.0, 3.0), "kind": Kind.OBSTACLE}
+    x, _, _ = drive_towards(prop, lambda i: make_scene(closure), steps=250)
+    assert -4.0 < x < -2.5
+    assert not car(np.array([[2.0, 100.0], [60.0, 100.0]])).has_room(make_scene(closure))
+
+
 @pytest.mark.parametrize(("heading", "stops"), [(math.pi / 2, True), (math.pi, False)])
 def test_a_car_stops_for_who_walks_across_its_way(make_scene, heading, stops):
     """A wrong-way driver stopped only for pedestrians who stood. Of two that come towards each other neither
