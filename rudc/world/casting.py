@@ -9,8 +9,9 @@ if the traffic already has such a vehicle:
     oncoming, crossing   a vehicle that reaches its stop line at about the same time as the ego, and crosses
                          the ego's path.
 
-Otherwise one vehicle is added, on top of those that the density asks for. Where the network has no place for
-it (a T-junction without an opposite arm), none is added and the event never begins.
+Otherwise one vehicle is added, on top of those that the density asks for, where it can stop before what
+stands on its lane. Where the network has no place for it (a T-junction without an opposite arm), none is
+added and the event never begins; where only the road has none, it waits until traffic brings one.
 """
 
 from __future__ import annotations
@@ -20,13 +21,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rudc.geometry import rectangle_gaps
 from rudc.world.events.selection import comes_from, pick, towards_junction
 from rudc.world.scene import Scene
 from rudc.world.spawn import ROUNDED_M, Entry, entry, safe_gap
 from rudc.world.vehicle_types import VEHICLE_TYPES
 
 if TYPE_CHECKING:
-    from rudc.network.network import Movement
+    from rudc.network.network import Movement, Route
     from rudc.scenario.events import Event
     from rudc.world.events.stage import WorldStage
 
@@ -39,8 +41,10 @@ NEAR_S = 3.0
 """
 EARLY_S, LATE_S = 1.0, 5.0
 """s by which an oncoming or crossing vehicle may reach its stop line before and after the ego does"""
-CLEAR_M = 12.0
-"""m, least distance between the centre of an added vehicle and that of any other"""
+CLEAR_M = 7.0
+"""m, least gap between a vehicle that is added on another arm and any other"""
+LOOK_M = 0.5
+"""m between the places on a lane at which it is tested whether something stands there"""
 TRIES = 20
 """how many places are tried for an oncoming or crossing vehicle, and kinds for a leader or follower"""
 
@@ -69,7 +73,14 @@ def cast(events: Iterable[Event], scene: Scene, stage: WorldStage, rng: np.rando
 def _in_line(scene: Scene, stage: WorldStage, rng: np.random.Generator, ahead: bool) -> list[str]:
     route, v = scene.route, scene.ego.v
     least = APART_M + HEADWAY_S[0] * v
-    room = _room_ahead(scene) if ahead else scene.ego_s - 0.5 * scene.vehicle.length
+    half = 0.5 * scene.vehicle.length
+    if ahead:
+        stop = safe_gap(scene, v, 0.0)
+        room = _room_ahead(scene)
+        room = min(room, _free_way(stage, route, scene.ego_s + half, room + stop) - stop)
+    else:
+        room = scene.ego_s - half
+        room = min(room, _free_way(stage, route, scene.ego_s - half, -room))
     found = pick(scene, "leader" if ahead else "follower", rng)
     for row in found:
         reach = abs(route.path.project(*scene.position[row].tolist())[0] - scene.ego_s)
@@ -158,12 +169,30 @@ def _towards_junction(scene: Scene, stage: WorldStage, rng: np.random.Generator,
         speed = min(stage.traffic.draw_speed(), VEHICLE_TYPES[kind].max_speed)
         to_stop = max(speed * (_arrival_s(scene) + float(rng.uniform(0.0, 0.5 * LATE_S))), 10.0)
         front = min(route.stop_line_s, max(route.stop_line_s - to_stop, VEHICLE_TYPES[kind].length + 1.0))
-        x, y, _ = (float(value) for value in route.path.pose(front - 0.5 * VEHICLE_TYPES[kind].length))
-        away = np.hypot(*(scene.position - (x, y)).T)
+        length, width = VEHICLE_TYPES[kind].length, VEHICLE_TYPES[kind].width
+        x, y, psi = (float(value) for value in route.path.pose(front - 0.5 * length))
+        others = scene.position, scene.heading, scene.size
+        clear = (rectangle_gaps(x, y, psi, length, width, *others) > CLEAR_M).all()
+        clear = clear and _free_way(stage, route, front, safe_gap(scene, speed, 0.0)) == np.inf
         place = entry(network, route, front)
-        if away.min(initial=np.inf) > CLEAR_M and stage.traffic.may_drive(kind, movement, place.lane):
+        if clear and stage.traffic.may_drive(kind, movement, place.lane):
             return [stage.traffic.add(stage.traffic.draw_driver(movement, kind), place, speed)]
     return []
+
+
+def _free_way(stage: WorldStage, route: Route, s: float, way: float) -> float:
+    """m from s m of a route's path on, at most `way` m (back if negative), to what stands there and leaves a
+    vehicle too little room; inf if nothing does.
+    """
+    away = np.arange(0.0, abs(way), LOOK_M)
+    x, y, psi = route.path.pose(s + np.copysign(away, way))
+    places, slices = np.column_stack([x, y]), np.tile((LOOK_M, 2.0 * stage.traffic.needs_m), (len(away), 1))
+    free = np.inf
+    for prop in stage.props:
+        if not prop.moves:
+            gaps = rectangle_gaps(*prop.pose(), prop.length, prop.width, places, psi, slices)
+            free = min(free, away[gaps <= 0.0].min(initial=np.inf))
+    return float(free)
 
 
 def _crossing(scene: Scene, oncoming: bool) -> list[Movement]:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rudc.geometry import rectangle_gaps
 from rudc.scenario import load_scenario
 from rudc.world.casting import selected
 from rudc.world.events.selection import pick
@@ -122,3 +123,39 @@ def test_where_the_network_has_no_such_arm_the_episode_begins_all_the_same(world
     world = world_on("t_junction")
     source = replace(QUIET, network="t_junction", origin="south", events=(brake("oncoming"),))
     assert world.reset(source.plan(0)).count == 0
+
+
+@pytest.mark.parametrize(
+    ("distance", "at", "led"), [(40.0, 18.0, False), (60.0, 25.0, False), (80.0, 15.0, True)]
+)
+def test_a_leader_is_added_only_where_it_can_stop_before_what_stands_in_its_lane(world, distance, at, led):
+    """It was put 2.4 m behind a stalled car, at 10 m/s; where it overlapped it, the start was drawn again."""
+    stalled = event("stalled_vehicle", lane="ego_in", at=at)
+    source = replace(
+        QUIET, turn="straight", origin="south", speed=(10.0, 10.0), distance=(distance, distance)
+    )
+    for seed in range(4):
+        scene = world.reset(replace(source, events=(stalled, brake("leader"))).plan(seed))
+        assert world.plan.attempt == 0
+        driven = np.flatnonzero(scene.path >= 0)
+        assert len(driven) == led
+        for row in driven:
+            assert gap_to_things(scene, row) > 2.0 + 10.0**2 / 8.0
+
+
+def test_nobody_is_added_inside_a_long_closure(world):
+    """Only the distance to its middle counted."""
+    closed = [event("lane_closure", lane=f"north_in_{k}", at=12.0, length=80.0) for k in (0, 1)]
+    for seed in range(4):
+        source = replace(QUIET, origin="south", events=(*closed, brake("oncoming")))
+        scene = world.reset(source.plan(seed))
+        assert world.plan.attempt == 0
+        assert all(gap_to_things(scene, row) > 2.0 for row in np.flatnonzero(scene.path >= 0))
+
+
+def gap_to_things(scene, row):
+    """m from a vehicle to the nearest thing that stands on the road."""
+    things = scene.path < 0
+    others = scene.position[things], scene.heading[things], scene.size[things]
+    (x, y), (length, width) = scene.position[row], scene.size[row]
+    return rectangle_gaps(x, y, scene.heading[row], length, width, *others).min()
