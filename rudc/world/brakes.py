@@ -22,6 +22,8 @@ class Brakes:
         self._hard: set[str] = set()
         self.asked: dict[str, float] = {}
         """name of each vehicle that is braked -> m/s2"""
+        self._left: set[str] = set()
+        """names of those of them that events brake as hard or harder"""
         self._until_s = 0.0
         """until when they are braked, in SUMO's time"""
         self._grip = math.inf
@@ -42,17 +44,19 @@ class Brakes:
         """
         drivers, hard, now = self._traffic.drivers, set(), self._sumo.time()
         self.asked.clear()
+        self._left.clear()
         self._grip = self._traffic.grip
         self._until_s = now + duration_s - ROUNDED_S
         for name, (speed, deceleration) in wanted.items():
             driver = drivers.get(name)
+            self.asked[name] = deceleration
             if driver is not None and driver.overridden:  # such a vehicle may brake hard anyway
                 if deceleration <= self._by_events(name, now):
+                    self._left.add(name)
                     continue
             elif driver is None or deceleration > self._traffic.comfortable(driver.decel):
                 hard.add(name)
                 self._traffic.set_mode(name, hard=True)  # each time anew: the grip may have changed
-            self.asked[name] = deceleration
             self._sumo.slow_down(name, max(speed - deceleration * duration_s, 0.0), duration_s)
         for name in self._hard - hard:
             if name == EGO or name in drivers:
@@ -61,12 +65,17 @@ class Brakes:
 
     def set_mode(self, name: str) -> None:
         """Have SUMO limit an SV's speed as the events that act on it say; it is still braked as hard as
-        before.
+        before, or, where an event that braked it harder has ended, from now on.
         """
         hard = self.asked.get(name, 0.0) > self._traffic.comfortable(self._traffic.drivers[name].decel)
         if hard:
             self._hard.add(name)
         self._traffic.set_mode(name, hard=hard)
+        now = self._sumo.time()
+        if name in self._left and not self.are_over and self._by_events(name, now) < self.asked[name]:
+            self._left.discard(name)
+            (speed, _), left_s = self._sumo.drive(name), self._until_s - now
+            self._sumo.slow_down(name, max(speed - self.asked[name] * left_s, 0.0), left_s)
 
     def leave_to_event(self, name: str, deceleration: float) -> bool:
         """Note that an event slows a vehicle down with deceleration m/s2 until the next decision. Returns

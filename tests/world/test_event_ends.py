@@ -342,6 +342,18 @@ def test_who_brakes_hard_to_yield_goes_on_when_an_event_or_the_dry_road_ends(wor
     assert np.diff(speeds) == pytest.approx(-0.1 * asked, abs=0.02)
 
 
+def test_whom_an_event_braked_harder_brakes_on_to_yield_when_it_ends(world, monkeypatch):
+    """What the yielding layer wanted was forgotten: the car sped up until the layer looked again."""
+    brake = event("hard_brake", vehicle="leader", deceleration=6.0, duration=0.2)
+    run(world, replace(LED, events=(brake,)), 0.1, u=np.zeros(2))
+    (name,) = world.happenings()[0].bodies
+    monkeypatch.setattr(world, "_brake", lambda scene, s: None)
+    world.stage.slow_down(name, 6.0)
+    world._brakes.apply({name: (libsumo.vehicle.getSpeed(name), 3.0)}, 0.5)
+    speeds = run_on(world, 5, name)
+    assert np.diff(speeds[1:]) == pytest.approx(-0.3, abs=0.02)
+
+
 def run_on(world, decisions, name=None):
     """m/s of a vehicle before and after each of so many decisions."""
     speeds = [] if name is None else [libsumo.vehicle.getSpeed(name)]
