@@ -1,5 +1,6 @@
 """Events that overlap, end, or put things before the ego: what counts meanwhile, and what is left of each."""
 
+import math
 from dataclasses import replace
 from itertools import pairwise
 
@@ -190,6 +191,17 @@ def test_sudden_is_what_the_ego_cannot_stop_before_on_that_road_with_that_car(wo
     for _ in range(3):
         world.advance(np.array([0.0, 0.0]))
     assert bool(world.stage.sudden) == sudden
+
+
+def test_sudden_is_all_up_to_where_the_ego_stops(world):
+    """The last part of its way, up to half a metre, was left out."""
+    world.reset(replace(LED, density=0.0).plan(0))
+    stage, ego = world.stage, world.scene().ego
+    stage.scene = world.scene()
+    for nearer in (0.01, -0.01):
+        away = 0.5 * world.vehicle.length + stage._stopping(ego.v) - nearer + 1.0
+        x, y = ego.x + away * math.cos(ego.psi), ego.y + away * math.sin(ego.psi)
+        assert stage._too_near((x, y, ego.psi), (2.0, 2.0)) is (nearer > 0.0)
 
 
 @pytest.mark.parametrize(("lane", "at", "sudden"), [("south_in_0", 6, True), ("south_out_1", 12, False)])

@@ -227,15 +227,14 @@ class WorldStage(NetworkStage):
         braking, as road and car are now.
         """
         assert self.scene is not None
-        ego, car, ahead = self.scene.ego, self.scene.network.vehicle, 0.0
+        ego, car = self.scene.ego, self.scene.network.vehicle
         at, way = (np.array([place[:2]]), np.array([place[2]]), np.array([size])), self._stopping(ego.v)
-        while ahead <= way:
+        for ahead in np.append(np.arange(0.0, way, LOOK_M), way).tolist():
             straight = ego.x + ahead * math.cos(ego.psi), ego.y + ahead * math.sin(ego.psi), ego.psi
             on_path = self.scene.route.path.pose(self.scene.ego_s + ahead)
             for x, y, psi in (straight, on_path):
                 if rectangle_gaps(float(x), float(y), float(psi), car.length, car.width, *at)[0] <= 0.0:
                     return True
-            ahead += LOOK_M
         return False
 
     def _stopping(self, v: float) -> float:
