@@ -126,6 +126,7 @@ class IsolatedWorld:
         options: tuple[str, ...] = (),
     ) -> Scene:
         """As `World.reset`."""
+        self._reply = _Reply(None)
         if not self._end.alive and not self._closed:
             self._start()
         if (sources := imported_first()) != self._imported:

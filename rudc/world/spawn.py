@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 import numpy as np
 
 from rudc.arrays import Array
-from rudc.errors import NetworkError
+from rudc.errors import NetworkError, SimulationError
 from rudc.geometry import rectangle_gaps
 from rudc.vehicle import Actuation
 from rudc.world.ego import grip_of
@@ -16,7 +16,7 @@ from rudc.world.scene import Scene
 if TYPE_CHECKING:
     from rudc.network.network import Lane, Network, Route
     from rudc.network.road import Movement
-    from rudc.scenario.plan import EgoPlan
+    from rudc.scenario.plan import EgoPlan, EpisodePlan
 
 MARGIN_M = 2.0
 """m, least gap between the ego and anything at the start"""
@@ -120,6 +120,14 @@ def safe_to_start(scene: Scene) -> bool:
     behind = np.where(ahead > 0, ego.v, speed)
     front = np.where(ahead > 0, speed, ego.v)
     return bool(np.all(gaps[in_lane] >= safe_gap(scene, behind, front)[in_lane]))
+
+
+def no_safe_start(plan: EpisodePlan, draws: int) -> SimulationError:
+    """The error that says that the ego could not start safely in any of so many draws of a plan."""
+    return SimulationError(
+        f"scenario {plan.scenario}, seed {plan.seed}: no safe start for the ego in {draws} "
+        "draws; lower traffic.density, or move ego.distance or what stands there"
+    )
 
 
 def safe_gap(scene: Scene, behind: Speed, front: Speed) -> Speed:

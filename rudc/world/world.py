@@ -33,7 +33,7 @@ from rudc.world.lane_keeping import LaneKeeping
 from rudc.world.perception import Sensors
 from rudc.world.reading import EgoView, Reader
 from rudc.world.scene import STANDING, EgoState, Kind, Scene
-from rudc.world.spawn import draw_route, entry, safe_to_start
+from rudc.world.spawn import draw_route, entry, no_safe_start, safe_to_start
 from rudc.world.sumo import Sumo
 from rudc.world.traffic import Traffic
 from rudc.world.trial import refuse_untried
@@ -120,14 +120,14 @@ class World:
         cannot start safely is drawn again, `self.plan.attempt` times; SimulationError when no draw is safe.
         """
         self.plan, self._scene, self._perceived = plan, None, None
-        while not self._set_up(ego_driver, options):
+        try:
+            while not self._set_up(ego_driver, options):
+                if self.plan.attempt >= REDRAWS:
+                    raise no_safe_start(plan, 1 + REDRAWS)
+                self.plan, self._scene = self.plan.redrawn(), None
+        except BaseException:  # half an episode is none
             self._scene = None
-            if self.plan.attempt >= REDRAWS:
-                raise SimulationError(
-                    f"scenario {plan.scenario}, seed {plan.seed}: no safe start for the ego in {1 + REDRAWS} "
-                    "draws; lower traffic.density, or move ego.distance or what stands there"
-                )
-            self.plan = self.plan.redrawn()
+            raise
         return self.scene()
 
     def scene(self) -> Scene:

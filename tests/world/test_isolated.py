@@ -113,6 +113,11 @@ def test_its_errors_are_ours_and_a_reset_starts_another_after_an_interrupt():
     with pytest.raises(SimulationError, match=r"own process: IndexError: .*\.py:\d+") as caught:
         world.advance(np.zeros(0))
     assert "Traceback" in caught.value.__notes__[0]
+    with pytest.raises(SimulationError, match="does not fit"):
+        world.reset(far)
+    for ask in (world.scene, world.perceived, lambda: world.plan):  # not of the episode before
+        with pytest.raises(SimulationError, match="no episode"):
+            ask()
     assert world.reset(plan) == scene
     signal.signal(signal.SIGALRM, signal.default_int_handler)
     os.kill(world._process.pid, signal.SIGSTOP)  # it will not answer

@@ -108,6 +108,14 @@ def test_no_safe_start_at_all_is_an_error(world, monkeypatch):
         world.reset(replace(FOLLOW, distance=(118.0, 118.0)).plan(0))
 
 
+def test_an_episode_that_cannot_be_set_up_leaves_no_scene(world, monkeypatch):
+    monkeypatch.setattr(World, "_enter_ego", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        world.reset(FOLLOW.plan(0))
+    with pytest.raises(SimulationError, match="no episode"):
+        world.scene()
+
+
 @pytest.mark.parametrize("name", ["four_way", "t_junction", "skewed_four_way", "roundabout"])
 def test_sumos_own_driver_keeps_to_the_reference_path(world_on, name):
     """Its centre lies on the path on the arms (the ego's late left turns cut the junction differently)."""
