@@ -89,15 +89,20 @@ def test_a_fault_is_over_once_a_later_one_replaces_it(world):
     assert seen[-1] == [True, False, False]
 
 
+@pytest.mark.parametrize(
+    "when", [{}, {"when": {"simulation_time": {"below": 9.0}}}], ids=["at once", "later"]
+)
 @pytest.mark.parametrize("room", [True, False])
-def test_riders_set_off_only_where_traffic_can_still_stop(world, monkeypatch, room):
-    riders = event("vehicle_crossing", arm="north", count=2)
+def test_riders_set_off_only_where_traffic_can_still_stop(world, monkeypatch, room, when):
+    riders = event("vehicle_crossing", arm="north", count=2, **when)
     monkeypatch.setattr(Prop, "has_room", lambda prop, scene: room)
     world.reset(replace(CALM, events=(riders,)).plan(0))
     world.advance(STAND)
     (crossing,) = world.happenings()
     assert len(crossing.bodies) == 2 * room
     assert (crossing.begun_s is not None) is room
+    (line,) = event_lines(world.plan, (crossing,))
+    assert line.endswith("not there, it waits for room on the road") is not room
 
 
 def test_event_lines_say_why_something_is_not_there(world):

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rudc.scenario.events import Event
     from rudc.scenario.plan import EpisodePlan
     from rudc.world.events.script import Happening
 
@@ -29,7 +28,7 @@ def numbered(number: int, kind: str) -> str:
 def _line(number: int, happening: Happening) -> str:
     head = numbered(number, happening.event.kind)
     if happening.begun_s is None:
-        return f"{head}: not there, it waits for {_awaited(happening.event)}"
+        return f"{head}: not there, it waits for {_awaited(happening)}"
     since = f"began at {happening.begun_s:.1f} s" if happening.begun_s > 0 else "from the start"
     over = ", over" if happening.is_over else ""
     if happening.visible_s is None:
@@ -38,15 +37,14 @@ def _line(number: int, happening: Happening) -> str:
     return f"{head}: {since}{over}{seen}"
 
 
-def _awaited(event: Event) -> str:
-    parts = [
-        f"{name} {_words(condition)}"
-        for name, condition in (event.when.conditions if event.when else {}).items()
-    ]
+def _awaited(happening: Happening) -> str:
+    event = happening.event
+    conditions = event.when.conditions if event.when and not happening.refused else {}
+    parts = [f"{name} {_words(condition)}" for name, condition in conditions.items()]
     who = getattr(event, "vehicle", None)
     if who is not None:
         parts.append(f"a vehicle to act on ({who})")
-    return " and ".join(parts) or "the first decision"
+    return " and ".join(parts) or ("room on the road" if happening.refused else "the first decision")
 
 
 def _words(condition: Any) -> str:

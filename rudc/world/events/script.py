@@ -33,6 +33,8 @@ class Happening(NamedTuple):
     """whether it has no body, and the ego feels it as soon as it begins"""
     unlawful: frozenset[str]
     """those of its bodies that break the rules now: they disregard the right of way"""
+    refused: bool = False
+    """whether its trigger held at the last decision, but there was no room for it or nobody to act on"""
 
 
 class Script:
@@ -48,6 +50,7 @@ class Script:
         """of each kind of which there is one at a time, the latest that began and has no duration"""
         self._begun: dict[str, float] = {}
         self._visible: dict[str, float] = {}
+        self._refused: set[str] = set()
         self._begin([e for e in self._waiting if e.from_the_start and e.event.when is None])
 
     def step(self, scene: Scene) -> tuple[str, ...]:
@@ -95,6 +98,7 @@ class Script:
                 self._bodies(effect),
                 effect.felt,
                 self._bodies(effect) & self._stage.unlawful,
+                effect.name in self._refused,
             )
             for effect in self._effects
         )
@@ -102,6 +106,7 @@ class Script:
     def _begin(self, effects: list[Effect[Any]]) -> tuple[str, ...]:
         stage = self._stage
         begun = [effect for effect in effects if ask_effect(effect, "begin", stage, stage.time_s)]
+        self._refused = {effect.name for effect in effects if effect not in begun}
         for effect in begun:
             effect.begun_s = self._begun[effect.name] = stage.time_s
             if effect.felt:
