@@ -2,8 +2,8 @@
 
 0. An event put the other where it is, so near that the ego could not stop: the other's fault.
 1. The other stands or is a pedestrian: the ego's fault if the ego moved, else shared. Where an ego that moves
-   on its reference path hits a car that the yielding layer makes brake or stand, and that has not stood for
-   IN_SIGHT_S yet, this rule does not apply: rules 3 to 8 decide.
+   on its reference path hits a car that the yielding layer makes brake or stand for the ego, and that has not
+   stood for IN_SIGHT_S yet, this rule does not apply: rules 3 to 8 decide.
 2. The ego stands (below 0.5 m/s) on its reference path, and either is not beyond the point up to which it may
    wait, or has stood for IN_SIGHT_S and has the other behind it, heading the same way: the other's fault.
 3. The two head the same way (within 45 degrees): the fault of the one behind; side by side, shared. Of two
@@ -43,8 +43,8 @@ class Collision(NamedTuple):
 
 def judge(scene: Scene, index: int, unlawful: bool, held: bool = False, sudden: bool = False) -> Fault:
     """Whose fault a contact between the ego and row `index` of the scene's others is. `unlawful`: an event
-    makes the other disregard the right of way; `held`: the yielding layer makes it brake or has just made it
-    stand; `sudden`: an event put it so near that the ego could not stop."""
+    makes the other disregard the right of way; `held`: the yielding layer makes it brake for the ego or has
+    just made it stand; `sudden`: an event put it so near that the ego could not stop."""
     if sudden:
         return "other"
     ego = scene.ego

@@ -215,7 +215,7 @@ class World:
         )  # fmt: skip
         self.traffic.begin(plan.traffic, traffic_rng)
         self._reader = Reader(self._sumo, self.network, self.traffic)
-        self._held: set[str] = set()
+        self._held, self._for_ego = set[str](), set[str]()
         self._lane_keeping, self._unblocking = LaneKeeping(self._sumo), Unblocking(self._sumo)
         self._detours = Detours(self._sumo, self.network, self.traffic)
         self._script = Script(plan, self.stage)
@@ -339,7 +339,7 @@ class World:
     def _collision(self, hit: str, scene: Scene, before: Scene) -> Collision:
         """The collision, judged in the scene after the contact, or in the one before if the other is gone."""
         scene = scene if hit in scene.ids else before
-        index, held = scene.ids.index(hit), hit in self._held and self._sumo.stood(hit) < IN_SIGHT_S
+        index, held = scene.ids.index(hit), hit in self._for_ego and self._sumo.stood(hit) < IN_SIGHT_S
         fault = judge(scene, index, hit in self.stage.unlawful, held, hit in self.stage.sudden)
         return Collision(hit, Kind(scene.kind[index]), fault)
 
@@ -382,6 +382,7 @@ class World:
         heedless = self.stage.unlawful
         braking = must_yield(scene, ego_present=self._ego_inside, brake_most=most, heedless=heedless)
         self._held = {scene.ids[row] for row in braking.rows}
+        self._for_ego = {scene.ids[row] for row in braking.for_ego}
         wanted = {
             scene.ids[row]: (math.hypot(*scene.velocity[row]), deceleration)
             for row, deceleration in zip(braking.rows, braking.deceleration, strict=True)

@@ -74,6 +74,8 @@ class Yielding(NamedTuple):
     """(m,) rows of the scene"""
     deceleration: list[float]
     """(m,) m/s2; 0 for those that must not go faster"""
+    for_ego: list[int]
+    """rows of those who would have to for the ego alone"""
 
 
 def must_yield(
@@ -96,13 +98,13 @@ def must_yield(
     for i, name in enumerate(scene.ids if heedless else ()):
         obstacles_only[i] = name in heedless and not (ego_present and _drives_behind(scene, i))
     heeding &= ~obstacles_only
-    rows, deceleration = yielding(
+    rows, deceleration, for_ego = yielding(
         scene.position, scene.heading, scene.velocity, scene.size, scene.path, scene.path_s,
         paths.poses, paths.stations, paths.stop_s, paths.exit_s, paths.origin,
         heeding, obstacles_only, *_predicted(scene, stray), body.length, body.width, ego.v >= LINGERS,
         stray and ego_present, brake_most,
     )  # fmt: skip
-    return Yielding(rows.tolist(), deceleration.tolist())
+    return Yielding(rows.tolist(), deceleration.tolist(), rows[for_ego].tolist())
 
 
 def ego_must_yield(scene: Scene, path: int, path_s: float) -> float:

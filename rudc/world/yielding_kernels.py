@@ -234,8 +234,9 @@ def yielding(
     poses: Table, stations: int, stop_s: Vector, exit_s: Vector, origin: Rows,
     heeding: NewFlags, obstacles_only: NewFlags, ego: Places, ego_facing: Places, length: float, width: float,
     moves: bool, astray: bool, most: float,
-) -> tuple[NewRows, NewVector]:  # fmt: skip
-    """Rows (m,) of the SVs that must brake or must not go faster, and how hard each brakes (m,) m/s2.
+) -> tuple[NewRows, NewVector, NewFlags]:  # fmt: skip
+    """Rows (m,) of the SVs that must brake or must not go faster, how hard each brakes (m,) m/s2, and whether
+    it has to for the ego (m,).
 
     `heeding` (N,): which SVs yield to the ego; `obstacles_only` (N,): which yield to nothing else; `ego`,
     `ego_facing` (INSTANTS,): the ego's predicted places (m) and directions; `length`, `width`: the ego's, m;
@@ -243,6 +244,7 @@ def yielding(
     """
     n, count, obstacles = len(path), 0, False
     rows, needs, speed = np.empty(n, np.int64), np.empty(n), np.empty(n)
+    for_ego = np.zeros(n, np.bool_)
     inside = in_junction(size, path, path_s, stop_s, exit_s)
     for i in range(n):
         speed[i] = math.hypot(velocity[i, 0], velocity[i, 1])
@@ -276,8 +278,7 @@ def yielding(
             place, facing, half[0], half[1], most, i, obstacles_only[i], speed, inside,
             position, heading, velocity, size, path, path_s, poses, stations, origin,
         )  # fmt: skip
-        need = max(need, others)
-        if need >= 0.0:
-            rows[count], needs[count] = i, need
+        if need >= 0.0 or others >= 0.0:
+            rows[count], needs[count], for_ego[count] = i, max(need, others), need >= 0.0
             count += 1
-    return rows[:count].copy(), needs[:count].copy()
+    return rows[:count].copy(), needs[:count].copy(), for_ego[:count].copy()

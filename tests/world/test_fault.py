@@ -13,6 +13,7 @@ from rudc.network.network import load_network
 from rudc.scenario import load_scenario
 from rudc.world.fault import IN_SIGHT_S, judge
 from rudc.world.scene import Kind
+from rudc.world.yielding import Yielding
 from tests.benchmarks.yielding import awkward_poses, fair_moment
 from tests.plans import PlanSource
 
@@ -205,8 +206,20 @@ def test_who_stands_in_sight_for_a_while_does_so_by_itself(four_way, world):
         world.advance(np.zeros(2))
         scene = world.scene()
         moving = replace(scene, ego=replace(scene.ego, v=3.0))
-        for name in world._held.intersection(scene.ids):
+        for name in world._for_ego.intersection(scene.ids):
             stood = world._sumo.stood(name)
             if stood > 0.0:
                 faults.add((stood < IN_SIGHT_S, world._collision(name, moving, moving).fault))
     assert faults == {(True, "shared"), (False, "ego")}
+
+
+@pytest.mark.parametrize("for_ego", [True, False])
+def test_who_brakes_for_something_else_than_the_ego_is_not_held_before_it(world, monkeypatch, for_ego):
+    """Whose fault it was to run into it depended on the right of way, as if it had braked for the ego."""
+    name = world.reset(PlanSource(density=25.0).plan(0)).ids[0]
+    found = Yielding([0], [1.0], [0] * for_ego)
+    monkeypatch.setattr("rudc.world.world.must_yield", lambda *_, **__: found)
+    monkeypatch.setattr("rudc.world.world.judge", lambda scene, index, unlawful, held, sudden: held)
+    world.advance(np.zeros(2))
+    scene = world.scene()
+    assert world._collision(name, scene, scene).fault is for_ego

@@ -42,7 +42,7 @@ def crossing(make_scene, four_way):
 
 def test_brakes_for_an_ego_that_stands_in_the_way(crossing):
     found = must_yield(crossing(14.0, 9.0, front=11.0))
-    assert found.rows == [0]
+    assert found.rows == found.for_ego == [0]
     assert 2.0 < found.deceleration[0] < 9.0
 
 
@@ -150,7 +150,8 @@ def test_brakes_for_whatever_is_on_the_road(make_scene, four_way, kind):
     size = (0.5, 0.5) if kind == Kind.PEDESTRIAN else (5.0, 1.8)
     in_way = {"at": (x, y, psi + 1.0), "kind": kind, "size": size}
     beside = {"at": (x + 8.0 * math.sin(psi), y - 8.0 * math.cos(psi), psi), "kind": kind, "size": size}
-    assert must_yield(make_scene(car, in_way)).rows == [0]
+    found = must_yield(make_scene(car, in_way))
+    assert (found.rows, found.for_ego) == ([0], [])
     assert must_yield(make_scene(car, beside)).rows == []
     walks_into = {
         **beside,
