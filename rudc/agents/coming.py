@@ -11,7 +11,7 @@ import numpy as np
 from rudc.arrays import Array, Flags, Index
 from rudc.geometry import NO_RECTANGLES, Rectangles
 from rudc.network.paths import SPACING
-from rudc.world.scene import Scene
+from rudc.world.scene import Kind, Scene
 
 LANE_S = 12.0
 """s, how far ahead these lanes are predicted"""
@@ -46,7 +46,14 @@ def strays(scene: Scene, who: Flags) -> Index:
     """(n,) indices of those of the others `who` (N,) that drive against the ego's line, ahead on its road.
     Who backs away makes room, and is none of them.
     """
-    return np.array([i for i in np.flatnonzero(who).tolist() if _against(scene, i)], dtype=np.int64)
+    found = [i for i in np.flatnonzero(who).tolist() if _against(scene, i) and not _backs(scene, i)]
+    return np.array(found, dtype=np.int64)
+
+
+def not_passed(scene: Scene) -> bool:
+    """Whether somebody who is on no path faces the ego's line, ahead on its road: comes, stands or backs."""
+    who = (scene.path < 0) & (scene.kind != int(Kind.PEDESTRIAN))
+    return any(_against(scene, i) for i in np.flatnonzero(who).tolist())
 
 
 def lanes_of(scene: Scene, who: Index, speed: Array) -> Lanes:
@@ -123,12 +130,15 @@ def _goes_through(scene: Scene, i: int) -> bool:
 
 
 def _against(scene: Scene, i: int) -> bool:
-    """Whether somebody ahead on the ego's road drives against its line, and does not back away along it."""
-    path, heading = scene.route.path, float(scene.heading[i])
+    """Whether somebody ahead on the ego's road faces against its line."""
+    path = scene.route.path
     s, offset = path.project(*scene.position[i].tolist())
     if not scene.ego_s < s < path.length or abs(offset) > FAR_BESIDE:
         return False
-    vx, vy = scene.velocity[i].tolist()
-    if vx * math.cos(heading) + vy * math.sin(heading) < 0.0:
-        return False
-    return math.cos(heading - float(path.pose(s)[2])) < AGAINST
+    return math.cos(float(scene.heading[i]) - float(path.pose(s)[2])) < AGAINST
+
+
+def _backs(scene: Scene, i: int) -> bool:
+    """Whether somebody drives backwards."""
+    heading, (vx, vy) = float(scene.heading[i]), scene.velocity[i].tolist()
+    return vx * math.cos(heading) + vy * math.sin(heading) < 0.0

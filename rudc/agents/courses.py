@@ -24,6 +24,7 @@ from dataclasses import replace
 import numpy as np
 
 from rudc.agents.blocking import Blocking, Blocks
+from rudc.agents.coming import not_passed
 from rudc.agents.following import PULL_OUT
 from rudc.agents.gaps import entering, suffices
 from rudc.agents.hidden import sees
@@ -125,7 +126,7 @@ class Courses:
         blocks = self._blocks = self._blocking.look(scene)
         shown = scene if self.course is None else along(scene, self.course)
         self._stop = math.inf
-        over = self._gone(scene, blocks) or (self._round_stray and not blocks.coming.outside.number)
+        over = self._gone(scene, blocks) or (self._round_stray and not not_passed(scene))
         if not (blocks.any or over):
             return shown
         wait, clear = _wait(shown, blocks), _clear(scene, blocks)

@@ -97,6 +97,11 @@ def test_once_it_has_passed_wrecks_elsewhere_change_nothing(make_scene, four_way
     )
     past = replace(past, time_s=scene.time_s + 5.0)
     assert Blocking().look(past).standing.number == 1
+    for v in (4.0, 0.0, -2.5):  # it comes, waits before the ego, makes room
+        there = replace(scene, velocity=scene.velocity / 4.0 * v, time_s=scene.time_s + 3.0)
+        before = courses.course
+        courses.see(there)
+        assert courses.course is before, "it has not passed yet"
     courses.see(past)
     assert courses.course is None
 
