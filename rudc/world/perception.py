@@ -28,7 +28,7 @@ class Sensors:
     miss: float = 0.0
     """probability that one of the others is not seen at a decision"""
     range_m: float = np.inf
-    """m, others whose centres are farther away are not seen"""
+    """m, others whose centre and corners are all farther away are not seen"""
 
     @property
     def perfect(self) -> bool:
@@ -53,10 +53,8 @@ class Sensors:
     def _others(self, scene: Scene, rng: np.random.Generator) -> Scene:
         """The scene with the others as the ego sees them."""
         seen = rng.random(scene.count) >= self.miss
-        offset = scene.position - (scene.ego.x, scene.ego.y)
-        seen &= np.hypot(offset[:, 0], offset[:, 1]) <= self.range_m
-        if len(self.occluders):
-            seen &= visible(scene, self.occluders)
+        if self.range_m < np.inf or len(self.occluders):
+            seen &= visible(scene, self.occluders, self.range_m)
         return self._noisy(scene.only(np.flatnonzero(seen)), rng)
 
     def _noisy(self, scene: Scene, rng: np.random.Generator) -> Scene:
@@ -74,14 +72,16 @@ class Sensors:
         )
 
 
-def visible(scene: Scene, occluders: Array) -> Flags:
-    """(N,) whether at least one straight line from the ego's centre to the centre or a corner of each of the
-    others meets none of the boxes (K, 5)."""
+def visible(scene: Scene, occluders: Array, range_m: float = np.inf) -> Flags:
+    """(N,) whether the centre or a corner of each of the others is at most `range_m` m from the ego's centre,
+    and the straight line to it meets none of the boxes (K, 5)."""
     along = 0.5 * scene.size[:, :1] * np.stack([np.cos(scene.heading), np.sin(scene.heading)], axis=1)
     across = 0.5 * scene.size[:, 1:] * np.stack([-np.sin(scene.heading), np.cos(scene.heading)], axis=1)
     signs = np.array([(0, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)])
     points = scene.position[:, None] + signs[:, :1] * along[:, None] + signs[:, 1:] * across[:, None]
-    return np.any(in_sight((scene.ego.x, scene.ego.y), points, occluders), axis=1)
+    eye = scene.ego.x, scene.ego.y
+    near = np.hypot(points[..., 0] - eye[0], points[..., 1] - eye[1]) <= range_m
+    return np.any(near & in_sight(eye, points, occluders), axis=1)
 
 
 def in_sight(eye: tuple[float, float], points: Array, occluders: Array) -> Flags:

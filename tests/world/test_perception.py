@@ -68,9 +68,10 @@ def test_what_is_hidden_is_left_out_of_every_array(scene_with):
 
 
 def test_nothing_is_seen_beyond_the_range(scene_with):
-    scene = scene_with((9.9, 0.0, 0.0), (0.0, 10.1, 0.0))
+    scene = scene_with((12.2, 0.0, 0.0), (0.0, 12.3, 0.0))
+    assert scene.size[0, 0] > 4.5
     seen = Sensors(range_m=10.0).perceive(scene, np.random.default_rng(0))
-    assert seen.ids == scene.ids[:1]
+    assert seen.ids == scene.ids[:1], "its near end is 9.9 m away; the other, seen from its side, 11.4"
 
 
 def test_each_is_missed_as_often_as_asked(scene_with):
