@@ -21,6 +21,8 @@ from rudc.network.paths import SPACING
 from rudc.world.ego import DRY, GRAVITY
 
 if TYPE_CHECKING:
+    from collections.abc import Container
+
     from rudc.network.network import Network
     from rudc.network.road import Lane
     from rudc.world.sumo import Sumo
@@ -43,19 +45,26 @@ class Bends:
         """SUMO has loaded the network anew."""
         self._limits = {}
 
-    def slow(self, grip: float) -> None:
+    def slow(self, grip: float, entered: Container[str] = ()) -> bool:
         """From now on the road allows `grip` m/s2 across a vehicle's direction, or as much as a dry road if
         that is less.
+
+        `entered`: edges onto which a vehicle is about to come with a speed that their present limits allow;
+        SUMO ends the simulation over one that comes faster, so these limits stay. Returns whether any did.
         """
         grip = min(grip, DRY * GRAVITY)
         if self._curvature is None:
             self._curvature = curvatures(self._network)
+        stay = False
         for name, curvature in self._curvature.items():
             lane = self._network.lanes[name]
             limit = min(lane.speed, math.sqrt(SHARE * grip / curvature))
-            if limit != self.limit(lane):
+            if limit < self.limit(lane) and lane.edge in entered:
+                stay = True
+            elif limit != self.limit(lane):
                 self._limits[name] = limit
                 self._sumo.limit_lane(name, limit)
+        return stay
 
     def limit(self, lane: Lane) -> float:
         """m/s, the limit on a lane now."""

@@ -108,12 +108,13 @@ class Traffic:
         self._closed: set[tuple[str, str]] = set()
         self.grip = math.inf
         """m/s2, how hard the road lets an SV brake and accelerate"""
+        self.waiting: dict[str, str] = {}
+        """SVs that are not yet on the road, and the edges on which they will be"""
         self.bends.forget()
-        self.bends.slow(self.grip)
+        self._slow_in_bends()
         self._count = 0
         self._ego: Driver | None = None
         self.drivers: dict[str, Driver] = {}
-        self._waiting: set[str] = set()
         names = sorted(plan.mix)
         weights = np.array([plan.mix[name] for name in names], dtype=float)
         self._mix = names, weights / weights.sum()
@@ -204,7 +205,7 @@ class Traffic:
     def lose_grip(self, limit: float) -> None:
         """From now on no vehicle that SUMO drives brakes, accelerates or turns harder than `limit` m/s2."""
         self.grip = limit
-        self.bends.slow(limit)
+        self._slow_in_bends()
         for name, driver in self.drivers.items():
             self._slip(name, driver)
         if self._ego is not None:
@@ -246,9 +247,17 @@ class Traffic:
     def forget(self, active: tuple[str, ...]) -> None:
         """Forget the SVs that have left; those that were added but are not yet on the road are kept."""
         present = set(active)
-        self._waiting -= present
-        for name in self.drivers.keys() - present - self._waiting:
+        came = self.waiting.keys() & present
+        for name in came:
+            del self.waiting[name]
+        if came and self._slow_later:
+            self._slow_in_bends()
+        for name in self.drivers.keys() - present - self.waiting.keys():
             del self.drivers[name]
+
+    def _slow_in_bends(self) -> None:
+        self._slow_later = self.bends.slow(self.grip, self.waiting.values())
+        """whether limits wait for vehicles to enter"""
 
     def _draw_movement(self) -> Movement:
         choices = self._movements[self._origins[bisect_right(self._shares, self._rng.random())]]
@@ -293,7 +302,7 @@ class Traffic:
         )
         self.drivers[name] = driver
         self._slip(name, driver)
-        self._waiting.add(name)
+        self.waiting[name] = lane.edge
         return name
 
     def _place_somewhere(self) -> None:

@@ -77,3 +77,21 @@ def test_an_ego_starts_on_an_icy_bend(tmp_path):
         with World(load_network(bent(tmp_path))) as world:
             scene = world.reset(plan.plan(0), ego_driver=driver)
             assert scene.ego.v > 0.0
+
+
+def test_who_is_about_to_enter_does_so_before_its_road_becomes_slow(tmp_path):
+    """SUMO ends the simulation over a vehicle that was asked for with more than its lane's limit."""
+    network = load_network(bent(tmp_path))
+    plan = replace(WATCHES, density=40.0, origin="south")
+    with World(network) as world:
+        for seed in range(3):
+            world.reset(plan.plan(seed))
+            while not world.traffic.waiting:
+                world.advance(np.array([-6.0, 0.0]))
+            world.stage.set_friction(0.1)
+            world.stage.set_friction(0.08)
+            for _ in range(30):
+                world.advance(np.array([-6.0, 0.0]))
+            assert not world.traffic.waiting
+            tight = (SHARE * 0.08 * GRAVITY / curvatures(network)["north_in_0"]) ** 0.5
+            assert world.traffic.bends.limit(network.lanes["north_in_0"]) == pytest.approx(tight)
