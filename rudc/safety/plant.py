@@ -36,21 +36,22 @@ SUBSTEP_S = 0.05
 """s, the step with which the models are driven, or the nearest to it that divides a decision evenly; dead
 times are multiples of it
 """
-DELAYS = np.arange(13) * SUBSTEP_S
+DELAYS = np.arange(22) * SUBSTEP_S
 """s, dead times of the bank"""
 LONGEST_S = 2.0
 """s, longest dead time whose commands are remembered; scenarios allow no longer one"""
-LAGS = np.array([0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6])
+LAGS = np.array([0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8])
 """s, lags of the bank"""
-FRICTIONS = np.array(
-    [np.inf, 0.7, 0.6, 0.56, 0.52, 0.46, 0.4, 0.35, 0.3, 0.26, 0.23, 0.2, 0.17, 0.15, 0.13, 0.11, 0.09]
-)
+FRICTIONS = np.array([
+    np.inf, 0.7, 0.6, 0.56, 0.52, 0.46, 0.4, 0.35, 0.3, 0.26, 0.23, 0.2, 0.17, 0.15, 0.13, 0.11, 0.09, 0.07,
+    0.05, 0.035,
+])  # fmt: skip
 """coefficients of friction of the bank; inf for a dry road"""
 _LIMITS: Array = np.minimum(FRICTIONS, DRY) * GRAVITY
 ACCELERATION_STD, STEERING_STD = 0.25, 0.01
 """m/s2, rad: A and D, sizes of errors of the readings that say nothing about the car"""
 CUT = 16.0
-"""largest term of one reading, so that one outlier does not decide"""
+"""largest term of one reading, so that what one outlier says is made good by the next few"""
 FORGET = 0.97
 """share of J that is left after DECISION_S: about three seconds of memory"""
 WORST = 24.0
