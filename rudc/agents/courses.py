@@ -7,8 +7,8 @@ been gone, in plain sight, for GONE_S s; at most once in AGAIN_S s. While no cou
 SHORT m before what blocks: nearer, it could not pull out. Beside bodies it drives at SLOW + PER_METRE x gap
 at most, and in the bends of a course as rudc/env/tracking.py says.
 
-Everywhere it drives at most TOLERATED times the speed limit. Before the junction and in it, that is the limit
-of the lane before it; beyond it, the limit of the lane beyond.
+Everywhere it drives at most TOLERATED times the speed limit of the lane that it is on; in the junction, that
+of the lane before it.
 
 Where a course enters ground that its route does not touch (the lane beside, the lane of oncoming traffic),
 the ego gives way to all who drive there. Until the gap before them suffices (rudc/agents/gaps.py), it stops
@@ -253,11 +253,11 @@ def along(scene: Scene, course: Route) -> Scene:
 
 def _limited(scene: Scene, u: Array) -> Array:
     """(2,) the command u (2,), m/s2 and rad, slowed down to TOLERATED times the speed limit."""
-    route = scene.route
-    way = route.exit_s - scene.ego_s
-    a = slowing(scene, way, TOLERATED * route.speed_limit_after, COMFORT)
-    if way > 0.0:
-        a = min(a, slowing(scene, 0.0, TOLERATED * route.speed_limit, COMFORT))
+    here = scene.route.limit_at(scene.ego_s)
+    a = slowing(scene, 0.0, TOLERATED * here, COMFORT)
+    for begin, limit in scene.route.limits:
+        if begin > scene.ego_s:
+            a = min(a, slowing(scene, begin - scene.ego_s, TOLERATED * limit, COMFORT))
     return at_most(u, a)
 
 

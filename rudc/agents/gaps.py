@@ -189,9 +189,11 @@ def _times(scene: Scene, found: Conflicts, profile: Array, acceleration: float) 
 def _cruise(scene: Scene, s: Array) -> Array | float:
     """(M,) m/s, or one for all: the speed that the ego does not exceed at s (M,) m."""
     route, most = scene.route, min(CRUISE, scene.vehicle.v_max)
-    limits = route.speed_limit, route.speed_limit_after
-    before, beyond = (max(min(most, limit), scene.ego.v) for limit in limits)
-    return before if before == beyond else np.where(s < route.exit_s, before, beyond)
+    begins, limits = zip(*route.limits, strict=True)
+    speeds = [max(min(most, limit), scene.ego.v) for limit in limits]
+    if min(speeds) == max(speeds):
+        return speeds[0]
+    return np.array(speeds)[np.searchsorted(begins[1:], s, side="right")]
 
 
 def _earliest(distance: Array, speed: Array, limit: Array, acceleration: Array) -> Array:

@@ -27,7 +27,7 @@ from rudc.network.network import Network
 from rudc.network.paths import SPACING
 from rudc.network.polyline import arc_length, resample, smooth, union_boundary
 from rudc.network.route import ReferencePath, Route
-from rudc.network.route_builder import along
+from rudc.network.route_builder import along, moved
 from rudc.vehicle import EgoVehicle
 
 REACH = 80.0
@@ -228,7 +228,8 @@ class CoursePlanner:
         old = self._route
         stop, exit_s = (self._same_place(path, s) for s in (old.stop_line_s, old.exit_s))
         line = along(self._network, old.row, path, stop, exit_s, self._boundary, self._body)
-        return replace(old, **line)
+        limits = moved(old.limits, lambda s: self._same_place(path, s))
+        return replace(old, limits=limits, **line)
 
     def _same_place(self, path: ReferencePath, s: float) -> float:
         """m, arc length on another line of the place that is at s m on the route's."""

@@ -42,10 +42,8 @@ class PathSource:
     """how many of the lanes come before the stop line"""
     after_junction: int
     """how many of the lanes come after the junction"""
-    speed: float
-    """m/s, limit on the last lane before the junction"""
-    speed_after: float
-    """m/s, limit on the first lane beyond it"""
+    limits: tuple[float, ...]
+    """m/s, speed limit on each lane; in the junction, that of the last lane before it"""
 
 
 class PathTable:
@@ -70,11 +68,14 @@ class PathTable:
         """(P,) index into `Network.arms`"""
         self.destination: Index = np.array([source.destination for source in sources])
         """(P,) index into `Network.arms`"""
-        self.speed_limit: Array = np.array([source.speed for source in sources])
-        """(P,) m/s, before the junction and in it"""
-        self.speed_limit_after: Array = np.array([source.speed_after for source in sources])
-        """(P,) m/s, beyond the junction"""
+        self.speed_limit: Array = np.array([source.limits[source.before_junction - 1] for source in sources])
+        """(P,) m/s, on the last lane before the junction and in it"""
         spans = [_lane_spans(source.shapes) for source in sources]
+        self.limits = [_limits(source.limits, span) for source, span in zip(sources, spans, strict=True)]
+        """for each row: each speed limit (m/s) after the arc length (m) from which on it counts; the first
+        counts from -inf on
+        """
+        self._limit, self._limit_from, self._limit_until = _side_by_side(self.limits)
         self.spans: tuple[dict[str, tuple[float, float]], ...] = tuple(
             dict(zip(source.lane_ids, map(tuple, span.tolist()), strict=True))
             for source, span in zip(sources, spans, strict=True)
@@ -102,9 +103,7 @@ class PathTable:
             self._rows.setdefault((arms[source.origin], arms[source.destination]), []).append(row)
         for array in (self.length, self.xy, self.heading, self.origin, self.destination, self.speed_limit):
             array.flags.writeable = False
-        for array in (
-            self.speed_limit_after, self.stop_s, self.exit_s, self.stop_heading, self.yields, self.poses,
-        ):  # fmt: skip
+        for array in (self.stop_s, self.exit_s, self.stop_heading, self.yields, self.poses):
             array.flags.writeable = False
 
     @property
@@ -127,10 +126,11 @@ class PathTable:
         """(n,) m/s, the highest speed limit on rows (n,) from `begin` (n,) m to `end` (n,) m, or at `begin`
         if that is farther on.
         """
-        exits = self.exit_s[rows]
-        before = np.where(begin < exits, self.speed_limit[rows], 0.0)
-        beyond = np.where(np.maximum(begin, end) >= exits, self.speed_limit_after[rows], 0.0)
-        return np.maximum(before, beyond)
+        if self._limit.shape[1] == 1:
+            return self._limit[rows, 0]
+        reached = self._limit_from.take(rows, axis=0) <= np.maximum(begin, end)[:, None]
+        ahead = begin[:, None] < self._limit_until.take(rows, axis=0)
+        return (self._limit.take(rows, axis=0) * (reached & ahead)).max(axis=1)
 
     def locate(self, origin: str, destination: str, lane_id: str, lane_pos: float) -> tuple[int, float]:
         """Row and s (m) of a vehicle on that movement at lane_pos m on the lane; (-1, 0.0) when unknown.
@@ -170,6 +170,25 @@ def _lane_spans(shapes: Sequence[Array]) -> Array:
     counts = np.array([len(shape) for shape in shapes])
     ends = np.cumsum(counts)
     return np.column_stack([along[ends - counts], along[ends - 1]])
+
+
+def _limits(limits: Sequence[float], spans: Array) -> tuple[tuple[float, float], ...]:
+    """(m, m/s): where each limit begins to count, and the limit, for lanes with these limits and spans."""
+    found = [(-math.inf, limits[0])]
+    for limit, begin in zip(limits[1:], spans[1:, 0].tolist(), strict=True):
+        if limit != found[-1][1]:
+            found.append((begin, limit))
+    return tuple(found)
+
+
+def _side_by_side(limits: Sequence[tuple[tuple[float, float], ...]]) -> tuple[Array, Array, Array]:
+    """(P, K) m/s, m and m: the limits of each row, where each begins to count, and where it ends; rows with
+    fewer than K are filled up with limits that never count.
+    """
+    most = max(map(len, limits))
+    padded = np.array([[*row, *[(math.inf, 0.0)] * (most - len(row))] for row in limits])
+    begin, limit = padded[..., 0], padded[..., 1]
+    return limit, begin, np.pad(begin[:, 1:], ((0, 0), (0, 1)), constant_values=math.inf)
 
 
 Where = dict[tuple[str, str, str], tuple[int, float, float]]

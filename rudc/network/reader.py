@@ -286,10 +286,23 @@ def _way(junction: Junction, arms: list[RawArm], origin: int, destination: int, 
         stated_lengths=tuple(float(lane.getLength()) for lane in lanes),
         before_junction=len(before),
         after_junction=len(after),
-        speed=float(before[-1].getSpeed()),
-        speed_after=float(after[0].getSpeed()),
+        limits=(*_limits(before), *[float(before[-1].getSpeed())] * len(middle), *_limits(after)),
     )
     return Way(source, tuple((c.getJunction().getID(), c.getJunctionIndex()) for c in connections))
+
+
+def _limits(lanes: list[Any]) -> list[float]:
+    """m/s, the speed limit on each lane of an arm; inside a node of the arm it is at least the lower and at
+    most the higher of those before and beyond."""
+    found: list[float] = []
+    for k, lane in enumerate(lanes):
+        limit = float(lane.getSpeed())
+        if lane.getID().startswith(":"):
+            beyond = next(on.getSpeed() for on in lanes[k:] if not on.getID().startswith(":"))
+            low, high = sorted((found[-1], float(beyond)))
+            limit = min(max(limit, low), high)
+        found.append(limit)
+    return found
 
 
 def _internal_lanes(net: Any, connection: Any) -> list[Any]:

@@ -134,10 +134,8 @@ class Route:
     """m, of the path"""
     major: bool
     """whether the arm it comes from has priority (`Arm.major`)"""
-    speed_limit: float
-    """m/s, on the lane before the junction"""
-    speed_limit_after: float
-    """m/s, on the first lane after it"""
+    limits: tuple[tuple[float, float], ...]
+    """each speed limit (m/s) after the arc length (m) from which on it counts; the first counts from -inf"""
     left_edge: Array
     """(M, 2) m, left edge of the ego's carriageway beside each station of `path`"""
     right_edge: Array
@@ -154,4 +152,9 @@ class Route:
 
     def limit_at(self, s: float) -> float:
         """The speed limit (m/s) at arc length s (m)."""
-        return self.speed_limit if s < self.exit_s else self.speed_limit_after
+        return next(limit for begin, limit in reversed(self.limits) if begin <= s)
+
+    @property
+    def speed_limit(self) -> float:
+        """m/s, on the last lane before the junction and in it."""
+        return self.limit_at(self.stop_line_s)

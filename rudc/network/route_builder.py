@@ -12,7 +12,8 @@ All lines are smoothed by a moving average of SMOOTHING m, so that curvature is 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterator
 from itertools import chain
 from typing import Any
 
@@ -67,8 +68,7 @@ def build_route(network: Layout, movement: Movement, lane: int | None, vehicle: 
         row=row,
         alternatives=_alternatives(network, movement, row, vehicle),
         major=arm.major,
-        speed_limit=float(paths.speed_limit[row]),
-        speed_limit_after=network.outbound_lane(row).speed,
+        limits=moved(paths.limits[row], lambda s: _station_of(path, resample(line, np.array([s]))[0], s)),
         canonical_angle=float(wrap(arm.heading_in - np.pi / 2)),
         key=RouteKey(network.path, network.junction, movement.origin, movement.destination, lane, vehicle),
         **along(network, row, path, stop_line_s, exit_line_s, boundary, vehicle),
@@ -105,6 +105,13 @@ def along(
         "left_width": left,
         "right_width": right,
     }
+
+
+def moved(
+    limits: tuple[tuple[float, float], ...], onto: Callable[[float], float]
+) -> tuple[tuple[float, float], ...]:
+    """The limits, as of `Route.limits`, on another line; `onto` turns arc lengths into those on it, m."""
+    return tuple((begin if math.isinf(begin) else float(onto(begin)), limit) for begin, limit in limits)
 
 
 def _station_of(path: ReferencePath, point: Array, near: float) -> float:

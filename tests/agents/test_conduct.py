@@ -49,7 +49,7 @@ def test_the_limit_is_that_of_the_road_that_somebody_is_on(make_scene, tmp_path)
     """Beyond the junction the limit before it was looked at: who left a slow road was fast for good."""
     network = load_network(with_limits(tmp_path, lambda edge: 13.9 if edge.startswith("south") else 5.0))
     (row, *_), paths = network.movement("north", "straight").rows, network.paths
-    assert (paths.speed_limit[row], paths.speed_limit_after[row]) == (5.0, 13.9)
+    assert [limit for _, limit in paths.limits[row]] == [5.0, 13.9]
     places = float(paths.stop_s[row]) - 20.0, float(paths.exit_s[row]) + 20.0
     scene = make_scene(*({"row": row, "s": s, "v": 12.0} for s in places), network=network)
     assert looks(scene) == [True, False]

@@ -108,7 +108,7 @@ def test_it_slows_down_in_time_for_who_stands_for_the_moment(make_scene, four_wa
     stop = float(four_way.paths.stop_s[row])
     plant, hardest = EgoPlant(four_way.vehicle), 0.0
     scene = make_scene({"row": row, "s": stop - 3.0}, turn="straight", front=-60.0, v=v)
-    scene = replace(scene, route=replace(scene.route, speed_limit=20.0))
+    scene = replace(scene, route=replace(scene.route, limits=((-math.inf, 20.0),)))
     plant.resume(scene.ego, Actuation())
     courses.reset(scene)
     for k in range(55):
@@ -295,7 +295,7 @@ def test_an_ego_that_is_fast_looks_for_bodies_farther_ahead(make_scene, four_way
     route = four_way.route("south", "straight")
     wall = {"at": tuple(map(float, route.path.pose(150.0))), "size": (2.0, 40.0)}
     scene = make_scene(wall, front=-50.0, v=25.0, vehicle=fast)
-    scene = replace(scene, route=replace(route, speed_limit=30.0, speed_limit_after=30.0))
+    scene = replace(scene, route=replace(route, limits=((-math.inf, 30.0),)))
     courses.reset(scene)
     assert 150.0 - scene.ego_s > 80.0
     assert courses.govern(courses.see(scene), np.zeros(2))[0] < -1.0

@@ -160,7 +160,7 @@ def test_leader(make_scene, network):
     assert 50 * values["leader_gap"] == pytest.approx(15.0, abs=0.3)
     assert 10 * values["leader_speed"] == pytest.approx(-5.0)
     assert 6 * values["leader_idm"] == pytest.approx(idm(9.0, 10.0, 15.0, 5.0), abs=0.1)
-    fast = dataclasses.replace(scene, route=dataclasses.replace(scene.route, speed_limit=25.0))
+    fast = dataclasses.replace(scene, route=dataclasses.replace(scene.route, limits=((-np.inf, 25.0),)))
     assert 6 * named(fast)["leader_idm"] == pytest.approx(idm(9.0, 15.0, 15.0, 5.0), abs=0.1)
     beside = make_scene("south", "straight", s=80.0, others=[(14, 95.0, 4.0, 0.0)])  # in the lane beside
     assert named(beside)["leader_gap"] == 1.0

@@ -42,7 +42,8 @@ def test_the_speed_asked_for_is_the_limit_there_or_what_the_car_can_do(make_scen
     """It was the limit before the junction to the very end, and more than the car's 15 m/s."""
     for v, reached in ((wanted, 1.0), (10.0, 1 / (1 + 30 * ((wanted - 10.0) / 20) ** 2))):
         scene = make_scene("south", "straight", s=s, v=v)
-        route = dataclasses.replace(scene.route, speed_limit=25.0, speed_limit_after=5.0)
+        limits = (-np.inf, 25.0), (scene.route.exit_s, 5.0)
+        route = dataclasses.replace(scene.route, limits=limits)
         scene = dataclasses.replace(scene, route=route)
         assert terms(scene)["reference"] == pytest.approx(reached, abs=1e-4)
 

@@ -222,4 +222,5 @@ def test_the_limit_behind_the_junction_is_that_of_the_next_edge(tmp_path):
         '<edge id="back" from="far" to="west" numLanes="1" speed="20"/>'
     )
     network = load_network(str(crossing(tmp_path, one_lane, more)))
-    assert network.route("south", "left").speed_limit_after == 10.0
+    route = network.route("south", "left")
+    assert route.limit_at(route.exit_s + 1.0) == 10.0
