@@ -8,8 +8,9 @@ Then it can stop behind a leader that brakes at LEADER until it stands, by braki
 is known to be poor, what that road gives replaces PLANNED. This is the safe distance of Shalev-Shwartz et
 al., "On a formal model of safe and scalable self-driving cars", 2017, with a follower that brakes less hard.
 The leader is the first vehicle that moves in the ego's direction, however slowly, in the band of road that
-the ego is about to drive over, on the next REACH m or, if that is more, as far as it needs to stop. Vehicles
-that stand still there are left to courses.py: a course may lead round them, and needs PULL_OUT m for that.
+the ego is about to drive over, on the next REACH m or, if that is more, as far as it needs to stop; only what
+its body covers of the band counts, and who is in it beside the ego is left to the filter. Vehicles that stand
+still there are left to courses.py: a course may lead round them, and needs PULL_OUT m for that.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ def ready_to_follow(scene: Scene, u: Array) -> Array:
         scene.ego_s, body.length, body.width, STILL, ALONG,
         max(REACH, PULL_OUT + stopping(scene, braking)),
     )  # fmt: skip
-    if not 0.0 < gap < math.inf:
+    if math.isinf(gap):
         return u
     room = gap - PULL_OUT + along**2 / (2 * LEADER)
     return at_most(u, slowing(scene, room, 0.0, braking))

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from rudc.env.kernels import interpolated, leader, seen_from_line
+from rudc.env.kernels import interpolated, seen_from_line
 from rudc.kernels import Marks, NewRowTable, NewTable, NewVector, Rows, Table, Vector, half_turn, kernel
 
 
@@ -25,6 +25,31 @@ def two_way(
 
 
 @kernel
+def rear_in_band(
+    s: float, offset: float, cos: float, sin: float, length: float, width: float, band: float
+) -> float:
+    """m along a line to the rearmost place of a rectangle that is within 0.5 * band m of the line; inf if no
+    part of it is. Its centre is s m along the line and `offset` m to its left, at an angle of this cosine and
+    sine.
+    """
+    rear, centre, half = math.inf, complex(s, offset), 0.5 * band
+    along = complex(cos, sin) * (0.5 * length)
+    aside = complex(-sin, cos) * (0.5 * width)
+    corners = (centre + along + aside, centre - along + aside, centre - along - aside, centre + along - aside)
+    for k in range(4):
+        one, way = corners[k], corners[(k + 1) % 4] - corners[k]
+        low, high = 0.0, 1.0  # the part of this side within the band
+        if abs(way.imag) > 1e-9:
+            first, last = (-half - one.imag) / way.imag, (half - one.imag) / way.imag
+            low, high = max(low, min(first, last)), min(high, max(first, last))
+        elif abs(one.imag) >= half:
+            continue
+        if low < high:
+            rear = min(rear, one.real + low * way.real, one.real + high * way.real)
+    return rear
+
+
+@kernel
 def who_leads(
     line: Table, course: Vector, spacing: float, position: Table, heading: Vector, velocity: Table,
     size: Table, ego_s: float, ego_length: float, ego_width: float, slowest: float, same_way: float,
@@ -33,21 +58,23 @@ def who_leads(
     """m from the ego's front to the rear of its leader along its `line` (M, 2) m, whose directions are
     `course` (M,) rad, and the leader's speed along it, m/s; (inf, 0) if there is none.
 
-    It is the `leader` among those who are faster than `slowest` m/s and drive in the ego's direction, within
-    `reach` m. Somebody does so if the cosine of the angle to the line is above `same_way`.
+    It is the first in the band that the ego will drive over, of those who are faster than `slowest` m/s and
+    drive in the ego's direction, within `reach` m. Somebody does so if the cosine of the angle to the line is
+    above `same_way`. Who is in the band beside the ego already leads nobody.
     """
     first = min(max(int(ego_s / spacing), 0), len(course) - 1)
     last = first + int(reach / spacing) + 1
     seen = seen_from_line(line[first:last], course[first:last], spacing, position, heading)
+    front = ego_s - first * spacing + 0.5 * ego_length
+    nearest, towards = math.inf, 0.0
     for i in range(len(heading)):
         speed = math.hypot(velocity[i, 0], velocity[i, 1])
         if speed <= slowest or seen[i, 2] <= same_way:
-            seen[i, 0] = -math.inf
-    front = ego_s - first * spacing
-    who, rear = leader(seen, size, front, ego_width)
-    if rear == math.inf:
-        return math.inf, 0.0
-    return rear - front - 0.5 * ego_length, math.hypot(velocity[who, 0], velocity[who, 1]) * seen[who, 2]
+            continue
+        rear = rear_in_band(seen[i, 0], seen[i, 1], seen[i, 2], seen[i, 3], size[i, 0], size[i, 1], ego_width)
+        if front < rear < nearest:
+            nearest, towards = rear, speed * seen[i, 2]
+    return nearest - front, towards
 
 
 # ---- what sensors show

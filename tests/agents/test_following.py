@@ -59,6 +59,21 @@ def test_it_can_stop_behind_a_leader_that_brakes_until_it_stands(
     assert gaps.min() < PULL_OUT + 4.0, "and does not stay farther behind than it must"
 
 
+def test_who_turns_beside_the_ego_hides_no_leader(make_scene, four_way, straight):
+    """A bus that turned away beside the ego counted for the leader, with no gap: nobody was followed."""
+    near = leader(four_way, straight, 5.0, 6.0)
+    x, y, psi = map(float, four_way.paths.pose(straight, near["s"] - 6.0))
+    bus = {"v": 6.0, "size": (12.0, 2.5)}
+    beside = {"at": (x + 4.0, y, psi - 0.5), **bus}
+    into = {"at": (x + 2.2, y, psi), **bus}
+    scene = make_scene(near, front=FRONT, v=10.0)
+    alone = ready_to_follow(scene, FULL)
+    assert alone[0] < -PLANNED
+    for other in (beside, into):
+        assert ready_to_follow(make_scene(near, other, front=FRONT, v=10.0), FULL).tolist() == alone.tolist()
+    assert ready_to_follow(make_scene(beside, front=FRONT, v=10.0), FULL).tolist() == FULL.tolist()
+
+
 def test_it_is_free_where_nobody_leads(make_scene, four_way, straight):
     v = {"front": FRONT, "v": 10.0}
     near = leader(four_way, straight, 5.0, 6.0)
