@@ -4,7 +4,8 @@
     fast            it drives faster than TOLERATED times the limit plus SPARE
     brakes          it brakes by more than BRAKES in two decisions in a row
     slow            for LASTS_S it drives at less than SLOW times the limit and does not speed up, with nobody
-                    and no stop line within ROOM before it; bicycles are excepted
+                    and no stop line within ROOM before it; bicycles are excepted, and the limit counts as
+                    lowered for bends as on the poorest road (rudc/world/bends.py)
     stands          for LASTS_S it stands, with nobody and no stop line within NEXT before it
 
 Whoever has done so once counts as unusual as long as it is seen. SUMO's ordinary drivers do none of these,
@@ -18,6 +19,11 @@ import math
 import numpy as np
 
 from rudc.arrays import Array, Flags
+from rudc.env.remembered import Remembered
+from rudc.network.network import Network
+from rudc.network.paths import SPACING
+from rudc.world.bends import SHARE, curvatures
+from rudc.world.ego import GRAVITY
 from rudc.world.scene import STANDING, Kind, Scene
 
 TOLERATED, SPARE = 1.2, 1.0
@@ -32,6 +38,10 @@ ROOM, NEXT = 25.0, 6.0
 """m, m: free way before the front bumper of one that is slow, and of one that stands"""
 BESIDE = 2.5
 """m to each side within which somebody counts as before it"""
+POOREST = 0.03
+"""the least friction that a scenario may have: nobody need know how poor the road is"""
+
+_ordinary: Remembered[Network, tuple[Array, Array]] = Remembered()
 
 
 class Conduct:
@@ -48,10 +58,19 @@ class Conduct:
         decision.
         """
         on, s = scene.path >= 0, scene.path_s
-        limit = scene.network.paths.highest_limit(scene.path, s, s)
+        most, least = _ordinary.get(scene.network, lambda: _speeds(scene.network))
+        centre, front = (
+            np.clip(np.rint(at / SPACING), 0, most.shape[1] - 1).astype(np.int64)
+            for at in (s, s + 0.5 * scene.size[:, 0])
+        )
+        limit = np.maximum(most[scene.path, centre], most[scene.path, front])
         speed = scene.speed
         brakes = scene.acceleration < -BRAKES
-        slow = (speed < SLOW * limit) & (scene.acceleration < SETTING_OFF) & (scene.kind != Kind.BICYCLE)
+        slow = (
+            (speed < SLOW * least[scene.path, centre])
+            & (scene.acceleration < SETTING_OFF)
+            & (scene.kind != Kind.BICYCLE)
+        )
         room = self._room(scene, on & slow)
         dawdles = on & ((slow & (room > ROOM)) | ((speed < STANDING) & (room > NEXT)))
         since = self._dawdles
@@ -81,6 +100,26 @@ class Conduct:
             to_stop = float(paths.stop_s[row]) - front
             room[i] = min(gap, to_stop) if to_stop >= 0.0 else gap
         return room
+
+
+def _speeds(network: Network) -> tuple[Array, Array]:
+    """(P, M) m/s and (P, M) m/s at each station of each row of `network.paths`: the highest limit there, and
+    the lowest there and on the next ROOM m, which is lowered for bends as on a road of POOREST friction.
+    """
+    paths = network.paths
+    s, bends = SPACING * np.arange(paths.stations, dtype=np.float64), curvatures(network)
+    most = np.stack([paths.highest_limit(np.full(len(s), row), s, s) for row in range(paths.count)])
+    least = most.copy()
+    for row, spans in enumerate(paths.spans):
+        for name, (begin, end) in spans.items():
+            there = row, slice(int(begin / SPACING), int(end / SPACING) + 2)
+            if name in network.lanes:
+                most[there] = np.maximum(most[there], network.lanes[name].speed)
+            if name in bends:
+                least[there] = np.minimum(least[there], math.sqrt(SHARE * POOREST * GRAVITY / bends[name]))
+    ahead = int(ROOM / SPACING)
+    padded = np.pad(least, ((0, 0), (0, ahead)), mode="edge")
+    return most, np.lib.stride_tricks.sliding_window_view(padded, ahead + 1, axis=1).min(axis=-1)
 
 
 def _named(scene: Scene, who: Flags) -> set[str]:

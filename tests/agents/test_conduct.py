@@ -1,6 +1,7 @@
 """Who behaves unlike ordinary traffic: scenes made by hand, and SUMO's own drivers."""
 
 # ruff: noqa: F811 -- fixtures come by import
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -12,10 +13,12 @@ from rudc.env.episode import Episode
 from rudc.evaluation.rollout import run_episode
 from rudc.network.network import load_network
 from rudc.scenario import load_scenario
+from rudc.world.bends import SHARE, curvatures
+from rudc.world.ego import GRAVITY
 from rudc.world.scene import Kind
 from rudc.world.world import World
 from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
-from tests.world.networks import with_limits
+from tests.world.networks import bent, in_pieces, with_limits
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +56,27 @@ def test_the_limit_is_that_of_the_road_that_somebody_is_on(make_scene, tmp_path)
     places = float(paths.stop_s[row]) - 20.0, float(paths.exit_s[row]) + 20.0
     scene = make_scene(*({"row": row, "s": s, "v": 12.0} for s in places), network=network)
     assert looks(scene) == [True, False]
+
+
+def test_each_edge_has_its_own_limit(make_scene, tmp_path):
+    """The limit next to the junction was looked at all along an arm, here 13.9 m/s for 5."""
+    network = load_network(in_pieces(tmp_path))
+    (row, *_) = network.movement("north", "straight").rows
+    assert [network.paths.limits[row][k][1] for k in (0, 2)] == [5.0, 13.9]
+    scene = make_scene({"row": row, "s": 30.0, "v": 4.9}, {"row": row, "s": 60.0, "v": 10.0}, network=network)
+    assert looks(scene, LASTS_S + 0.1) == [False, True]
+
+
+def test_who_is_slow_for_a_bend_is_ordinary(make_scene, tmp_path):
+    """On ice SUMO's drivers take the lane with the bend slowly: they were unusual for good."""
+    network, odd = load_network(bent(tmp_path)), []
+    curvature = curvatures(network)["north_out_0"]
+    v = math.sqrt(SHARE * 0.1 * GRAVITY / curvature)
+    for origin in ("south", "north"):
+        (row, *_) = network.movement(origin, "straight").rows
+        scene = make_scene({"row": row, "s": network.paths.exit_s[row] + 5.0, "v": v}, network=network)
+        odd += looks(scene, LASTS_S + 0.1)
+    assert odd == [False, True]
 
 
 def test_who_brakes_hard_is_not_trusted_again_while_it_is_seen(make_scene, oncoming):
