@@ -16,6 +16,8 @@ from rudc.scenario.model import Scenario
 from rudc.scenario.networks import is_network_path
 
 FOLDER = "networks"
+TRIES = 1000
+"""ways tried to assign copies to networks of one name, where the copies' folders do not say whose they are"""
 
 
 def keep_networks(plan: SweepPlan, folder: Path) -> dict[str, str]:
@@ -30,7 +32,7 @@ def keep_networks(plan: SweepPlan, folder: Path) -> dict[str, str]:
         named = (scenario.network, *map(str, scenario.sweep.get("network", ())))
         for source in filter(is_network_path, named):
             if source not in copies:
-                copies[source] = _copied(Path(source), folder / FOLDER)
+                copies[source] = _copied(source, folder / FOLDER)
                 copies[str(Path(source).absolute())] = copies[source]  # how a swept one's episodes name it
         if with_copies(scenario, copies).digest != scenario.digest:
             raise SweepError(f"a network of scenario {scenario.name} was changed just now; start anew")
@@ -53,33 +55,58 @@ def with_copies(scenario: Scenario, copies: Mapping[str, str]) -> Scenario:
 
 def kept_scenario(values: Mapping[str, Any], digest: str, folder: Path) -> Scenario:
     """The scenario that a sweep's manifest describes, on the sweep's own copies of its networks: those copies
-    with which its digest is the one in the manifest. Without such copies, on the networks that it names.
+    with which its digest is the one in the manifest. Where none give that digest (another version of RUDC
+    digests otherwise), the only copies of their name; without such copies, the networks that it names.
     Raises pydantic's ValidationError.
     """
     swept = values.get("sweep")
     several = swept.get("network") if isinstance(swept, Mapping) else None
-    several = several if isinstance(several, list) else []
-    one = str(values.get("network"))
-    own = sorted(filter(is_network_path, {one, *map(str, several)}))
-    copies = [sorted((folder / FOLDER).absolute().glob(f"*/{glob.escape(Path(n).name)}")) for n in own]
-    for chosen in itertools.product(*copies) if own else ():
-        kept = dict(zip(own, map(str, chosen), strict=True))
-        told = {**values, "network": kept.get(one, one)}
-        if several:
-            told["sweep"] = {**values["sweep"], "network": [kept.get(str(name), name) for name in several]}
-        scenario = Scenario.model_validate(told)
+    named = (values.get("network"), *(several if isinstance(several, list) else ()))
+    copies = {name: _copies(name, folder / FOLDER) for name in map(str, named) if is_network_path(name)}
+    copies = {name: found for name, found in copies.items() if found}
+    for chosen in itertools.islice(itertools.product(*copies.values()), TRIES):
+        scenario = Scenario.model_validate(_on(values, dict(zip(copies, chosen, strict=True))))
         if scenario.digest == digest:
             return scenario
-    return Scenario.model_validate(values)
+    only = {name: found[0] for name, found in copies.items() if len(found) == 1}
+    return Scenario.model_validate(_on(values, only))
 
 
-def _copied(source: Path, folder: Path) -> str:
-    """The copy's path: in a folder named by its content, under its own name, which messages quote."""
+def _copies(name: str, folder: Path) -> list[str]:
+    """The paths of what may be the copy of a network: of the one that was made of this path, if it is there,
+    else of all that have its name (of an earlier version, or of a folder with other paths in its manifest).
+    """
+    pattern = glob.escape(Path(name).name)
+    found = sorted(folder.absolute().glob(pattern)) + sorted(folder.absolute().glob(f"*/{pattern}"))
+    made = [copy for copy in found if copy.parent.name == _tag(name, copy.read_bytes())]
+    return [str(copy) for copy in made or found]
+
+
+def _on(values: Mapping[str, Any], copies: Mapping[str, str]) -> dict[str, Any]:
+    """What a manifest says of a scenario, on the copies of its networks."""
+    told = dict(values)
+    if "network" in told:
+        told["network"] = copies.get(str(told["network"]), told["network"])
+    swept = told.get("sweep")
+    if isinstance(swept, Mapping) and isinstance(swept.get("network"), list):
+        told["sweep"] = {**swept, "network": [copies.get(str(name), name) for name in swept["network"]]}
+    return told
+
+
+def _tag(name: str, data: bytes) -> str:
+    """Name of the folder of a network's copy: two of the same name can be told apart by their paths."""
+    return hashlib.sha256(name.encode() + b"\0" + data).hexdigest()[:16]
+
+
+def _copied(name: str, folder: Path) -> str:
+    """The copy's path: in a folder named by its path and content, under its own name, which messages
+    quote."""
+    source = Path(name)
     try:
         data = source.read_bytes()
     except OSError as error:
         raise InputError(f"{source}: cannot be read: {error.strerror or error}") from error
-    copy = folder / hashlib.sha256(data).hexdigest()[:16] / source.name
+    copy = folder / _tag(name, data) / source.name
     make_folder(copy.parent)
     write_atomically(copy, data)
     return str(copy.absolute())

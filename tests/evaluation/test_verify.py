@@ -173,3 +173,39 @@ def test_a_sweep_over_networks_of_ones_own_is_found_by_the_paths_it_was_given(tm
     assert [sweep.episode(number).task.swept for number in (1, 2)] == [{"network": path} for path in given]
     found = verify_sweep(tmp_path / "swept", EpisodeRunner, share=1.0)
     assert (found.again, found.other, found.changes) == (2, [], ())
+
+
+def test_networks_of_one_name_are_told_apart_by_their_paths(tmp_path, monkeypatch):
+    """Of eight such, no more than one assignment of copies is tried."""
+    given = [str(tmp_path / f"j{k}" / "own.net.xml") for k in range(8)]
+    text = shipped_networks()["t_junction"].read_text()
+    for path in given:
+        Path(path).parent.mkdir()
+        Path(path).write_text(f"{text}<!-- {path} -->")
+    scenario = load_scenario("random_destination", {"episode.timeout": 1}, grid={"network": given})
+    run_sweep(SweepPlan((scenario,), ("follower",), 1, 0), tmp_path / "swept", EpisodeRunner)
+    for path in given:
+        Path(path).unlink()
+    monkeypatch.setattr("rudc.evaluation.own_networks.TRIES", 1)
+    sweep = Swept(tmp_path / "swept")
+    for number, path in enumerate(given, start=1):
+        again = sweep.episode(number)
+        assert not again.changes
+        assert path in Path(again.task.scenario.network).read_text()
+
+
+@pytest.mark.parametrize("flat", [True, False])
+def test_the_only_copy_of_a_network_is_taken_though_the_scenario_has_changed(copied, flat):
+    """As in a folder of an earlier version: copies without a folder of their own, another digest, and a path
+    that leads nowhere."""
+    (copy,) = copied.glob("networks/*/own.net.xml")
+    if flat:
+        copy = copy.rename(copied / "networks" / "own.net.xml")
+    path = copied / "manifest.json"
+    content = json.loads(path.read_text())
+    said = content["configuration"]["scenarios"]["own"]
+    said["digest"], said["values"]["network"] = "0" * 16, "networks/own.net.xml"
+    path.write_text(json.dumps(content))
+    again = Swept(copied).episode(1)
+    assert again.task.scenario.network == str(copy)
+    assert again.changes[0] == "the scenario, or a file that it names, means something else now"
