@@ -30,8 +30,8 @@ def load_scenario(
     grid: Mapping[str, Sequence[object]] | None = None,
 ) -> Scenario:
     """The scenario of a shipped name or a file. `overrides`: dotted key -> value to use instead; such a key
-    is not swept any more. `grid`: dotted key -> values to sweep it over; a key that takes a list, such as
-    `events`, gets them as its value.
+    is not swept any more; a part that is given besides the whole is put into it. `grid`: dotted key -> values
+    to sweep it over; a key that takes a list, such as `events`, gets them as its value.
 
     `fit` finds what a file alone does not show (`rudc.world.fitting.misfits`: lanes that its network does
     not have). Raises ScenarioError, one line for every problem.
@@ -40,15 +40,14 @@ def load_scenario(
     sheet, reports = _read(path, ())
     if sheet is None:
         raise _error(reports, path)
-    for key, value in (overrides or {}).items():
-        reports += _override(sheet, key, value)
     swept: dict[str, Sequence[object]] = {}
-    for key, values in (grid or {}).items():
-        if _takes_list(sheet, key, values):
-            reports += _override(sheet, key, values)
+    given: dict[str, Any] = {**(overrides or {}), **(grid or {})}
+    for key in sorted(given, key=lambda key: key.count(".")):  # a whole, then what is to differ in it
+        if key in (grid or {}) and not _takes_list(sheet, key, given[key]):
+            swept[key] = given[key]
         else:
-            swept[key] = values
-    reports += _within_swept([*(overrides or {}), *(grid or {})], swept)
+            reports += _override(sheet, key, given[key])
+    reports += _within_swept(given, swept)
     for key, values in swept.items():
         _sweep(sheet, key, values)
     scenario, more = _checked(sheet, {report.path for report in reports}, sweeps=not reports)
