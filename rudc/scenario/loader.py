@@ -153,13 +153,16 @@ def _anchor_networks(sheet: Sheet, folder: File) -> None:
 
 
 def _override(sheet: Sheet, key: str, value: object) -> list[Report]:
-    """Put a value at a dotted key of a sheet."""
+    """Put a value at a dotted key of a sheet; an empty one takes back what stands there, as in a file that
+    extends another."""
     if key.partition(".")[0] == "extends":
         text = "cannot be set: a file is read with what it extends; write a file with another `extends`"
         return [Report("override", 0, 0, tuple(key.split(".")), text)]
     if key.startswith("sweep."):
         text = f"is not a key; give {key.removeprefix('sweep.')} itself a list"
         return [Report("override", 0, 0, tuple(key.split(".")), text)]
+    before = sheet.data.get("sweep")
+    there = value_at(sheet.data, key) is not None or (isinstance(before, dict) and key in before)
     try:
         sheet.data, path = with_value(sheet.data, key, value)
     except DottedKeyError as error:
@@ -173,6 +176,10 @@ def _override(sheet: Sheet, key: str, value: object) -> list[Report]:
         for known in [known for known in swept if str(known).startswith(f"{key}.")]:
             if gives(sheet.data, known):
                 del swept[known]
+    above, _, last = key.rpartition(".")
+    whole = value_at(sheet.data, above) if above else sheet.data
+    if value is None and there and isinstance(whole, dict):  # in a list, others would take its number
+        del whole[last]
     return []
 
 

@@ -98,6 +98,23 @@ def test_an_empty_value_takes_back_the_parents(write):
     assert float(child.traffic.density) == 20
 
 
+def test_an_empty_value_given_takes_back_the_files(write):
+    path = write("child.yaml", "name: child\nextends: parent\njunction: J5\nego: {route: {turn: left}}\n")
+    taken = ["junction", "sweep", "traffic.density", "events", "ego.route.turn"]
+    (child,) = find_scenarios([str(path)], overrides=dict.fromkeys(taken))
+    assert (child.junction, child.sweep, child.events) == (None, {}, ())
+    assert (float(child.traffic.density), child.ego.route.turn) == (20, "random")
+    with pytest.raises(ScenarioError, match=r"override: traffic\.impatience: no value given; without"):
+        load_scenario(path, {"traffic.impatience": None})
+
+
+def test_an_empty_value_given_takes_back_what_the_file_only_sweeps(write):
+    path = write("swept.yaml", "name: swept\nsweep: {ego.speed: [5, 6], traffic.density: [10, 20]}\n")
+    scenario = load_scenario(path, {"ego.speed": None})
+    assert [*scenario.sweep] == ["traffic.density"]
+    assert scenario.ego == Scenario(name="plain").ego
+
+
 def test_a_value_for_what_the_parent_sweeps_ends_that_sweep(write):
     write("wide.yaml", "name: wide\nsweep: {traffic.density: [10, 20], ego.speed: [5, 6]}\n")
     scenario = load_scenario(write("child.yaml", "name: child\nextends: wide\ntraffic: {density: 33}\n"))
