@@ -17,7 +17,16 @@ from pydantic_core import CoreSchema
 
 from rudc.errors import InputError
 from rudc.scenario.base import FileModel, Identifier, Truth, refuse
-from rudc.scenario.distributions import AnyDistribution, Bounds, Constant, Normal, NormalParameters, Uniform
+from rudc.scenario.distributions import (
+    AnyDistribution,
+    Bounds,
+    Choice,
+    Constant,
+    Distribution,
+    Normal,
+    NormalParameters,
+    Uniform,
+)
 from rudc.scenario.events.event import Speed
 from rudc.scenario.plan import EgoPlan, TrafficPlan
 
@@ -127,8 +136,14 @@ class Mix(FileModel, frozen=True):
 
     @model_validator(mode="after")
     def _check(self) -> Mix:
-        if all(getattr(self, name).support[1] == 0 for name in type(self).model_fields):
+        shares = [getattr(self, name) for name in type(self).model_fields]
+        if all(share.support[1] == 0 for share in shares):
             refuse("one share at least must be above 0, as in {car: 0.8, truck: 0.2}")
+        if all(map(_may_be_none, shares)):
+            refuse(
+                "all shares can be drawn as 0 in the same episode; one at least must always be above 0 "
+                "(episodes without traffic: `density: {choice: [0, 20]}`)"
+            )
         return self
 
     def shares(self, rng: np.random.Generator) -> dict[str, float]:
@@ -138,6 +153,12 @@ class Mix(FileModel, frozen=True):
         if total == 0:
             raise InputError("traffic.mix: every share was drawn as 0")
         return {name: share / total for name, share in drawn.items() if share > 0}
+
+
+def _may_be_none(share: Distribution) -> bool:
+    """Whether a share is 0 in some episodes; a number from a range never is."""
+    low, high = share.support
+    return low == 0 and (isinstance(share, Choice) or high == 0)
 
 
 class Traffic(FileModel, frozen=True):

@@ -255,6 +255,10 @@ def test_a_byte_order_mark_is_no_problem(tmp_path):
             "name: a\nego: {route: {from: south, turn: lef}}\n",
             ["2:34: ego.route.turn: expected one of left, straight, right, random; got the text 'lef' ..."],
         ),
+        (
+            "name: a\ntraffic: {mix: {car: {choice: [0, 1]}, truck: {choice: [0, 1]}}}\n",
+            ["2:16: traffic.mix: all shares can be drawn as 0 in the same episode; one at least must ..."],
+        ),
         ("name: a\ntraffic: {mix: {}}\n", ["2:16: traffic.mix: one share at least must be above 0, ..."]),
         ("name: a\ntraffic: {mix: {car: -1}}\n", ["2:22: traffic.mix.car: -1 is not between 0 and 1e+06"]),
         (

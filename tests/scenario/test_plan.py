@@ -108,6 +108,14 @@ def test_shares_of_the_mix_add_up_to_one():
     assert mix == {"car": 0.75, "truck": 0.25}
 
 
+@pytest.mark.parametrize("car", [1, {"uniform": [0, 1]}, {"normal": [0.1, 1]}, {"choice": [0.5, 1]}])
+def test_a_mix_may_leave_a_type_out_of_some_episodes(car):
+    several = scenario(traffic={"mix": {"car": car, "truck": {"choice": [0, 1]}}})
+    mixes = [several.plan(seed).traffic.mix for seed in range(20)]
+    assert all("car" in mix for mix in mixes)
+    assert {"truck" in mix for mix in mixes} == {True, False}
+
+
 def distributions_in(value) -> list[Distribution]:
     if isinstance(value, Distribution):
         return [value]
