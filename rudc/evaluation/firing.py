@@ -25,6 +25,8 @@ EARLY = (
     "nobody for it to act on"
 )
 """why an event may not happen"""
+NO_ROOM = "there was no room for it on the road"
+"""why one does not happen whose trigger holds and which is to act on nobody"""
 BEFORE_M = 10.0
 """m before the ego, within which what stands in its lane keeps it from driving on"""
 
@@ -45,11 +47,17 @@ class Firing:
     """episodes in which it took effect"""
     seen: int = 0
     """episodes in which the ego's sensors showed it, or it has no body and is felt"""
+    no_room: int = 0
+    """episodes at whose end it waited for room on the road"""
 
     def __str__(self) -> str:
         rest = "" if self.drawn == self.episodes else f" (its probability lets it in {self.drawn})"
         seen = "" if self.seen == self.fired else f", and the ego sees it in {self.seen}"
-        early = "" if self.fired == self.drawn else f"{'; in the others' if self.fired else ':'} {EARLY}"
+        others = self.drawn - self.fired
+        why = NO_ROOM if self.no_room == others else EARLY
+        if 0 < self.no_room < others:
+            why = f"{EARLY}, or, in {self.no_room}, {NO_ROOM}"
+        early = f"{'; in the others' if self.fired else ':'} {why}" if others else ""
         happens = f"happens in {self.fired} of {self.episodes} episodes"
         return f"event {numbered(self.number, self.kind)}: {happens}{rest}{seen}{early}"
 
@@ -116,3 +124,4 @@ def _count(found: list[Firing], world: World) -> None:
         firing.drawn += 1
         firing.fired += happening.begun_s is not None
         firing.seen += happening.visible_s is not None
+        firing.no_room += happening.refused and getattr(happening.event, "vehicle", None) is None

@@ -8,6 +8,7 @@ from rudc.errors import InputError, PartFailedError
 from rudc.evaluation.firing import Firing, drive_and_count
 from rudc.evaluation.rollout import run_episode
 from rudc.scenario import load_scenario, shipped_scenarios
+from rudc.world.props import Prop
 
 WAITING = [
     name
@@ -79,6 +80,16 @@ def test_counts_say_what_probability_left_out():
 def test_where_it_never_happens_there_are_no_others():
     assert ": its trigger did not come true" in str(Firing(1, "speeding", 20, 20, 0, 0))
     assert "in the others" not in str(Firing(1, "speeding", 20, 20, 0, 0))
+
+
+def test_no_room_on_the_road_is_not_blamed_on_the_trigger(monkeypatch):
+    monkeypatch.setattr(Prop, "has_room", lambda prop, scene: False)
+    riders = {"kind": "vehicle_crossing", "arm": "north", "count": 2}
+    settings = {"events": [riders], "traffic.density": 0, "episode.timeout": 1}
+    (firing,), *_ = drive_and_count(load_scenario("random_destination", settings), range(2))
+    assert str(firing).endswith("happens in 0 of 2 episodes: there was no room for it on the road")
+    some = str(Firing(1, "vehicle_crossing", 9, 9, 3, 3, 2))
+    assert some.endswith("nobody for it to act on, or, in 2, there was no room for it on the road")
 
 
 OVERLAP = """
