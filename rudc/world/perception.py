@@ -58,18 +58,21 @@ class Sensors:
         return self._noisy(scene.only(np.flatnonzero(seen)), rng)
 
     def _noisy(self, scene: Scene, rng: np.random.Generator) -> Scene:
+        """The scene with noise, the others in the order of their distances as they seem."""
         n = scene.count
         shift = self.position_std * rng.standard_normal((n, 2))
         turn = self.heading_std * rng.standard_normal(n)
         faster = self.speed_std * rng.standard_normal(n)
         along = np.stack([np.cos(scene.heading), np.sin(scene.heading)], axis=1)
-        return replace(
+        noisy = replace(
             scene,
             position=scene.position + shift,
             heading=scene.heading + turn,
             velocity=scene.velocity + faster[:, None] * along,
             path_s=scene.path_s + np.einsum("ij,ij->i", shift, along),
         )
+        away = np.hypot(noisy.position[:, 0] - scene.ego.x, noisy.position[:, 1] - scene.ego.y)
+        return noisy.only(np.argsort(away, kind="stable")) if self.position_std else noisy
 
 
 def visible(scene: Scene, occluders: Array, range_m: float = np.inf) -> Flags:

@@ -99,6 +99,18 @@ def test_noise_has_the_standard_deviations_asked_for(scene_with):
     assert all(s.size is scene.size for s in seen)
 
 
+def test_who_seems_nearest_comes_first(scene_with):
+    scene, rng = scene_with((10.0, 1.0, 0.0), (10.1, -2.0, 1.0)), np.random.default_rng(1)
+    orders = set()
+    for _ in range(20):
+        seen = Sensors(position_std=0.5).perceive(scene, rng)
+        assert (np.diff(np.linalg.norm(seen.position, axis=1)) >= 0).all()
+        rows = [scene.ids.index(name) for name in seen.ids]
+        assert np.array_equal(seen.heading, scene.heading[rows])
+        orders.add(seen.ids)
+    assert orders == {scene.ids, scene.ids[::-1]}
+
+
 def test_the_egos_own_accelerometer_may_be_noisy(scene_with):
     scene = scene_with((20.0, 5.0, 0.0))
     sensors = Sensors(own_acceleration_std=0.15)
