@@ -102,9 +102,21 @@ class _Pool:
         self._workers = self._workers or [self._start() for _ in range(self._size)]
         self._assign()
         while self._pending or any(worker.task for worker in self._workers):
-            results = [result for worker in self._await() if (result := self._attend(worker))]
-            self._assign()  # before yielding: no worker waits while a row is written
+            results: list[Result] = []
+            failure: SimulationError | None = None
+            for worker in self._await():
+                try:
+                    result = self._attend(worker)
+                except SimulationError as error:
+                    failure = error
+                    continue
+                if result is not None:
+                    results.append(result)
+            if failure is None:
+                self._assign()  # before yielding: no worker waits while a row is written
             yield from results
+            if failure is not None:  # after the episodes that have ended all the same
+                raise failure
 
     def end(self) -> None:
         """End all workers: idle ones by closing their pipe, busy ones by a signal, stubborn ones by force."""

@@ -9,11 +9,12 @@ import time
 import types
 from contextlib import closing
 from functools import partial
+from unittest.mock import MagicMock
 
 import pytest
 
 from rudc.errors import InputError, SimulationError, SweepError
-from rudc.evaluation.engine import run_local
+from rudc.evaluation.engine import BEGINS, _Pool, _Worker, run_local
 from rudc.evaluation.limits import LONGEST_LIMIT_S
 from rudc.evaluation.ray_engine import _Remote, run_ray
 from rudc.evaluation.runner import EpisodeRunner
@@ -76,6 +77,28 @@ def test_workers_that_cannot_start_say_why(fakes, make_plan):
     with pytest.raises(SimulationError, match="workers cannot start: it ended with exit code 3"):
         collect(make_plan().tasks(), fakes.dead_on_arrival, workers=1)
     assert not multiprocessing.active_children()
+
+
+def test_an_episode_that_ends_while_a_worker_cannot_start_is_not_lost(fakes, make_plan, monkeypatch):
+    tasks = make_plan(agents=("sumo",), episodes=2).tasks()
+    record = fakes.made_up(tasks[0])
+    said = iter([("ready", record), (BEGINS, "libsumo cannot be imported")])
+    ends = []
+
+    def start(pool):
+        (ours, theirs), (sentinel, other) = multiprocessing.Pipe(), multiprocessing.Pipe()
+        for message in next(said):
+            theirs.send(message)
+        ends.extend([theirs, other])
+        process = MagicMock(sentinel=sentinel)
+        process.is_alive.return_value = False
+        return _Worker(process, ours)
+
+    monkeypatch.setattr(_Pool, "_start", start)
+    results = run_local(tasks, 2, 60.0, fakes.Runner)
+    assert next(results) == (tasks[0], record)
+    with pytest.raises(SimulationError, match="libsumo cannot be imported"):
+        next(results)
 
 
 def test_stopping_early_ends_busy_workers(fakes, make_plan):
