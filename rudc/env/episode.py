@@ -120,7 +120,8 @@ class Episode:
 
     @property
     def distances(self) -> Distances:
-        """Distances in the world as it is."""
+        """Distances in the world as it is. Raises SimulationError where there is no episode, as `truth`."""
+        _ = self.truth
         return self._distances
 
     @property

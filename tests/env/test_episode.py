@@ -150,6 +150,9 @@ def test_a_reset_that_fails_leaves_no_episode(drive, monkeypatch):
         episode.reset(None)
     with pytest.raises(SimulationError, match=r"call reset\(plan\) first"):
         episode.step(U)
+    for none in (episode, Episode(episode.world)):
+        with pytest.raises(SimulationError, match=r"call reset\(plan\) first"):
+            _ = none.distances
 
 
 @pytest.mark.parametrize("driver", ["agent", "sumo"])
