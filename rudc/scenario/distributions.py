@@ -388,13 +388,13 @@ def distribution(value: float | Mapping[str, object] | Distribution) -> Distribu
 
 
 def draw(value: Any, rng: np.random.Generator) -> Any:
-    """The same model, or tuple of them, with every distribution drawn, in field order."""
+    """The same model, or tuple, list or dict of them, with every distribution drawn, in field order."""
     if isinstance(value, Distribution):
         return value.drawn(rng)
-    if isinstance(value, tuple):
-        return tuple(draw(item, rng) for item in value)
+    if isinstance(value, tuple | list):
+        return (list if isinstance(value, list) else tuple)(draw(item, rng) for item in value)
+    if isinstance(value, dict):
+        return {key: draw(item, rng) for key, item in value.items()}
     if isinstance(value, FileModel):
-        return value.model_copy(
-            update={name: draw(getattr(value, name), rng) for name in type(value).model_fields}
-        )
+        return value.model_copy(update={k: draw(getattr(value, k), rng) for k in type(value).model_fields})
     return value

@@ -223,8 +223,10 @@ def _boxes_on_the_road(network: Network, route: Route, i: int, event: Event) -> 
 def _is_fixed(value: Any) -> bool:
     if isinstance(value, Distribution):
         return isinstance(value, Constant)
-    if isinstance(value, tuple):
+    if isinstance(value, (tuple, list)):
         return all(map(_is_fixed, value))
+    if isinstance(value, dict):
+        return all(map(_is_fixed, value.values()))
     if isinstance(value, FileModel):
         return all(_is_fixed(getattr(value, name)) for name in type(value).model_fields)
     return True

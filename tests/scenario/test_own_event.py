@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 import pytest
+from pydantic import Field
 
 from rudc.drawing.view import places, view_of
 from rudc.errors import InputError, PartFailedError, ScenarioError
@@ -19,6 +20,7 @@ from rudc.scenario.distributions import AnyDistribution, Bounds
 from rudc.scenario.events import Event, Felt, Stage, registry
 from rudc.scenario.events.event import Effect, Held, VehicleEvent
 from rudc.world.fitting import misfits
+from rudc.world.obstacles import _is_placed
 from rudc.world.world import World
 from tests.evaluation.sweep_fakes import Runner
 
@@ -183,6 +185,37 @@ def test_its_things_and_keys_may_be_named_as_it_likes(tmp_path):
     both = f"{crates.format(30)}\n  - {crates.format(30.5)}"
     with pytest.raises(ScenarioError, match=r"events\.1: stands where events\.0 stands"):
         load_scenario(written(tmp_path, both), fit=misfits)
+
+
+class Gusts(Event, frozen=True):
+    """Wind from several sides."""
+
+    kind: Literal["gusts"]
+    """wind from several sides"""
+    speeds: list[AnyDistribution] = Field(default_factory=list)
+    """m/s, one a gust"""
+    sides: dict[str, AnyDistribution] = Field(default_factory=dict)
+    """m/s, by side"""
+
+
+class GustsEffect(Felt[Gusts]):
+    """Nothing but numbers that are fixed."""
+
+    def begin(self, stage: Stage) -> bool:
+        return sum(map(float, [*self.event.speeds, *self.event.sides.values()])) > 0.0
+
+
+@pytest.mark.parametrize("said", ["speeds: [{uniform: [1, 2]}, 3]", "sides: {left: {uniform: [1, 2]}}"])
+def test_its_numbers_in_lists_and_mappings_are_drawn(tmp_path, said):
+    register_event(Gusts, GustsEffect)
+    scenario = load_scenario(written(tmp_path, f"{{kind: gusts, {said}}}"), fit=misfits)
+    assert not _is_placed(scenario.events[0])
+    (drawn,) = scenario.plan(0).events
+    assert _is_placed(drawn)
+    with World(load_network("four_way")) as world:
+        world.reset(scenario.plan(0))
+        world.advance(np.array([0.0, 0.0]))
+        assert world.happenings()[0].begun_s is not None
 
 
 class DriesEffect(OilSpillEffect):
