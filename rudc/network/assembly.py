@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from rudc.network.polyline import (
     without_repeats,
     wrap,
 )
-from rudc.network.reader import VEHICLE_CLASS, Junction, RawArm, Way, shape_of
+from rudc.network.reader import VEHICLE_CLASS, Junction, RawArm, Way, leads_on, shape_of
 from rudc.network.road import COMPASS, ROAD_USERS, Arm, Lane, Movement, ReservedLane, Turn
 
 STRAIGHT = np.radians(30.0)
@@ -251,6 +252,22 @@ def _turn(arms: Sequence[Arm], rows: Iterable[tuple[int, int]], o: int, d: int, 
     if abs(angle) < STRAIGHT and not straighter and not forked:
         return "straight"
     return "left" if angle > 0 else "right"
+
+
+def refused_on(net: Any, movement: Movement, lanes: Iterable[Lane]) -> frozenset[str]:
+    """SUMO's classes of vehicles that may not drive a movement: on some edge all its lanes for cars are
+    closed to them, or no connection from one edge to the next is open to them.
+    """
+    found = set[str]()
+    on: dict[str, list[set[str]]] = {}
+    for lane in lanes:
+        on.setdefault(lane.edge, []).append({*lane.refuses})
+    for edge in movement.edges:
+        found |= set.intersection(*on[edge]) if edge in on else set()
+    for edge, following in pairwise(map(net.getEdge, movement.edges)):
+        links = edge.getOutgoing().get(following, ())
+        found |= {user for user in ROAD_USERS if not any(leads_on(link, user) for link in links)}
+    return frozenset(found)
 
 
 def _edges(origin: Arm, destination: Arm, way: Way) -> tuple[str, ...]:

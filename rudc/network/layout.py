@@ -79,6 +79,12 @@ class Layout:
         """km of two-way road on the arms: density is vehicles / road_km"""
         self.movements: tuple[Movement, ...] = tuple(assembly.make_movements(self.arms, ways, yields))
         """permitted ways between arms"""
+        self._refused = {
+            (movement.origin, movement.destination): assembly.refused_on(
+                chosen.net, movement, self.lanes.values()
+            )
+            for movement in self.movements
+        }
         self.onward = tuple(movement for movement in self.movements if movement.turn != "u_turn")
         """those that lead to another arm: nobody turns back, neither the ego nor an SV"""
         self._sources = [way.source for way in ways]
@@ -139,12 +145,9 @@ class Layout:
         return min(lane.speed for lane in self.lanes.values() if lane.edge == edge)
 
     def refused(self, movement: Movement) -> frozenset[str]:
-        """SUMO's classes of vehicles that may not drive a movement: some edge of it has no lane for them."""
-        found = set[str]()
-        for edge in movement.edges:
-            lanes = [{*lane.refuses} for lane in self.lanes.values() if lane.edge == edge]
-            found |= set.intersection(*lanes) if lanes else set()
-        return frozenset(found)
+        """SUMO's classes of vehicles that may not drive a movement: some edge of it has no lane for them, or
+        no connection leads them from it to the next."""
+        return self._refused[movement.origin, movement.destination]
 
     def movement(self, origin: str, towards: str) -> Movement:
         """The movement from an arm to another (by name or edge id), or by its turn: left, straight, right,

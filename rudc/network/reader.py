@@ -147,6 +147,11 @@ def _is_usable(element: Any) -> bool:
     return element.allows(VEHICLE_CLASS)
 
 
+def leads_on(link: Any, user: str = VEHICLE_CLASS) -> bool:
+    """Whether a class of vehicles may use a connection and the two lanes that it joins."""
+    return all(part.allows(user) for part in (link, link.getFromLane(), link.getToLane()))
+
+
 def find_arms(junction: Junction) -> list[RawArm]:
     """The roads at the junction, each out to the next one."""
     arms = []

@@ -142,6 +142,30 @@ def test_no_lorries_where_they_are_forbidden(tmp_path):
             assert "east" not in {d.destination for d in world.traffic.drivers.values()}
 
 
+@pytest.mark.parametrize("closed", ["lane", "connection"])
+def test_no_lorries_where_the_only_way_is_closed_to_them(tmp_path, closed):
+    """SUMO found no route for them, and the episode failed."""
+
+    def lanes(arm: str, way: str) -> str:
+        if (arm, way) != ("west", "out"):
+            return one_lane(arm, way)
+        return f'numLanes="2"><lane index="1" {ban if closed == "lane" else ""}/></edge>'
+
+    ban = 'disallow="truck"'
+    ways = [("east", 0, ""), ("north", 0, ""), ("west", 1, ban if closed == "connection" else "")]
+    links = "".join(
+        f'<connection from="south_in" to="{arm}_out" fromLane="0" toLane="{lane}" {more}/>'
+        for arm, lane, more in ways
+    )
+    network = load_network(str(crossing(tmp_path, lanes, "", links)))
+    refused = {m.destination: network.refused(m) for m in network.movements if m.origin == "south"}
+    assert refused == {"west": {"truck"}, "north": set(), "east": set()}
+    source = PlanSource(str(network.path), 20.0, "east", "straight", {"car": 0.5, "truck": 0.5})
+    with World(network) as world:
+        for seed in range(2):
+            drive(world, source, 6.0, seed)
+
+
 def test_traffic_enters_before_a_pocket_that_is_reached_by_changing_lanes(tmp_path):
     def lanes(arm: str, way: str) -> str:
         return f'numLanes="{2 if (arm, way) == ("south", "in") else 1}" width="3.2"/>'
