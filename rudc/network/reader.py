@@ -241,8 +241,9 @@ def _extend(edge: Any, junction: Junction, *, back: bool) -> tuple[Any, ...]:
 
 
 def _goes_on(edge: Any, following: Any) -> bool:
-    """Whether an edge leads on to another, and not back where one came from."""
-    return any(link.getDirection() not in TURNS_BACK for link in edge.getOutgoing().get(following, ()))
+    """Whether an edge leads cars on to another, and not back where one came from."""
+    links = edge.getOutgoing().get(following, ())
+    return any(link.getDirection() not in TURNS_BACK and leads_on(link) for link in links)
 
 
 def find_ways(junction: Junction, arms: list[RawArm]) -> list[Way]:

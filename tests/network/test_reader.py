@@ -10,6 +10,7 @@ import pytest
 from rudc.errors import NetworkError
 from rudc.network.build import OPTIONS, build_network
 from rudc.network.network import load_network
+from rudc.world.trial import refuse_untried
 
 needs_netconvert = pytest.mark.skipif(
     find_spec("sumo") is None and shutil.which("netconvert") is None, reason="netconvert is not installed"
@@ -179,6 +180,19 @@ def test_the_way_on_leads_over_lanes_for_cars(tmp_path, closed):
     (row,) = network.movement("west", "east").rows
     assert "m_k_1" in network.paths.lane_ids[row]
     assert "m_k_0" not in network.paths.lane_ids[row]
+
+
+@needs_netconvert
+def test_an_arm_ends_at_a_gate_for_buses(tmp_path):
+    edges = [edge for pair in (("c", "n"), ("c", "s"), ("c", "w"), ("c", "m")) for edge in both_ways(*pair)]
+    edges += both_ways("m", "e")
+    gates = "".join(
+        f'<connection from="{a}" to="{b}" fromLane="0" toLane="0" allow="bus"/>'
+        for a, b in (("c_m", "m_e"), ("e_m", "m_c"))
+    )
+    network = load_network(build(tmp_path, {**CROSS, "m": (60, 0)}, edges, gates))
+    assert (network.arm("east").in_edges, network.arm("east").out_edges) == (("m_c",), ("c_m",))
+    refuse_untried(network)
 
 
 @needs_netconvert
