@@ -222,11 +222,12 @@ def make_movements(arms: Sequence[Arm], ways: Sequence[Way], yields: Flags) -> l
     movements = []
     for (o, d), members in rows.items():
         angle = float(wrap(arms[d].heading_in + np.pi - arms[o].heading_in))
+        back = o == d or all(ways[row].turns_back for row in members)
         movements.append(
             Movement(
                 origin=arms[o].name,
                 destination=arms[d].name,
-                turn=_turn(arms, rows, o, d, angle),
+                turn="u_turn" if back else _turn(arms, rows, o, d, angle),
                 angle=angle,
                 edges=_edges(arms[o], arms[d], ways[members[0]]),
                 rows=tuple(members),
@@ -237,11 +238,9 @@ def make_movements(arms: Sequence[Arm], ways: Sequence[Way], yields: Flags) -> l
 
 
 def _turn(arms: Sequence[Arm], rows: Iterable[tuple[int, int]], o: int, d: int, angle: float) -> Turn:
-    """The turn's name. If several destinations lie nearly straight on, only the straightest is `straight`; of
-    two that lie equally far to both sides, none.
+    """The name of a turn that does not lead back. If several destinations lie nearly straight on, only the
+    straightest is `straight`; of two that lie equally far to both sides, none.
     """
-    if o == d:
-        return "u_turn"
     others = [
         float(wrap(arms[b].heading_in + np.pi - arms[o].heading_in))
         for a, b in rows

@@ -86,7 +86,7 @@ class Layout:
             for movement in self.movements
         }
         self.onward = tuple(movement for movement in self.movements if movement.turn != "u_turn")
-        """those that lead to another arm: nobody turns back, neither the ego nor an SV"""
+        """those that do not lead back: nobody turns back, neither the ego nor an SV"""
         self._sources = [way.source for way in ways]
         edges: dict[str, list[str]] = {}
         for lane in self.lanes.values():

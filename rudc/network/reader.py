@@ -48,6 +48,8 @@ class Way:
     source: PathSource
     links: tuple[tuple[str, int], ...]
     """(node, link index) of each connection of the chain at a node of the junction"""
+    turns_back: bool
+    """whether it is one connection that leads back where one came from, by SUMO's word"""
 
 
 @dataclass(frozen=True)
@@ -294,7 +296,8 @@ def _way(junction: Junction, arms: list[RawArm], origin: int, destination: int, 
         after_junction=len(after),
         limits=(*_limits(before), *[float(before[-1].getSpeed())] * len(middle), *_limits(after)),
     )
-    return Way(source, tuple((c.getJunction().getID(), c.getJunctionIndex()) for c in connections))
+    links = tuple((c.getJunction().getID(), c.getJunctionIndex()) for c in connections)
+    return Way(source, links, [c.getDirection() in TURNS_BACK for c in connections] == [True])
 
 
 def _limits(lanes: list[Any]) -> list[float]:

@@ -120,7 +120,8 @@ class Movement:
     destination: str
     """name of the arm it leaves by"""
     turn: Turn
-    """by the angle between the arms: within 30 degrees is straight (at most one movement of an arm)"""
+    """by the angle between the arms: within 30 degrees is straight (at most one movement of an arm); `u_turn`
+    leads back onto the same arm, or, where SUMO says so, onto the other carriageway of the same road"""
     angle: float
     """rad, change of heading from the one arm to the other, positive to the left"""
     edges: tuple[str, ...]

@@ -272,6 +272,18 @@ def test_a_turn_lane_that_begins_on_one_side_of_a_road_makes_no_second_arm(tmp_p
 
 
 @needs_netconvert
+def test_turning_back_onto_the_other_carriageway_is_no_turn(tmp_path, monkeypatch):
+    """Whose two carriageways come from and lead to nodes of their own, and so are two arms."""
+    monkeypatch.setattr("rudc.network.build.OPTIONS", [o for o in OPTIONS if o != "--no-turnarounds"])
+    edges = [edge for arm in "nsw" for edge in both_ways("c", arm)]
+    edges += [("e1_c", "e1", "c", ""), ("c_e2", "c", "e2", "")]
+    network = load_network(build(tmp_path, {**CROSS, "e1": (100, 5), "e2": (100, -5)}, edges))
+    turns = {network.arm(m.destination).out_edge: m.turn for m in network.movements if "e1" in m.edges[0]}
+    assert turns == {"c_n": "right", "c_w": "straight", "c_s": "left", "c_e2": "u_turn"}
+    assert not [m for m in network.onward if (m.edges[0], m.edges[-1]) == ("e1_c", "c_e2")]
+
+
+@needs_netconvert
 def test_one_way_roads_that_meet_only_far_away_stay_two_arms(tmp_path):
     nodes = {**CROSS, "far": (100, 100)}
     edges = [edge for arm in "ws" for edge in both_ways("c", arm)]
