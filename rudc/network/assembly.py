@@ -11,15 +11,13 @@ import numpy as np
 
 from rudc.arrays import Array, Flags
 from rudc.network.polyline import (
-    arc_length,
     headings,
-    resample,
     signed_area,
     strip,
     without_repeats,
     wrap,
 )
-from rudc.network.reader import VEHICLE_CLASS, Junction, RawArm, Way, leads_on, shape_of
+from rudc.network.reader import VEHICLE_CLASS, Junction, RawArm, Way, leads_on, place_along, shape_of
 from rudc.network.road import COMPASS, ROAD_USERS, Arm, Lane, Movement, ReservedLane, Turn
 
 STRAIGHT = np.radians(30.0)
@@ -146,11 +144,12 @@ def in_order(raw: Sequence[RawArm], centre: Array) -> list[RawArm]:
 
 def _axis(raw: RawArm) -> tuple[Array, Array]:
     """(2,), (2,) m, the arm's middle next to the junction and LOOK_OUT m out."""
-    lines = [shape_of(lane)[::-1] for edge in raw.inbound[-1:] for lane in edge.getLanes()]
-    lines += [shape_of(lane) for edge in raw.outbound[:1] for lane in edge.getLanes()]
-    lines = [without_repeats(line) for line in lines]
-    far = [resample(line, np.array([min(LOOK_OUT, arc_length(line)[-1])]))[0] for line in lines]
-    return np.mean([line[0] for line in lines], axis=0), np.mean(far, axis=0)
+    inbound = [shape_of(edge)[::-1] for edge in reversed(raw.inbound[:-1])]
+    outbound = [shape_of(edge) for edge in raw.outbound[1:]]
+    lines = [[shape_of(lane)[::-1], *inbound] for edge in raw.inbound[-1:] for lane in edge.getLanes()]
+    lines += [[shape_of(lane), *outbound] for edge in raw.outbound[:1] for lane in edge.getLanes()]
+    far = [place_along(line, LOOK_OUT) for line in lines]
+    return np.mean([line[0][0] for line in lines], axis=0), np.mean(far, axis=0)
 
 
 def _bearing(far: Array, centre: Array) -> float:

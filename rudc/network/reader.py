@@ -8,7 +8,7 @@ count.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -204,21 +204,32 @@ def _paired(arms: list[RawArm]) -> list[RawArm]:
         nodes = {edge.getFromNode().getID() for edge in arm.inbound}
         for other in [] if arm.outbound else found:
             shared = nodes.intersection(edge.getToNode().getID() for edge in other.outbound)
-            if not other.inbound and shared and _lead_off_alike(arm.inbound[-1], other.outbound[0]):
+            if not other.inbound and shared and _lead_off_alike(arm.inbound, other.outbound):
                 found[found.index(arm)] = RawArm(arm.inbound, other.outbound)
                 found.remove(other)
                 break
     return found
 
 
-def _lead_off_alike(inbound: Any, outbound: Any) -> bool:
-    """Whether two edges lead away from the junction in about the same direction."""
+def _lead_off_alike(inbound: tuple[Any, ...], outbound: tuple[Any, ...]) -> bool:
+    """Whether two one-way roads lead away from the junction in about the same direction."""
     ways = []
-    for line in (shape_of(inbound)[::-1], shape_of(outbound)):
-        line = without_repeats(line)
-        here, there = resample(line, np.array([0.0, min(ALIKE_M, arc_length(line)[-1])]))
-        ways.append((there - here) / np.hypot(*(there - here)))
+    for lines in ([shape_of(edge)[::-1] for edge in reversed(inbound)], list(map(shape_of, outbound))):
+        way = place_along(lines, ALIKE_M) - lines[0][0]
+        ways.append(way / np.hypot(*way))
     return float(ways[0] @ ways[1]) > ALIKE
+
+
+def place_along(lines: Sequence[Array], reach: float) -> Array:
+    """(2,) m, the place `reach` m along a line and those that continue it, or the end of the last, as if each
+    began where the one before ends."""
+    place: Array | None = None
+    for line in map(without_repeats, lines):
+        if len(line) > 1 and reach > 0.0:
+            on = min(reach, arc_length(line)[-1])
+            here, there = resample(line, np.array([0.0, on]))
+            place, reach = there if place is None else place + (there - here), reach - on
+    return lines[0][0] if place is None else place
 
 
 def _extend(edge: Any, junction: Junction, *, back: bool) -> tuple[Any, ...]:

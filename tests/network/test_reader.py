@@ -98,6 +98,17 @@ def test_an_arm_goes_on_through_nodes_where_the_road_only_changes(tmp_path):
 
 
 @needs_netconvert
+def test_an_arm_leads_where_it_leads_over_20_m_whatever_its_edges(tmp_path):
+    edges = [edge for arm in "nsw" for edge in both_ways("c", arm)]
+    edges += [*both_ways("c", "m"), *both_ways("m", "e")]
+    network = load_network(build(tmp_path, {**CROSS, "m": (10, -7), "e": (120, -7)}, edges))
+    east = network.arm("east")
+    assert network.lanes[east.in_lanes[0]].length < 8.0
+    assert abs(np.degrees(east.heading_in)) > 170.0
+    assert network.movement("west", "straight").destination == "east"
+
+
+@needs_netconvert
 def test_a_roundabout_whose_entries_and_exits_part_before_the_ring_is_one_junction(tmp_path):
     nodes, edges = {}, []
     ring = []
