@@ -157,11 +157,18 @@ def leads_on(link: Any, user: str = VEHICLE_CLASS) -> bool:
 def find_arms(junction: Junction) -> list[RawArm]:
     """The roads at the junction, each out to the next one."""
     arms = []
+    taken = set[frozenset[Any]]()
     for inbound, outbound in _roads(junction.nodes):
-        before = _extend(inbound, junction, back=True) if inbound is not None else ()
-        after = _extend(outbound, junction, back=False) if outbound is not None else ()
+        before = _extend(inbound, junction, taken, back=True) if inbound is not None else ()
+        after = _extend(outbound, junction, taken, back=False) if outbound is not None else ()
         arms.append(RawArm(before, after))
+        taken |= {_ends(edge) for edge in (*before, *after)}
     return _paired(arms)
+
+
+def _ends(edge: Any) -> frozenset[Any]:
+    """The two nodes of an edge, which its opposite has, too."""
+    return frozenset((edge.getFromNode(), edge.getToNode()))
 
 
 def _roads(nodes: tuple[Any, ...]) -> list[tuple[Any, Any]]:
@@ -232,8 +239,9 @@ def place_along(lines: Sequence[Array], reach: float) -> Array:
     return lines[0][0] if place is None else place
 
 
-def _extend(edge: Any, junction: Junction, *, back: bool) -> tuple[Any, ...]:
-    """The edge and those that continue it outwards, in driving order."""
+def _extend(edge: Any, junction: Junction, taken: set[frozenset[Any]], *, back: bool) -> tuple[Any, ...]:
+    """The edge and those that continue it outwards, in driving order, up to a road between nodes that are
+    `taken`: one that leaves the junction and comes back to it belongs to one of its two arms."""
     chain = [edge]
     while True:
         node = chain[-1].getFromNode() if back else chain[-1].getToNode()
@@ -247,7 +255,7 @@ def _extend(edge: Any, junction: Junction, *, back: bool) -> tuple[Any, ...]:
             if (e.getFromNode() if back else e.getToNode()).getID() not in own
             and (_goes_on(e, chain[-1]) if back else _goes_on(chain[-1], e))
         ]  # fmt: skip
-        if len(ends) != 1 or ends[0] in chain:
+        if len(ends) != 1 or ends[0] in chain or _ends(ends[0]) in taken:
             break
         chain.append(ends[0])
     return tuple(reversed(chain)) if back else tuple(chain)

@@ -11,6 +11,8 @@ from rudc.errors import NetworkError
 from rudc.network.build import OPTIONS, build_network
 from rudc.network.network import load_network
 from rudc.world.trial import refuse_untried
+from rudc.world.world import World
+from tests.plans import PlanSource
 
 needs_netconvert = pytest.mark.skipif(
     find_spec("sumo") is None and shutil.which("netconvert") is None, reason="netconvert is not installed"
@@ -330,6 +332,24 @@ def test_of_two_roads_to_one_neighbour_each_is_an_arm_of_its_own(tmp_path):
         "south": ("s_c", "c_s"),
     }
     assert network.movement("south", "straight").destination == "north"
+
+
+@needs_netconvert
+@pytest.mark.parametrize("two_way", [True, False])
+def test_a_road_that_comes_back_to_its_junction_belongs_to_one_arm(tmp_path, two_way):
+    ring = [("c", "a"), ("a", "b"), ("b", "c")]
+    edges = [edge for pair in [("c", "w"), *ring] for edge in both_ways(*pair)]
+    if not two_way:
+        edges = [edge for edge in edges if "w" in edge[0] or edge[1:3] in ring]
+    path = build(tmp_path, {"c": (0, 0), "w": (-100, 0), "a": (60, -60), "b": (60, 60)}, edges)
+    network = load_network(path, "c")
+    assert len(network.arms) == 3
+    used = [edge for arm in network.arms for edge in (*arm.in_edges, *arm.out_edges)]
+    assert sorted(used) == sorted(edge[0] for edge in edges)
+    for movement in network.movements:
+        assert len({*movement.edges}) == len(movement.edges)
+    with World(network) as world:
+        world.reset(PlanSource(str(path), 20.0).plan(0))
 
 
 @needs_netconvert
