@@ -8,6 +8,7 @@ count.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -129,14 +130,14 @@ def _junction_groups(net: Any, alias: dict[str, str]) -> dict[str, tuple[Any, ..
 def _is_passed_through(node: Any, alias: dict[str, str]) -> bool:
     """Whether at most two roads meet at the node: a dead end, or a road that only changes.
 
-    All that leads to one roundabout counts as one road, so that the node at which its entry and its exit
-    part is no junction.
+    A one-way road from a roundabout and one to it count as one road, so that the node at which its entry and
+    its exit part is no junction.
     """
-    met = set()
-    for inbound, outbound in _roads((node,)):
-        other = inbound.getFromNode() if inbound is not None else outbound.getToNode()
-        met.add(alias.get(other.getID(), (inbound, outbound)))
-    return node.getID() not in alias and len(met) <= 2
+    roads = _roads((node,))
+    exits = Counter(alias.get(road[0].getFromNode().getID()) for road in roads if road[1] is None)
+    entries = Counter(alias.get(road[1].getToNode().getID()) for road in roads if road[0] is None)
+    parted = sum(count for name, count in (exits & entries).items() if name is not None)
+    return node.getID() not in alias and len(roads) - parted <= 2
 
 
 def usable(edges: Iterable[Any]) -> list[Any]:

@@ -37,6 +37,15 @@ def both_ways(a, b, more='numLanes="1"'):
     return [(f"{a}_{b}", a, b, more), (f"{b}_{a}", b, a, more)]
 
 
+def mark_roundabout(path, ring):
+    """Enter in a network the roundabout of these nodes, where netconvert saw none."""
+    text = path.read_text()
+    if "<roundabout" not in text:
+        edges = " ".join(f"ring_{a}_{b}" for a, b in zip(ring, [*ring[1:], ring[0]], strict=True))
+        mark = f'<roundabout nodes="{" ".join(ring)}" edges="{edges}"/>'
+        path.write_text(text.replace("</net>", f"{mark}</net>"))
+
+
 CROSS = {"c": (0, 0), "n": (0, 100), "e": (100, 0), "s": (0, -100), "w": (-100, 0)}
 
 
@@ -125,13 +134,7 @@ def test_a_roundabout_whose_entries_and_exits_part_before_the_ring_is_one_juncti
     for a, b in zip(ring, [*ring[1:], ring[0]], strict=True):
         edges.append((f"ring_{a}_{b}", a, b, 'priority="9"'))
     path = build(tmp_path, nodes, edges)
-    text = path.read_text()
-    if "<roundabout" not in text:
-        names = (
-            " ".join(ring),
-            " ".join(f"ring_{a}_{b}" for a, b in zip(ring, [*ring[1:], ring[0]], strict=True)),
-        )
-        path.write_text(text.replace("</net>", f'<roundabout nodes="{names[0]}" edges="{names[1]}"/></net>'))
+    mark_roundabout(path, ring)
     network = load_network(path)
     assert network.is_roundabout
     assert len(network.nodes) == 8
@@ -140,6 +143,22 @@ def test_a_roundabout_whose_entries_and_exits_part_before_the_ring_is_one_juncti
     assert network.arm("east").out_edges == ("e_leave", "ey_ez")
     assert {m.turn for m in network.movements if m.origin == "south"} >= {"left", "straight", "right"}
     assert load_network(path, "ni").arms == network.arms
+
+
+@needs_netconvert
+def test_a_node_with_two_roads_to_one_roundabout_and_a_third_is_a_junction(tmp_path):
+    nodes = {"re": (20, 0), "rn": (0, 20), "rw": (-20, 0), "rs": (0, -20), "j": (80, 80), "x": (160, 80)}
+    ring = ["re", "rn", "rw", "rs"]
+    pairs = [("re", "j"), ("rn", "j"), ("j", "x"), ("rw", "w"), ("rs", "s")]
+    edges = [edge for pair in pairs for edge in both_ways(*pair)]
+    for a, b in zip(ring, [*ring[1:], ring[0]], strict=True):
+        edges.append((f"ring_{a}_{b}", a, b, 'priority="9"'))
+    path = build(tmp_path, {**nodes, "w": (-120, 0), "s": (0, -120)}, edges)
+    mark_roundabout(path, ring)
+    assert {arm.in_edge for arm in load_network(path, "j").arms} == {"re_j", "rn_j", "x_j"}
+    assert {arm.in_edges for arm in load_network(path, "re").arms} == {
+        ("j_re",), ("j_rn",), ("w_rw",), ("s_rs",)
+    }  # fmt: skip
 
 
 @needs_netconvert
