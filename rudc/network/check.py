@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 from pathlib import Path
 
 import numpy as np
 
 from rudc.geometry import rectangle_gaps
 from rudc.network.network import Network, load_network
-from rudc.network.road import Arm, Movement
+from rudc.network.polyline import arc_length, beside, resample
+from rudc.network.road import Arm, Lane, Movement
 from rudc.network.route import Route
 from rudc.network.route_builder import fits
+from rudc.network.tiles import SEAM
 
 SHORT_ARM = 60.0
 """m: less leaves no room to start, follow and brake"""
@@ -192,9 +194,34 @@ def _arm_warnings(network: Network, arm: Arm) -> Iterator[str]:
             yield f"lane {name} refuses {', '.join(lane.refuses)}; such traffic cannot appear on it"
         if lane_id in arm.in_lanes and lane_id not in used:
             yield f"lane {name} leads nowhere: no way from it reaches another arm"
+    yield from _shared_lanes(network, arm)
     for speed, names in fast.items():
         have = f"lanes {', '.join(names)} have" if len(names) > 1 else f"lane {names[0]} has"
         yield f"{have} a limit of {speed:.1f} m/s; the ego drives at most {FAST:.0f} m/s"
+
+
+def _shared_lanes(network: Network, arm: Arm) -> Iterator[str]:
+    """A warning for each pair of lanes of opposite directions that overlap."""
+    lanes = network.lanes_of(arm)
+    ins, outs = ([lane for lane in lanes if lane.edge in edges] for edges in (arm.in_edges, arm.out_edges))
+    for one, other in product(ins, outs):
+        if _overlap(one, other):
+            yield (
+                f"lanes {_name(network, one)} and {_name(network, other)} overlap, although their directions "
+                "are opposite: who meets there may have no room to pass, and no `wrong_way` is noticed"
+            )
+
+
+def _overlap(one: Lane, other: Lane) -> bool:
+    """Whether two lanes overlap by more than SEAM m somewhere along both."""
+    along, aside = beside(one.xy, resample(other.xy, np.arange(0.0, arc_length(other.xy)[-1], 1.0)))
+    level = (along >= 0.0) & (along <= arc_length(one.xy)[-1])
+    return bool((np.abs(aside[level]) < 0.5 * (one.width + other.width) - SEAM).any())
+
+
+def _name(network: Network, lane: Lane) -> str:
+    """A lane's name in scenarios; for one farther out on an arm, SUMO's id."""
+    return next((name for name, known in network.lane_names.items() if known == lane.id), lane.id)
 
 
 def _movement_warnings(network: Network) -> Iterator[str]:

@@ -62,7 +62,8 @@ class Surface:
         return self._tile(int(x // SIDE), int(y // SIDE)).depth(x, y)
 
     def direction(self, x: float, y: float) -> float:
-        """rad, direction of travel of the lane under a point (m, m); nan inside nodes and off the road."""
+        """rad, direction of travel of the lane under a point (m, m); nan inside nodes, off the road, and
+        where lanes of opposite directions overlap."""
         x, y = min(max(x, self._west), self._east), min(max(y, self._south), self._north)
         return self._tile(int(x // SIDE), int(y // SIDE)).direction(x, y)
 

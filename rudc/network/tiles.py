@@ -18,6 +18,8 @@ SIDE = CELL * CELLS
 """m, side of a tile"""
 POINTS_AT_ONCE = 512
 """points handled at a time, so that their distances to the whole edge stay in the processor's cache"""
+SEAM = 0.25
+"""m: places nearer than this to the edges of both of two lanes lie between the lanes, not on both"""
 HALO = 2
 """raster points around a tile that are looked at too, so that seams at its border are closed"""
 _ROW = CELLS + 1
@@ -135,16 +137,21 @@ class TileMaker:
         return grid[HALO:-HALO, HALO:-HALO].ravel()
 
     def _directions(self, points: Array) -> Array:
-        """rad, direction of travel at the raster points."""
-        direction = np.full(len(points), np.nan)
+        """rad, direction of travel at the raster points; nan where lanes of opposite directions overlap."""
+        direction, room = np.full(len(points), np.nan), np.zeros(len(points))
+        both = np.zeros(len(points), dtype=np.bool_)
         for line, polygon in self._lanes:
             hit = np.flatnonzero(inside(polygon, points))
             if not len(hit):
                 continue
             length = float(arc_length(line)[-1])
             dense = resample(line, np.linspace(0.0, length, max(2, round(length / 0.5) + 1)))
-            _, nearest = KDTree(dense).query(points[hit])
-            direction[hit] = headings(dense)[nearest]
+            away, nearest = KDTree(dense).query(points[hit])
+            way, to_edge = headings(dense)[nearest], np.hypot(*(polygon[0] - line[0])) - away
+            against = np.cos(way - direction[hit]) < 0.0  # False where there was no lane
+            both[hit] |= against & (np.maximum(to_edge, room[hit]) > SEAM)
+            direction[hit], room[hit] = way, to_edge
+        direction[both] = np.nan
         return direction
 
 

@@ -1,11 +1,13 @@
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from rudc.data import data_folder
 from rudc.errors import NetworkError
 from rudc.network.check import check_network, waiting_warnings
 from rudc.network.network import load_network, shipped_networks
+from tests.world.networks import single_track
 
 
 @pytest.mark.parametrize("name", sorted(shipped_networks()))
@@ -96,6 +98,20 @@ def test_a_lane_that_cannot_be_named_says_what_can():
     )  # fmt: skip
     with pytest.raises(NetworkError, match=r"not next to the junction; name one of .*_in_0.*`at` counts on"):
         orchard.stretch(far.id)
+
+
+def test_where_both_directions_share_a_lane_no_way_is_wrong(tmp_path):
+    """The ego drove the wrong way there from the first decision on."""
+    path = single_track(tmp_path)
+    (warning,) = (text for text in check_network(path).warnings if "overlap" in text)
+    assert warning.startswith("lanes west_in_0 and west_out_0 overlap")
+    network = load_network(path)
+    for route, way_is_known in (
+        (network.route("west", "left"), False),
+        (network.route("north", "left"), True),
+    ):
+        directions = [network.surface.direction(*map(float, route.path.pose(s)[:2])) for s in (20.0, 60.0)]
+        assert np.isfinite(directions).all() == way_is_known
 
 
 def test_lanes_for_buses_are_named_as_left_out(tmp_path):

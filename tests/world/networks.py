@@ -1,13 +1,14 @@
 """Networks for tests: four_way with other speed limits, arms of several edges, a two-lane roundabout."""
 
 import re
+import subprocess
 from collections.abc import Callable
 from itertools import cycle, pairwise
 from pathlib import Path
 
 import numpy as np
 
-from rudc.network.build import build_network
+from rudc.network.build import build_network, find_netconvert
 from rudc.network.network import shipped_networks
 
 PIECES = {
@@ -57,6 +58,24 @@ def bent(folder: Path, node_type: str = "priority") -> Path:
                 f'priority="{2 if x else 1}" shape="{shape}"/>'
             )
     return _built(folder, "bent", nodes, edges)
+
+
+def single_track(folder: Path) -> Path:
+    """Three arms; on the west one both directions drive on the same 3.2 m."""
+    nodes, edges = ['<node id="centre" x="0" y="0" type="priority"/>'], []
+    for arm in ("east", "north", "west"):
+        x, y = AWAY[arm]
+        nodes.append(f'<node id="{arm}" x="{130 * x}" y="{130 * y}"/>')
+        spread = "center" if arm == "west" else "right"
+        edges += [
+            f'<edge id="{arm}_{way}" from="{start}" to="{end}" speed="10" spreadType="{spread}"/>'
+            for way, start, end in (("in", arm, "centre"), ("out", "centre", arm))
+        ]
+    net = _built(folder, "track", nodes, edges)
+    sources = ["-n", "track.nod.xml", "-e", "track.edg.xml", "-o", net.name]
+    still = ["--offset.disable-normalization", "--geometry.avoid-overlap", "false"]
+    subprocess.run([find_netconvert(), *sources, *still], cwd=folder, check=True, capture_output=True)
+    return net
 
 
 def in_pieces(folder: Path) -> Path:
