@@ -16,7 +16,7 @@ from rudc.errors import JunctionError, NetworkError
 from rudc.network.network import Network, Route, load_network
 from rudc.network.road import Arm, Movement
 from rudc.network.route_builder import start_row
-from rudc.network.stretches import EGO_ARMS, EGO_LANES
+from rudc.network.stretches import EGO_ARMS, EGO_LANES, stretch_by_id
 from rudc.scenario.base import FileModel
 from rudc.scenario.distributions import Distribution, Normal
 from rudc.scenario.dotted import Path
@@ -175,7 +175,7 @@ def _misplaced_on(network: Network, route: Route | None, path: Path, part: Any) 
             stretches = [network.stretch(name, route)]
         else:
             arm = network.arm(name, route)
-            stretches = [network.stretch(lane) for lane in _sides(arm)]
+            stretches = [stretch_by_id(network, lane_id) for lane_id in _sides(arm)]
     except NetworkError as error:
         own = f"; the ego's are {' and '.join(EGO_ARMS)}" if key == "arm" else ""
         return [Problem((*path, key), f"{error}{own}")]
@@ -192,7 +192,7 @@ def _misplaced_on(network: Network, route: Route | None, path: Path, part: Any) 
 
 
 def _sides(arm: Arm) -> tuple[str, ...]:
-    """The lanes at an arm's two sides, on which the places of ways across the arm are counted."""
+    """SUMO's ids of the lanes at an arm's two sides, on which places of ways across the arm are counted."""
     if arm.in_lanes and arm.out_lanes:
         return arm.in_lanes[0], arm.out_lanes[0]
     lanes = arm.in_lanes or arm.out_lanes

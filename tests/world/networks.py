@@ -78,6 +78,19 @@ def single_track(folder: Path) -> Path:
     return net
 
 
+def by_heading(folder: Path) -> Path:
+    """Arms to the north (150 m), south (60 m) and east, the first two with edges named by heading: what comes
+    from the south is `north_in`, and its lane's id is the name of a lane of the north arm."""
+    nodes, edges = ['<node id="centre" x="0" y="0" type="priority"/>'], []
+    for arm, away, named in (("north", 150, "south"), ("south", 60, "north"), ("east", 150, "east")):
+        x, y = AWAY[arm]
+        other = {"north": "south", "south": "north"}.get(named, named)
+        nodes.append(f'<node id="{arm}" x="{away * x}" y="{away * y}"/>')
+        edges.append(f'<edge id="{named}_in" from="{arm}" to="centre" speed="10"/>')
+        edges.append(f'<edge id="{other}_out" from="centre" to="{arm}" speed="10"/>')
+    return _built(folder, "heading", nodes, edges)
+
+
 def in_pieces(folder: Path) -> Path:
     """Four arms of several edges each, as imported maps have them, every one with another limit."""
     nodes = ['<node id="centre" x="0" y="0" type="priority"/>']

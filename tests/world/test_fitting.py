@@ -14,7 +14,7 @@ from rudc.network.network import load_network
 from rudc.scenario import load_scenario, shipped_scenarios
 from rudc.scenario.distributions import distribution
 from rudc.world.fitting import likely, misfits
-from tests.world.networks import with_pockets
+from tests.world.networks import by_heading, with_pockets
 
 
 @pytest.fixture
@@ -73,6 +73,13 @@ def test_together_with_all_other_problems_each_in_its_place(problems):
         "...; an arm can also be given by the id of one of its edges; the ego's are ego_in and ego_out",
         "11:71: events.5.when.reach_position.lane: no lane 'west_in_9' ...",
     )
+
+
+def test_ways_across_an_arm_fit_that_arm_also_if_its_lanes_ids_are_names_of_others(problems, tmp_path):
+    path = by_heading(tmp_path)
+    text = f"name: a\nnetwork: {path.name}\nevents: [{{{{kind: pedestrian_crossing, arm: {{}}, at: 90}}}}]\n"
+    assert problems(text.format("north")) == []
+    check(problems(text.format("south")), "...events.0.at: 90 m lies beyond 'south' of network heading, ...")
 
 
 def test_a_normal_place_is_judged_by_what_will_be_drawn(problems):

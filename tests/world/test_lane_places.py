@@ -18,7 +18,7 @@ from rudc.world.fitting import misfits
 from rudc.world.scene import Kind
 from rudc.world.vehicle_types import VEHICLE_TYPES
 from tests.plans import PlanSource, event
-from tests.world.networks import two_lane_ring
+from tests.world.networks import by_heading, two_lane_ring
 
 HELD_OUT = data_folder("results") / "held-out-19" / "networks"
 CROSSKEYS = HELD_OUT / "crosskeys" / "crosskeys.net.xml"
@@ -206,3 +206,11 @@ def test_who_crosses_an_arm_comes_from_beside_its_bus_lanes():
     assert in_any([lane.area for lane in network.reserved], edges + 2.0 * inwards).all(), "right beside them"
     with pytest.raises(NetworkError, match="closed to cars"):
         network.stretch("contra_in_0")
+
+
+def test_an_arm_is_crossed_where_it_is_also_if_its_lanes_ids_are_names_of_others(tmp_path):
+    network = Network(by_heading(tmp_path))
+    assert network.arm("south").in_edge == "north_in"
+    for arm, side in (("north", 1.0), ("south", -1.0)):
+        ends = across_arm(network, network.route("east", "left"), arm, 20.0)
+        assert (side * ends[:, 1] > 20.0).all()

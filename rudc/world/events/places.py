@@ -12,11 +12,13 @@ import numpy as np
 from rudc.arrays import Array
 from rudc.geometry import rectangle_corners, rectangle_gaps
 from rudc.network.polyline import in_any
+from rudc.network.stretches import stretch_by_id
 from rudc.scenario.events.stage import ROADSIDE_M, Body, Stage, XYHeading
 from rudc.world.vehicle_types import VEHICLE_TYPES
 
 if TYPE_CHECKING:
     from rudc.network.network import Network, Route
+    from rudc.network.stretches import Stretch
     from rudc.scenario.poses import Pose
 
 PEDESTRIAN_M = 0.5
@@ -149,16 +151,16 @@ def across_arm(network: Network, route: Route, name: str, at: float) -> Array:
     arm, ends = network.arm(name, route), []
     for lanes, other in ((arm.in_lanes, arm.out_lanes), (arm.out_lanes, arm.in_lanes)):
         # A one-way arm is crossed from the right of its outermost lane to the left of its innermost.
-        names, side = (lanes, -1.0) if lanes else (other[::-1], 1.0)
-        aside = side * (_road_beside(network, names[0], at, side) + ROADSIDE_M)
-        ends.append(network.place_on_lane(names[0], at, aside)[:2])
+        ids, side = (lanes, -1.0) if lanes else (other[::-1], 1.0)
+        stretch = stretch_by_id(network, ids[0])
+        ends.append(stretch.place(at, side * (_road_beside(network, stretch, at, side) + ROADSIDE_M))[:2])
     return np.array(ends)
 
 
-def _road_beside(network: Network, lane: str, at: float, side: float) -> float:
+def _road_beside(network: Network, stretch: Stretch, at: float, side: float) -> float:
     """m from the middle of a lane to the road's edge on one side, lanes for buses or bicycles included."""
     areas = [reserved.area for reserved in network.reserved if not reserved.is_pavement]
-    beside = 0.5 * network.lanes[lane].width
-    while in_any(areas, np.array([network.place_on_lane(lane, at, side * (beside + EDGE_M))[:2]])).any():
+    beside = 0.5 * stretch.lane.width
+    while in_any(areas, np.array([stretch.place(at, side * (beside + EDGE_M))[:2]])).any():
         beside += EDGE_M
     return beside
