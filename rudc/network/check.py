@@ -168,10 +168,12 @@ def _node_warnings(network: Network) -> Iterator[str]:
 
 
 def _arm_warnings(network: Network, arm: Arm) -> Iterator[str]:
-    if arm.in_lanes and arm.length < SHORT_ARM:
+    lengths = {lane.edge: lane.length for lane in network.lanes_of(arm) if lane.edge in arm.in_edges}
+    length = sum(lengths.values())
+    if arm.in_lanes and length < SHORT_ARM:
         yield (
-            f"arm {arm.name} is only {arm.length:.0f} m long; from {SHORT_ARM:.0f} m on there is room to "
-            "start, follow and brake"
+            f"arm {arm.name} is only {length:.0f} m long on its way in; from {SHORT_ARM:.0f} m on there is "
+            "room to start, follow and brake"
         )
     if not arm.in_lanes:
         yield f"arm {arm.name} is one-way: nothing enters by it"

@@ -114,6 +114,13 @@ def test_where_both_directions_share_a_lane_no_way_is_wrong(tmp_path):
         assert np.isfinite(directions).all() == way_is_known
 
 
+def test_a_short_way_in_is_named_also_where_the_way_out_is_long(tmp_path):
+    old = '<lane id="south_in_{}" index="{}" speed="10.00" length="120.00"'
+    short = [(old.format(k, k), old.format(k, k).replace("120", "30")) for k in (0, 1)]
+    (warning,) = changed(tmp_path, *short)
+    assert warning.startswith("arm south is only 30 m long on its way in;")
+
+
 def test_lanes_for_buses_are_named_as_left_out(tmp_path):
     """They were missing from the table of arms, without a word."""
     lanes = [(f'id="{arm}_{k}" index="{k}"', f'id="{arm}_{k}" index="{k}" allow="{who}"')
