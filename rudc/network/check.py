@@ -181,10 +181,8 @@ def _arm_warnings(network: Network, arm: Arm) -> Iterator[str]:
         yield f"arm {arm.name} is one-way: nothing leaves by it"
     fast: dict[float, list[str]] = {}
     used = {network.inbound_lane(row).id for movement in network.onward for row in movement.rows}
-    for name, lane_id in network.lane_names.items():
-        lane = network.lanes[lane_id]
-        if lane_id not in (*arm.in_lanes, *arm.out_lanes):
-            continue
+    for lane in network.lanes_of(arm):
+        name = _name(network, lane)
         if lane.width < NARROW_LANE:
             yield (
                 f"lane {name} is only {lane.width:.2f} m wide; from {NARROW_LANE:.1f} m on a car of 1.8 m "
@@ -194,7 +192,7 @@ def _arm_warnings(network: Network, arm: Arm) -> Iterator[str]:
             fast.setdefault(lane.speed, []).append(name)
         if lane.refuses:
             yield f"lane {name} refuses {', '.join(lane.refuses)}; such traffic cannot appear on it"
-        if lane_id in arm.in_lanes and lane_id not in used:
+        if lane.id in arm.in_lanes and lane.id not in used:
             yield f"lane {name} leads nowhere: no way from it reaches another arm"
     yield from _shared_lanes(network, arm)
     for speed, names in fast.items():

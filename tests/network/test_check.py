@@ -7,7 +7,7 @@ from rudc.data import data_folder
 from rudc.errors import NetworkError
 from rudc.network.check import check_network, waiting_warnings
 from rudc.network.network import load_network, shipped_networks
-from tests.world.networks import single_track
+from tests.world.networks import in_pieces, single_track
 
 
 @pytest.mark.parametrize("name", sorted(shipped_networks()))
@@ -119,6 +119,18 @@ def test_a_short_way_in_is_named_also_where_the_way_out_is_long(tmp_path):
     short = [(old.format(k, k), old.format(k, k).replace("120", "30")) for k in (0, 1)]
     (warning,) = changed(tmp_path, *short)
     assert warning.startswith("arm south is only 30 m long on its way in;")
+
+
+def test_trouble_farther_out_on_an_arm_is_named(tmp_path):
+    """The arm is driven to its end."""
+    path = in_pieces(tmp_path)
+    text, far = path.read_text(), '<lane id="north_in1_0" index="0" speed="5.00"'
+    assert far in text
+    path.write_text(text.replace(far, f'{far[:-6]}"20.00" width="2.20" disallow="truck"'))
+    warnings = check_network(path).warnings
+    assert "lane north_in1_0 is only 2.20 m wide; from 2.6 m on a car of 1.8 m has a margin" in warnings
+    assert "lane north_in1_0 refuses truck; such traffic cannot appear on it" in warnings
+    assert "lane north_in1_0 has a limit of 20.0 m/s; the ego drives at most 15 m/s" in warnings
 
 
 def test_lanes_for_buses_are_named_as_left_out(tmp_path):
