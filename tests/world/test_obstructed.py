@@ -39,3 +39,12 @@ def test_in_bends_stretches_are_counted_as_the_file_states_lengths():
     assert _obstructed(stated, corners, FREE) == pytest.approx(
         [1.1 * s for s in _obstructed(drawn, corners, FREE)]
     )
+
+
+@pytest.mark.parametrize(("length", "blocked"), [(0.16, False), (0.39, False), (0.8, True)])
+def test_on_a_stub_of_lane_no_stretch_ends_before_it_begins(length, blocked):
+    stub = SimpleNamespace(xy=np.array([[0.0, 0.0], [length, 0.0]]), width=WIDTH, length=length)
+    corners = rectangle_corners(np.array([0.5 * length, 0.0]), np.array(0.0), np.array([5.0, 1.8]))
+    span = _obstructed(stub, corners, FREE)
+    assert (span is not None) == blocked
+    assert span is None or 0.0 < span[0] < span[1] < length

@@ -317,4 +317,5 @@ def _obstructed(lane: Lane, corners: Array, free: float) -> tuple[float, float] 
         s = s * (lane.length / drawn)
     if aside.max() < -free or aside.min() > free or s.max() < 1.0 or s.min() > lane.length - 1.0:
         return None
-    return max(float(s.min()), 0.2), min(float(s.max()), lane.length - 0.2)
+    start, end = max(float(s.min()), 0.2), min(float(s.max()), lane.length - 0.2)
+    return (start, end) if end > start else None  # none on a stub: the lanes before and after it are blocked
