@@ -68,6 +68,8 @@ class Blocks(NamedTuple):
     """where these will be within LANE_S, straight on: an ego that waits for them waits beside it"""
     resting: Rectangles
     """vehicles on a path that stand, for whatever reason"""
+    strays: frozenset[str]
+    """names of those who come the wrong way"""
 
     @property
     def any(self) -> bool:
@@ -75,7 +77,7 @@ class Blocks(NamedTuple):
         return bool(self.standing.number or self.coming.outside.number)
 
 
-NOTHING = Blocks(NO_RECTANGLES, NOBODY, NO_RECTANGLES, NO_RECTANGLES, NO_RECTANGLES)
+NOTHING = Blocks(NO_RECTANGLES, NOBODY, NO_RECTANGLES, NO_RECTANGLES, NO_RECTANGLES, frozenset())
 
 
 class Blocking:
@@ -112,6 +114,7 @@ class Blocking:
             swept(scene, stray, speed[stray] * SOON_S),
             swept(scene, stray, speed[stray] * LANE_S),
             _bodies(scene, still & (scene.path >= 0)),
+            frozenset(scene.ids[i] for i in stray.tolist()),
         )
 
     def _stuck(self, scene: Scene, still: Flags, without_way: Flags) -> Flags:

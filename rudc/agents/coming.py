@@ -11,7 +11,7 @@ import numpy as np
 from rudc.arrays import Array, Flags, Index
 from rudc.geometry import NO_RECTANGLES, Rectangles
 from rudc.network.paths import SPACING
-from rudc.world.scene import Kind, Scene
+from rudc.world.scene import Scene
 
 LANE_S = 12.0
 """s, how far ahead these lanes are predicted"""
@@ -50,10 +50,9 @@ def strays(scene: Scene, who: Flags) -> Index:
     return np.array(found, dtype=np.int64)
 
 
-def not_passed(scene: Scene) -> bool:
-    """Whether somebody who is on no path faces the ego's line, ahead on its road: comes, stands or backs."""
-    who = (scene.path < 0) & (scene.kind != int(Kind.PEDESTRIAN))
-    return any(_against(scene, i) for i in np.flatnonzero(who).tolist())
+def not_passed(scene: Scene, names: frozenset[str]) -> bool:
+    """Whether any of these faces the ego's line, ahead on its road: comes, stands or backs."""
+    return any(name in names and _against(scene, i) for i, name in enumerate(scene.ids))
 
 
 def lanes_of(scene: Scene, who: Index, speed: Array) -> Lanes:

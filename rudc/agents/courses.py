@@ -109,8 +109,8 @@ class Courses:
         self._standoff, self._patience = Standoff(), Patience()
         self.course: Route | None = None
         """the course driven at present; None for the route itself"""
-        self._round_stray = False
-        """whether the course was chosen while somebody came the wrong way"""
+        self._strays = frozenset[str]()
+        """names of those who came the wrong way when the course was chosen"""
         self._round = np.zeros((0, 2))
         """(n, 2) m, places of the bodies on the route that the course leads round"""
         self._there_s = -math.inf
@@ -126,7 +126,7 @@ class Courses:
         blocks = self._blocks = self._blocking.look(scene)
         shown = scene if self.course is None else along(scene, self.course)
         self._stop = math.inf
-        over = self._gone(scene, blocks) or (self._round_stray and not not_passed(scene))
+        over = self._gone(scene, blocks) or (bool(self._strays) and not not_passed(scene, self._strays))
         if not (blocks.any or over):
             return shown
         wait, clear = _wait(shown, blocks), _clear(scene, blocks)
@@ -138,7 +138,7 @@ class Courses:
             tried = scene if course is None else along(scene, course)
             if _first_hit(tried, blocks, least) == math.inf:
                 self.course, self._stop = course, _wait(tried, blocks)
-                self._round_stray = course is not None and blocks.coming.outside.number > 0
+                self._strays = blocks.strays if course else frozenset()
                 self._round = _on_route(scene, blocks, clear) if course else np.zeros((0, 2))
                 self._there_s = scene.time_s
                 self._outs = iter(())

@@ -106,6 +106,24 @@ def test_once_it_has_passed_wrecks_elsewhere_change_nothing(make_scene, four_way
     assert courses.course is None
 
 
+def test_once_it_has_passed_others_who_face_the_ego_far_ahead_change_nothing(make_scene, four_way):
+    """A wreck that stands there with its front to the ego kept the course for good."""
+    scene = against(make_scene, four_way, 50.0, front=-75.0, v=8.0)
+    behind = scene.position[0] - 80.0 * np.array([math.cos(scene.ego.psi), math.sin(scene.ego.psi)])
+    wreck = against(make_scene, four_way, 115.0, 0.0, front=-75.0)
+    past = make_scene(
+        {"at": (*behind.tolist(), float(scene.heading[0])), "v": 4.0},
+        {"at": (*wreck.position[0].tolist(), float(wreck.heading[0]))},
+        front=-75.0,
+    )
+    courses = Courses()
+    courses.reset(scene)
+    courses.see(scene)
+    assert courses.course is not None
+    courses.see(replace(past, time_s=scene.time_s + 5.0))
+    assert courses.course is None
+
+
 def test_its_lane_follows_the_bends_of_the_road(make_scene, four_way):
     scene = against(make_scene, four_way, 30.0, v=5.0, turn="left", front=-14.0)
     path = scene.route.path
