@@ -14,6 +14,8 @@
                  does not see (hidden.py).
                  Steering is limited to what braking, of up to BRAKING mu g, leaves of mu g: wheels that
                  ask for more do not turn the car any further, and take all grip from the brakes
+                 A car that was late for LATE_FOR_S and is no longer may be late again at any time: from then
+                 on bends may need WARY mu g only
     probe        Short full brakings show how well the road grips (probe.py)
     slide        Where grip is poor and the ego too fast for its bend, manoeuvres keep it on the road
                  (slide.py)
@@ -46,6 +48,9 @@ USABLE = 0.9
 """share of mu g that a command may ask for"""
 LATERAL, BRAKING = 0.75, 0.6
 """shares of mu g that bends and planned braking may ask for where grip is poor"""
+LATE_S, LATE_FOR_S, WARY = 0.25, 0.5, 0.5
+"""s, dead time and lag together from which on a car is late; s; share of mu g that bends may ask for once it
+has been"""
 FULL = 0.98
 """share of the possible braking from which on full braking is commanded: asking for more than the road gives
 brakes no less, and shows at once if the road gives more than was thought"""
@@ -75,6 +80,10 @@ class Adaptation:
         self._seen: float | None = None
         self._decision_s = DECISION_S
         """s between the last two decisions"""
+        self._late_since: float | None = None
+        """s, since when the car has been late; None while it is not"""
+        self._wary = False
+        """whether it was late and is no longer"""
         self._probe = Probe() if self._probes else None
         self._slide = Slide()
         self._profiles: dict[float, Array] = {}
@@ -90,6 +99,7 @@ class Adaptation:
             self.estimate = self._monitor.update(scene.ego, scene.last_u, self._decision_s)
             if self._known and scene.actuation is not None:
                 self.estimate = PlantEstimate(scene.actuation, unusual=scene.actuation != Actuation())
+            self._notice_late(scene.time_s)
             if self._probe is not None:
                 self._probe.look(scene, self.estimate.grip)
         if not self.estimate.unusual:
@@ -119,6 +129,17 @@ class Adaptation:
         if grip < POOR:
             u = self._slide.hold(scene, u, grip, self.estimate.actuation.lag_s, self._speeds(scene, grip))
         return u
+
+    def _notice_late(self, time_s: float) -> None:
+        """Find out whether the car is late, and whether it was for long and is no longer."""
+        since, actuation = self._late_since, self.estimate.actuation
+        if actuation.delay_s + actuation.lag_s >= LATE_S:
+            self._late_since = time_s if since is None else since
+        elif since is not None:
+            self._late_since = None
+            if not self._wary and time_s - since >= LATE_FOR_S:
+                self._wary = True
+                self._profiles.clear()
 
     def _hastened(self, now: float, wanted: float) -> float:
         """rad, the command that takes lagging wheels from `now` to `wanted` within a decision."""
@@ -156,8 +177,12 @@ class Adaptation:
             self._profiles.clear()
         profile = self._profiles.get(grip)
         if profile is None:
-            profile = self._profiles[grip] = _profile(path, grip, _braking(scene, grip))
+            profile = self._profiles[grip] = _profile(path, grip, self._share(grip), _braking(scene, grip))
         return profile
+
+    def _share(self, grip: float) -> float:
+        """Share of `grip` (m/s2) that bends may ask for."""
+        return WARY if self._wary else LATERAL if grip < POOR else USABLE
 
     def _asks(self, scene: Scene, grip: float) -> bool:
         """Whether to brake now in order to learn how well the road grips."""
@@ -177,11 +202,10 @@ def _braking(scene: Scene, grip: float) -> float:
     return min(BRAKING * grip, -scene.network.vehicle.a_min)
 
 
-def _profile(path: ReferencePath, grip: float, braking: float) -> Array:
+def _profile(path: ReferencePath, grip: float, share: float, braking: float) -> Array:
     """(M,) m/s, highest speed at each station of the path from which all bends ahead can be taken with that
-    `grip` (m/s2), braking at `braking` m/s2.
+    `share` of the `grip` (m/s2), braking at `braking` m/s2.
     """
-    share = LATERAL if grip < POOR else USABLE
     squared = (share * grip / np.maximum(np.abs(path.curvature), 1e-4)).tolist()
     for i in range(len(squared) - 2, -1, -1):
         squared[i] = min(squared[i], squared[i + 1] + 2 * braking * SPACING)

@@ -1,9 +1,9 @@
 """How the ego's car carries out commands: dead time, lag and friction, identified while it drives.
 
 A bank of M models of the plant (the car with its actuators, rudc/world/ego.py), each with a dead time d, a
-lag T and a coefficient of friction mu, is driven by the commands that were given. Each model keeps the
-acceleration a_m and the front-wheel angle delta_m that its car would have now. They are compared with those
-of the real car, dt s after the last reading,
+lag T and a coefficient of friction mu, predicts one decision of dt s: from the acceleration and front-wheel
+angle that were read before it, and the commands that were given, each has an acceleration a_m and an angle
+delta_m. They are compared with those of the real car,
 
     J_m <- FORGET^(dt / DECISION_S) J_m + min((a - a_m)^2 / A^2, CUT) + min((delta - delta_m)^2 / D^2, CUT)
 
@@ -40,7 +40,7 @@ DELAYS = np.arange(22) * SUBSTEP_S
 """s, dead times of the bank"""
 LONGEST_S = 2.0
 """s, longest dead time whose commands are remembered; scenarios allow no longer one"""
-LAGS = np.array([0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8])
+LAGS = np.array([0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.25])
 """s, lags of the bank"""
 FRICTIONS = np.array([
     np.inf, 0.7, 0.6, 0.56, 0.52, 0.46, 0.4, 0.35, 0.3, 0.26, 0.23, 0.2, 0.17, 0.15, 0.13, 0.11, 0.09, 0.07,
@@ -48,7 +48,7 @@ FRICTIONS = np.array([
 ])  # fmt: skip
 """coefficients of friction of the bank; inf for a dry road"""
 _LIMITS: Array = np.minimum(FRICTIONS, DRY) * GRAVITY
-ACCELERATION_STD, STEERING_STD = 0.25, 0.01
+ACCELERATION_STD, STEERING_STD = 0.25, 0.005
 """m/s2, rad: A and D, sizes of errors of the readings that say nothing about the car"""
 CUT = 16.0
 """largest term of one reading, so that what one outlier says is made good by the next few"""
@@ -124,7 +124,7 @@ class PlantMonitor:
             self._drive(float(last_u[0]), float(last_u[1]), ego.v, passed_s)
             self._score(ego, passed_s)
             self.estimate = self._best()
-        self._v = ego.v
+        self._v, self._read = ego.v, complex(ego.acceleration, ego.steering)
         return self.estimate
 
     def _take_steps_of(self, substep_s: float) -> None:
@@ -140,7 +140,7 @@ class PlantMonitor:
         body, substeps = self._vehicle, max(round(passed_s / self.substep_s), 1)
         command = complex(*within_limits(body, a, delta))
         drive_bank(
-            self._a, self._delta, self._given, self._keep, _LIMITS, command, substeps,
+            self._a, self._delta, self._given, self._keep, _LIMITS, self._read, command, substeps,
             self._v or 0.0, v_after, body.cg_to_rear, body.cg_to_rear / body.wheelbase,
         )  # fmt: skip
 

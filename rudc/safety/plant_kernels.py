@@ -44,17 +44,23 @@ def within_friction(
 
 @kernel
 def drive_bank(
-    a: NewCube, delta: NewCube, given: NewTable, keep: Vector, limit: Vector,
+    a: NewCube, delta: NewCube, given: NewTable, keep: Vector, limit: Vector, now: complex,
     command: complex, substeps: int, v: float, v_after: float, cg_to_rear: float, ratio: float,
 ) -> int:  # fmt: skip
-    """Drive the bank's accelerations `a` m/s2 and front-wheel angles `delta` rad (D, L, F) with a `command`
-    a + i delta for some sub-steps, while the speed goes from v to v_after m/s. Returns 0.
+    """The bank's accelerations `a` m/s2 and front-wheel angles `delta` rad (D, L, F) after some sub-steps with
+    a `command` a + i delta, from those that were read, `now`, while the speed goes from v to v_after m/s.
+    Returns 0.
 
     `given`: (D + 1, 2) m/s2 and rad, past commands, newest first; `keep`: (L,) share of the difference from
     the command that is left after a sub-step; `limit`: (F,) m/s2, what friction gives.
     """
     delays, lags, frictions = a.shape
     wanted_a, wanted_delta = np.empty(frictions), np.empty(frictions)
+    widest, widest_tangent = widest_angles(limit, v, cg_to_rear, ratio)
+    for f in range(frictions):
+        turned = min(max(now.imag, -widest[f]), widest[f])
+        delta[:, :, f] = turned
+        a[:, :, f] = within_friction(now.real, math.tan(turned), limit[f], v, cg_to_rear, ratio)
     for i in range(substeps):
         for d in range(len(given) - 1, 0, -1):
             given[d, 0], given[d, 1] = given[d - 1, 0], given[d - 1, 1]

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rudc.agents.adaptation import BRAKING, FULL, USABLE, Adaptation
+from rudc.agents.adaptation import BRAKING, FULL, USABLE, WARY, Adaptation
 from rudc.env.tracking import steering
 from rudc.network.network import load_network
 from rudc.network.paths import SPACING
@@ -129,3 +129,18 @@ def test_a_bend_is_followed_with_late_wheels_as_with_prompt_ones(make_scene):
             s += 0.1 * plant.step(0.0, float(u[1]), 0.1).v
         farthest[name] = most
     assert farthest["hastened"] < farthest["prompt"] + 0.1 < 0.5 * farthest["late"]
+
+
+@pytest.mark.parametrize(
+    ("late_s", "lag_s", "share"), [(2.0, 0.6, WARY), (0.3, 0.6, USABLE), (2.0, 0.1, USABLE)]
+)
+def test_a_car_that_was_late_for_long_is_not_trusted_in_bends_any_more(make_scene, late_s, lag_s, share):
+    scene = make_scene(turn="left", front=-2.0, v=0.0)
+    adaptation = Adaptation("known", probe=False)
+    adaptation.reset(scene)
+    for k in range(30):
+        lag = Actuation(lag_s=lag_s) if 5 <= k < 5 + round(10 * late_s) else Actuation()
+        adaptation.see(replace(scene, time_s=0.1 * k, actuation=lag))
+    tightest = float(np.abs(scene.route.path.curvature).max())
+    profile = adaptation._speeds(scene, DRY * GRAVITY)
+    assert profile.min() == pytest.approx(math.sqrt(share * DRY * GRAVITY / tightest))

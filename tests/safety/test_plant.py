@@ -108,6 +108,27 @@ def test_a_car_that_changes_on_the_way_is_noticed():
     assert estimate.grip == pytest.approx(0.2 * GRAVITY, rel=0.16)
 
 
+@pytest.mark.parametrize("lag", [0.5, 0.8, 1.25])
+def test_a_lag_that_begins_in_a_bend_is_soon_known_and_forgotten_once_over(lag):
+    """Models were driven on from the episode's start, as if the lag had always been there: none fitted, and
+    the road was taken for ice until the lag was over."""
+    plant, monitor, found = EgoPlant(BODY), PlantMonitor(BODY), []
+    plant.reset(0.0, 0.0, 0.0, 8.5)
+    monitor.update(plant.state, (0.0, 0.0))
+    for k in range(60):
+        if k in (20, 45):
+            plant.actuation = Actuation(0.1, lag) if k == 20 else Actuation()
+        u = 0.3 * np.sin(0.3 * k), 0.2 * min(max(k - 15, 0) / 20, 1.0) + 0.05 * np.sin(0.4 * k)
+        for _ in range(2):
+            plant.step(*u, 0.05)
+        found.append(monitor.update(plant.state, u).actuation)
+    assert set(found[:20]) == {Actuation()}
+    assert sum(actuation.friction is not None for actuation in found) <= 4
+    for actuation in found[35:45]:
+        assert 0.6 * (0.1 + lag) < actuation.delay_s + actuation.lag_s < 1.3 * (0.1 + lag)
+    assert set(found[49:]) == {Actuation()}
+
+
 def test_commands_on_their_way_are_those_given_within_the_dead_time():
     monitor = PlantMonitor(BODY)
     state = EgoPlant(BODY).state
