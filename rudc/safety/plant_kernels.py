@@ -47,9 +47,9 @@ def drive_bank(
     a: NewCube, delta: NewCube, given: NewTable, keep: Vector, limit: Vector, now: complex,
     command: complex, substeps: int, v: float, v_after: float, cg_to_rear: float, ratio: float,
 ) -> int:  # fmt: skip
-    """The bank's accelerations `a` m/s2 and front-wheel angles `delta` rad (D, L, F) after some sub-steps with
-    a `command` a + i delta, from those that were read, `now`, while the speed goes from v to v_after m/s.
-    Returns 0.
+    """Fill in the bank's accelerations `a` m/s2 and front-wheel angles `delta` rad (D, L, F) after some
+    sub-steps with a `command` a + i delta. `now`: those that were read before, a + i delta; meanwhile the
+    speed goes from v to v_after m/s. Returns 0.
 
     `given`: (D + 1, 2) m/s2 and rad, past commands, newest first; `keep`: (L,) share of the difference from
     the command that is left after a sub-step; `limit`: (F,) m/s2, what friction gives.
