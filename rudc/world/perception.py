@@ -71,8 +71,7 @@ class Sensors:
             velocity=scene.velocity + faster[:, None] * along,
             path_s=scene.path_s + np.einsum("ij,ij->i", shift, along),
         )
-        away = np.hypot(noisy.position[:, 0] - scene.ego.x, noisy.position[:, 1] - scene.ego.y)
-        return noisy.only(np.argsort(away, kind="stable")) if self.position_std else noisy
+        return noisy.nearest_first() if self.position_std else noisy
 
 
 def visible(scene: Scene, occluders: Array, range_m: float = np.inf) -> Flags:

@@ -181,3 +181,10 @@ class Scene:
             return self
         rows = {name: getattr(self, name)[index] for name in OF_OTHERS}
         return replace(self, ids=tuple([self.ids[i] for i in index.tolist()]), **rows)
+
+    def nearest_first(self) -> Scene:
+        """The scene with the others in the order of their distances from the ego, centre to centre; the same
+        object if they are in it.
+        """
+        away = self.position - self.ego_position
+        return self.only(np.argsort(np.hypot(away[:, 0], away[:, 1]), kind="stable"))

@@ -30,7 +30,7 @@ def test_density_holds_where_something_stands_at_a_lanes_outer_end(world, blocke
         world.reset(source.plan(seed))
         found = [world.advance(STAND).density for _ in range(400)]
         assert found[-1] == pytest.approx(30.0, rel=0.05)
-        assert not world.traffic._waiting
+        assert not world.traffic.waiting
 
 
 def test_who_enters_behind_an_ego_at_the_outer_end_can_stop_behind_it(world):
