@@ -12,8 +12,6 @@ from rudc.scenario.base import FileModel
 from rudc.scenario.fit import ASKED
 from rudc.scenario.yaml_text import read_value
 
-ICY = {"kind": "low_friction", "friction": 0.5}
-
 
 def load(tmp_path, text):
     (tmp_path / "s.yaml").write_text(textwrap.dedent(text).lstrip("\n"))
@@ -231,15 +229,6 @@ def test_a_list_given_to_a_key_that_takes_one_is_its_value():
     assert [*storm.points()] == [{f"{place}.1": -3}, {f"{place}.1": -2}]
     assert float(storm.events[4].when.reach_position.position[0]) == 10
     assert find_scenarios(["perfect_storm"], overrides={"events": []})[0].events == ()
-
-
-@pytest.mark.parametrize("order", [1, -1])
-@pytest.mark.parametrize("whole", [{"events": [ICY]}, {"events.0": ICY}])
-def test_a_part_given_besides_the_whole_is_put_into_it(whole, order):
-    given = dict([*whole.items(), ("events.0.friction", 0.05)][::order])
-    (scenario,) = find_scenarios(["icy_junction"], overrides=given)
-    assert [float(event.friction) for event in scenario.events] == [0.05]
-    assert load_scenario("icy_junction", given).digest == scenario.digest
 
 
 def test_a_value_given_is_not_swept_over_by_the_files_own():

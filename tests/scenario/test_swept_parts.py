@@ -1,9 +1,11 @@
-"""A list for a part of a key that the file sweeps, and for the whole of one of which it sweeps a part."""
+"""A part of a key and its whole, both given: by the file's own sweep, by a list or by a single value."""
 
 import pytest
 
 from rudc.errors import ScenarioError
-from rudc.scenario import load_scenario
+from rudc.scenario import find_scenarios, load_scenario
+
+ICY = {"kind": "low_friction", "friction": 0.5}
 
 
 def test_the_sweep_of_a_part_ends_where_the_whole_is_swept(tmp_path):
@@ -22,3 +24,12 @@ def test_a_swept_part_ends_the_files_own_sweep_of_the_whole(tmp_path):
     assert [*scenario.points()] == [{part: 30}, {part: 40}]
     with pytest.raises(ScenarioError, match=r"lies within traffic\.density, which is swept, too"):
         load_scenario(tmp_path / "s.yaml", grid={part: [30, 40], whole: [10, 15]})
+
+
+@pytest.mark.parametrize("order", [1, -1])
+@pytest.mark.parametrize("whole", [{"events": [ICY]}, {"events.0": ICY}])
+def test_a_part_given_besides_the_whole_is_put_into_it(whole, order):
+    given = dict([*whole.items(), ("events.0.friction", 0.05)][::order])
+    (scenario,) = find_scenarios(["icy_junction"], overrides=given)
+    assert [float(event.friction) for event in scenario.events] == [0.05]
+    assert load_scenario("icy_junction", given).digest == scenario.digest
