@@ -48,9 +48,9 @@ USABLE = 0.9
 """share of mu g that a command may ask for"""
 LATERAL, BRAKING = 0.75, 0.6
 """shares of mu g that bends and planned braking may ask for where grip is poor"""
-LATE_S, LATE_FOR_S, WARY = 0.25, 0.5, 0.5
-"""s, dead time and lag together from which on a car is late; s; share of mu g that bends may ask for once it
-has been"""
+LATE_S, PROMPT_S, LATE_FOR_S, WARY = 0.25, 0.1, 0.5, 0.5
+"""s, dead time and lag together from which on a car is late; s, below which it is no longer; s, for how long
+it must have been late; share of mu g that bends may ask for once it was, and is no longer"""
 FULL = 0.98
 """share of the possible braking from which on full braking is commanded: asking for more than the road gives
 brakes no less, and shows at once if the road gives more than was thought"""
@@ -132,10 +132,10 @@ class Adaptation:
 
     def _notice_late(self, time_s: float) -> None:
         """Find out whether the car is late, and whether it was for long and is no longer."""
-        since, actuation = self._late_since, self.estimate.actuation
-        if actuation.delay_s + actuation.lag_s >= LATE_S:
+        since, late_s = self._late_since, self.estimate.actuation.delay_s + self.estimate.actuation.lag_s
+        if late_s >= LATE_S:
             self._late_since = time_s if since is None else since
-        elif since is not None:
+        elif since is not None and late_s < PROMPT_S:
             self._late_since = None
             if not self._wary and time_s - since >= LATE_FOR_S:
                 self._wary = True
@@ -159,7 +159,8 @@ class Adaptation:
         later, ego = len(pending) * self._monitor.substep_s, plant.state
         s, offset = scene.route.path.project(ego.x, ego.y, scene.ego_s + 0.5 * later * (scene.ego.v + ego.v))
         waited = 0.0 if ego.v >= STANDING else scene.waited_s
-        return replace(others_later(scene, later), ego=ego, ego_s=s, ego_offset=offset, waited_s=waited)
+        shown = replace(others_later(scene, later), ego=ego, ego_s=s, ego_offset=offset, waited_s=waited)
+        return shown.nearest_first()
 
     def _allowed(self, scene: Scene, grip: float, reaction_s: float = 0.0) -> float:
         """m/s, speed from which all bends ahead can be taken with that `grip` (m/s2): the least of `_speeds`

@@ -104,7 +104,8 @@ class Conduct:
 
 def _speeds(network: Network) -> tuple[Array, Array]:
     """(P, M) m/s and (P, M) m/s at each station of each row of `network.paths`: the highest limit there, and
-    the lowest there and on the next ROOM m, which is lowered for bends as on a road of POOREST friction.
+    the lowest there and on the next ROOM m. A lane's limit is lowered for its tightest bend as on a road of
+    POOREST friction, so on a lane with a sharp bend hardly anybody who moves is slow.
     """
     paths = network.paths
     s, bends = SPACING * np.arange(paths.stations, dtype=np.float64), curvatures(network)

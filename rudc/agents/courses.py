@@ -39,6 +39,7 @@ from rudc.env.tracking import (
     hardest,
     planned,
     slowing,
+    slowing_for_limits,
     speeds_in_bends,
     steering,
     stopping,
@@ -253,12 +254,8 @@ def along(scene: Scene, course: Route) -> Scene:
 
 def _limited(scene: Scene, u: Array) -> Array:
     """(2,) the command u (2,), m/s2 and rad, slowed down to TOLERATED times the speed limit."""
-    here = scene.route.limit_at(scene.ego_s)
-    a = slowing(scene, 0.0, TOLERATED * here, COMFORT)
-    for begin, limit in scene.route.limits:
-        if begin > scene.ego_s:
-            a = min(a, slowing(scene, begin - scene.ego_s, TOLERATED * limit, COMFORT))
-    return at_most(u, a)
+    here = slowing(scene, 0.0, TOLERATED * scene.route.limit_at(scene.ego_s), COMFORT)
+    return at_most(u, min(here, slowing_for_limits(scene, TOLERATED, COMFORT)))
 
 
 def _kept_short(scene: Scene, blocks: Blocks, u: Array) -> Array:

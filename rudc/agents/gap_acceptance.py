@@ -22,7 +22,15 @@ import numpy as np
 
 from rudc.agents.base import Decision, unfiltered
 from rudc.agents.gaps import ACCELERATION, CRUISE, DECELERATION, SLOWEST, crossing, suffices
-from rudc.env.tracking import acceleration_towards, hardest, planned, speed_allowed, speeds_in_bends, steering
+from rudc.env.tracking import (
+    acceleration_towards,
+    hardest,
+    planned,
+    slowing_for_limits,
+    speed_allowed,
+    speeds_in_bends,
+    steering,
+)
 from rudc.world.config import EgoDriver
 from rudc.world.scene import Kind, Scene
 
@@ -53,6 +61,7 @@ class GapAcceptance:
         route = scene.route
         speed = speed_allowed(scene, self._profile, min(CRUISE, route.limit_at(scene.ego_s)))
         acceleration = acceleration_towards(speed, scene, ACCELERATION)
+        acceleration = min(acceleration, slowing_for_limits(scene, 1.0, planned(scene, DECELERATION)))
         gap, leader_speed = self.leader(scene)
         acceleration = min(acceleration, _idm(scene.ego.v, speed, gap, leader_speed))
         room = self._hold(scene)

@@ -66,6 +66,15 @@ def slowing(scene: Scene, room: float, speed: float, deceleration: float) -> flo
     return max((wanted - v) / RESPONSE_S, scene.vehicle.a_min)
 
 
+def slowing_for_limits(scene: Scene, share: float, deceleration: float) -> float:
+    """m/s2, acceleration to command so that the ego meets each speed limit that begins ahead on its path with
+    `share` times it at most, braking at `deceleration` m/s2; inf if none begins there.
+    """
+    ahead = [(begin, limit) for begin, limit in scene.route.limits if begin > scene.ego_s]
+    rooms = [slowing(scene, begin - scene.ego_s, share * limit, deceleration) for begin, limit in ahead]
+    return min(rooms, default=math.inf)
+
+
 def stopping(scene: Scene, deceleration: float) -> float:
     """m that the ego needs to stop, braking at `deceleration` m/s2 as `slowing` has it."""
     return RESPONSE_S * scene.ego.v + scene.ego.v**2 / (2.0 * deceleration)

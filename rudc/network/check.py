@@ -234,6 +234,9 @@ def _movement_warnings(network: Network) -> Iterator[str]:
         if origin.in_lanes and lacking:
             arms = f"arm{'s' if len(lacking) > 1 else ''} {', '.join(lacking)}"
             yield f"no movement leads from arm {origin.name} to {arms}"
+    for m in network.movements:
+        if m.turn == "u_turn" and m.origin != m.destination:
+            yield f"the way from arm {m.origin} to arm {m.destination} turns back, and is left out"
 
 
 def _route_warnings(network: Network, route: Route) -> Iterator[str]:

@@ -79,7 +79,8 @@ class ReservedLane:
 
 @dataclass(frozen=True)
 class Arm:
-    """One road at the junction, from the junction out to the next real junction or dead end."""
+    """One road at the junction, from the junction out to the next real junction, dead end, or place from
+    which no connection leads cars on."""
 
     name: str
     """compass word of its bearing as seen from the junction; where two arms have the same word, with the id

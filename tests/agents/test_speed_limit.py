@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from rudc.agents.courses import HARDEST, TOLERATED, Courses
+from rudc.agents.gap_acceptance import GapAcceptance
+from rudc.agents.gaps import DECELERATION
 from rudc.env.tracking import COMFORT, slowing
 from rudc.network.network import load_network
 from rudc.world.ego import EgoPlant
@@ -63,6 +65,23 @@ def test_each_edge_of_an_arm_has_its_own_limit(make_scene, tmp_path):
     assert [v[where].max() for where in near] == pytest.approx([TOLERATED * 5.0, TOLERATED * 8.33], rel=0.03)
     assert v.max() > 10.0
     assert a.min() > -1.5 * COMFORT
+
+
+def test_the_reference_driver_slows_down_before_lower_limits(make_scene):
+    """It braked fully where the limit began."""
+    agent, scene = GapAcceptance(), make_scene(turn="straight", front=-50.0, v=8.0)
+    sign, plant, s, rows = scene.ego_s + 30.0, EgoPlant(scene.vehicle), scene.ego_s, []
+    scene = replace(scene, route=replace(scene.route, limits=((-math.inf, 13.9), (sign, 5.0))))
+    agent.reset(scene, 0)
+    plant.resume(scene.ego, plant.actuation)
+    while s < sign + 5.0:
+        u = agent.act(replace(scene, ego=plant.state, ego_s=s)).u
+        s += 0.1 * plant.step(float(u[0]), 0.0, 0.1).v
+        rows.append((s - sign, plant.state.v, float(u[0])))
+    s, v, a = np.array(rows).T
+    assert v[s < -15.0].max() > 7.5
+    assert v[s > 0.5].max() < 5.3
+    assert a.min() > -1.3 * DECELERATION
 
 
 def test_who_would_be_hit_if_it_braked_minds_no_limit(make_scene):

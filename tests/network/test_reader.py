@@ -9,6 +9,7 @@ import pytest
 
 from rudc.errors import NetworkError
 from rudc.network.build import OPTIONS, build_network
+from rudc.network.check import check_network
 from rudc.network.network import load_network
 from rudc.world.trial import refuse_untried
 from rudc.world.world import World
@@ -309,10 +310,13 @@ def test_turning_back_onto_the_other_carriageway_is_no_turn(tmp_path, monkeypatc
     monkeypatch.setattr("rudc.network.build.OPTIONS", [o for o in OPTIONS if o != "--no-turnarounds"])
     edges = [edge for arm in "nsw" for edge in both_ways("c", arm)]
     edges += [("e1_c", "e1", "c", ""), ("c_e2", "c", "e2", "")]
-    network = load_network(build(tmp_path, {**CROSS, "e1": (100, 5), "e2": (100, -5)}, edges))
+    path = build(tmp_path, {**CROSS, "e1": (100, 5), "e2": (100, -5)}, edges)
+    network = load_network(path)
     turns = {network.arm(m.destination).out_edge: m.turn for m in network.movements if "e1" in m.edges[0]}
     assert turns == {"c_n": "right", "c_w": "straight", "c_s": "left", "c_e2": "u_turn"}
     assert not [m for m in network.onward if (m.edges[0], m.edges[-1]) == ("e1_c", "c_e2")]
+    (said,) = (text for text in check_network(path).warnings if "turns back" in text)
+    assert said.endswith("turns back, and is left out")
 
 
 @needs_netconvert

@@ -20,7 +20,7 @@ class SensorDropout(Event, frozen=True):
     probability: Annotated[AnyDistribution, Bounds(0, 1)] = Constant(value=0.0)
     """probability of missing a vehicle, drawn anew for each vehicle at each decision"""
     range: Annotated[AnyDistribution, Bounds(0, 1000, "m", above=True)] | None = None
-    """m beyond which nothing is seen; by default no limit"""
+    """m beyond which nobody is seen; who has its centre or a corner nearer is seen whole; by default none"""
     duration: Duration | None = None
     """s until it is over; by default for good"""
 
