@@ -153,34 +153,55 @@ def _anchor_networks(sheet: Sheet, folder: File) -> None:
 
 
 def _override(sheet: Sheet, key: str, value: object) -> list[Report]:
-    """Put a value at a dotted key of a sheet; an empty one takes back what stands there, as in a file that
-    extends another."""
+    """Put a value at a dotted key of a sheet; an empty one takes back what stands there, if anything does, as
+    in a file that extends another."""
     if key.partition(".")[0] == "extends":
         text = "cannot be set: a file is read with what it extends; write a file with another `extends`"
         return [Report("override", 0, 0, tuple(key.split(".")), text)]
     if key.startswith("sweep."):
         text = f"is not a key; give {key.removeprefix('sweep.')} itself a list"
         return [Report("override", 0, 0, tuple(key.split(".")), text)]
-    before = sheet.data.get("sweep")
-    there = value_at(sheet.data, key) is not None or (isinstance(before, dict) and key in before)
+    swept = sheet.data.get("sweep")
+    there = value_at(sheet.data, key) is not None or (isinstance(swept, dict) and key in swept)
     try:
-        sheet.data, path = with_value(sheet.data, key, value)
+        data, path = with_value(sheet.data, key, value)
     except DottedKeyError as error:
         return [Report("override", 0, 0, tuple(key.split(".")), str(error))]
+    if value is None and not there and _is_known(data, path):
+        _end_sweeps_below(data, key)  # the sheet's own data share its `sweep`
+        return []
+    sheet.data = data
     sheet.marks = {known: mark for known, mark in sheet.marks.items() if known[: len(path)] != path}
     made = [path[:n] for n in range(1, len(path) + 1) if path[:n] not in sheet.marks]
     sheet.marks.update(dict.fromkeys(made, Mark("override", 0, 0, 0, 0)))
     if isinstance(swept := sheet.data.get("sweep"), dict):
         for known in [known for known in swept if f"{key}.".startswith(f"{known}.")]:
             del swept[known]  # or the file's own values would take the place of those given
-        for known in [known for known in swept if str(known).startswith(f"{key}.")]:
-            if gives(sheet.data, known):
-                del swept[known]
+    _end_sweeps_below(sheet.data, key)
     above, _, last = key.rpartition(".")
     whole = value_at(sheet.data, above) if above else sheet.data
     if value is None and there and isinstance(whole, dict):  # in a list, others would take its number
         del whole[last]
     return []
+
+
+def _is_known(data: dict[str, Any], path: Path) -> bool:
+    """Whether the key at a path of data, which has no value there, is one that a file may have."""
+    try:
+        Scenario.model_validate(data)
+    except ValidationError as error:
+        problems = [p for p in describe(error, Scenario, data) if p.path == path[: len(p.path)]]
+        return not any(p.text.startswith("unknown ") or p.text.endswith(got({})) for p in problems)
+    return True
+
+
+def _end_sweeps_below(data: dict[str, Any], key: str) -> None:
+    """Sweep no part of what data have at a dotted key, where they give that part, too."""
+    swept = data.get("sweep")
+    if isinstance(swept, dict):
+        for known in [known for known in swept if str(known).startswith(f"{key}.")]:
+            if gives(data, known):
+                del swept[known]
 
 
 def _within_swept(given: Iterable[str], grid: Iterable[str]) -> list[Report]:

@@ -104,8 +104,11 @@ def test_an_empty_value_given_takes_back_the_files(write):
     (child,) = find_scenarios([str(path)], overrides=dict.fromkeys(taken))
     assert (child.junction, child.sweep, child.events) == (None, {}, ())
     assert (float(child.traffic.density), child.ego.route.turn) == (20, "random")
-    with pytest.raises(ScenarioError, match=r"override: traffic\.impatience: no value given; without"):
-        load_scenario(path, {"traffic.impatience": None})
+    for key in ("traffic.impatienc", "trafic.impatience", "ego.route.via"):
+        with pytest.raises(ScenarioError, match=rf"override: {key}: no value given; without"):
+            load_scenario(path, {key: None})
+    with pytest.raises(ScenarioError, match="override: name: is missing, and it is required"):
+        load_scenario(path, {"name": None})
 
 
 def test_an_empty_value_given_takes_back_what_the_file_only_sweeps(write):
@@ -113,6 +116,17 @@ def test_an_empty_value_given_takes_back_what_the_file_only_sweeps(write):
     scenario = load_scenario(path, {"ego.speed": None})
     assert [*scenario.sweep] == ["traffic.density"]
     assert scenario.ego == Scenario(name="plain").ego
+
+
+def test_an_empty_value_given_leaves_files_that_say_nothing_there(write):
+    write("plain.yaml", "name: plain\n")
+    write("swept.yaml", "name: swept\nsweep: {ego.speed: [5, 6], traffic.density: [10, 20]}\n")
+    taken = ["events", "ego.route.turn", "ego", "traffic.mix.truck"]
+    parent, plain, swept = find_scenarios(["[ps]*.yaml"], overrides=dict.fromkeys(taken))
+    assert parent.events == ()
+    assert plain.digest == load_scenario("plain.yaml").digest
+    assert [*swept.sweep] == ["traffic.density"]
+    assert all(scenario.ego == plain.ego for scenario in (parent, swept))
 
 
 def test_a_value_for_what_the_parent_sweeps_ends_that_sweep(write):
