@@ -48,8 +48,8 @@ def load_scenario(
         else:
             reports += _override(sheet, key, given[key])
     reports += _within_swept(given, swept)
-    for key, values in swept.items():
-        _sweep(sheet, key, values)
+    for key in filter(swept.__contains__, grid or {}):  # in the order given: the last varies fastest
+        _sweep(sheet, key, swept[key])
     scenario, more = _checked(sheet, {report.path for report in reports}, sweeps=not reports)
     reports += more
     if fit is not None:

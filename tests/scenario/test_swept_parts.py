@@ -33,3 +33,12 @@ def test_a_part_given_besides_the_whole_is_put_into_it(whole, order):
     (scenario,) = find_scenarios(["icy_junction"], overrides=given)
     assert [float(event.friction) for event in scenario.events] == [0.05]
     assert load_scenario("icy_junction", given).digest == scenario.digest
+
+
+def test_a_grid_has_the_order_given():
+    grid = {"ego.route.turn": ["left", "right"], "traffic.density": [10, 30]}
+    for given in (grid, dict([*grid.items()][::-1])):
+        (scenario,) = find_scenarios(["random_destination"], overrides=given)
+        first, last = given
+        assert [*scenario.sweep] == [first, last]
+        assert [point[first] for point in scenario.points()] == [v for v in given[first] for _ in range(2)]
