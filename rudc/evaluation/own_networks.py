@@ -56,8 +56,8 @@ def with_copies(scenario: Scenario, copies: Mapping[str, str]) -> Scenario:
 def kept_scenario(values: Mapping[str, Any], digest: str, folder: Path) -> Scenario:
     """The scenario that a sweep's manifest describes, on the sweep's own copies of its networks: those copies
     with which its digest is the one in the manifest. Where none give that digest (another version of RUDC
-    digests otherwise), the only copies of their name; without such copies, the networks that it names.
-    Raises pydantic's ValidationError.
+    digests otherwise), the copies of their name, where all have the same content; without such copies, the
+    networks that it names. Raises pydantic's ValidationError.
     """
     swept = values.get("sweep")
     several = swept.get("network") if isinstance(swept, Mapping) else None
@@ -74,12 +74,16 @@ def kept_scenario(values: Mapping[str, Any], digest: str, folder: Path) -> Scena
 
 def _copies(name: str, folder: Path) -> list[str]:
     """The paths of what may be the copy of a network: of the one that was made of this path, if it is there,
-    else of all that have its name (of an earlier version, or of a folder with other paths in its manifest).
+    else of all that have its name (of an earlier version, or of a folder with other paths in its manifest);
+    of several with the same content, the first.
     """
     pattern = glob.escape(Path(name).name)
     found = sorted(folder.absolute().glob(pattern)) + sorted(folder.absolute().glob(f"*/{pattern}"))
     made = [copy for copy in found if copy.parent.name == _tag(name, copy.read_bytes())]
-    return [str(copy) for copy in made or found]
+    by_content: dict[bytes, str] = {}
+    for copy in made or found:
+        by_content.setdefault(copy.read_bytes(), str(copy))
+    return list(by_content.values())
 
 
 def _on(values: Mapping[str, Any], copies: Mapping[str, str]) -> dict[str, Any]:

@@ -194,13 +194,16 @@ def test_networks_of_one_name_are_told_apart_by_their_paths(tmp_path, monkeypatc
         assert path in Path(again.task.scenario.network).read_text()
 
 
-@pytest.mark.parametrize("flat", [True, False])
-def test_the_only_copy_of_a_network_is_taken_though_the_scenario_has_changed(copied, flat):
-    """As in a folder of an earlier version: copies without a folder of their own, another digest, and a path
-    that leads nowhere."""
+@pytest.mark.parametrize("kept", ["apart", "flat", "both"])
+def test_the_only_copy_of_a_network_is_taken_though_the_scenario_has_changed(copied, kept):
+    """As in a folder of an earlier version: copies without a folder of their own, or twice, another digest,
+    and a path that leads nowhere."""
     (copy,) = copied.glob("networks/*/own.net.xml")
-    if flat:
-        copy = copy.rename(copied / "networks" / "own.net.xml")
+    flat = copied / "networks" / "own.net.xml"
+    if kept == "flat":
+        copy = copy.rename(flat)
+    elif kept == "both":
+        copy = Path(shutil.copy(copy, flat))
     path = copied / "manifest.json"
     content = json.loads(path.read_text())
     said = content["configuration"]["scenarios"]["own"]
