@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Annotated, Any, NoReturn, Self, get_args
 
 from pydantic import (
@@ -47,6 +47,29 @@ class FileModel(BaseModel, frozen=True):
         except ValidationError as error:
             problems = [*(again(known) for known in error.errors(include_url=False)), *problems]
         raise ValidationError.from_exception_data(cls.__name__, problems)
+
+
+def parts_of(value: Any) -> list[tuple[str | int, Any]]:
+    """What lies directly within a mapping or list of a file, with its key, or its number in the list."""
+    if isinstance(value, FileModel):
+        fields = type(value).model_fields.items()
+        return [(field.alias or name, getattr(value, name)) for name, field in fields]
+    if isinstance(value, dict):
+        return list(value.items())
+    return list(enumerate(value)) if isinstance(value, tuple | list) else []
+
+
+def with_parts(value: Any, change: Callable[[str | int, Any], Any]) -> Any:
+    """The same, with `change(key, part)` in the place of each of its parts (`parts_of`)."""
+    parts = [(key, change(key, part)) for key, part in parts_of(value)]
+    changed = [part for _, part in parts]
+    if isinstance(value, FileModel):
+        return value.model_copy(update=dict(zip(type(value).model_fields, changed, strict=True)))
+    if isinstance(value, dict):
+        return dict(parts)
+    if isinstance(value, list):
+        return changed
+    return tuple(changed) if isinstance(value, tuple) else value
 
 
 def refusal(message: str, *at: str | int, on_key: bool = False) -> PydanticCustomError:

@@ -25,7 +25,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
-from rudc.scenario.base import FileModel, Number, refuse
+from rudc.scenario.base import FileModel, Number, refuse, with_parts
 
 FORMS = (
     "{uniform: [low, high]}, {normal: {mean: m, std: s, low: l, high: h}} (low and high may be left out) "
@@ -391,10 +391,4 @@ def draw(value: Any, rng: np.random.Generator) -> Any:
     """The same model, or tuple, list or dict of them, with every distribution drawn, in field order."""
     if isinstance(value, Distribution):
         return value.drawn(rng)
-    if isinstance(value, tuple | list):
-        return (list if isinstance(value, list) else tuple)(draw(item, rng) for item in value)
-    if isinstance(value, dict):
-        return {key: draw(item, rng) for key, item in value.items()}
-    if isinstance(value, FileModel):
-        return value.model_copy(update={k: draw(getattr(value, k), rng) for k in type(value).model_fields})
-    return value
+    return with_parts(value, lambda _, part: draw(part, rng))

@@ -17,7 +17,7 @@ from rudc.network.network import Network, Route, load_network
 from rudc.network.road import Arm, Movement
 from rudc.network.route_builder import start_row
 from rudc.network.stretches import EGO_ARMS, EGO_LANES, stretch_by_id
-from rudc.scenario.base import FileModel
+from rudc.scenario.base import FileModel, parts_of
 from rudc.scenario.distributions import Distribution, Normal
 from rudc.scenario.dotted import Path
 from rudc.scenario.fit import Parts
@@ -99,15 +99,14 @@ def likely(value: Distribution | float) -> tuple[float, float]:
 
 def _placed(value: Any, path: Path) -> Iterator[tuple[Path, FileModel]]:
     """Every part of an event that names a place, a lane or an arm, and its own place in the file."""
-    if isinstance(value, tuple):
-        for i, item in enumerate(value):
-            yield from _placed(item, (*path, i))
-    elif isinstance(value, FileModel) and not isinstance(value, Distribution):
+    if isinstance(value, Distribution):
+        return
+    if isinstance(value, FileModel):
         lane_or_arm = getattr(value, "lane", None) or getattr(value, "arm", None)
         if lane_or_arm is not None or isinstance(getattr(value, "position", None), tuple):
             yield path, value
-        for name in type(value).model_fields:
-            yield from _placed(getattr(value, name), (*path, name))
+    for key, part in parts_of(value):
+        yield from _placed(part, (*path, key))
 
 
 def _of_another_type(path: Path, part: Any) -> list[Problem]:

@@ -17,7 +17,7 @@ from rudc.arrays import Array
 from rudc.errors import NetworkError
 from rudc.geometry import rectangle_gaps
 from rudc.network.stretches import EGO_LANES
-from rudc.scenario.base import FileModel
+from rudc.scenario.base import parts_of
 from rudc.scenario.distributions import Constant, Distribution
 from rudc.scenario.dotted import Path, dotted
 from rudc.scenario.events import Event, effect_of
@@ -223,13 +223,7 @@ def _boxes_on_the_road(network: Network, route: Route, i: int, event: Event) -> 
 def _is_fixed(value: Any) -> bool:
     if isinstance(value, Distribution):
         return isinstance(value, Constant)
-    if isinstance(value, (tuple, list)):
-        return all(map(_is_fixed, value))
-    if isinstance(value, dict):
-        return all(map(_is_fixed, value.values()))
-    if isinstance(value, FileModel):
-        return all(_is_fixed(getattr(value, name)) for name in type(value).model_fields)
-    return True
+    return all(_is_fixed(part) for _, part in parts_of(value))
 
 
 def _at_once(a: Event, b: Event) -> bool:

@@ -11,11 +11,13 @@ from pydantic import Field
 from rudc.drawing.view import places, view_of
 from rudc.errors import InputError, PartFailedError, ScenarioError
 from rudc.evaluation.rerun import find_episode
+from rudc.evaluation.search.space import space_of
 from rudc.evaluation.sweep import run_sweep
 from rudc.evaluation.tasks import SweepPlan
 from rudc.imports import Carried, _load, import_source, imported_first
 from rudc.network.network import load_network
 from rudc.scenario import EVENT_KINDS, json_schema, load_scenario, register_event
+from rudc.scenario.base import FileModel
 from rudc.scenario.distributions import AnyDistribution, Bounds
 from rudc.scenario.events import Event, Felt, Stage, registry
 from rudc.scenario.events.event import Effect, Held, VehicleEvent
@@ -216,6 +218,49 @@ def test_its_numbers_in_lists_and_mappings_are_drawn(tmp_path, said):
         world.reset(scenario.plan(0))
         world.advance(np.array([0.0, 0.0]))
         assert world.happenings()[0].begun_s is not None
+
+
+@pytest.mark.parametrize(
+    ("said", "key"),
+    [("speeds: [{uniform: [1, 2]}, 3]", "speeds.0"), ("sides: {left: {uniform: [1, 2]}}", "sides.left")],
+)
+def test_its_numbers_in_lists_and_mappings_are_searched(tmp_path, said, key):
+    register_event(Gusts, GustsEffect)
+    over = {f"events.0.{key}": {"uniform": [4, 5]}}
+    scenario = load_scenario(written(tmp_path, f"{{kind: gusts, {said}}}"), over)
+    space = space_of(scenario, over)
+    values = space.values(np.full(len(space.axes), 30.0))
+    (event,) = space.fixed(scenario, values).events
+    assert _is_placed(event)
+    assert float(event.speeds[0] if event.speeds else event.sides["left"]) == values[f"events.0.{key}"] == 5
+
+
+class Spot(FileModel, frozen=True):
+    """A place."""
+
+    lane: str
+    """the lane that it is on"""
+    at: AnyDistribution
+    """m along the lane"""
+
+
+class Leaves(Event, frozen=True):
+    """Wet leaves in several places."""
+
+    kind: Literal["leaves"]
+    """wet leaves in several places"""
+    spots: list[Spot] = Field(default_factory=list)
+    """where"""
+    named: dict[str, Spot] = Field(default_factory=dict)
+    """where, by name"""
+
+
+@pytest.mark.parametrize(("said", "key"), [("spots: [{}]", "spots.0"), ("named: {{oak: {}}}", "named.oak")])
+def test_its_places_in_lists_and_mappings_are_checked(tmp_path, said, key):
+    register_event(Leaves, GustsEffect)
+    leaves = said.format("{lane: east_in_0, at: {uniform: [5, 900]}}")
+    with pytest.raises(ScenarioError, match=rf"events\.0\.{key}\.at: 900 m lies beyond 'east_in_0'"):
+        load_scenario(written(tmp_path, f"{{kind: leaves, {leaves}}}"), fit=misfits)
 
 
 class DriesEffect(OilSpillEffect):

@@ -10,7 +10,7 @@ from scipy.special import ndtr
 
 from rudc.arrays import Array
 from rudc.errors import InputError
-from rudc.scenario.base import FileModel
+from rudc.scenario.base import parts_of, with_parts
 from rudc.scenario.distributions import Constant, Distribution, Normal, Uniform
 from rudc.scenario.model import Scenario
 from rudc.scenario.triggers import Threshold
@@ -71,27 +71,16 @@ def _declared(value: Any, key: str) -> Iterator[tuple[str, Distribution]]:
     """Dotted key and distribution of all of a scenario's numbers that may be drawn."""
     if isinstance(value, Distribution):
         yield key, value
-    elif isinstance(value, FileModel):
-        for name, field in type(value).model_fields.items():
-            yield from _declared(getattr(value, name), f"{key}.{field.alias or name}".lstrip("."))
-    elif isinstance(value, tuple):
-        for i, item in enumerate(value):
-            yield from _declared(item, f"{key}.{i}")
+        return
+    for name, part in parts_of(value):
+        yield from _declared(part, f"{key}.{name}".lstrip("."))
 
 
 def _with_values(value: Any, values: Mapping[str, float], key: str) -> Any:
     """The same, fixed numbers in the place of distributions with these dotted keys."""
     if isinstance(value, Distribution):
         return Constant(value=values[key]) if key in values else value
-    if isinstance(value, tuple):
-        return tuple(_with_values(item, values, f"{key}.{i}") for i, item in enumerate(value))
-    if not isinstance(value, FileModel):
-        return value
-    parts = {
-        name: _with_values(getattr(value, name), values, f"{key}.{field.alias or name}".lstrip("."))
-        for name, field in type(value).model_fields.items()
-    }
-    found = value.model_copy(update=parts)
+    found = with_parts(value, lambda name, part: _with_values(part, values, f"{key}.{name}".lstrip(".")))
     return found.as_drawn() if isinstance(found, Threshold) else found
 
 
