@@ -26,7 +26,7 @@ EARLY = (
 )
 """why an event may not happen"""
 NO_ROOM = "there was no room for it on the road"
-"""why one does not happen whose trigger holds and which is to act on nobody"""
+"""why an event does not happen whose trigger holds, and which asks for room"""
 BEFORE_M = 10.0
 """m before the ego, within which what stands in its lane keeps it from driving on"""
 
@@ -56,7 +56,7 @@ class Firing:
         others = self.drawn - self.fired
         why = NO_ROOM if self.no_room == others else EARLY
         if 0 < self.no_room < others:
-            why = f"{EARLY}, or, in {self.no_room}, {NO_ROOM}"
+            why = f"{EARLY}, or, in {self.no_room} of them, {NO_ROOM}"
         early = f"{'; in the others' if self.fired else ':'} {why}" if others else ""
         happens = f"happens in {self.fired} of {self.episodes} episodes"
         return f"event {numbered(self.number, self.kind)}: {happens}{rest}{seen}{early}"
@@ -124,4 +124,4 @@ def _count(found: list[Firing], world: World) -> None:
         firing.drawn += 1
         firing.fired += happening.begun_s is not None
         firing.seen += happening.visible_s is not None
-        firing.no_room += happening.refused and getattr(happening.event, "vehicle", None) is None
+        firing.no_room += happening.no_room

@@ -89,7 +89,7 @@ def test_no_room_on_the_road_is_not_blamed_on_the_trigger(monkeypatch):
     (firing,), *_ = drive_and_count(load_scenario("random_destination", settings), range(2))
     assert str(firing).endswith("happens in 0 of 2 episodes: there was no room for it on the road")
     some = str(Firing(1, "vehicle_crossing", 9, 9, 3, 3, 2))
-    assert some.endswith("nobody for it to act on, or, in 2, there was no room for it on the road")
+    assert some.endswith("nobody for it to act on, or, in 2 of them, there was no room for it on the road")
 
 
 OVERLAP = """

@@ -10,6 +10,7 @@ from pydantic import Field
 
 from rudc.drawing.view import places, view_of
 from rudc.errors import InputError, PartFailedError, ScenarioError
+from rudc.evaluation.firing import drive_and_count
 from rudc.evaluation.rerun import find_episode
 from rudc.evaluation.search.space import space_of
 from rudc.evaluation.sweep import run_sweep
@@ -21,6 +22,7 @@ from rudc.scenario.base import FileModel
 from rudc.scenario.distributions import AnyDistribution, Bounds
 from rudc.scenario.events import Event, Felt, Stage, registry
 from rudc.scenario.events.event import Effect, Held, VehicleEvent
+from rudc.world.events import event_lines
 from rudc.world.fitting import misfits
 from rudc.world.obstacles import _is_placed
 from rudc.world.world import World
@@ -233,6 +235,18 @@ def test_its_numbers_in_lists_and_mappings_are_searched(tmp_path, said, key):
     (event,) = space.fixed(scenario, values).events
     assert _is_placed(event)
     assert float(event.speeds[0] if event.speeds else event.sides["left"]) == values[f"events.0.{key}"] == 5
+
+
+def test_one_that_has_nothing_to_act_on_is_not_said_to_lack_room(tmp_path):
+    register_event(Gusts, GustsEffect)
+    scenario = load_scenario(written(tmp_path, "{kind: gusts}"), {"episode.timeout": 1})
+    (firing,), *_ = drive_and_count(scenario, range(1))
+    assert str(firing).endswith("or there was nobody for it to act on")
+    with World(load_network("four_way")) as world:
+        world.reset(scenario.plan(0))
+        world.advance(np.array([0.0, 0.0]))
+        (line,) = event_lines(world.plan, world.happenings())
+    assert line == "1 (events.0) gusts: not there, it waits for something to act on"
 
 
 class Spot(FileModel, frozen=True):

@@ -44,7 +44,8 @@ def _awaited(happening: Happening) -> str:
     who = getattr(event, "vehicle", None)
     if who is not None:
         parts.append(f"a vehicle to act on ({who})")
-    return " and ".join(parts) or ("room on the road" if happening.refused else "the first decision")
+    due = "something to act on" if happening.refused else "the first decision"
+    return " and ".join(parts) or ("room on the road" if happening.no_room else due)
 
 
 def _words(condition: Any) -> str:

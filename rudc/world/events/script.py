@@ -35,6 +35,8 @@ class Happening(NamedTuple):
     """those of its bodies that break the rules now: they disregard the right of way"""
     refused: bool = False
     """whether its trigger held at the last decision, but there was no room for it or nobody to act on"""
+    no_room: bool = False
+    """whether it was refused as it asked for room on the road, and there was none"""
 
 
 class Script:
@@ -50,7 +52,8 @@ class Script:
         """of each kind of which there is one at a time, the latest that began and has no duration"""
         self._begun: dict[str, float] = {}
         self._visible: dict[str, float] = {}
-        self._refused: set[str] = set()
+        self._refused: dict[str, bool] = {}
+        """events that were due at the last decision but did not begin -> whether for want of room"""
         self._begin([e for e in self._waiting if e.from_the_start and e.event.when is None])
 
     def step(self, scene: Scene) -> tuple[str, ...]:
@@ -99,14 +102,21 @@ class Script:
                 effect.felt,
                 self._bodies(effect) & self._stage.unlawful,
                 effect.name in self._refused,
+                self._refused.get(effect.name, False),
             )
             for effect in self._effects
         )
 
     def _begin(self, effects: list[Effect[Any]]) -> tuple[str, ...]:
         stage = self._stage
-        begun = [effect for effect in effects if ask_effect(effect, "begin", stage, stage.time_s)]
-        self._refused = {effect.name for effect in effects if effect not in begun}
+        begun: list[Effect[Any]] = []
+        self._refused = {}
+        for effect in effects:
+            stage.no_room = False
+            if ask_effect(effect, "begin", stage, stage.time_s):
+                begun.append(effect)
+            else:
+                self._refused[effect.name] = stage.no_room
         for effect in begun:
             effect.begun_s = self._begun[effect.name] = stage.time_s
             if effect.felt:

@@ -69,6 +69,9 @@ class WorldStage(NetworkStage):
     sudden: set[str] = field(default_factory=set)
     """names of things put so near before the ego that it could not stop; empty again once the ego has stood
     """
+    no_room: bool = False
+    """whether an event has asked for room on the road, and there was none, since this was last set to False
+    """
     _asked: dict[tuple[str, str], dict[str, float]] = field(default_factory=dict)
     """(`speed`, `factor` or `density`; name of the vehicle) -> the value that each event asks for which is
     not over, by the event's name; the latest is the last
@@ -187,7 +190,9 @@ class WorldStage(NetworkStage):
         length, width = size or size_of(body)
         way = stopping_way(self.scene, LATE_S, min(BRAKING, self.traffic.grip))[rows]
         free = bool((gaps_to_ways(self.scene, rows, way, (*place, length, width)) > 0.0).all())
-        return free and self._clear_of_new(place, (length, width), only_moving=True)
+        free = free and self._clear_of_new(place, (length, width), only_moving=True)
+        self.no_room |= not free
+        return free
 
     def _clear_of_new(self, place: XYHeading, size: Sequence[float], *, only_moving: bool) -> bool:
         """Whether a rectangle touches nothing that has appeared since the scene. `only_moving`: things that
@@ -261,7 +266,9 @@ class WorldStage(NetworkStage):
             return True
         prop = self._prop("", body, way, speed)
         x, y, heading, *size = prop.room()
-        return prop.has_room(self.scene) and self._clear_of_new((x, y, heading), size, only_moving=False)
+        room = prop.has_room(self.scene) and self._clear_of_new((x, y, heading), size, only_moving=False)
+        self.no_room |= not room
+        return room
 
     def _prop(self, name: str, body: Body, way: Array, speed: float) -> Prop:
         prop = Prop(name, Kind[body.upper()], size_of(body), way, wanted=speed)
