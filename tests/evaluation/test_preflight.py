@@ -3,6 +3,7 @@
 import pytest
 
 from rudc.evaluation.preflight import TRIED, never_happening, tried_points, validated
+from rudc.network.build import build_network
 from rudc.network.network import load_network
 from rudc.scenario import load_scenario, shipped_scenarios
 from rudc.world.world import World
@@ -88,6 +89,24 @@ def test_a_kind_of_the_mix_that_may_drive_nowhere_is_said(written, tmp_path):
     (told,) = never_happening(load_scenario(written(mixed)))
     assert told.startswith("no bicycle of traffic.mix can appear")
     assert never_happening(load_scenario(written(mixed.replace("bicycle: 1", "bus: 1")))) == []
+
+
+def test_a_kind_that_could_only_turn_back_is_said(written, tmp_path):
+    ends = {"n": (0, 100), "e": (100, 0), "s": (0, -100)}
+    nodes = [f'<node id="{k}" x="{x}" y="{y}"/>' for k, (x, y) in {"c": (0, 0), **ends}.items()]
+    edges = [f'<edge id="{a}{b}" from="{a}" to="{b}"/>' for k in ends for a, b in ((k, "c"), ("c", k))]
+    ways = [
+        f'<connection from="{a}c" to="c{b}" fromLane="0" toLane="0" disallow="{refused}"/>'
+        for a in ends for b in ends for refused in [("truck", "tram")[a == b]]
+    ]  # fmt: skip
+    for tag, parts in (("nodes", nodes), ("edges", edges), ("connections", ways)):
+        (tmp_path / f"back.{tag[:3]}.xml").write_text(f"<{tag}>{''.join(parts)}</{tag}>", encoding="utf-8")
+    path = build_network(tmp_path)
+    network = load_network(str(path))
+    assert {m.turn for m in network.movements if "truck" not in network.refused(m)} == {"u_turn"}
+    mixed = f"name: a\nnetwork: {path}\ntraffic: {{mix: {{car: 1, truck: 1}}}}\n"
+    (told,) = never_happening(load_scenario(written(mixed)))
+    assert told.startswith("no truck of traffic.mix can appear")
 
 
 LATE = """
