@@ -61,7 +61,7 @@ class Training(Settings):
     """decisions for each gradient step"""
     replay_size: int = Field(default=100_000, ge=1)
     """transitions kept"""
-    seed: int = Field(default=0, ge=0)
+    seed: int = Field(default=0, ge=0, lt=2**63)
     """seed of everything drawn: episodes, exploration, batches, masks, initial weights"""
     device: str = "cpu"
     """where the learner computes: cpu, cuda, cuda:1, ..."""

@@ -77,6 +77,7 @@ def test_presets_hold_nothing_that_nobody_knows():
         ("sac2", {}, r"no algorithm 'sac2' \(did you mean 'sac'"),
         ("rudc-t", {"training.envs": 0}, "training.envs: .*greater than or equal to 1"),
         ("rudc-wo-cbf", {"correction.slack.gain": 1.0}, "no setting 'correction.slack.gain'"),
+        ("sac", {"training.seed": 2**63}, "training.seed: .*less than 9223372036854775808"),
         ("rudc-t", {"learner.seed": 1}, r"did you mean 'training\.seed'"),
         ("rudc-t", {"learner.n_step": 101}, "n_step"),
         ("rudc-t", {"speed": 3}, "speed"),
