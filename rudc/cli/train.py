@@ -69,8 +69,9 @@ def train(
 
     DIR gets `checkpoint/` (the agent, which every `--agent` takes as `--agent DIR`, and what resuming needs),
     `progress.csv`, `evaluation.csv` (how it drives as training goes, in episodes that it does not learn
-    from), `config.json` and `scenarios.json` (what it learns from). Ctrl-C keeps the last checkpoint, and
-    `--resume` goes on from there to the same numbers as without a stop.
+    from), `config.json`, `scenarios.json` (what it learns from) and `code.json` (digests of code that is not
+    RUDC's). Ctrl-C keeps the last checkpoint, and `--resume` goes on from there to the same numbers as
+    without a stop.
 
     **Examples**
 

@@ -3,6 +3,8 @@
 config.json      every choice that was made
 scenarios.json   of each scenario that is trained or evaluated on: a digest of its content, and where
                  the file lies, if it is one of the user's own
+code.json        digests of the code that is not RUDC's: what `--import` named, and installed packages that
+                 offer events, algorithms or barriers
 checkpoint/, progress.csv, evaluation.csv    see trainer.py and log.py
 """
 
@@ -13,19 +15,20 @@ import json
 import os
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from rudc.errors import InputError
 from rudc.files import make_folder, take_lock, write_atomically
 from rudc.hints import listed
+from rudc.imports import plugins, sources_digests
 from rudc.learning.checkpoint import DESCRIPTION, SECTIONS
 from rudc.scenario import load_scenario, shipped_scenarios
 from rudc.settings import problems
 from rudc.training.config import TrainConfig
 
-CONFIG, SCENARIOS = "config.json", "scenarios.json"
+CONFIG, SCENARIOS, CODE = "config.json", "scenarios.json", "code.json"
 
 
 class Source(BaseModel, frozen=True):
@@ -40,6 +43,11 @@ class Source(BaseModel, frozen=True):
 Sources = dict[str, Source]
 """by the names that stand in the configuration"""
 _SOURCES = TypeAdapter(Sources)
+Code = dict[str, dict[str, dict[str, str]]]
+"""`imported` and `plugins`: name -> digests, as in a sweep's manifest"""
+_CODE = TypeAdapter(Code)
+
+T = TypeVar("T")
 
 
 @contextlib.contextmanager
@@ -85,6 +93,27 @@ def check_folder(config: TrainConfig, folder: Path, sources: Sources, *, resume:
             f"{folder}: what it learns from has changed since it began: {listed(changed)}. Put it back as it "
             "was to resume, or train anew in another folder"
         )
+    if other := _other_code(folder):
+        raise InputError(
+            f"{folder}: code that is not RUDC's was other code when it began: {listed(other)}. Resume it with "
+            "the same files by --import, as they were, and the same packages, or train anew in another folder"
+        )
+
+
+def _other_code(folder: Path) -> list[str]:
+    """Files, modules and packages whose code differs from what was kept, or that only one side has."""
+    kept, now = _read(folder / CODE, _CODE), _code_now()
+    if kept is None:  # it began before this was kept
+        return []
+    found: dict[str, None] = {}
+    for part, here in now.items():
+        there = kept.get(part, {})
+        found |= {name: None for name in [*there, *here] if there.get(name) != here.get(name)}
+    return list(found)
+
+
+def _code_now() -> Code:
+    return {"imported": sources_digests(), "plugins": plugins()}
 
 
 def keep_inputs(config: TrainConfig, folder: Path, sources: Sources) -> None:
@@ -92,6 +121,8 @@ def keep_inputs(config: TrainConfig, folder: Path, sources: Sources) -> None:
     write_atomically(folder / CONFIG, config_text(config))
     if not (folder / SCENARIOS).exists():
         write_atomically(folder / SCENARIOS, _SOURCES.dump_json(sources, indent=2) + b"\n")
+    if not (folder / CODE).exists():
+        write_atomically(folder / CODE, _CODE.dump_json(_code_now(), indent=2) + b"\n")
 
 
 def config_text(config: TrainConfig) -> str:
@@ -113,11 +144,15 @@ def stored_config(folder: Path) -> TrainConfig | None:
 
 def stored_sources(folder: Path) -> Sources:
     """The scenarios as they were when a folder's training began; empty where nothing was kept of them."""
-    path = folder / SCENARIOS
+    return _read(folder / SCENARIOS, _SOURCES) or {}
+
+
+def _read(path: Path, kind: TypeAdapter[T]) -> T | None:
+    """What a file says; None if there is none."""
     try:
-        return _SOURCES.validate_json(path.read_bytes())
+        return kind.validate_json(path.read_bytes())
     except FileNotFoundError:
-        return {}
+        return None
     except ValidationError as error:
         raise InputError(problems(error, str(path))) from None
     except OSError as error:
