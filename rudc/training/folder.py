@@ -95,8 +95,9 @@ def check_folder(config: TrainConfig, folder: Path, sources: Sources, *, resume:
         )
     if other := _other_code(folder):
         raise InputError(
-            f"{folder}: code that is not RUDC's was other code when it began: {listed(other)}. Resume it with "
-            "the same files by --import, as they were, and the same packages, or train anew in another folder"
+            f"{folder}: code that is not RUDC's was other code when it began: {listed(other)}. Resume it "
+            "with the same files by --import, as they were, and the same packages, or train anew in another "
+            "folder"
         )
 
 
