@@ -51,8 +51,16 @@ class Algorithm:
 
     @property
     def config(self) -> type[LearnerConfig]:
-        """Class of the learner's settings."""
-        return found_at(self.settings) if isinstance(self.settings, str) else self.settings
+        """Class of the learner's settings. Raises InputError if they offer what no driver can read off its
+        critics.
+        """
+        found = found_at(self.settings) if isinstance(self.settings, str) else self.settings
+        if "sigma" in found.offers and not issubclass(found, EnsembleConfig):
+            raise InputError(
+                f"{found.__name__} offers sigma, which only critics by EnsembleConfig (rudc.learning.config) "
+                "state: derive it from that, or leave sigma out of `offers`"
+            )
+        return found
 
     def make(self, config: LearnerConfig, problem: Problem, device: str = "cpu") -> Learner:
         """A new learner. Imports torch."""
@@ -74,9 +82,13 @@ AlgorithmName = Annotated[str, AfterValidator(_known)]
 
 
 def register_algorithm(name: str, algorithm: Algorithm) -> None:
-    """Let `rudc train NAME` and checkpoints know an algorithm. InputError if the name is taken by another."""
+    """Let `rudc train NAME` and checkpoints know an algorithm. InputError if the name is taken by another, or
+    see `Algorithm.config`.
+    """
     if ALGORITHMS.so_far.get(name, algorithm) != algorithm:
         raise InputError(f"there is an algorithm {name!r} already; choose another name")
+    if not isinstance(algorithm.settings, str):  # named ones may import torch: read when asked for
+        _ = algorithm.config
     ALGORITHMS[name] = algorithm
 
 

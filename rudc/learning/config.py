@@ -122,7 +122,9 @@ class LearnerConfig(Settings):
     model_config = ConfigDict(allow_inf_nan=False)  # an agent's file can hold neither
 
     offers: ClassVar[tuple[str, ...]] = ()
-    """what a correction may ask for (rudc/agents/seat.py): `sigma`, `cost`, `excess`, an observer's name"""
+    """what a correction may ask for (rudc/agents/seat.py): `sigma` (of an `EnsembleConfig` only), `cost`,
+    `excess`, an observer's name
+    """
 
     policy: NetworkConfig = NetworkConfig()
     """the policy's network"""

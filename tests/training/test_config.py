@@ -342,3 +342,31 @@ def test_a_strangers_algorithm_takes_its_place():
         assert config.entry.make(config.learner, config.given).updates == 0
     finally:
         ALGORITHMS.pop("mine", None)
+
+
+def test_an_algorithm_whose_critics_cannot_state_sigma_does_not_offer_it():
+    """Its training could not be calibrated, at its very end; settings that are named are read when asked."""
+    learner, said = "tests.learning.test_sac:SacLearner", "Vague offers sigma, which only critics by Ensemble"
+    with pytest.raises(InputError, match=said):
+        register_algorithm("vague", Algorithm("Mine.", learner, Vague))
+    assert "vague" not in ALGORITHMS
+    register_algorithm("vague", Algorithm("Mine.", learner, f"{__name__}:Vague"))
+    try:
+        with pytest.raises(InputError, match=said):
+            TrainConfig.of("vague", {})
+    finally:
+        del ALGORITHMS["vague"]
+    register_algorithm("sure", Algorithm("Mine.", learner, Sure))
+    del ALGORITHMS["sure"]
+
+
+class Vague(LearnerConfig):
+    """Offers what it does not have."""
+
+    offers = ("sigma",)
+
+
+class Sure(EnsembleConfig):
+    """Offers what it has, and more."""
+
+    offers = ("sigma", "cost")
