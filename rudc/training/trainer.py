@@ -72,11 +72,12 @@ class Trainer:
         self._config, self._folder, self._watcher = config, folder, watcher
         self._driven = driven or config
         keep_freed_blocks()
+        device = config.training.device
         try:
-            device = config.training.device
-            self._learner = config.entry.make(config.learner, config.given, device)
+            torch.zeros(1, device=device).item()
         except (RuntimeError, AssertionError) as error:
-            raise InputError(f"device {config.training.device!r} cannot be used: {error}") from error
+            raise InputError(f"device {device!r} cannot be used: {error}") from error
+        self._learner = config.entry.make(config.learner, config.given, device)
         self._replay = Replay(config.given, config.training.replay_size, *self._learner.masks)
         self._statistics = [field.name for field in fields(self._learner.statistics)]
         self._taken_along = config.correction.arrays(config.action)

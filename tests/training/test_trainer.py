@@ -280,6 +280,16 @@ def test_nobody_trains_on_what_is_not_there(tmp_path: Path):
     assert not (tmp_path / "b").exists()
 
 
+@pytest.mark.parametrize("error", [RuntimeError, AssertionError])
+def test_an_error_in_a_learner_is_not_its_devices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error):
+    def wrong(*_: object) -> None:
+        raise error("not that shape")
+
+    monkeypatch.setattr("rudc.learning.sac.SacLearner.__init__", wrong)
+    with pytest.raises(error, match="^not that shape$"):
+        Trainer(_config("sac"), tmp_path, Watcher())
+
+
 class Saboteur(Watcher):
     """Ends a worker process after the first round."""
 
