@@ -86,6 +86,11 @@ def imported_first() -> tuple[str, ...]:
     return tuple(_asked)
 
 
+def rudc_command() -> list[str]:
+    """How a command begins that knows what this one does: `rudc`, with all that was given by `--import`."""
+    return ["rudc", *(part for first in imported_first() for part in ("--import", first))]
+
+
 def sources_digests() -> dict[str, dict[str, str]]:
     """File or module name -> digests of its code (`code_beside`), for each source that `import_first` was
     asked for. Where several have the same name, the later ones get a number behind it.

@@ -33,13 +33,6 @@ Overrides = Annotated[
 ]
 
 
-def rudc() -> list[str]:
-    """How a command begins that knows what this one does: `rudc`, with all that was given by `--import`."""
-    from rudc.imports import imported_first
-
-    return ["rudc", *(part for first in imported_first() for part in ("--import", first))]
-
-
 def cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -12,7 +12,7 @@ import typer
 
 from rudc.cli.complete import complete_agents, complete_scenarios
 from rudc.cli.console import Quiet, note, resumable, sweep_progress, warn
-from rudc.cli.options import ResultsFolder, Workers, cores, parse_overrides, rudc
+from rudc.cli.options import ResultsFolder, Workers, cores, parse_overrides
 from rudc.errors import InputError
 
 if TYPE_CHECKING:
@@ -113,6 +113,8 @@ def _ranges(given: dict[str, object]) -> dict[str, object]:
 
 def _tell(found: Findings, out: Path, scenario: str, agent: str) -> None:
     """Print what was found; leaves with 1 if some episodes could not be run."""
+    from rudc.imports import rudc_command
+
     kinds = ", ".join(f"{count} {kind}" for kind, count in found.kinds.items())
     typer.echo(
         f"violations: {len(found.violations)} of {found.episodes} episodes{': ' if kinds else ''}{kinds}"
@@ -131,7 +133,7 @@ def _tell(found: Findings, out: Path, scenario: str, agent: str) -> None:
         typer.echo(f"likeliest where: {where}\n  {_share(where)}")
         seed = found.violations[0]
         file = out / "failures" / f"{scenario}-{seed}.yaml"
-        command = [*rudc(), "run", str(file), "--agent", agent, "--seed", str(seed)]
+        command = [*rudc_command(), "run", str(file), "--agent", agent, "--seed", str(seed)]
         note(f"the first again: {shlex.join(command)}")
     note(f"in {out}: evaluations.csv, failures.csv, failures/, manifest.json")
     if found.errors:

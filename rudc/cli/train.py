@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rudc.cli.console import SILENCE_S, Quiet, note, progress_bar, shows_bars, warn
-from rudc.cli.options import LiveReport, parse_overrides, rudc
+from rudc.cli.options import LiveReport, parse_overrides
 from rudc.errors import InputError
 from rudc.hints import install_command
 
@@ -86,6 +86,7 @@ def train(
     if find_spec("torch") is None:
         raise InputError(f"training needs torch: {install_command('train')}")
     from rudc.agents.registry import name_of
+    from rudc.imports import rudc_command
 
     given = {"scenario": scenario, "steps": steps, "seed": seed, "device": device, "envs": envs}
     changes = {f"training.{k}": v for k, v in given.items() if v is not None}
@@ -107,7 +108,7 @@ def train(
     if not done:
         note("add --resume to go on")
         raise typer.Exit(130)
-    note(f"done: {shlex.join(rudc())} sweep SCENARIO --agent {shlex.quote(name_of(out))} --out DIR")
+    note(f"done: {shlex.join(rudc_command())} sweep SCENARIO --agent {shlex.quote(name_of(out))} --out DIR")
 
 
 def _config(

@@ -56,7 +56,7 @@ function drawWorst() {
   const lines = DATA.worst.filter((line) => (scenario === '' || line[1] === Number(scenario)) && (agent === '' || line[2] === Number(agent)) && (outcome === '' || line[5] === outcome));
   const shown = lines.slice(0, shownWorst);
   find('worst-table').replaceChildren(...shown.map(([row, s, a, seed, swept, end, fault, gap, way, first, which, page]) => {
-    const command = DATA.replayed && `rudc replay ${DATA.replayed} --episode ${which} --out replay.html`;
+    const command = DATA.replayed && `${DATA.rudc} replay ${DATA.replayed} --episode ${which} --out replay.html`;
     const number = (value, unit) => element('td', { class: 'number' }, value === null ? '–' : `${value} ${unit}`);
     return element('tr', {}, element('td', { class: 'number' }, String(row)), element('th', { scope: 'row' }, DATA.scenarios[s] + (swept ? ` (${swept})` : '')),
       element('td', {}, DATA.agents[a]), element('td', { class: 'number' }, seed),

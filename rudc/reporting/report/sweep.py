@@ -16,6 +16,7 @@ from rudc.evaluation.manifest import read_manifest, version_changes
 from rudc.evaluation.metrics import Group, group_metrics, in_order
 from rudc.evaluation.statistics import NORMAL_FROM, STUDENT_BELOW
 from rudc.evaluation.tables import best_of, cell, heading
+from rudc.imports import rudc_command
 from rudc.reporting.report.densities import densities
 from rudc.reporting.report.episodes import (
     Episodes,
@@ -53,7 +54,9 @@ def sweep_content(folder: Path, page: Path) -> dict[str, Any]:
     scripted = {name: [event["kind"] for event in v.get("events", ())] for name, v in scenarios.items()}
     tables = [_table(folder, rows, by) for by in _groupings(episodes)]
     made = sorted(path.name for path in (page.parent / REPLAYS).glob("*.html"))
+    rudc = shlex.join(rudc_command())
     data = {
+        "rudc": rudc,
         "replayed": "" if lacking else shlex.quote(str(folder)),
         "scenarios": episodes.scenarios,
         "agents": episodes.agents,
@@ -72,6 +75,7 @@ def sweep_content(folder: Path, page: Path) -> dict[str, Any]:
     return {
         "data": data,
         "findings": findings(episodes, by_agent, data, total),
+        "rudc": rudc,
         "source": shlex.quote(str(folder)),
         "data_agents": len(episodes.agents),
         "by_scenario": data["pairs"]["by_scenario"] or len(episodes.scenarios) == 1,
@@ -122,7 +126,9 @@ def _table(
         ]
         for i, group in enumerate(groups[:MOST_GROUPS])
     ]
-    command = f"rudc table {shlex.quote(str(folder))} --by {shlex.quote(','.join(by))}"
+    command = (
+        f"{shlex.join(rudc_command())} table {shlex.quote(str(folder))} --by {shlex.quote(','.join(by))}"
+    )
     return {"by": list(by), "lines": lines, "left_out": len(groups) - len(lines), "command": command}, groups
 
 
@@ -158,7 +164,7 @@ def _setup(
         return {}
     configuration = known["configuration"]
     return {
-        "command": "rudc sweep --verify DIR --share 1",
+        "command": f"{shlex.join(rudc_command())} sweep --verify DIR --share 1",
         "versions": known["versions"],
         "changes": version_changes(known),
         "scenarios": [

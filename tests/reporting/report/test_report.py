@@ -1,5 +1,6 @@
 """The report of a sweep: the numbers of `rudc table`, differences and densities as scipy has them."""
 
+import html
 import json
 import math
 import re
@@ -224,6 +225,21 @@ def test_the_page_is_whole_and_refers_to_nothing_outside(text, folder):
     assert "default-src 'none'" in text
     assert "480 episodes: 4 scenarios × 3 agents × 40 seeds." in text
     assert report_page(folder, folder / "report.html") == text
+
+
+def test_the_commands_of_a_page_import_what_this_one_did(folder, monkeypatch):
+    monkeypatch.setattr("rudc.imports._asked", {"/my files/oil.py": None, "mine.events": None})
+    text = report_page(folder, folder / "report.html")
+    data, begin = (
+        json.loads(parsed(text).data["data"]),
+        "rudc --import '/my files/oil.py' --import mine.events",
+    )
+    assert data["rudc"] == begin
+    assert data["tables"][0]["command"].startswith(f"{begin} table {folder} --by ")
+    shown = html.unescape(text)
+    assert f"<code>{begin} sweep --verify DIR --share 1</code>" in shown
+    assert f"<code>{begin} report {folder} --replays N</code>" in shown
+    assert "`${DATA.rudc} replay ${DATA.replayed} --episode" in text
 
 
 def test_the_page_grows_with_what_it_shows_not_with_the_episodes(text, tmp_path):
