@@ -35,6 +35,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rudc.agents.checkpoint import find_checkpoint, load_learnt
+from rudc.agents.drivers import SHIPPED
 from rudc.agents.registry import make_agent
 from rudc.agents.route_sigma import RouteSigma
 from rudc.agents.variation import split
@@ -136,16 +137,25 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
 
 
 def _must_state_sigma(name: str) -> None:
+    """Raise InputError for those of which it is known; who else does not is found out as it drives."""
     make_agent(name)
     folder = _folder(name)
-    if folder is None or "sigma" not in load_learnt(folder).config.learner.offers:
+    if folder is not None:
+        silent = "sigma" not in load_learnt(folder).config.learner.offers
+    else:
+        silent = _base(name) in SHIPPED
+    if silent:
         raise InputError(f"{name} states no uncertainty, so there is nothing to study")
 
 
 def _folder(name: str) -> Path | None:
     """Folder of an agent's checkpoint; None for drivers that did not learn."""
-    whole = split(name)[0]
-    return find_checkpoint(name) or find_checkpoint(whole) or find_checkpoint(whole.partition("+")[0])
+    return find_checkpoint(name) or find_checkpoint(split(name)[0]) or find_checkpoint(_base(name))
+
+
+def _base(name: str) -> str:
+    """An agent's name without settings and filter."""
+    return split(name)[0].partition("+")[0]
 
 
 def _drives(rows: Sequence[Mapping[str, str]], folder: Path) -> list[Drive]:

@@ -168,6 +168,41 @@ def test_it_drives_listens_and_resumes(monkeypatch, tmp_path):
         run(Order(order.out, order.agents, (), 1, 3, resume=True), lambda _: Silent())
 
 
+@pytest.mark.parametrize("told", ["Uncertainty(scene.time_s, 0.0, scene.time_s)", "None"])
+def test_an_agent_of_ones_own_is_heard(monkeypatch, tmp_path, told):
+    """Whether it states its uncertainty is known once it drives."""
+    import rudc.studies.sigma_study as module
+
+    monkeypatch.setattr("rudc.evaluation.manifest.code_version", lambda: "v0")
+    monkeypatch.setattr(module, "out_of_distribution", lambda _: ())
+    monkeypatch.setattr(module, "in_distribution", partial(_only, "random_destination"))
+    (tmp_path / "doubtful.py").write_text(DOUBTFUL.replace("TOLD", told), encoding="utf-8")
+    order = Order(tmp_path / "s", agents=(f"{tmp_path / 'doubtful.py'}:Doubtful",), episodes=1, seed=3)
+    if told == "None":
+        with pytest.raises(InputError, match="Doubtful states no uncertainty"):
+            run(order, lambda _: Silent())
+    else:
+        assert not run(order, lambda _: Silent()).errors
+        assert {line["sigma"] for line in read_table(order.out / "sigma.csv")} == set(SCORES)
+        assert not (order.out / "sigma_slack.csv").exists()
+
+
+DOUBTFUL = """
+from rudc.agents.base import unfiltered
+from rudc.env.tracking import steering
+from rudc.learning.uncertainty import Uncertainty
+
+
+class Doubtful:
+    def reset(self, scene, seed):
+        pass
+
+    def act(self, scene):
+        decision = unfiltered(4.0 - scene.ego.v, steering(scene))
+        return decision._replace(uncertainty=TOLD)
+"""
+
+
 def test_what_an_event_does_is_in_the_steps(tmp_path):
     """A truck stands on the way from the start: it is ahead and near at some step, and no car is unusual."""
     from rudc.evaluation.tasks import Task
