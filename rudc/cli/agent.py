@@ -14,7 +14,7 @@ from rudc.cli.complete import complete_agents
 from rudc.cli.console import AsJson, Quiet, broken_left_out, note, print_json, print_table, warn
 
 if TYPE_CHECKING:
-    from rudc.training.calibration import Limits
+    from rudc.training.calibration import Calibration, Limits
 
 app = typer.Typer(no_args_is_help=True, help="Who can drive the ego vehicle.")
 
@@ -95,9 +95,10 @@ def calibrate(
 
     **Example**: `rudc agent calibrate out/first`
     """
-    from rudc.agents.checkpoint import checkpoint_in, find_checkpoint, shipped_checkpoints
+    from rudc.agents.checkpoint import checkpoint_in, find_checkpoint, save_learnt, shipped_checkpoints
     from rudc.errors import AgentError
-    from rudc.files import past_links
+    from rudc.files import past_links, try_place
+    from rudc.learning.checkpoint import DESCRIPTION, WEIGHTS
     from rudc.training.calibration import SCENARIOS, calibrate
     from rudc.training.folder import CONFIG, held
 
@@ -119,21 +120,30 @@ def calibrate(
 
     goes_on = write and (found.parent / CONFIG).is_file()  # a training may replace its checkpoint meanwhile
     with held(found.parent, warn) if goes_on else nullcontext():
-        result = calibrate(found, names, episodes, write=write, advance=advance)
+        for name in (WEIGHTS, DESCRIPTION) if write else ():
+            try_place(found / name)
+        result = calibrate(found, names, episodes, advance=advance)
+        _print_calibration(result)
+        if write:  # last: if it fails, what was found is told
+            save_learnt(found, result.learnt)
+    note("stored" if write else "not stored: add --write")
+
+
+def _print_calibration(result: Calibration) -> None:
     print_table(
         ["sigma", "", "sigma_l", "sigma_h"],
         [line for kind, limits in result.kinds.items() for line in _lines(kind, limits)],
         right=(2, 3),
     )
-    stored = "stored" if write else "not stored: add --write"
     which = f"the {result.episodes} episodes that succeeded"
     if not result.succeeded:
         which = f"all {result.episodes} episodes"
         warn("warning: none of the episodes succeeded: sigma_l and sigma_h are not to be relied on")
-    explained = f"the route explains {result.explained:.0%} of log sigma"
     if result.left_out:
         warn(f"warning: {result.left_out} episodes could not be set up or driven to their end: left out")
-    note(f"of {result.decisions} decisions in {which}; {explained}; {stored}")
+    note(
+        f"of {result.decisions} decisions in {which}; the route explains {result.explained:.0%} of log sigma"
+    )
 
 
 def _lines(kind: str, limits: Limits) -> list[list[str]]:

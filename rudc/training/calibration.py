@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rudc.agents.base import Decision
-from rudc.agents.checkpoint import load_learnt, save_learnt
+from rudc.agents.checkpoint import Learnt, load_learnt
 from rudc.agents.learned import LearnedAgent
 from rudc.agents.outlook import with_outlook
 from rudc.agents.route_sigma import ROUTE, Heard, Place, RouteSigma, explained, fit, place_of
@@ -79,6 +79,8 @@ class Calibration(NamedTuple):
     """whether any did"""
     explained: float
     """share of the variance of log sigma_total that the place on the route explains, out of sample"""
+    learnt: Learnt
+    """the agent with what was found, not stored yet"""
     left_out: int = 0
     """number of episodes that could not be set up, or driven to their end"""
 
@@ -139,12 +141,11 @@ def measured(episodes: Sequence[Heard]) -> Measured:
 
 
 def calibrate(
-    folder: Path, scenarios: Sequence[str], episodes: int, *, write: bool, advance: Callable[[], object]
+    folder: Path, scenarios: Sequence[str], episodes: int, *, advance: Callable[[], object]
 ) -> Calibration:
-    """Measure, and with `write` store, sigma_l and sigma_h of the agent in a checkpoint's folder, of
-    sigma_total and by route. `advance` is told of each episode; those that fail are left out. Raises
-    AgentError if its critics say nothing of sigma or if all episodes fail, and InputError for scenarios that
-    `held_out` refuses.
+    """Measure sigma_l and sigma_h of the agent in a checkpoint's folder, of sigma_total and by route.
+    `advance` is told of each episode; those that fail are left out. Raises AgentError if its critics say
+    nothing of sigma or if all episodes fail, and InputError for scenarios that `held_out` refuses.
     """
     learnt = load_learnt(folder)
     if "sigma" not in learnt.config.learner.offers:
@@ -161,8 +162,6 @@ def calibrate(
     if not heard:
         raise AgentError(f"{folder}: none of {len(left_out)} episodes can be driven: {left_out[0]}")
     new, old, heard = measured(heard), RouteSigma.among(learnt.arrays), usual(heard)
-    if write:
-        save_learnt(folder, learnt._replace(percentiles=new.percentiles, arrays=learnt.arrays | new.arrays))
     total = np.concatenate([one.sigmas[:, 2] for one in heard])
     route = None if old is None else np.concatenate([old.of_heard(one)[:, 2] for one in heard])
     by_route = RouteSigma.among(new.arrays)
@@ -172,7 +171,8 @@ def calibrate(
         "route": _limits(by_route.percentiles, None if old is None else old.percentiles, route),
     }
     succeeded = any(one.succeeded for one in heard)
-    return Calibration(kinds, total.size, len(heard), succeeded, explained(heard), len(left_out))
+    found = learnt._replace(percentiles=new.percentiles, arrays=learnt.arrays | new.arrays)
+    return Calibration(kinds, total.size, len(heard), succeeded, explained(heard), found, len(left_out))
 
 
 def _each(

@@ -181,8 +181,7 @@ def test_calibrating_leaves_out_episodes_that_fail(monkeypatch):
     def calibrate(*these: Heard | None) -> calibration.Calibration:
         answers.extend(these)
         return calibration.calibrate(
-            data_folder("results/checkpoints") / "rudc-wo-cbf", ("dense_left_turn",), len(these), write=False,
-            advance=int,
+            data_folder("results/checkpoints") / "rudc-wo-cbf", ("dense_left_turn",), len(these), advance=int,
         )  # fmt: skip
 
     monkeypatch.setattr(calibration, "hear", hear)

@@ -12,8 +12,9 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
+from rudc.agents.checkpoint import load_learnt, shipped_checkpoints
 from rudc.data import data_folder
-from rudc.errors import AgentError
+from rudc.errors import AgentError, StorageError
 from rudc.evaluation.store import read_table
 from rudc.learning.algorithms import ALGORITHMS
 from rudc.scenario import EVENT_KINDS, load_scenario, shipped_scenarios
@@ -207,10 +208,43 @@ def test_a_shipped_agent_is_not_written_to_and_a_folder_of_its_name_is(rudc, tmp
     assert seen == [shipped, Path("rudc-wo-cbf/checkpoint")]
 
 
+def calibrated() -> Calibration:
+    limits, learnt = (
+        {"paper": Limits((1.0, 2.0), None, None)},
+        load_learnt(shipped_checkpoints()["rudc-wo-cbf"]),
+    )
+    return Calibration(limits, 240, 4, succeeded=False, explained=0.5, learnt=learnt)
+
+
+def test_what_was_measured_is_not_lost_where_it_cannot_be_stored(rudc, tmp_path, monkeypatch):
+    """Found out before anything is driven; if only later, what was found is told."""
+    driven = []
+
+    def calibrate(*_args, **_options):
+        driven.append(1)
+        return calibrated()
+
+    def fail(*_):
+        raise StorageError("nothing is written here")
+
+    monkeypatch.setattr("rudc.training.calibration.calibrate", calibrate)
+    shutil.copytree(shipped_checkpoints()["rudc-wo-cbf"], tmp_path / "mine")
+    order = ("agent", "calibrate", tmp_path / "mine")
+    with monkeypatch.context() as patch:
+        patch.setattr("rudc.files.try_place", fail)
+        assert rudc(*order).status == 0
+        answer = rudc(*order, "--write")
+    assert "nothing is written here" in answer.err
+    assert len(driven) == 1
+    monkeypatch.setattr("rudc.agents.checkpoint.save_learnt", fail)
+    answer = rudc(*order, "--write")
+    assert answer.status != 0
+    assert "paper  measured" in answer.out
+    assert "of 240 decisions" in answer.err
+
+
 def test_a_checkpoint_is_not_calibrated_anew_while_its_training_goes_on(rudc, tmp_path, monkeypatch):
-    limits = {"paper": Limits((1.0, 2.0), None, None)}
-    found = Calibration(limits, 240, 4, succeeded=False, explained=0.5)
-    monkeypatch.setattr("rudc.training.calibration.calibrate", lambda *_args, **_options: found)
+    monkeypatch.setattr("rudc.training.calibration.calibrate", lambda *_args, **_options: calibrated())
     shutil.copytree(data_folder("results/checkpoints") / "rudc-wo-cbf", tmp_path / "mine" / "checkpoint")
     (tmp_path / "mine" / "config.json").write_text("{}")
     order = ("agent", "calibrate", tmp_path / "mine")

@@ -16,7 +16,7 @@ import pytest
 import torch
 from safetensors.numpy import load_file
 
-from rudc.agents.checkpoint import load_learnt
+from rudc.agents.checkpoint import load_learnt, save_learnt
 from rudc.agents.correction import CbfSettings
 from rudc.agents.registry import agent_settings, agent_summary, make_agent
 from rudc.errors import AgentError, InputError, TrainingError
@@ -286,7 +286,7 @@ def test_an_error_in_a_learner_is_not_its_devices(tmp_path: Path, monkeypatch: p
         raise error("not that shape")
 
     monkeypatch.setattr("rudc.learning.sac.SacLearner.__init__", wrong)
-    with pytest.raises(error, match="^not that shape$"):
+    with pytest.raises(error, match=r"^not that shape$"):
         Trainer(_config("sac"), tmp_path, Watcher())
 
 
@@ -354,7 +354,7 @@ def _assert_a_whole_agent(folder: Path, config: TrainConfig) -> None:
     assert all((row["sigma_l"] != "") is states for row in _curves(folder)["progress"])
     if not states:
         with pytest.raises(AgentError, match="states no sigma"):
-            calibrate(folder / "checkpoint", ("random_destination",), 1, write=False, advance=int)
+            calibrate(folder / "checkpoint", ("random_destination",), 1, advance=int)
     residual = isinstance(config.correction, CbfSettings) and bool(config.correction.residual)
     shipped = {f"residual/{name}": array for name, array in shipped_predictor().arrays.items()}
     assert {name for name in learnt.arrays if name.startswith("residual/")} == (
@@ -370,14 +370,16 @@ def test_the_final_policy_is_calibrated_as_it_drives(trained: Path, tmp_path: Pa
     """
     shutil.copytree(trained / "checkpoint", tmp_path / "copy")
     before = load_learnt(tmp_path / "copy").percentiles
-    found = calibrate(tmp_path / "copy", ("random_destination",), 1, write=True, advance=int)
+    found = calibrate(tmp_path / "copy", ("random_destination",), 1, advance=int)
+    save_learnt(tmp_path / "copy", found.learnt)
     for limits in found.kinds.values():
         assert limits.found == pytest.approx(limits.before, rel=1e-4)
         assert limits.above == pytest.approx((0.05, 0.025), abs=0.02)
     assert found.kinds["paper"].before == before
     assert found.decisions > 20
     with pytest.raises(InputError, match="density_sweep sweeps"):
-        calibrate(tmp_path / "copy", ("density_sweep",), 1, write=True, advance=int)
+        calibrate(tmp_path / "copy", ("density_sweep",), 1, advance=int)
     make_agent(f"{tmp_path / 'copy'}:sigma=route")  # which needs what is usual along the route
-    other = calibrate(tmp_path / "copy", ("dense_left_turn",), 1, write=True, advance=int)
+    other = calibrate(tmp_path / "copy", ("dense_left_turn",), 1, advance=int)
+    save_learnt(tmp_path / "copy", other.learnt)
     assert load_learnt(tmp_path / "copy").percentiles == other.kinds["paper"].found != before
