@@ -25,6 +25,7 @@ import importlib.util
 import os
 import pickle
 import re
+import shlex
 import sys
 import traceback
 from collections import Counter
@@ -86,9 +87,12 @@ def imported_first() -> tuple[str, ...]:
     return tuple(_asked)
 
 
-def rudc_command() -> list[str]:
-    """How a command begins that knows what this one does: `rudc`, with all that was given by `--import`."""
-    return ["rudc", *(part for first in imported_first() for part in ("--import", first))]
+def rudc_command(*arguments: str) -> str:
+    """A command for a shell, which knows what this one does: `rudc`, all that was given by `--import`, and
+    these arguments.
+    """
+    imports = [part for first in imported_first() for part in ("--import", first)]
+    return shlex.join(["rudc", *imports, *arguments])
 
 
 def sources_digests() -> dict[str, dict[str, str]]:

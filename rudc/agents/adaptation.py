@@ -14,8 +14,8 @@
                  does not see (hidden.py).
                  Steering is limited to what braking, of up to BRAKING mu g, leaves of mu g: wheels that
                  ask for more do not turn the car any further, and take all grip from the brakes
-                 A car that was late for LATE_FOR_S and is no longer may be late again at any time: from then
-                 on bends may need WARY mu g only
+                 A car that was late (LATE_S) for LATE_FOR_S may become late again, even once it is prompt
+                 (PROMPT_S): from then on bends may need at most WARY mu g
     probe        Short full brakings show how well the road grips (probe.py)
     slide        Where grip is poor and the ego too fast for its bend, manoeuvres keep it on the road
                  (slide.py)
@@ -86,8 +86,8 @@ class Adaptation:
         """whether it was late and is no longer"""
         self._probe = Probe() if self._probes else None
         self._slide = Slide()
-        self._profiles: dict[float, Array] = {}
-        """m/s2 of grip -> m/s at each station of `_path`"""
+        self._profiles: dict[tuple[float, float], Array] = {}
+        """m/s2 of grip and the share of it that bends may ask for -> m/s at each station of `_path`"""
         self._path: ReferencePath | None = None
 
     def see(self, scene: Scene) -> Scene:
@@ -136,10 +136,8 @@ class Adaptation:
         if late_s >= LATE_S:
             self._late_since = time_s if since is None else since
         elif since is not None and late_s < PROMPT_S:
+            self._wary |= time_s - since >= LATE_FOR_S
             self._late_since = None
-            if not self._wary and time_s - since >= LATE_FOR_S:
-                self._wary = True
-                self._profiles.clear()
 
     def _hastened(self, now: float, wanted: float) -> float:
         """rad, the command that takes lagging wheels from `now` to `wanted` within a decision."""
@@ -159,8 +157,7 @@ class Adaptation:
         later, ego = len(pending) * self._monitor.substep_s, plant.state
         s, offset = scene.route.path.project(ego.x, ego.y, scene.ego_s + 0.5 * later * (scene.ego.v + ego.v))
         waited = 0.0 if ego.v >= STANDING else scene.waited_s
-        shown = replace(others_later(scene, later), ego=ego, ego_s=s, ego_offset=offset, waited_s=waited)
-        return shown.nearest_first()
+        return replace(others_later(scene, later), ego=ego, ego_s=s, ego_offset=offset, waited_s=waited)
 
     def _allowed(self, scene: Scene, grip: float, reaction_s: float = 0.0) -> float:
         """m/s, speed from which all bends ahead can be taken with that `grip` (m/s2): the least of `_speeds`
@@ -176,14 +173,11 @@ class Adaptation:
         if self._path is not path:
             self._path = path
             self._profiles.clear()
-        profile = self._profiles.get(grip)
+        share = WARY if self._wary else LATERAL if grip < POOR else USABLE
+        profile = self._profiles.get((grip, share))
         if profile is None:
-            profile = self._profiles[grip] = _profile(path, grip, self._share(grip), _braking(scene, grip))
+            profile = self._profiles[grip, share] = _profile(path, grip, share, _braking(scene, grip))
         return profile
-
-    def _share(self, grip: float) -> float:
-        """Share of `grip` (m/s2) that bends may ask for."""
-        return WARY if self._wary else LATERAL if grip < POOR else USABLE
 
     def _asks(self, scene: Scene, grip: float) -> bool:
         """Whether to brake now in order to learn how well the road grips."""

@@ -5,7 +5,7 @@
     brakes          it brakes by more than BRAKES in two decisions in a row
     slow            for LASTS_S it drives at less than SLOW times the limit and does not speed up, with nobody
                     and no stop line within ROOM before it; bicycles are excepted, and the limit counts as
-                    lowered for bends as on the poorest road (rudc/world/bends.py)
+                    lowered for bends (rudc/world/bends.py) as on a road of LEAST friction, whatever it has
     stands          for LASTS_S it stands, with nobody and no stop line within NEXT before it
 
 Whoever has done so once counts as unusual as long as it is seen. SUMO's ordinary drivers do none of these,
@@ -22,7 +22,8 @@ from rudc.arrays import Array, Flags
 from rudc.env.remembered import Remembered
 from rudc.network.network import Network
 from rudc.network.paths import SPACING
-from rudc.world.bends import SHARE, curvatures
+from rudc.scenario.events.low_friction import LEAST
+from rudc.world.bends import curvatures, limits_in_bends
 from rudc.world.ego import GRAVITY
 from rudc.world.scene import STANDING, Kind, Scene
 
@@ -38,9 +39,6 @@ ROOM, NEXT = 25.0, 6.0
 """m, m: free way before the front bumper of one that is slow, and of one that stands"""
 BESIDE = 2.5
 """m to each side within which somebody counts as before it"""
-POOREST = 0.03
-"""the least friction that a scenario may have: nobody need know how poor the road is"""
-
 _ordinary: Remembered[Network, tuple[Array, Array]] = Remembered()
 
 
@@ -104,11 +102,13 @@ class Conduct:
 
 def _speeds(network: Network) -> tuple[Array, Array]:
     """(P, M) m/s and (P, M) m/s at each station of each row of `network.paths`: the highest limit there, and
-    the lowest there and on the next ROOM m. A lane's limit is lowered for its tightest bend as on a road of
-    POOREST friction, so on a lane with a sharp bend hardly anybody who moves is slow.
+    the lowest there and on the next ROOM m. Where two lanes meet, the highest is that of the faster one, and
+    in the junction that of the inner lane if it is higher. The lowest is cut for a lane's tightest bend as on
+    a road of LEAST friction, so on a lane with a sharp bend hardly anybody who moves is slow.
     """
     paths = network.paths
-    s, bends = SPACING * np.arange(paths.stations, dtype=np.float64), curvatures(network)
+    s = SPACING * np.arange(paths.stations, dtype=np.float64)
+    bends = limits_in_bends(curvatures(network), LEAST * GRAVITY)
     most = np.stack([paths.highest_limit(np.full(len(s), row), s, s) for row in range(paths.count)])
     least = most.copy()
     for row, spans in enumerate(paths.spans):
@@ -117,7 +117,7 @@ def _speeds(network: Network) -> tuple[Array, Array]:
             if name in network.lanes:
                 most[there] = np.maximum(most[there], network.lanes[name].speed)
             if name in bends:
-                least[there] = np.minimum(least[there], math.sqrt(SHARE * POOREST * GRAVITY / bends[name]))
+                least[there] = np.minimum(least[there], bends[name])
     ahead = int(ROOM / SPACING)
     padded = np.pad(least, ((0, 0), (0, ahead)), mode="edge")
     return most, np.lib.stride_tricks.sliding_window_view(padded, ahead + 1, axis=1).min(axis=-1)

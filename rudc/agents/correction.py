@@ -184,8 +184,8 @@ def refuse_other_steps(agent: Agent, held_s: float) -> None:
 
 
 def refuse_other_step(dt: float, held_s: float, who: str, key: str) -> None:
-    """Raise AgentError if the filter of `who`, with `key` dt, is for actions that are held for another time
-    than `held_s` s.
+    """Raise AgentError if a filter is for actions that are held for `dt` s, but the world holds them for
+    `held_s` s. `who` and `key` are for the message: whose filter it is, and which setting `dt` is.
     """
     if not math.isclose(dt, held_s):
         raise AgentError(

@@ -6,6 +6,8 @@ and beyond, everybody counts. Pedestrians also count where they will be within 2
 
     a = A (1 - (v / v0)^4 - (g* / g)^2),    g* = G + v T + v (v - v_leader) / (2 sqrt(A B)).
 
+Limits. It meets a lower speed limit ahead by braking at DECELERATION, not only where the limit begins.
+
 Gaps. Whether the gaps in the crossing traffic suffice, rudc/agents/gaps.py decides.
 
 Where it stops. Before the waiting point (the last place that is clear of those to whom it must yield, or the
@@ -56,7 +58,9 @@ class GapAcceptance:
         """Nothing is kept from one decision to the next."""
 
     def act(self, scene: Scene) -> Decision:
-        """Steer along the path; accelerate as the strictest of leader, stopping place and bends allows."""
+        """Steer along the path; accelerate as the strictest of bends, speed limits, leader and stopping place
+        allows.
+        """
         self._profile = speeds_in_bends(scene.route.path)
         route = scene.route
         speed = speed_allowed(scene, self._profile, min(CRUISE, route.limit_at(scene.ego_s)))

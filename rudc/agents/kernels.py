@@ -60,7 +60,7 @@ def who_leads(
 
     It is the first in the band that the ego will drive over, of those who are faster than `slowest` m/s and
     drive in the ego's direction, within `reach` m. Somebody does so if the cosine of the angle to the line is
-    above `same_way`. Who is in the band beside the ego already leads nobody.
+    above `same_way`. Whoever is in the band beside the ego already is not a leader.
     """
     first = min(max(int(ego_s / spacing), 0), len(course) - 1)
     last = first + int(reach / spacing) + 1

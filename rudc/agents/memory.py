@@ -72,7 +72,7 @@ class Memory:
         kept = [names for time_s, names in missing.items() if scene.time_s - time_s <= kept_s]
         if not kept:
             return scene
-        return scene.with_others_of(*(self._now(names, scene.time_s) for names in kept)).nearest_first()
+        return scene.with_others_of(*(self._now(names, scene.time_s) for names in kept))
 
     def _find(self, name: str, scene: Scene, before: float) -> None:
         """Somebody is seen in a scene; `before`: s, time of the scene before."""

@@ -91,10 +91,12 @@ class Outlook:
 
     def see(self, scene: Scene) -> Scene:
         """The scene that the driver is shown; call it once for each decision."""
-        scene = self.memory.see(self.smoothing.see(scene))
+        shown = self.memory.see(self.smoothing.see(scene))
         if self.adaptation is not None:
-            scene = self.adaptation.see(scene)
-        return scene if self.courses is None else self.courses.see(scene)
+            shown = self.adaptation.see(shown)
+        if shown is not scene:
+            shown = shown.nearest_first()
+        return shown if self.courses is None else self.courses.see(shown)
 
     def govern(self, scene: Scene, u: Array, *, onwards: bool = False) -> Array:
         """(2,) the command u (2,), m/s2 and rad, within its bounds; `scene` as `see` showed it.

@@ -145,14 +145,13 @@ class Smoothing:
         headings = np.array([one.heading for one in shown])
         shift = position - scene.position
         along = shift[:, 0] * np.cos(headings) + shift[:, 1] * np.sin(headings)
-        smoothed = replace(
+        return replace(
             scene,
             position=position,
             velocity=velocity.reshape(-1, 2),
             heading=headings,
             path_s=scene.path_s + along,
         )
-        return smoothed.nearest_first()
 
     def _follow(
         self, name: str, seen: _Other, acceleration: float, place: float, speed: float, heading: float

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shlex
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -133,8 +132,8 @@ def _tell(found: Findings, out: Path, scenario: str, agent: str) -> None:
         typer.echo(f"likeliest where: {where}\n  {_share(where)}")
         seed = found.violations[0]
         file = out / "failures" / f"{scenario}-{seed}.yaml"
-        command = [*rudc_command(), "run", str(file), "--agent", agent, "--seed", str(seed)]
-        note(f"the first again: {shlex.join(command)}")
+        command = rudc_command("run", str(file), "--agent", agent, "--seed", str(seed))
+        note(f"the first again: {command}")
     note(f"in {out}: evaluations.csv, failures.csv, failures/, manifest.json")
     if found.errors:
         warn(f"{len(found.errors)} episodes could not be run, and count for nothing; the first:")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import time
 from collections.abc import Mapping
 from importlib.util import find_spec
@@ -108,7 +107,7 @@ def train(
     if not done:
         note("add --resume to go on")
         raise typer.Exit(130)
-    note(f"done: {shlex.join(rudc_command())} sweep SCENARIO --agent {shlex.quote(name_of(out))} --out DIR")
+    note(f"done: {rudc_command('sweep', 'SCENARIO', '--agent', name_of(out), '--out', 'DIR')}")
 
 
 def _config(

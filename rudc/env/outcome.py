@@ -4,7 +4,8 @@ Every episode ends in exactly one outcome; where several hold at once, the first
 
     collision   the ego's rectangle touches anything
     off_road    the ego leaves the drivable area
-    wrong_way   the ego drives against a lane's direction, where no lane of the other direction overlaps it
+    wrong_way   the ego drives against the direction of the lane under it, and no lane of the other direction
+                overlaps that lane there
     success     its centre has reached the destination along the path, at most 6 m beside it
     frozen      the time limit has passed (in Gymnasium's terms, a truncation and no termination)
 """

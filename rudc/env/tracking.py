@@ -70,9 +70,8 @@ def slowing_for_limits(scene: Scene, share: float, deceleration: float) -> float
     """m/s2, acceleration to command so that the ego meets each speed limit that begins ahead on its path with
     `share` times it at most, braking at `deceleration` m/s2; inf if none begins there.
     """
-    ahead = [(begin, limit) for begin, limit in scene.route.limits if begin > scene.ego_s]
-    rooms = [slowing(scene, begin - scene.ego_s, share * limit, deceleration) for begin, limit in ahead]
-    return min(rooms, default=math.inf)
+    ahead = [(begin - scene.ego_s, limit) for begin, limit in scene.route.limits if begin > scene.ego_s]
+    return min((slowing(scene, room, share * limit, deceleration) for room, limit in ahead), default=math.inf)
 
 
 def stopping(scene: Scene, deceleration: float) -> float:

@@ -115,7 +115,7 @@ def _out_of_reach(scenario: Scenario) -> Iterator[str]:
 
 def _nowhere(scenario: Scenario) -> Iterator[str]:
     network, traffic = load_network(scenario.network, scenario.junction), scenario.traffic
-    refused = frozenset.intersection(*map(network.refused, network.onward))
+    refused = frozenset.intersection(*(network.refused[m.origin, m.destination] for m in network.onward))
     for kind, known in VEHICLE_TYPES.items():
         if known.vclass in refused and traffic.density.support[1] and getattr(traffic.mix, kind).support[1]:
             yield f"no {kind} of traffic.mix can appear: every way through the junction refuses its kind"

@@ -51,8 +51,8 @@ class Algorithm:
 
     @property
     def config(self) -> type[LearnerConfig]:
-        """Class of the learner's settings. Raises InputError if they offer what no driver can read off its
-        critics.
+        """Class of the learner's settings. Raises InputError if they offer `sigma` without being an
+        `EnsembleConfig`, since nothing can then read it off the critics.
         """
         found = found_at(self.settings) if isinstance(self.settings, str) else self.settings
         if "sigma" in found.offers and not issubclass(found, EnsembleConfig):

@@ -252,20 +252,21 @@ def _turn(arms: Sequence[Arm], rows: Iterable[tuple[int, int]], o: int, d: int, 
     return "left" if angle > 0 else "right"
 
 
-def refused_on(net: Any, movement: Movement, lanes: Iterable[Lane]) -> frozenset[str]:
-    """SUMO's classes of vehicles that may not drive a movement: on some edge all its lanes for cars are
-    closed to them, or no connection from one edge to the next is open to them.
-    """
-    found = set[str]()
+def refused_classes(
+    net: Any, movements: Iterable[Movement], lanes: Iterable[Lane]
+) -> dict[tuple[str, str], frozenset[str]]:
+    """`Layout.refused`."""
     on: dict[str, list[set[str]]] = {}
     for lane in lanes:
         on.setdefault(lane.edge, []).append({*lane.refuses})
-    for edge in movement.edges:
-        found |= set.intersection(*on[edge]) if edge in on else set()
-    for edge, following in pairwise(map(net.getEdge, movement.edges)):
-        links = edge.getOutgoing().get(following, ())
-        found |= {user for user in ROAD_USERS if not any(leads_on(link, user) for link in links)}
-    return frozenset(found)
+    refused: dict[tuple[str, str], frozenset[str]] = {}
+    for movement in movements:
+        found = set[str]().union(*(set.intersection(*on[edge]) for edge in movement.edges if edge in on))
+        for edge, following in pairwise(map(net.getEdge, movement.edges)):
+            links = edge.getOutgoing().get(following, ())
+            found |= {user for user in ROAD_USERS if not any(leads_on(link, user) for link in links)}
+        refused[movement.origin, movement.destination] = frozenset(found)
+    return refused
 
 
 def _edges(origin: Arm, destination: Arm, way: Way) -> tuple[str, ...]:

@@ -79,12 +79,10 @@ class Layout:
         """km of two-way road on the arms: density is vehicles / road_km"""
         self.movements: tuple[Movement, ...] = tuple(assembly.make_movements(self.arms, ways, yields))
         """permitted ways between arms"""
-        self._refused = {
-            (movement.origin, movement.destination): assembly.refused_on(
-                chosen.net, movement, self.lanes.values()
-            )
-            for movement in self.movements
-        }
+        self.refused = assembly.refused_classes(chosen.net, self.movements, self.lanes.values())
+        """(origin, destination) of each movement -> SUMO's classes of vehicles that may not drive it: on some
+        edge all its lanes for cars are closed to them, or no connection from one edge to the next is open
+        """
         self.onward = tuple(movement for movement in self.movements if movement.turn != "u_turn")
         """those that do not lead back: nobody turns back, neither the ego nor an SV"""
         self._sources = [way.source for way in ways]
@@ -143,11 +141,6 @@ class Layout:
     def speed_limit(self, edge: str) -> float:
         """m/s, the lowest limit among the lanes of an edge."""
         return min(lane.speed for lane in self.lanes.values() if lane.edge == edge)
-
-    def refused(self, movement: Movement) -> frozenset[str]:
-        """SUMO's classes of vehicles that may not drive a movement: some edge of it has no lane for them, or
-        no connection leads them from it to the next."""
-        return self._refused[movement.origin, movement.destination]
 
     def movement(self, origin: str, towards: str) -> Movement:
         """The movement from an arm to another (by name or edge id), or by its turn: left, straight, right,

@@ -72,8 +72,8 @@ class PathTable:
         """(P,) m/s, on the last lane before the junction and in it"""
         spans = [_lane_spans(source.shapes) for source in sources]
         self.limits = [_limits(source.limits, span) for source, span in zip(sources, spans, strict=True)]
-        """for each row: each speed limit (m/s) after the arc length (m) from which on it counts; the first
-        counts from -inf on
+        """of each row, pairs in driving order: arc length (m) from which on a speed limit holds, and that
+        limit (m/s); the first holds from -inf on
         """
         self._limit, self._limit_from, self._limit_until = _side_by_side(self.limits)
         self.spans: tuple[dict[str, tuple[float, float]], ...] = tuple(

@@ -50,7 +50,7 @@ class Way:
     links: tuple[tuple[str, int], ...]
     """(node, link index) of each connection of the chain at a node of the junction"""
     turns_back: bool
-    """whether it is one connection that leads back where one came from, by SUMO's word"""
+    """whether it is a single connection whose direction in SUMO's file is a turn back (TURNS_BACK)"""
 
 
 @dataclass(frozen=True)
@@ -289,7 +289,7 @@ def _chains(
     seen = {connection.getTo().getID() for connection in so_far}
     for connection in lane.getOutgoing():
         edge = connection.getTo()
-        if not (_is_usable(connection) and _is_usable(connection.getToLane())):
+        if not leads_on(connection):
             continue
         if edge.getID() in targets:
             yield (*so_far, connection)
@@ -317,7 +317,8 @@ def _way(junction: Junction, arms: list[RawArm], origin: int, destination: int, 
         limits=(*_limits(before), *[float(before[-1].getSpeed())] * len(middle), *_limits(after)),
     )
     links = tuple((c.getJunction().getID(), c.getJunctionIndex()) for c in connections)
-    return Way(source, links, [c.getDirection() in TURNS_BACK for c in connections] == [True])
+    turns_back = len(connections) == 1 and connections[0].getDirection() in TURNS_BACK
+    return Way(source, links, turns_back)
 
 
 def _limits(lanes: list[Any]) -> list[float]:
@@ -359,8 +360,8 @@ def _follow(net: Any, lane: Any, edges: tuple[Any, ...], *, back: bool) -> list[
     chain = [lane]
     while True:
         links = _links_into(chain[0]) if back else chain[-1].getOutgoing()
-        further = [(c, c.getFromLane() if back else c.getToLane()) for c in links if _is_usable(c)]
-        further = [(c, on) for c, on in further if on.getEdge().getID() in ids and _is_usable(on)]
+        further = [(c, c.getFromLane() if back else c.getToLane()) for c in links if leads_on(c)]
+        further = [(c, on) for c, on in further if on.getEdge().getID() in ids]
         if not further:
             return chain
         link, onto = min(further, key=lambda way: _lanes_aside(way[0]))

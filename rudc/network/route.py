@@ -135,7 +135,8 @@ class Route:
     major: bool
     """whether the arm it comes from has priority (`Arm.major`)"""
     limits: tuple[tuple[float, float], ...]
-    """each speed limit (m/s) after the arc length (m) from which on it counts; the first counts from -inf"""
+    """pairs in driving order: arc length (m) from which on a speed limit holds, and that limit (m/s); the
+    first holds from -inf on"""
     left_edge: Array
     """(M, 2) m, left edge of the ego's carriageway beside each station of `path`"""
     right_edge: Array

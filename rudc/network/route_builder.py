@@ -56,8 +56,11 @@ def build_route(network: Layout, movement: Movement, lane: int | None, vehicle: 
     line = network.centre_line(row)
     stop, exit_s = float(paths.stop_s[row]), float(paths.exit_s[row])
     path = _reference(network, row, stop, exit_s, movement, vehicle)
-    stop_line_s = _station_of(path, resample(line, np.array([stop]))[0], stop)
-    exit_line_s = _station_of(path, resample(line, np.array([exit_s]))[0], exit_s)
+
+    def station(s: float) -> float:
+        """m, arc length on the ego's path of the place at s m on the row's line."""
+        return _station_of(path, resample(line, np.array([s]))[0], s)
+
     boundary = union_boundary(network.carriageway(movement))
     return Route(
         origin=movement.origin,
@@ -68,10 +71,10 @@ def build_route(network: Layout, movement: Movement, lane: int | None, vehicle: 
         row=row,
         alternatives=_alternatives(network, movement, row, vehicle),
         major=arm.major,
-        limits=moved(paths.limits[row], lambda s: _station_of(path, resample(line, np.array([s]))[0], s)),
+        limits=moved(paths.limits[row], station),
         canonical_angle=float(wrap(arm.heading_in - np.pi / 2)),
         key=RouteKey(network.path, network.junction, movement.origin, movement.destination, lane, vehicle),
-        **along(network, row, path, stop_line_s, exit_line_s, boundary, vehicle),
+        **along(network, row, path, station(stop), station(exit_s), boundary, vehicle),
     )
 
 

@@ -107,7 +107,8 @@ class PlantMonitor:
         self._timed = False
         """whether the time between two decisions is known"""
         self._a, self._delta, self._cost = np.zeros(bank), np.zeros(bank), np.zeros(len(self._delay))
-        self._v: float | None = None
+        """m/s2 and rad that the models predict, filled in anew for each decision, and their J"""
+        self._before: EgoState | None = None
         self._believed = self._nominal
         self.estimate = ORDINARY
 
@@ -117,14 +118,14 @@ class PlantMonitor:
         """The new estimate, after the command `last_u` (2,), m/s2 and rad, was given for a decision of
         `passed_s` s and has led to the state `ego`. In the first call only `ego` is used.
         """
-        if self._v is not None:
+        if self._before is not None:
             if not self._timed:
                 self._timed = True
                 self._take_steps_of(passed_s / max(round(passed_s / SUBSTEP_S), 1))
-            self._drive(float(last_u[0]), float(last_u[1]), ego.v, passed_s)
+            self._drive(self._before, float(last_u[0]), float(last_u[1]), ego.v, passed_s)
             self._score(ego, passed_s)
             self.estimate = self._best()
-        self._v, self._read = ego.v, complex(ego.acceleration, ego.steering)
+        self._before = ego
         return self.estimate
 
     def _take_steps_of(self, substep_s: float) -> None:
@@ -135,13 +136,14 @@ class PlantMonitor:
         self._given: Array = np.zeros((max(len(DELAYS), math.ceil(LONGEST_S / substep_s)) + 1, 2))
         """m/s2, rad, commands of the last sub-steps, newest first"""
 
-    def _drive(self, a: float, delta: float, v_after: float, passed_s: float) -> None:
-        """Drive all models with the command for one decision."""
+    def _drive(self, before: EgoState, a: float, delta: float, v_after: float, passed_s: float) -> None:
+        """Drive all models with the command for one decision, from the state that was read before it."""
         body, substeps = self._vehicle, max(round(passed_s / self.substep_s), 1)
         command = complex(*within_limits(body, a, delta))
         drive_bank(
-            self._a, self._delta, self._given, self._keep, _LIMITS, self._read, command, substeps,
-            self._v or 0.0, v_after, body.cg_to_rear, body.cg_to_rear / body.wheelbase,
+            self._a, self._delta, self._given, self._keep, _LIMITS,
+            complex(before.acceleration, before.steering), command, substeps,
+            before.v, v_after, body.cg_to_rear, body.cg_to_rear / body.wheelbase,
         )  # fmt: skip
 
     def _score(self, ego: EgoState, passed_s: float) -> None:

@@ -57,11 +57,11 @@ def drive_bank(
     delays, lags, frictions = a.shape
     wanted_a, wanted_delta = np.empty(frictions), np.empty(frictions)
     widest, widest_tangent = widest_angles(limit, v, cg_to_rear, ratio)
-    first_a, first_delta = np.empty(frictions), np.empty(frictions)
     for f in range(frictions):
-        first_delta[f] = min(max(now.imag, -widest[f]), widest[f])
-        first_a[f] = within_friction(now.real, math.tan(first_delta[f]), limit[f], v, cg_to_rear, ratio)
-    a[:], delta[:] = first_a, first_delta
+        turned = min(max(now.imag, -widest[f]), widest[f])
+        wanted_delta[f] = turned
+        wanted_a[f] = within_friction(now.real, math.tan(turned), limit[f], v, cg_to_rear, ratio)
+    a[:], delta[:] = wanted_a, wanted_delta
     for i in range(substeps):
         for d in range(len(given) - 1, 0, -1):
             given[d, 0], given[d, 1] = given[d - 1, 0], given[d - 1, 1]

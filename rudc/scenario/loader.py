@@ -30,7 +30,8 @@ def load_scenario(
     grid: Mapping[str, Sequence[object]] | None = None,
 ) -> Scenario:
     """The scenario of a shipped name or a file. `overrides`: dotted key -> value to use instead; such a key
-    is not swept any more; a part that is given besides the whole is put into it. `grid`: dotted key -> values
+    is not swept any more; where a key and a part of it are both given, the part
+    is put into the value given for the whole, whatever their order. `grid`: dotted key -> values
     to sweep it over; a key that takes a list, such as `events`, gets them as its value.
 
     `fit` finds what a file alone does not show (`rudc.world.fitting.misfits`: lanes that its network does
@@ -41,15 +42,17 @@ def load_scenario(
     if sheet is None:
         raise _error(reports, path)
     swept: dict[str, Sequence[object]] = {}
-    given: dict[str, Any] = {**(overrides or {}), **(grid or {})}
+    grid = grid or {}
+    given: dict[str, Any] = {**(overrides or {}), **grid}
     for key in sorted(given, key=lambda key: key.count(".")):  # a whole, then what is to differ in it
-        if key in (grid or {}) and not _takes_list(sheet, key, given[key]):
+        if key in grid and not _takes_list(sheet, key, given[key]):
             swept[key] = given[key]
         else:
             reports += _override(sheet, key, given[key])
     reports += _within_swept(given, swept)
-    for key in filter(swept.__contains__, grid or {}):  # in the order given: the last varies fastest
-        _sweep(sheet, key, swept[key])
+    for key in grid:  # in the order given: the last varies fastest
+        if key in swept:
+            _sweep(sheet, key, swept[key])
     scenario, more = _checked(sheet, {report.path for report in reports}, sweeps=not reports)
     reports += more
     if fit is not None:

@@ -139,7 +139,7 @@ class Mix(FileModel, frozen=True):
         shares = [getattr(self, name) for name in type(self).model_fields]
         if all(share.support[1] == 0 for share in shares):
             refuse("one share at least must be above 0, as in {car: 0.8, truck: 0.2}")
-        if all(map(_may_be_none, shares)):
+        if all(map(_may_be_zero, shares)):
             refuse(
                 "all shares can be drawn as 0 in the same episode; one at least must always be above 0 "
                 "(episodes without traffic: `density: {choice: [0, 20]}`)"
@@ -155,8 +155,10 @@ class Mix(FileModel, frozen=True):
         return {name: share / total for name, share in drawn.items() if share > 0}
 
 
-def _may_be_none(share: Distribution) -> bool:
-    """Whether a share is 0 in some episodes; a number from a range never is."""
+def _may_be_zero(share: Distribution) -> bool:
+    """Whether a share can be drawn as 0: 0 itself, or a choice with 0 in it. A number from a range is taken
+    to be above 0.
+    """
     low, high = share.support
     return low == 0 and (isinstance(share, Choice) or high == 0)
 

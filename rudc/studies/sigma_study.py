@@ -137,7 +137,9 @@ def run(order: Order, progress: Callable[[str], Progress]) -> Report:
 
 
 def _must_state_sigma(name: str) -> None:
-    """Raise InputError for those of which it is known; who else does not is found out as it drives."""
+    """Raise InputError for an agent that is known to state no uncertainty; of an agent of one's own that is
+    found out as it drives.
+    """
     make_agent(name)
     folder = _folder(name)
     if folder is not None:

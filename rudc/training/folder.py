@@ -95,9 +95,9 @@ def check_folder(config: TrainConfig, folder: Path, sources: Sources, *, resume:
         )
     if other := _other_code(folder):
         raise InputError(
-            f"{folder}: code that is not RUDC's was other code when it began: {listed(other)}. Resume it "
-            "with the same files by --import, as they were, and the same packages, or train anew in another "
-            "folder"
+            f"{folder}: code that is not RUDC's is not what it was when the training began: {listed(other)}. "
+            "To resume it, name the same files, unchanged, by --import, and install the same packages; or "
+            "train anew in another folder"
         )
 
 

@@ -21,7 +21,7 @@ from rudc.network.paths import SPACING
 from rudc.world.ego import DRY, GRAVITY
 
 if TYPE_CHECKING:
-    from collections.abc import Container
+    from collections.abc import Container, Mapping
 
     from rudc.network.network import Network
     from rudc.network.road import Lane
@@ -50,15 +50,15 @@ class Bends:
         that is less.
 
         `entered`: edges onto which a vehicle is about to come with a speed that their present limits allow;
-        SUMO ends the simulation over one that comes faster, so these limits stay. Returns whether any did.
+        SUMO ends the simulation over one that comes faster, so these limits stay. Returns whether
+        any limit stayed for that reason.
         """
-        grip = min(grip, DRY * GRAVITY)
         if self._curvature is None:
             self._curvature = curvatures(self._network)
         stay = False
-        for name, curvature in self._curvature.items():
+        for name, most in limits_in_bends(self._curvature, min(grip, DRY * GRAVITY)).items():
             lane = self._network.lanes[name]
-            limit = min(lane.speed, math.sqrt(SHARE * grip / curvature))
+            limit = min(lane.speed, most)
             if limit < self.limit(lane) and lane.edge in entered:
                 stay = True
             elif limit != self.limit(lane):
@@ -73,6 +73,11 @@ class Bends:
     def edge_limit(self, edge: str) -> float:
         """m/s, the lowest limit among the lanes of an edge now."""
         return min(self.limit(lane) for lane in self._network.lanes.values() if lane.edge == edge)
+
+
+def limits_in_bends(curvature: Mapping[str, float], grip: float) -> dict[str, float]:
+    """m/s, what a road that gives `grip` m/s2 allows in the tightest bend of each lane (`curvatures`)."""
+    return {name: math.sqrt(SHARE * grip / bend) for name, bend in curvature.items()}
 
 
 def curvatures(network: Network) -> dict[str, float]:

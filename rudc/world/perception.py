@@ -71,12 +71,12 @@ class Sensors:
             velocity=scene.velocity + faster[:, None] * along,
             path_s=scene.path_s + np.einsum("ij,ij->i", shift, along),
         )
-        return noisy.nearest_first() if self.position_std else noisy
+        return noisy.nearest_first()
 
 
 def visible(scene: Scene, occluders: Array, range_m: float = np.inf) -> Flags:
-    """(N,) whether the centre or a corner of each of the others is at most `range_m` m from the ego's centre,
-    and the straight line to it meets none of the boxes (K, 5)."""
+    """(N,) whether the ego sees the centre or a corner of each of the others from its own centre: at most
+    `range_m` m away, with none of the boxes (K, 5) on the straight line to it."""
     along = 0.5 * scene.size[:, :1] * np.stack([np.cos(scene.heading), np.sin(scene.heading)], axis=1)
     across = 0.5 * scene.size[:, 1:] * np.stack([-np.sin(scene.heading), np.cos(scene.heading)], axis=1)
     signs = np.array([(0, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)])

@@ -93,11 +93,6 @@ class Traffic:
             for movement in network.movements
         }
         """lanes that each movement uses on each edge of its arm, outermost edge first"""
-        self._refused = {
-            (movement.origin, movement.destination): network.refused(movement)
-            for movement in network.movements
-        }
-        """SUMO's classes of vehicles that may not drive the whole of each movement"""
         self.bends = Bends(sumo, network)
 
     def begin(self, plan: TrafficPlan, rng: np.random.Generator) -> None:
@@ -186,7 +181,7 @@ class Traffic:
 
     def may_go(self, name: str, origin: str, destination: str) -> bool:
         """Whether all roads of a movement are open to an SV's class of vehicles."""
-        return self.drivers[name].type.vclass not in self._refused[origin, destination]
+        return self.drivers[name].type.vclass not in self._network.refused[origin, destination]
 
     def redirect(self, name: str, origin: str, destination: str) -> None:
         """Send an SV that has not reached its stop line to another arm; its lane must lead there."""
@@ -274,7 +269,7 @@ class Traffic:
     def may_drive(self, kind: str, movement: Movement, lane: Lane) -> bool:
         """Whether a kind of vehicle may enter on a lane and drive a movement."""
         vclass = VEHICLE_TYPES[kind].vclass
-        return vclass not in self._refused[movement.origin, movement.destination] | {*lane.refuses}
+        return vclass not in self._network.refused[movement.origin, movement.destination] | {*lane.refuses}
 
     def _lanes_for(self, movement: Movement, edge: str) -> list[Lane]:
         """The lanes of an edge that a movement uses; all of them if its own begin on a later edge."""

@@ -144,24 +144,3 @@ def test_a_car_that_was_late_for_long_is_not_trusted_in_bends_any_more(make_scen
     tightest = float(np.abs(scene.route.path.curvature).max())
     profile = adaptation._speeds(scene, DRY * GRAVITY)
     assert profile.min() == pytest.approx(math.sqrt(share * DRY * GRAVITY / tightest))
-
-
-def test_who_will_be_nearest_when_a_command_acts_comes_first(make_scene):
-    """A leader 14 m ahead, as fast as the ego, and somebody 18 m away who comes towards it."""
-    scene = make_scene(front=-40.0, v=10.0)
-    x, y, psi = scene.ego.x, scene.ego.y, scene.ego.psi
-    ahead, left = np.array([math.cos(psi), math.sin(psi)]), np.array([-math.sin(psi), math.cos(psi)])
-    leader, oncoming = 14.0 * ahead, 17.6 * ahead + 3.5 * left
-    scene = make_scene(
-        {"at": (x + leader[0], y + leader[1], psi), "v": 10.0},
-        {"at": (x + oncoming[0], y + oncoming[1], psi + math.pi), "v": 10.0},
-        front=-40.0,
-        v=10.0,
-        actuation=Actuation(delay_s=0.4),
-    )
-    adaptation = Adaptation("known", probe=False)
-    adaptation.reset(scene)
-    for k in range(6):
-        shown = adaptation.see(replace(scene, time_s=0.1 * k))
-    assert scene.ids == ("other0", "other1")
-    assert shown.ids == ("other1", "other0")

@@ -93,13 +93,6 @@ def test_one_kind_of_noise_leaves_the_rest_nearly_as_it_is(traffic):
     assert heading < 0.02
 
 
-def test_the_nearest_come_first_among_those_that_are_shown(traffic):
-    seen, shown = watched(traffic, NOISY, Smoothing())
-    away = [np.hypot(*(scene.position - scene.ego_position).T) for scene in (*seen, *shown)]
-    assert all((np.diff(distances) >= 0.0).all() for distances in away)
-    assert any(a.ids != b.ids for a, b in zip(seen, shown, strict=True))
-
-
 def test_noise_that_ends_is_forgotten(traffic):
     rng, watch = np.random.default_rng(1), Smoothing()
     half = len(traffic) // 2

@@ -103,7 +103,8 @@ def test_a_kind_that_could_only_turn_back_is_said(written, tmp_path):
         (tmp_path / f"back.{tag[:3]}.xml").write_text(f"<{tag}>{''.join(parts)}</{tag}>", encoding="utf-8")
     path = build_network(tmp_path)
     network = load_network(str(path))
-    assert {m.turn for m in network.movements if "truck" not in network.refused(m)} == {"u_turn"}
+    open_to = [m.turn for m in network.movements if "truck" not in network.refused[m.origin, m.destination]]
+    assert {*open_to} == {"u_turn"}
     mixed = f"name: a\nnetwork: {path}\ntraffic: {{mix: {{car: 1, truck: 1}}}}\n"
     (told,) = never_happening(load_scenario(written(mixed)))
     assert told.startswith("no truck of traffic.mix can appear")

@@ -27,10 +27,12 @@ def test_a_training_is_not_resumed_with_other_code(tmp_path, monkeypatch, change
     keep_inputs(config, folder, sources)
     check_folder(config, folder, sources, resume=True)
     (file if changed == file.name else package).write_text("MOST = 2\n", encoding="utf-8")
-    with pytest.raises(InputError, match=rf"other code when it began: {changed}\. Resume it"):
+    with pytest.raises(
+        InputError, match=rf"not what it was when the training began: {changed}\. To resume it"
+    ):
         check_folder(config, folder, sources, resume=True)
     keep_inputs(config, folder, sources)
-    with pytest.raises(InputError, match="other code"):
+    with pytest.raises(InputError, match="is not what it was"):
         check_folder(config, folder, sources, resume=True)
     (folder / "code.json").unlink()
     check_folder(config, folder, sources, resume=True)

@@ -38,9 +38,13 @@ def with_limits(folder: Path, limits: Callable[[str], float], node_type: str = "
 
 def _built(folder: Path, name: str, nodes: list[str], edges: list[str]) -> Path:
     """The network of these nodes and edges, as netconvert reads them."""
+    _write(folder, name, nodes, edges)
+    return build_network(folder)
+
+
+def _write(folder: Path, name: str, nodes: list[str], edges: list[str]) -> None:
     for ending, tag, parts in ((".nod.xml", "nodes", nodes), (".edg.xml", "edges", edges)):
         (folder / f"{name}{ending}").write_text(f"<{tag}>{''.join(parts)}</{tag}>", encoding="utf-8")
-    return build_network(folder)
 
 
 def bent(folder: Path, node_type: str = "priority") -> Path:
@@ -71,7 +75,8 @@ def single_track(folder: Path) -> Path:
             f'<edge id="{arm}_{way}" from="{start}" to="{end}" speed="10" spreadType="{spread}"/>'
             for way, start, end in (("in", arm, "centre"), ("out", "centre", arm))
         ]
-    net = _built(folder, "track", nodes, edges)
+    _write(folder, "track", nodes, edges)
+    net = folder / "track.net.xml"
     sources = ["-n", "track.nod.xml", "-e", "track.edg.xml", "-o", net.name]
     still = ["--offset.disable-normalization", "--geometry.avoid-overlap", "false"]
     subprocess.run([find_netconvert(), *sources, *still], cwd=folder, check=True, capture_output=True)

@@ -158,7 +158,7 @@ def test_no_lorries_where_the_only_way_is_closed_to_them(tmp_path, closed):
         for arm, lane, more in ways
     )
     network = load_network(str(crossing(tmp_path, lanes, "", links)))
-    refused = {m.destination: network.refused(m) for m in network.movements if m.origin == "south"}
+    refused = {end: classes for (start, end), classes in network.refused.items() if start == "south"}
     assert refused == {"west": {"truck"}, "north": set(), "east": set()}
     source = PlanSource(str(network.path), 20.0, "east", "straight", {"car": 0.5, "truck": 0.5})
     with World(network) as world:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import base64
 import contextlib
 import re
-import shlex
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from rudc.errors import SweepError
 from rudc.evaluation.manifest import read_manifest
+from rudc.imports import rudc_command
 
 _FENCE = re.compile(r"^```.*$", re.MULTILINE)
 _CELL = re.compile(r"(?<!\\)\|")
@@ -43,7 +43,7 @@ def study_content(folder: Path) -> dict[str, Any]:
         "source": str(folder),
         "texts": texts,
         "figures": figures,
-        "commands": [f"rudc report {shlex.quote(str(sweep))}" for sweep in manifests],
+        "commands": [rudc_command("report", str(sweep)) for sweep in manifests],
         "versions": next((said.get("versions", {}) for said in manifests.values()), {}),
     }
 

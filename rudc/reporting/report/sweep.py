@@ -54,7 +54,7 @@ def sweep_content(folder: Path, page: Path) -> dict[str, Any]:
     scripted = {name: [event["kind"] for event in v.get("events", ())] for name, v in scenarios.items()}
     tables = [_table(folder, rows, by) for by in _groupings(episodes)]
     made = sorted(path.name for path in (page.parent / REPLAYS).glob("*.html"))
-    rudc = shlex.join(rudc_command())
+    rudc = rudc_command()
     data = {
         "rudc": rudc,
         "replayed": "" if lacking else shlex.quote(str(folder)),
@@ -126,9 +126,7 @@ def _table(
         ]
         for i, group in enumerate(groups[:MOST_GROUPS])
     ]
-    command = (
-        f"{shlex.join(rudc_command())} table {shlex.quote(str(folder))} --by {shlex.quote(','.join(by))}"
-    )
+    command = rudc_command("table", str(folder), "--by", ",".join(by))
     return {"by": list(by), "lines": lines, "left_out": len(groups) - len(lines), "command": command}, groups
 
 
@@ -164,7 +162,7 @@ def _setup(
         return {}
     configuration = known["configuration"]
     return {
-        "command": f"{shlex.join(rudc_command())} sweep --verify DIR --share 1",
+        "command": rudc_command("sweep", "--verify", "DIR", "--share", "1"),
         "versions": known["versions"],
         "changes": version_changes(known),
         "scenarios": [

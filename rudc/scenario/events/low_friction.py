@@ -9,6 +9,9 @@ from rudc.scenario.events.event import Duration, Event, Felt
 from rudc.scenario.events.registry import register_event
 from rudc.scenario.events.stage import Stage
 
+LEAST, MOST = 0.03, 1.2
+"""least and largest coefficient of friction that a scenario may have"""
+
 
 class LowFriction(Event, frozen=True):
     """A slippery road; a later event of this kind replaces it."""
@@ -16,7 +19,7 @@ class LowFriction(Event, frozen=True):
     kind: Literal["low_friction"]
     """a slippery road: nobody brakes or accelerates harder than mu g; the ego slides if it turns harder,
     others slow down more for bends"""
-    friction: Annotated[AnyDistribution, Bounds(0.03, 1.2)]
+    friction: Annotated[AnyDistribution, Bounds(LEAST, MOST)]
     """coefficient of friction: 0.9 dry, 0.5 wet, 0.3 snow, 0.1 ice"""
     duration: Duration | None = None
     """s until it is over; by default for good"""

@@ -20,7 +20,8 @@ class SensorDropout(Event, frozen=True):
     probability: Annotated[AnyDistribution, Bounds(0, 1)] = Constant(value=0.0)
     """probability of missing a vehicle, drawn anew for each vehicle at each decision"""
     range: Annotated[AnyDistribution, Bounds(0, 1000, "m", above=True)] | None = None
-    """m beyond which nobody is seen; who has its centre or a corner nearer is seen whole; by default none"""
+    """m beyond which nobody is seen; a road user whose centre or a corner lies within it is seen whole; by
+    default no limit"""
     duration: Duration | None = None
     """s until it is over; by default for good"""
 

@@ -38,14 +38,15 @@ def _line(number: int, happening: Happening) -> str:
 
 
 def _awaited(happening: Happening) -> str:
+    if happening.no_room:
+        return "room on the road"
     event = happening.event
     conditions = event.when.conditions if event.when and not happening.refused else {}
     parts = [f"{name} {_words(condition)}" for name, condition in conditions.items()]
     who = getattr(event, "vehicle", None)
     if who is not None:
         parts.append(f"a vehicle to act on ({who})")
-    due = "something to act on" if happening.refused else "the first decision"
-    return " and ".join(parts) or ("room on the road" if happening.no_room else due)
+    return " and ".join(parts) or ("something to act on" if happening.refused else "the first decision")
 
 
 def _words(condition: Any) -> str:

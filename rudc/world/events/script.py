@@ -36,7 +36,7 @@ class Happening(NamedTuple):
     refused: bool = False
     """whether its trigger held at the last decision, but there was no room for it or nobody to act on"""
     no_room: bool = False
-    """whether it was refused as it asked for room on the road, and there was none"""
+    """whether it was refused because it asked for room on the road and there was none"""
 
 
 class Script:
