@@ -17,9 +17,9 @@ def constant(value: float) -> Distribution:
 
 def event(kind: str, **fields: object) -> Event:
     """An event as a scenario file would give it, its numbers drawn."""
-    found = EVENT_KINDS[kind].model_validate({"kind": kind, **fields}).drawn(np.random.default_rng(0))
-    assert found is not None
-    return found
+    found, rng = EVENT_KINDS[kind].model_validate({"kind": kind, **fields}), np.random.default_rng(0)
+    assert found.happens(rng)
+    return found.drawn(rng)
 
 
 @dataclass(frozen=True)

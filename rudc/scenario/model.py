@@ -21,7 +21,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, Valida
 from rudc.errors import InputError, ScenarioError
 from rudc.scenario.base import FileModel, Identifier, NonEmpty, refuse
 from rudc.scenario.dotted import DottedKeyError, dotted, with_value
-from rudc.scenario.events import AnyEvent
+from rudc.scenario.events import AnyEvent, Event
 from rudc.scenario.networks import existing_network, is_network_path
 from rudc.scenario.plan import EpisodePlan
 from rudc.scenario.problems import describe
@@ -158,15 +158,27 @@ class Scenario(FileModel, frozen=True):
         return known
 
     def plan(self, seed: int, attempt: int = 0) -> EpisodePlan:
-        """One episode, the same for the same seed and attempt, with its numbers drawn."""
+        """One episode, the same for the same seed and attempt, with its numbers drawn.
+
+        Whether an event happens depends on the seed alone: if it were drawn anew with each attempt, an event
+        that leaves the ego few safe starts would happen less often than its `probability` says.
+        """
         for what, value in (("a seed", seed), ("an attempt", attempt)):
             if value < 0:
                 raise InputError(f"{what} cannot be negative, got {value}")
 
-        def generator(section: int) -> np.random.Generator:
+        def generator(section: int, attempt: int = attempt) -> np.random.Generator:
             return np.random.default_rng((seed, attempt, section))
 
-        drawn = [event.drawn(generator(_FIRST_EVENT + i)) for i, event in enumerate(self.events)]
+        def drawn_event(section: int, event: Event) -> Event | None:
+            rng = generator(section)
+            # Drawn whatever the chance, so that another probability leaves the event's numbers as they were.
+            happens = event.happens(rng)
+            if attempt > 0:
+                happens = event.happens(generator(section, attempt=0))
+            return event.drawn(rng) if happens else None
+
+        drawn = [drawn_event(_FIRST_EVENT + i, event) for i, event in enumerate(self.events)]
         return EpisodePlan(
             scenario=self.name,
             network=self.network,

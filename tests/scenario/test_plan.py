@@ -162,6 +162,17 @@ def test_probability_decides_once_an_episode():
     assert all(len(scenario(events=[always, never]).plan(seed).events) == 1 for seed in range(100))
 
 
+def test_an_episode_that_is_drawn_again_keeps_the_events_that_happen_in_it():
+    """With other numbers; else events that make starts hard would happen less often than the file says."""
+    event = {"kind": "low_friction", "friction": {"uniform": [0.1, 0.9]}, "when": {"probability": 0.5}}
+    source = scenario(events=[event])
+    for seed in range(40):
+        plans = [source.plan(seed, attempt) for attempt in range(4)]
+        assert len({plan.event_numbers for plan in plans}) == 1
+        frictions = {float(event.friction) for plan in plans for event in plan.events}
+        assert len(frictions) in (0, 4)
+
+
 def test_events_keep_their_number_in_the_file():
     never = {**BRAKE, "when": {"probability": 0}}
     assert scenario(events=[never, BRAKE, never, BRAKE]).plan(0).event_numbers == (2, 4)

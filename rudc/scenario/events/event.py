@@ -41,17 +41,19 @@ class Event(FileModel, frozen=True):
     when: Trigger | None = None
     """conditions that must all hold for it to happen, once; without them it happens at the start"""
 
-    def drawn(self, rng: np.random.Generator) -> Event | None:
-        """The event with its numbers drawn, or None where its `probability` says that it does not happen.
+    def happens(self, rng: np.random.Generator) -> bool:
+        """Whether it happens in an episode, drawn with its `probability`."""
+        chance = 1.0 if self.when is None else self.when.chance.sample(rng)
+        return bool(rng.random() < chance)
+
+    def drawn(self, rng: np.random.Generator) -> Event:
+        """The event with its numbers drawn.
 
         What is left of `when` holds conditions only; it is None when there are none.
         """
-        chance = 1.0 if self.when is None else self.when.chance.sample(rng)
-        # Drawn whatever the chance, so that another probability leaves the event's numbers as they were.
-        happens = rng.random() < chance
         event = draw(self, rng)
-        if not happens or event.when is None:
-            return event if happens else None
+        if event.when is None:
+            return event
         when = event.when.model_copy(update={"probability": None}) if event.when.conditions else None
         return event.model_copy(update={"when": when})
 
