@@ -198,7 +198,7 @@ def validate(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Check scenario files, and that each fits its network and can be set up (seed 0).
+    """Check scenario files, and that each fits its network and can be set up (sixteen seeds).
 
     Of a sweep of many points every value is checked, and some points are set up; the answer says how many.
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from rudc.scenario.triggers import Trigger
 
 TRIED = 16
-"""points of a sweep that are set up at most: `rudc scenario validate` answers at once"""
+"""episodes that are set up at most: `rudc scenario validate` answers at once"""
 
 
 def validated(path: Path) -> tuple[Scenario | None, list[str]]:
@@ -41,18 +41,23 @@ def validated(path: Path) -> tuple[Scenario | None, list[str]]:
 
 
 def try_out(scenario: Scenario) -> list[str]:
-    """What goes wrong when the scenario's episode of seed 0 is set up in a world, for each of the points
-    of its sweep that `tried_points` chooses."""
+    """What goes wrong when episodes of the scenario are set up in a world: those of the first seeds, for each
+    of the points of its sweep that `tried_points` chooses, TRIED altogether. Of a point, the first that goes
+    wrong.
+    """
     from rudc.world.world import World  # loads libsumo, which checking alone does not need
 
     found: dict[str, str] = {}
-    for swept in tried_points(scenario):
+    points = tried_points(scenario)
+    for swept in points:
+        seed = 0
         try:
             point = scenario.varied(swept) if swept else scenario
             with as_written(), World(load_network(point.network, point.junction)) as world:
-                world.reset(point.plan(0))
+                for seed in range(TRIED // len(points)):
+                    world.reset(point.plan(seed))
         except RudcError as error:
-            found.setdefault(str(error), _where(swept))
+            found.setdefault(str(error), _where({**swept, "seed": seed} if seed else swept))
     return [where + text for text, where in found.items()]
 
 
@@ -122,7 +127,7 @@ def _nowhere(scenario: Scenario) -> Iterator[str]:
 
 
 def _where(swept: dict[str, Scalar]) -> str:
-    """`with traffic.density=10: `, or nothing where nothing is swept."""
+    """`with traffic.density=10: `, or nothing where there is nothing to say."""
     values = ", ".join(f"{key}={value_text(value)}" for key, value in swept.items())
     return f"with {values}: " if values else ""
 

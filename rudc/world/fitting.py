@@ -74,13 +74,15 @@ def _movements(network: Network, ego: Ego | None) -> tuple[list[Movement], list[
 
 def _too_far(network: Network, movements: list[Movement], ego: Ego) -> list[Problem]:
     """The problem of an arm that is too short for the ego's start, if there is one."""
-    stops = network.paths.stop_s
-    room = [(float(stops[start_row(network, m)]) - network.vehicle.length, m.origin) for m in movements]
-    least, arm = min(room)
-    far = likely(ego.distance)[1]
-    if far <= least + TOLERANCE_M:
+    ways = [float(network.paths.stop_s[start_row(network, movement)]) for movement in movements]
+    way, arm, to = min((way, m.origin, m.destination) for way, m in zip(ways, movements, strict=True))
+    room, far = way - network.vehicle.length, likely(ego.distance)[1]
+    if far <= room + TOLERANCE_M:
         return []
-    text = f"{far:g} m do not fit on arm {arm!r} of network {network.name}, which has {least:.1f} m for it"
+    text = (
+        f"{far:g} m do not fit on arm {arm!r} of network {network.name}, which has {room:.1f} m for it: the "
+        f"ego's path to {to!r} begins {way:.1f} m before the stop line, and the car takes the rest"
+    )
     return [Problem(("ego", "distance"), text)]
 
 

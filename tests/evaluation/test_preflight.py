@@ -81,6 +81,18 @@ def test_only_those_points_cost_an_episode(written, monkeypatch):
     assert len(set_up) == len(tried_points(scenario))
 
 
+def test_what_goes_wrong_in_some_episodes_only_is_said(written):
+    """With the first seed in which it does; two bodies overlap in every fourth."""
+    at = "{lane: east_out_0, at: 20, type: car}, {lane: east_out_0, at: {uniform: [22, 34]}, type: car}"
+    events = f"[{{kind: accident, vehicles: [{at}]}}]"
+    scenario, problems = validated(written(f"name: a\ntraffic: {{density: 0}}\nevents: {events}\n"))
+    (told,) = problems
+    seed = int(told.split("with seed=")[1].split(":")[0])
+    placed = [float(scenario.plan(k).events[0].vehicles[1].at) for k in range(seed + 1)]
+    assert min(placed) == placed[-1] < 25.0
+    assert "stand in the same place" in told
+
+
 def test_a_kind_of_the_mix_that_may_drive_nowhere_is_said(written, tmp_path):
     text = load_network("four_way").path.read_text(encoding="utf-8")
     closed = tmp_path / "closed.net.xml"

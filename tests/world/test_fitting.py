@@ -217,7 +217,8 @@ def test_a_position_far_from_any_road_is_a_mistake(problems):
 def test_the_ego_must_have_room_on_its_arm(problems):
     check(
         problems("name: a\nego: {distance: {uniform: [30, 300]}}\n"),
-        "2:17: ego.distance: 300 m do not fit on arm ... of network four_way, which has 115.0 m for it",
+        "2:17: ego.distance: 300 m do not fit on arm ... of network four_way, which has 115.0 m for it: "
+        "the ego's path to ... begins 120.0 m before the stop line, and the car takes the rest",
     )
 
 
