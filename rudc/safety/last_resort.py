@@ -31,7 +31,8 @@ it is closer already, than it is now.
                        stop that begins with u has room towards those who stand still and braking at once has
                        more towards them, whatever else comes. It steers in whichever of these ways has most
                        room: as u does; as the wheels are now, as in the stop that the last action relied on;
-                       or, where somebody stands still, along the route. Where the manoeuvres hit somebody,
+                       or, where somebody stands still, along the route. If all of these hit somebody, those
+                       that leave the road within SOON_S come last. Where the manoeuvres hit somebody,
                        ALIKE less room will do, too: rectangles that overlap by more than their widths have
                        the same separation, however far they overlap
     u is taken         otherwise
@@ -43,7 +44,9 @@ drive behind the ego on its path are left out.
 
 from __future__ import annotations
 
+import cmath
 import math
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -63,6 +66,7 @@ from rudc.safety.last_resort_kernels import (
 )
 from rudc.safety.prediction import ALONG, GO_ACCELERATION, GO_SPEED, LANE, bodies, ego_ahead, following, lines
 from rudc.vehicle import EgoVehicle
+from rudc.world.borders import Borders
 from rudc.world.kernels import slip_of
 from rudc.world.scene import STILL, Scene
 
@@ -87,6 +91,8 @@ GENTLY = 0.4
 """share of the ego's hardest braking: others are expected to brake as hard as this for an ego in their way"""
 SPEEDS_UP_S = 2.0
 """s, for which somebody who speeds up now is predicted to go on doing so"""
+SOON_S = 0.6
+"""s, how far ahead a stop with the steering held is looked at for the road's edge"""
 CHANGING = 0.5
 """m/s2, whoever brakes or speeds up by more is also predicted to go on doing so"""
 
@@ -220,15 +226,34 @@ class LastResort:
 
     def _brake(self, scene: Scene, others: _Others, kept: Flags, delta: float) -> tuple[Array, Array]:
         """(2,) m/s2 and rad, full braking, and (m,) m its room. It steers at `delta` rad, as the wheels are
-        now or, if somebody stands still, along the route: whichever has most room.
+        now or, if somebody stands still, along the route: whichever has most room. If all hit somebody, one
+        that stays on the road comes first.
         """
         ways = [(delta, 0), (scene.ego.steering, 0)]
         if others.still.any():
             ways.append((steering(scene), 1))
         actions = [np.array([scene.vehicle.a_min, way]) for way, _ in ways]
         rooms = [self._stops(scene, others, u)[k] for u, (_, k) in zip(actions, ways, strict=True)]
-        k = int(np.argmax([room[kept].min() for room in rooms]))
+        least = [float(room[kept].min()) for room in rooms]
+        stays = [True] * len(ways)
+        if max(least) < -CREEPING:
+            stays = [
+                along == 1 or not self._leaves_road(scene, u)
+                for u, (_, along) in zip(actions, ways, strict=True)
+            ]
+        k = max(range(len(ways)), key=lambda k: (stays[k], least[k]))
         return actions[k], rooms[k]
+
+    def _leaves_road(self, scene: Scene, u: Array) -> bool:
+        """Whether an ego that stops with the steering of `u` (2,), m/s2 and rad, is off the road within
+        SOON_S, too soon for a later decision to steer back."""
+        place, facing = self._stop(scene, u)
+        borders = Borders(scene.network.surface, scene.vehicle, may_cross_centre=True)
+        soon = self._times <= SOON_S
+        return any(
+            borders.left(replace(scene.ego, x=at.real, y=at.imag, psi=cmath.phase(ahead)))[0]
+            for at, ahead in zip(place[soon].tolist(), facing[soon].tolist(), strict=True)
+        )
 
     def _behind(self, scene: Scene, who: Index) -> Index:
         """Those of `who` that drive behind the ego."""

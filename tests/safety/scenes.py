@@ -49,12 +49,25 @@ class Paths:
         return self.heading.shape[1]
 
 
+class Surface:
+    """What the filter reads of `network.surface`: two roads, 14 m wide, that cross at the origin."""
+
+    def depth(self, x: float, y: float) -> float:
+        """m from the road's edge; negative beyond it."""
+        return 7.0 - min(abs(x), abs(y))
+
+    def direction(self, x: float, y: float) -> float:
+        """No lane has a direction."""
+        return math.nan
+
+
 @dataclass(frozen=True)
 class Network:
     """What the filter reads of `scene.network`."""
 
     paths: Paths
     vehicle: EgoVehicle = EgoVehicle()  # noqa: RUF009 - immutable
+    surface: Surface = Surface()  # noqa: RUF009 - immutable
 
 
 @dataclass(frozen=True, eq=False)

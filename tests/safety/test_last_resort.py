@@ -178,6 +178,16 @@ def test_where_everything_hits_it_brakes(length: float, width: float, away: floa
     assert (answer.status, answer.u[0]) == ("last_resort", scene.vehicle.a_min)
 
 
+@pytest.mark.parametrize(("y", "held"), [(-5.0, False), (3.0, True)])
+def test_where_everything_hits_it_does_not_leave_the_road_for_more_room(y: float, held: bool) -> None:
+    """With the wheels as they are it would come past the other a little better, if there were road."""
+    scene = make_scene([Other(27.0, y + 0.5, speed=1.0)], x=20.0, y=y, v=12.0)
+    scene = replace(scene, ego=replace(scene.ego, steering=-0.3))
+    answer = SafetyFilter(ALONE).filter(scene, np.array([0.0, 0.0]))
+    assert answer.status == "last_resort"
+    assert answer.u.tolist() == [scene.vehicle.a_min, -0.3 if held else 0.0]
+
+
 def test_beside_somebody_it_may_drive_off_but_not_come_closer() -> None:
     beside = make_scene([Other(1.0, 2.0)], v=0.0)
     assert gap(beside) == pytest.approx(0.2)
