@@ -231,13 +231,13 @@ def validate(
 
 def _problems(files: list[str], seeds: range, tell: Callable[[dict[str, Any]], None]) -> list[str]:
     """What is wrong in all files; `tell` gets what was found about each file."""
-    from rudc.evaluation.preflight import never_happening, tried_points, validated
+    from rudc.evaluation.preflight import TRIED, never_happening, tried_points, validated
     from rudc.scenario.library import existing_files, shipped_scenarios, shown
 
     shipped = {path: name for name, path in shipped_scenarios().items()}
     paths, problems = existing_files(files)
     for path in paths:
-        scenario, wrong = validated(path)
+        scenario, wrong = validated(path, 1 if seeds else TRIED)  # what is driven is set up anyway
         problems += wrong
         found: dict[str, Any] = {"scenario": shipped.get(path, shown(path)), "problems": wrong}
         if scenario is not None and not wrong:

@@ -31,19 +31,20 @@ TRIED = 16
 """episodes that are set up at most: `rudc scenario validate` answers at once"""
 
 
-def validated(path: Path) -> tuple[Scenario | None, list[str]]:
-    """A file's scenario, None where it cannot be read, and all that is wrong with it, a line each."""
+def validated(path: Path, tried: int = TRIED) -> tuple[Scenario | None, list[str]]:
+    """A file's scenario, None where it cannot be read, and all that is wrong with it, a line each; `tried` as
+    for `try_out`."""
     try:
         scenario = load_scenario(path, fit=misfits)
     except ScenarioError as error:
         return None, str(error).splitlines()
-    return scenario, [f"{shown(path)}: {problem}" for problem in try_out(scenario)]
+    return scenario, [f"{shown(path)}: {problem}" for problem in try_out(scenario, tried)]
 
 
-def try_out(scenario: Scenario) -> list[str]:
+def try_out(scenario: Scenario, tried: int = TRIED) -> list[str]:
     """What goes wrong when episodes of the scenario are set up in a world: those of the first seeds, for each
-    of the points of its sweep that `tried_points` chooses, TRIED altogether. Of a point, the first that goes
-    wrong.
+    of the points of its sweep that `tried_points` chooses, `tried` altogether, but one of each at least. Of a
+    point, the first that goes wrong.
     """
     from rudc.world.world import World  # loads libsumo, which checking alone does not need
 
@@ -54,7 +55,7 @@ def try_out(scenario: Scenario) -> list[str]:
         try:
             point = scenario.varied(swept) if swept else scenario
             with as_written(), World(load_network(point.network, point.junction)) as world:
-                for seed in range(TRIED // len(points)):
+                for seed in range(max(tried // len(points), 1)):
                     world.reset(point.plan(seed))
         except RudcError as error:
             found.setdefault(str(error), _where({**swept, "seed": seed} if seed else swept))
