@@ -22,7 +22,12 @@ def report(
     ] = None,
     replays: Annotated[
         int,
-        typer.Option(min=0, metavar="N", help="Replay the N worst episodes, too, into `replays` beside it."),
+        typer.Option(
+            min=0,
+            metavar="N",
+            help="Replay the N worst episodes, at most three of each scenario and agent, into `replays` "
+            "beside it.",
+        ),
     ] = 0,
     quiet: Quiet = False,
 ) -> None:

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 app = typer.Typer(no_args_is_help=True, help="The predictor of what the filter's model leaves out.")
 
+USUAL = "adjustment"
+"""kind of action that is taken where none is named"""
 Data = Annotated[Path, typer.Argument(metavar="DATA", help="File of `rudc residual collect`.")]
 
 
@@ -31,7 +33,9 @@ def collect(
     agent: Annotated[
         str | None, typer.Option("--agent", "-a", help="Whose actions; random ones if left out.")
     ] = None,
-    action: Annotated[str, typer.Option(metavar="KIND", help="Kind of the random actions.")] = "adjustment",
+    action: Annotated[
+        str | None, typer.Option(metavar="KIND", help="Kind of the random actions. Default: adjustment.")
+    ] = None,
     quiet: Quiet = False,
 ) -> None:
     """Drive, and record what the filter predicts and what really follows.
@@ -44,7 +48,9 @@ def collect(
     from rudc.training.residual_data import collect as run
     from rudc.training.residual_data import save_dataset
 
-    driver = read_action(action) if agent is None else make_agent(agent)
+    if action is not None and agent is not None:
+        raise InputError("--action is the kind of random actions, and --agent drives with its own: give one")
+    driver = read_action(action or USUAL) if agent is None else make_agent(agent)
     if not isinstance(driver, ActionKind) and driver.ego_driver == "sumo":
         raise InputError("SUMO's own driver takes no actions: nothing can be predicted of them")
     check_place(out, "a set of samples", ".safetensors")
@@ -103,8 +109,9 @@ def evaluate(
         Path | None, typer.Option(metavar="FILE", help="The predictor; the shipped one if left out.")
     ] = None,
     action: Annotated[
-        str, typer.Option(metavar="KIND", help="Kind of action of the shipped predictor.")
-    ] = "adjustment",
+        str | None,
+        typer.Option(metavar="KIND", help="Kind of action of the shipped predictor. Default: adjustment."),
+    ] = None,
     held_out: Annotated[
         bool, typer.Option("--held-out", help="Only on the episodes that fitting to DATA leaves out.")
     ] = False,
@@ -118,7 +125,9 @@ def evaluate(
     from rudc.safety.residual import load_predictor, shipped_predictor
     from rudc.training.residual_data import load_dataset
 
-    chosen = shipped_predictor(action) if predictor is None else load_predictor(predictor)
+    if action is not None and predictor is not None:
+        raise InputError("--action chooses among the shipped predictors, --predictor is another: give one")
+    chosen = shipped_predictor(action or USUAL) if predictor is None else load_predictor(predictor)
     _show(load_dataset(data), chosen, only_held_out=held_out)
 
 

@@ -191,7 +191,7 @@ def validate(
     seeds: Annotated[
         int, typer.Option(min=0, metavar="N", help="Drive N episodes, to see how often its events happen.")
     ] = 0,
-    seed: Annotated[int, typer.Option(min=0, help="The first of these episodes.")] = 0,
+    seed: Annotated[int | None, typer.Option(min=0, help="The first of these episodes. Default: 0.")] = None,
     watch: Annotated[
         bool, typer.Option("--watch", help="Do it again whenever a file changes, until Ctrl-C.")
     ] = False,
@@ -218,7 +218,9 @@ def validate(
     """
     if watch and as_json:
         raise InputError("--json is written once, and --watch never ends: give one of them")
-    driven = range(seed, seed + seeds)
+    if seed is not None and not seeds:
+        raise InputError("--seed says with which of them --seeds N begin: give --seeds, too")
+    driven = range(seed or 0, (seed or 0) + seeds)
     if watch:
         _validate_again_and_again(files, driven)
     checked: list[dict[str, Any]] = []
@@ -249,9 +251,8 @@ def _problems(files: list[str], seeds: range, tell: Callable[[dict[str, Any]], N
             }
             driven, unset = _driven(scenario, seeds)
             problems += (wrong := [f"{shown(path)}: {text}" for text in unset])
-            tell(found | {"problems": wrong, **driven})
-        else:
-            tell(found)
+            found |= {"problems": wrong, **driven}
+        tell(found)
     return list(dict.fromkeys(problems))
 
 

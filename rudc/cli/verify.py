@@ -76,8 +76,13 @@ def _tell(found: Verification) -> None:
         typer.echo("\nWhat differs here from where the sweep ran:")
         for change in found.changes:
             typer.echo(f"  {change}")
-    else:
+    elif found.unfinished < len(found.other):
         typer.echo(
             "\nNothing that manifest.json names differs here: same inputs, versions and processor. Either "
             "rows were edited, or an agent does not do the same twice"
+        )
+    if found.unfinished:
+        typer.echo(
+            f"\n{found.unfinished} of them could not be run again: see `error`. Where time ran out, give "
+            "them more with --episode-limit"
         )

@@ -53,6 +53,11 @@ class Verification:
     """what differs here from where the sweep ran, by its manifest"""
 
     @property
+    def unfinished(self) -> int:
+        """How many of the reruns failed, as none of the rows had: it says nothing about these."""
+        return sum(any(off.column == "error" for off in found) for _, found in self.other)
+
+    @property
     def columns(self) -> list[Off]:
         """The columns that differ, in their order."""
         found: dict[str, list[Difference]] = {}
@@ -113,6 +118,6 @@ def _sample(rows: Sequence[Mapping[str, str]], share: float, seed: int, folder: 
     able = [number for number, row in enumerate(rows, 1) if not row["error"]]
     if not able:
         raise SweepError(f"{folder} has no finished episode that could be run again")
-    count = max(1, math.ceil(share * len(able)))
+    count = max(1, math.ceil(round(share * len(able), 9)))  # 0.07 * 100 is a little more than 7
     chosen = np.random.default_rng(seed).choice(len(able), size=count, replace=False)
     return _Drawn(sorted(able[k] for k in chosen), len(able))

@@ -24,7 +24,7 @@ from rudc.evaluation.metrics import group_metrics
 from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.sweep import Progress, run_sweep
 from rudc.evaluation.tasks import SweepPlan
-from rudc.evaluation.text import csv_text, interval_of, markdown
+from rudc.evaluation.text import csv_text, interval_of, markdown, number
 from rudc.files import make_folder
 from rudc.reporting.cbf_grid import draw_grid
 from rudc.studies.base import Order, Report, in_distribution, kinds_of_errors, write
@@ -145,5 +145,5 @@ def as_markdown(lines: Sequence[Mapping[str, Any]]) -> str:
         said = [text for text, key in (("paper's", "paper"), ("chosen", "chosen")) if line[key]]
         values = [interval_of(line, rate) for rate in ("SR", "FR", "VR")]
         name = [line["driver"], line["constrained"], line["rule"], rates, ", ".join(said)]
-        rows.append([*name, str(line["episodes"]), *values, f"{line['AES']:.1f}"])
+        rows.append([*name, str(line["episodes"]), *values, number(line["AES"])])
     return markdown(headings, rows, left=5)

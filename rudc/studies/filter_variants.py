@@ -95,6 +95,8 @@ def variants_of(name: str, distances: Sequence[float]) -> list[Variant]:
     own_d_safe = settings.pop("correction.d_safe", "")
     if own_d_safe:
         distances = (float(own_d_safe),)
+    elif learnt is not None and gain is not None:  # at which the others are driven, which are compared
+        distances = tuple(dict.fromkeys((*distances, _d_safe(learnt))))
     found = [Variant(_off(whole, settings, own=gain is not None), name, family(name), "off")]
 
     def add(kind: str, constrained: str, d_safe: float, own: Mapping[str, str]) -> None:
@@ -114,11 +116,16 @@ def variants_of(name: str, distances: Sequence[float]) -> list[Variant]:
             for d_safe in distances:
                 add(kind, constrained, d_safe, own)
         if learnt is not None and gain is not None:
-            d_safe = float(own_d_safe or learnt.config.correction.model_dump()["d_safe"])
+            d_safe = float(own_d_safe or _d_safe(learnt))
             for kind, own in _others(learnt, gain):
                 without = {"correction.residual": "on", "correction.last_resort": "off"}
                 add(kind, constrained, d_safe, without | own)
     return found
+
+
+def _d_safe(learnt: Learnt) -> float:
+    """m, the buffer that an agent's own filter keeps."""
+    return float(learnt.config.correction.model_dump()["d_safe"])
 
 
 def _off(whole: str, settings: Mapping[str, str], *, own: bool) -> str:

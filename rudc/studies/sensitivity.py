@@ -25,7 +25,7 @@ from rudc.evaluation.metrics import group_metrics
 from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.sweep import Progress, run_sweep
 from rudc.evaluation.tasks import SweepPlan
-from rudc.evaluation.text import csv_text, interval_of, markdown
+from rudc.evaluation.text import csv_text, interval_of, markdown, number
 from rudc.files import make_folder, past_links
 from rudc.learning.inference import Decider
 from rudc.reporting.sensitivity import draw_sensitivity
@@ -204,7 +204,7 @@ def as_markdown(swept: Swept, lines: Sequence[Mapping[str, Any]]) -> str:
             str(line["steps"]),
             str(line["episodes"]),
             *(interval_of(line, metric) for metric in shown),
-            f"{line['mean_sigma_std']:.2f}",
+            number(line["mean_sigma_std"], 2),
             f"{line['weights'] / 1000:.0f}",
             f"{line['critics_ms']:.3f}",
         ]

@@ -45,6 +45,11 @@ SEARCH = ("search", "random_destination", "--agent", "follower", "--out", "out")
         (("run", "nowhere.yaml"), "nowhere.yaml: no such file"),
         (("agent", "show", "folower"), "did you mean 'follower'?"),
         (("scenario", "validate", "nowhere.yaml"), "no such file"),
+        (("scenario", "validate", "fog", "--seed", 3), "give --seeds, too"),
+        (
+            ("residual", "collect", "--agent", "follower", "--action", "direct", "--out", "x.safetensors"),
+            "--agent drives with its own: give one",
+        ),
         (("scenario", "new", "bad name"), "'bad name' cannot be a scenario's name: expected letters"),
         (("scenario", "new", "sub/mine"), "'sub/mine' cannot be a scenario's name"),
         (("scenario", "new", "sub/mine.yaml"), "; give the folder by --in DIR"),

@@ -8,6 +8,7 @@ import pytest
 
 from rudc.errors import SweepError
 from rudc.evaluation.folder import read_sweep
+from rudc.evaluation.record import EpisodeRecord
 from rudc.evaluation.rerun import Swept
 from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.sweep import ENGINES, Engine, run_sweep
@@ -78,6 +79,17 @@ def test_a_sample_is_a_share_drawn_by_the_seed(copied):
         assert found.again == len(found.other) == 3
         drawn.append([rerun.number for rerun, _ in found.other])
     assert drawn[0] == drawn[1] != drawn[2]
+
+
+def test_reruns_that_fail_are_counted(copied):
+    class Late(EpisodeRunner):
+        def __call__(self, task):
+            return EpisodeRecord.failed(task.scenario.name, task.agent, task.seed, "it takes too long")
+
+    found = verify_sweep(copied, Late, share=0.25)
+    assert (found.again, found.unfinished, len(found.other)) == (3, 3, 3)
+    _edit(copied, 2, "steps", "7")
+    assert verify_sweep(copied, EpisodeRunner, share=1.0).unfinished == 0
 
 
 def test_what_differs_is_said_by_column_with_its_size(copied):

@@ -34,7 +34,7 @@ def test_full_grid_of_a_trained_agent(trained):
 
 
 def test_settings_given_are_kept_and_the_slacks_gain_is_taken(trained):
-    variants = variants_of(f"{trained}:correction.slack.gain=0.2,correction.ttcbf_rate=0.2", (0.3,))
+    variants = variants_of(f"{trained}:correction.slack.gain=0.2,correction.ttcbf_rate=0.2", (0.5,))
     assert len(variants) == ALWAYS + 10
     for variant in variants[1:]:
         settings = agent_settings(variant.agent)["correction"]
@@ -58,6 +58,14 @@ def test_slack_by_route_and_constants_are_tried_at_the_agents_own_d_safe(trained
     (constant,) = [v for v in variants_of(str(trained), ()) if (v.kind, v.constrained) == ("rate 0.5", "all")]
     slack = agent_settings(constant.agent)["correction"]["slack"]
     assert slack == {"kind": "rate", "gain": 0.0, "constant": 0.5}
+
+
+def test_slack_of_the_agent_is_tried_at_its_own_d_safe_too(trained):
+    """There the others are driven that it is compared with."""
+    for distances, expected in (((0.1, 0.8), [0.1, 0.8, 0.5]), ((0.5, 0.8), [0.5, 0.8])):
+        variants = variants_of(str(trained), distances)
+        tried = [v.d_safe for v in variants if (v.kind, v.constrained) == ("both", "all")]
+        assert tried == expected
 
 
 def test_a_distance_in_the_name_is_the_only_one():
