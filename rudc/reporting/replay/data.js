@@ -47,6 +47,21 @@ function decoded(run) {
 const RUNS = DATA.runs.map(decoded);
 const FRAMES = Math.max(...RUNS.map((run) => run.frames));
 
+// Times of the page are those of its longest episode.
+function timeAt(frame) {
+  return times()[frame];
+}
+
+// The first frame from a time on; the last where none is so late.
+function frameAt(second) {
+  const frame = times().findIndex((t) => t >= second - 1e-6);
+  return frame < 0 ? FRAMES - 1 : frame;
+}
+
+function times() {
+  return RUNS.find((run) => run.frames === FRAMES).series.time_s;
+}
+
 // The pose at a time between frames, for smooth motion; `k` counts from the track's first frame.
 function between(track, k, share) {
   const n = Math.min(k + 1, track.x.length - 1);

@@ -123,11 +123,6 @@ function show() {
   find('clock').textContent = `${seconds} s of ${timeAt(FRAMES - 1).toFixed(1)} s`;
 }
 
-function timeAt(frame) {
-  const longest = RUNS.find((run) => run.frames === FRAMES);
-  return longest.series.time_s[frame];
-}
-
 function tell({ run, now, acts }, frame) {
   const k = Math.min(frame, run.frames - 1), s = run.series, value = (name) => s[name][k];
   const parts = [`${value('time_s').toFixed(1)} s`, `${number(value('speed_mps'))} m/s`];
@@ -281,5 +276,4 @@ markMoments();
 drawLegend();
 // #12.3 opens the page at that second
 const wanted = Number(location.hash.slice(1));
-const first = RUNS[0].series.time_s.findIndex((t) => t >= wanted - 1e-6);
-go(wanted > 0 ? (first < 0 ? FRAMES - 1 : first) : 0);
+go(wanted > 0 ? frameAt(wanted) : 0);

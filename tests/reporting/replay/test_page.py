@@ -145,6 +145,15 @@ def test_numbers_stand_beside_bodies_and_at_places_only_before(runs, tmp_path):
     ]
 
 
+def test_a_second_is_looked_up_in_the_longer_episode(runs, tmp_path):
+    short = {name: values[:80] for name, values in runs[0]["series"].items()}
+    told = told_by(
+        [{**runs[0], "frames": 80, "series": short}, runs[0]], tmp_path, ["data.js"],
+        "console.log(JSON.stringify([0.1, 12.3, 99].map((second) => timeAt(frameAt(second)))));\n",
+    )  # fmt: skip
+    assert told == pytest.approx([0.1, 12.3, 40.0])
+
+
 def test_a_plot_of_very_many_decisions_has_a_range(runs, tmp_path):
     code = (
         "const values = Array.from({ length: 300000 }, (_, k) => k % 50);\n"
