@@ -1,14 +1,23 @@
 // What the reader chose: kept in the address, so that a page that loads itself again, or is sent on, shows the same.
 
-const state = Object.fromEntries(new URLSearchParams(location.hash.slice(1)));
+const state = Object.fromEntries([...new URLSearchParams(location.hash.slice(1))].filter(([, value]) => value !== ''));
 const drawings = [];
 
 function choose(key, value) {
   if (value === '' || value === undefined) delete state[key];
   else state[key] = String(value);
-  history.replaceState(null, '', `#${new URLSearchParams(state)}`);
+  keep();
   drawAll();
 }
+
+function keep() {
+  history.replaceState(null, '', `#${new URLSearchParams(state)}`);
+}
+
+// A link to a part of the page has led there, and left its name in the address.
+window.addEventListener('hashchange', () => {
+  if (find(location.hash.slice(1))) keep();
+});
 
 function drawAll() {
   for (const draw of drawings) draw();
