@@ -9,10 +9,10 @@ function drawPairs() {
     holder.replaceChildren(element('caption', {}, a === b ? 'Choose two different agents.' : 'These two have no episode in common.'));
     return;
   }
-  const turned = a > b, unit = metric.is_rate ? 'points' : metric.heading.replace(/^[^(]*\(?|\)$/g, '');
+  const turned = a > b, difference = metric.is_rate ? 'difference (points)' : metric.heading.replace(/^\S+/, 'difference');
   const lines = found.lines.map(([place, values]) => ({ place, ...oriented(values[k], turned) })).filter((line) => line.change !== null);
   const most = Math.max(...lines.flatMap((line) => [line.low, line.high, line.change].filter(Number.isFinite).map(Math.abs)), 1e-9);
-  const heads = ['scenario', 'pairs', DATA.agents[a], DATA.agents[b], `difference (${unit})`, '', ...(metric.is_rate ? [`only ${DATA.agents[a]}`, `only ${DATA.agents[b]}`, 'p'] : [])];
+  const heads = ['scenario', 'pairs', DATA.agents[a], DATA.agents[b], difference, '', ...(metric.is_rate ? [`only ${DATA.agents[a]}`, `only ${DATA.agents[b]}`, 'p'] : [])];
   const rows = lines.map((line) => element('tr', { class: line.place < 0 ? 'all' : null },
     element('th', { scope: 'row' }, line.place < 0 ? 'all' : DATA.scenarios[line.place]), ...pairCells(line, metric, most)));
   const which = metric.better === 'higher' ? 'right of' : 'left of';
