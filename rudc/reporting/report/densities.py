@@ -1,5 +1,6 @@
 """How columns are distributed: Gaussian kernel densities of each scenario and agent, Scott's bandwidth
-s n^(-1/5), as scipy.stats.gaussian_kde has them; written out, since that is far slower for hundreds of them.
+s n^(-1/5), as scipy.stats.gaussian_kde has them, but at least the distance of a curve's points, between which
+a narrower one would be lost; written out, since scipy's is far slower for hundreds of them.
 """
 
 from __future__ import annotations
@@ -77,6 +78,6 @@ def _curve(sample: Array, grid: Array) -> Array | None:
     if len(sample) < LEAST or np.ptp(sample) < 1e-9 * max(float(np.abs(sample).max()), 1.0):
         return None
     n = len(sample)
-    width = float(sample.std(ddof=1)) * n**-0.2
+    width = max(float(sample.std(ddof=1)) * n**-0.2, float(grid[1] - grid[0]))
     away = (grid[:, None] - sample) / width
     return np.exp(-0.5 * away**2).sum(axis=1) / (n * width * math.sqrt(2.0 * math.pi))

@@ -11,7 +11,7 @@ import pytest
 from scipy import stats
 
 from rudc.errors import SweepError
-from rudc.evaluation.columns import DECISION_MS, METRICS
+from rudc.evaluation.columns import COLUMNS, DECISION_MS, METRICS
 from rudc.evaluation.folder import read_sweep
 from rudc.evaluation.tables import make_table
 from rudc.reporting.report import page
@@ -145,6 +145,18 @@ def test_densities_are_scipys(episodes):
     np.testing.assert_allclose(
         np.array(curve) * place["top"] / 999, stats.gaussian_kde(values)(grid), atol=2e-3
     )
+
+
+def test_a_narrow_density_is_neither_lost_between_the_points_nor_a_spike():
+    gaps = {"wide": np.linspace(0.0, 10.0, 20), **{f"at {x}": x + np.arange(20) / 1e4 for x in (4.93, 5.0)}}
+    blank = dict.fromkeys(COLUMNS, "")
+    rows = [blank | row(agent=agent, gap=str(gap)) for agent, values in gaps.items() for gap in values]
+    (entry,) = densities(Episodes.of(rows, ()))
+    (place,) = entry["places"]
+    step = (entry["high"] - entry["low"]) / (POINTS - 1)
+    curves = [np.array(line[5]) * place["top"] / 999 for line in place["agents"]]
+    assert [curve.sum() * step for curve in curves[1:]] == pytest.approx([1.0, 1.0], rel=0.01)
+    assert max(curves[0]) > 0.02 * place["top"]
 
 
 def test_small_numbers_have_a_wide_axis_too(episodes):
