@@ -82,7 +82,7 @@ def _best(ranked: Sequence[Group], where: str, episodes: Episodes, data: Mapping
     at = {name: i for i, name in enumerate(episodes.agents)}
     for other in ranked[1 : 1 + _NAMED]:
         if told := _against(at[first.key[0]], at[other.key[0]], data):
-            said.append(f"Against {other.key[0]}, in the same episodes: {told}.")
+            said.append(f"{first.key[0]} against {other.key[0]}, in the same episodes: {told}.")
     return said
 
 

@@ -54,6 +54,8 @@ def test_agents_that_succeed_equally_often_are_all_named():
     groups = group_metrics(rows, ("agent",), METRICS)
     said = findings(told, groups, data, None)
     assert said[1] == "a, b succeed equally often over all scenarios, none more often: SR 100.0 %."
+    assert said[2].startswith("a against b, in the same episodes: SR +0.0 points [")
+    assert said[3].startswith("a against c, in the same episodes: SR +100.0 points [")
     said = findings(told, groups[1:], data, None)
     assert said[1].startswith("b succeeds most often over all scenarios: SR 100.0 [")
     said = findings(told, groups[1:2], data, None)
