@@ -83,7 +83,7 @@ def few(monkeypatch):
     monkeypatch.setattr(residual_study, "SAMPLES", {"quick": 300})
     monkeypatch.setattr(filter_variants, "LEVELS", (1.0,))
     monkeypatch.setattr(filter_variants, "RATES", (0.5,))
-    monkeypatch.setattr(filter_study, "D_SAFE", {"quick": (0.3,)})
+    monkeypatch.setattr(filter_study, "D_SAFE", {"quick": (0.5,)})
     monkeypatch.setattr("rudc.evaluation.manifest.code_version", lambda: "v0")
 
 
