@@ -20,6 +20,7 @@ app = typer.Typer(no_args_is_help=True, help="The predictor of what the filter's
 
 USUAL = "adjustment"
 """kind of action that is taken where none is named"""
+
 Data = Annotated[Path, typer.Argument(metavar="DATA", help="File of `rudc residual collect`.")]
 
 
@@ -49,7 +50,7 @@ def collect(
     from rudc.training.residual_data import save_dataset
 
     if action is not None and agent is not None:
-        raise InputError("--action is the kind of random actions, and --agent drives with its own: give one")
+        raise InputError("--action is for random actions, and --agent drives with its own: give one of them")
     driver = read_action(action or USUAL) if agent is None else make_agent(agent)
     if not isinstance(driver, ActionKind) and driver.ego_driver == "sumo":
         raise InputError("SUMO's own driver takes no actions: nothing can be predicted of them")
@@ -122,12 +123,15 @@ def evaluate(
     """
     if find_spec("torch") is None:
         raise InputError(f"measuring needs torch: {install_command('train')}")
+    from rudc.env.action import read_action
     from rudc.safety.residual import load_predictor, shipped_predictor
     from rudc.training.residual_data import load_dataset
 
     if action is not None and predictor is not None:
-        raise InputError("--action chooses among the shipped predictors, --predictor is another: give one")
-    chosen = shipped_predictor(action or USUAL) if predictor is None else load_predictor(predictor)
+        raise InputError("--action chooses a shipped predictor, --predictor names a file: give one of them")
+    kind = action or USUAL
+    read_action(kind)  # refuses a kind that does not exist
+    chosen = shipped_predictor(kind) if predictor is None else load_predictor(predictor)
     _show(load_dataset(data), chosen, only_held_out=held_out)
 
 

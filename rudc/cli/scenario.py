@@ -198,15 +198,15 @@ def validate(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Check scenario files, and that each fits its network and can be set up (sixteen seeds).
+    """Check scenario files, that each fits its network, and that its first sixteen episodes can be set up.
 
-    Of a sweep of many points every value is checked, and some points are set up; the answer says how many.
+    Of a sweep every value is checked, and sixteen points at most are set up; the answer says how many.
 
     A line for each file; every problem reads `FILE:LINE:COLUMN: key.path: what is wrong`, all at once. A
     warning names each event that waits for a `simulation_time`, `traveled_distance` or `speed` that no
     episode reaches, for a quantity `below` its least value, or whose `probability` is 0, a destination that
     no episode reaches, and a kind of `traffic.mix` that may drive nowhere. With `--seeds N`,
-    `gap-acceptance` drives N episodes, and the command says how they end and how often each event happens.
+    `gap-acceptance` drives N episodes instead; the command says how they end and how often events happen.
 
     **Examples**
 
@@ -219,7 +219,7 @@ def validate(
     if watch and as_json:
         raise InputError("--json is written once, and --watch never ends: give one of them")
     if seed is not None and not seeds:
-        raise InputError("--seed says with which of them --seeds N begin: give --seeds, too")
+        raise InputError("--seed is the first of the episodes that --seeds N drives: give --seeds, too")
     driven = range(seed or 0, (seed or 0) + seeds)
     if watch:
         _validate_again_and_again(files, driven)

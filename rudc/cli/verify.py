@@ -83,6 +83,6 @@ def _tell(found: Verification) -> None:
         )
     if found.unfinished:
         typer.echo(
-            f"\n{found.unfinished} of them could not be run again: see `error`. Where time ran out, give "
-            "them more with --episode-limit"
+            f"\n{found.unfinished} of them could not be run again, for the reason in `error`. If time ran "
+            "out, --episode-limit gives them more"
         )

@@ -42,9 +42,10 @@ def validated(path: Path, tried: int = TRIED) -> tuple[Scenario | None, list[str
 
 
 def try_out(scenario: Scenario, tried: int = TRIED) -> list[str]:
-    """What goes wrong when episodes of the scenario are set up in a world: those of the first seeds, for each
-    of the points of its sweep that `tried_points` chooses, `tried` altogether, but one of each at least. Of a
-    point, the first that goes wrong.
+    """What goes wrong when episodes of the scenario are set up in a world.
+
+    `tried` episodes are shared out among the points of its sweep that `tried_points` chooses, one to each at
+    least: those of the first seeds. Only the first that goes wrong is told of each point.
     """
     from rudc.world.world import World  # loads libsumo, which checking alone does not need
 

@@ -54,7 +54,7 @@ class Verification:
 
     @property
     def unfinished(self) -> int:
-        """How many of the reruns failed, as none of the rows had: it says nothing about these."""
+        """How many of the episodes that were run again failed; in the sweep none of these had."""
         return sum(any(off.column == "error" for off in found) for _, found in self.other)
 
     @property

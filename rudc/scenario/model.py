@@ -172,11 +172,8 @@ class Scenario(FileModel, frozen=True):
 
         def drawn_event(section: int, event: Event) -> Event | None:
             rng = generator(section)
-            # Drawn whatever the chance, so that another probability leaves the event's numbers as they were.
-            happens = event.happens(rng)
-            if attempt > 0:
-                happens = event.happens(generator(section, attempt=0))
-            return event.drawn(rng) if happens else None
+            event.happens(rng)  # so that the numbers, drawn after it, are the same for any probability
+            return event.drawn(rng) if event.happens(generator(section, attempt=0)) else None
 
         drawn = [drawn_event(_FIRST_EVENT + i, event) for i, event in enumerate(self.events)]
         return EpisodePlan(

@@ -95,7 +95,7 @@ def variants_of(name: str, distances: Sequence[float]) -> list[Variant]:
     own_d_safe = settings.pop("correction.d_safe", "")
     if own_d_safe:
         distances = (float(own_d_safe),)
-    elif learnt is not None and gain is not None:  # at which the others are driven, which are compared
+    elif learnt is not None and gain is not None:  # the variants of `_others` are driven at this one alone
         distances = tuple(dict.fromkeys((*distances, _d_safe(learnt))))
     found = [Variant(_off(whole, settings, own=gain is not None), name, family(name), "off")]
 

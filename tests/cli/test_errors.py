@@ -48,8 +48,9 @@ SEARCH = ("search", "random_destination", "--agent", "follower", "--out", "out")
         (("scenario", "validate", "fog", "--seed", 3), "give --seeds, too"),
         (
             ("residual", "collect", "--agent", "follower", "--action", "direct", "--out", "x.safetensors"),
-            "--agent drives with its own: give one",
+            "--agent drives with its own: give one of them",
         ),
+        (("residual", "evaluate", "x.safetensors", "--action", "nonsense"), "'nonsense'"),
         (("scenario", "new", "bad name"), "'bad name' cannot be a scenario's name: expected letters"),
         (("scenario", "new", "sub/mine"), "'sub/mine' cannot be a scenario's name"),
         (("scenario", "new", "sub/mine.yaml"), "; give the folder by --in DIR"),

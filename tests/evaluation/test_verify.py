@@ -13,7 +13,7 @@ from rudc.evaluation.rerun import Swept
 from rudc.evaluation.runner import EpisodeRunner
 from rudc.evaluation.sweep import ENGINES, Engine, run_sweep
 from rudc.evaluation.tasks import SweepPlan
-from rudc.evaluation.verify import verify_sweep
+from rudc.evaluation.verify import _sample, verify_sweep
 from rudc.network.network import shipped_networks
 from rudc.scenario import load_scenario
 
@@ -79,6 +79,11 @@ def test_a_sample_is_a_share_drawn_by_the_seed(copied):
         assert found.again == len(found.other) == 3
         drawn.append([rerun.number for rerun, _ in found.other])
     assert drawn[0] == drawn[1] != drawn[2]
+
+
+def test_a_share_that_gives_a_whole_number_is_not_rounded_up(tmp_path):
+    """0.07 * 100 is 7.000000000000001."""
+    assert len(_sample([{"error": ""}] * 100, 0.07, 0, tmp_path).numbers) == 7
 
 
 def test_reruns_that_fail_are_counted(copied):
