@@ -4,8 +4,8 @@ A prop stands, or follows a polyline. A vehicle that follows one stops before th
 before surrounding vehicles (SVs), before pedestrians unless they come towards it, and behind props that go
 the same way, and goes on when the way is free. It stops for an ego below walking pace, but not for a faster
 one, since it is meant to be a hazard. While it is itself slower than walking pace, it stops for any ego that
-is before it or passes close by. A pedestrian stops only for what is there already, right before it. The
-yielding layer makes SVs see all props.
+is before it or passes close by. A pedestrian stops only for what is there already, right before it, and walks
+past pedestrians who walk towards it. The yielding layer makes SVs see all props.
 
 A moving prop that has had to stand for long goes back and waits until its way is free. A pedestrian goes back
 a step, and later to where they came from. A driver goes back until the other has room to drive off, and then
@@ -205,7 +205,8 @@ class Prop:
 
         For a driver: free of things that stand, of SVs, of pedestrians who do not come towards it and of
         props that go the same way on all the way that they need to stop, after `late_s` s in which they drive
-        on, and of an ego for which it stops. For a pedestrian: free of everything that is there now.
+        on, and of an ego for which it stops. For a pedestrian: free of everything that is there now, except
+        pedestrians who walk towards it: they walk past each other.
         """
         walks = self._walks
         ego, body = scene.ego, scene.vehicle
@@ -218,9 +219,11 @@ class Prop:
         speed = scene.speed
         way = np.zeros_like(speed) if walks else stopping_way(scene, late_s, self._braking)
         heeded = np.array([name != self.name for name in scene.ids], dtype=bool)
-        if not walks:
-            along = np.cos(scene.heading - box[2])
-            crossing = (scene.kind == Kind.PEDESTRIAN) & (along > -SAME_WAY)
+        along, walkers = np.cos(scene.heading - box[2]), scene.kind == Kind.PEDESTRIAN
+        if walks:
+            heeded &= ~walkers | (speed == 0.0) | (along > -SAME_WAY)
+        else:
+            crossing = walkers & (along > -SAME_WAY)
             heeded &= (scene.path >= 0) | (speed < STANDING) | (along > SAME_WAY) | crossing
         away = scene.position - box[:2]
         reach = box[3] + way + 0.5 * np.hypot(scene.size[:, 0], scene.size[:, 1]) + 10.0

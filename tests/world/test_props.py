@@ -288,6 +288,27 @@ def test_a_pedestrian_does_not_step_back_into_somebody_nor_off_its_way(make_scen
         assert prop.travelled == travelled
 
 
+@pytest.mark.parametrize("speed", [1.4, 0.3])
+def test_pedestrians_who_meet_walk_past_each_other_but_not_through_who_stands(make_scene, speed):
+    """Each waited for the other, and nobody else could pass for good."""
+    way = np.array([[0.0, 97.0], [0.0, 103.0]])
+    both = [Prop(f"other{i}", Kind.PEDESTRIAN, (0.5, 0.5), way[:: 1 - 2 * i], wanted=speed) for i in (0, 1)]
+
+    def there():
+        return [{"at": p.pose(), "v": p.speed, "size": (0.5, 0.5), "kind": Kind.PEDESTRIAN} for p in both]
+
+    for _ in range(round(6.5 / speed / 0.05)):
+        scene = make_scene(*there())
+        for prop in both:
+            prop.look_out(scene)
+            prop.step(0.05)
+    assert all(prop.finished for prop in both)
+    walker = Prop("walker", Kind.PEDESTRIAN, (0.5, 0.5), way, wanted=speed)
+    stands = {"at": (0.0, 100.0, -math.pi / 2), "size": (0.5, 0.5), "kind": Kind.PEDESTRIAN}
+    drive_towards(walker, lambda i: make_scene(stands), steps=round(6.5 / speed / 0.05))
+    assert walker.travelled < 2.0
+
+
 def test_who_runs_needs_some_way_to_stop_and_stops_before_who_stands(make_scene):
     """A runner came to rest from 4 m/s in one step."""
     prop = Prop("runner", Kind.PEDESTRIAN, (0.5, 0.5), np.array([[0.0, 90.0], [0.0, 110.0]]), wanted=4.0)
