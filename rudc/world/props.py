@@ -33,7 +33,8 @@ CLEARANCE_M = 0.8
 PATIENCE_S, BACK_M, BACK_SPEED = 3.0, 1.0, 0.5
 """s after which a prop that is held up goes back; how far (m) and how fast (m/s) a pedestrian does"""
 LONG_S = 10.0
-"""s after which who is held up goes back to where they came from"""
+"""s after which who is held up goes back to where they came from; short times in which the way is free do not
+end this time, nor count"""
 DRIVER_BACK_M, DRIVER_BACK_SPEED = 8.0, 2.5
 """m, m/s: a driver goes back if less than this is free before it; how fast it goes back"""
 FURTHER_M = 6.0
@@ -87,7 +88,10 @@ class Prop:
         legs = np.diff(way, axis=0)
         self._way = way
         self._free, self._back_is_free, self._gives_up = True, False, False
-        self._held_s, self._stepped_back = 0.0, 0.0
+        self._stepped_back = 0.0
+        self._held_s, self._long_s = 0.0, 0.0
+        """s that it has been held up: one that falls again while its way is free, PATIENCE_S and a step at
+        most, and one that counts on until the first has fallen to 0"""
         self._ends = np.cumsum(np.hypot(legs[:, 0], legs[:, 1]))
         self._headings = np.arctan2(legs[:, 1], legs[:, 0]) if wanted > 0 else np.array([heading])
 
@@ -120,10 +124,12 @@ class Prop:
         if not self.moves:
             return
         if self._free:
-            self._held_s = max(min(self._held_s, PATIENCE_S + dt) - dt, 0.0)
+            self._held_s = max(self._held_s - dt, 0.0)
+            self._long_s = self._long_s if self._held_s > 0.0 else 0.0
         else:
-            self._held_s = min(self._held_s + dt, LONG_S + dt)
-        if self.appeared_m > 0.0 and (self._held_s > LONG_S or self.travelled < self.appeared_m):
+            self._held_s = min(self._held_s + dt, PATIENCE_S + dt)
+            self._long_s = min(self._long_s + dt, LONG_S + dt)
+        if self.appeared_m > 0.0 and (self._long_s > LONG_S or self.travelled < self.appeared_m):
             self._gives_up = True
         goes_back = self._is_held_up and self._back_is_free and not self._free
         if self._walks and goes_back:
@@ -147,7 +153,7 @@ class Prop:
     @property
     def _room_back(self) -> float:
         """m that a pedestrian still goes back."""
-        return self.travelled - self.appeared_m if self._held_s > LONG_S else BACK_M - self._stepped_back
+        return self.travelled - self.appeared_m if self._long_s > LONG_S else BACK_M - self._stepped_back
 
     @property
     def _walks(self) -> bool:

@@ -170,6 +170,18 @@ def test_a_driver_against_a_lane_gives_up_if_it_is_held_up_for_long(make_scene, 
     assert prop.finished is (appeared > 0.0)
 
 
+def test_a_moment_in_which_the_way_is_free_does_not_make_who_is_held_up_begin_anew(make_scene):
+    """Where a queue moved up now and then, a pedestrian stayed on the road, and a driver against a lane
+    never gave up."""
+    way = np.array([[-60.0, 100.0], [60.0, 100.0]])
+    walker, driver = Prop("walker", Kind.PEDESTRIAN, (0.5, 0.5), way, wanted=1.4), car(way)
+    stands, free = make_scene({"at": (0.0, 100.0, math.pi / 2)}), make_scene()
+    for prop, at, appeared in ((walker, 58.0, 53.0), (driver, 54.0, 30.0)):
+        prop.travelled, prop.appeared_m, prop.speed = at, appeared, 0.0
+        drive_towards(prop, lambda i: free if i % 80 < 2 else stands, steps=round(3.0 * LONG_S / 0.05))
+    assert [walker.travelled < 54.0, driver.finished or driver.travelled < 28.0] == [True, True]
+
+
 def test_a_driver_who_has_gone_back_stops_for_an_ego_that_moves(make_scene):
     ego = make_scene(v=1.0)
     psi, place = ego.ego.psi, np.array([ego.ego.x, ego.ego.y])
