@@ -77,8 +77,10 @@ class Prop:
         self.beyond_m = 0.0
         """m that it goes straight on beyond its way's end"""
         self.appeared_m = 0.0
-        """m along its way, where it appeared: before its begin if negative; a driver who appeared beyond the
-        begin and backs to it is gone"""
+        """m along its way, where it appeared: before its begin if negative"""
+        self.may_back_out = False
+        """whether it gives up when it is held up for long or has gone back to where it appeared; it is gone
+        once it has backed to the begin of its way"""
         self.grip = math.inf
         """m/s2, how hard the road lets a vehicle brake and accelerate"""
         self.look_s = 0.1
@@ -129,7 +131,7 @@ class Prop:
         else:
             self._held_s = min(self._held_s + dt, PATIENCE_S + dt)
             self._long_s = min(self._long_s + dt, LONG_S + dt)
-        if self.appeared_m > 0.0 and (self._long_s > LONG_S or self.travelled < self.appeared_m):
+        if self.may_back_out and (self._long_s > LONG_S or self.travelled < self.appeared_m):
             self._gives_up = True
         goes_back = self._is_held_up and self._back_is_free and not self._free
         if self._walks and goes_back:

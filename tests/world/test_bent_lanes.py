@@ -71,6 +71,20 @@ def test_a_wrong_way_driver_can_back_out_of_the_road(name, tmp_path):
         assert network.surface.depth(x, y) > 0.0 or math.hypot(x, y) > 118.0
 
 
+def test_a_wrong_way_driver_who_begins_at_the_end_of_its_road_gives_up_as_others_do():
+    """There is no way behind it; it stood there for good."""
+    with World(load_network("four_way")) as world:
+        end = world.network.stretch("west_out_0").reach
+        stands = event("accident", vehicles=[{"lane": "west_out_0", "at": end - 11.0}])
+        wrong = event("wrong_way", lane="west_out_0", at=end, speed=5)
+        world.reset(replace(EMPTY, origin="east", turn="right", events=(stands, wrong)).plan(0))
+        world.advance(np.zeros(2))
+        assert any(prop.moves for prop in world.stage.props)
+        for _ in range(200):
+            world.advance(np.array([-6.0, 0.0]))
+        assert [prop.name for prop in world.stage.props] == ["accident0:0"]
+
+
 def test_what_stands_far_out_on_an_arm_of_several_edges_closes_its_lane_for_traffic(tmp_path):
     network = load_network(in_pieces(tmp_path))
     stalled = event("stalled_vehicle", lane="east_in_0", at=80)

@@ -258,7 +258,7 @@ class WorldStage(NetworkStage):
             way = np.vstack([behind, way])
         prop = self._prop(name, body, way, speed)
         prop.travelled = prop.appeared_m = -late_m
-        prop.beyond_m = beyond_m
+        prop.beyond_m, prop.may_back_out = beyond_m, behind is not None
         self.props.append(prop)
 
     def has_room(self, body: Body, way: Array, speed: float) -> bool:
