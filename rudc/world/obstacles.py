@@ -71,11 +71,17 @@ class _Site(NetworkStage):
 
     def set_density(self, density: float | None, event: str = "") -> None: ...
 
-    def stand(self, name: str, body: Body, place: XYHeading, size: tuple[float, float] | None = None) -> None:
+    def stand(
+        self, name: str, body: Body, place: XYHeading, size: tuple[float, float] | None = None,
+        *, for_now: bool = False,
+    ) -> None:  # fmt: skip
         self.found.append(Standing(name, body, place, size or size_of(body)))
 
     def is_free(self, body: Body, place: XYHeading, size: tuple[float, float] | None = None) -> bool:
         return True
+
+    def is_taken_for_now(self, body: Body, place: XYHeading, size: tuple[float, float] | None = None) -> bool:
+        return False
 
     def choose(self, selector: Selector) -> list[str]:
         return []

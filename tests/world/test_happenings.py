@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rudc.errors import SimulationError
 from rudc.scenario import load_scenario
 from rudc.world.events import event_lines
 from rudc.world.props import Prop
@@ -103,6 +104,32 @@ def test_riders_set_off_only_where_traffic_can_still_stop(world, monkeypatch, ro
     assert (crossing.begun_s is not None) is room
     (line,) = event_lines(world.plan, (crossing,))
     assert line.endswith("not there, it waits for room on the road") is not room
+
+
+@pytest.mark.parametrize("when", [{}, {"when": LATER}], ids=["at once", "later"])
+@pytest.mark.parametrize("lasts_s", [2.0, 25.0])
+def test_what_stands_waits_until_what_stands_in_its_place_for_a_while_is_gone(world, when, lasts_s):
+    """The episode ended in an error. It waits for longer than for who drives."""
+    place = {"lane": "north_in_0", "at": 20}
+    first = event("accident", vehicles=[place], duration=lasts_s)
+    second = event("lane_closure", lane="north_in_0", at=18, length=6, duration=3.0, **when)
+    source = replace(CALM, density=0.0, origin="south", turn="right", events=(first, second))
+    world.reset(source.plan(0))
+    while not world.happenings()[0].is_over:
+        assert world.happenings()[1].begun_s is None
+        world.advance(STAND)
+    for _ in range(2):
+        world.advance(STAND)
+    assert world.happenings()[1].begun_s == pytest.approx(lasts_s, abs=0.25)
+
+
+def test_what_stands_in_a_place_for_good_is_an_error_to_who_places_something_there(world):
+    place = {"lane": "north_in_0", "at": 20}
+    first = event("accident", vehicles=[place])
+    second = event("stalled_vehicle", **place, duration=3.0, when=LATER)
+    world.reset(replace(CALM, density=0.0, origin="south", turn="right", events=(first, second)).plan(0))
+    with pytest.raises(SimulationError, match="would stand in the same place"):
+        [world.advance(STAND) for _ in range(15)]
 
 
 def test_event_lines_say_why_something_is_not_there(world):

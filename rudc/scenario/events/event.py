@@ -88,8 +88,8 @@ class Effect(ABC, Generic[E]):
         self.chosen: frozenset[str] = frozenset()
         """surrounding vehicles that it has taken hold of so far"""
         self.waits_since_s: float | None = None
-        """s, since when it has waited for somebody to leave where its things will stand; its trigger need not
-        come true again"""
+        """s, since when it has waited for somebody to leave where its things will stand, or, if it is later,
+        since when nothing that is taken away stands there; its trigger need not come true again"""
 
     @abstractmethod
     def begin(self, stage: Stage) -> bool:
@@ -97,14 +97,18 @@ class Effect(ABC, Generic[E]):
 
     def put(self, stage: Stage, things: Sequence[Thing]) -> bool:
         """Put things on the road that stand there; False, for WAITS_S at most, while somebody is in a place
-        of theirs or could not stop before it."""
-        if self.waits_since_s is None:
+        of theirs or could not stop before it. While something stands there that will be taken away, False
+        for as long as it stands."""
+        taken = any(stage.is_taken_for_now(*thing) for thing in things)
+        if self.waits_since_s is None or taken:
             self.waits_since_s = stage.time_s
+        if taken:
+            return False
         waits = stage.time_s < self.waits_since_s + WAITS_S - ROUNDED_S
         if waits and not all(stage.is_free(*thing) for thing in things):
             return False
         for i, thing in enumerate(things):
-            stage.stand(f"{self.name}:{i}", *thing)
+            stage.stand(f"{self.name}:{i}", *thing, for_now=self._duration is not None)
         return True
 
     def step(self, stage: Stage) -> None:
@@ -112,8 +116,12 @@ class Effect(ABC, Generic[E]):
 
     def is_over(self, stage: Stage) -> bool:
         """Whether the event's duration, if it has one, has passed."""
-        duration: Distribution | None = getattr(self.event, "duration", None)
+        duration = self._duration
         return duration is not None and stage.time_s >= self.begun_s + float(duration) - ROUNDED_S
+
+    @property
+    def _duration(self) -> Distribution | None:
+        return getattr(self.event, "duration", None)
 
     def end(self, stage: Stage) -> None:
         """Stop, once it is over."""

@@ -135,16 +135,24 @@ class Stage(ABC):
         """m, of a vehicle or pedestrian."""
 
     @abstractmethod
-    def stand(self, name: str, body: Body, place: XYHeading, size: tuple[float, float] | None = None) -> None:
+    def stand(
+        self, name: str, body: Body, place: XYHeading, size: tuple[float, float] | None = None,
+        *, for_now: bool = False,
+    ) -> None:  # fmt: skip
         """Put something that stands on the road, called `EVENT:...`.
 
-        `size`: length and width in m of an obstacle.
+        `size`: length and width in m of an obstacle. `for_now`: whether it will be taken away, so that what
+        is to stand in its place waits.
         """
 
     @abstractmethod
     def is_free(self, body: Body, place: XYHeading, size: tuple[float, float] | None = None) -> bool:
         """Whether nobody who drives or walks, the ego apart, is where something would stand, or would come
         there even braking hard. `size` as in `stand`."""
+
+    @abstractmethod
+    def is_taken_for_now(self, body: Body, place: XYHeading, size: tuple[float, float] | None = None) -> bool:
+        """Whether something stands in a place now that will be taken away. `size` as in `stand`."""
 
     @abstractmethod
     def send(

@@ -72,6 +72,8 @@ class WorldStage(NetworkStage):
     no_room: bool = False
     """whether an event has asked for room on the road, and there was none, since this was last set to False
     """
+    _for_now: set[str] = field(default_factory=set)
+    """names of things that stand on the road and will be taken away"""
     _asked: dict[tuple[str, str], dict[str, float]] = field(default_factory=dict)
     """(`speed`, `factor` or `density`; name of the vehicle) -> the value that each event asks for which is
     not over, by the event's name; the latest is the last
@@ -159,7 +161,10 @@ class WorldStage(NetworkStage):
 
     # ---- things
 
-    def stand(self, name: str, body: Body, place: XYHeading, size: tuple[float, float] | None = None) -> None:
+    def stand(
+        self, name: str, body: Body, place: XYHeading, size: tuple[float, float] | None = None,
+        *, for_now: bool = False,
+    ) -> None:  # fmt: skip
         """As `Stage.stand`. Raises SimulationError if something already stands in that place.
 
         On a lane of an arm or of a roundabout's ring, a stand-in makes SVs queue behind it or change lanes.
@@ -174,6 +179,8 @@ class WorldStage(NetworkStage):
                 f"stand in the same place, {said(self.network, place)}; move one of them"
             )
         self.props.append(standing(name, Kind[body.upper()], x, y, heading, length, width))
+        if for_now:
+            self._for_now.add(name)
         if self.scene is not None and self._too_near(place, (length, width)):
             self.sudden.add(name)
         corners = rectangle_corners(np.array([x, y]), np.array(heading), np.array([length, width]))
@@ -193,6 +200,12 @@ class WorldStage(NetworkStage):
         free = free and self._clear_of_new(place, (length, width), only_moving=True)
         self.no_room |= not free
         return free
+
+    def is_taken_for_now(self, body: Body, place: XYHeading, size: tuple[float, float] | None = None) -> bool:
+        leave = [_as_standing(prop) for prop in self.props if prop.name in self._for_now]
+        taken = bool(overlapped(Standing("", body, place, size or size_of(body)), leave))
+        self.no_room |= taken
+        return taken
 
     def _clear_of_new(self, place: XYHeading, size: Sequence[float], *, only_moving: bool) -> bool:
         """Whether a rectangle touches nothing that has appeared since the scene. `only_moving`: things that
@@ -281,6 +294,7 @@ class WorldStage(NetworkStage):
     def remove_things(self, event: str) -> None:
         gone = self.things_of(event)
         self.props = [prop for prop in self.props if prop.name not in gone]
+        self._for_now -= gone
         for stand_in in self._stand_ins.pop(event, []):
             self.sumo.remove(stand_in)  # on the road, or waiting for room there
 
