@@ -104,7 +104,7 @@ class _Site(NetworkStage):
         late_m: float = 0.0, beyond_m: float = 0.0, behind: Array | None = None,
     ) -> None: ...  # fmt: skip
 
-    def has_room(self, body: Body, way: Array, speed: float) -> bool:
+    def has_room(self, body: Body, way: Array, speed: float, late_m: float = 0.0) -> bool:
         return True
 
     def things_of(self, event: str) -> frozenset[str]:

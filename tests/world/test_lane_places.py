@@ -158,6 +158,24 @@ def test_who_crosses_is_there_until_no_part_of_it_is_on_the_road(world, kind):
     )
 
 
+@pytest.mark.parametrize(("at_m", "room"), [(4.0, True), (1.0, False), (-8.0, False)])
+def test_who_crosses_needs_room_from_its_rear_to_where_it_can_stop_and_no_farther(world, at_m, room):
+    """What had to be free lay half its length too far on. Its front begins at the roadside; from 5 m/s it
+    needs 3.4 m to stop."""
+    crossing = event(
+        "vehicle_crossing", arm="north", type="bus", at=6, speed=5, when={"simulation_time": {"above": 0.05}}
+    )
+    world.reset(replace(EMPTY, origin="south", turn="right", events=(crossing,)).plan(0))
+    first, last = world.stage.across_arm("north", 6.0)
+    at = first + (at_m + 0.25) * (last - first) / np.linalg.norm(last - first)
+    stands = replace(
+        world.scene(), time_s=0.1, ids=("there",), position=at[None], velocity=np.zeros((1, 2)),
+        heading=np.zeros(1), acceleration=np.zeros(1), size=np.array([[0.5, 0.5]]), kind=np.zeros(1, int),
+        path=np.zeros(1, int), path_s=np.zeros(1),
+    )  # fmt: skip
+    assert bool(world._script.step(stands)) is room
+
+
 def test_crossing_cyclists_cross_where_the_ego_leaves(world):
     scenario = load_scenario("crossing_cyclists")
     met = 0

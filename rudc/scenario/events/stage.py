@@ -172,9 +172,10 @@ class Stage(ABC):
         """
 
     @abstractmethod
-    def has_room(self, body: Body, way: NDArray[np.float64], speed: float) -> bool:
-        """Whether something that appears where a way (K, 2) m begins, and drives along it at speed m/s, and
-        the surrounding vehicles can still stop before each other. An ego counts only below 2 m/s."""
+    def has_room(self, body: Body, way: NDArray[np.float64], speed: float, late_m: float = 0.0) -> bool:
+        """Whether something whose centre appears `late_m` m before a way (K, 2) m begins, and drives along it
+        at speed m/s, and the surrounding vehicles can still stop before each other. An ego counts only below
+        2 m/s."""
 
     @abstractmethod
     def things_of(self, event: str) -> frozenset[str]:

@@ -47,9 +47,9 @@ class VehicleCrossingEffect(Passing[VehicleCrossing]):
         way = stage.across_arm(event.arm, float(event.at))
         if event.from_side == "left":
             way = way[::-1]
-        if not stage.has_room(event.type, way, speed):
-            return False
         length = stage.length_of(event.type)
+        if not stage.has_room(event.type, way, speed, 0.5 * length):
+            return False
         beyond_m = 0.5 * length if 0.5 * length > ROADSIDE_M else 0.0
         for i in range(event.count):
             late_m = 0.5 * length + i * (length + FOLLOWING_S * speed)

@@ -274,10 +274,11 @@ class WorldStage(NetworkStage):
         prop.beyond_m, prop.may_back_out = beyond_m, behind is not None
         self.props.append(prop)
 
-    def has_room(self, body: Body, way: Array, speed: float) -> bool:
+    def has_room(self, body: Body, way: Array, speed: float, late_m: float = 0.0) -> bool:
         if self.scene is None:
             return True
         prop = self._prop("", body, way, speed)
+        prop.travelled = -late_m
         x, y, heading, *size = prop.room()
         room = prop.has_room(self.scene) and self._clear_of_new((x, y, heading), size, only_moving=False)
         self.no_room |= not room
