@@ -144,7 +144,8 @@ class Prop:
 
     def _towards(self, wanted: float, dt: float) -> float:
         """m/s, its speed `dt` s later, if it speeds up or brakes until it drives `wanted` m/s."""
-        faster, braked = min(ACCELERATION, self.grip) * dt, self._braking * dt
+        faster = (ACCELERATION if self._walks else min(ACCELERATION, self.grip)) * dt
+        braked = self._braking * dt
         low, high = (braked, faster) if self.speed >= 0.0 else (faster, braked)
         if self.speed * wanted < 0.0:  # it turns round: it stops first
             wanted = 0.0

@@ -323,6 +323,15 @@ def test_pedestrians_who_meet_walk_past_each_other_but_not_through_who_stands(ma
     assert walker.travelled < 2.0
 
 
+@pytest.mark.parametrize(("kind", "speed"), [(Kind.PEDESTRIAN, 1.4), (Kind.CAR, 0.5)])
+def test_ice_keeps_a_vehicle_from_setting_off_at_once_but_no_pedestrian(make_scene, kind, speed):
+    """A pedestrian braked there as on a dry road, and set off as a vehicle does."""
+    prop = Prop("prop", kind, (0.5, 0.5), np.array([[-60.0, 100.0], [60.0, 100.0]]), wanted=1.4)
+    prop.speed, prop.grip = 0.0, 0.5
+    drive_towards(prop, lambda i: make_scene(), steps=20)
+    assert prop.speed == pytest.approx(speed)
+
+
 def test_who_runs_needs_some_way_to_stop_and_stops_before_who_stands(make_scene):
     """A runner came to rest from 4 m/s in one step."""
     prop = Prop("runner", Kind.PEDESTRIAN, (0.5, 0.5), np.array([[0.0, 90.0], [0.0, 110.0]]), wanted=4.0)
