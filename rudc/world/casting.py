@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rudc.arrays import Flags
 from rudc.geometry import rectangle_gaps
 from rudc.world.events.selection import comes_from, pick, towards_junction
 from rudc.world.scene import Scene
@@ -156,9 +157,15 @@ def _arrival_s(scene: Scene) -> float:
 
 
 def _due(scene: Scene, selector: str) -> bool:
-    """Whether a vehicle that the selector can name reaches its stop line at about the ego's time."""
-    due = towards_junction(scene, oncoming=selector == "oncoming") - _arrival_s(scene)
-    return bool(np.any((due > -EARLY_S) & (due < LATE_S)))
+    """Whether a vehicle that the selector can name reaches its stop line at about the ego's time. If one that
+    is added would cross the ego's path, only those count that do.
+    """
+    oncoming = selector == "oncoming"
+    due = towards_junction(scene, oncoming=oncoming) - _arrival_s(scene)
+    soon, crosses = (due > -EARLY_S) & (due < LATE_S), _crosses(scene)
+    if any(crosses[_row(scene, movement)] for movement in _crossing(scene, oncoming)):
+        soon &= crosses[scene.path]
+    return bool(soon.any())
 
 
 def _towards_junction(scene: Scene, stage: WorldStage, rng: np.random.Generator, oncoming: bool) -> list[str]:
@@ -199,11 +206,16 @@ def _crossing(scene: Scene, oncoming: bool) -> list[Movement]:
     """Movements from the opposite arm (`oncoming`), or else from the arms to the sides: those that cross the
     ego's path, or all of them if none does.
     """
-    network, there = scene.network, comes_from(scene, oncoming)
-    crosses = ~np.isnan(network.conflict(scene.route)[:, 0])
-    found, crossing = [], []
-    for movement in network.onward:
-        if there[movement.rows[0]]:
-            found.append(movement)
-            crossing += [movement] * bool(crosses[network.route(movement.origin, movement.destination).row])
-    return crossing or found
+    there, crosses = comes_from(scene, oncoming), _crosses(scene)
+    found = [movement for movement in scene.network.onward if there[movement.rows[0]]]
+    return [movement for movement in found if crosses[_row(scene, movement)]] or found
+
+
+def _crosses(scene: Scene) -> Flags:
+    """(P,) which paths cross the ego's."""
+    return ~np.isnan(scene.network.conflict(scene.route)[:, 0])
+
+
+def _row(scene: Scene, movement: Movement) -> int:
+    """Which path a vehicle that is added for a movement takes."""
+    return scene.network.route(movement.origin, movement.destination).row

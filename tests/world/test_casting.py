@@ -102,6 +102,15 @@ def test_one_from_another_arm_reaches_its_stop_line_about_when_the_ego_does(worl
         assert -1.5 < due - ego_due < 6.0
 
 
+@pytest.mark.parametrize(("selector", "turn"), [("oncoming", "left"), ("crossing", "right")])
+def test_traffic_that_does_not_cross_the_egos_path_is_no_reason_to_add_nobody(world, selector, turn):
+    source = replace(QUIET, density=12.0, origin="south", turn=turn, events=(brake(selector),))
+    for seed in range(8):
+        scene = world.reset(source.plan(seed))
+        (row,) = pick(scene, selector, RNG)
+        assert not math.isnan(scene.network.conflict(scene.route)[scene.path[row], 0]), seed
+
+
 @pytest.mark.parametrize(("selector", "origin"), [("oncoming", "north"), ("crossing", "east")])
 def test_where_an_arm_bends_its_heading_at_the_stop_line_counts(world_on, tmp_path, selector, origin):
     network = str(bent(tmp_path))
