@@ -50,13 +50,13 @@ class Brakes:
         for name, (speed, deceleration) in wanted.items():
             driver = drivers.get(name)
             self.asked[name] = deceleration
-            if driver is not None and driver.overridden:  # such a vehicle may brake hard anyway
-                if deceleration <= self._by_events(name, now):
-                    self._left.add(name)
-                    continue
-            elif driver is None or deceleration > self._traffic.comfortable(driver.decel):
+            anyway = driver is not None and driver.overridden  # it may brake hard
+            if driver is None or (not anyway and deceleration > self._traffic.comfortable(driver.decel)):
                 hard.add(name)
                 self._traffic.set_mode(name, hard=True)  # each time anew: the grip may have changed
+            if deceleration <= self._by_events(name, now):
+                self._left.add(name)
+                continue
             self._sumo.slow_down(name, max(speed - deceleration * duration_s, 0.0), duration_s)
         for name in self._hard - hard:
             if name == EGO or name in drivers:
@@ -65,17 +65,22 @@ class Brakes:
 
     def set_mode(self, name: str) -> None:
         """Have SUMO limit an SV's speed as the events that act on it say; it is still braked as hard as
-        before, or, where an event that braked it harder has ended, from now on.
-        """
+        before."""
         hard = self.asked.get(name, 0.0) > self._traffic.comfortable(self._traffic.drivers[name].decel)
         if hard:
             self._hard.add(name)
         self._traffic.set_mode(name, hard=hard)
+
+    def go_on(self) -> None:
+        """Brake from now on those whom events braked as hard or harder, and no longer do at this decision."""
         now = self._sumo.time()
-        if name in self._left and not self.are_over and self._by_events(name, now) < self.asked[name]:
-            self._left.discard(name)
-            (speed, _), left_s = self._sumo.drive(name), self._until_s - now
-            self._sumo.slow_down(name, max(speed - self.asked[name] * left_s, 0.0), left_s)
+        if not self._left or self.are_over:
+            return
+        for name in sorted(self._left & self._traffic.drivers.keys()):
+            if self._by_events(name, now) < self.asked[name]:
+                self._left.discard(name)
+                (speed, _), left_s = self._sumo.drive(name), self._until_s - now
+                self._sumo.slow_down(name, max(speed - self.asked[name] * left_s, 0.0), left_s)
 
     def leave_to_event(self, name: str, deceleration: float) -> bool:
         """Note that an event slows a vehicle down with deceleration m/s2 until the next decision. Returns
@@ -83,9 +88,12 @@ class Brakes:
         """
         now = self._sumo.time()
         self._events[name] = now, max(deceleration, self._by_events(name, now))
-        return self.are_over or self.asked.get(name, 0.0) <= deceleration
+        may = self.are_over or self.asked.get(name, -math.inf) <= deceleration
+        if may and name in self.asked:
+            self._left.add(name)
+        return may
 
     def _by_events(self, name: str, now: float) -> float:
-        """m/s2, how hard events slow a vehicle down at this decision."""
-        when, deceleration = self._events.get(name, (-math.inf, 0.0))
-        return deceleration if when == now else 0.0
+        """m/s2, how hard events slow a vehicle down at this decision; -inf if none does."""
+        when, deceleration = self._events.get(name, (-math.inf, -math.inf))
+        return deceleration if when == now else -math.inf

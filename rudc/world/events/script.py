@@ -77,7 +77,9 @@ class Script:
                     self._active.append(replaced)
             else:
                 ask_effect(effect, "step", stage, stage.time_s)
-        return self._begin([effect for effect in self._waiting if self._is_due(effect, scene)])
+        begun = self._begin([effect for effect in self._waiting if self._is_due(effect, scene)])
+        stage.brakes.go_on()
+        return begun
 
     def _is_due(self, effect: Effect[Any], scene: Scene) -> bool:
         when = effect.event.when

@@ -127,6 +127,8 @@ class WorldStage(NetworkStage):
     def slow_down(self, name: str, deceleration: float, least: float = 0.0) -> None:
         slower = max(self.speed(name) - min(deceleration, self.traffic.grip) * self.decision_s, least)
         when, slowest = self._slowed.get(name, (-math.inf, math.inf))
+        if slower == least > 0.0:  # it has no farther to go
+            deceleration = (self.speed(name) - least) / self.decision_s
         may = self.brakes.leave_to_event(name, deceleration)
         if not may or (when == self.time_s and slowest <= slower):
             return
