@@ -38,8 +38,8 @@ HEADWAY_S = (0.8, 1.6)
 APART_M = 2.0
 """m, the part of the gap to a leader or follower that does not depend on speed"""
 NEAR_S = 3.0
-"""s of headway, in addition to `APART_M`, up to which a vehicle of the traffic serves as leader or follower
-"""
+"""s of headway, in addition to `APART_M`, up to which a vehicle of the traffic serves as leader or follower,
+at the ego's pace (`_pace`)"""
 EARLY_S, LATE_S = 1.0, 5.0
 """s by which an oncoming or crossing vehicle may reach its stop line before and after the ego does"""
 CLEAR_M = 7.0
@@ -87,7 +87,7 @@ def _in_line(scene: Scene, stage: WorldStage, rng: np.random.Generator, ahead: b
         reach = abs(route.path.project(*scene.position[row].tolist())[0] - scene.ego_s)
         gap = reach - 0.5 * (scene.vehicle.length + float(scene.size[row, 0]))
         room = min(room, gap)
-        if gap < APART_M + NEAR_S * v and _can_take_part(scene, stage, row, ahead=ahead):
+        if gap < APART_M + NEAR_S * _pace(scene) and _can_take_part(scene, stage, row, ahead=ahead):
             if ahead:
                 stage.traffic.redirect(scene.ids[row], route.origin, route.destination)
             _keep_lane(stage, scene.ids[row])
@@ -151,9 +151,13 @@ def _room_ahead(scene: Scene) -> float:
 
 
 def _arrival_s(scene: Scene) -> float:
-    """s until the ego reaches its stop line at its present speed, taken as at least half the limit: one that
-    starts more slowly speeds up."""
-    return _room_ahead(scene) / max(scene.ego.v, 0.5 * scene.route.speed_limit)
+    """s until the ego reaches its stop line at its pace."""
+    return _room_ahead(scene) / _pace(scene)
+
+
+def _pace(scene: Scene) -> float:
+    """m/s, the ego's present speed, taken as at least half the limit: a slower one speeds up."""
+    return max(scene.ego.v, 0.5 * scene.route.speed_limit)
 
 
 def _due(scene: Scene, selector: str) -> bool:

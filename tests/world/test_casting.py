@@ -45,6 +45,16 @@ def test_a_leader_leads_through_the_junction_whether_it_was_there_or_was_added(w
                 scene = world.scene()
 
 
+def test_who_is_before_an_ego_that_creeps_is_its_leader_too(world):
+    """10 m before one at 1 m/s it was not, and left no room for another."""
+    source = replace(QUIET, density=25.0, origin="south", speed=(1.0, 1.0), distance=(60.0, 60.0))
+    for seed in range(6):
+        scene = world.reset(replace(source, events=(brake("leader"),)).plan(seed))
+        leader = world.traffic.drivers[scene.ids[pick(scene, "leader", RNG)[0]]]
+        assert leader.keeps_lane, seed
+        assert (leader.origin, leader.destination) == (world.route.origin, world.route.destination)
+
+
 @pytest.mark.parametrize("seed", [14, 53])
 def test_who_has_begun_to_turn_elsewhere_is_not_made_the_leader(world, seed):
     """Long vehicles whose front is in the junction already, and whose middle is not."""
