@@ -15,7 +15,7 @@ from rudc.world.fault import IN_SIGHT_S, judge
 from rudc.world.scene import Kind
 from rudc.world.yielding import Yielding
 from tests.benchmarks.yielding import awkward_poses, fair_moment
-from tests.plans import PlanSource
+from tests.plans import PlanSource, event
 
 
 def beside(scene, ahead, left, turned):
@@ -170,6 +170,24 @@ def test_what_is_put_nearer_than_the_ego_could_stop_is_not_its_fault(world_on, t
         plan = scenario.varied({"events.0.vehicles.0.at": place}).plan(0)
         record = run_episode(Episode(world_on(scenario.network)), plan, make_agent("follower"))
         assert [record.values[name] for name in ("outcome", "hit", "fault")] == ["collision", "car", fault]
+
+
+@pytest.mark.parametrize("first", ["accident", "low_friction"])
+def test_what_appears_together_with_ice_is_as_sudden_in_either_order(world, first):
+    """Whose fault it was to hit it depended on which of the two the file named first."""
+    when = {"traveled_distance": {"above": 4.0}}
+    events = [
+        event("accident", vehicles=[{"lane": "ego_in", "at": 12}], when=when),
+        event("low_friction", friction=0.1, when=when),
+    ]
+    events.sort(key=lambda one: one.kind != first)
+    source = PlanSource(density=0.0, turn="left", distance=(40.0, 40.0), speed=(8.0, 8.0))
+    world.reset(replace(source, events=tuple(events)).plan(0))
+    hit = None
+    while hit is None and world.scene().time_s < 10.0:
+        hit = world.advance(np.zeros(2)).collision
+    assert hit is not None
+    assert hit.fault == "other"
 
 
 def test_in_a_roundabout_who_enters_owes_the_way_to_who_is_in_it(make_scene):

@@ -110,15 +110,18 @@ class Script:
         )
 
     def _begin(self, effects: list[Effect[Any]]) -> tuple[str, ...]:
+        """Begin those that can. What the ego feels comes first, since what appears on the road depends on how
+        the ego could stop there. Returns the names of those that began."""
         stage = self._stage
         begun: list[Effect[Any]] = []
         self._refused = {}
-        for effect in effects:
+        for effect in sorted(effects, key=lambda effect: not effect.felt):
             stage.no_room = False
             if ask_effect(effect, "begin", stage, stage.time_s):
                 begun.append(effect)
             else:
                 self._refused[effect.name] = stage.no_room
+        begun.sort(key=effects.index)  # in the order of the plan, as they are told
         for effect in begun:
             effect.begun_s = self._begun[effect.name] = stage.time_s
             if effect.felt:
