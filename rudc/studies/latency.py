@@ -117,8 +117,8 @@ class LatencyRunner:
         self._drives = (task.agent, task.scenario.name)
         with timing(self._stopwatch, PLACES):
             record = self._run(task)
-        if record.error:  # the runner makes agents anew after it
-            self._warm = {one for one in self._warm if one[0] != task.agent}
+        if record.error:  # the runner makes all agents anew after it
+            self._warm.clear()
         else:
             self._warm.add(self._drives)
         return record

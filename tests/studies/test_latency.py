@@ -2,12 +2,16 @@
 for real in test_quick.py."""
 
 import time
+from contextlib import closing
 
 import numpy as np
 import pytest
 
+from rudc.evaluation.tasks import Task
 from rudc.safety.qp import PlanarSolver
+from rudc.scenario import load_scenario
 from rudc.studies import latency
+from rudc.studies.step_files import steps_file
 from rudc.studies.stopwatch import Stopwatch, timing
 
 
@@ -55,3 +59,45 @@ def test_shares_are_of_the_mean():
     assert lines["all"]["peak_ms"] == 104.0
     assert lines["QP"]["share_percent"] == lines["HOCBF"]["share_percent"] == pytest.approx(20.0)
     assert "critics" not in lines
+
+
+MINE = """
+import pathlib
+
+class Mine:
+    def reset(self, scene, seed):
+        pass
+
+    def act(self, scene):
+        if pathlib.Path("{broken}").exists():
+            raise ValueError("broken")
+        return 0.0, 0.0
+
+class Other(Mine):
+    pass
+"""
+
+
+def test_an_episode_that_fails_warms_nobody_up(tmp_path):
+    """The runner makes agents anew after it, also those that had driven well: their next episode warms up."""
+    broken, file = tmp_path / "broken", tmp_path / "mine.py"
+    file.write_text(MINE.format(broken=broken), encoding="utf-8")
+    scenario = load_scenario("random_destination", {"episode.timeout": 1.0, "traffic.warm_up": 1.0})
+    runner, seeds = latency.LatencyRunner(tmp_path / "steps"), iter(range(10))
+
+    def counts(name):
+        agent, seed = f"{file}:{name}", next(seeds)
+        if runner(Task(scenario, {}, agent, seed)).error:
+            return None
+        (found,) = set(np.load(steps_file(tmp_path / "steps", agent, scenario.name, seed))["counts"])
+        return bool(found)
+
+    with closing(runner._run):
+        broken.touch()
+        assert counts("Mine") is None
+        broken.unlink()
+        assert [counts(name) for name in ("Mine", "Mine", "Other", "Other")] == [False, True] * 2
+        broken.touch()
+        assert counts("Mine") is None
+        broken.unlink()
+        assert [counts(name) for name in ("Other", "Other", "Mine", "Mine")] == [False, True] * 2
