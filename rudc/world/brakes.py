@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from rudc.scenario.events.event import ROUNDED_S
 from rudc.world.sumo import Sumo
 from rudc.world.traffic import Traffic
-from rudc.world.vehicle_types import EGO
 
 
 class Brakes:
@@ -59,7 +58,7 @@ class Brakes:
                 continue
             self._sumo.slow_down(name, max(speed - deceleration * duration_s, 0.0), duration_s)
         for name in self._hard - hard:
-            if name == EGO or name in drivers:
+            if self._traffic.drives(name):
                 self._traffic.set_mode(name)
         self._hard = hard
 

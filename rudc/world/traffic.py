@@ -219,6 +219,10 @@ class Traffic:
         most = HARDEST if driver.overridden else EMERGENCY_DECEL if hard else self.comfortable(driver.decel)
         self._sumo.set_mode(name, driver.mode, min(most, self.grip))
 
+    def drives(self, name: str) -> bool:
+        """Whether SUMO drives a vehicle, an SV or the ego, that has not left."""
+        return name in self.drivers or (name == EGO and self._ego is not None)
+
     def drive_ego(self) -> None:
         """From now on SUMO drives the ego, too; the road's friction limits it as it does the SVs."""
         self._ego = Driver(
@@ -240,8 +244,11 @@ class Traffic:
                 self.set_mode(name)
 
     def forget(self, active: tuple[str, ...]) -> None:
-        """Forget the SVs that have left; those that were added but are not yet on the road are kept."""
+        """Forget who has left, of the SVs and an ego that SUMO drives; SVs that were added but are not yet on
+        the road are kept."""
         present = set(active)
+        if EGO not in present:
+            self._ego = None
         came = self.waiting.keys() & present
         for name in came:
             del self.waiting[name]

@@ -56,3 +56,19 @@ def test_at_the_speed_it_is_slowed_down_to_it_brakes_to_yield(world, led):
     world._brakes.apply({name: (speed, 1.0)}, 0.5)
     world._sumo.step()
     assert libsumo.vehicle.getSpeed(name) < speed - 0.04
+
+
+def test_an_ego_that_sumo_drove_off_the_road_is_neither_let_off_the_brakes_nor_slips(world, monkeypatch):
+    """SUMO was asked to do so to a vehicle that it no longer knew: the episode failed."""
+    ice = event("low_friction", friction=0.2, when={"simulation_time": {"above": 30.0}})
+    world.reset(replace(LED, density=0.0, turn="right", events=(ice,)).plan(0), ego_driver="sumo")
+
+    def brake(scene, s):
+        held = {"ego": (30.0, 0.0)}  # it drives on
+        world._brakes.apply(held if "ego" in libsumo.vehicle.getIDList() else {}, s)
+
+    monkeypatch.setattr(world, "_brake", brake)
+    while world.scene().time_s < 31.0:
+        world.advance(np.zeros(2))
+    assert "ego" not in libsumo.vehicle.getIDList()
+    assert world.happenings()[0].begun_s is not None
