@@ -15,7 +15,9 @@
                  Steering is limited to what braking, of up to BRAKING mu g, leaves of mu g: wheels that
                  ask for more do not turn the car any further, and take all grip from the brakes
                  A car that was late (LATE_S) for LATE_FOR_S may become late again, even once it is prompt
-                 (PROMPT_S): from then on bends may need at most WARY mu g
+                 (PROMPT_S): from then on bends may need at most WARY mu g.
+                 Wheels with a lag T follow a path of curvature k that changes by dk/ds only if they are
+                 commanded to turn the car by k + T v dk/ds: that, too, must be possible, for grip and wheels
     probe        Short full brakings show how well the road grips (probe.py)
     slide        Where grip is poor and the ego too fast for its bend, manoeuvres keep it on the road
                  (slide.py)
@@ -38,7 +40,7 @@ from rudc.network.paths import SPACING
 from rudc.network.route import ReferencePath
 from rudc.safety.plant import DECISION_S, ORDINARY, PlantEstimate, PlantMonitor
 from rudc.safety.prediction import others_later
-from rudc.vehicle import Actuation
+from rudc.vehicle import Actuation, EgoVehicle
 from rudc.world.ego import DRY, GRAVITY, EgoPlant, widest_steering
 from rudc.world.scene import STANDING, Scene
 
@@ -60,6 +62,8 @@ CAREFUL = 6.0
 """m/s, always allowed on straights"""
 STOPPING = 10.0
 """m, within which the ego can stop on straights where grip is poor, unless it drives at CAREFUL or less"""
+SLOWEST, HALVINGS = 1.0, 12
+"""m/s, with which a car follows its path however late its wheels are; steps in which a speed is found"""
 
 
 class Adaptation:
@@ -86,8 +90,8 @@ class Adaptation:
         """whether it was late and is no longer"""
         self._probe = Probe() if self._probes else None
         self._slide = Slide()
-        self._profiles: dict[tuple[float, float], Array] = {}
-        """m/s2 of grip and the share of it that bends may ask for -> m/s at each station of `_path`"""
+        self._profiles: dict[tuple[float, float, float], Array] = {}
+        """m/s2 of grip, share of it that bends may ask for, s of lag -> m/s at each station of `_path`"""
         self._path: ReferencePath | None = None
 
     def see(self, scene: Scene) -> Scene:
@@ -174,9 +178,10 @@ class Adaptation:
             self._path = path
             self._profiles.clear()
         share = WARY if self._wary else LATERAL if grip < POOR else USABLE
-        profile = self._profiles.get((grip, share))
+        car = grip, share, self.estimate.actuation.lag_s
+        profile = self._profiles.get(car)
         if profile is None:
-            profile = self._profiles[grip, share] = _profile(path, grip, share, _braking(scene, grip))
+            profile = self._profiles[car] = _profile(path, scene.vehicle, *car, _braking(scene, grip))
         return profile
 
     def _asks(self, scene: Scene, grip: float) -> bool:
@@ -197,11 +202,31 @@ def _braking(scene: Scene, grip: float) -> float:
     return min(BRAKING * grip, -scene.network.vehicle.a_min)
 
 
-def _profile(path: ReferencePath, grip: float, share: float, braking: float) -> Array:
+def _profile(
+    path: ReferencePath, body: EgoVehicle, grip: float, share: float, lag_s: float, braking: float
+) -> Array:
     """(M,) m/s, highest speed at each station of the path from which all bends ahead can be taken with that
-    `share` of the `grip` (m/s2), braking at `braking` m/s2.
+    `share` of the `grip` (m/s2) and wheels that lag by `lag_s`, braking at `braking` m/s2.
     """
-    squared = (share * grip / np.maximum(np.abs(path.curvature), 1e-4)).tolist()
-    for i in range(len(squared) - 2, -1, -1):
-        squared[i] = min(squared[i], squared[i + 1] + 2 * braking * SPACING)
-    return np.sqrt(squared)
+    squared = share * grip / np.maximum(np.abs(path.curvature), 1e-4)
+    if lag_s > 0.0:
+        squared = np.minimum(squared, _followed(path, body, share * grip, lag_s) ** 2)
+    best = squared.tolist()
+    for i in range(len(best) - 2, -1, -1):
+        best[i] = min(best[i], best[i + 1] + 2 * braking * SPACING)
+    return np.sqrt(best)
+
+
+def _followed(path: ReferencePath, body: EgoVehicle, lateral: float, lag_s: float) -> Array:
+    """(M,) m/s, SLOWEST or more: the highest speed at each station at which wheels that lag by `lag_s` can be
+    commanded to follow the path, if a command may ask for `lateral` m/s2 and the wheels' largest angle.
+    """
+    bend, change = path.curvature, np.gradient(path.curvature, SPACING)
+    tightest = math.tan(body.delta_max) / body.wheelbase
+    low, high = np.full(len(bend), SLOWEST), np.full(len(bend), body.v_max)
+    for _ in range(HALVINGS):
+        v = 0.5 * (low + high)
+        asked = np.abs(bend + lag_s * v * change)
+        fits = (asked <= tightest) & (v**2 * np.maximum(asked, np.abs(bend)) <= lateral)
+        low, high = np.where(fits, v, low), np.where(fits, high, v)
+    return low

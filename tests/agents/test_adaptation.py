@@ -131,6 +131,26 @@ def test_a_bend_is_followed_with_late_wheels_as_with_prompt_ones(make_scene):
     assert farthest["hastened"] < farthest["prompt"] + 0.1 < 0.5 * farthest["late"]
 
 
+@pytest.mark.parametrize("lag_s", [0.0, 0.5, 1.0, 2.0, 3.0])
+@pytest.mark.parametrize("turn", ["south", "west"])
+def test_wheels_however_late_can_follow_the_path_at_the_speed_of_the_bends(scene_on, lag_s, turn):
+    """In and out of a roundabout: at the speed of prompt wheels, a lag of 1 s takes the car off the road."""
+    scene = scene_on("north", turn, 90.0, 5.0, network_name="roundabout")
+    adaptation, plant = adapted(scene, lag_s=lag_s), EgoPlant(scene.vehicle)
+    path, s, farthest = scene.route.path, scene.ego_s, 0.0
+    profile = adaptation._speeds(scene, DRY * GRAVITY)
+    plant.resume(scene.ego, Actuation(lag_s=lag_s))
+    while s < scene.route.exit_s + 15.0:
+        v = min(profile[int(s / SPACING)], plant.state.v + 0.2)
+        plant.resume(replace(plant.state, v=float(v)), plant.actuation)
+        s, offset = path.project(plant.state.x, plant.state.y, s)
+        now = replace(scene, ego=plant.state, ego_s=s, ego_offset=offset)
+        u = adaptation.govern(now, np.array([0.0, steering(now)]))
+        farthest = max(farthest, abs(offset))
+        s += 0.1 * plant.step(0.0, float(u[1]), 0.1).v
+    assert farthest < 0.6
+
+
 @pytest.mark.parametrize(
     ("late_s", "lag_s", "share"), [(2.0, 0.6, WARY), (0.3, 0.6, USABLE), (2.0, 0.1, USABLE)]
 )
