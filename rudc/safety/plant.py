@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,18 +37,44 @@ SUBSTEP_S = 0.05
 """s, the step with which the models are driven, or the nearest to it that divides a decision evenly; dead
 times are multiples of it
 """
-DELAYS = np.arange(22) * SUBSTEP_S
-"""s, dead times of the bank"""
 LONGEST_S = 2.0
 """s, longest dead time whose commands are remembered; scenarios allow no longer one"""
-LAGS = np.array([0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.25])
-"""s, lags of the bank"""
-FRICTIONS = np.array([
-    np.inf, 0.7, 0.6, 0.56, 0.52, 0.46, 0.4, 0.35, 0.3, 0.26, 0.23, 0.2, 0.17, 0.15, 0.13, 0.11, 0.09, 0.07,
-    0.05, 0.035,
-])  # fmt: skip
-"""coefficients of friction of the bank; inf for a dry road"""
-_LIMITS: Array = np.minimum(FRICTIONS, DRY) * GRAVITY
+
+
+class Part(NamedTuple):
+    """A part of the bank: the models of all combinations."""
+
+    delays: Index
+    """(D,) sub-steps, dead times"""
+    lags: Array
+    """(L,) s"""
+    frictions: Array
+    """(F,) coefficients of friction; inf for a dry road"""
+
+    @property
+    def size(self) -> int:
+        """How many models it has."""
+        return len(self.delays) * len(self.lags) * len(self.frictions)
+
+
+BANK = (
+    Part(
+        np.arange(21),
+        np.array([0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.25, 1.6, 2.2, 3.0]),
+        np.array([
+            np.inf, 0.7, 0.6, 0.56, 0.52, 0.46, 0.4, 0.35, 0.3, 0.26, 0.23, 0.2, 0.17, 0.15, 0.13, 0.11,
+            0.09, 0.07, 0.05, 0.035,
+        ]),
+    ),
+    Part(
+        np.arange(21, 41),
+        np.array([0.0, 0.1, 0.2, 0.35, 0.5, 0.8, 1.5]),
+        np.array([np.inf, 0.5, 0.3, 0.18, 0.1]),
+    ),
+)  # fmt: skip
+"""the models: of long dead times, which are rare, only with a few lags and frictions"""
+_LIMITS = [np.minimum(part.frictions, DRY) * GRAVITY for part in BANK]
+"""(F,) m/s2 for each part, what friction gives"""
 ACCELERATION_STD, STEERING_STD = 0.25, 0.005
 """m/s2, rad: A and D, sizes of errors of the readings that say nothing about the car"""
 CUT = 16.0
@@ -92,22 +119,25 @@ class PlantMonitor:
 
     def __init__(self, vehicle: EgoVehicle) -> None:
         self._vehicle = vehicle
-        delay, lag, friction = np.meshgrid(np.arange(len(DELAYS)), LAGS, FRICTIONS, indexing="ij")
-        self._delay: Index = delay.ravel()
-        self._lag: Array = lag.ravel()
-        self._limit: Array = friction.ravel() * GRAVITY
-        self._plainness = (
-            self._delay * 1.0
-            + self._lag / 0.05
-            + np.where(np.isinf(self._limit), 0.0, 5.0 / np.maximum(friction.ravel(), 1e-9))
+        cubes = [np.meshgrid(*part, indexing="ij") for part in BANK]
+        self._delay, self._lag, self._friction = (
+            np.concatenate([cube.ravel() for cube in each]) for each in zip(*cubes, strict=True)
         )
+        """(M,) sub-steps, s and coefficients of friction of the models"""
+        self._plainness = self._delay * 1.0 + self._lag / 0.05 + 5.0 / self._friction
         self._nominal = int(np.argmin(self._plainness))
-        bank = len(DELAYS), len(LAGS), len(FRICTIONS)
         self._take_steps_of(SUBSTEP_S)
         self._timed = False
         """whether the time between two decisions is known"""
-        self._a, self._delta, self._cost = np.zeros(bank), np.zeros(bank), np.zeros(len(self._delay))
+        self._a, self._delta, self._cost = np.zeros((3, len(self._delay)))
         """m/s2 and rad that the models predict, filled in anew for each decision, and their J"""
+        self._parts, first = [], 0
+        """the same m/s2 and rad, (D, L, F) for each part"""
+        for part in BANK:
+            last = first + part.size
+            shape = len(part.delays), len(part.lags), len(part.frictions)
+            self._parts.append((self._a[first:last].reshape(shape), self._delta[first:last].reshape(shape)))
+            first = last
         self._before: EgoState | None = None
         self._believed = self._nominal
         self.estimate = ORDINARY
@@ -132,24 +162,27 @@ class PlantMonitor:
         """From now on drive the models with steps of `substep_s` s; no command is on its way."""
         self.substep_s = substep_s
         """s, the step with which the models are driven"""
-        self._keep: Array = np.where(LAGS > 0, np.exp(-substep_s / np.maximum(LAGS, 1e-9)), 0.0)
-        self._given: Array = np.zeros((max(len(DELAYS), math.ceil(LONGEST_S / substep_s)) + 1, 2))
+        self._keep = [np.exp(-substep_s / np.maximum(part.lags, 1e-9)) for part in BANK]
+        """share of the difference from a command that is left after a step"""
+        self._given: Array = np.zeros((max(int(BANK[-1].delays[-1]), math.ceil(LONGEST_S / substep_s)), 2))
         """m/s2, rad, commands of the last sub-steps, newest first"""
 
     def _drive(self, before: EgoState, a: float, delta: float, v_after: float, passed_s: float) -> None:
         """Drive all models with the command for one decision, from the state that was read before it."""
         body, substeps = self._vehicle, max(round(passed_s / self.substep_s), 1)
-        command = complex(*within_limits(body, a, delta))
-        drive_bank(
-            self._a, self._delta, self._given, self._keep, _LIMITS,
-            complex(before.acceleration, before.steering), command, substeps,
-            before.v, v_after, body.cg_to_rear, body.cg_to_rear / body.wheelbase,
-        )  # fmt: skip
+        given = np.concatenate([[within_limits(body, a, delta)] * substeps, self._given])
+        now, ratio = complex(before.acceleration, before.steering), body.cg_to_rear / body.wheelbase
+        for part, limit, keep, ours in zip(BANK, _LIMITS, self._keep, self._parts, strict=True):
+            drive_bank(
+                *ours, given, part.delays, keep, limit, now, substeps,
+                before.v, v_after, body.cg_to_rear, ratio,
+            )  # fmt: skip
+        self._given = given[: len(self._given)]
 
     def _score(self, ego: EgoState, passed_s: float) -> None:
         counts = float(STANDING < ego.v < self._vehicle.v_max - 0.1)
         score_bank(
-            self._cost, self._a.ravel(), self._delta.ravel(), ego.acceleration, ego.steering, counts,
+            self._cost, self._a, self._delta, ego.acceleration, ego.steering, counts,
             FORGET ** (passed_s / DECISION_S), ACCELERATION_STD, STEERING_STD, CUT, WORST,
         )  # fmt: skip
 
@@ -160,7 +193,7 @@ class PlantMonitor:
         i = self._believed = int(alike[self._plainness[alike].argmin()])
         if i == self._nominal:
             return ORDINARY
-        mu = None if math.isinf(self._limit[i]) else float(self._limit[i] / GRAVITY)
+        mu = None if math.isinf(self._friction[i]) else float(self._friction[i])
         return PlantEstimate(
             Actuation(float(self._delay[i] * self.substep_s), float(self._lag[i]), mu), unusual=True
         )

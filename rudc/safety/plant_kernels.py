@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from rudc.kernels import NewCube, NewTable, NewVector, Vector, kernel
+from rudc.kernels import NewCube, NewVector, Rows, Table, Vector, kernel
 
 SLOW = 0.1
 """m/s, speed up to which friction does not limit the front wheels, as in rudc/world/ego.py"""
@@ -44,17 +44,18 @@ def within_friction(
 
 @kernel
 def drive_bank(
-    a: NewCube, delta: NewCube, given: NewTable, keep: Vector, limit: Vector, now: complex,
-    command: complex, substeps: int, v: float, v_after: float, cg_to_rear: float, ratio: float,
+    a: NewCube, delta: NewCube, given: Table, delays: Rows, keep: Vector, limit: Vector, now: complex,
+    substeps: int, v: float, v_after: float, cg_to_rear: float, ratio: float,
 ) -> int:  # fmt: skip
-    """Fill in the bank's accelerations `a` m/s2 and front-wheel angles `delta` rad (D, L, F) after some
-    sub-steps with a `command` a + i delta. `now`: those that were read before, a + i delta; meanwhile the
-    speed goes from v to v_after m/s. Returns 0.
+    """Fill in the accelerations `a` m/s2 and front-wheel angles `delta` rad (D, L, F) of a part of the bank
+    after some sub-steps. `now`: those that were read before, a + i delta; meanwhile the speed goes from v to
+    v_after m/s. Returns 0.
 
-    `given`: (D + 1, 2) m/s2 and rad, past commands, newest first; `keep`: (L,) share of the difference from
-    the command that is left after a sub-step; `limit`: (F,) m/s2, what friction gives.
+    `given`: (delays[-1] + substeps or more, 2) m/s2 and rad, the commands of these sub-steps and of those
+    before, newest first; `delays`: (D,) sub-steps, increasing; `keep`: (L,) share of the difference from the
+    command that is left after a sub-step; `limit`: (F,) m/s2, what friction gives.
     """
-    delays, lags, frictions = a.shape
+    lags, frictions = a.shape[1:]
     wanted_a, wanted_delta = np.empty(frictions), np.empty(frictions)
     widest, widest_tangent = widest_angles(limit, v, cg_to_rear, ratio)
     for f in range(frictions):
@@ -63,18 +64,19 @@ def drive_bank(
         wanted_a[f] = within_friction(now.real, math.tan(turned), limit[f], v, cg_to_rear, ratio)
     a[:], delta[:] = wanted_a, wanted_delta
     for i in range(substeps):
-        for d in range(len(given) - 1, 0, -1):
-            given[d, 0], given[d, 1] = given[d - 1, 0], given[d - 1, 1]
-        given[0, 0], given[0, 1] = command.real, command.imag
         here = v + (v_after - v) * i / substeps
         widest, widest_tangent = widest_angles(limit, here, cg_to_rear, ratio)
-        for d in range(delays):
-            if d == 0 or given[d, 0] != given[d - 1, 0] or given[d, 1] != given[d - 1, 1]:  # else as before
-                tangent = math.tan(given[d, 1])
+        before = 0
+        for d in range(len(delays)):
+            acts = delays[d] + substeps - 1 - i
+            a_d, delta_d = given[acts, 0], given[acts, 1]
+            if d == 0 or a_d != given[before, 0] or delta_d != given[before, 1]:  # else as for the last d
+                tangent = math.tan(delta_d)
                 for f in range(frictions):
                     turned = min(max(tangent, -widest_tangent[f]), widest_tangent[f])
-                    wanted_delta[f] = min(max(given[d, 1], -widest[f]), widest[f])
-                    wanted_a[f] = within_friction(given[d, 0], turned, limit[f], here, cg_to_rear, ratio)
+                    wanted_delta[f] = min(max(delta_d, -widest[f]), widest[f])
+                    wanted_a[f] = within_friction(a_d, turned, limit[f], here, cg_to_rear, ratio)
+            before = acts
             for k in range(lags):
                 for f in range(frictions):
                     a[d, k, f] = wanted_a[f] + (a[d, k, f] - wanted_a[f]) * keep[k]

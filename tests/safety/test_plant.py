@@ -89,6 +89,18 @@ def test_all_three_at_once():
     assert found[-1].friction == pytest.approx(0.3, rel=0.2)
 
 
+@pytest.mark.parametrize(
+    ("delay", "lag"), [(1.05, 0.5), (1.35, 0.0), (1.5, 0.2), (2.0, 0.0), (0.0, 2.2), (0.2, 2.2)]
+)
+def test_very_slow_actuators_are_recognised(delay, lag):
+    """Where the bank ended at 1.05 s and 1.25 s, one wrong car after the other was believed in."""
+    _, found = drive(Actuation(delay, lag), seconds=10.0)
+    for actuation in found[60:]:
+        assert actuation.delay_s == pytest.approx(delay, abs=0.11)
+        assert actuation.lag_s == pytest.approx(lag, rel=0.3, abs=0.1)
+        assert actuation.friction is None
+
+
 def test_a_car_that_changes_on_the_way_is_noticed():
     plant, monitor = EgoPlant(BODY), PlantMonitor(BODY)
     plant.reset(0.0, 0.0, 0.0, 10.0)
