@@ -6,9 +6,9 @@ On its own path the ego drives no faster than it can stop from within what it se
 is always allowed.
 
 At a junction, a vehicle may come at its road's speed limit from behind every box that hides something, and
-from beyond the sensors' reach, whoever has priority. For each row of `network.paths` from another arm that
-meets the ego's path, the hidden place nearest to the conflict, upstream of it, is looked for. A vehicle there
-reaches the conflict after
+from beyond the sensors' reach: one to which the ego gives way and, where grip is poor, any other too. For
+each such row of `network.paths` from another arm that meets the ego's path, the hidden place nearest to the
+conflict, upstream of it, is looked for. A vehicle there reaches the conflict after
 
     t = (way from there to the conflict) / (the highest speed limit on that way)
 
@@ -74,6 +74,15 @@ def ready_for_unseen(scene: Scene, u: Array) -> Array:
     return at_most(u, slowing(scene, room, CREEP, braking))
 
 
+def ready_to_wait_for_unseen(scene: Scene, u: Array) -> Array:
+    """(2,) the command u (2,), m/s2 and rad, with an acceleration after which the ego can still stop before
+    those to whom it gives way and who may come from where it does not see.
+    """
+    braking = PLANNED * -scene.vehicle.a_min
+    room = _room(scene, braking, scene.network.gives_way(scene.route, scene.route.row))
+    return u if math.isinf(room) else at_most(u, slowing(scene, room, CREEP, braking))
+
+
 def look_ahead(scene: Scene, least: float, braking: float) -> float:
     """m of the ego's path ahead to look at: `least`, or MORE than it needs to stop, braking at `braking`
     m/s2, if that is more and its path is that long.
@@ -95,13 +104,22 @@ def speed_by_sight(scene: Scene, braking: float) -> float:
     """m/s, highest speed from which the ego, braking at `braking` m/s2, can stop before every conflict with a
     vehicle that may come from a hidden place before the ego has passed; inf if there is none.
     """
+    origin = scene.network.paths.origin
+    room = _room(scene, braking, origin != origin[scene.route.row])
+    return max(math.sqrt(2.0 * braking * room), CREEP)
+
+
+def _room(scene: Scene, braking: float, whom: Flags) -> float:
+    """m to the nearest conflict with a vehicle that may come from a hidden place, on one of the rows `whom`
+    (P,), before the ego has passed; inf if there is none. `braking`: m/s2, with which the ego would stop.
+    """
     if scene.hidden_by is None and math.isinf(scene.sight_m):
         return math.inf
     paths, body = scene.network.paths, scene.vehicle
     table = scene.network.conflict(scene.route)
     front, look = scene.front_s, look_ahead(scene, AHEAD, braking)
     ahead = (table[:, 0] > front) & (table[:, 0] < front + look) & (table[:, 2] > paths.stop_s)
-    rows = np.flatnonzero(ahead & (paths.origin != paths.origin[scene.route.row]))
+    rows = np.flatnonzero(ahead & whom)
     if not len(rows):
         return math.inf
     end, merges = _passed(scene, rows, table[rows])
@@ -118,8 +136,7 @@ def speed_by_sight(scene: Scene, braking: float) -> float:
     threat = through + faster / DECELERATION + SPARE >= way / limit
     if not threat.any():
         return math.inf
-    room = max(float(ours_in[threat].min()) - BEFORE, 0.0)
-    return max(math.sqrt(2.0 * braking * room), CREEP)
+    return max(float(ours_in[threat].min()) - BEFORE, 0.0)
 
 
 def _passed(scene: Scene, rows: Index, table: Array) -> tuple[Array, Flags]:

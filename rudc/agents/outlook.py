@@ -8,9 +8,9 @@ that comes back. It leads the driver round what blocks, and adapts it to the car
              (patience.py). Corrections come after this
     govern   The driver's command -> slow enough to give way (approach.py) -> to stop for those who do not
              give way to it (not_yielding.py) -> to stop behind the leader (following.py) -> to stop within
-             what the ego sees (hidden.py) -> to stop for those who may run out (runners.py) -> to drive
-             along the course (courses.py) -> steered so that the wheels stay on the road (kerb.py) -> slow
-             enough for the grip (adaptation.py)
+             what the ego sees, and to give way to whom it does not see (hidden.py) -> to stop for those who
+             may run out (runners.py) -> to drive along the course (courses.py) -> steered so that the wheels
+             stay on the road (kerb.py) -> slow enough for the grip (adaptation.py)
 
 So every driver, by rules or by a policy, with a correction or without, goes round what blocks and copes with
 another car than the one that it was made for, and need not know of either.
@@ -26,7 +26,7 @@ from rudc.agents.approach import ready_to_wait
 from rudc.agents.base import Agent, Decision, Urged, layers
 from rudc.agents.courses import Courses
 from rudc.agents.following import ready_to_follow
-from rudc.agents.hidden import ready_for_unseen, ready_while_blind
+from rudc.agents.hidden import ready_for_unseen, ready_to_wait_for_unseen, ready_while_blind
 from rudc.agents.kerb import kept_on_road
 from rudc.agents.memory import Memory
 from rudc.agents.not_yielding import ready_for_not_yielding
@@ -46,9 +46,10 @@ class OutlookSettings(Settings):
     course: bool = False
     """whether the driver is led round what blocks its path"""
     approach: bool = True
-    """whether the ego drives so that it can still stop where it must give way while gaps are too short,
-    before vehicles that do not look like giving way to it, behind its leader, at the end of what it sees,
-    before those who may run out from behind a box, and while its sensors have failed; with `course` only"""
+    """whether the ego drives so that it can still stop where it must give way while gaps are too short or
+    not seen, before vehicles that do not look like giving way to it, behind its leader, at the end of what
+    it sees, before those who may run out from behind a box, and while its sensors have failed; with `course`
+    only"""
     plant: Knowledge = "off"
     """what is known of dead time, lag and friction: nothing (`off`), what is estimated while driving
     (`estimated`), or the truth (`known`, for ablations)"""
@@ -105,7 +106,7 @@ class Outlook:
         """
         if self._approach and not onwards:
             u = ready_for_not_yielding(scene, ready_to_wait(scene, u))
-            u = ready_for_unseen(scene, ready_to_follow(scene, u))
+            u = ready_to_wait_for_unseen(scene, ready_for_unseen(scene, ready_to_follow(scene, u)))
             u = ready_for_next_runners(scene, ready_for_runners(scene, u))
             u = ready_while_blind(scene, u) if self.memory.blind else u
         if self.courses is not None:

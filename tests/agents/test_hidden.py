@@ -7,7 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rudc.agents.hidden import BEFORE, CREEP, look_ahead, ready_for_unseen, speed_by_sight
+from rudc.agents.hidden import (
+    BEFORE,
+    CREEP,
+    look_ahead,
+    ready_for_unseen,
+    ready_to_wait_for_unseen,
+    speed_by_sight,
+)
 from rudc.network.network import load_network
 from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
 from tests.world.networks import with_limits
@@ -52,6 +59,23 @@ def test_who_merges_has_passed_before_the_end_of_the_road(make_scene):
         scene = make_scene(turn=turn, front=-1.0, v=6.0)
         assert speed_by_sight(replace(scene, sight_m=sight), 1.0) == math.inf
         assert speed_by_sight(replace(scene, sight_m=15.0), 1.0) < 6.0
+
+
+@pytest.mark.parametrize("hides", [{"sight_m": 15.0}, {"hidden_by": CORNERS}])
+def test_who_gives_way_can_stop_for_whom_it_does_not_see(make_scene, hides):
+    """In fog an ego that gave way drove into the junction at 9 m/s, and met one who did not brake for it."""
+    full = np.array([3.0, 0.0])
+    for v in np.arange(0.0, 12.0, 0.5):
+        seeing = make_scene(front=-6.0, v=float(v))
+        assert ready_to_wait_for_unseen(seeing, full) is full
+        scene = replace(seeing, **hides)
+        a = float(ready_to_wait_for_unseen(scene, full)[0])
+        room, hardest = scene.route.zone_start_s - scene.front_s, -scene.vehicle.a_min
+        assert (v + 0.1 * a) ** 2 / (2 * hardest) <= room + CREEP**2 or a == -hardest
+        assert a > 0.0 or v >= CREEP, "it never stands for that"
+    assert a < 0.0
+    with_priority = make_scene(origin="west", front=-6.0, v=9.0)
+    assert ready_to_wait_for_unseen(replace(with_priority, **hides), full) is full
 
 
 @pytest.mark.parametrize("sight", [3.0, 9.0, 20.0])
