@@ -8,6 +8,8 @@ vehicles that come the wrong way.
                  has stood for LONG s
     facing       A vehicle in the junction that has stood for IMPASSE s with the ego standing in its way: each
                  waits for the other
+    reaching in  A vehicle that stands at its stop line on another arm and reaches into the ego's path: it may
+                 wait for the ego, and then waiting for it is in vain
     coming       Whoever drives against the ego's line and is on no path (coming.py)
 
 Vehicles in an ordinary queue do not block, and pedestrians never do: they walk on.
@@ -24,8 +26,12 @@ from rudc.agents.coming import LANE_S, NOBODY, Lanes, lanes_of, strays, swept
 from rudc.agents.kernels import all_have_ways
 from rudc.agents.standing import Standing
 from rudc.arrays import Array, Flags, Index
+from rudc.env.remembered import Remembered
 from rudc.geometry import NO_RECTANGLES, Rectangles, rectangle_gaps
+from rudc.network.course import gaps_along
+from rudc.network.route import Route
 from rudc.world.scene import STILL, Kind, Scene
+from rudc.world.vehicle_types import VEHICLE_TYPES
 
 PATIENCE = 6.0
 """s, how long a vehicle must have stood to count as blocking"""
@@ -49,8 +55,15 @@ IMPASSE = 3.0
 FACING, MEETS = 6.0, 0.3
 """m, m: the ego stands in a vehicle's way if it is nearer than the second to the next metres of it (the
 first)"""
+AT_LINE, REACHES = 2.0, 0.15
+"""m, m: a vehicle whose front is nearer to its stop line than the first stands at it, and it reaches into the
+ego's path if a car there would be nearer than the second"""
 COMING_S, COMING = 5.0, 10.0
 """s, m: a vehicle waits for those who are nearer to the junction than this, whichever is farther"""
+WIDEST = np.array(
+    [max(kind.length for kind in VEHICLE_TYPES.values()), max(kind.width for kind in VEHICLE_TYPES.values())]
+)
+"""m, m: the longest and widest vehicle"""
 PEDESTRIAN = int(Kind.PEDESTRIAN)
 """a plain number, which numpy compares ten times as fast"""
 
@@ -77,6 +90,7 @@ class Blocks(NamedTuple):
         return bool(self.standing.number or self.coming.outside.number)
 
 
+_near_rows: Remembered[Route, Flags] = Remembered()
 NOTHING = Blocks(NO_RECTANGLES, NOBODY, NO_RECTANGLES, NO_RECTANGLES, NO_RECTANGLES, frozenset())
 
 
@@ -106,7 +120,8 @@ class Blocking:
         without_way = (scene.path < 0) & (scene.kind != PEDESTRIAN)
         if not (self._since or without_way.any()):
             return NOTHING
-        stuck = still & (without_way | self._stuck(scene, still, without_way) | self._facing(scene))
+        stuck = without_way | self._stuck(scene, still, without_way) | self._facing(scene)
+        stuck = still & (stuck | _reaches_in(scene, still))
         stray = strays(scene, without_way & ~still)
         return Blocks(
             _bodies(scene, stuck),
@@ -168,6 +183,39 @@ class Blocking:
             if self._idle[scene.ids[i]] > IDLE or scene.time_s - self._since[scene.ids[i]] > LONG
         ]  # fmt: skip
         return np.array(vain, dtype=np.int64)
+
+
+def _reaches_in(scene: Scene, still: Flags) -> Flags:
+    """(N,) whether each vehicle stands (`still` (N,)) at its stop line on another arm, and less than REACHES
+    m from a car on the ego's path.
+    """
+    paths, found = scene.network.paths, np.zeros(scene.count, dtype=np.bool_)
+    near = _near_rows.get(scene.route, lambda: _rows_beside(scene))
+    if not near.any():
+        return found
+    front = scene.path_s + 0.5 * scene.size[:, 0]
+    waits = still & (scene.path >= 0) & near[scene.path]
+    for i in np.flatnonzero(waits & (np.abs(front - paths.stop_s[scene.path]) < AT_LINE)).tolist():
+        one = Rectangles(scene.position[i : i + 1], scene.heading[i : i + 1], scene.size[i : i + 1])
+        _, gap = gaps_along(scene.route.path, scene.ego_s, scene.destination_s, scene.vehicle, one)
+        found[i] = gap.min(initial=np.inf) < REACHES
+    return found
+
+
+def _rows_beside(scene: Scene) -> Flags:
+    """(P,) the rows from other arms on which the widest vehicle that stops at its stop line is less than
+    REACHES m from a car on the ego's path."""
+    paths, route, found = (
+        scene.network.paths,
+        scene.route,
+        np.zeros(scene.network.paths.count, dtype=np.bool_),
+    )
+    for row in np.flatnonzero(paths.origin != paths.origin[route.row]).tolist():
+        x, y, psi = paths.pose(np.array([row]), paths.stop_s[row] - 0.5 * WIDEST[:1])
+        place = Rectangles(np.column_stack([x, y]), psi, WIDEST[None])
+        gap = gaps_along(route.path, 0.0, route.path.length, scene.vehicle, place)[1]
+        found[row] = gap.min(initial=np.inf) < REACHES
+    return found
 
 
 def _stands_before(scene: Scene, i: int) -> bool:
