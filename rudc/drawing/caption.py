@@ -27,6 +27,7 @@ UNITS = {
     "reach_position": "m",
     "speed": "m/s",
     "ego_distance_to_junction": "m",
+    "event_state": "s",
 }
 """units of the numbers of conditions of `when`"""
 WHEN = {
@@ -38,6 +39,7 @@ WHEN = {
     "reach_position": "the ego reaches",
     "speed": "the ego's speed is",
     "ego_distance_to_junction": "the ego's distance to its stop line is",
+    "event_state": "the time since",
 }
 """conditions of `when` in words, where their names do not say enough"""
 SENSED = frozenset({"sensor_noise", "sensor_dropout"})
@@ -167,6 +169,9 @@ def _condition(name: str, says: dict[str, Any]) -> str:
     bounds = dict(says)
     towards, place = bounds.pop("vehicle", None), bounds.pop("position", None)
     words = WHEN.get(name, _words(name))
+    if name == "event_state":
+        state = "began" if bounds.pop("state") == "begun" else "was over"
+        words += f" ({_value(bounds.pop('event') + 1)}) {state} is"
     if towards is not None:
         words += f" ({towards})"
     if place is not None:

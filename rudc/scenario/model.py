@@ -52,6 +52,20 @@ def _scalar(value: Any) -> Any:
     return value
 
 
+def _in_order(events: tuple[Event, ...]) -> tuple[Event, ...]:
+    """The same events, each of which waits at most for events before it."""
+    for k, event in enumerate(events):
+        state = event.when.event_state if event.when else None
+        if state is not None and state.event.support[1] >= k:
+            before = f"0 to {k - 1}" if k > 1 else "only 0" if k else "there is none before the first"
+            refuse(
+                f"expected the number of an event before this one in the file ({before}); "
+                f"got {state.event.support[1]:g}",
+                *(k, "when", "event_state", "event"),
+            )
+    return events
+
+
 def _content(network: Scalar) -> Scalar:
     """A shipped network's name, or what is in the file of any other, wherever it lies."""
     if not is_network_path(network):
@@ -78,7 +92,7 @@ class Scenario(FileModel, frozen=True):
     """the ego's task and start"""
     traffic: Traffic = Traffic()
     """surrounding vehicles"""
-    events: tuple[AnyEvent, ...] = ()
+    events: Annotated[tuple[AnyEvent, ...], AfterValidator(_in_order)] = ()
     """what happens besides ordinary traffic"""
     episode: Episode = Episode()
     """when it ends by itself"""

@@ -126,6 +126,17 @@ class TimeToCollision(TimeThreshold, frozen=True):
     """towards which vehicle"""
 
 
+class EventState(TimeThreshold, frozen=True):
+    """The time in s since an earlier event of the file began, or since it was over."""
+
+    event: Annotated[AnyDistribution, Bounds(0, 999, whole=True)]
+    """which event of the file, one before this; they count from 0, as in the key events.0"""
+    state: Literal["begun", "over"] = "begun"
+    """since it began, or since it was over; one that never happens, or never ends, makes it never hold"""
+    above: Second | None = Constant(value=0.0)
+    """s; holds when it is longer"""
+
+
 class ReachPosition(FileModel, frozen=True):
     """The ego is near a place."""
 
@@ -169,6 +180,8 @@ class Trigger(FileModel, frozen=True):
     """the ego's speed, m/s"""
     ego_distance_to_junction: JunctionThreshold | None = None
     """m from the ego to its stop line, negative past it"""
+    event_state: EventState | None = None
+    """s since an earlier event of the file began, or was over"""
     probability: Annotated[AnyDistribution, Bounds(0, 1)] | None = None
     """whether the event happens in this episode at all; drawn once per episode"""
 

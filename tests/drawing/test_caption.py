@@ -114,6 +114,8 @@ def test_numbers_of_events_and_conditions_have_their_units():
     assert "at 1000 m, length 20 m" in describe(far)
     late = event("hard_brake", when={"traveled_distance": {"above": 999.7}})
     assert conditions(late) == "the ego has driven above 1000 m"
+    then = event("hard_brake", when={"event_state": {"event": 1, "state": "over", "above": 2}})
+    assert conditions(then) == "the time since (2) was over is above 2 s"
     assert UNITS.keys() == Trigger.model_fields.keys() - {"probability"}
 
 

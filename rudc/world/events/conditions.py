@@ -47,6 +47,11 @@ def _reach_position(condition: Any, scene: Scene, stage: WorldStage) -> bool:
     return math.hypot(scene.ego.x - x, scene.ego.y - y) < float(condition.tolerance)
 
 
+def _event_state(condition: Any, scene: Scene, stage: WorldStage) -> bool:
+    since_s = stage.reached.get((int(float(condition.event)), condition.state), math.inf)
+    return condition.holds(stage.time_s - since_s)
+
+
 def _relative_distance(condition: Any, scene: Scene, stage: WorldStage) -> bool:
     rows = pick(scene, condition.vehicle, stage.rng)
     away = scene.position[rows] - (scene.ego.x, scene.ego.y)
@@ -95,4 +100,5 @@ _CONDITIONS: dict[str, Callable[[Any, Scene, WorldStage], bool]] = {
     "relative_distance": _relative_distance,
     "time_headway": _time_headway,
     "time_to_collision": _time_to_collision,
+    "event_state": _event_state,
 }

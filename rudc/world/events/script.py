@@ -46,6 +46,9 @@ class Script:
         self._stage = stage
         pairs = zip(plan.event_numbers, plan.events, strict=True)
         self._effects = [effect_of(event, f"{event.kind}{number - 1}") for number, event in pairs]
+        self._numbers = {
+            e.name: number - 1 for e, number in zip(self._effects, plan.event_numbers, strict=True)
+        }
         self._waiting = list(self._effects)
         self._active: list[Effect[Any]] = []
         self._lasting: dict[type[Effect[Any]], Effect[Any]] = {}
@@ -70,6 +73,7 @@ class Script:
             if ask_effect(effect, "is_over", stage, stage.time_s):
                 ask_effect(effect, "end", stage, stage.time_s)
                 self._active.remove(effect)
+                self._reach(effect, "over")
                 if self._lasting.get(type(effect)) is effect:  # an own one that ends by itself
                     del self._lasting[type(effect)]
                 replaced = self._lasting.get(type(effect))
@@ -126,12 +130,19 @@ class Script:
             effect.begun_s = self._begun[effect.name] = stage.time_s
             if effect.felt:
                 self._visible[effect.name] = effect.begun_s
+            self._reach(effect, "begun")
             self._waiting.remove(effect)
-            self._active = [e for e in self._active if type(e) is not type(effect) or not e.replaceable]
+            for replaced in [e for e in self._active if type(e) is type(effect) and e.replaceable]:
+                self._active.remove(replaced)
+                self._reach(replaced, "over")
             self._active.append(effect)
             if effect.replaceable and getattr(effect.event, "duration", None) is None:
                 self._lasting[type(effect)] = effect
         return tuple(effect.name for effect in begun)
+
+    def _reach(self, effect: Effect[Any], state: str) -> None:
+        """Note that an event has begun, or is over, for those that wait for it."""
+        self._stage.reached.setdefault((self._numbers[effect.name], state), self._stage.time_s)
 
     def _bodies(self, effect: Effect[Any]) -> frozenset[str]:
         return effect.chosen | self._stage.things_of(effect.name)

@@ -72,6 +72,8 @@ class WorldStage(NetworkStage):
     no_room: bool = False
     """whether an event has asked for room on the road, and there was none, since this was last set to False
     """
+    reached: dict[tuple[int, str], float] = field(default_factory=dict)
+    """number of an event in keys, and `begun` or `over` -> s, when it was so first"""
     _for_now: set[str] = field(default_factory=set)
     """names of things that stand on the road and will be taken away"""
     _asked: dict[tuple[str, str], dict[str, float]] = field(default_factory=dict)
