@@ -63,7 +63,7 @@ CAREFUL = 6.0
 STOPPING = 10.0
 """m, within which the ego can stop on straights where grip is poor, unless it drives at CAREFUL or less"""
 SLOWEST, HALVINGS = 1.0, 12
-"""m/s, with which a car follows its path however late its wheels are; steps in which a speed is found"""
+"""m/s, never slower than this because of late wheels; steps in which a speed is found"""
 
 
 class Adaptation:
@@ -131,7 +131,9 @@ class Adaptation:
         delta = min(max(self._hastened(scene.ego.steering, delta), -widest), widest)
         u = u if (a, delta) == (u[0], u[1]) else np.array([a, delta])
         if grip < POOR:
-            u = self._slide.hold(scene, u, grip, self.estimate.actuation.lag_s, self._speeds(scene, grip))
+            u = self._slide.hold(
+                scene, u, grip, self.estimate.actuation.lag_s, self._speeds(scene, grip, 0.0)
+            )
         return u
 
     def _notice_late(self, time_s: float) -> None:
@@ -166,19 +168,19 @@ class Adaptation:
     def _allowed(self, scene: Scene, grip: float, reaction_s: float = 0.0) -> float:
         """m/s, speed from which all bends ahead can be taken with that `grip` (m/s2): the least of `_speeds`
         from here to where the ego will be once its speed has followed the command."""
-        profile = self._speeds(scene, grip)
+        profile = self._speeds(scene, grip, self.estimate.actuation.lag_s)
         way = scene.ego.v * (RESPONSE_S + self.estimate.actuation.lag_s + reaction_s)
         first = min(max(int(scene.ego_s / SPACING), 0), len(profile) - 1)
         return min(profile[first : first + int(way / SPACING) + 1].tolist())
 
-    def _speeds(self, scene: Scene, grip: float) -> Array:
+    def _speeds(self, scene: Scene, grip: float, lag_s: float) -> Array:
         """(M,) m/s, `_profile` of the ego's path; kept for the next call."""
         path = scene.route.path
         if self._path is not path:
             self._path = path
             self._profiles.clear()
         share = WARY if self._wary else LATERAL if grip < POOR else USABLE
-        car = grip, share, self.estimate.actuation.lag_s
+        car = grip, share, lag_s
         profile = self._profiles.get(car)
         if profile is None:
             profile = self._profiles[car] = _profile(path, scene.vehicle, *car, _braking(scene, grip))
@@ -222,7 +224,9 @@ def _followed(path: ReferencePath, body: EgoVehicle, lateral: float, lag_s: floa
     commanded to follow the path, if a command may ask for `lateral` m/s2 and the wheels' largest angle.
     """
     bend, change = path.curvature, np.gradient(path.curvature, SPACING)
-    tightest = math.tan(body.delta_max) / body.wheelbase
+    tightest = (
+        math.sin(math.atan(body.cg_to_rear / body.wheelbase * math.tan(body.delta_max))) / body.cg_to_rear
+    )
     low, high = np.full(len(bend), SLOWEST), np.full(len(bend), body.v_max)
     for _ in range(HALVINGS):
         v = 0.5 * (low + high)

@@ -1,5 +1,5 @@
-"""What blocks the way for good: bodies that stand and will not move, vehicles that queue behind them, and
-vehicles that come the wrong way.
+"""What blocks the way for good: bodies that stand and will not move, vehicles that queue behind them or wait
+in the ego's path, and vehicles that come the wrong way.
 
     at once      Whatever stands and is on no path through the junction: accident vehicles, closed lanes
     in time      A vehicle on a path that has stood for PATIENCE s, with nobody before it or with somebody
@@ -55,9 +55,9 @@ IMPASSE = 3.0
 FACING, MEETS = 6.0, 0.3
 """m, m: the ego stands in a vehicle's way if it is nearer than the second to the next metres of it (the
 first)"""
-AT_LINE, REACHES = 2.0, 0.15
-"""m, m: a vehicle whose front is nearer to its stop line than the first stands at it, and it reaches into the
-ego's path if a car there would be nearer than the second"""
+AT_LINE, AT_LINE_S = 2.0, 1.0
+"""m, s: a vehicle waits at its stop line if its front is nearer to it than the first, and has been for the
+second"""
 COMING_S, COMING = 5.0, 10.0
 """s, m: a vehicle waits for those who are nearer to the junction than this, whichever is farther"""
 WIDEST = np.array(
@@ -90,7 +90,8 @@ class Blocks(NamedTuple):
         return bool(self.standing.number or self.coming.outside.number)
 
 
-_near_rows: Remembered[Route, Flags] = Remembered()
+_rows: Remembered[Route, Flags] = Remembered()
+"""`_rows_reaching_in` of each route"""
 NOTHING = Blocks(NO_RECTANGLES, NOBODY, NO_RECTANGLES, NO_RECTANGLES, NO_RECTANGLES, frozenset())
 
 
@@ -121,7 +122,7 @@ class Blocking:
         if not (self._since or without_way.any()):
             return NOTHING
         stuck = without_way | self._stuck(scene, still, without_way) | self._facing(scene)
-        stuck = still & (stuck | _reaches_in(scene, still))
+        stuck = still & (stuck | self._reaching_in(scene))
         stray = strays(scene, without_way & ~still)
         return Blocks(
             _bodies(scene, stuck),
@@ -170,6 +171,24 @@ class Blocking:
                 found[i] = _stands_before(scene, i)
         return found
 
+    def _reaching_in(self, scene: Scene) -> Flags:
+        """(N,) whether each vehicle has stood at its stop line, on another arm than the ego's, for AT_LINE_S,
+        and reaches into the ego's path.
+        """
+        paths, found = scene.network.paths, np.zeros(scene.count, dtype=np.bool_)
+        rows = _rows.get(scene.route, lambda: _rows_reaching_in(scene))
+        if not rows.any():
+            return found
+        beyond = scene.path_s + 0.5 * scene.size[:, 0] - paths.stop_s[scene.path]
+        waits = (scene.path >= 0) & rows[scene.path] & (np.abs(beyond) < AT_LINE)
+        for i in np.flatnonzero(waits).tolist():
+            if scene.time_s - self._since.get(scene.ids[i], math.inf) > AT_LINE_S:
+                one = Rectangles(scene.position[i : i + 1], scene.heading[i : i + 1], scene.size[i : i + 1])
+                end = scene.destination_s
+                _, gap = gaps_along(scene.route.path, scene.ego_s, end, scene.vehicle, one)
+                found[i] = gap.min(initial=np.inf) <= 0.0
+        return found
+
     def _idlers(self, scene: Scene, who: Index) -> Index:
         """Those of the others `who` (n,), which stand where vehicles wait, that have waited for nobody
         for IDLE s in all, or have stood for LONG s.
@@ -185,36 +204,17 @@ class Blocking:
         return np.array(vain, dtype=np.int64)
 
 
-def _reaches_in(scene: Scene, still: Flags) -> Flags:
-    """(N,) whether each vehicle stands (`still` (N,)) at its stop line on another arm, and less than REACHES
-    m from a car on the ego's path.
+def _rows_reaching_in(scene: Scene) -> Flags:
+    """(P,) the rows from other arms on which the widest vehicle, at its stop line or AT_LINE m before or
+    beyond it, reaches into the ego's path.
     """
-    paths, found = scene.network.paths, np.zeros(scene.count, dtype=np.bool_)
-    near = _near_rows.get(scene.route, lambda: _rows_beside(scene))
-    if not near.any():
-        return found
-    front = scene.path_s + 0.5 * scene.size[:, 0]
-    waits = still & (scene.path >= 0) & near[scene.path]
-    for i in np.flatnonzero(waits & (np.abs(front - paths.stop_s[scene.path]) < AT_LINE)).tolist():
-        one = Rectangles(scene.position[i : i + 1], scene.heading[i : i + 1], scene.size[i : i + 1])
-        _, gap = gaps_along(scene.route.path, scene.ego_s, scene.destination_s, scene.vehicle, one)
-        found[i] = gap.min(initial=np.inf) < REACHES
-    return found
-
-
-def _rows_beside(scene: Scene) -> Flags:
-    """(P,) the rows from other arms on which the widest vehicle that stops at its stop line is less than
-    REACHES m from a car on the ego's path."""
-    paths, route, found = (
-        scene.network.paths,
-        scene.route,
-        np.zeros(scene.network.paths.count, dtype=np.bool_),
-    )
+    paths, route = scene.network.paths, scene.route
+    found = np.zeros(paths.count, dtype=np.bool_)
     for row in np.flatnonzero(paths.origin != paths.origin[route.row]).tolist():
         x, y, psi = paths.pose(np.array([row]), paths.stop_s[row] - 0.5 * WIDEST[:1])
-        place = Rectangles(np.column_stack([x, y]), psi, WIDEST[None])
+        place = Rectangles(np.column_stack([x, y]), psi, WIDEST[None] + (2 * AT_LINE, 0.0))
         gap = gaps_along(route.path, 0.0, route.path.length, scene.vehicle, place)[1]
-        found[row] = gap.min(initial=np.inf) < REACHES
+        found[row] = gap.min(initial=np.inf) <= 0.0
     return found
 
 

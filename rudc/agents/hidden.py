@@ -76,11 +76,12 @@ def ready_for_unseen(scene: Scene, u: Array) -> Array:
 
 def ready_to_wait_for_unseen(scene: Scene, u: Array) -> Array:
     """(2,) the command u (2,), m/s2 and rad, with an acceleration after which the ego can still stop before
-    those to whom it gives way and who may come from where it does not see.
+    those to whom it gives way and who may come from where it does not see; `u` where it cannot stop any more.
     """
     braking = PLANNED * -scene.vehicle.a_min
     room = _room(scene, braking, scene.network.gives_way(scene.route, scene.route.row))
-    return u if math.isinf(room) else at_most(u, slowing(scene, room, CREEP, braking))
+    late = scene.ego.v**2 / (2 * -scene.vehicle.a_min) > room
+    return u if math.isinf(room) or late else at_most(u, slowing(scene, room, CREEP, braking))
 
 
 def look_ahead(scene: Scene, least: float, braking: float) -> float:

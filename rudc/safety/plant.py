@@ -34,9 +34,11 @@ from rudc.world.scene import EgoState
 DECISION_S = 0.1
 """s between two decisions (the paper: 10 Hz), as long as no two have been seen"""
 SUBSTEP_S = 0.05
-"""s, the step with which the models are driven, or the nearest to it that divides a decision evenly; dead
+"""s, the step with which the models are driven, or the shortest above it that divides a decision evenly; dead
 times are multiples of it
 """
+ROUNDED = 1e-6
+"""a number of steps that is this much below a whole one was rounded"""
 LONGEST_S = 2.0
 """s, longest dead time whose commands are remembered; scenarios allow no longer one"""
 
@@ -151,7 +153,7 @@ class PlantMonitor:
         if self._before is not None:
             if not self._timed:
                 self._timed = True
-                self._take_steps_of(passed_s / max(round(passed_s / SUBSTEP_S), 1))
+                self._take_steps_of(passed_s / max(int(passed_s / SUBSTEP_S + ROUNDED), 1))
             self._drive(self._before, float(last_u[0]), float(last_u[1]), ego.v, passed_s)
             self._score(ego, passed_s)
             self.estimate = self._best()

@@ -167,7 +167,8 @@ def _due(scene: Scene, selector: str) -> bool:
     oncoming = selector == "oncoming"
     due = towards_junction(scene, oncoming=oncoming) - _arrival_s(scene)
     soon, crosses = (due > -EARLY_S) & (due < LATE_S), _crosses(scene)
-    if any(crosses[_row(scene, movement)] for movement in _crossing(scene, oncoming)):
+    added = _crossing(scene, oncoming)  # all of them cross the ego's path, or none
+    if added and crosses[_row(scene, added[0])]:
         soon &= crosses[scene.path]
     return bool(soon.any())
 

@@ -39,6 +39,8 @@ DRIVER_BACK_M, DRIVER_BACK_SPEED = 8.0, 2.5
 """m, m/s: a driver goes back if less than this is free before it; how fast it goes back"""
 FURTHER_M = 6.0
 """m that it goes back beyond DRIVER_BACK_M; else it would set off again and again before who creeps"""
+ONWARD_M = 3.0
+"""m by which who is held up now and then gets on, so that it is not held up for long"""
 WALKING_PACE = 2.0
 """m/s, an ego slower than this is taken to be about to stop: a driver stops before it"""
 PASSES_M = 0.5
@@ -93,7 +95,9 @@ class Prop:
         self._stepped_back = 0.0
         self._held_s, self._long_s = 0.0, 0.0
         """s that it has been held up: one that falls again while its way is free, PATIENCE_S and a step at
-        most, and one that counts on until the first has fallen to 0"""
+        most, and one that counts on until the first has fallen to 0 or it has got on by ONWARD_M"""
+        self._held_at = 0.0
+        """m along its way, where the second began to count"""
         self._ends = np.cumsum(np.hypot(legs[:, 0], legs[:, 1]))
         self._headings = np.arctan2(legs[:, 1], legs[:, 0]) if wanted > 0 else np.array([heading])
 
@@ -125,9 +129,10 @@ class Prop:
         """Move for dt s."""
         if not self.moves:
             return
+        if self._held_s == 0.0 or self.travelled > self._held_at + ONWARD_M:
+            self._long_s, self._held_at = 0.0, self.travelled
         if self._free:
             self._held_s = max(self._held_s - dt, 0.0)
-            self._long_s = self._long_s if self._held_s > 0.0 else 0.0
         else:
             self._held_s = min(self._held_s + dt, PATIENCE_S + dt)
             self._long_s = min(self._long_s + dt, LONG_S + dt)

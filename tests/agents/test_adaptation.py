@@ -138,7 +138,7 @@ def test_wheels_however_late_can_follow_the_path_at_the_speed_of_the_bends(scene
     scene = scene_on("north", turn, 90.0, 5.0, network_name="roundabout")
     adaptation, plant = adapted(scene, lag_s=lag_s), EgoPlant(scene.vehicle)
     path, s, farthest = scene.route.path, scene.ego_s, 0.0
-    profile = adaptation._speeds(scene, DRY * GRAVITY)
+    profile = adaptation._speeds(scene, DRY * GRAVITY, lag_s)
     plant.resume(scene.ego, Actuation(lag_s=lag_s))
     while s < scene.route.exit_s + 15.0:
         v = min(profile[int(s / SPACING)], plant.state.v + 0.2)
@@ -162,5 +162,5 @@ def test_a_car_that_was_late_for_long_is_not_trusted_in_bends_any_more(make_scen
         lag = Actuation(lag_s=lag_s) if 5 <= k < 5 + round(10 * late_s) else Actuation()
         adaptation.see(replace(scene, time_s=0.1 * k, actuation=lag))
     tightest = float(np.abs(scene.route.path.curvature).max())
-    profile = adaptation._speeds(scene, DRY * GRAVITY)
+    profile = adaptation._speeds(scene, DRY * GRAVITY, 0.0)
     assert profile.min() == pytest.approx(math.sqrt(share * DRY * GRAVITY / tightest))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rudc.agents.blocking import AT_LINE, WIDEST, Blocking
+from rudc.agents.blocking import AT_LINE, AT_LINE_S, WIDEST, Blocking
 from rudc.agents.courses import CLEAR, Courses
 from rudc.data import data_folder
 from rudc.network.course import gaps_along
@@ -32,14 +32,22 @@ def buses_on(scene_on):
     return make
 
 
+def watched(scene):
+    """Who blocks, once it has stood for AT_LINE_S."""
+    blocking = Blocking()
+    assert not blocking.look(scene).standing.number
+    return blocking.look(replace(scene, time_s=scene.time_s + AT_LINE_S + 0.1)).standing
+
+
 def test_who_stands_in_the_ego_s_path_at_the_stop_line_is_driven_round(buses_on):
     """A bus waited there for the ego, and the ego before it, for good."""
     scene = buses_on(DOGLEG, "east", "south", ["south"])
-    bus = Blocking().look(scene).standing
+    bus = watched(scene)
     assert bus.number
     courses = Courses()
     courses.reset(scene)
-    shown = courses.see(scene)
+    courses.see(scene)
+    shown = courses.see(replace(scene, time_s=scene.time_s + AT_LINE_S + 0.1))
     gaps = [
         gaps_along(seen.route.path, seen.ego_s, seen.destination_s, seen.vehicle, bus)[1].min()
         for seen in (scene, shown)
@@ -50,10 +58,9 @@ def test_who_stands_in_the_ego_s_path_at_the_stop_line_is_driven_round(buses_on)
 
 @pytest.mark.parametrize("change", [{"back": AT_LINE + 1.0}, {"v": 3.0}])
 def test_who_moves_or_stands_farther_back_does_not_block(buses_on, change):
-    assert not Blocking().look(buses_on(DOGLEG, "east", "south", ["south"], **change)).standing.number
+    assert not watched(buses_on(DOGLEG, "east", "south", ["south"], **change)).number
 
 
 @pytest.mark.parametrize("name", ["four_way", "skewed_four_way", "t_junction"])
 def test_where_lanes_are_wide_nobody_at_a_stop_line_blocks(buses_on, name):
-    scene = buses_on(name, "south", "left", ["north", "east", "west"])
-    assert not Blocking().look(scene).standing.number
+    assert not watched(buses_on(name, "south", "left", ["north", "east", "west"])).number

@@ -101,6 +101,20 @@ def test_very_slow_actuators_are_recognised(delay, lag):
         assert actuation.friction is None
 
 
+def test_long_dead_times_are_known_however_short_a_step_is():
+    """With decisions of 0.08 s, steps were of 0.04 s, and the bank of 40 steps ended at 1.6 s."""
+    plant, monitor, rng = EgoPlant(BODY), PlantMonitor(BODY), np.random.default_rng(0)
+    plant.reset(0.0, 0.0, 0.0, 6.0, Actuation(delay_s=1.84))
+    monitor.update(plant.state, (0.0, 0.0), 0.08)
+    for _ in range(120):
+        u = rng.normal(0.0, 1.0), rng.normal(0.0, 0.04)
+        for _ in range(2):
+            plant.step(*u, 0.04)
+        found = monitor.update(plant.state, u, 0.08).actuation
+    assert found.delay_s == pytest.approx(1.84, abs=0.081)
+    assert found.friction is None
+
+
 def test_a_car_that_changes_on_the_way_is_noticed():
     plant, monitor = EgoPlant(BODY), PlantMonitor(BODY)
     plant.reset(0.0, 0.0, 0.0, 10.0)

@@ -184,6 +184,14 @@ def test_a_moment_in_which_the_way_is_free_does_not_make_who_is_held_up_begin_an
     assert [walker.travelled < 54.0, driver.finished or driver.travelled < 28.0] == [True, True]
 
 
+def test_who_gets_on_by_stop_and_go_does_not_give_up(make_scene):
+    prop, free = car(np.array([[-60.0, 100.0], [60.0, 100.0]])), make_scene()
+    prop.may_back_out = True
+    before = lambda i: make_scene({"at": (prop.pose()[0] + 3.9, 100.0, 1.6)}) if i % 80 < 48 else free  # noqa: E731
+    drive_towards(prop, before, steps=round(3.0 * LONG_S / 0.05))
+    assert prop.travelled > 12.0
+
+
 def test_a_driver_who_has_gone_back_stops_for_an_ego_that_moves(make_scene):
     ego = make_scene(v=1.0)
     psi, place = ego.ego.psi, np.array([ego.ego.x, ego.ego.y])

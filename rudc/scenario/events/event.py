@@ -88,17 +88,17 @@ class Effect(ABC, Generic[E]):
         self.chosen: frozenset[str] = frozenset()
         """surrounding vehicles that it has taken hold of so far"""
         self.waits_since_s: float | None = None
-        """s, since when it has waited for somebody to leave where its things will stand, or, if it is later,
-        since when nothing that is taken away stands there; its trigger need not come true again"""
+        """s, when it began to wait for somebody to leave the place of its things, counted anew as long as
+        something stands there that will be taken away; its trigger need not come true again"""
 
     @abstractmethod
     def begin(self, stage: Stage) -> bool:
         """Take effect; False when there is nothing to act on yet, and the event waits."""
 
     def put(self, stage: Stage, things: Sequence[Thing]) -> bool:
-        """Put things on the road that stand there; False, for WAITS_S at most, while somebody is in a place
-        of theirs or could not stop before it. While something stands there that will be taken away, False
-        for as long as it stands."""
+        """Put things on the road that stand there. False while something that will be taken away is in a
+        place of theirs; then, for WAITS_S at most, while somebody is there or could not stop before it.
+        """
         taken = any(stage.is_taken_for_now(*thing) for thing in things)
         if self.waits_since_s is None or taken:
             self.waits_since_s = stage.time_s
@@ -108,7 +108,7 @@ class Effect(ABC, Generic[E]):
         if waits and not all(stage.is_free(*thing) for thing in things):
             return False
         for i, thing in enumerate(things):
-            stage.stand(f"{self.name}:{i}", *thing, for_now=self._duration is not None)
+            stage.stand(f"{self.name}:{i}", *thing, for_now=_duration_of(self.event) is not None)
         return True
 
     def step(self, stage: Stage) -> None:
@@ -116,15 +116,15 @@ class Effect(ABC, Generic[E]):
 
     def is_over(self, stage: Stage) -> bool:
         """Whether the event's duration, if it has one, has passed."""
-        duration = self._duration
+        duration = _duration_of(self.event)
         return duration is not None and stage.time_s >= self.begun_s + float(duration) - ROUNDED_S
-
-    @property
-    def _duration(self) -> Distribution | None:
-        return getattr(self.event, "duration", None)
 
     def end(self, stage: Stage) -> None:
         """Stop, once it is over."""
+
+
+def _duration_of(event: Event) -> Distribution | None:
+    return getattr(event, "duration", None)
 
 
 class Felt(Effect[E]):
