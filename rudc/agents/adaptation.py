@@ -16,8 +16,8 @@
                  ask for more do not turn the car any further, and take all grip from the brakes
                  A car that was late (LATE_S) for LATE_FOR_S may become late again, even once it is prompt
                  (PROMPT_S): from then on bends may need at most WARY mu g.
-                 Wheels with a lag T follow a path of curvature k that changes by dk/ds only if they are
-                 commanded to turn the car by k + T v dk/ds: that, too, must be possible, for grip and wheels
+                 Wheels with a lag T follow a path of curvature k, at v m/s, only if they are commanded to
+                 give the curvature k + T v dk/ds: bends are taken so slowly that grip and wheels can give it
     probe        Short full brakings show how well the road grips (probe.py)
     slide        Where grip is poor and the ego too fast for its bend, manoeuvres keep it on the road
                  (slide.py)
@@ -224,9 +224,8 @@ def _followed(path: ReferencePath, body: EgoVehicle, lateral: float, lag_s: floa
     commanded to follow the path, if a command may ask for `lateral` m/s2 and the wheels' largest angle.
     """
     bend, change = path.curvature, np.gradient(path.curvature, SPACING)
-    tightest = (
-        math.sin(math.atan(body.cg_to_rear / body.wheelbase * math.tan(body.delta_max))) / body.cg_to_rear
-    )
+    slip = math.atan(body.cg_to_rear / body.wheelbase * math.tan(body.delta_max))
+    tightest = math.sin(slip) / body.cg_to_rear
     low, high = np.full(len(bend), SLOWEST), np.full(len(bend), body.v_max)
     for _ in range(HALVINGS):
         v = 0.5 * (low + high)

@@ -56,8 +56,8 @@ FACING, MEETS = 6.0, 0.3
 """m, m: the ego stands in a vehicle's way if it is nearer than the second to the next metres of it (the
 first)"""
 AT_LINE, AT_LINE_S = 2.0, 1.0
-"""m, s: a vehicle waits at its stop line if its front is nearer to it than the first, and has been for the
-second"""
+"""m, s: a vehicle waits at its stop line if its front is nearer to the line than the first, and it has stood
+for the second"""
 COMING_S, COMING = 5.0, 10.0
 """s, m: a vehicle waits for those who are nearer to the junction than this, whichever is farther"""
 WIDEST = np.array(

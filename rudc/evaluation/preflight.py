@@ -88,6 +88,7 @@ def _never(when: Trigger, end: float) -> Iterator[str]:
     ends, drives = f"episodes end at {end:g} s (episode.timeout)", f"the ego drives at most {fastest:g} m/s"
     most = {
         "simulation_time": (end, "s", ends),
+        "event_state": (end, "s", ends),
         "traveled_distance": (fastest * end, "m", f"{drives}, and {ends}"),
         "speed": (fastest, "m/s", drives),
     }

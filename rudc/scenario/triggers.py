@@ -130,9 +130,9 @@ class EventState(TimeThreshold, frozen=True):
     """The time in s since an earlier event of the file began, or since it was over."""
 
     event: Annotated[AnyDistribution, Bounds(0, 999, whole=True)]
-    """which event of the file, one before this; they count from 0, as in the key events.0"""
+    """which event: one that stands before this in the file; the first is 0, as in the key events.0"""
     state: Literal["begun", "over"] = "begun"
-    """since it began, or since it was over; one that never happens, or never ends, makes it never hold"""
+    """whether the time counts from its begin or from its end; never, if it does not happen or does not end"""
     above: Second | None = Constant(value=0.0)
     """s; holds when it is longer"""
 

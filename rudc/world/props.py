@@ -33,14 +33,14 @@ CLEARANCE_M = 0.8
 PATIENCE_S, BACK_M, BACK_SPEED = 3.0, 1.0, 0.5
 """s after which a prop that is held up goes back; how far (m) and how fast (m/s) a pedestrian does"""
 LONG_S = 10.0
-"""s after which who is held up goes back to where they came from; short times in which the way is free do not
-end this time, nor count"""
+"""s of being held up, after which it goes back to where it came from; short times between, in which its way
+is free, are not counted"""
 DRIVER_BACK_M, DRIVER_BACK_SPEED = 8.0, 2.5
 """m, m/s: a driver goes back if less than this is free before it; how fast it goes back"""
 FURTHER_M = 6.0
 """m that it goes back beyond DRIVER_BACK_M; else it would set off again and again before who creeps"""
 ONWARD_M = 3.0
-"""m by which who is held up now and then gets on, so that it is not held up for long"""
+"""m: one that gets on by this much between is not held up for long"""
 WALKING_PACE = 2.0
 """m/s, an ego slower than this is taken to be about to stop: a driver stops before it"""
 PASSES_M = 0.5

@@ -141,6 +141,9 @@ def test_an_event_that_waits_for_a_time_beyond_the_limit_never_happens(written):
         "episodes end at 60 s (episode.timeout)"
     ]
     assert never_happening(load_scenario(written(LATE + "episode: {timeout: 61}\n"))) == []
+    after = "  - {kind: sensor_noise, position: 1, when: {event_state: {event: 0, above: 61}}}\n"
+    (told,) = never_happening(load_scenario(written(LATE + after + "episode: {timeout: 61}\n")))
+    assert "event 6 (events.5) sensor_noise can never happen: it waits for event_state above 61 s" in told
 
 
 def test_an_event_that_waits_for_what_the_ego_cannot_do_never_happens(written):

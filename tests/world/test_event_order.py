@@ -6,6 +6,7 @@ import pytest
 
 from rudc.errors import ScenarioError
 from rudc.scenario import load_scenario
+from rudc.world.events import event_lines
 from tests.plans import event
 from tests.world.test_events import CALM, STAND
 
@@ -36,6 +37,8 @@ def test_an_event_waits_until_another_has_begun_or_is_over(world):
     found = begun(world, replace(CALM, events=events), 4.0)
     times = [None if s is None else round(s, 1) for s in found.values()]
     assert times[:3] == [1.0, 1.1, 2.6]
+    line = event_lines(world.plan, world.happenings())[3]
+    assert line.endswith("it waits for event_state event 0 state over above 0 below 0.05")
     assert times[3] is None, "it is over for 0 s at one decision, and for 0.1 s at the next"
 
 

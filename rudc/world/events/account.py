@@ -51,6 +51,7 @@ def _awaited(happening: Happening) -> str:
 
 def _words(condition: Any) -> str:
     data = condition.model_dump(mode="json", exclude_none=True)
+    data = {key: data[key] for key in ("event", "state") if key in data} | data  # first which, then how long
     return " ".join(
         f"{key} {value:.3g}" if isinstance(value, float) else f"{key} {value}" for key, value in data.items()
     )
