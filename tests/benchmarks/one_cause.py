@@ -31,6 +31,8 @@ def causes() -> Iterator[tuple[str, dict[str, Any]]]:
     """Name of each, and what its file says besides route and networks."""
     for name, event in (*_car(), *_sensors(), *_vehicles(), *_crossing()):
         yield name, {"events": [event]}
+    for name, event in _in_lanes():
+        yield name, {"events": [event], "ego": {"may_cross_centre": True}}
     yield from _traffic()
 
 
@@ -98,6 +100,32 @@ def _crossing() -> Iterator[tuple[str, dict[str, Any]]]:
                 ride = {"kind": "vehicle_crossing", "arm": arm, "at": at + beyond, "type": kind}
                 ride |= {"count": count, "speed": speed}
                 yield f"{kind}_{arm}_{at}", {**ride, "when": before_junction(30)}
+
+
+def _in_lanes() -> Iterator[tuple[str, dict[str, Any]]]:
+    """Where the ego may cross the centre line, so that one lane is enough to get past."""
+    for lane in ("ego_in", "ego_out"):
+        for at in (4, 14):
+            place = {"lane": lane, "at": at}
+            for body, more in {
+                "car": {},
+                "truck": {"type": "truck"},
+                "kerb": {"lateral": -1.2},
+                "centre": {"lateral": 1.4},
+                "slant": {"heading_offset": 40},
+                "across": {"heading_offset": 90},
+            }.items():
+                crash = {"kind": "accident", "vehicles": [{**place, **more}]}
+                yield f"crash_{body}_{lane}_{at}", crash
+            closed = {"kind": "lane_closure", **place, "length": 6}
+            yield f"closed_{lane}_{at}", closed
+            yield f"closed_late_{lane}_{at}", {**closed, "when": before_junction(20)}
+        box = {"lane": lane, "at": 12, "lateral": -7.0, "size": [14, 3]}
+        yield f"hidden_{lane}", {"kind": "occlusion", "boxes": [box]}
+    for body, speed in (("car", 6), ("truck", 4), ("bicycle", 4), ("motorcycle", 12)):
+        ghost = {"kind": "wrong_way", "type": body, "speed": speed}
+        yield f"wrong_way_{body}_out", {**ghost, "lane": "ego_out", "at": 45, "when": before_junction(30)}
+        yield f"wrong_way_{body}_in", {**ghost, "lane": "ego_in", "at": 3, "when": before_junction(60)}
 
 
 def _traffic() -> Iterator[tuple[str, dict[str, Any]]]:
