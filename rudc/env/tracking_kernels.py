@@ -7,6 +7,9 @@ import math
 from rudc.kernels import Table, Vector, half_turn, kernel
 from rudc.network.line_kernels import between, on_line
 
+RETURN_S = 0.75
+"""s, L of rudc/env/tracking.py is as far as the ego drives in this time"""
+
 
 @kernel
 def slip_in_bend(bend: float, cg_to_rear: float) -> float:
@@ -34,8 +37,9 @@ def front_wheels(
     way_back: float, wheelbase: float, cg_to_rear: float, delta_max: float,
 ) -> float:  # fmt: skip
     """rad, front-wheel angle of an ego that follows a line and is `offset` m left of it, by the formulas of
-    rudc/env/tracking.py; `way_back` m is L there.
+    rudc/env/tracking.py; `way_back` m is the longest L there.
     """
+    way_back = min(way_back, max(2.0 * cg_to_rear, RETURN_S * v))
     bend, _, astray = deviation(poses, curvature, s, psi, v, preview, cg_to_rear)
     astray, offset = min(max(astray, -1.0), 1.0), min(max(offset, -2.0), 2.0)
     wanted = bend - 2.0 * astray / way_back - offset / (way_back * way_back)

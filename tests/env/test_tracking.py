@@ -1,11 +1,14 @@
 """Path following: every route of every shipped network is driven on the real plant."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from rudc.env.tracking import LATERAL, acceleration_towards, speed_allowed, speeds_in_bends, steering
+from rudc.geometry import Rectangles
+from rudc.network.course import CoursePlanner
 from rudc.network.network import load_network, shipped_networks
 from rudc.vehicle import EgoVehicle
 from rudc.world.ego import EgoPlant
@@ -76,3 +79,24 @@ def test_acceleration_is_limited_both_ways(scene_on):
     assert acceleration_towards(20.0, scene, 2.0) == 2.0
     assert acceleration_towards(0.0, scene, 2.0) == scene.vehicle.a_min
     assert acceleration_towards(8.0, scene, 2.0) == 0.0
+
+
+def test_pulls_out_on_its_course_at_walking_pace(scene_on):
+    """Full lock to one side and back within a few metres: the slip changes by much, and at once."""
+    network, body = load_network("four_way"), EgoVehicle()
+    route = network.route("south", "straight")
+    x, y, psi = (float(v) for v in route.path.pose(60.0))
+    blocking = Rectangles(*(np.array([v]) for v in ((x, y + 8.0), psi, (body.length, body.width))))
+    outs = CoursePlanner(network, route, body).pull_outs(x, y, psi, blocking, 0.25)
+    path = next(out for out in outs if out is not None).path
+    plant = EgoPlant(body)
+    plant.reset(x, y, psi, 0.0)
+    offsets = []
+    for _ in range(100):
+        s, now = path.project(plant.state.x, plant.state.y)
+        offsets.append(now)
+        scene = scene_on("south", "straight", s, plant.state.v, offset=now, state=plant.state)
+        delta = steering(replace(scene, route=replace(route, path=path)))
+        for _ in range(2):
+            plant.step(min(2.0, (1.5 - plant.state.v) / 0.4), delta, 0.05)
+    assert max(np.abs(offsets)) < 0.1
