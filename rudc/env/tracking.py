@@ -8,9 +8,10 @@ so that
 brings the vehicle back, critically damped, within a few times L. The plant of rudc/world/ego.py drives at
 curvature c if
     slip = asin(l_r c),    delta = atan(wheelbase / l_r * tan(slip)).
-Where c_path changes within a few metres, as where the ego pulls out, the slip changes with it and theta is off
-by as much. L = 2 l_r takes it back at once, since then slip = l_r c_path - theta - ...; so this is L at low
-speed. Faster, L is what the ego drives in RETURN_S s, and RETURN_M m at most.
+Where c_path changes within a few metres, as where the ego pulls out, the slip changes with it, and theta is
+off by as much. With L = 2 l_r this is undone at once, since the commanded slip is then about l_r c_path -
+theta; so L is 2 l_r at low speed. At higher speeds it is what the ego drives in RETURN_S s, and at most
+RETURN_M m.
 Decisions last 0.1 s, so c_path is read where the vehicle will be half a decision later.
 
 Speed. v(s)^2 <= LATERAL / |c_path(s)| everywhere, and braking at COMFORT is enough to keep to it:
@@ -36,8 +37,8 @@ LATERAL = 3.0
 COMFORT = 2.0
 """m/s2, planned deceleration"""
 RETURN_M = 6.0
-"""m, the longest L above; with actuators that respond 0.4 s late, 4 m makes a vehicle at 8.5 m/s oscillate, and
-6 m does not
+"""m, the longest L above; with actuators that respond 0.4 s late, 4 m makes a vehicle at 8.5 m/s oscillate,
+and 6 m does not
 """
 PREVIEW_S = 0.05
 """s, half a decision"""
