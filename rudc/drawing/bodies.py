@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from functools import cache
 
 import numpy as np
@@ -131,13 +131,9 @@ def draw_ego(canvas: Canvas, scene: Scene) -> None:
     _draw_body(canvas, points, EGO, dark, lights if braking else (), seen=True)
 
 
-def draw_sensed(canvas: Canvas, scene: Scene, perceived: Scene) -> None:
-    """Outlines where the ego's sensors show the others of a scene, if that is not where they are."""
-    rows = {name: i for i, name in enumerate(scene.ids)}
-    for k, name in enumerate(perceived.ids):
-        i = rows.get(name)
-        if i is None or np.abs(perceived.position[k] - scene.position[i]).max() < 0.1:
-            continue
+def draw_sensed(canvas: Canvas, perceived: Scene, rows: Iterable[int]) -> None:
+    """Outlines of those in these rows of what the ego's sensors show."""
+    for k in rows:
         shape = placed(
             BODY, perceived.position[k : k + 1], perceived.heading[k : k + 1], perceived.size[k : k + 1]
         )

@@ -51,7 +51,7 @@ def draw_view(canvas: Canvas, view: View, driving: Driving) -> None:
     draw_path(canvas, scene)
     draw_others(canvas, scene, numbers, view.hidden)
     if view.perceived is not None:
-        draw_sensed(canvas, scene, view.perceived)
+        draw_sensed(canvas, view.perceived, view.misplaced)
     draw_ego(canvas, scene)
     draw_constraints(canvas, scene, driving)
     for event in view.events:

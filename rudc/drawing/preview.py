@@ -90,6 +90,6 @@ def others(view: View) -> str:
         parts.append(f"{beyond} of them beyond the picture's edges")
     if view.hidden:
         parts.append(f"{len(view.hidden)} hidden from the ego (pale)")
-    if view.perceived is not None and view.perceived.count:
-        parts.append("white outlines: where the ego's sensors show them, if not where they are")
+    if view.misplaced:
+        parts.append("white outlines: where the ego's sensors show them, since not where they are")
     return ", ".join(parts)

@@ -70,6 +70,10 @@ class Driving:
     """names of all its constraints"""
 
 
+MISPLACED_M = 0.1
+"""m, from which on somebody is shown elsewhere than they are"""
+
+
 @dataclass(frozen=True)
 class View:
     """A scene, what the ego's sensors show of it, and what the scenario does to it."""
@@ -91,6 +95,19 @@ class View:
     def hidden(self) -> frozenset[str]:
         """Names of those whom the ego's sensors do not show."""
         return frozenset() if self.perceived is None else frozenset(self.truth.ids) - set(self.perceived.ids)
+
+    @property
+    def misplaced(self) -> tuple[int, ...]:
+        """Rows of `perceived` of those whom the sensors show elsewhere than they are."""
+        if self.perceived is None:
+            return ()
+        places = dict(zip(self.truth.ids, self.truth.position, strict=True))
+        shown = zip(self.perceived.ids, self.perceived.position, strict=True)
+        return tuple(
+            k
+            for k, (name, place) in enumerate(shown)
+            if name in places and np.abs(place - places[name]).max() >= MISPLACED_M
+        )
 
     @property
     def sensors_limited(self) -> bool:

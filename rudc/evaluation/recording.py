@@ -321,17 +321,16 @@ def _told(decision: Decision, course: int | None) -> dict[str, Any]:
 def _sensed(view: View) -> list[list[str | int]]:
     """Name, and how far from its place the ego sees it: dx, dy, dpsi in steps; only of those seen
     elsewhere."""
-    if view.perceived is None:
-        return []
     scene, seen = view.truth, view.perceived
+    if seen is None:
+        return []
     rows = {name: i for i, name in enumerate(scene.ids)}
-    found = []
-    for j, name in enumerate(seen.ids):
-        i = rows.get(name)
-        if i is not None and np.abs(seen.position[j] - scene.position[i]).max() >= 0.1:
-            dx, dy = (round(float(v) / LENGTH) for v in seen.position[j] - scene.position[i])
-            turn = math.remainder(float(seen.heading[j] - scene.heading[i]), 2 * math.pi)
-            found.append([name, dx, dy, round(turn / ANGLE)])
+    found = list[list[str | int]]()
+    for k in view.misplaced:
+        i = rows[seen.ids[k]]
+        dx, dy = (round(float(v) / LENGTH) for v in seen.position[k] - scene.position[i])
+        turn = math.remainder(float(seen.heading[k] - scene.heading[i]), 2 * math.pi)
+        found.append([seen.ids[k], dx, dy, round(turn / ANGLE)])
     return found
 
 

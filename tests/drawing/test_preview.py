@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rudc.drawing.palette import ASPHALT, EGO, EVENT, OCCLUDER
-from rudc.drawing.preview import caption, draw_preview, preview_picture
+from rudc.drawing.preview import caption, draw_preview, others, preview_picture
 from rudc.drawing.view import view_of
 from rudc.network.network import load_network
 from rudc.scenario import load_scenario
@@ -45,6 +45,20 @@ def test_the_caption_says_what_is_not_drawn_and_why():
     assert {event.number for event in view.events} == {2, 3, 4, 5}
     assert set(view.numbers.values()) == {"2"}
     assert len(view.numbers) == 2
+
+
+@pytest.mark.parametrize(
+    ("event", "outlined"),
+    [
+        ({"kind": "sensor_noise", "position": 2}, True),
+        ({"kind": "occlusion", "boxes": [{"position": [16, 16], "size": [13, 13]}]}, False),
+    ],
+)
+def test_outlines_are_explained_where_there_are_some(event, outlined):
+    scenario = Scenario.model_validate({"name": "seen", "traffic": {"density": 30}, "events": [event]})
+    with World(load_network("four_way")) as world:
+        world.reset(scenario.plan(1))
+        assert ("white outlines" in others(view_of(world))) == outlined
 
 
 def test_events_far_out_widen_the_picture():
