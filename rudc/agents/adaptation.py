@@ -8,10 +8,10 @@
                  one decision of t s: delta_0 + (delta - delta_0) / (1 - exp(-t / T))
     limits       Braking and accelerating are limited to USABLE mu g, for filter, last resort and driver alike
     govern       Bends are taken at the speed at which they need USABLE mu g, reached by braking at BRAKING mu
-                 g, or as hard as the car can if that is less. Where grip is poor, bends may need LATERAL mu g
-                 only; on straights the speed is at most the larger of CAREFUL and the speed that this
-                 braking stops within STOPPING m; and the ego can stop for anybody who may come from where it
-                 does not see (hidden.py).
+                 g, or as hard as the car can if that is less. Where the road has shown less grip than a dry
+                 one, bends may need LATERAL mu g only. Where grip is poor, the speed on straights is at most
+                 the larger of CAREFUL and the speed that this braking stops within STOPPING m, and the ego
+                 can stop for anybody who may come from where it does not see (hidden.py).
                  Steering is limited to what braking, of up to BRAKING mu g, leaves of mu g: wheels that
                  ask for more do not turn the car any further, and take all grip from the brakes
                  A car that was late (LATE_S) for LATE_FOR_S may become late again, even once it is prompt
@@ -19,8 +19,8 @@
                  Wheels with a lag T follow a path of curvature k, at v m/s, only if they are commanded to
                  give the curvature k + T v dk/ds: bends are taken so slowly that grip and wheels can give it
     probe        Short full brakings show how well the road grips (probe.py)
-    slide        Where grip is poor and the ego too fast for its bend, manoeuvres keep it on the road
-                 (slide.py)
+    slide        Where the road has shown less grip than a dry one and the ego is too fast for its bend,
+                 manoeuvres keep it on the road (slide.py)
 """
 
 from __future__ import annotations
@@ -35,7 +35,6 @@ from rudc.agents.hidden import speed_by_sight
 from rudc.agents.probe import FALLEN, LONGEST_S, Probe
 from rudc.agents.slide import Slide
 from rudc.arrays import Array
-from rudc.env.tracking import RESPONSE_S
 from rudc.network.paths import SPACING
 from rudc.network.route import ReferencePath
 from rudc.safety.plant import DECISION_S, ORDINARY, PlantEstimate, PlantMonitor
@@ -49,15 +48,21 @@ Knowledge = Literal["off", "estimated", "known"]
 USABLE = 0.9
 """share of mu g that a command may ask for"""
 LATERAL, BRAKING = 0.75, 0.6
-"""shares of mu g that bends and planned braking may ask for where grip is poor"""
+"""shares of mu g: that bends may ask for where it is less than on a dry road, and that planned braking may"""
 LATE_S, PROMPT_S, LATE_FOR_S, WARY = 0.25, 0.1, 0.5, 0.5
 """s, dead time and lag together from which on a car is late; s, below which it is no longer; s, for how long
 it must have been late; share of mu g that bends may ask for once it was, and is no longer"""
+FIRM = 0.95
+"""share of a limited mu g that steering may ask for: all of it would leave nothing for the brakes if the road
+gave a little less than is known
+"""
 FULL = 0.98
 """share of the possible braking from which on full braking is commanded: asking for more than the road gives
 brakes no less, and shows at once if the road gives more than was thought"""
 POOR = 6.0
 """m/s2, grip below this is poor: it is what full braking needs on a dry road"""
+GOVERNED_S = 0.2
+"""s, time in which an ego that is too fast for its bends is slowed down"""
 CAREFUL = 6.0
 """m/s, always allowed on straights"""
 STOPPING = 10.0
@@ -122,15 +127,16 @@ class Adaptation:
             braking = _braking(scene, grip)
             careful = max(CAREFUL, math.sqrt(2 * braking * STOPPING))
             allowed = min(allowed, careful, speed_by_sight(scene, braking))
-        a = min(a, (allowed - scene.ego.v) / RESPONSE_S)
+        a = min(a, (allowed - scene.ego.v) / GOVERNED_S)
         self.asks = not onwards and self._asks(scene, grip)
         if self.asks or a <= FULL * max(scene.vehicle.a_min, -USABLE * grip):
             a = scene.network.vehicle.a_min
-        left = math.sqrt(grip**2 - min(max(-a, 0.0), BRAKING * grip) ** 2)
+        firm = grip if self.estimate.actuation.friction is None else FIRM * grip
+        left = math.sqrt(firm**2 - min(max(-a, 0.0), BRAKING * firm) ** 2)
         widest = widest_steering(scene.vehicle, scene.ego.v, left)
         delta = min(max(self._hastened(scene.ego.steering, delta), -widest), widest)
         u = u if (a, delta) == (u[0], u[1]) else np.array([a, delta])
-        if grip < POOR:
+        if self.estimate.actuation.friction is not None:
             u = self._slide.hold(
                 scene, u, grip, self.estimate.actuation.lag_s, self._speeds(scene, grip, 0.0)
             )
@@ -169,7 +175,7 @@ class Adaptation:
         """m/s, speed from which all bends ahead can be taken with that `grip` (m/s2): the least of `_speeds`
         from here to where the ego will be once its speed has followed the command."""
         profile = self._speeds(scene, grip, self.estimate.actuation.lag_s)
-        way = scene.ego.v * (RESPONSE_S + self.estimate.actuation.lag_s + reaction_s)
+        way = scene.ego.v * (GOVERNED_S + self.estimate.actuation.lag_s + reaction_s)
         first = min(max(int(scene.ego_s / SPACING), 0), len(profile) - 1)
         return min(profile[first : first + int(way / SPACING) + 1].tolist())
 
@@ -179,7 +185,8 @@ class Adaptation:
         if self._path is not path:
             self._path = path
             self._profiles.clear()
-        share = WARY if self._wary else LATERAL if grip < POOR else USABLE
+        limited = self.estimate.actuation.friction is not None
+        share = WARY if self._wary else LATERAL if limited else USABLE
         car = grip, share, lag_s
         profile = self._profiles.get(car)
         if profile is None:

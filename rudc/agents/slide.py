@@ -4,7 +4,7 @@ Where grip fails before a bend or in it, steering and braking share the little t
 line with both then leads off the road, although the junction has room beside the line. So it is predicted
 where following leads, with the car as it is known. If the ego would leave the road or enter the wrong side,
 other manoeuvres are tried. They are judged more strictly, with less grip and less room at the road's edge, so
-that following is preferred in doubt:
+that following is preferred in doubt, off the line with the braking that was predicted:
 
     swerve    straight on with all grip for the brakes, for one of FIRST_S s; then back onto the line, with
               one of SHARES of the grip for the brakes until the ego is slow enough for a tight bend
@@ -28,7 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rudc.arrays import Array, Complex
-from rudc.env.tracking import RESPONSE_S, steering
+from rudc.env.tracking import RESPONSE_S, at_most, steering
 from rudc.geometry import separation
 from rudc.network.paths import SPACING
 from rudc.safety.prediction import those_ahead
@@ -102,7 +102,7 @@ class Slide:
         known = lag_s, profile
         follow = _Ways(scene, grip, *known, step_s=0.5 * STEP_S, edge=OFF_ROAD_M).swerve(0.0, SHARES[0])
         if not follow.fails:
-            return u
+            return u if abs(scene.ego_offset) < BACK_M else at_most(u, follow.first[0])
         best = _Ways(scene, USED * grip, *known, others=_others(scene)).best()
         if best is None:
             return u if scene.ego.v > SLOW else np.array([scene.vehicle.a_min, u[1]])

@@ -10,8 +10,8 @@ curvature c if
     slip = asin(l_r c),    delta = atan(wheelbase / l_r * tan(slip)).
 Where c_path changes within a few metres, as where the ego pulls out, the slip changes with it, and theta is
 off by as much. With L = 2 l_r this is undone at once, since the commanded slip is then about l_r c_path -
-theta; so L is 2 l_r at low speed. At higher speeds it is what the ego drives in RETURN_S s, and at most
-RETURN_M m.
+theta; so L is 2 l_r at low speed. At higher speeds it is what the ego drives in RETURN_S s, or longer where
+the road grips less, and at most RETURN_M m.
 Decisions last 0.1 s, so c_path is read where the vehicle will be half a decision later.
 
 Speed. v(s)^2 <= LATERAL / |c_path(s)| everywhere, and braking at COMFORT is enough to keep to it:
@@ -27,9 +27,10 @@ import numpy as np
 
 from rudc.arrays import Array
 from rudc.env.remembered import Remembered
-from rudc.env.tracking_kernels import deviation, front_wheels
+from rudc.env.tracking_kernels import deviation, front_wheels, way_back
 from rudc.network.paths import SPACING
 from rudc.network.route import ReferencePath
+from rudc.vehicle import EgoVehicle
 from rudc.world.scene import Scene
 
 LATERAL = 3.0
@@ -39,6 +40,10 @@ COMFORT = 2.0
 RETURN_M = 6.0
 """m, the longest L above; with actuators that respond 0.4 s late, 4 m makes a vehicle at 8.5 m/s oscillate,
 and 6 m does not
+"""
+RETURN_S, FULL_BRAKING = 0.75, 6.0
+"""s, m/s2: L is as far as an ego drives in the first if its full braking is the second or more; if it is less,
+the time is longer by as much
 """
 PREVIEW_S = 0.05
 """s, half a decision"""
@@ -54,9 +59,14 @@ def steering(scene: Scene) -> float:
     """rad, front-wheel angle that follows `scene.route.path`."""
     ego, path, body = scene.ego, scene.route.path, scene.vehicle
     return front_wheels(
-        path.poses, path.curvature, scene.ego_s, scene.ego_offset, ego.psi, ego.v, PREVIEW_S, RETURN_M,
-        body.wheelbase, body.cg_to_rear, body.delta_max,
+        path.poses, path.curvature, scene.ego_s, scene.ego_offset, ego.psi, ego.v, PREVIEW_S,
+        *way_back_of(body), body.wheelbase, body.cg_to_rear, body.delta_max,
     )  # fmt: skip
+
+
+def way_back_of(body: EgoVehicle) -> tuple[float, float]:
+    """s and m: L is as far as the ego drives in the first, and at most the second."""
+    return RETURN_S * max(FULL_BRAKING / -body.a_min, 1.0), RETURN_M
 
 
 def slowing(scene: Scene, room: float, speed: float, deceleration: float) -> float:
@@ -115,9 +125,10 @@ def close_to_path(scene: Scene, within: float) -> Scene:
         path.poses, path.curvature, scene.ego_s, scene.ego.psi, scene.ego.v, PREVIEW_S,
         scene.vehicle.cg_to_rear,
     )  # fmt: skip
-    farthest, b = abs(offset), astray + offset / RETURN_M
-    if b != 0.0 and (there := 1.0 - offset / (b * RETURN_M)) > 0.0:
-        farthest = max(farthest, abs(b) * RETURN_M * math.exp(-there))
+    back = way_back(scene.ego.v, *way_back_of(scene.vehicle), scene.vehicle.cg_to_rear)
+    farthest, b = abs(offset), astray + offset / back
+    if b != 0.0 and (there := 1.0 - offset / (b * back)) > 0.0:
+        farthest = max(farthest, abs(b) * back * math.exp(-there))
     if farthest <= within:
         return scene
     share = within / farthest

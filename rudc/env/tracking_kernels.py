@@ -7,9 +7,6 @@ import math
 from rudc.kernels import Table, Vector, half_turn, kernel
 from rudc.network.line_kernels import between, on_line
 
-RETURN_S = 0.75
-"""s, L of rudc/env/tracking.py is as far as the ego drives in this time"""
-
 
 @kernel
 def slip_in_bend(bend: float, cg_to_rear: float) -> float:
@@ -32,16 +29,23 @@ def deviation(
 
 
 @kernel
+def way_back(v: float, seconds: float, longest: float, cg_to_rear: float) -> float:
+    """m, L of rudc/env/tracking.py at v m/s: as far as the ego drives in `seconds`, 2 l_r at least and
+    `longest` m at most."""
+    return min(longest, max(2.0 * cg_to_rear, seconds * v))
+
+
+@kernel
 def front_wheels(
     poses: Table, curvature: Vector, s: float, offset: float, psi: float, v: float, preview: float,
-    way_back: float, wheelbase: float, cg_to_rear: float, delta_max: float,
+    seconds: float, longest: float, wheelbase: float, cg_to_rear: float, delta_max: float,
 ) -> float:  # fmt: skip
     """rad, front-wheel angle of an ego that follows a line and is `offset` m left of it, by the formulas of
-    rudc/env/tracking.py; `way_back` m is the longest L there.
+    rudc/env/tracking.py; `seconds` and `longest` m as for `way_back`.
     """
-    way_back = min(way_back, max(2.0 * cg_to_rear, RETURN_S * v))
+    within = way_back(v, seconds, longest, cg_to_rear)
     bend, _, astray = deviation(poses, curvature, s, psi, v, preview, cg_to_rear)
     astray, offset = min(max(astray, -1.0), 1.0), min(max(offset, -2.0), 2.0)
-    wanted = bend - 2.0 * astray / way_back - offset / (way_back * way_back)
+    wanted = bend - 2.0 * astray / within - offset / (within * within)
     delta = math.atan(wheelbase / cg_to_rear * math.tan(slip_in_bend(wanted, cg_to_rear)))
     return min(max(delta, -delta_max), delta_max)

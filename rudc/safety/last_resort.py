@@ -52,7 +52,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rudc.arrays import Array, Complex, Flags, Index
-from rudc.env.tracking import PREVIEW_S, RETURN_M, steering
+from rudc.env.tracking import PREVIEW_S, steering, way_back_of
 from rudc.network.paths import SPACING
 from rudc.safety.config import FilterConfig
 from rudc.safety.last_resort_kernels import (
@@ -309,8 +309,8 @@ class LastResort:
         """
         body, path = scene.vehicle, scene.route.path
         return stop_along(
-            path.poses, path.curvature, scene.ego_s, *stop, v, -body.a_min, self._dt, PREVIEW_S, RETURN_M,
-            body.wheelbase, body.cg_to_rear, body.delta_max,
+            path.poses, path.curvature, scene.ego_s, *stop, v, -body.a_min, self._dt, PREVIEW_S,
+            *way_back_of(body), body.wheelbase, body.cg_to_rear, body.delta_max,
         )  # fmt: skip
 
     def _go(self, scene: Scene, first: float, v: float, a: float = GO_ACCELERATION) -> Array:

@@ -206,7 +206,8 @@ def step_onwards(v: float, a: float, step: float) -> tuple[float, float]:
 @kernel
 def stop_along(
     line: Table, curvature: Vector, s: float, place: Places, facing: Places, v: float, braking: float,
-    step: float, preview: float, way_back: float, wheelbase: float, cg_to_rear: float, delta_max: float,
+    step: float, preview: float, seconds: float, longest: float, wheelbase: float, cg_to_rear: float,
+    delta_max: float,
 ) -> tuple[NewPlaces, NewPlaces]:  # fmt: skip
     """(T,) m and (T,): position and direction of an ego that first drives one step as given by `place` (T,) m
     and `facing` (T,), to v m/s, and then brakes at `braking` m/s2 while it steers along a line, on which it
@@ -219,8 +220,9 @@ def stop_along(
         if way > 0.0:
             s, offset = projected(line, here.real, here.imag, int(s / SPACING))
             delta = front_wheels(
-                line, curvature, s, offset, heading, v, preview, way_back, wheelbase, cg_to_rear, delta_max
-            )
+                line, curvature, s, offset, heading, v, preview, seconds, longest,
+                wheelbase, cg_to_rear, delta_max,
+            )  # fmt: skip
             slip = slip_of(delta, wheelbase, cg_to_rear)
             turn = way * math.sin(slip) / cg_to_rear
             here += way * cmath.exp(1j * (heading + slip + 0.5 * turn))

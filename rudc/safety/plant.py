@@ -12,7 +12,9 @@ estimate is the model with the least J. An ordinary car (no dead time, no lag, a
 until another model is better by SURE, so that there are no false alarms. Models that the drive so far does
 not tell apart have the same J; of these the one nearest to an ordinary car is taken, so that nothing is
 claimed that was not seen. Friction shows only where a command asks for more than the road gives, which is why
-the agents now and then brake fully for a moment (rudc/agents/probe.py).
+the agents now and then brake fully for a moment (rudc/agents/probe.py). Frictions that only bends show count
+for those between them and the next lower one, too (`drive_bank`): else a friction between two of the bank's
+would look like a lag, with which the wheels stay where they are as well.
 
 The paper leaves this to future work (Sec. "Conclusion": input-constrained barrier functions).
 """
@@ -64,8 +66,8 @@ BANK = (
         np.arange(21),
         np.array([0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.25, 1.6, 2.2, 3.0]),
         np.array([
-            np.inf, 0.7, 0.6, 0.56, 0.52, 0.46, 0.4, 0.35, 0.3, 0.26, 0.23, 0.2, 0.17, 0.15, 0.13, 0.11,
-            0.09, 0.07, 0.05, 0.035,
+            np.inf, 0.82, 0.75, 0.68, 0.62, 0.57, 0.52, 0.46, 0.4, 0.35, 0.3, 0.26, 0.23, 0.2, 0.17, 0.15,
+            0.13, 0.11, 0.09, 0.07, 0.05, 0.035,
         ]),
     ),
     Part(
@@ -77,6 +79,11 @@ BANK = (
 """the models: of long dead times, which are rare, only with a few lags and frictions"""
 _LIMITS = [np.minimum(part.frictions, DRY) * GRAVITY for part in BANK]
 """(F,) m/s2 for each part, what friction gives"""
+FULL_BRAKING = 6.0
+"""m/s2, what full braking asks of the road: grip above this shows in bends only"""
+_HALF_WAY = [0.5 - 0.5 * np.append(limit[1:], 0.0) / limit for limit in _LIMITS]
+_BETWEEN = [np.where(limit > FULL_BRAKING, half, 0.0) for limit, half in zip(_LIMITS, _HALF_WAY, strict=True)]
+"""(F,) for each part, half the distance to the next lower friction, as a share; 0 where braking tells"""
 ACCELERATION_STD, STEERING_STD = 0.25, 0.005
 """m/s2, rad: A and D, sizes of errors of the readings that say nothing about the car"""
 CUT = 16.0
@@ -154,7 +161,7 @@ class PlantMonitor:
             if not self._timed:
                 self._timed = True
                 self._take_steps_of(passed_s / max(int(passed_s / SUBSTEP_S + ROUNDED), 1))
-            self._drive(self._before, float(last_u[0]), float(last_u[1]), ego.v, passed_s)
+            self._drive(self._before, float(last_u[0]), float(last_u[1]), ego, passed_s)
             self._score(ego, passed_s)
             self.estimate = self._best()
         self._before = ego
@@ -169,15 +176,16 @@ class PlantMonitor:
         self._given: Array = np.zeros((max(int(BANK[-1].delays[-1]), math.ceil(LONGEST_S / substep_s)), 2))
         """m/s2, rad, commands of the last sub-steps, newest first"""
 
-    def _drive(self, before: EgoState, a: float, delta: float, v_after: float, passed_s: float) -> None:
+    def _drive(self, before: EgoState, a: float, delta: float, after: EgoState, passed_s: float) -> None:
         """Drive all models with the command for one decision, from the state that was read before it."""
         body, substeps = self._vehicle, max(round(passed_s / self.substep_s), 1)
         given = np.concatenate([[within_limits(body, a, delta)] * substeps, self._given])
-        now, ratio = complex(before.acceleration, before.steering), body.cg_to_rear / body.wheelbase
-        for part, limit, keep, ours in zip(BANK, _LIMITS, self._keep, self._parts, strict=True):
+        now, read = (complex(state.acceleration, state.steering) for state in (before, after))
+        std, ratio = complex(ACCELERATION_STD, STEERING_STD), body.cg_to_rear / body.wheelbase
+        for part, *grip, keep, ours in zip(BANK, _LIMITS, _BETWEEN, self._keep, self._parts, strict=True):
             drive_bank(
-                *ours, given, part.delays, keep, limit, now, substeps,
-                before.v, v_after, body.cg_to_rear, ratio,
+                *ours, given, part.delays, keep, *grip, now, read, std, substeps,
+                before.v, after.v, body.cg_to_rear, ratio,
             )  # fmt: skip
         self._given = given[: len(self._given)]
 

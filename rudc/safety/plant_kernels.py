@@ -44,16 +44,22 @@ def within_friction(
 
 @kernel
 def drive_bank(
-    a: NewCube, delta: NewCube, given: Table, delays: Rows, keep: Vector, limit: Vector, now: complex,
-    substeps: int, v: float, v_after: float, cg_to_rear: float, ratio: float,
+    a: NewCube, delta: NewCube, given: Table, delays: Rows, keep: Vector, limit: Vector, between: Vector,
+    now: complex, read: complex, std: complex, substeps: int, v: float, v_after: float, cg_to_rear: float,
+    ratio: float,
 ) -> int:  # fmt: skip
     """Fill in the accelerations `a` m/s2 and front-wheel angles `delta` rad (D, L, F) of a part of the bank
     after some sub-steps. `now`: those that were read before, a + i delta; meanwhile the speed goes from v to
     v_after m/s. Returns 0.
 
+    `read`: those that were read after these sub-steps; `std`: the sizes of their errors. Where the road may
+    limit the angle, since its friction may lie between two of the bank's, both are moved towards what was
+    read: they are then as far off, in errors of size std, as they were in errors of size std + |a| and
+    std + `between` |delta|, since an angle at the limit may leave the brakes anything up to a.
+
     `given`: (delays[-1] + substeps or more, 2) m/s2 and rad, the commands of these sub-steps and of those
     before, newest first; `delays`: (D,) sub-steps, increasing; `keep`: (L,) share of the difference from the
-    command that is left after a sub-step; `limit`: (F,) m/s2, what friction gives.
+    command that is left after a sub-step; `limit`, `between`: (F,) m/s2, what friction gives, and shares.
     """
     lags, frictions = a.shape[1:]
     wanted_a, wanted_delta = np.empty(frictions), np.empty(frictions)
@@ -81,6 +87,15 @@ def drive_bank(
                 for f in range(frictions):
                     a[d, k, f] = wanted_a[f] + (a[d, k, f] - wanted_a[f]) * keep[k]
                     delta[d, k, f] = wanted_delta[f] + (delta[d, k, f] - wanted_delta[f]) * keep[k]
+    for d in range(len(delays)):
+        wanted = abs(given[delays[d], 1])
+        for f in range(frictions):
+            if between[f] > 0.0 and wanted > widest[f] * (1.0 - between[f]):
+                for k in range(lags):
+                    a_m, delta_m = a[d, k, f], delta[d, k, f]
+                    a[d, k, f] = read.real + (a_m - read.real) * std.real / (std.real + abs(a_m))
+                    share = std.imag / (std.imag + between[f] * abs(delta_m))
+                    delta[d, k, f] = read.imag + (delta_m - read.imag) * share
     return 0
 
 

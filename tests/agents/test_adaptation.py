@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rudc.agents.adaptation import BRAKING, FULL, USABLE, WARY, Adaptation
+from rudc.agents.adaptation import BRAKING, FIRM, FULL, USABLE, WARY, Adaptation
 from rudc.env.tracking import steering
 from rudc.network.network import load_network
 from rudc.network.paths import SPACING
@@ -60,7 +60,7 @@ def test_steering_leaves_the_brakes_their_share(make_scene, friction):
     scene = make_scene(turn="left", front=-40.0, v=11.0)
     grip = (friction or DRY) * GRAVITY
     a, delta = adapted(scene, friction).govern(scene, np.array([-6.0, scene.vehicle.delta_max]))
-    left = math.sqrt(1.0 - BRAKING**2) * grip
+    left = math.sqrt(1.0 - BRAKING**2) * grip * (FIRM if friction else 1.0)
     assert delta == pytest.approx(widest_steering(scene.vehicle, 11.0, left))
     plant = EgoPlant(scene.vehicle)
     plant.reset(0.0, 0.0, 0.0, 11.0, Actuation(friction=friction))

@@ -15,11 +15,11 @@ from rudc.world.borders import Borders
 from rudc.world.ego import EgoPlant
 from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
 
-PUSH = -0.12
-"""rad to the right of what follows the path: 1.5 m beside it in the end"""
+PUSH = {2.0: -0.45, 5.0: -0.3, 9.0: -0.12}
+"""m/s: rad to the right of what follows the path, which lead 1.5 m beside it in the end"""
 
 
-def drive(scene, bound, push=PUSH):
+def drive(scene, bound, push):
     """The scenes of 8 s in which the wheels are always turned by `push` from what follows the path."""
     plant, path = EgoPlant(scene.vehicle), scene.route.path
     plant.resume(scene.ego, Actuation())
@@ -42,8 +42,8 @@ def leaves_road(scene):
 @pytest.mark.parametrize("v", [2.0, 5.0, 9.0])
 def test_an_ego_that_is_pushed_towards_the_edge_stays_on_the_road(make_scene, v):
     scene = make_scene(front=-40.0, v=v)
-    assert any(map(leaves_road, drive(scene, bound=False)))
-    assert not any(map(leaves_road, drive(scene, bound=True)))
+    assert any(map(leaves_road, drive(scene, False, PUSH[v])))
+    assert not any(map(leaves_road, drive(scene, True, PUSH[v])))
 
 
 def beside_the_path(scene, offset):
@@ -64,7 +64,8 @@ def turning_off(scene, right_of_edge):
     x, y = ego.x + aside * sin, ego.y - aside * cos
     angles = np.arange(-1.0, 1.5, 0.01)
     arc = 4.0 * (np.sin(angles) + 1j * (1.0 - np.cos(angles)))
-    line = complex(x, y) + arc * complex(cos, sin)
+    slip = math.asin(body.cg_to_rear / 4.0)
+    line = complex(x, y) + arc * complex(cos, sin) * complex(math.cos(slip), math.sin(slip))
     path = ReferencePath(np.column_stack([line.real, line.imag]))
     s, offset = path.project(x, y)
     route = replace(scene.route, path=path)
@@ -110,12 +111,12 @@ def test_the_rear_does_not_cut_the_corner(make_scene):
     cut = 0
     for origin in ("south", "west"):
         for front in np.arange(-2.0, 8.0, 1.0):
-            straight = make_scene(origin=origin, turn="right", front=front, v=2.0)
+            straight = make_scene(origin=origin, turn="right", front=front, v=8.0)
             for offset in (-0.3, -0.6, -0.9, -1.2):
                 scene = beside_the_path(straight, offset)
                 if not Borders(scene.network.surface, scene.vehicle, True, 0.0).left(scene.ego)[0]:
-                    cut += any(map(leaves_road, drive(scene, bound=False, push=0.0)))
-                    assert not any(map(leaves_road, drive(scene, bound=True, push=0.0)))
+                    cut += any(map(leaves_road, drive(scene, False, 0.0)))
+                    assert not any(map(leaves_road, drive(scene, True, 0.0)))
     assert cut >= 4
 
 

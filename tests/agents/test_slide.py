@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rudc.agents.adaptation import Adaptation
+from rudc.agents.adaptation import USABLE, Adaptation
 from rudc.agents.slide import Slide
 from rudc.env.tracking import steering
 from rudc.geometry import rectangle_gaps
 from rudc.safety.plant import PlantEstimate
 from rudc.vehicle import Actuation
 from rudc.world.borders import Borders
-from rudc.world.ego import EgoPlant
+from rudc.world.ego import GRAVITY, EgoPlant
 from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
 
 
@@ -29,6 +29,8 @@ def driven(scene, friction, seconds=12.0):
     """Where a driver who follows the line and wants to go on comes to, and whether it stays on the road."""
     adaptation, plant = adapted(scene, friction), EgoPlant(scene.vehicle)
     plant.resume(scene.ego, Actuation(friction=friction))
+    usable = USABLE * friction * GRAVITY  # as `see` shows it
+    scene = replace(scene, vehicle=replace(scene.vehicle, a_min=-usable, a_max=min(usable, 3.0)))
     borders = Borders(scene.network.surface, scene.vehicle, may_cross_centre=False)
     for _ in range(round(seconds / 0.1)):
         u = adaptation.govern(scene, np.array([2.0, steering(scene)]))
@@ -64,7 +66,7 @@ def test_an_ego_that_keeps_to_its_line_is_left_alone(make_scene):
 
 def test_a_slide_does_not_end_in_somebody(make_scene):
     """A car stands where the ego would run on to."""
-    setting = {"turn": "right", "front": 1.0, "v": 11.0}
+    setting = {"turn": "right", "front": 1.0, "v": 12.0}
     free, _ = driven(make_scene(**setting), 0.4, 2.0)
     pose = free.ego.x, free.ego.y, free.ego.psi
     end, stayed = driven(make_scene({"at": pose}, **setting), 0.4, 2.0)

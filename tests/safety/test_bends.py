@@ -71,8 +71,8 @@ def test_who_follows_the_path_is_not_steered_out_of_the_bend(rule: str, v: float
 
 @RULES
 def test_who_cuts_the_corner_is_kept_off_its_inner_edge(rule: str) -> None:
-    _, without = drive(rule, 6.0, -0.12, filtered=False)
-    _, least = drive(rule, 6.0, -0.12)
+    _, without = drive(rule, 8.0, -0.14, filtered=False)
+    _, least = drive(rule, 8.0, -0.14)
     assert without < 0.05, "with half of the car beyond it"
     assert least > 0.6, "rows know nothing of slip"
 
@@ -81,7 +81,7 @@ def test_who_cuts_the_corner_is_kept_off_its_inner_edge(rule: str) -> None:
     ("offset", "angle"), [(0.0, 0.2), (0.05, -0.1), (0.8, 0.0), (-0.5, 0.3), (0.02, 0.01)]
 )
 def test_close_to_the_path_is_who_stays_there_by_following_it(offset: float, angle: float) -> None:
-    beginning = make_scene(y=offset, psi=angle, v=5.0)
+    beginning = make_scene(y=offset, psi=angle, v=9.0)
     near = close_to_path(beginning, 0.1)
     plant, farthest = EgoPlant(near.vehicle), 0.0
     plant.reset(near.ego.x, near.ego.y, near.ego.psi, near.ego.v)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rudc.env.tracking import PREVIEW_S, RETURN_M, steering
+from rudc.env.tracking import PREVIEW_S, steering, way_back_of
 from rudc.geometry import separation
 from rudc.network.paths import SPACING
 from rudc.network.route import ReferencePath
@@ -205,8 +205,8 @@ def test_a_stop_along_a_path_is_the_plants_that_follows_it(delta):
     place = np.array([ego.x + 1j * ego.y for ego in states])
     facing = np.exp(1j * np.array([ego.psi for ego in states]))
     got = last_resort_kernels.stop_along(
-        path.poses, path.curvature, 0.0, place, facing, 8.0, 6.0, dt, PREVIEW_S, RETURN_M, body.wheelbase,
-        body.cg_to_rear, body.delta_max,
+        path.poses, path.curvature, 0.0, place, facing, 8.0, 6.0, dt, PREVIEW_S, *way_back_of(body),
+        body.wheelbase, body.cg_to_rear, body.delta_max,
     )  # fmt: skip
     assert got[0] == pytest.approx(place, abs=0.02)
     assert np.angle(got[1] / facing) == pytest.approx(np.zeros(22), abs=0.01)

@@ -155,6 +155,23 @@ def test_a_lag_that_begins_in_a_bend_is_soon_known_and_forgotten_once_over(lag):
     assert set(found[49:]) == {Actuation()}
 
 
+@pytest.mark.parametrize("friction", [0.63, 0.65, 0.67, 0.71, 0.73, 0.78, 0.8])
+def test_a_wet_road_that_only_bends_show_is_not_taken_for_a_late_car(friction):
+    """A friction between two of the bank's looked like a lag, with which the wheels stay where they are."""
+    plant, monitor, found = EgoPlant(BODY), PlantMonitor(BODY), []
+    plant.reset(0.0, 0.0, 0.0, 9.3, Actuation(friction=friction))
+    monitor.update(plant.state, (0.0, 0.0))
+    for k in range(40):
+        grip = monitor.estimate.grip
+        u = -1.0 if plant.state.v**2 * 0.1 > 0.9 * grip else 0.5, min(0.02 * k, 0.29)
+        for _ in range(2):
+            plant.step(*u, 0.05)
+        found.append(monitor.update(plant.state, u).actuation)
+    for actuation in found[20:]:
+        assert (actuation.delay_s, actuation.lag_s) == (0.0, 0.0)
+        assert actuation.friction == pytest.approx(friction, rel=0.08)
+
+
 def test_commands_on_their_way_are_those_given_within_the_dead_time():
     monitor = PlantMonitor(BODY)
     state = EgoPlant(BODY).state
