@@ -42,8 +42,8 @@ RETURN_M = 6.0
 and 6 m does not
 """
 RETURN_S, FULL_BRAKING = 0.75, 6.0
-"""s, m/s2: L is as far as an ego drives in the first if its full braking is the second or more; if it is less,
-the time is longer by as much
+"""s, m/s2: L is as far as an ego drives in the first if its full braking is the second or more; if it is
+less, the time is longer by as much
 """
 PREVIEW_S = 0.05
 """s, half a decision"""

@@ -44,7 +44,7 @@ def _car() -> Iterator[tuple[str, dict[str, Any]]]:
     yield "delay_and_lag", {"kind": "actuator_delay", "delay": 0.5, "lag": 1.0}
     late = {"kind": "actuator_delay", "delay": 0.8, "lag": 0.5}
     yield "delay_and_lag_late", {**late, "when": before_junction(25)}
-    for friction in (0.03, 0.06, 0.15, 0.25, 0.4):
+    for friction in (0.03, 0.06, 0.15, 0.25, 0.4, 0.55, 0.65, 0.75):
         yield f"grip_{friction}", {"kind": "low_friction", "friction": friction}
     for friction in (0.06, 0.15, 0.3):
         event = {"kind": "low_friction", "friction": friction}
