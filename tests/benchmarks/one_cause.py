@@ -119,7 +119,7 @@ def _in_lanes() -> Iterator[tuple[str, dict[str, Any]]]:
                 yield f"crash_{body}_{lane}_{at}", crash
             closed = {"kind": "lane_closure", **place, "length": 6}
             yield f"closed_{lane}_{at}", closed
-            yield f"closed_late_{lane}_{at}", {**closed, "when": before_junction(20)}
+            yield f"closed_late_{lane}_{at}", {**closed, "when": before_junction(45)}
         box = {"lane": lane, "at": 12, "lateral": -7.0, "size": [14, 3]}
         yield f"hidden_{lane}", {"kind": "occlusion", "boxes": [box]}
     for body, speed in (("car", 6), ("truck", 4), ("bicycle", 4), ("motorcycle", 12)):
