@@ -14,8 +14,9 @@
                  can stop for anybody who may come from where it does not see (hidden.py).
                  Steering is limited to what braking, of up to BRAKING mu g, leaves of mu g: wheels that
                  ask for more do not turn the car any further, and take all grip from the brakes
-                 A car that was late (LATE_S) for LATE_FOR_S may become late again, even once it is prompt
-                 (PROMPT_S): from then on bends may need at most WARY mu g.
+                 A car that is late (LATE_S) notices late that a bend asks for too much, and one that was late
+                 for LATE_FOR_S may become late again, even once it is prompt (PROMPT_S): for both, bends
+                 may need WARY mu g only.
                  Wheels with a lag T follow a path of curvature k, at v m/s, only if they are commanded to
                  give the curvature k + T v dk/ds: bends are taken so slowly that grip and wheels can give it
     probe        Short full brakings show how well the road grips (probe.py)
@@ -51,7 +52,7 @@ LATERAL, BRAKING = 0.75, 0.6
 """shares of mu g: that bends may ask for where it is less than on a dry road, and that planned braking may"""
 LATE_S, PROMPT_S, LATE_FOR_S, WARY = 0.25, 0.1, 0.5, 0.5
 """s, dead time and lag together from which on a car is late; s, below which it is no longer; s, for how long
-it must have been late; share of mu g that bends may ask for once it was, and is no longer"""
+it must have been late to be driven warily for good; share of mu g that bends may ask for then"""
 FIRM = 0.95
 """share of a limited mu g that steering may ask for: all of it would leave nothing for the brakes if the road
 gave a little less than is known
@@ -186,7 +187,8 @@ class Adaptation:
             self._path = path
             self._profiles.clear()
         limited = self.estimate.actuation.friction is not None
-        share = WARY if self._wary else LATERAL if limited else USABLE
+        wary = self._wary or self._late_since is not None
+        share = WARY if wary else LATERAL if limited else USABLE
         car = grip, share, lag_s
         profile = self._profiles.get(car)
         if profile is None:

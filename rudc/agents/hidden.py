@@ -52,6 +52,8 @@ BEFORE = 0.5
 """m, distance before a conflict, or before the end of what it sees, at which the ego can stop"""
 BLIND = 3.0
 """m/s2, with which the ego brakes while it sees nobody though somebody must be there"""
+LATE = 0.2
+"""m, by which an ego that slows down for a conflict may come to it too fast before it gives up to do so"""
 GOING = 2.0
 """m/s2, acceleration with which the ego passes"""
 PLANNED = 0.8
@@ -80,7 +82,7 @@ def ready_to_wait_for_unseen(scene: Scene, u: Array) -> Array:
     """
     braking = PLANNED * -scene.vehicle.a_min
     room = _room(scene, braking, scene.network.gives_way(scene.route, scene.route.row))
-    late = scene.ego.v**2 / (2 * -scene.vehicle.a_min) > room
+    late = (scene.ego.v**2 - CREEP**2) / (2 * -scene.vehicle.a_min) > room + LATE
     return u if math.isinf(room) or late else at_most(u, slowing(scene, room, CREEP, braking))
 
 

@@ -41,9 +41,9 @@ RETURN_M = 6.0
 """m, the longest L above; with actuators that respond 0.4 s late, 4 m makes a vehicle at 8.5 m/s oscillate,
 and 6 m does not
 """
-RETURN_S, FULL_BRAKING = 0.75, 6.0
-"""s, m/s2: L is as far as an ego drives in the first if its full braking is the second or more; if it is
-less, the time is longer by as much
+RETURN_S, ASIDE_M = 0.75, 3.4
+"""s, m: L is as far as the ego drives in the first, or in the longer time in which an offset of the second,
+a lane's width, does not ask for more than the grip
 """
 PREVIEW_S = 0.05
 """s, half a decision"""
@@ -66,7 +66,7 @@ def steering(scene: Scene) -> float:
 
 def way_back_of(body: EgoVehicle) -> tuple[float, float]:
     """s and m: L is as far as the ego drives in the first, and at most the second."""
-    return RETURN_S * max(FULL_BRAKING / -body.a_min, 1.0), RETURN_M
+    return max(RETURN_S, math.sqrt(ASIDE_M / -body.a_min)), RETURN_M
 
 
 def slowing(scene: Scene, room: float, speed: float, deceleration: float) -> float:
