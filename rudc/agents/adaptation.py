@@ -8,7 +8,7 @@
                  one decision of t s: delta_0 + (delta - delta_0) / (1 - exp(-t / T))
     limits       Braking and accelerating are limited to USABLE mu g, for filter, last resort and driver alike
     govern       Bends are taken at the speed at which they need USABLE mu g, reached by braking at BRAKING mu
-                 g, or as hard as the car can if that is less. Where the road has shown less grip than a dry
+                 g, or at that share of full braking if that is less. Where the road has shown less grip than a dry
                  one, bends may need LATERAL mu g only. Where grip is poor, the speed on straights is at most
                  the larger of CAREFUL and the speed that this braking stops within STOPPING m, and the ego
                  can stop for anybody who may come from where it does not see (hidden.py).
@@ -209,8 +209,10 @@ class Adaptation:
 
 
 def _braking(scene: Scene, grip: float) -> float:
-    """m/s2, planned braking with that `grip` (m/s2): no harder than the car can."""
-    return min(BRAKING * grip, -scene.network.vehicle.a_min)
+    """m/s2, planned braking with that `grip` (m/s2). More grip than full braking asks for does not count, since
+    no braking shows that it is there.
+    """
+    return BRAKING * min(grip, -scene.network.vehicle.a_min)
 
 
 def _profile(

@@ -28,7 +28,6 @@ from rudc.env.tracking import (
     acceleration_towards,
     hardest,
     planned,
-    slowing,
     slowing_for_limits,
     speed_allowed,
     speeds_in_bends,
@@ -41,8 +40,6 @@ HEADWAY, STANDSTILL = 1.0, 2.0
 """s, m: IDM's T and G"""
 HARDEST = 5.0
 """m/s2, the ego stops before a conflict only if it can with this braking or less"""
-AT_LINE = 0.3
-"""m, kept before the place where the ego has to stop"""
 LOOK_AHEAD = 50.0
 """m of the path that are searched for a leader"""
 BAND = 0.25
@@ -73,8 +70,8 @@ class GapAcceptance:
         acceleration = min(acceleration, _idm(scene.ego.v, speed, gap, leader_speed))
         room = self._hold(scene)
         if math.isfinite(room):
-            braking = slowing(scene, room - AT_LINE, 0.0, planned(scene, DECELERATION))
-            acceleration = min(acceleration, braking)
+            speed = math.sqrt(2 * planned(scene, DECELERATION) * max(room - 0.3, 0.0))
+            acceleration = min(acceleration, acceleration_towards(speed, scene, ACCELERATION))
         return unfiltered(max(acceleration, scene.vehicle.a_min), steering(scene))
 
     # ---- leader
