@@ -4,6 +4,8 @@
     look ahead   A command given now acts after the dead time d. So the driver is shown the scene d later: the
                  ego as the commands that are on their way move it, the others along their paths (a Smith
                  predictor)
+    brakes       The scene also says with which lag the brakes act (`Scene.lag_s`): the last resort's stops
+                 begin with the present acceleration, and reckon with that lag
     haste        Wheels with a lag T are commanded beyond the wanted angle delta, so that they reach it within
                  one decision of t s: delta_0 + (delta - delta_0) / (1 - exp(-t / T))
     limits       Braking and accelerating are limited to USABLE mu g, for filter, last resort and driver alike
@@ -101,7 +103,9 @@ class Adaptation:
         self._path: ReferencePath | None = None
 
     def see(self, scene: Scene) -> Scene:
-        """The scene in which a command given now will act, with the vehicle's limits as the road allows."""
+        """The scene in which a command given now will act, with the vehicle's limits as the road allows and
+        the lag of its brakes.
+        """
         if self._seen != scene.time_s:
             if self._seen is not None:
                 self._decision_s = round(scene.time_s - self._seen, 6)
@@ -116,7 +120,7 @@ class Adaptation:
             return scene
         grip, body = USABLE * self.estimate.grip, scene.vehicle
         limited = replace(body, a_min=max(body.a_min, -grip), a_max=min(body.a_max, grip))
-        return replace(self._ahead(scene), vehicle=limited)
+        return replace(self._ahead(scene), vehicle=limited, lag_s=self.estimate.actuation.lag_s)
 
     def govern(self, scene: Scene, u: Array, *, onwards: bool = False) -> Array:
         """(2,) m/s2 and rad, the command `u` (2,) within its bounds; `scene` as `see` showed it.

@@ -9,6 +9,9 @@ manoeuvres that begin with it:
     go     u for one step, then along the route at GO_ACCELERATION up to GO_SPEED, as far as the vehicle can;
            on a poor road no faster than its bends allow
 
+Where the brakes are known to lag (`Scene.lag_s`), the first step and all stops begin with the acceleration
+that the ego has now, which follows the commands with that lag. Going on does so in its first step only.
+
 The room of a manoeuvre is the least value, over all instants within the horizon (and between them: somebody
 who crosses fast would pass unseen from one to the next) and all others, of
 
@@ -57,10 +60,10 @@ from rudc.network.paths import SPACING
 from rudc.safety.config import FilterConfig
 from rudc.safety.last_resort_kernels import (
     in_reach,
+    lagging_step,
     on_arc,
     room_left,
     room_to_stop,
-    step_onwards,
     stop_along,
     way_of_stopping,
 )
@@ -71,8 +74,8 @@ from rudc.world.kernels import slip_of
 from rudc.world.scene import STILL, Scene
 
 HORIZON = 2.5
-"""s, how far ahead manoeuvres are predicted, at every step: from 15 m/s full braking takes as long. On a poor
-road, where braking takes longer, until the ego stands"""
+"""s, how far ahead manoeuvres are predicted, at every step: from 15 m/s full braking takes as long. Where
+it takes longer, on a poor road or with brakes that lag, until the ego stands"""
 CREEPING = 1e-3
 """m of negative room that are tolerated"""
 STILL_MARGIN = 0.15
@@ -135,10 +138,13 @@ class LastResort:
         """What to do instead of `u` (2,), m/s2 and rad, if `u` would end in hitting somebody and something
         else is better. None if `u` is taken.
         """
-        stopping = self._dt - (scene.ego.v + scene.vehicle.a_max * self._dt) / scene.vehicle.a_min
+        body = scene.vehicle
+        late = scene.lag_s * (max(scene.ego.acceleration, body.a_max) - body.a_min)
+        fastest = scene.ego.v + body.a_max * self._dt + late  # m/s, from which prompt brakes take as long
+        stopping = self._dt - fastest / body.a_min
         self._times = self._usual if stopping <= HORIZON else self._until(stopping)
-        first, v = self._first(scene.ego.v, float(u[0]))
-        if self._room_to_stop(scene, first, v, u) >= -CREEPING:
+        first, v, a = self._first(scene, float(u[0]))
+        if self._room_to_stop(scene, first, v, a, u) >= -CREEPING:
             return None
         way = self._go(scene, first, v)
         others = self._others(scene, float(way[-1]))
@@ -203,7 +209,7 @@ class LastResort:
         """Whether the action `onwards` (2,), m/s2 and rad, and going on like that leaves room towards
         everybody but those who drive behind, and the ego can still stop before those who stand still.
         """
-        first, v = self._first(scene.ego.v, float(onwards[0]))
+        first, v, _ = self._first(scene, float(onwards[0]))
         way = self._go(scene, first, v, float(onwards[0]))
         others = self._others(scene, float(way[-1]))
         room = self._room(scene, others, *ego_ahead(scene, way))
@@ -220,8 +226,8 @@ class LastResort:
         held = self._stop(scene, u)
         rooms = [self._room(scene, others, *held)]
         if others.still.any():
-            _, v = self._first(scene.ego.v, float(u[0]))
-            rooms.append(self._room(scene, others, *self._stop_along(scene, held, v)))
+            _, v, a = self._first(scene, float(u[0]))
+            rooms.append(self._room(scene, others, *self._stop_along(scene, held, v, a)))
         return np.stack(rooms)
 
     def _brake(self, scene: Scene, others: _Others, kept: Flags, delta: float) -> tuple[Array, Array]:
@@ -273,15 +279,16 @@ class LastResort:
             scene.route.path.poses, scene.ego_s, LANE, ALONG, HARDEST, STILL,
         )  # fmt: skip
 
-    def _room_to_stop(self, scene: Scene, first: float, v: float, u: Array) -> float:
-        """m, least room of `_stop` under `u`, which drives `first` m in the first step and v m/s after it;
-        inf if nobody comes near.
+    def _room_to_stop(self, scene: Scene, first: float, v: float, a: float, u: Array) -> float:
+        """m, least room of `_stop` under `u`, which drives `first` m in the first step, and v m/s and an
+        acceleration of a m/s2 after it; inf if nobody comes near.
         """
         body = scene.vehicle
+        fastest = v + scene.lag_s * max(a - body.a_min, 0.0)  # m/s, from which prompt brakes take as far
         return room_to_stop(
-            *self._around(scene, first + v * v / (-2.0 * body.a_min)),
-            scene.ego.psi, self._dt, first, v, -body.a_min, _slip(body, float(u[1])), body.cg_to_rear,
-            0.5 * body.length, 0.5 * body.width, self._margin, STILL_MARGIN,
+            *self._around(scene, first + fastest * fastest / (-2.0 * body.a_min)),
+            scene.ego.psi, self._dt, first, v, -body.a_min, a, scene.lag_s, _slip(body, float(u[1])),
+            body.cg_to_rear, 0.5 * body.length, 0.5 * body.width, self._margin, STILL_MARGIN,
         )  # fmt: skip
 
     def _room(self, scene: Scene, others: _Others, place: Complex, facing: Complex) -> Array:
@@ -299,18 +306,20 @@ class LastResort:
         braking.
         """
         ego, body = scene.ego, scene.vehicle
-        first, v = self._first(ego.v, float(u[0]))
-        way = way_of_stopping(self._times, self._dt, first, v, -body.a_min)
+        first, v, a = self._first(scene, float(u[0]))
+        way = way_of_stopping(self._times, self._dt, first, v, -body.a_min, a, scene.lag_s)
         return on_arc(complex(ego.x, ego.y), ego.psi, way, _slip(body, float(u[1])), body.cg_to_rear)
 
-    def _stop_along(self, scene: Scene, stop: tuple[Complex, Complex], v: float) -> tuple[Complex, Complex]:
+    def _stop_along(
+        self, scene: Scene, stop: tuple[Complex, Complex], v: float, a: float
+    ) -> tuple[Complex, Complex]:
         """(T,) m and (T,): position and direction of the ego in the first step of `stop`, after which it
-        drives v m/s, and then braking while it steers along the route.
+        drives v m/s and accelerates at a m/s2, and then braking while it steers along the route.
         """
         body, path = scene.vehicle, scene.route.path
         return stop_along(
-            path.poses, path.curvature, scene.ego_s, *stop, v, -body.a_min, self._dt, PREVIEW_S,
-            *way_back_of(body), body.wheelbase, body.cg_to_rear, body.delta_max,
+            path.poses, path.curvature, scene.ego_s, *stop, v, a, -body.a_min, scene.lag_s, self._dt,
+            PREVIEW_S, *way_back_of(body), body.wheelbase, body.cg_to_rear, body.delta_max,
         )  # fmt: skip
 
     def _go(self, scene: Scene, first: float, v: float, a: float = GO_ACCELERATION) -> Array:
@@ -337,9 +346,9 @@ class LastResort:
             v = after
         return np.array(way)
 
-    def _first(self, v: float, a: float) -> tuple[float, float]:
-        """m driven in the first step at `a` m/s2 from `v` m/s, and m/s after it."""
-        return step_onwards(v, a, self._dt)
+    def _first(self, scene: Scene, a: float) -> tuple[float, float, float]:
+        """m driven in the first step under the command `a` m/s2, and m/s and m/s2 after it."""
+        return lagging_step(scene.ego.v, scene.ego.acceleration, a, scene.lag_s, self._dt)
 
 
 def _slip(body: EgoVehicle, delta: float) -> float:

@@ -182,11 +182,20 @@ def on_arc(
 
 
 @kernel
-def way_of_stopping(times: Vector, step: float, first: float, v: float, braking: float) -> NewVector:
+def way_of_stopping(
+    times: Vector, step: float, first: float, v: float, braking: float, a: float, lag: float
+) -> NewVector:
     """(T,) m driven at `times` (T,) s: `first` m in a step of `step` s, and then braking from v m/s at
-    `braking` m/s2.
+    `braking` m/s2. With brakes that lag by `lag` s, the acceleration is a m/s2 after the first step, and
+    `times` are whole steps.
     """
     way = np.zeros(len(times))
+    if lag > 0.0:
+        way[1:] = first
+        for t in range(2, len(times)):
+            moved, v, a = lagging_step(v, a, -braking, lag, step)
+            way[t] = way[t - 1] + moved
+        return way
     for t in range(len(times)):
         if times[t] > 0.0:
             held = min(max(times[t] - step, 0.0), v / braking)
@@ -204,19 +213,44 @@ def step_onwards(v: float, a: float, step: float) -> tuple[float, float]:
 
 
 @kernel
+def lagging_step(v: float, a: float, command: float, lag: float, step: float) -> tuple[float, float, float]:
+    """m driven in a step of `step` s from v m/s, never backwards, and m/s and m/s2 after it. The acceleration
+    is a m/s2 at first and follows `command` m/s2 with a lag of `lag` s:
+    command + (a - command) exp(-t / lag).
+    """
+    if lag <= 0.0:
+        way, after = step_onwards(v, command, step)
+        return way, after, command
+    gained = (a - command) * lag
+    kept = math.exp(-step / lag)
+    moving, after = step, v + command * step + gained * (1.0 - kept)
+    if after < 0.0:  # it stops within the step: when, by halves
+        moving, after, end = 0.0, 0.0, step
+        for _ in range(30):
+            middle = 0.5 * (moving + end)
+            if v + command * middle + gained * (1.0 - math.exp(-middle / lag)) > 0.0:
+                moving = middle
+            else:
+                end = middle
+    settled = moving - lag * (1.0 - math.exp(-moving / lag))
+    way = v * moving + 0.5 * command * moving * moving + gained * settled
+    return max(way, 0.0), after, command + (a - command) * kept
+
+
+@kernel
 def stop_along(
-    line: Table, curvature: Vector, s: float, place: Places, facing: Places, v: float, braking: float,
-    step: float, preview: float, seconds: float, longest: float, wheelbase: float, cg_to_rear: float,
-    delta_max: float,
+    line: Table, curvature: Vector, s: float, place: Places, facing: Places, v: float, a: float,
+    braking: float, lag: float, step: float, preview: float, seconds: float, longest: float,
+    wheelbase: float, cg_to_rear: float, delta_max: float,
 ) -> tuple[NewPlaces, NewPlaces]:  # fmt: skip
     """(T,) m and (T,): position and direction of an ego that first drives one step as given by `place` (T,) m
-    and `facing` (T,), to v m/s, and then brakes at `braking` m/s2 while it steers along a line, on which it
-    is at s m in the beginning.
+    and `facing` (T,), to v m/s and an acceleration of a m/s2, and then brakes at `braking` m/s2, which it
+    reaches with a lag of `lag` s, while it steers along a line, on which it is at s m in the beginning.
     """
     places, directions = place.copy(), facing.copy()
     here, heading = place[1], cmath.phase(facing[1])
     for t in range(2, len(place)):
-        way, v = step_onwards(v, -braking, step)
+        way, v, a = lagging_step(v, a, -braking, lag, step)
         if way > 0.0:
             s, offset = projected(line, here.real, here.imag, int(s / SPACING))
             delta = front_wheels(
@@ -236,8 +270,8 @@ def room_to_stop(
     position: Table, heading: Vector, velocity: Table, size: Table, path: Rows, path_s: Vector,
     acceleration: Vector, poses: Table, stations: int, ego: complex, reach: float, times: Vector,
     changing: float, speeds_up: float, line: Table, ego_s: float, lane: float, along: float, hardest: float,
-    slowest: float, psi: float, step: float, first: float, v: float, braking: float, slip: float,
-    cg_to_rear: float, length: float, width: float, margin: float, still_margin: float,
+    slowest: float, psi: float, step: float, first: float, v: float, braking: float, a: float, lag: float,
+    slip: float, cg_to_rear: float, length: float, width: float, margin: float, still_margin: float,
 ) -> float:  # fmt: skip
     """m, the least `room_left` for an ego that stops (`way_of_stopping`) on an arc (`on_arc`), towards those
     `in_reach`; inf if nobody comes near.
@@ -246,7 +280,8 @@ def room_to_stop(
         position, heading, velocity, size, path, path_s, acceleration, poses, stations, ego, reach,
         times, changing, speeds_up, line, ego_s, lane, along, hardest, slowest,
     )  # fmt: skip
-    place, facing = on_arc(ego, psi, way_of_stopping(times, step, first, v, braking), slip, cg_to_rear)
+    way = way_of_stopping(times, step, first, v, braking, a, lag)
+    place, facing = on_arc(ego, psi, way, slip, cg_to_rear)
     room = room_left(there, turned, half, still, place, facing, length, width, margin, still_margin)
     least = math.inf
     for k in range(len(who)):

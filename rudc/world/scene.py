@@ -125,6 +125,10 @@ class Scene:
     None for none"""
     sight_m: float = math.inf
     """m, range of the ego's sensors"""
+    lag_s: float = 0.0
+    """s, first-order time constant with which the ego's brakes follow a command, as far as its driver knows;
+    0 where it is not known
+    """
 
     def __post_init__(self) -> None:
         """Make the arrays read-only, since the world goes on using those that it gives to agents."""

@@ -126,7 +126,8 @@ def test_room_is_the_least_separation_less_what_is_allowed():
     assert facing == pytest.approx(wanted[1], abs=1e-3)
     after = np.maximum(times - 0.1, 0.0)  # 0.5 m in the first 0.1 s, then braking from 5 m/s with 6 m/s2
     way = np.where(times > 0, 0.5 + np.where(after < 5 / 6, 5 * after - 3 * after**2, 25 / 12), 0.0)
-    assert last_resort_kernels.way_of_stopping(times, 0.1, 0.5, 5.0, 6.0) == pytest.approx(way, abs=1e-12)
+    stopping = last_resort_kernels.way_of_stopping(times, 0.1, 0.5, 5.0, 6.0, 0.0, 0.0)
+    assert stopping == pytest.approx(way, abs=1e-12)
     ego, towards = last_resort_kernels.on_arc(-10 + 0j, 0.2, way, 0.1, 1.4)
     margin = np.where(still, 0.1, 0.3)
     away, shares = place - ego, np.linspace(0.0, 1.0, 101)
@@ -143,7 +144,9 @@ def test_room_is_the_least_separation_less_what_is_allowed():
     assert (room[~near] > 0.0).all()
     at_instants = separation(away, towards, facing, body, half[:, None]).min(axis=1) - allowed
     assert (got[near] <= at_instants[near] + 1e-9).all()
-    least = last_resort_kernels.room_to_stop(*reached, 0.2, 0.1, 0.5, 5.0, 6.0, 0.1, 1.4, 2.5, 0.9, 0.3, 0.1)
+    least = last_resort_kernels.room_to_stop(
+        *reached, 0.2, 0.1, 0.5, 5.0, 6.0, 0.0, 0.0, 0.1, 1.4, 2.5, 0.9, 0.3, 0.1
+    )
     assert least == got.min()
     assert (got < 0).any()
     assert np.isinf(got).any()
@@ -205,7 +208,7 @@ def test_a_stop_along_a_path_is_the_plants_that_follows_it(delta):
     place = np.array([ego.x + 1j * ego.y for ego in states])
     facing = np.exp(1j * np.array([ego.psi for ego in states]))
     got = last_resort_kernels.stop_along(
-        path.poses, path.curvature, 0.0, place, facing, 8.0, 6.0, dt, PREVIEW_S, *way_back_of(body),
+        path.poses, path.curvature, 0.0, place, facing, 8.0, 0.0, 6.0, 0.0, dt, PREVIEW_S, *way_back_of(body),
         body.wheelbase, body.cg_to_rear, body.delta_max,
     )  # fmt: skip
     assert got[0] == pytest.approx(place, abs=0.02)
