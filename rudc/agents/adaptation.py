@@ -10,10 +10,10 @@
                  one decision of t s: delta_0 + (delta - delta_0) / (1 - exp(-t / T))
     limits       Braking and accelerating are limited to USABLE mu g, for filter, last resort and driver alike
     govern       Bends are taken at the speed at which they need USABLE mu g, reached by braking at BRAKING mu
-                 g, or at that share of full braking if that is less. Where the road has shown less grip than a dry
-                 one, bends may need LATERAL mu g only. Where grip is poor, the speed on straights is at most
-                 the larger of CAREFUL and the speed that this braking stops within STOPPING m, and the ego
-                 can stop for anybody who may come from where it does not see (hidden.py).
+                 g, or at that share of full braking if that is less. Where the road has shown less grip than
+                 a dry one, bends may need LATERAL mu g only. Where grip is poor, the speed on straights is at
+                 most the larger of CAREFUL and the speed that this braking stops within STOPPING m, and the
+                 ego can stop for anybody who may come from where it does not see (hidden.py).
                  Steering is limited to what braking, of up to BRAKING mu g, leaves of mu g: wheels that
                  ask for more do not turn the car any further, and take all grip from the brakes
                  A car that is late (LATE_S) notices late that a bend asks for too much, and one that was late
@@ -213,8 +213,8 @@ class Adaptation:
 
 
 def _braking(scene: Scene, grip: float) -> float:
-    """m/s2, planned braking with that `grip` (m/s2). More grip than full braking asks for does not count, since
-    no braking shows that it is there.
+    """m/s2, planned braking with that `grip` (m/s2). More grip than full braking asks for does not count,
+    since no braking shows that it is there.
     """
     return BRAKING * min(grip, -scene.network.vehicle.a_min)
 

@@ -224,7 +224,7 @@ def lagging_step(v: float, a: float, command: float, lag: float, step: float) ->
     gained = (a - command) * lag
     kept = math.exp(-step / lag)
     moving, after = step, v + command * step + gained * (1.0 - kept)
-    if after < 0.0:  # it stops within the step: when, by halves
+    if after < 0.0:  # it stops within the step; when is found by halving
         moving, after, end = 0.0, 0.0, step
         for _ in range(30):
             middle = 0.5 * (moving + end)
