@@ -14,8 +14,9 @@
                  a dry one, bends may need LATERAL mu g only. Where grip is poor, the speed on straights is at
                  most the larger of CAREFUL and the speed that this braking stops within STOPPING m, and the
                  ego can stop for anybody who may come from where it does not see (hidden.py).
-                 Steering is limited to what braking, of up to BRAKING mu g, leaves of mu g: wheels that
-                 ask for more do not turn the car any further, and take all grip from the brakes
+                 Steering is limited to what braking, of up to BRAKING mu g, leaves of mu g, or of FIRM mu g
+                 where the road has shown less grip than a dry one: wheels that ask for more do not turn the
+                 car any further, and take all grip from the brakes
                  A car that is late (LATE_S) notices late that a bend asks for too much, and one that was late
                  for LATE_FOR_S may become late again, even once it is prompt (PROMPT_S): for both, bends
                  may need WARY mu g only.
@@ -54,7 +55,8 @@ LATERAL, BRAKING = 0.75, 0.6
 """shares of mu g: that bends may ask for where it is less than on a dry road, and that planned braking may"""
 LATE_S, PROMPT_S, LATE_FOR_S, WARY = 0.25, 0.1, 0.5, 0.5
 """s, dead time and lag together from which on a car is late; s, below which it is no longer; s, for how long
-it must have been late to be driven warily for good; share of mu g that bends may ask for then"""
+it must have been late to be driven warily for good; share of mu g that bends may ask for while it is late,
+and for good after that"""
 FIRM = 0.95
 """share of a limited mu g that steering may ask for: all of it would leave nothing for the brakes if the road
 gave a little less than is known
@@ -65,7 +67,7 @@ brakes no less, and shows at once if the road gives more than was thought"""
 POOR = 6.0
 """m/s2, grip below this is poor: it is what full braking needs on a dry road"""
 GOVERNED_S = 0.2
-"""s, time in which an ego that is too fast for its bends is slowed down"""
+"""s, or a decision if that is longer: time in which an ego that is too fast for its bends is slowed down"""
 CAREFUL = 6.0
 """m/s, always allowed on straights"""
 STOPPING = 10.0
@@ -95,7 +97,7 @@ class Adaptation:
         self._late_since: float | None = None
         """s, since when the car has been late; None while it is not"""
         self._wary = False
-        """whether it was late and is no longer"""
+        """whether it was late for LATE_FOR_S and became prompt again"""
         self._probe = Probe() if self._probes else None
         self._slide = Slide()
         self._profiles: dict[tuple[float, float, float], Array] = {}
@@ -132,20 +134,25 @@ class Adaptation:
             braking = _braking(scene, grip)
             careful = max(CAREFUL, math.sqrt(2 * braking * STOPPING))
             allowed = min(allowed, careful, speed_by_sight(scene, braking))
-        a = min(a, (allowed - scene.ego.v) / GOVERNED_S)
+        a = min(a, (allowed - scene.ego.v) / max(GOVERNED_S, self._decision_s))
         self.asks = not onwards and self._asks(scene, grip)
         if self.asks or a <= FULL * max(scene.vehicle.a_min, -USABLE * grip):
             a = scene.network.vehicle.a_min
-        firm = grip if self.estimate.actuation.friction is None else FIRM * grip
+        firm = FIRM * grip if self._limited else grip
         left = math.sqrt(firm**2 - min(max(-a, 0.0), BRAKING * firm) ** 2)
         widest = widest_steering(scene.vehicle, scene.ego.v, left)
         delta = min(max(self._hastened(scene.ego.steering, delta), -widest), widest)
         u = u if (a, delta) == (u[0], u[1]) else np.array([a, delta])
-        if self.estimate.actuation.friction is not None:
+        if self._limited:
             u = self._slide.hold(
                 scene, u, grip, self.estimate.actuation.lag_s, self._speeds(scene, grip, 0.0)
             )
         return u
+
+    @property
+    def _limited(self) -> bool:
+        """Whether the road has shown less grip than a dry one."""
+        return self.estimate.grip < DRY * GRAVITY
 
     def _notice_late(self, time_s: float) -> None:
         """Find out whether the car is late, and whether it was for long and is no longer."""
@@ -180,7 +187,8 @@ class Adaptation:
         """m/s, speed from which all bends ahead can be taken with that `grip` (m/s2): the least of `_speeds`
         from here to where the ego will be once its speed has followed the command."""
         profile = self._speeds(scene, grip, self.estimate.actuation.lag_s)
-        way = scene.ego.v * (GOVERNED_S + self.estimate.actuation.lag_s + reaction_s)
+        within_s = max(GOVERNED_S, self._decision_s)
+        way = scene.ego.v * (within_s + self.estimate.actuation.lag_s + reaction_s)
         first = min(max(int(scene.ego_s / SPACING), 0), len(profile) - 1)
         return min(profile[first : first + int(way / SPACING) + 1].tolist())
 
@@ -190,9 +198,8 @@ class Adaptation:
         if self._path is not path:
             self._path = path
             self._profiles.clear()
-        limited = self.estimate.actuation.friction is not None
         wary = self._wary or self._late_since is not None
-        share = WARY if wary else LATERAL if limited else USABLE
+        share = WARY if wary else LATERAL if self._limited else USABLE
         car = grip, share, lag_s
         profile = self._profiles.get(car)
         if profile is None:

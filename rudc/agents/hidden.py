@@ -53,7 +53,8 @@ BEFORE = 0.5
 BLIND = 3.0
 """m/s2, with which the ego brakes while it sees nobody though somebody must be there"""
 LATE = 0.2
-"""m, by which an ego that slows down for a conflict may come to it too fast before it gives up to do so"""
+"""m: an ego that even full braking brings down to CREEP farther than this beyond the place where it should be
+so slow does not slow down for a conflict any more"""
 GOING = 2.0
 """m/s2, acceleration with which the ego passes"""
 PLANNED = 0.8
@@ -78,7 +79,8 @@ def ready_for_unseen(scene: Scene, u: Array) -> Array:
 
 def ready_to_wait_for_unseen(scene: Scene, u: Array) -> Array:
     """(2,) the command u (2,), m/s2 and rad, with an acceleration after which the ego can still stop before
-    those to whom it gives way and who may come from where it does not see; `u` where it cannot stop any more.
+    those to whom it gives way and who may come from where it does not see; `u` where full braking would bring
+    it down to CREEP more than LATE m too late.
     """
     braking = PLANNED * -scene.vehicle.a_min
     room = _room(scene, braking, scene.network.gives_way(scene.route, scene.route.row))

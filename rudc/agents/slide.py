@@ -4,7 +4,8 @@ Where grip fails before a bend or in it, steering and braking share the little t
 line with both then leads off the road, although the junction has room beside the line. So it is predicted
 where following leads, with the car as it is known. If the ego would leave the road or enter the wrong side,
 other manoeuvres are tried. They are judged more strictly, with less grip and less room at the road's edge, so
-that following is preferred in doubt, off the line with the braking that was predicted:
+that following is preferred in doubt. An ego that follows from BACK_M or more off the line accelerates no
+more, and brakes no less, than was predicted:
 
     swerve    straight on with all grip for the brakes, for one of FIRST_S s; then back onto the line, with
               one of SHARES of the grip for the brakes until the ego is slow enough for a tight bend

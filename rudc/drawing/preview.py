@@ -91,5 +91,5 @@ def others(view: View) -> str:
     if view.hidden:
         parts.append(f"{len(view.hidden)} hidden from the ego (pale)")
     if view.misplaced:
-        parts.append("white outlines: where the ego's sensors show them, since not where they are")
+        parts.append("white outlines: where the ego's sensors show those whom they misplace")
     return ", ".join(parts)

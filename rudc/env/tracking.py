@@ -45,6 +45,8 @@ RETURN_S, ASIDE_M = 0.75, 3.4
 """s, m: L is as far as the ego drives in the first, or in the longer time in which an offset of the second,
 a lane's width, does not ask for more than the grip
 """
+WEAKEST = 0.01
+"""m/s2, full braking counts as this if it is less"""
 PREVIEW_S = 0.05
 """s, half a decision"""
 RESPONSE_S = 0.4
@@ -65,8 +67,8 @@ def steering(scene: Scene) -> float:
 
 
 def way_back_of(body: EgoVehicle) -> tuple[float, float]:
-    """s and m: L is as far as the ego drives in the first, and at most the second."""
-    return max(RETURN_S, math.sqrt(ASIDE_M / -body.a_min)), RETURN_M
+    """s and m: L is as far as the ego drives in the first, 2 l_r at least, and at most the second."""
+    return max(RETURN_S, math.sqrt(ASIDE_M / max(-body.a_min, WEAKEST))), RETURN_M
 
 
 def slowing(scene: Scene, room: float, speed: float, deceleration: float) -> float:

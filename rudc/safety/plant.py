@@ -79,11 +79,6 @@ BANK = (
 """the models: of long dead times, which are rare, only with a few lags and frictions"""
 _LIMITS = [np.minimum(part.frictions, DRY) * GRAVITY for part in BANK]
 """(F,) m/s2 for each part, what friction gives"""
-FULL_BRAKING = 6.0
-"""m/s2, what full braking asks of the road: grip above this shows in bends only"""
-_HALF_WAY = [0.5 - 0.5 * np.append(limit[1:], 0.0) / limit for limit in _LIMITS]
-_BETWEEN = [np.where(limit > FULL_BRAKING, half, 0.0) for limit, half in zip(_LIMITS, _HALF_WAY, strict=True)]
-"""(F,) for each part, half the distance to the next lower friction, as a share; 0 where braking tells"""
 ACCELERATION_STD, STEERING_STD = 0.25, 0.005
 """m/s2, rad: A and D, sizes of errors of the readings that say nothing about the car"""
 CUT = 16.0
@@ -135,6 +130,14 @@ class PlantMonitor:
         """(M,) sub-steps, s and coefficients of friction of the models"""
         self._plainness = self._delay * 1.0 + self._lag / 0.05 + 5.0 / self._friction
         self._nominal = int(np.argmin(self._plainness))
+        full = -vehicle.a_min
+        self._between = [
+            np.where(limit > full, 0.5 - 0.5 * np.append(np.maximum(limit[1:], full), full) / limit, 0.0)
+            for limit in _LIMITS
+        ]
+        """(F,) for each part, half the distance to the next lower friction, or to what full braking asks for
+        if that is nearer, as a share; 0 where braking tells, and for long dead times, with few frictions"""
+        self._between[-1][:] = 0.0
         self._take_steps_of(SUBSTEP_S)
         self._timed = False
         """whether the time between two decisions is known"""
@@ -182,7 +185,9 @@ class PlantMonitor:
         given = np.concatenate([[within_limits(body, a, delta)] * substeps, self._given])
         now, read = (complex(state.acceleration, state.steering) for state in (before, after))
         std, ratio = complex(ACCELERATION_STD, STEERING_STD), body.cg_to_rear / body.wheelbase
-        for part, *grip, keep, ours in zip(BANK, _LIMITS, _BETWEEN, self._keep, self._parts, strict=True):
+        for part, *grip, keep, ours in zip(
+            BANK, _LIMITS, self._between, self._keep, self._parts, strict=True
+        ):
             drive_bank(
                 *ours, given, part.delays, keep, *grip, now, read, std, substeps,
                 before.v, after.v, body.cg_to_rear, ratio,
