@@ -215,8 +215,7 @@ class Adaptation:
         if grip < POOR and room > 0.0:
             room = max(room - LONGEST_S * scene.ego.v, 0.0)
             allowed = min(allowed, math.sqrt(2 * USABLE * FALLEN * grip * room))
-        limited = self.estimate.actuation.friction is not None
-        return self._probe.asks(scene, grip, limited=limited, allowed=allowed)
+        return self._probe.asks(scene, grip, limited=self._limited, allowed=allowed)
 
 
 def _braking(scene: Scene, grip: float) -> float:

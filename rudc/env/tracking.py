@@ -42,8 +42,8 @@ RETURN_M = 6.0
 and 6 m does not
 """
 RETURN_S, ASIDE_M = 0.75, 3.4
-"""s, m: L is as far as the ego drives in the first, or in the longer time in which an offset of the second,
-a lane's width, does not ask for more than the grip
+"""s, m: L = v max(RETURN_S, sqrt(ASIDE_M / a)), where a is full braking: then an offset of ASIDE_M, a lane's
+width, asks for no more than the grip
 """
 WEAKEST = 0.01
 """m/s2, full braking counts as this if it is less"""

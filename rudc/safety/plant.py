@@ -12,9 +12,9 @@ estimate is the model with the least J. An ordinary car (no dead time, no lag, a
 until another model is better by SURE, so that there are no false alarms. Models that the drive so far does
 not tell apart have the same J; of these the one nearest to an ordinary car is taken, so that nothing is
 claimed that was not seen. Friction shows only where a command asks for more than the road gives, which is why
-the agents now and then brake fully for a moment (rudc/agents/probe.py). Frictions that only bends show count
-for those between them and the next lower one, too (`drive_bank`): else a friction between two of the bank's
-would look like a lag, with which the wheels stay where they are as well.
+the agents now and then brake fully for a moment (rudc/agents/probe.py). A friction that only bends show
+stands for those between it and the next lower one, too (`drive_bank`): else a friction between two of the
+bank's would look like a lag, with which the wheels stay where they are as well.
 
 The paper leaves this to future work (Sec. "Conclusion": input-constrained barrier functions).
 """
@@ -130,14 +130,12 @@ class PlantMonitor:
         """(M,) sub-steps, s and coefficients of friction of the models"""
         self._plainness = self._delay * 1.0 + self._lag / 0.05 + 5.0 / self._friction
         self._nominal = int(np.argmin(self._plainness))
-        full = -vehicle.a_min
-        self._between = [
-            np.where(limit > full, 0.5 - 0.5 * np.append(np.maximum(limit[1:], full), full) / limit, 0.0)
-            for limit in _LIMITS
-        ]
+        full, limit = -vehicle.a_min, _LIMITS[0]
+        lower = np.append(np.maximum(limit[1:], full), full)
+        half_way = np.where(limit > full, 0.5 - 0.5 * lower / limit, 0.0)
+        self._between = [half_way, *map(np.zeros_like, _LIMITS[1:])]
         """(F,) for each part, half the distance to the next lower friction, or to what full braking asks for
         if that is nearer, as a share; 0 where braking tells, and for long dead times, with few frictions"""
-        self._between[-1][:] = 0.0
         self._take_steps_of(SUBSTEP_S)
         self._timed = False
         """whether the time between two decisions is known"""
