@@ -36,6 +36,7 @@ from typing import Literal
 import numpy as np
 
 from rudc.agents.hidden import speed_by_sight
+from rudc.agents.poor_roads import BRAKING, POOR, USABLE, careful
 from rudc.agents.probe import FALLEN, LONGEST_S, Probe
 from rudc.agents.slide import Slide
 from rudc.arrays import Array
@@ -49,10 +50,8 @@ from rudc.world.scene import STANDING, Scene
 
 Knowledge = Literal["off", "estimated", "known"]
 
-USABLE = 0.9
-"""share of mu g that a command may ask for"""
-LATERAL, BRAKING = 0.75, 0.6
-"""shares of mu g: that bends may ask for where it is less than on a dry road, and that planned braking may"""
+LATERAL = 0.75
+"""share of mu g that bends may ask for where it is less than on a dry road"""
 LATE_S, PROMPT_S, LATE_FOR_S, WARY = 0.25, 0.1, 0.5, 0.5
 """s, dead time and lag together from which on a car is late; s, below which it is no longer; s, for how long
 it must have been late to be driven warily for good; share of mu g that bends may ask for while it is late,
@@ -64,14 +63,8 @@ gave a little less than is known
 FULL = 0.98
 """share of the possible braking from which on full braking is commanded: asking for more than the road gives
 brakes no less, and shows at once if the road gives more than was thought"""
-POOR = 6.0
-"""m/s2, grip below this is poor: it is what full braking needs on a dry road"""
 GOVERNED_S = 0.2
 """s, or a decision if that is longer: time in which an ego that is too fast for its bends is slowed down"""
-CAREFUL = 6.0
-"""m/s, always allowed on straights"""
-STOPPING = 10.0
-"""m, within which the ego can stop on straights where grip is poor, unless it drives at CAREFUL or less"""
 SLOWEST, HALVINGS = 1.0, 12
 """m/s, never slower than this because of late wheels; steps in which a speed is found"""
 
@@ -132,8 +125,7 @@ class Adaptation:
         allowed = self._allowed(scene, grip)
         if grip < POOR and not onwards:
             braking = _braking(scene, grip)
-            careful = max(CAREFUL, math.sqrt(2 * braking * STOPPING))
-            allowed = min(allowed, careful, speed_by_sight(scene, braking))
+            allowed = min(allowed, careful(braking), speed_by_sight(scene, braking))
         a = min(a, (allowed - scene.ego.v) / max(GOVERNED_S, self._decision_s))
         self.asks = not onwards and self._asks(scene, grip)
         if self.asks or a <= FULL * max(scene.vehicle.a_min, -USABLE * grip):

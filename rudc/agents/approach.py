@@ -17,13 +17,11 @@ in proportion to its grip: there, a gap that is only a little too short holds th
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from rudc.agents.gaps import ACCELERATION, crossing, suffices
 from rudc.arrays import Array
-from rudc.env.tracking import LATERAL, at_most, hardest, planned, slowing, speeds_in_bends
+from rudc.env.tracking import at_most, hardest, planned, slowing, speeds_on_road
 from rudc.world.scene import Scene
 
 PLANNED, HARDEST = 5.0, 6.0
@@ -51,7 +49,7 @@ def ready_to_wait(scene: Scene, u: Array) -> Array:
     found = crossing(scene)
     if found is None or not found.yields.any():
         return u
-    profile = speeds_in_bends(scene.route.path) * math.sqrt(min(braking / LATERAL, 1.0))
+    profile = speeds_on_road(scene)
     close = np.where(found.speed < SLOW * found.limit, CLOSE, CLOSE_TO_FAST) * grip / HARDEST
     for tried in ACCELERATIONS:
         if tried <= a:

@@ -40,7 +40,7 @@ from rudc.env.tracking import (
     planned,
     slowing,
     slowing_for_limits,
-    speeds_in_bends,
+    speeds_on_road,
     steering,
     stopping,
 )
@@ -357,7 +357,7 @@ def _profile(scene: Scene, blocks: Blocks) -> Array:
     """(M,) m/s, speed at each station of the ego's path that its bends and the gaps beside bodies allow."""
     path = scene.route.path
     s, gap = gaps_along(path, scene.ego_s - BACK, scene.ego_s + _look(scene), scene.vehicle, blocks.standing)
-    profile = speeds_in_bends(path).copy()
+    profile = speeds_on_road(scene).copy()
     station = np.minimum((s / SPACING).astype(np.int64), len(path.s) - 1)
     np.minimum.at(profile, station, SLOW + PER_METRE * gap)
     return profile

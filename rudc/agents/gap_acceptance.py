@@ -30,7 +30,7 @@ from rudc.env.tracking import (
     planned,
     slowing_for_limits,
     speed_allowed,
-    speeds_in_bends,
+    speeds_on_road,
     steering,
 )
 from rudc.world.config import EgoDriver
@@ -61,7 +61,7 @@ class GapAcceptance:
         """Steer along the path; accelerate as the strictest of bends, speed limits, leader and stopping place
         allows.
         """
-        self._profile = speeds_in_bends(scene.route.path)
+        self._profile = speeds_on_road(scene)
         route = scene.route
         speed = speed_allowed(scene, self._profile, min(CRUISE, route.limit_at(scene.ego_s)))
         acceleration = acceleration_towards(speed, scene, ACCELERATION)

@@ -26,6 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rudc.agents.poor_roads import fastest
 from rudc.arrays import Array, Flags, Index
 from rudc.network.conflicts import MERGED
 from rudc.network.paths import SPACING
@@ -175,20 +176,38 @@ def _times(scene: Scene, found: Conflicts, profile: Array, acceleration: float) 
     """(K,) s until the ego's front reaches each conflict, (K,) s until its tail leaves it, and (K,) m/s its
     speed when it leaves.
     """
-    begin = min(max(int(scene.ego_s / SPACING), 0), len(profile) - 2)
-    ahead: Array = SPACING * np.arange(len(profile) - begin, dtype=np.float64)
-    cruise = _cruise(scene, SPACING * begin + ahead)
-    rising = np.sqrt(np.maximum(max(scene.ego.v, 0.5) ** 2 + 2 * acceleration * ahead, 0.25))
-    speed = np.minimum(np.minimum(rising, cruise), profile[begin:])
-    time = np.concatenate([[0.0], np.cumsum(2 * SPACING / (speed[1:] + speed[:-1]))])
+    ahead, time, speed = driving_on(scene, profile, acceleration)
     ego_in = np.interp(np.maximum(found.ego_in, 0.0), ahead, time)
     ego_out = np.interp(np.maximum(found.ego_out, 0.0), ahead, time)
     return ego_in, ego_out, np.interp(np.maximum(found.ego_out, 0.0), ahead, speed)
 
 
+def driving_on(scene: Scene, profile: Array, acceleration: float) -> tuple[Array, Array, Array]:
+    """(n,) m of the ego's path ahead, (n,) s after which it is there, and (n,) m/s with which. It accelerates
+    at `acceleration` m/s2, up to `profile` (M,) m/s at each station of its path.
+    """
+    begin = min(max(int(scene.ego_s / SPACING), 0), len(profile) - 2)
+    ahead: Array = SPACING * np.arange(len(profile) - begin, dtype=np.float64)
+    cruise = _cruise(scene, SPACING * begin + ahead)
+    now = max(scene.ego.v, 0.5)
+    after = np.maximum(ahead - now * _idle(scene, acceleration), 0.0)
+    rising = np.sqrt(np.maximum(now**2 + 2 * acceleration * after, 0.25))
+    speed = np.minimum(np.minimum(rising, cruise), profile[begin:])
+    time = np.concatenate([[0.0], np.cumsum(2 * SPACING / (speed[1:] + speed[:-1]))])
+    return ahead, time, speed
+
+
+def _idle(scene: Scene, acceleration: float) -> float:
+    """s for which the ego keeps its speed before it accelerates at `acceleration` m/s2: the lag of its
+    drive, for as much of the acceleration as it does not have yet."""
+    if scene.lag_s <= 0.0 or acceleration <= 0.0:
+        return 0.0
+    return scene.lag_s * min(max(1.0 - scene.ego.acceleration / acceleration, 0.0), 1.0)
+
+
 def _cruise(scene: Scene, s: Array) -> Array | float:
     """(M,) m/s, or one for all: the speed that the ego does not exceed at s (M,) m."""
-    route, most = scene.route, min(CRUISE, scene.vehicle.v_max)
+    route, most = scene.route, min(CRUISE, scene.vehicle.v_max, fastest(scene))
     begins, limits = zip(*route.limits, strict=True)
     speeds = [max(min(most, limit), scene.ego.v) for limit in limits]
     if min(speeds) == max(speeds):

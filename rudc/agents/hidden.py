@@ -26,9 +26,9 @@ import math
 
 import numpy as np
 
-from rudc.agents.gaps import DECELERATION
+from rudc.agents.gaps import ACCELERATION, driving_on
 from rudc.arrays import Array, Flags, Index
-from rudc.env.tracking import at_most, slowing, stopping
+from rudc.env.tracking import at_most, slowing, speeds_on_road, stopping
 from rudc.network.conflicts import MERGED
 from rudc.network.paths import SPACING
 from rudc.world.perception import in_sight
@@ -55,8 +55,8 @@ BLIND = 3.0
 LATE = 0.2
 """m: an ego that even full braking brings down to CREEP farther than this beyond the place where it should be
 so slow does not slow down for a conflict any more"""
-GOING = 2.0
-"""m/s2, acceleration with which the ego passes"""
+FOR_OTHERS = 4.5
+"""m/s2, with which the other slows down behind an ego that went on in its lane, as ordinary drivers can"""
 PLANNED = 0.8
 """share of its hardest braking that the ego plans with"""
 
@@ -123,8 +123,8 @@ def _room(scene: Scene, braking: float, whom: Flags) -> float:
     paths, body = scene.network.paths, scene.vehicle
     table = scene.network.conflict(scene.route)
     front, look = scene.front_s, look_ahead(scene, AHEAD, braking)
-    ahead = (table[:, 0] > front) & (table[:, 0] < front + look) & (table[:, 2] > paths.stop_s)
-    rows = np.flatnonzero(ahead & whom)
+    near = (table[:, 0] > front) & (table[:, 0] < front + look) & (table[:, 2] > paths.stop_s)
+    rows = np.flatnonzero(near & whom)
     if not len(rows):
         return math.inf
     end, merges = _passed(scene, rows, table[rows])
@@ -132,13 +132,11 @@ def _room(scene: Scene, braking: float, whom: Flags) -> float:
     theirs_in = table[rows, 2]
     fastest = float(paths.highest_limit(rows, np.zeros(len(rows)), theirs_in).max())
     way = _hidden_way(scene, rows, theirs_in, max(UPSTREAM, UPSTREAM_S * fastest))
-    going = min(GOING, body.a_max)
-    through, limit = (
-        _time(scene.ego.v, ours_out, going),
-        paths.highest_limit(rows, theirs_in - way, theirs_in),
-    )
-    faster = np.where(merges, np.maximum(limit - scene.ego.v - going * through, 0.0), 0.0)
-    threat = through + faster / DECELERATION + SPARE >= way / limit
+    limit = paths.highest_limit(rows, theirs_in - way, theirs_in)
+    ahead, time, speed = driving_on(scene, speeds_on_road(scene), min(ACCELERATION, body.a_max))
+    through, then = np.interp(ours_out, ahead, time), np.interp(ours_out, ahead, speed)
+    between = np.where(merges, np.maximum(limit - then, 0.0) / FOR_OTHERS, SPARE)
+    threat = through + between >= way / limit
     if not threat.any():
         return math.inf
     return max(float(ours_in[threat].min()) - BEFORE, 0.0)
@@ -169,8 +167,3 @@ def sees(scene: Scene, points: Array) -> Flags:
     eye = scene.ego.x, scene.ego.y
     seen = np.hypot(points[..., 0] - eye[0], points[..., 1] - eye[1]) < scene.sight_m
     return seen if scene.hidden_by is None else seen & in_sight(eye, points, scene.hidden_by)
-
-
-def _time(v: float, way: Array, a: float) -> Array:
-    """(n,) s that a way of (n,) m takes from v m/s at a m/s2."""
-    return (np.sqrt(v * v + 2.0 * a * np.maximum(way, 0.0)) - v) / a

@@ -19,7 +19,7 @@ from rudc.agents.approach import AT_POINT, HARDEST, PLANNED
 from rudc.agents.gaps import crossing, suffices
 from rudc.agents.kernels import any_unbraked
 from rudc.arrays import Array
-from rudc.env.tracking import at_most, hardest, planned, slowing, speeds_in_bends
+from rudc.env.tracking import at_most, hardest, planned, slowing, speeds_on_road
 from rudc.world.scene import Scene
 
 NEEDED = 1.5
@@ -48,7 +48,7 @@ def ready_for_not_yielding(scene: Scene, u: Array) -> Array:
     if not heeded.any():
         return u
     if_ego_yields = found._replace(yields=np.ones_like(found.yields))
-    profile, a = speeds_in_bends(scene.route.path), max(float(u[0]), 0.0)
+    profile, a = speeds_on_road(scene), max(float(u[0]), 0.0)
     heeded &= ~suffices(scene, if_ego_yields, profile, margin=MARGIN, acceleration=a)
     if not heeded.any():
         return u

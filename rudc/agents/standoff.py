@@ -15,7 +15,7 @@ import numpy as np
 
 from rudc.agents.gaps import crossing, suffices
 from rudc.arrays import Array
-from rudc.env.tracking import acceleration_towards, speeds_in_bends, steering
+from rudc.env.tracking import acceleration_towards, speeds_on_road, steering
 from rudc.geometry import gaps_between, rectangle_gaps
 from rudc.world.scene import STANDING, Scene
 
@@ -61,7 +61,7 @@ def _all_wait(scene: Scene) -> bool:
     if found is None:
         return False
     moves = found.speed > STANDING
-    if moves.all() or (moves & ~suffices(scene, found, speeds_in_bends(scene.route.path))).any():
+    if moves.all() or (moves & ~suffices(scene, found, speeds_on_road(scene))).any():
         return False
     away = scene.position - scene.ego_position
     speed = scene.speed

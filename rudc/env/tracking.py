@@ -51,6 +51,9 @@ PREVIEW_S = 0.05
 """s, half a decision"""
 RESPONSE_S = 0.4
 """s, time in which a difference in speed is made up"""
+LAGGING = 1.5
+"""with brakes that lag by T, a difference that is made up within this many T is made up without overshooting
+much: the damping is 0.5 sqrt(LAGGING)"""
 PLANNED = 5.0 / 6.0
 """largest share of full braking that a plan may use"""
 
@@ -75,13 +78,18 @@ def slowing(scene: Scene, room: float, speed: float, deceleration: float) -> flo
     """m/s2, acceleration to command so that the ego slows down to `speed` m/s within `room` m, braking at
     `deceleration` m/s2.
 
-    The ego follows the speed sqrt(speed^2 + 2 deceleration (room - RESPONSE_S v)) with a delay of
-    RESPONSE_S. So the deceleration is constant, and at the end of the room the ego is not faster than
+    The ego follows the speed sqrt(speed^2 + 2 deceleration (room - R v)) with a delay of R, the
+    `response`. So the deceleration is constant, and at the end of the room the ego is not faster than
     `speed`.
     """
-    v = scene.ego.v
-    wanted = math.sqrt(speed**2 + 2 * deceleration * max(room - RESPONSE_S * v, 0.0))
-    return max((wanted - v) / RESPONSE_S, scene.vehicle.a_min)
+    v, within = scene.ego.v, response(scene)
+    wanted = math.sqrt(speed**2 + 2 * deceleration * max(room - within * v, 0.0))
+    return max((wanted - v) / within, scene.vehicle.a_min)
+
+
+def response(scene: Scene) -> float:
+    """s, RESPONSE_S; where the brakes lag by more, LAGGING times their lag."""
+    return max(RESPONSE_S, LAGGING * scene.lag_s)
 
 
 def slowing_for_limits(scene: Scene, share: float, deceleration: float) -> float:
@@ -94,7 +102,7 @@ def slowing_for_limits(scene: Scene, share: float, deceleration: float) -> float
 
 def stopping(scene: Scene, deceleration: float) -> float:
     """m that the ego needs to stop, braking at `deceleration` m/s2 as `slowing` has it."""
-    return RESPONSE_S * scene.ego.v + scene.ego.v**2 / (2.0 * deceleration)
+    return response(scene) * scene.ego.v + scene.ego.v**2 / (2.0 * deceleration)
 
 
 def planned(scene: Scene, deceleration: float) -> float:
@@ -145,6 +153,12 @@ def speeds_in_bends(path: ReferencePath) -> Array:
     computed once for each path.
     """
     return _bends.get(path, lambda: _speeds_in_bends(path))
+
+
+def speeds_on_road(scene: Scene) -> Array:
+    """(M,) m/s, `speeds_in_bends` of the ego's path; less where the road gives too little grip for them."""
+    profile, lateral = speeds_in_bends(scene.route.path), planned(scene, LATERAL)
+    return profile if lateral == LATERAL else profile * math.sqrt(lateral / LATERAL)
 
 
 def _speeds_in_bends(path: ReferencePath) -> Array:

@@ -64,10 +64,10 @@ from rudc.safety.last_resort_kernels import (
     on_arc,
     room_left,
     room_to_stop,
-    stop_along,
+    steering_along,
     way_of_stopping,
 )
-from rudc.safety.prediction import ALONG, GO_ACCELERATION, GO_SPEED, LANE, bodies, ego_ahead, following, lines
+from rudc.safety.prediction import ALONG, GO_ACCELERATION, GO_SPEED, LANE, bodies, following, lines
 from rudc.vehicle import EgoVehicle
 from rudc.world.borders import Borders
 from rudc.world.kernels import slip_of
@@ -149,7 +149,7 @@ class LastResort:
         way = self._go(scene, first, v)
         others = self._others(scene, float(way[-1]))
         stops = self._stops(scene, others, u)
-        going = self._room(scene, others, *ego_ahead(scene, way))
+        going = self._room(scene, others, *self._along(scene, u, way))
         room = np.concatenate([stops, np.where(others.still, stops, going)])
         kept = ~np.isin(others.who, self._behind(scene, np.unique(others.who)))
         best = room[:, kept].min(axis=1, initial=np.inf).max()
@@ -212,7 +212,7 @@ class LastResort:
         first, v, _ = self._first(scene, float(onwards[0]))
         way = self._go(scene, first, v, float(onwards[0]))
         others = self._others(scene, float(way[-1]))
-        room = self._room(scene, others, *ego_ahead(scene, way))
+        room = self._room(scene, others, *self._along(scene, onwards, way))
         if others.still.any():
             stops = self._stops(scene, others, onwards).max(axis=0)
             room = np.where(others.still, np.minimum(room, stops), room)
@@ -223,11 +223,10 @@ class LastResort:
         """(1 or 2, m) m, room of stopping after `u` with the steering held and, where somebody stands still,
         of stopping along the route.
         """
-        held = self._stop(scene, u)
-        rooms = [self._room(scene, others, *held)]
+        way = self._stopping(scene, float(u[0]))
+        rooms = [self._room(scene, others, *self._held(scene, u, way))]
         if others.still.any():
-            _, v, a = self._first(scene, float(u[0]))
-            rooms.append(self._room(scene, others, *self._stop_along(scene, held, v, a)))
+            rooms.append(self._room(scene, others, *self._along(scene, u, way)))
         return np.stack(rooms)
 
     def _brake(self, scene: Scene, others: _Others, kept: Flags, delta: float) -> tuple[Array, Array]:
@@ -305,20 +304,27 @@ class LastResort:
         """(T,) m and (T,): position and direction of the ego on an arc, under `u` for a step and then
         braking.
         """
+        return self._held(scene, u, self._stopping(scene, float(u[0])))
+
+    def _stopping(self, scene: Scene, a: float) -> Array:
+        """(T,) m driven under the command `a` m/s2 for a step and then braking."""
+        first, v, then = self._first(scene, a)
+        return way_of_stopping(self._times, self._dt, first, v, -scene.vehicle.a_min, then, scene.lag_s)
+
+    def _held(self, scene: Scene, u: Array, way: Array) -> tuple[Complex, Complex]:
+        """(T,) m and (T,): position and direction of the ego after `way` (T,) m on the arc of the steering of
+        `u`.
+        """
         ego, body = scene.ego, scene.vehicle
-        first, v, a = self._first(scene, float(u[0]))
-        way = way_of_stopping(self._times, self._dt, first, v, -body.a_min, a, scene.lag_s)
         return on_arc(complex(ego.x, ego.y), ego.psi, way, _slip(body, float(u[1])), body.cg_to_rear)
 
-    def _stop_along(
-        self, scene: Scene, stop: tuple[Complex, Complex], v: float, a: float
-    ) -> tuple[Complex, Complex]:
-        """(T,) m and (T,): position and direction of the ego in the first step of `stop`, after which it
-        drives v m/s and accelerates at a m/s2, and then braking while it steers along the route.
+    def _along(self, scene: Scene, u: Array, way: Array) -> tuple[Complex, Complex]:
+        """(T,) m and (T,): position and direction of the ego after `way` (T,) m, with the steering of `u` for
+        a step and then steering along the route.
         """
         body, path = scene.vehicle, scene.route.path
-        return stop_along(
-            path.poses, path.curvature, scene.ego_s, *stop, v, a, -body.a_min, scene.lag_s, self._dt,
+        return steering_along(
+            path.poses, path.curvature, scene.ego_s, *self._held(scene, u, way), way, self._dt,
             PREVIEW_S, *way_back_of(body), body.wheelbase, body.cg_to_rear, body.delta_max,
         )  # fmt: skip
 

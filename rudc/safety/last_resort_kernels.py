@@ -238,28 +238,28 @@ def lagging_step(v: float, a: float, command: float, lag: float, step: float) ->
 
 
 @kernel
-def stop_along(
-    line: Table, curvature: Vector, s: float, place: Places, facing: Places, v: float, a: float,
-    braking: float, lag: float, step: float, preview: float, seconds: float, longest: float,
+def steering_along(
+    line: Table, curvature: Vector, s: float, place: Places, facing: Places, way: Vector,
+    step: float, preview: float, seconds: float, longest: float,
     wheelbase: float, cg_to_rear: float, delta_max: float,
 ) -> tuple[NewPlaces, NewPlaces]:  # fmt: skip
-    """(T,) m and (T,): position and direction of an ego that first drives one step as given by `place` (T,) m
-    and `facing` (T,), to v m/s and an acceleration of a m/s2, and then brakes at `braking` m/s2, which it
-    reaches with a lag of `lag` s, while it steers along a line, on which it is at s m in the beginning.
+    """(T,) m and (T,): position and direction, after `way` (T,) m, of an ego that drives the first step of
+    `step` s as given by `place` (T,) m and `facing` (T,), and then steers along a line, on which it is at s m
+    in the beginning.
     """
     places, directions = place.copy(), facing.copy()
     here, heading = place[1], cmath.phase(facing[1])
     for t in range(2, len(place)):
-        way, v, a = lagging_step(v, a, -braking, lag, step)
-        if way > 0.0:
+        moved = way[t] - way[t - 1]
+        if moved > 0.0:
             s, offset = projected(line, here.real, here.imag, int(s / SPACING))
             delta = front_wheels(
-                line, curvature, s, offset, heading, v, preview, seconds, longest,
+                line, curvature, s, offset, heading, moved / step, preview, seconds, longest,
                 wheelbase, cg_to_rear, delta_max,
             )  # fmt: skip
             slip = slip_of(delta, wheelbase, cg_to_rear)
-            turn = way * math.sin(slip) / cg_to_rear
-            here += way * cmath.exp(1j * (heading + slip + 0.5 * turn))
+            turn = moved * math.sin(slip) / cg_to_rear
+            here += moved * cmath.exp(1j * (heading + slip + 0.5 * turn))
             heading += turn
         places[t], directions[t] = here, cmath.exp(1j * heading)
     return places, directions

@@ -1,8 +1,8 @@
 """Where everybody will be if each follows its own path: the predictions of the gate and the last resort.
 
 The others follow their row of `network.paths` with both ends of the vehicle on it, as SUMO moves them; those
-without a row go straight on. The ego follows its route. All keep the offset from the path, and the angle to
-it, that they have now.
+without a row go straight on. All keep the offset from the path, and the angle to it, that they have now. So
+does the ego for the gate; for the last resort it steers along its route (rudc/env/tracking.py).
 
 Two other places predict too. Where surrounding vehicles yield (rudc/world/yielding.py), they are predicted in
 the same way, except that they turn with their lane. rudc/env/conflict.py needs no poses: it looks gaps up by
@@ -11,13 +11,12 @@ arc length.
 
 from __future__ import annotations
 
-import cmath
 from dataclasses import replace
 
 import numpy as np
 
 from rudc.arrays import Array, Complex, Flags, Index
-from rudc.safety.kernels import driving_behind, follow, others_ahead
+from rudc.safety.kernels import driving_behind, others_ahead
 from rudc.world.scene import Scene
 
 GO_ACCELERATION = 2.0
@@ -46,13 +45,6 @@ def lines(scene: Scene) -> tuple[Array, int]:
     """
     paths = scene.network.paths
     return paths.poses, paths.stations
-
-
-def ego_ahead(scene: Scene, way: Array) -> tuple[Complex, Complex]:
-    """(T,) m and (T,): position and direction of the ego after `way` (T,) m along its route."""
-    ego, line = scene.ego, scene.route.path.poses
-    here, heading = complex(ego.x, ego.y), cmath.exp(1j * ego.psi)
-    return follow(line, len(line), 0, scene.ego_s, here, heading, way)
 
 
 def those_ahead(scene: Scene, who: Index, way: Array) -> tuple[Complex, Complex]:

@@ -207,8 +207,10 @@ def test_a_stop_along_a_path_is_the_plants_that_follows_it(delta):
         states.append(plant.step(-6.0, steering(after), dt))
     place = np.array([ego.x + 1j * ego.y for ego in states])
     facing = np.exp(1j * np.array([ego.psi for ego in states]))
-    got = last_resort_kernels.stop_along(
-        path.poses, path.curvature, 0.0, place, facing, 8.0, 0.0, 6.0, 0.0, dt, PREVIEW_S, *way_back_of(body),
+    v = np.array([ego.v for ego in states])
+    way = np.append(0.0, np.cumsum(0.5 * dt * (v[1:] + v[:-1])))
+    got = last_resort_kernels.steering_along(
+        path.poses, path.curvature, 0.0, place, facing, way, dt, PREVIEW_S, *way_back_of(body),
         body.wheelbase, body.cg_to_rear, body.delta_max,
     )  # fmt: skip
     assert got[0] == pytest.approx(place, abs=0.02)
