@@ -3,7 +3,8 @@
 While a gap in the traffic that has priority is too short (rudc/agents/gaps.py) by CLOSE or more, the ego
 drives no faster than it can stop from at its waiting point, braking at PLANNED. Without this rule it would
 stop beyond that point, in the way of a vehicle that slowed down for a turn and then sped up. A vehicle
-that is fast already gains less speed: a gap before it counts only if it is too short by CLOSE_TO_FAST.
+that is fast already gains less speed, and need not speed up at all: a gap before it counts only if it is too
+short by CLOSE_TO_FAST, unless it does speed up.
 
 A gap that is too short for an ego that speeds up may be long enough for one that arrives later. So the
 command is bounded by the first of ACCELERATIONS with which all gaps are long enough. The command stays as
@@ -19,7 +20,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rudc.agents.gaps import ACCELERATION, crossing, suffices
+from rudc.agents.gaps import ACCELERATION, OTHERS_ACCELERATION, crossing, suffices
 from rudc.arrays import Array
 from rudc.env.tracking import at_most, hardest, planned, slowing, speeds_on_road
 from rudc.world.scene import Scene
@@ -50,7 +51,8 @@ def ready_to_wait(scene: Scene, u: Array) -> Array:
     if found is None or not found.yields.any():
         return u
     profile = speeds_on_road(scene)
-    close = np.where(found.speed < SLOW * found.limit, CLOSE, CLOSE_TO_FAST) * grip / HARDEST
+    slow = (found.speed < SLOW * found.limit) | (found.braking < -OTHERS_ACCELERATION)
+    close = np.where(slow, CLOSE, CLOSE_TO_FAST) * grip / HARDEST
     for tried in ACCELERATIONS:
         if tried <= a:
             break

@@ -201,12 +201,12 @@ def validate(
     """Check scenario files, that each fits its network, and that its first sixteen episodes can be set up.
 
     Of a sweep every value is checked, and sixteen points at most are set up; the answer says how many.
-
     A line for each file; every problem reads `FILE:LINE:COLUMN: key.path: what is wrong`, all at once. A
     warning names each event that waits for a `simulation_time`, `traveled_distance` or `speed` that no
-    episode reaches, for a quantity `below` its least value, or whose `probability` is 0, a destination that
-    no episode reaches, and a kind of `traffic.mix` that may drive nowhere. With `--seeds N`,
-    `gap-acceptance` drives N episodes instead; the command says how they end and how often events happen.
+    episode reaches, for a quantity `below` its least value, for a time between two decisions, or whose
+    `probability` is 0, a destination that no episode reaches, a kind of `traffic.mix` that may drive nowhere,
+    and what is in the ego's exit beyond its destination. With `--seeds N`, `gap-acceptance` drives N
+    episodes, and the command says how they end and how often events happen.
 
     **Examples**
 

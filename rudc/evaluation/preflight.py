@@ -18,6 +18,7 @@ from rudc.scenario.loader import load_scenario
 from rudc.scenario.spread import spread
 from rudc.scenario.triggers import Threshold
 from rudc.vehicle import EgoVehicle
+from rudc.world.config import WorldConfig
 from rudc.world.events import numbered
 from rudc.world.fitting import likely, misfits
 from rudc.world.spawn import movements_of
@@ -27,6 +28,11 @@ if TYPE_CHECKING:
     from rudc.scenario.model import Scalar, Scenario
     from rudc.scenario.triggers import Trigger
 
+COUNTED = "simulation_time", "event_state"
+"""conditions on a time that goes on by DECISION_S from one decision to the next"""
+DECISION_S = WorldConfig().decision_s
+IN_THE_WAY = "accident", "lane_closure", "pedestrian_crossing", "vehicle_crossing"
+"""kinds of events that put somebody in the ego's way at a place in a lane or across an arm"""
 TRIED = 16
 """episodes that are set up at most: `rudc scenario validate` answers at once"""
 
@@ -65,13 +71,14 @@ def try_out(scenario: Scenario, tried: int = TRIED) -> list[str]:
 
 def never_happening(scenario: Scenario) -> list[str]:
     """A line for each event that can never happen: it waits for a time, a way or a speed that no episode
-    reaches, or for a quantity below its least value, or its probability is 0; one for a destination that
-    no episode reaches; and one for each kind of `traffic.mix` that may drive nowhere. Of a sweep, at the
-    points that `tried_points` chooses."""
+    reaches, for a quantity below its least value, or for a time between two decisions, or its probability is
+    0; one for a destination that no episode reaches; one for each kind of `traffic.mix` that may drive
+    nowhere; and one for what stands in or crosses the ego's exit beyond its destination. Of a sweep, at
+    the points that `tried_points` chooses."""
     found: dict[str, str] = {}
     for swept in tried_points(scenario):
         point = scenario.varied(swept) if swept else scenario
-        for text in (*_in_vain(point), *_out_of_reach(point), *_nowhere(point)):
+        for text in (*_in_vain(point), *_out_of_reach(point), *_nowhere(point), *_beyond(point)):
             found.setdefault(text, _where(swept))
     return [where + text for text, where in found.items()]
 
@@ -102,6 +109,14 @@ def _never(when: Trigger, end: float) -> Iterator[str]:
             yield f"it waits for {name} above {threshold.above.support[0]:g} {unit}, and {why}"
         if threshold.below and threshold.below.support[1] <= threshold.LEAST:
             yield f"it waits for {name} below {threshold.below.support[1]:g}, and there is nothing below that"
+        elif threshold.below and name in COUNTED:
+            first = threshold.above.support[0] if threshold.above else -DECISION_S  # time 0 counts
+            after, most = DECISION_S * (math.floor(first / DECISION_S + 1e-9) + 1), threshold.below.support[1]
+            if after >= most - 1e-9:
+                yield (
+                    f"it waits for {name} above {first:g} s and below {most:g} s, and no decision falls "
+                    f"between: there is one every {DECISION_S:g} s"
+                )
 
 
 def _out_of_reach(scenario: Scenario) -> Iterator[str]:
@@ -127,6 +142,22 @@ def _nowhere(scenario: Scenario) -> Iterator[str]:
     for kind, known in VEHICLE_TYPES.items():
         if known.vclass in refused and traffic.density.support[1] and getattr(traffic.mix, kind).support[1]:
             yield f"no {kind} of traffic.mix can appear: every way through the junction refuses its kind"
+
+
+def _beyond(scenario: Scenario) -> Iterator[str]:
+    """What stands in the ego's exit, or crosses it, where the episode has ended."""
+    end = likely(scenario.ego.destination)[1]
+    for number, event in enumerate(scenario.events, start=1):
+        if event.kind not in IN_THE_WAY:
+            continue
+        places = {f"vehicles.{k}": placed for k, placed in enumerate(getattr(event, "vehicles", ()))}
+        for key, placed in (places or {"": event}).items():
+            exit_lane = (getattr(placed, "lane", None) or getattr(placed, "arm", "")).startswith("ego_out")
+            if exit_lane and (at := likely(placed.at)[0]) > end + EgoVehicle().length:
+                yield (
+                    f"event {numbered(number, event.kind)}: the ego never comes to {key or 'it'}, {at:g} m "
+                    f"along its exit, since it arrives {end:g} m along it (ego.destination)"
+                )
 
 
 def _where(swept: dict[str, Scalar]) -> str:

@@ -118,6 +118,18 @@ def test_it_is_held_back_sooner_for_somebody_slow_who_may_speed_up(make_scene, f
     assert held[False] == 0
 
 
+def test_who_speeds_up_does_not_let_it_go_by_becoming_fast(make_scene, four_way, first):
+    """Held back by somebody slow, the ego was free once that one drove at half its limit: it went in front of
+    a vehicle that sped up."""
+    held = {0.0: 0, 2.0: 0}
+    for a in held:
+        for metres in np.arange(-8.0, 40.0, 1.0):
+            scene = make_scene(coming(four_way, first[0], metres, 7.0), turn="left", front=-1.0, v=8.0)
+            scene = replace(scene, acceleration=np.array([a]))
+            held[a] += ready_to_wait(scene, FULL) is not FULL
+    assert held[2.0] > held[0.0] + 5
+
+
 @pytest.mark.parametrize("grip", [1.5, 3.0])
 def test_on_a_poor_road_a_gap_that_is_a_little_too_short_holds_it_back(make_scene, four_way, first, grip):
     car, v, held = on_ice(four_way, grip), 10.0, 0

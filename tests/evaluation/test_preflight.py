@@ -208,3 +208,49 @@ def test_of_a_sweep_it_is_said_with_which_values(written):
 
 def test_no_shipped_event_waits_too_long():
     assert [text for name in shipped_scenarios() for text in never_happening(load_scenario(name))] == []
+
+
+def test_a_time_at_which_nothing_is_decided_never_comes(written):
+    text = """
+name: between
+extends: random_destination
+events:
+  - {kind: low_friction, friction: 0.5}
+  - {kind: low_friction, friction: 0.4, when: {event_state: {event: 0, below: 0.1}}}
+  - {kind: low_friction, friction: 0.3, when: {event_state: {event: 0, below: 0.11}}}
+  - {kind: low_friction, friction: 0.2, when: {simulation_time: {above: 0.31, below: {uniform: [0.3, 0.4]}}}}
+  - {kind: low_friction, friction: 0.2, when: {simulation_time: {above: 0.29, below: {uniform: [0.3, 0.4]}}}}
+  - {kind: low_friction, friction: 0.1, when: {simulation_time: {below: 0.05}}}
+"""
+    assert never_happening(load_scenario(written(text))) == [
+        f"event {number} low_friction can never happen: it waits for {name} above {above} s and below "
+        f"{below} s, and no decision falls between: there is one every 0.1 s"
+        for number, name, above, below in (
+            ("2 (events.1)", "event_state", 0, 0.1),
+            ("4 (events.3)", "simulation_time", 0.31, 0.4),
+        )
+    ]
+
+
+def test_what_is_beyond_the_destination_is_warned_of(written):
+    text = """
+name: beyond
+extends: random_destination
+ego: {destination: {uniform: [20, 30]}}
+events:
+  - {kind: pedestrian_crossing, arm: ego_out, at: 34}
+  - {kind: pedestrian_crossing, arm: ego_out, at: {uniform: [36, 60]}}
+  - {kind: pedestrian_crossing, arm: ego_in, at: 50}
+  - kind: accident
+    vehicles: [{lane: ego_out, at: 20, type: car}, {lane: ego_out, at: 45, type: car}]
+  - {kind: lane_closure, lane: ego_out, at: 40, length: 5}
+"""
+    told = never_happening(load_scenario(written(text)))
+    assert [line.partition(": the ego never comes to ")[::2] for line in told] == [
+        (f"event {number}", f"{what} m along its exit, since it arrives 30 m along it (ego.destination)")
+        for number, what in (
+            ("2 (events.1) pedestrian_crossing", "it, 36"),
+            ("4 (events.3) accident", "vehicles.1, 45"),
+            ("5 (events.4) lane_closure", "it, 40"),
+        )
+    ]
