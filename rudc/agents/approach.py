@@ -4,7 +4,8 @@ While a gap in the traffic that has priority is too short (rudc/agents/gaps.py) 
 drives no faster than it can stop from at its waiting point, braking at PLANNED. Without this rule it would
 stop beyond that point, in the way of a vehicle that slowed down for a turn and then sped up. A vehicle
 that is fast already gains less speed, and need not speed up at all: a gap before it counts only if it is too
-short by CLOSE_TO_FAST, unless it does speed up.
+short by CLOSE_TO_FAST, unless it does speed up. Where the right of way says nothing of the two, every gap
+that is too short counts: neither would give way, and they would stand nose to nose.
 
 A gap that is too short for an ego that speeds up may be long enough for one that arrives later. So the
 command is bounded by the first of ACCELERATIONS with which all gaps are long enough. The command stays as
@@ -52,7 +53,7 @@ def ready_to_wait(scene: Scene, u: Array) -> Array:
         return u
     profile = speeds_on_road(scene)
     slow = (found.speed < SLOW * found.limit) | (found.braking < -OTHERS_ACCELERATION)
-    close = np.where(slow, CLOSE, CLOSE_TO_FAST) * grip / HARDEST
+    close = np.where(found.unsaid, 0.0, np.where(slow, CLOSE, CLOSE_TO_FAST) * grip / HARDEST)
     for tried in ACCELERATIONS:
         if tried <= a:
             break

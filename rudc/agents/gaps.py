@@ -74,6 +74,8 @@ class Conflicts(NamedTuple):
     """(K,) whether the ego gives way to it"""
     merges: Flags
     """(K,) whether both go on in one lane"""
+    unsaid: Flags
+    """(K,) whether the right of way says nothing of the two (`Network.unsaid`)"""
 
 
 def crossing(scene: Scene) -> Conflicts | None:
@@ -89,7 +91,8 @@ def crossing(scene: Scene) -> Conflicts | None:
     table = np.where(second[:, None], again, table)
     merges = np.where(second, met.merges_again[rows], met.merges[rows])
     yields = scene.network.gives_way(scene.route, own)[rows] & ~second
-    return _open(scene, known, table, merges, yields)
+    unsaid = np.isfinite(scene.network.unsaid(scene.route, own)[rows, 0])
+    return _open(scene, known, table, merges, yields, unsaid)
 
 
 def entering(scene: Scene, route: Route) -> Conflicts | None:
@@ -110,10 +113,13 @@ def entering(scene: Scene, route: Route) -> Conflicts | None:
     _, _, theirs = paths.pose(scene.path[known], 0.5 * (table[:, 2] + table[:, 3]))
     _, _, ours = scene.route.path.pose(0.5 * (table[:, 0] + table[:, 1]))
     same_way = np.cos(theirs - ours) > 0.0
-    return _open(scene, known, table, same_way, np.ones(len(known), dtype=np.bool_))
+    always = np.ones(len(known), dtype=np.bool_)
+    return _open(scene, known, table, same_way, always, ~always)
 
 
-def _open(scene: Scene, known: Index, table: Array, merges: Flags, yields: Flags) -> Conflicts | None:
+def _open(
+    scene: Scene, known: Index, table: Array, merges: Flags, yields: Flags, unsaid: Flags
+) -> Conflicts | None:
     """Those of the conflicts `table` (K, 4), with the others `known` (K,), that neither side has left."""
     paths, rows = scene.network.paths, scene.path[known]
     half, theirs = 0.5 * scene.vehicle.length, 0.5 * scene.size[known, 0]
@@ -134,6 +140,7 @@ def _open(scene: Scene, known: Index, table: Array, merges: Flags, yields: Flags
         braking=-scene.acceleration[known][keep],
         yields=yields[keep],
         merges=merges[keep],
+        unsaid=unsaid[keep],
     )
 
 

@@ -6,6 +6,7 @@ Arc lengths in the table are those of vehicles' centres; whoever reads it adds h
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from functools import lru_cache
 from typing import NamedTuple
@@ -13,9 +14,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import KDTree
 
-from rudc.arrays import Array, Flags
+from rudc.arrays import Array, Flags, Index
+from rudc.geometry import gaps_between
 from rudc.network.paths import SPACING, PathTable
 from rudc.network.route import ReferencePath
+from rudc.vehicle import EgoVehicle
 
 CONFLICT_WIDTH = 2.2
 """m between centre lines below which they are in conflict"""
@@ -30,6 +33,12 @@ COS_ALONG = np.cos(np.radians(30.0))
 BACK = 5.0
 """m: a second stretch begins where, from one station to the next, the other way's nearest point jumps back
 by more than this"""
+AROUND = 18.0
+"""m before the stop line and beyond the junction within which a turn may swing out"""
+CAR = EgoVehicle()
+"""an ordinary car"""
+PASSING = 0.25
+"""m beside a car that waits, with which another can just pass"""
 DEPARTS = 0.5
 """m from its route beyond which a course has left it"""
 
@@ -73,10 +82,10 @@ class Crossings(NamedTuple):
     """(P,) the same for the second stretch"""
 
 
-def crossings(path: ReferencePath, paths: PathTable, twice: Flags, table: Array) -> Crossings:
-    """The crossings of a path with a conflict `table` (P, 4). `twice` (P,): the ways that it may meet
-    twice."""
-    first, again = table.copy(), np.full_like(table, np.nan)
+def crossings(path: ReferencePath, paths: PathTable, twice: Flags, table: Array, unsaid: Array) -> Crossings:
+    """The crossings of a path with a conflict `table` (P, 4), and those of which nothing is said, `unsaid`
+    (P, 4) as by `silent`. `twice` (P,): the ways that it may meet twice."""
+    first, again = np.where(np.isfinite(unsaid), unsaid, table), np.full_like(table, np.nan)
     for row in np.flatnonzero(twice).tolist():
         line = paths.xy[row, : int(paths.length[row] / SPACING) + 1]
         gap, theirs = KDTree(line).query(path.xy, distance_upper_bound=CONFLICT_WIDTH)
@@ -96,7 +105,10 @@ def _merges(path: ReferencePath, paths: PathTable, table: Array) -> Flags:
     x, y, psi = path.pose(begin + MERGED)
     its_x, its_y, its_psi = paths.pose(np.arange(paths.count), its_begin + MERGED)
     along = (np.cos(psi - its_psi) > COS_ALONG) & (np.hypot(x - its_x, y - its_y) < CONFLICT_WIDTH)
-    return met & ((its_end > paths.exit_s + MERGED) | (along & (end > begin + MERGED)))
+    _, _, last = path.pose(end)
+    _, _, its_last = paths.pose(np.arange(paths.count), its_end)
+    on = (its_end > paths.exit_s + MERGED) & (np.cos(last - its_last) > COS_ALONG)
+    return met & (on | (along & (end > begin + MERGED)))
 
 
 def departure_table(course: ReferencePath, route: ReferencePath, paths: PathTable) -> Array:
@@ -105,14 +117,49 @@ def departure_table(course: ReferencePath, route: ReferencePath, paths: PathTabl
     return conflict_table(course, paths, gap > DEPARTS)
 
 
-def silent(paths: PathTable, row: int, table: Array) -> Flags:
-    """(P,) the rows from other arms that a path of `row` with this conflict table (P, 4) meets in the
-    junction, beyond its stop line, although by the right of way neither must yield. An example are two
-    opposite ways straight on in a junction so skewed or narrow that bodies on them overlap.
+def silent(path: ReferencePath, paths: PathTable, row: int) -> Array:
+    """(P, 4) m, a conflict table, as `conflict_table`, of the rows from other arms that a car on a path over
+    `row` meets at the junction although by the right of way neither must yield; nan for all others. Examples
+    are opposite ways straight on in a junction so skewed or narrow that bodies on them overlap, and turns so
+    tight that they swing out into the way of others.
+
+    Here the bodies decide: two cars meet where less than PASSING is left between them. So a stretch begins
+    where the front is when that begins, and ends where the tail is when it ends.
     """
     unsaid = ~(paths.yields[row] | paths.yields[:, row]) & (paths.origin != paths.origin[row])
-    inside = (table[:, 2] < paths.exit_s) & (table[:, 3] > paths.stop_s)  # false where nan
-    return unsaid & inside & (table[:, 0] > paths.stop_s[row])
+    table, half = np.full((paths.count, 4), np.nan), 0.5 * CAR.length
+    near = path.s[(path.s > paths.stop_s[row] - AROUND) & (path.s < paths.exit_s[row] + AROUND)]
+    xy, psi = path.body_pose(near, CAR)
+    for other in np.flatnonzero(unsaid).tolist():
+        s = np.arange(paths.stop_s[other] - CAR.length, paths.exit_s[other] + AROUND, SPACING)
+        ours, theirs = _close(xy, psi, *paths.body_pose(np.full(len(s), other), s, CAR.length))
+        if len(ours):
+            at, its = near[ours], s[theirs]
+            table[other] = at.min() + half, at.max() - half, its.min() + half, its.max() - half
+    return table
+
+
+def _close(xy: Array, psi: Array, its_xy: Array, its_psi: Array) -> tuple[Index, Index]:
+    """(K,) and (K,): the pairs of cars at xy (n, 2) m, heading psi (n,) rad, and at its_xy (m, 2) m, heading
+    its_psi (m,) rad, between which less than PASSING is left."""
+    size = np.array([CAR.length, CAR.width])
+    reach = math.hypot(*size) + PASSING
+    i, j = np.nonzero(np.hypot(*(xy[:, None] - its_xy[None]).transpose(2, 0, 1)) < reach)
+    meet = gaps_between(xy[i], psi[i], size, its_xy[j], its_psi[j], size) < PASSING
+    return i[meet], j[meet]
+
+
+def through_waiting(path: ReferencePath, paths: PathTable, row: int) -> Flags:
+    """(P,) the rows from other arms whose vehicles, where they wait at their stop line, leave a car that
+    drives a path over `row` less than PASSING beside them: its turn is too tight for the narrow arm that it
+    enters.
+    """
+    near = path.s[(path.s > paths.stop_s[row] - AROUND) & (path.s < paths.exit_s[row] + AROUND)]
+    rows = np.flatnonzero(paths.origin != paths.origin[row])
+    waits, heading = paths.body_pose(rows, paths.stop_s[rows] - 0.5 * CAR.length, CAR.length)
+    found = np.zeros(paths.count, dtype=np.bool_)
+    found[rows[_close(*path.body_pose(near, CAR), waits, heading)[1]]] = True
+    return found
 
 
 @lru_cache(maxsize=4096)

@@ -21,7 +21,14 @@ from rudc.arrays import Array, Flags
 from rudc.errors import NetworkError
 from rudc.hints import did_you_mean
 from rudc.network import assembly, reader
-from rudc.network.conflicts import Crossings, conflict_table, crossings, departure_table, silent
+from rudc.network.conflicts import (
+    Crossings,
+    conflict_table,
+    crossings,
+    departure_table,
+    silent,
+    through_waiting,
+)
 from rudc.network.net_file import read_net
 from rudc.network.paths import PathTable
 from rudc.network.polyline import without_repeats
@@ -98,6 +105,7 @@ class Layout:
         """the drivable area"""
         self._conflicts: WeakKeyDictionary[ReferencePath, Array] = WeakKeyDictionary()
         self._giving_way: WeakKeyDictionary[ReferencePath, Flags] = WeakKeyDictionary()
+        self._unsaid: WeakKeyDictionary[ReferencePath, Array] = WeakKeyDictionary()
         self._crossings: WeakKeyDictionary[ReferencePath, Crossings] = WeakKeyDictionary()
         self._departures: WeakKeyDictionary[ReferencePath, Array] = WeakKeyDictionary()
         self.center.flags.writeable = False
@@ -177,16 +185,28 @@ class Layout:
 
     def gives_way(self, path: ReferencePath | Route, row: int) -> Flags:
         """(P,) the rows of `paths`, from other arms, to which an ego on a path over `row` gives way: those to
-        which it must yield, and those of which the right of way says nothing (`conflicts.silent`).
+        which it must yield, those of which the right of way says nothing (`conflicts.silent`), and those that
+        it would meet where they wait (`conflicts.through_waiting`).
         """
         line = path.path if isinstance(path, Route) else path
         if line not in self._giving_way:
             paths = self.paths
             must = paths.yields[row] & (paths.origin != paths.origin[row])
-            rows = must | silent(paths, row, self.conflict(line))
+            met = np.isfinite(self.conflict(line)[:, 0]) & through_waiting(line, paths, row)
+            rows = must | met | np.isfinite(self.unsaid(line, row)[:, 0])
             rows.flags.writeable = False
             self._giving_way[line] = rows
         return self._giving_way[line]
+
+    def unsaid(self, path: ReferencePath | Route, row: int) -> Array:
+        """(P, 4) m, where a path over `row` meets the rows of `paths` of which the right of way says nothing
+        (`conflicts.silent`); nan elsewhere."""
+        line = path.path if isinstance(path, Route) else path
+        if line not in self._unsaid:
+            table = silent(line, self.paths, row)
+            table.flags.writeable = False
+            self._unsaid[line] = table
+        return self._unsaid[line]
 
     def yields_on_entering(self, row: int) -> Flags:
         """(P,) the rows of a roundabout that give way to `row` where they enter the ring, and to which `row`
@@ -200,7 +220,8 @@ class Layout:
         line = path.path if isinstance(path, Route) else path
         if line not in self._crossings:
             twice = self.yields_on_entering(row)
-            self._crossings[line] = crossings(line, self.paths, twice, self.conflict(line))
+            unsaid = self.unsaid(line, row)
+            self._crossings[line] = crossings(line, self.paths, twice, self.conflict(line), unsaid)
         return self._crossings[line]
 
     def departure(self, course: Route, route: Route) -> Array:

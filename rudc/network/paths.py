@@ -122,6 +122,13 @@ class PathTable:
         pose = low + t * (self.poses[i + 1] - low)
         return pose[..., 0], pose[..., 1], pose[..., 2]
 
+    def body_pose(self, rows: Index, s: Array, length: float) -> tuple[Array, Array]:
+        """(..., 2) m and (...) rad, centre and heading of vehicles of `length` m on rows (...), at s (...) m
+        on them: both ends are on the way, as SUMO moves them."""
+        x, y, _ = self.pose(rows, s + 0.5 * length)
+        u, v, _ = self.pose(rows, s - 0.5 * length)
+        return 0.5 * np.stack([x + u, y + v], axis=-1), np.arctan2(y - v, x - u)
+
     def highest_limit(self, rows: Index, begin: Array, end: Array) -> Array:
         """(n,) m/s, the highest speed limit on rows (n,) from `begin` (n,) m to `end` (n,) m, or at `begin`
         if that is farther on.

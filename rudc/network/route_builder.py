@@ -14,14 +14,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from itertools import chain
 from typing import Any
 
 import numpy as np
 
 from rudc.arrays import Array
 from rudc.geometry import rectangle_corners
-from rudc.network.conflicts import silent, waiting_bumper
+from rudc.network.conflicts import through_waiting, waiting_bumper
 from rudc.network.layout import Layout
 from rudc.network.polyline import arc_length, resample, smooth, union_boundary, without_repeats, wrap
 from rudc.network.road import Movement
@@ -93,12 +92,14 @@ def along(
     """
     paths, table = network.paths, network.conflict(path)
     crossing = table[(paths.origin != paths.origin[row]) & np.isfinite(table[:, 0])]
+    waiting = waiting_bumper(path, paths, network.gives_way(path, row), stop, exit_s, body.width)
+    unsaid = network.unsaid(path, row)[:, 0]
     left, right = edge_widths(boundary, path, body)
     normal = np.column_stack([-np.sin(path.heading), np.cos(path.heading)])
     return {
         "path": path,
         "stop_line_s": stop,
-        "waiting_s": waiting_bumper(path, paths, network.gives_way(path, row), stop, exit_s, body.width),
+        "waiting_s": min(waiting, float(unsaid[np.isfinite(unsaid)].min(initial=math.inf))),
         "zone_start_s": float(crossing[:, 0].min()) if len(crossing) else stop,
         "zone_end_s": min(float(crossing[:, 1].max()), exit_s) if len(crossing) else stop,
         "exit_s": exit_s,
@@ -158,16 +159,20 @@ def _other_exits(network: Layout, movement: Movement, row: int) -> list[int]:
 def _reference(
     network: Layout, row: int, stop: float, exit_s: float, movement: Movement, vehicle: EgoVehicle
 ) -> ReferencePath:
-    """The path over a row: the first of `_lines` that meets no way of which the right of way says nothing
-    (`silent`); if each of them does, the first.
+    """The path over a row: the first of `_lines` that meets nobody of whom the right of way says nothing
+    (`conflicts.silent`) and nobody who waits at a stop line (`through_waiting`); if each of them does, the
+    first of those that meet fewest.
     """
-    lines = _lines(network, network.centre_line(row), stop, exit_s, movement, vehicle)
-    first = next(lines)
-    clear = (
-        line for line in chain((first,), lines)
-        if not silent(network.paths, row, network.conflict(line)).any()
-    )  # fmt: skip
-    return next(clear, first)
+    best, least = None, math.inf
+    for line in _lines(network, network.centre_line(row), stop, exit_s, movement, vehicle):
+        unsaid = np.isfinite(network.unsaid(line, row)[:, 0])
+        met = int((unsaid | through_waiting(line, network.paths, row)).sum())
+        if met < least:
+            best, least = line, met
+        if not least:
+            break
+    assert best is not None
+    return best
 
 
 def _lines(

@@ -7,9 +7,12 @@ should not have:
     TIGHT (|k| - EASIER tightest)+,  BENT k,  JERKY dk/ds            its curvature k, 1/m
     OUTSIDE (MARGIN - depth)+                                      m of road beside each corner of the car
     ACROSS (OWN - depth)+                                   m of own carriageway beside its centre of gravity
+    OVER (INSIDE - depth)+                              m of own carriageway beside each corner of the car
     ASIDE l                                                                                              m
 
-It swings out before the turn and after it, within its own carriageway, as drivers do.
+It swings out before the turn and after it, within its own carriageway, as drivers do. The car's corners come
+into the lanes beside only where the turn is too tight without: those who wait at the stop lines there need
+the room.
 """
 
 from __future__ import annotations
@@ -30,9 +33,16 @@ AROUND = 18.0
 """m before the stop line and beyond the exit within which the line may differ from the lanes'"""
 BASE, KNOTS, FINE = 10.0, 2.5, 0.05
 """m of smoothing, m between knots, m between drawn points"""
-TIGHT, BENT, JERKY, OUTSIDE, ACROSS, ASIDE = 60.0, 1.0, 6.0, 12.0, 6.0, 0.05
+TIGHT, BENT, JERKY, OUTSIDE, ACROSS, ASIDE = 150.0, 1.0, 6.0, 12.0, 6.0, 0.05
+OVER = 6.0, 2.0, 0.0
+"""weights of the corners outside the own carriageway: the first with which the car can drive the line on the
+road is taken, or the last"""
 MARGIN, OWN, EASIER = 0.3, 0.4, 0.95
 """m beside each corner, m beside the centre of gravity, share of the tightest curvature"""
+INSIDE = 0.1
+"""m of own carriageway beside each corner"""
+DRIVEN = 1.05
+"""share of the tightest curvature that the car can drive without leaving its line much"""
 STATIONS = 1.0
 """m between the places that are judged"""
 ROUNDS, ENOUGH = 15, 1e-2
@@ -57,7 +67,7 @@ def widened(
 
     fine = resample(line, np.arange(0.0, arc_length(line)[-1], FINE))
     base = ReferencePath(smooth(fine, FINE, BASE))
-    own = Depths(base, carriageway, union_boundary(carriageway))
+    own, lanes = Depths(base, carriageway, union_boundary(carriageway)), Surface(carriageway, ())
     first, last = max(span[0] - AROUND, 0.0), min(span[1] + AROUND, base.length)
     s = np.arange(first, last, STATIONS)
     knots = np.linspace(first, last, max(round((last - first) / KNOTS), 4))
@@ -67,8 +77,9 @@ def widened(
 
     splines = make_interp_spline(knots, np.eye(len(knots))[:, 1:-1], k=3, bc_type="clamped")(s)
 
-    def faults(free: Array) -> Array:
-        """(..., F) faults, weighted, of lines with free knots (..., K) m."""
+    def shape(free: Array) -> tuple[Array, ...]:
+        """Of lines with free knots (..., K) m: (..., S) m aside, m between stations and 1/m of curvature, and
+        (..., C) m of road, and of own carriageway, beside the car's corners."""
         aside = free @ splines.T
         xy = np.column_stack([x, y]) + aside[..., None] * normal
         step = np.gradient(xy, axis=-2)
@@ -76,31 +87,46 @@ def widened(
         heading = np.unwrap(np.arctan2(step[..., 1], step[..., 0]))
         bend = np.gradient(heading, axis=-1) / spacing
         turned = heading - np.arcsin(np.clip(body.cg_to_rear * bend, -0.9, 0.9))
-        depth = surface.signed_distance(rectangle_corners(xy, turned, size)).reshape(*bend.shape[:-1], -1)
+        corners = rectangle_corners(xy, turned, size)
+        road, inside = (
+            where.signed_distance(corners).reshape(*bend.shape[:-1], -1) for where in (surface, lanes)
+        )
+        return aside, spacing, bend, road, inside
+
+    def faults(free: Array, over: float) -> Array:
+        """(..., F) faults, weighted, of lines with free knots (..., K) m."""
+        aside, spacing, bend, road, inside = shape(free)
         return np.concatenate(
             [
                 TIGHT * np.maximum(np.abs(bend) - EASIER * body.tightest, 0.0),
                 BENT * bend,
                 JERKY * np.gradient(bend, axis=-1) / spacing,
-                OUTSIDE * np.maximum(MARGIN - depth, 0.0),
+                OUTSIDE * np.maximum(MARGIN - road, 0.0),
                 ACROSS * np.maximum(OWN - own.at(s, aside), 0.0),
+                over * np.maximum(INSIDE - inside, 0.0),
                 ASIDE * aside,
             ],
             axis=-1,
         )
 
-    def slopes(free: Array) -> Array:
+    def slopes(free: Array, over: float) -> Array:
         """(F, K) of `faults` by forward differences, all knots at once."""
         moved = free + np.diag(np.copysign(DIFFERENCE * np.maximum(np.abs(free), 1.0), free))
-        return ((faults(moved) - faults(free)) / np.diag(moved - free)[:, None]).T
+        return ((faults(moved, over) - faults(free, over)) / np.diag(moved - free)[:, None]).T
 
-    found = least_squares(
-        faults,
-        np.zeros(len(knots) - 2),
-        slopes,  # pyright: ignore[reportArgumentType] - scipy takes functions, but its types do not say so
-        max_nfev=ROUNDS,
-        ftol=ENOUGH,
-    ).x.round(3)
+    found = unmoved = np.zeros(len(knots) - 2)
+    for over in OVER:
+        found = least_squares(
+            faults,
+            unmoved,
+            slopes,  # pyright: ignore[reportArgumentType] - scipy takes functions, but its types do not say so
+            max_nfev=ROUNDS,
+            ftol=ENOUGH,
+            args=(over,),
+        ).x.round(3)
+        _, _, bend, road, _ = shape(found)
+        if np.abs(bend).max() <= DRIVEN * body.tightest and road.min() >= 0.0:
+            break
     stations = np.arange(0.0, base.length, FINE)
     x_all, y_all, psi_all = base.pose(stations)
     aside = np.interp(stations, s, splines @ found, left=0.0, right=0.0)

@@ -6,11 +6,12 @@ import math
 import numpy as np
 import pytest
 
-from rudc.agents.approach import ready_to_wait
-from rudc.agents.gaps import crossing
+from rudc.agents.approach import ACCELERATIONS, CLOSE_TO_FAST, ready_to_wait
+from rudc.agents.gaps import crossing, suffices
+from rudc.env.tracking import speeds_in_bends
 from rudc.geometry import rectangle_gaps
 from rudc.network.build import build_network
-from rudc.network.conflicts import silent
+from rudc.network.conflicts import PASSING, silent, through_waiting
 from rudc.network.network import load_network, shipped_networks
 from rudc.network.route_builder import _lines
 from rudc.vehicle import EgoVehicle
@@ -45,16 +46,17 @@ def routes(network):
     return [network.route(movement.origin, movement.destination) for movement in network.movements]
 
 
-def bodies_overlap(network, route, row):
-    """Whether two cars, one on the route and one on the row, can overlap in the junction."""
+def bodies_meet(network, route, row):
+    """Whether two cars, one on the route and one on the row, can be closer than PASSING at the junction."""
     paths, body = network.paths, EgoVehicle()
-    ours = np.arange(route.stop_line_s, route.exit_s, 0.5)
-    theirs = np.arange(paths.stop_s[row], paths.exit_s[row], 0.5)
-    x, y, psi_of = paths.pose(np.full(len(theirs), row), theirs)
-    place, size = np.column_stack([x, y]), np.tile([body.length, body.width], (len(theirs), 1))
-    for s in ours:
-        x, y, psi = (float(value) for value in route.path.pose(s))
-        if (rectangle_gaps(x, y, psi, body.length, body.width, place, psi_of, size) <= 0.0).any():
+    ours, its_pose = np.arange(route.stop_line_s - 8.0, route.exit_s + 8.0, 0.5), []
+    for s in np.arange(paths.stop_s[row] - 5.0, paths.exit_s[row] + 8.0, 0.5):
+        (x, u), (y, v), _ = paths.pose(np.full(2, row), s + np.array([2.5, -2.5]))
+        its_pose.append((0.5 * (x + u), 0.5 * (y + v), math.atan2(y - v, x - u)))
+    its_pose, size = np.array(its_pose), np.tile([body.length, body.width], (len(its_pose), 1))
+    for (x, y), psi in zip(*route.path.body_pose(ours, body), strict=True):
+        near = rectangle_gaps(x, y, psi, body.length, body.width, its_pose[:, :2], its_pose[:, 2], size)
+        if (near < PASSING).any():
             return True
     return False
 
@@ -71,12 +73,16 @@ def test_in_shipped_networks_the_right_of_way_says_it_all(name):
 def test_who_meets_the_ego_with_nothing_said_is_given_way_to(skewed):
     paths, found = skewed.paths, 0
     for route in routes(skewed):
-        unsaid = np.flatnonzero(silent(paths, route.row, skewed.conflict(route)))
+        unsaid = np.flatnonzero(np.isfinite(silent(route.path, paths, route.row)[:, 0]))
+        others = np.flatnonzero(paths.origin != paths.origin[route.row])
+        for row in set(others) - set(unsaid):
+            said = paths.yields[route.row, row] or paths.yields[row, route.row]
+            assert said or not bodies_meet(skewed, route, row)
         for row in unsaid:
             assert not paths.yields[route.row, row]
             assert not paths.yields[row, route.row]
             assert skewed.gives_way(route, route.row)[row]
-            assert bodies_overlap(skewed, route, row)
+            assert bodies_meet(skewed, route, row)
         must = paths.yields[route.row] & (paths.origin != paths.origin[route.row])
         assert skewed.gives_way(route, route.row)[must].all()
         found += len(unsaid)
@@ -90,8 +96,11 @@ def test_a_line_that_keeps_out_of_their_way_is_taken_before_a_wider_arc(skewed):
         row, paths = route.row, skewed.paths
         ends = float(paths.stop_s[row]), float(paths.exit_s[row])
         lines = list(_lines(skewed, skewed.centre_line(row), *ends, movement, EgoVehicle()))
-        met = [bool(silent(paths, row, skewed.conflict(line)).any()) for line in lines]
-        chosen = met.index(False) if False in met else 0
+        met = [
+            (np.isfinite(silent(line, paths, row)[:, 0]) | through_waiting(line, paths, row)).sum()
+            for line in lines
+        ]
+        chosen = int(np.argmin(met))
         np.testing.assert_array_equal(route.path.xy, lines[chosen].xy)
         better += chosen > 0
     assert better >= 1
@@ -99,16 +108,36 @@ def test_a_line_that_keeps_out_of_their_way_is_taken_before_a_wider_arc(skewed):
 
 def test_an_ego_comes_ready_to_stop_before_somebody_of_whom_nothing_is_said(skewed):
     """And does not slow down where nobody comes."""
-    paths, u = skewed.paths, np.array([2.0, 0.0])
+    paths, u, held = skewed.paths, np.array([2.0, 0.0]), 0
     for route in routes(skewed):
-        table = skewed.conflict(route)
-        for row in np.flatnonzero(silent(paths, route.row, table)):
-            near = scene(skewed, route, int(row), float(table[row, 2]) - 16.0)
+        table = silent(route.path, paths, route.row)
+        for row in np.flatnonzero(np.isfinite(table[:, 0])):
+            near = scene(skewed, route, int(row), float(table[row, 2]) - 10.0)
             found = crossing(near)
             assert found is not None
             assert found.yields.all()
+            profile = speeds_in_bends(route.path)
+            if any(
+                suffices(near, found, profile, margin=-CLOSE_TO_FAST, acceleration=a).all()
+                for a in ACCELERATIONS
+            ):
+                continue
+            held += 1
             assert ready_to_wait(near, u)[0] < 1.0
             assert ready_to_wait(scene(skewed, route, int(row), paths.length[row] - 1.0), u)[0] == 2.0
+    assert held >= 5
+
+
+def test_where_it_swings_out_before_its_turn_it_waits_before_it_does(skewed):
+    """It met those who leave by the arm that it comes from before its stop line, and gave way to nobody: the
+    two stood nose to nose for good."""
+    early = 0
+    for route in routes(skewed):
+        begins = silent(route.path, skewed.paths, route.row)[:, 0]
+        begins = begins[np.isfinite(begins)]
+        assert route.waiting_s <= begins.min(initial=math.inf)
+        early += route.waiting_s < route.stop_line_s
+    assert early >= 1
 
 
 def scene(network, route, row, s):

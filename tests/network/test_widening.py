@@ -5,6 +5,7 @@ import pytest
 
 from rudc.geometry import rectangle_corners
 from rudc.network.build import build_network
+from rudc.network.conflicts import through_waiting
 from rudc.network.network import load_network, shipped_networks
 from rudc.network.route_builder import fits
 from rudc.vehicle import EgoVehicle
@@ -65,3 +66,24 @@ def test_the_car_lies_between_the_edges_of_its_route(five):
                 left = np.interp(at, route.path.s, route.left_width)
                 right = np.interp(at, route.path.s, route.right_width)
                 assert -right - 0.1 < aside < left + 0.1, (movement, s)
+
+
+def test_those_who_wait_at_the_stop_lines_have_room(tmp_path):
+    """A right turn by 110 degrees, between lanes of 3.1 m, went through the car at the stop line of the arm
+    that it enters: the two stood nose to nose."""
+    ends = {"e": (200, 0), "w": (-200, 0), "s": (-41, -113)}
+    nodes = [f'<node id="{name}" x="{x}" y="{y}"/>' for name, (x, y) in ends.items()]
+    edges = [
+        f'<edge id="{name}_{way}" from="{a}" to="{b}" numLanes="1" width="3.1"/>'
+        for name in ends
+        for way, a, b in (("in", name, "C"), ("out", "C", name))
+    ]
+    (tmp_path / "tee.nod.xml").write_text(
+        f'<nodes><node id="C" x="0" y="0" type="priority" radius="4"/>{"".join(nodes)}</nodes>'
+    )
+    (tmp_path / "tee.edg.xml").write_text(f"<edges>{''.join(edges)}</edges>")
+    tee = load_network(str(build_network(tmp_path)))
+    for movement in tee.movements:
+        route = tee.route(movement.origin, movement.destination)
+        assert not through_waiting(route.path, tee.paths, route.row).any(), movement
+        assert np.abs(route.path.curvature).max() < 1.15 * BODY.tightest, movement
