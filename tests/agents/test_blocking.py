@@ -12,12 +12,12 @@ from rudc.network.course import gaps_along
 from rudc.network.network import load_network
 from tests.agents.conftest import Other
 
-DOGLEG = str(data_folder("results") / "held-out-27" / "networks" / "dogleg_cross" / "dogleg_cross.net.xml")
+FIVE = str(data_folder("results") / "held-out-30" / "networks" / "tannery_five" / "tannery_five.net.xml")
 
 
 @pytest.fixture
 def buses_on(scene_on):
-    """An ego 10 m before its left turn, and one bus on each row of some arms, its front `back` m before its
+    """An ego 10 m before its turn, and one bus on each row of some arms, its front `back` m before its
     stop line, at v m/s.
     """
 
@@ -41,7 +41,7 @@ def watched(scene):
 
 def test_who_stands_in_the_ego_s_path_at_the_stop_line_is_driven_round(buses_on):
     """A bus waited there for the ego, and the ego before it, for good."""
-    scene = buses_on(DOGLEG, "east", "south", ["south"])
+    scene = buses_on(FIVE, "northwest", "southwest", ["southwest"])
     bus = watched(scene)
     assert bus.number
     courses = Courses()
@@ -58,7 +58,7 @@ def test_who_stands_in_the_ego_s_path_at_the_stop_line_is_driven_round(buses_on)
 
 @pytest.mark.parametrize("change", [{"back": AT_LINE + 1.0}, {"v": 3.0}])
 def test_who_moves_or_stands_farther_back_does_not_block(buses_on, change):
-    assert not watched(buses_on(DOGLEG, "east", "south", ["south"], **change)).number
+    assert not watched(buses_on(FIVE, "northwest", "southwest", ["southwest"], **change)).number
 
 
 @pytest.mark.parametrize("name", ["four_way", "skewed_four_way", "t_junction"])
