@@ -3,9 +3,12 @@
 While a gap in the traffic that has priority is too short (rudc/agents/gaps.py) by CLOSE or more, the ego
 drives no faster than it can stop from at its waiting point, braking at PLANNED. Without this rule it would
 stop beyond that point, in the way of a vehicle that slowed down for a turn and then sped up. A vehicle
-that is fast already gains less speed, and need not speed up at all: a gap before it counts only if it is too
-short by CLOSE_TO_FAST, unless it does speed up. Where the right of way says nothing of the two, every gap
-that is too short counts: neither would give way, and they would stand nose to nose.
+that is fast already gains less speed: a gap before it counts only if it is too short by CLOSE_TO_FAST, unless
+it speeds up by more than OTHERS_ACCELERATION now.
+
+Where the right of way says nothing of the two (`Network.unsaid`), neither would give way, and they would
+stand nose to nose. There every gap that is too short counts, and the ego stops before the place where they
+meet.
 
 A gap that is too short for an ego that speeds up may be long enough for one that arrives later. So the
 command is bounded by the first of ACCELERATIONS with which all gaps are long enough. The command stays as
@@ -21,7 +24,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rudc.agents.gaps import ACCELERATION, OTHERS_ACCELERATION, crossing, suffices
+from rudc.agents.gaps import ACCELERATION, OTHERS_ACCELERATION, Conflicts, crossing, suffices
 from rudc.arrays import Array
 from rudc.env.tracking import at_most, hardest, planned, slowing, speeds_on_road
 from rudc.world.scene import Scene
@@ -40,24 +43,52 @@ AT_POINT = 0.3
 
 def ready_to_wait(scene: Scene, u: Array) -> Array:
     """(2,) the command u (2,), m/s2 and rad, with an acceleration after which the ego can still stop at its
-    waiting point, if it has to."""
-    v, grip, braking = scene.ego.v, hardest(scene, HARDEST), planned(scene, PLANNED)
-    room = scene.route.waiting_s - scene.ego_s - 0.5 * scene.vehicle.length
-    if room < v**2 / (2 * grip):
-        return u
-    a = slowing(scene, room - AT_POINT, 0.0, braking)
-    if u[0] <= a:
-        return u
-    found = crossing(scene)
+    waiting point, and before those of whom the right of way says nothing, if it has to."""
+    bound = _bound(scene, u)
+    unsaid = np.isfinite(scene.network.unsaid(scene.route, scene.route.row)[:, 0]).any()
+    found = crossing(scene) if unsaid or bound is not None else None
     if found is None or not found.yields.any():
         return u
     profile = speeds_on_road(scene)
+    if bound is not None:
+        u = _held(scene, u, bound, found, profile)
+    return _before_unsaid(scene, u, found, profile) if unsaid else u
+
+
+def _bound(scene: Scene, u: Array) -> float | None:
+    """m/s2, the acceleration after which the ego can still stop at its waiting point; None if that does not
+    bound `u` (2,), m/s2 and rad, or if it cannot stop there any more."""
+    room = scene.route.waiting_s - scene.front_s
+    if room < scene.ego.v**2 / (2 * hardest(scene, HARDEST)):
+        return None
+    a = slowing(scene, room - AT_POINT, 0.0, planned(scene, PLANNED))
+    return a if u[0] > a else None
+
+
+def _held(scene: Scene, u: Array, bound: float, found: Conflicts, profile: Array) -> Array:
+    """(2,) the command u (2,), bounded by `bound` m/s2 or the first of ACCELERATIONS with which all gaps are
+    long enough; `profile` (M,) m/s."""
     slow = (found.speed < SLOW * found.limit) | (found.braking < -OTHERS_ACCELERATION)
-    close = np.where(found.unsaid, 0.0, np.where(slow, CLOSE, CLOSE_TO_FAST) * grip / HARDEST)
+    close = np.where(slow, CLOSE, CLOSE_TO_FAST) * hardest(scene, HARDEST) / HARDEST
+    whom = found.yields & ~found.unsaid
+    if not whom.any():
+        return u
     for tried in ACCELERATIONS:
-        if tried <= a:
+        if tried <= bound:
             break
         going = suffices(scene, found, profile, margin=-close, acceleration=tried)
-        if not (found.yields & ~going).any():
+        if not (whom & ~going).any():
             return u if tried == ACCELERATION else at_most(u, tried)
-    return at_most(u, a)
+    return at_most(u, bound)
+
+
+def _before_unsaid(scene: Scene, u: Array, found: Conflicts, profile: Array) -> Array:
+    """(2,) the command u (2,) with an acceleration after which the ego can still stop before each of whom the
+    right of way says nothing and the gap is too short; `profile` (M,) m/s."""
+    can = found.ego_in > scene.ego.v**2 / (2 * hardest(scene, HARDEST))
+    a = max(float(u[0]), 0.0)
+    unsafe = found.unsaid & can & ~suffices(scene, found, profile, margin=0.0, acceleration=a)
+    if not unsafe.any():
+        return u
+    room = float(found.ego_in[unsafe].min()) - AT_POINT
+    return at_most(u, slowing(scene, room, 0.0, planned(scene, PLANNED)))

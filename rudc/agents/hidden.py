@@ -16,8 +16,8 @@ and the ego must either have passed the conflict before that, or be able to stop
 
     (time until the ego has passed) + SPARE < t      or      v^2 <= max(2 b (way to the conflict), CREEP^2)
 
-Where both go on in one lane, the ego has passed MERGED m in, and the other, if it is faster, must slow down
-behind it (as in rudc/agents/gaps.py).
+Where both go on in one lane, the ego has passed MERGED m in, which is room enough without SPARE. There the
+other, if it is faster, must be able to slow down behind it with FOR_OTHERS.
 """
 
 from __future__ import annotations
@@ -121,7 +121,8 @@ def _room(scene: Scene, braking: float, whom: Flags) -> float:
     if scene.hidden_by is None and math.isinf(scene.sight_m):
         return math.inf
     paths, body = scene.network.paths, scene.vehicle
-    table = scene.network.conflict(scene.route)
+    unsaid = scene.network.unsaid(scene.route, scene.route.row)
+    table = np.where(np.isfinite(unsaid), unsaid, scene.network.conflict(scene.route))
     front, look = scene.front_s, look_ahead(scene, AHEAD, braking)
     near = (table[:, 0] > front) & (table[:, 0] < front + look) & (table[:, 2] > paths.stop_s)
     rows = np.flatnonzero(near & whom)

@@ -28,7 +28,8 @@ def careful(braking: float) -> float:
 
 
 def fastest(scene: Scene) -> float:
-    """m/s, highest speed on straights; inf where the road does not grip poorly."""
+    """m/s, highest speed on straights; inf where the road does not grip poorly, as far as its braking shows
+    that."""
     usable = -scene.vehicle.a_min
     if usable >= min(-scene.network.vehicle.a_min, USABLE * POOR):
         return math.inf

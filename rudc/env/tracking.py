@@ -80,11 +80,16 @@ def slowing(scene: Scene, room: float, speed: float, deceleration: float) -> flo
 
     The ego follows the speed sqrt(speed^2 + 2 deceleration (room - R v)) with a delay of R, the
     `response`. So the deceleration is constant, and at the end of the room the ego is not faster than
-    `speed`.
+    `speed`. Where brakes lag and harder braking is needed than that, it brakes as hard as what is left of the
+    room after the lag asks for.
     """
-    v, within = scene.ego.v, response(scene)
+    v, lag_s, within = scene.ego.v, scene.lag_s, response(scene)
     wanted = math.sqrt(speed**2 + 2 * deceleration * max(room - within * v, 0.0))
-    return max((wanted - v) / within, scene.vehicle.a_min)
+    a = (wanted - v) / within
+    if lag_s > 0.0 and v > speed:
+        needed = (v**2 - speed**2) / (2 * max(room - lag_s * v, 0.01))
+        a = min(a, -needed) if needed > deceleration else a
+    return max(a, scene.vehicle.a_min)
 
 
 def response(scene: Scene) -> float:
@@ -158,7 +163,9 @@ def speeds_in_bends(path: ReferencePath) -> Array:
 def speeds_on_road(scene: Scene) -> Array:
     """(M,) m/s, `speeds_in_bends` of the ego's path; less where the road gives too little grip for them."""
     profile, lateral = speeds_in_bends(scene.route.path), planned(scene, LATERAL)
-    return profile if lateral == LATERAL else profile * math.sqrt(lateral / LATERAL)
+    if lateral == LATERAL or scene.vehicle.a_min == scene.network.vehicle.a_min:
+        return profile
+    return profile * math.sqrt(lateral / LATERAL)
 
 
 def _speeds_in_bends(path: ReferencePath) -> Array:

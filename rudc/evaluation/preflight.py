@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -111,10 +111,11 @@ def _never(when: Trigger, end: float) -> Iterator[str]:
             yield f"it waits for {name} below {threshold.below.support[1]:g}, and there is nothing below that"
         elif threshold.below and name in COUNTED:
             first = threshold.above.support[0] if threshold.above else -DECISION_S  # time 0 counts
-            after, most = DECISION_S * (math.floor(first / DECISION_S + 1e-9) + 1), threshold.below.support[1]
-            if after >= most - 1e-9:
+            latest = threshold.below.support[1]
+            after = DECISION_S * (math.floor(first / DECISION_S + 1e-9) + 1)
+            if after >= latest - 1e-9:
                 yield (
-                    f"it waits for {name} above {first:g} s and below {most:g} s, and no decision falls "
+                    f"it waits for {name} above {first:g} s and below {latest:g} s, and no decision falls "
                     f"between: there is one every {DECISION_S:g} s"
                 )
 
@@ -150,7 +151,9 @@ def _beyond(scenario: Scenario) -> Iterator[str]:
     for number, event in enumerate(scenario.events, start=1):
         if event.kind not in IN_THE_WAY:
             continue
-        places = {f"vehicles.{k}": placed for k, placed in enumerate(getattr(event, "vehicles", ()))}
+        places: dict[str, Any] = {
+            f"vehicles.{k}": placed for k, placed in enumerate(getattr(event, "vehicles", ()))
+        }
         for key, placed in (places or {"": event}).items():
             exit_lane = (getattr(placed, "lane", None) or getattr(placed, "arm", "")).startswith("ego_out")
             if exit_lane and (at := likely(placed.at)[0]) > end + EgoVehicle().length:

@@ -18,6 +18,7 @@ from rudc.arrays import Array, Flags, Index
 from rudc.geometry import gaps_between
 from rudc.network.paths import SPACING, PathTable
 from rudc.network.route import ReferencePath
+from rudc.network.widening import AROUND
 from rudc.vehicle import EgoVehicle
 
 CONFLICT_WIDTH = 2.2
@@ -33,10 +34,8 @@ COS_ALONG = np.cos(np.radians(30.0))
 BACK = 5.0
 """m: a second stretch begins where, from one station to the next, the other way's nearest point jumps back
 by more than this"""
-AROUND = 18.0
-"""m before the stop line and beyond the junction within which a turn may swing out"""
 CAR = EgoVehicle()
-"""an ordinary car"""
+"""an ordinary car, as which the ego and the others are judged here"""
 PASSING = 0.25
 """m beside a car that waits, with which another can just pass"""
 DEPARTS = 0.5

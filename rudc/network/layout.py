@@ -21,14 +21,7 @@ from rudc.arrays import Array, Flags
 from rudc.errors import NetworkError
 from rudc.hints import did_you_mean
 from rudc.network import assembly, reader
-from rudc.network.conflicts import (
-    Crossings,
-    conflict_table,
-    crossings,
-    departure_table,
-    silent,
-    through_waiting,
-)
+from rudc.network.conflicts import Crossings, conflict_table, crossings, departure_table, silent
 from rudc.network.net_file import read_net
 from rudc.network.paths import PathTable
 from rudc.network.polyline import without_repeats
@@ -185,15 +178,13 @@ class Layout:
 
     def gives_way(self, path: ReferencePath | Route, row: int) -> Flags:
         """(P,) the rows of `paths`, from other arms, to which an ego on a path over `row` gives way: those to
-        which it must yield, those of which the right of way says nothing (`conflicts.silent`), and those that
-        it would meet where they wait (`conflicts.through_waiting`).
+        which it must yield, and those of which the right of way says nothing (`unsaid`).
         """
         line = path.path if isinstance(path, Route) else path
         if line not in self._giving_way:
             paths = self.paths
             must = paths.yields[row] & (paths.origin != paths.origin[row])
-            met = np.isfinite(self.conflict(line)[:, 0]) & through_waiting(line, paths, row)
-            rows = must | met | np.isfinite(self.unsaid(line, row)[:, 0])
+            rows = must | np.isfinite(self.unsaid(line, row)[:, 0])
             rows.flags.writeable = False
             self._giving_way[line] = rows
         return self._giving_way[line]

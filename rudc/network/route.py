@@ -122,7 +122,7 @@ class Route:
     """m, arc length of the stop line (the front bumper stops there)"""
     waiting_s: float
     """m, farthest arc length of the front bumper clear of all traffic it must yield to; at least
-    `stop_line_s`, unless the path swings out before its turn and meets others before that line"""
+    `stop_line_s`"""
     zone_start_s: float
     """m, arc length of the centre where conflict with traffic from other arms begins (see
     `Network.conflict`)"""

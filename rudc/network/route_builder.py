@@ -92,14 +92,12 @@ def along(
     """
     paths, table = network.paths, network.conflict(path)
     crossing = table[(paths.origin != paths.origin[row]) & np.isfinite(table[:, 0])]
-    waiting = waiting_bumper(path, paths, network.gives_way(path, row), stop, exit_s, body.width)
-    unsaid = network.unsaid(path, row)[:, 0]
     left, right = edge_widths(boundary, path, body)
     normal = np.column_stack([-np.sin(path.heading), np.cos(path.heading)])
     return {
         "path": path,
         "stop_line_s": stop,
-        "waiting_s": min(waiting, float(unsaid[np.isfinite(unsaid)].min(initial=math.inf))),
+        "waiting_s": waiting_bumper(path, paths, network.gives_way(path, row), stop, exit_s, body.width),
         "zone_start_s": float(crossing[:, 0].min()) if len(crossing) else stop,
         "zone_end_s": min(float(crossing[:, 1].max()), exit_s) if len(crossing) else stop,
         "exit_s": exit_s,

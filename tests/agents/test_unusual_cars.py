@@ -72,3 +72,12 @@ def test_however_late_the_brakes_the_ego_stops_where_it_is_to_stop(make_scene, l
     for shown, _ in islice(driven(scene, act), 400):
         assert shown.ego.v**2 / (2.0 * -shown.vehicle.a_min) <= goal - shown.ego_s + 0.6
     assert abs(goal - shown.ego_s) < 0.6
+
+
+@pytest.mark.parametrize("lag_s", [0.5, 1.0, 3.0])
+def test_late_brakes_are_asked_for_all_where_the_room_is_short(make_scene, lag_s):
+    """What the lag leaves of 8 m takes full braking from 6 m/s."""
+    scene = replace(make_scene(turn="straight", front=-60.0, v=6.0), lag_s=lag_s)
+    assert slowing(scene, 8.0 if lag_s == 0.5 else 6.0, 0.0, 2.0) <= -3.5
+    assert slowing(scene, 6.0 * lag_s + 3.0, 0.0, 2.0) == scene.vehicle.a_min
+    assert slowing(scene, 60.0, 0.0, 2.0) > 0.0

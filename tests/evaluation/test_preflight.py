@@ -220,7 +220,7 @@ events:
   - {kind: low_friction, friction: 0.3, when: {event_state: {event: 0, below: 0.11}}}
   - {kind: low_friction, friction: 0.2, when: {simulation_time: {above: 0.31, below: {uniform: [0.3, 0.4]}}}}
   - {kind: low_friction, friction: 0.2, when: {simulation_time: {above: 0.29, below: {uniform: [0.3, 0.4]}}}}
-  - {kind: low_friction, friction: 0.1, when: {simulation_time: {below: 0.05}}}
+  - {kind: low_friction, friction: 0.1, when: {simulation_time: {below: 0.05}, traveled_distance: {above: 1}}}
 """
     assert never_happening(load_scenario(written(text))) == [
         f"event {number} low_friction can never happen: it waits for {name} above {above} s and below "

@@ -2,11 +2,12 @@
 on towards each other overlap, as netconvert makes them."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from rudc.agents.approach import ACCELERATIONS, CLOSE_TO_FAST, ready_to_wait
+from rudc.agents.approach import ready_to_wait
 from rudc.agents.gaps import crossing, suffices
 from rudc.env.tracking import speeds_in_bends
 from rudc.geometry import rectangle_gaps
@@ -113,14 +114,12 @@ def test_an_ego_comes_ready_to_stop_before_somebody_of_whom_nothing_is_said(skew
         table = silent(route.path, paths, route.row)
         for row in np.flatnonzero(np.isfinite(table[:, 0])):
             near = scene(skewed, route, int(row), float(table[row, 2]) - 10.0)
+            near = replace(near, ego_s=float(table[row, 0]) - 14.5)
             found = crossing(near)
             assert found is not None
             assert found.yields.all()
-            profile = speeds_in_bends(route.path)
-            if any(
-                suffices(near, found, profile, margin=-CLOSE_TO_FAST, acceleration=a).all()
-                for a in ACCELERATIONS
-            ):
+            assert found.unsaid.all()
+            if suffices(near, found, speeds_in_bends(route.path), margin=0.0, acceleration=2.0).all():
                 continue
             held += 1
             assert ready_to_wait(near, u)[0] < 1.0
@@ -128,15 +127,19 @@ def test_an_ego_comes_ready_to_stop_before_somebody_of_whom_nothing_is_said(skew
     assert held >= 5
 
 
-def test_where_it_swings_out_before_its_turn_it_waits_before_it_does(skewed):
+def test_where_it_swings_out_before_its_turn_it_stops_before_it_does(skewed):
     """It met those who leave by the arm that it comes from before its stop line, and gave way to nobody: the
     two stood nose to nose for good."""
-    early = 0
+    u, early = np.array([2.0, 0.0]), 0
     for route in routes(skewed):
-        begins = silent(route.path, skewed.paths, route.row)[:, 0]
-        begins = begins[np.isfinite(begins)]
-        assert route.waiting_s <= begins.min(initial=math.inf)
-        early += route.waiting_s < route.stop_line_s
+        table = silent(route.path, skewed.paths, route.row)
+        for row in np.flatnonzero(table[:, 0] < route.stop_line_s - 1.0).tolist():
+            there = replace(scene(skewed, route, row, float(table[row, 2])), ego_s=float(table[row, 0]) - 6.0)
+            slow = replace(there, ego=replace(there.ego, v=5.0))
+            assert ready_to_wait(slow, u)[0] < 0.0
+            past = replace(slow, ego_s=float(table[row, 0]) - 2.0)
+            assert ready_to_wait(past, u)[0] == 2.0, "it cannot stop there any more"
+            early += 1
     assert early >= 1
 
 
