@@ -80,14 +80,14 @@ def slowing(scene: Scene, room: float, speed: float, deceleration: float) -> flo
 
     The ego follows the speed sqrt(speed^2 + 2 deceleration (room - R v)) with a delay of R, the
     `response`. So the deceleration is constant, and at the end of the room the ego is not faster than
-    `speed`. Where brakes lag and harder braking is needed than that, it brakes as hard as what is left of the
-    room after the lag asks for.
+    `speed`. With a long delay that brakes too gently where the room is too short for it: there the ego brakes
+    as hard as what the lag leaves of the room asks for.
     """
-    v, lag_s, within = scene.ego.v, scene.lag_s, response(scene)
+    v, within = scene.ego.v, response(scene)
     wanted = math.sqrt(speed**2 + 2 * deceleration * max(room - within * v, 0.0))
     a = (wanted - v) / within
-    if lag_s > 0.0 and v > speed:
-        needed = (v**2 - speed**2) / (2 * max(room - lag_s * v, 0.01))
+    if within > RESPONSE_S and v > speed:
+        needed = (v**2 - speed**2) / (2 * max(room - scene.lag_s * v, 0.01))
         a = min(a, -needed) if needed > deceleration else a
     return max(a, scene.vehicle.a_min)
 
