@@ -34,7 +34,7 @@ AROUND = 18.0
 BASE, KNOTS, FINE = 10.0, 2.5, 0.05
 """m of smoothing, m between knots, m between drawn points"""
 TIGHT, BENT, JERKY, OUTSIDE, ACROSS, ASIDE = 150.0, 1.0, 6.0, 12.0, 6.0, 0.05
-OVER = 6.0, 2.0, 0.0
+OVER = 6.0, 0.0
 """weights of the corners outside the own carriageway: the first with which the car can drive the line on the
 road is taken, or the last"""
 MARGIN, OWN, EASIER = 0.3, 0.4, 0.95
@@ -79,7 +79,7 @@ def widened(
 
     def shape(free: Array) -> tuple[Array, ...]:
         """Of lines with free knots (..., K) m: (..., S) m aside, m between stations and 1/m of curvature, and
-        (..., C) m of road, and of own carriageway, beside the car's corners."""
+        (..., S, 4, 2) m, the car's corners."""
         aside = free @ splines.T
         xy = np.column_stack([x, y]) + aside[..., None] * normal
         step = np.gradient(xy, axis=-2)
@@ -87,23 +87,24 @@ def widened(
         heading = np.unwrap(np.arctan2(step[..., 1], step[..., 0]))
         bend = np.gradient(heading, axis=-1) / spacing
         turned = heading - np.arcsin(np.clip(body.cg_to_rear * bend, -0.9, 0.9))
-        corners = rectangle_corners(xy, turned, size)
-        road, inside = (
-            where.signed_distance(corners).reshape(*bend.shape[:-1], -1) for where in (surface, lanes)
-        )
-        return aside, spacing, bend, road, inside
+        return aside, spacing, bend, rectangle_corners(xy, turned, size)
+
+    def missing(where: Surface, margin: float, corners: Array) -> Array:
+        """(..., C) m that corners (..., S, 4, 2) m lack of `margin` m inside an area."""
+        lack = np.maximum(margin - where.signed_distance(corners), 0.0)
+        return lack.reshape(*lack.shape[:-2], -1)
 
     def faults(free: Array, over: float) -> Array:
         """(..., F) faults, weighted, of lines with free knots (..., K) m."""
-        aside, spacing, bend, road, inside = shape(free)
+        aside, spacing, bend, corners = shape(free)
         return np.concatenate(
             [
                 TIGHT * np.maximum(np.abs(bend) - EASIER * body.tightest, 0.0),
                 BENT * bend,
                 JERKY * np.gradient(bend, axis=-1) / spacing,
-                OUTSIDE * np.maximum(MARGIN - road, 0.0),
+                OUTSIDE * missing(surface, MARGIN, corners),
                 ACROSS * np.maximum(OWN - own.at(s, aside), 0.0),
-                over * np.maximum(INSIDE - inside, 0.0),
+                *([over * missing(lanes, INSIDE, corners)] if over else []),
                 ASIDE * aside,
             ],
             axis=-1,
@@ -124,8 +125,8 @@ def widened(
             ftol=ENOUGH,
             args=(over,),
         ).x.round(3)
-        _, _, bend, road, _ = shape(found)
-        if np.abs(bend).max() <= DRIVEN * body.tightest and road.min() >= 0.0:
+        _, _, bend, corners = shape(found)
+        if np.abs(bend).max() <= DRIVEN * body.tightest and not missing(surface, 0.0, corners).any():
             break
     stations = np.arange(0.0, base.length, FINE)
     x_all, y_all, psi_all = base.pose(stations)
