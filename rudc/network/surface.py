@@ -44,9 +44,14 @@ class Surface:
         places = np.asarray(xy, dtype=float)
         flat = np.minimum(np.maximum(places.reshape(-1, 2), self._low), self._high)
         result = np.empty(len(flat))
-        tiles, which = np.unique(np.floor(flat * (1.0 / SIDE)).astype(np.int64), axis=0, return_inverse=True)
-        for k, (column, row) in enumerate(tiles.tolist()):
-            mine = which.reshape(-1) == k
+        if not len(flat):
+            return result.reshape(places.shape[:-1])
+        cells = np.floor(flat * (1.0 / SIDE)).astype(np.int64)
+        first, rows = cells.min(axis=0), int(np.ptp(cells[:, 1])) + 1
+        tiles, which = np.unique((cells - first) @ (rows, 1), return_inverse=True)
+        for k, tile in enumerate(tiles.tolist()):
+            mine = which == k
+            column, row = int(first[0]) + tile // rows, int(first[1]) + tile % rows
             result[mine] = self._tile(column, row).depths(flat[mine])
         return result.reshape(places.shape[:-1])
 
