@@ -6,7 +6,7 @@ stop beyond that point, in the way of a vehicle that slowed down for a turn and 
 that is fast already gains less speed: a gap before it counts only if it is too short by CLOSE_TO_FAST, unless
 it speeds up by more than OTHERS_ACCELERATION now.
 
-Where the right of way says nothing of the two (`Network.unsaid`), neither would give way, and they would
+Where the right of way says nothing of the two (`Network.silent`), neither would give way, and they would
 stand nose to nose. There every gap that is too short counts, and the ego stops before the place where they
 meet.
 
@@ -45,14 +45,14 @@ def ready_to_wait(scene: Scene, u: Array) -> Array:
     """(2,) the command u (2,), m/s2 and rad, with an acceleration after which the ego can still stop at its
     waiting point, and before those of whom the right of way says nothing, if it has to."""
     bound = _bound(scene, u)
-    unsaid = np.isfinite(scene.network.unsaid(scene.route, scene.route.row)[:, 0]).any()
-    found = crossing(scene) if unsaid or bound is not None else None
+    silent = np.isfinite(scene.network.silent(scene.route, scene.route.row)[:, 0]).any()
+    found = crossing(scene) if silent or bound is not None else None
     if found is None or not found.yields.any():
         return u
     profile = speeds_on_road(scene)
     if bound is not None:
         u = _held(scene, u, bound, found, profile)
-    return _before_unsaid(scene, u, found, profile) if unsaid else u
+    return _before_silent(scene, u, found, profile) if silent else u
 
 
 def _bound(scene: Scene, u: Array) -> float | None:
@@ -70,7 +70,7 @@ def _held(scene: Scene, u: Array, bound: float, found: Conflicts, profile: Array
     long enough; `profile` (M,) m/s."""
     slow = (found.speed < SLOW * found.limit) | (found.braking < -OTHERS_ACCELERATION)
     close = np.where(slow, CLOSE, CLOSE_TO_FAST) * hardest(scene, HARDEST) / HARDEST
-    whom = found.yields & ~found.unsaid
+    whom = found.yields & ~found.silent
     if not whom.any():
         return u
     for tried in ACCELERATIONS:
@@ -82,12 +82,12 @@ def _held(scene: Scene, u: Array, bound: float, found: Conflicts, profile: Array
     return at_most(u, bound)
 
 
-def _before_unsaid(scene: Scene, u: Array, found: Conflicts, profile: Array) -> Array:
+def _before_silent(scene: Scene, u: Array, found: Conflicts, profile: Array) -> Array:
     """(2,) the command u (2,) with an acceleration after which the ego can still stop before each of whom the
     right of way says nothing and the gap is too short; `profile` (M,) m/s."""
     can = found.ego_in > scene.ego.v**2 / (2 * hardest(scene, HARDEST))
     a = max(float(u[0]), 0.0)
-    unsafe = found.unsaid & can & ~suffices(scene, found, profile, margin=0.0, acceleration=a)
+    unsafe = found.silent & can & ~suffices(scene, found, profile, margin=0.0, acceleration=a)
     if not unsafe.any():
         return u
     room = float(found.ego_in[unsafe].min()) - AT_POINT

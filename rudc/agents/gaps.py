@@ -74,8 +74,8 @@ class Conflicts(NamedTuple):
     """(K,) whether the ego gives way to it"""
     merges: Flags
     """(K,) whether both go on in one lane"""
-    unsaid: Flags
-    """(K,) whether the right of way says nothing of the two (`Network.unsaid`)"""
+    silent: Flags
+    """(K,) whether the right of way says nothing of the two (`Network.silent`)"""
 
 
 def crossing(scene: Scene) -> Conflicts | None:
@@ -91,8 +91,8 @@ def crossing(scene: Scene) -> Conflicts | None:
     table = np.where(second[:, None], again, table)
     merges = np.where(second, met.merges_again[rows], met.merges[rows])
     yields = scene.network.gives_way(scene.route, own)[rows] & ~second
-    unsaid = np.isfinite(scene.network.unsaid(scene.route, own)[rows, 0])
-    return _open(scene, known, table, merges, yields, unsaid)
+    silent = np.isfinite(scene.network.silent(scene.route, own)[rows, 0])
+    return _open(scene, known, table, merges, yields, silent)
 
 
 def entering(scene: Scene, route: Route) -> Conflicts | None:
@@ -118,7 +118,7 @@ def entering(scene: Scene, route: Route) -> Conflicts | None:
 
 
 def _open(
-    scene: Scene, known: Index, table: Array, merges: Flags, yields: Flags, unsaid: Flags
+    scene: Scene, known: Index, table: Array, merges: Flags, yields: Flags, silent: Flags
 ) -> Conflicts | None:
     """Those of the conflicts `table` (K, 4), with the others `known` (K,), that neither side has left."""
     paths, rows = scene.network.paths, scene.path[known]
@@ -140,7 +140,7 @@ def _open(
         braking=-scene.acceleration[known][keep],
         yields=yields[keep],
         merges=merges[keep],
-        unsaid=unsaid[keep],
+        silent=silent[keep],
     )
 
 

@@ -121,8 +121,8 @@ def _room(scene: Scene, braking: float, whom: Flags) -> float:
     if scene.hidden_by is None and math.isinf(scene.sight_m):
         return math.inf
     paths, body = scene.network.paths, scene.vehicle
-    unsaid = scene.network.unsaid(scene.route, scene.route.row)
-    table = np.where(np.isfinite(unsaid), unsaid, scene.network.conflict(scene.route))
+    silent = scene.network.silent(scene.route, scene.route.row)
+    table = np.where(np.isfinite(silent), silent, scene.network.conflict(scene.route))
     front, look = scene.front_s, look_ahead(scene, AHEAD, braking)
     near = (table[:, 0] > front) & (table[:, 0] < front + look) & (table[:, 2] > paths.stop_s)
     rows = np.flatnonzero(near & whom)

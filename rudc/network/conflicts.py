@@ -35,7 +35,7 @@ BACK = 5.0
 """m: a second stretch begins where, from one station to the next, the other way's nearest point jumps back
 by more than this"""
 CAR = EgoVehicle()
-"""an ordinary car, as which the ego and the others are judged here"""
+"""an ordinary car: the ego and the others count as such where bodies are compared"""
 PASSING = 0.25
 """m beside a car that waits, with which another can just pass"""
 DEPARTS = 0.5
@@ -81,10 +81,10 @@ class Crossings(NamedTuple):
     """(P,) the same for the second stretch"""
 
 
-def crossings(path: ReferencePath, paths: PathTable, twice: Flags, table: Array, unsaid: Array) -> Crossings:
-    """The crossings of a path with a conflict `table` (P, 4), and those of which nothing is said, `unsaid`
-    (P, 4) as by `silent`. `twice` (P,): the ways that it may meet twice."""
-    first, again = np.where(np.isfinite(unsaid), unsaid, table), np.full_like(table, np.nan)
+def crossings(path: ReferencePath, paths: PathTable, twice: Flags, table: Array, silent: Array) -> Crossings:
+    """The crossings of a path with a conflict `table` (P, 4); where `silent` (P, 4), as that function gives
+    it, is not nan, it counts instead. `twice` (P,): the ways that the path may meet twice."""
+    first, again = np.where(np.isfinite(silent), silent, table), np.full_like(table, np.nan)
     for row in np.flatnonzero(twice).tolist():
         line = paths.xy[row, : int(paths.length[row] / SPACING) + 1]
         gap, theirs = KDTree(line).query(path.xy, distance_upper_bound=CONFLICT_WIDTH)
@@ -125,11 +125,11 @@ def silent(path: ReferencePath, paths: PathTable, row: int) -> Array:
     Here the bodies decide: two cars meet where less than PASSING is left between them. So a stretch begins
     where the front is when that begins, and ends where the tail is when it ends.
     """
-    unsaid = ~(paths.yields[row] | paths.yields[:, row]) & (paths.origin != paths.origin[row])
+    neither = ~(paths.yields[row] | paths.yields[:, row]) & (paths.origin != paths.origin[row])
     table, half = np.full((paths.count, 4), np.nan), 0.5 * CAR.length
     near = path.s[(path.s > paths.stop_s[row] - AROUND) & (path.s < paths.exit_s[row] + AROUND)]
     xy, psi = path.body_pose(near, CAR)
-    for other in np.flatnonzero(unsaid).tolist():
+    for other in np.flatnonzero(neither).tolist():
         s = np.arange(paths.stop_s[other] - CAR.length, paths.exit_s[other] + AROUND, SPACING)
         ours, theirs = _close(xy, psi, *paths.body_pose(np.full(len(s), other), s, CAR.length))
         if len(ours):

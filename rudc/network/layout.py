@@ -98,7 +98,7 @@ class Layout:
         """the drivable area"""
         self._conflicts: WeakKeyDictionary[ReferencePath, Array] = WeakKeyDictionary()
         self._giving_way: WeakKeyDictionary[ReferencePath, Flags] = WeakKeyDictionary()
-        self._unsaid: WeakKeyDictionary[ReferencePath, Array] = WeakKeyDictionary()
+        self._silent: WeakKeyDictionary[ReferencePath, Array] = WeakKeyDictionary()
         self._crossings: WeakKeyDictionary[ReferencePath, Crossings] = WeakKeyDictionary()
         self._departures: WeakKeyDictionary[ReferencePath, Array] = WeakKeyDictionary()
         self.center.flags.writeable = False
@@ -178,26 +178,26 @@ class Layout:
 
     def gives_way(self, path: ReferencePath | Route, row: int) -> Flags:
         """(P,) the rows of `paths`, from other arms, to which an ego on a path over `row` gives way: those to
-        which it must yield, and those of which the right of way says nothing (`unsaid`).
+        which it must yield, and those of which the right of way says nothing (`silent`).
         """
         line = path.path if isinstance(path, Route) else path
         if line not in self._giving_way:
             paths = self.paths
             must = paths.yields[row] & (paths.origin != paths.origin[row])
-            rows = must | np.isfinite(self.unsaid(line, row)[:, 0])
+            rows = must | np.isfinite(self.silent(line, row)[:, 0])
             rows.flags.writeable = False
             self._giving_way[line] = rows
         return self._giving_way[line]
 
-    def unsaid(self, path: ReferencePath | Route, row: int) -> Array:
+    def silent(self, path: ReferencePath | Route, row: int) -> Array:
         """(P, 4) m, where a path over `row` meets the rows of `paths` of which the right of way says nothing
         (`conflicts.silent`); nan elsewhere."""
         line = path.path if isinstance(path, Route) else path
-        if line not in self._unsaid:
+        if line not in self._silent:
             table = silent(line, self.paths, row)
             table.flags.writeable = False
-            self._unsaid[line] = table
-        return self._unsaid[line]
+            self._silent[line] = table
+        return self._silent[line]
 
     def yields_on_entering(self, row: int) -> Flags:
         """(P,) the rows of a roundabout that give way to `row` where they enter the ring, and to which `row`
@@ -211,8 +211,8 @@ class Layout:
         line = path.path if isinstance(path, Route) else path
         if line not in self._crossings:
             twice = self.yields_on_entering(row)
-            unsaid = self.unsaid(line, row)
-            self._crossings[line] = crossings(line, self.paths, twice, self.conflict(line), unsaid)
+            silent = self.silent(line, row)
+            self._crossings[line] = crossings(line, self.paths, twice, self.conflict(line), silent)
         return self._crossings[line]
 
     def departure(self, course: Route, route: Route) -> Array:

@@ -163,8 +163,8 @@ def _reference(
     """
     best, least = None, math.inf
     for line in _lines(network, network.centre_line(row), stop, exit_s, movement, vehicle):
-        unsaid = np.isfinite(network.unsaid(line, row)[:, 0])
-        met = int((unsaid | through_waiting(line, network.paths, row)).sum())
+        silent = np.isfinite(network.silent(line, row)[:, 0])
+        met = int((silent | through_waiting(line, network.paths, row)).sum())
         if met < least:
             best, least = line, met
         if not least:

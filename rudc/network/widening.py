@@ -10,9 +10,9 @@ should not have:
     OVER (INSIDE - depth)+                              m of own carriageway beside each corner of the car
     ASIDE l                                                                                              m
 
-It swings out before the turn and after it, within its own carriageway, as drivers do. The car's corners come
-into the lanes beside only where the turn is too tight without: those who wait at the stop lines there need
-the room.
+It swings out before the turn and after it, within its own carriageway, as drivers do. A corner of
+the car comes into a neighbouring lane only where the turn is too tight otherwise: those who wait at the stop
+lines there need the room.
 """
 
 from __future__ import annotations

@@ -74,19 +74,19 @@ def test_in_shipped_networks_the_right_of_way_says_it_all(name):
 def test_who_meets_the_ego_with_nothing_said_is_given_way_to(skewed):
     paths, found = skewed.paths, 0
     for route in routes(skewed):
-        unsaid = np.flatnonzero(np.isfinite(silent(route.path, paths, route.row)[:, 0]))
+        met = np.flatnonzero(np.isfinite(silent(route.path, paths, route.row)[:, 0]))
         others = np.flatnonzero(paths.origin != paths.origin[route.row])
-        for row in set(others) - set(unsaid):
+        for row in set(others) - set(met):
             said = paths.yields[route.row, row] or paths.yields[row, route.row]
             assert said or not bodies_meet(skewed, route, row)
-        for row in unsaid:
+        for row in met:
             assert not paths.yields[route.row, row]
             assert not paths.yields[row, route.row]
             assert skewed.gives_way(route, route.row)[row]
             assert bodies_meet(skewed, route, row)
         must = paths.yields[route.row] & (paths.origin != paths.origin[route.row])
         assert skewed.gives_way(route, route.row)[must].all()
-        found += len(unsaid)
+        found += len(met)
     assert found >= 4
 
 
@@ -118,7 +118,7 @@ def test_an_ego_comes_ready_to_stop_before_somebody_of_whom_nothing_is_said(skew
             found = crossing(near)
             assert found is not None
             assert found.yields.all()
-            assert found.unsaid.all()
+            assert found.silent.all()
             if suffices(near, found, speeds_in_bends(route.path), margin=0.0, acceleration=2.0).all():
                 continue
             held += 1
