@@ -45,7 +45,7 @@ def ready_to_wait(scene: Scene, u: Array) -> Array:
     """(2,) the command u (2,), m/s2 and rad, with an acceleration after which the ego can still stop at its
     waiting point, and before those of whom the right of way says nothing, if it has to."""
     bound = _bound(scene, u)
-    silent = np.isfinite(scene.network.silent(scene.route, scene.route.row)[:, 0]).any()
+    silent = scene.network.crossings(scene.route, scene.route.row).any_silent
     found = crossing(scene) if silent or bound is not None else None
     if found is None or not found.yields.any():
         return u

@@ -145,6 +145,17 @@ def keep(found: Table, least: Vector, kept: NewTable, counts: NewRowTable) -> in
     return 0
 
 
+@kernel
+def listen(
+    position: Table, velocity: Table, heading: Vector, acceleration: Vector, most: int, slowest: float,
+    before: Table, rows: Rows, dt: float, least: Vector, kept: NewTable, counts: NewRowTable,
+) -> NewTable:  # fmt: skip
+    """The others as `sighted`; what is `unexplained` of them since `before` is kept (`keep`)."""
+    seen = sighted(position, velocity, heading, most, slowest)
+    keep(unexplained(seen, before, rows, acceleration, dt), least, kept, counts)
+    return seen
+
+
 # ---- who stands
 
 

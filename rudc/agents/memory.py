@@ -37,6 +37,8 @@ class Memory:
     """Remembers the others of one episode."""
 
     def __init__(self) -> None:
+        self._names: set[str] = set()
+        """names of those in the scene before"""
         self._last: dict[str, Scene] = {}
         """name of each who was seen within LONGEST_S -> scene in which it was seen last"""
         self._lost: set[str] = set()
@@ -53,15 +55,12 @@ class Memory:
     def see(self, scene: Scene) -> Scene:
         """The scene, with those who are missing added; call it once for each decision."""
         before, self._seen_s = self._seen_s, scene.time_s
-        for name in scene.ids:
+        names = set(scene.ids)
+        for name in names - self._names:
             self._find(name, scene, before)
-        missing: dict[float, list[str]] = {}
-        for name, last in list(self._last.items()):
-            if scene.time_s - last.time_s > LONGEST_S:
-                del self._last[name]
-                self._lost.discard(name)
-            elif last is not scene:
-                missing.setdefault(last.time_s, []).append(name)
+        self._names = names
+        self._last.update(dict.fromkeys(scene.ids, scene))
+        missing = self._missing(scene)
         if lost := self._in_plain_sight(missing.get(before, []), scene):
             self._misses = True
             self._lost |= lost
@@ -75,21 +74,34 @@ class Memory:
         return scene.with_others_of(*(self._now(names, scene.time_s) for names in kept))
 
     def _find(self, name: str, scene: Scene, before: float) -> None:
-        """Somebody is seen in a scene; `before`: s, time of the scene before."""
+        """Somebody who was not in the scene before, at `before` s, is seen."""
         last = self._last.get(name)
         if last is not None and last.time_s < before:
             self._misses = self._misses or before - last.time_s <= KEPT_S
             if name in self._lost:
                 self._longest_s = max(self._longest_s, scene.time_s - last.time_s)
-        self._last[name] = scene
         self._lost.discard(name)
+
+    def _missing(self, scene: Scene) -> dict[float, list[str]]:
+        """Names of those who are not seen, by the time (s) when they were seen last; those who have not been
+        seen for LONGEST_S are forgotten."""
+        missing: dict[float, list[str]] = {}
+        for name in [name for name in self._last if name not in self._names]:
+            seen_s = self._last[name].time_s
+            if scene.time_s - seen_s > LONGEST_S:
+                del self._last[name]
+                self._lost.discard(name)
+            else:
+                missing.setdefault(seen_s, []).append(name)
+        return missing
 
     def _notice_failure(self, scene: Scene, missing: dict[float, list[str]]) -> None:
         """Find out whether the ego is blind; `missing`: names by the time (s) when they were seen last."""
-        unseen_s = scene.time_s - max(missing, default=math.inf)
         if scene.count > 0:
-            self._blind_since = math.inf
-        elif (self._blind_since == math.inf and SURE_S < unseen_s <= KEPT_S) and any(
+            self._blind_since, self.blind = math.inf, False
+            return
+        unseen_s = scene.time_s - max(missing, default=math.inf)
+        if (self._blind_since == math.inf and SURE_S < unseen_s <= KEPT_S) and any(
             self._lost & self._in_plain_sight(names, scene) for names in missing.values()
         ):
             self._blind_since = scene.time_s

@@ -27,7 +27,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rudc.agents.kernels import keep, sighted, unexplained
+from rudc.agents.kernels import listen, sighted
 from rudc.arrays import Array, Index
 from rudc.world.scene import Scene
 
@@ -48,6 +48,8 @@ JUMP = 5.0
 """standard deviations: somebody who is seen farther than this from what is expected is tracked anew"""
 LOST_S = 1.0
 """s, after which somebody who was not seen is forgotten"""
+_SAME: Index = np.arange(LISTENED)
+"""rows of the nearest others one decision ago, if they are the same"""
 EXACT = 1e-4
 """m, m/s and rad, the least standard deviation that a filter assumes"""
 
@@ -116,21 +118,23 @@ class Smoothing:
     def _listen(self, scene: Scene, dt: float) -> None:
         """Keep what motion does not explain since the last decision, and estimate the noise from it."""
         before, names = self._names, scene.ids[:LISTENED]
-        rows = np.array([before.index(name) if name in before else -1 for name in names], dtype=np.int64)
-        seen = sighted(scene.position, scene.velocity, scene.heading, LISTENED, EXACT)
-        keep(unexplained(seen, self._seen, rows, scene.acceleration, dt), _LEAST, self._kept, self._counts)
-        self._names, self._seen = names, seen
+        rows = _SAME
+        if names != before:
+            rows = np.array([before.index(name) if name in before else -1 for name in names], dtype=np.int64)
+        self._seen = listen(
+            scene.position, scene.velocity, scene.heading, scene.acceleration, LISTENED, EXACT,
+            self._seen, rows, dt, _LEAST, self._kept, self._counts,
+        )  # fmt: skip
+        self._names = names
         self.noise = tuple(
-            self._noise(kind, min(number, KEPT), above)
+            self._noise(kind, min(number, KEPT)) if 2 * above >= min(number, KEPT) >= FEWEST else 0.0
             for kind, (number, above) in enumerate(self._counts.tolist())
         )
 
-    def _noise(self, kind: int, count: int, above: int) -> float:
+    def _noise(self, kind: int, count: int) -> float:
         """Standard deviation of the errors of a `kind` (position, speed or heading) that causes the median of
-        its `count` differences; 0 if that is below LEAST. `above`: how many differences exceed `_LEAST`.
+        its `count` differences.
         """
-        if count < FEWEST or above < count - count // 2:
-            return 0.0
         return sorted(self._kept[kind, :count].tolist())[count // 2] / DIFFERING
 
     def _smoothed(self, scene: Scene) -> Scene:

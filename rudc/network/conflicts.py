@@ -79,6 +79,8 @@ class Crossings(NamedTuple):
     """(P,) whether both go on in one lane from there, even if they part again later"""
     merges_again: Flags
     """(P,) the same for the second stretch"""
+    any_silent: bool
+    """whether it meets any of which the right of way says nothing (`silent`)"""
 
 
 def crossings(path: ReferencePath, paths: PathTable, twice: Flags, table: Array, silent: Array) -> Crossings:
@@ -94,7 +96,8 @@ def crossings(path: ReferencePath, paths: PathTable, twice: Flags, table: Array,
             begins = path.s <= path.s[met[ends[0]]]
             first[row] = conflict_table(path, paths, begins, [row])[row]
             again[row] = conflict_table(path, paths, ~begins, [row])[row]
-    return Crossings(first, again, _merges(path, paths, first), _merges(path, paths, again))
+    merges, merges_again = _merges(path, paths, first), _merges(path, paths, again)
+    return Crossings(first, again, merges, merges_again, bool(np.isfinite(silent[:, 0]).any()))
 
 
 def _merges(path: ReferencePath, paths: PathTable, table: Array) -> Flags:

@@ -13,7 +13,7 @@ until another model is better by SURE, so that there are no false alarms. Models
 not tell apart have the same J; of these the one nearest to an ordinary car is taken, so that nothing is
 claimed that was not seen. Friction shows only where a command asks for more than the road gives, which is why
 the agents now and then brake fully for a moment (rudc/agents/probe.py). A friction that only bends show
-stands for those between it and the next lower one, too (`drive_bank`): else a friction between two of the
+stands for those between it and the next lower one, too (`weigh_bank`): else a friction between two of the
 bank's would look like a lag, with which the wheels stay where they are as well.
 
 The paper leaves this to future work (Sec. "Conclusion": input-constrained barrier functions).
@@ -28,7 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rudc.arrays import Array, Index
-from rudc.safety.plant_kernels import drive_bank, score_bank
+from rudc.safety.plant_kernels import weigh_bank
 from rudc.vehicle import Actuation, EgoVehicle
 from rudc.world.ego import DRY, GRAVITY, grip_of, within_limits
 from rudc.world.scene import EgoState
@@ -77,8 +77,12 @@ BANK = (
     ),
 )  # fmt: skip
 """the models: of long dead times, which are rare, only with a few lags and frictions"""
-_LIMITS = [np.minimum(part.frictions, DRY) * GRAVITY for part in BANK]
-"""(F,) m/s2 for each part, what friction gives"""
+_SIZES = np.array([[len(each) for each in part] for part in BANK])
+"""(P, 3) how many dead times, lags and frictions each part has"""
+_DELAYS, _LAGS, _FRICTIONS = (np.concatenate(each) for each in zip(*BANK, strict=True))
+"""those of all parts, one after the other"""
+_LIMITS = np.minimum(_FRICTIONS, DRY) * GRAVITY
+"""m/s2, what the frictions give"""
 ACCELERATION_STD, STEERING_STD = 0.25, 0.005
 """m/s2, rad: A and D, sizes of errors of the readings that say nothing about the car"""
 CUT = 16.0
@@ -130,24 +134,17 @@ class PlantMonitor:
         """(M,) sub-steps, s and coefficients of friction of the models"""
         self._plainness = self._delay * 1.0 + self._lag / 0.05 + 5.0 / self._friction
         self._nominal = int(np.argmin(self._plainness))
-        full, limit = -vehicle.a_min, _LIMITS[0]
+        full, limit = -vehicle.a_min, _LIMITS[: _SIZES[0, 2]]
         lower = np.append(np.maximum(limit[1:], full), full)
-        half_way = np.where(limit > full, 0.5 - 0.5 * lower / limit, 0.0)
-        self._between = [half_way, *map(np.zeros_like, _LIMITS[1:])]
-        """(F,) for each part, half the distance to the next lower friction, or to what full braking asks for
-        if that is nearer, as a share; 0 where braking tells, and for long dead times, with few frictions"""
+        self._between = np.zeros_like(_LIMITS)
+        self._between[: len(limit)] = np.where(limit > full, 0.5 - 0.5 * lower / limit, 0.0)
+        """half the distance from each friction to the next lower one, or to what full braking asks for if
+        that is nearer, as a share; 0 where braking tells, and for long dead times, with few frictions"""
         self._take_steps_of(SUBSTEP_S)
         self._timed = False
         """whether the time between two decisions is known"""
-        self._a, self._delta, self._cost = np.zeros((3, len(self._delay)))
-        """m/s2 and rad that the models predict, filled in anew for each decision, and their J"""
-        self._parts, first = [], 0
-        """the same m/s2 and rad, (D, L, F) for each part"""
-        for part in BANK:
-            last = first + part.size
-            shape = len(part.delays), len(part.lags), len(part.frictions)
-            self._parts.append((self._a[first:last].reshape(shape), self._delta[first:last].reshape(shape)))
-            first = last
+        self._cost = np.zeros(len(self._delay))
+        """(M,) their J"""
         self._before: EgoState | None = None
         self._believed = self._nominal
         self.estimate = ORDINARY
@@ -162,8 +159,7 @@ class PlantMonitor:
             if not self._timed:
                 self._timed = True
                 self._take_steps_of(passed_s / max(int(passed_s / SUBSTEP_S + ROUNDED), 1))
-            self._drive(self._before, float(last_u[0]), float(last_u[1]), ego, passed_s)
-            self._score(ego, passed_s)
+            self._compare(self._before, float(last_u[0]), float(last_u[1]), ego, passed_s)
             self.estimate = self._best()
         self._before = ego
         return self.estimate
@@ -172,31 +168,25 @@ class PlantMonitor:
         """From now on drive the models with steps of `substep_s` s; no command is on its way."""
         self.substep_s = substep_s
         """s, the step with which the models are driven"""
-        self._keep = [np.exp(-substep_s / np.maximum(part.lags, 1e-9)) for part in BANK]
+        self._keep = np.exp(-substep_s / np.maximum(_LAGS, 1e-9))
         """share of the difference from a command that is left after a step"""
-        self._given: Array = np.zeros((max(int(BANK[-1].delays[-1]), math.ceil(LONGEST_S / substep_s)), 2))
+        self._given: Array = np.zeros((max(int(_DELAYS[-1]), math.ceil(LONGEST_S / substep_s)), 2))
         """m/s2, rad, commands of the last sub-steps, newest first"""
 
-    def _drive(self, before: EgoState, a: float, delta: float, after: EgoState, passed_s: float) -> None:
-        """Drive all models with the command for one decision, from the state that was read before it."""
+    def _compare(self, before: EgoState, a: float, delta: float, after: EgoState, passed_s: float) -> None:
+        """Drive all models with the command for one decision, from the state that was read before it, and
+        compare them with the state that was read after it.
+        """
         body, substeps = self._vehicle, max(round(passed_s / self.substep_s), 1)
-        given = np.concatenate([[within_limits(body, a, delta)] * substeps, self._given])
-        now, read = (complex(state.acceleration, state.steering) for state in (before, after))
-        std, ratio = complex(ACCELERATION_STD, STEERING_STD), body.cg_to_rear / body.wheelbase
-        for part, *grip, keep, ours in zip(
-            BANK, _LIMITS, self._between, self._keep, self._parts, strict=True
-        ):
-            drive_bank(
-                *ours, given, part.delays, keep, *grip, now, read, std, substeps,
-                before.v, after.v, body.cg_to_rear, ratio,
-            )  # fmt: skip
-        self._given = given[: len(self._given)]
-
-    def _score(self, ego: EgoState, passed_s: float) -> None:
-        counts = float(STANDING < ego.v < self._vehicle.v_max - 0.1)
-        score_bank(
-            self._cost, self._a, self._delta, ego.acceleration, ego.steering, counts,
-            FORGET ** (passed_s / DECISION_S), ACCELERATION_STD, STEERING_STD, CUT, WORST,
+        missing = int(_DELAYS[-1]) + substeps - len(self._given)
+        if missing > 0:
+            self._given = np.append(self._given, np.zeros((missing, 2)), axis=0)
+        counts, forget = float(STANDING < after.v < body.v_max - 0.1), FORGET ** (passed_s / DECISION_S)
+        weigh_bank(
+            self._cost, self._given, _SIZES, _DELAYS, self._keep, _LIMITS, self._between,
+            complex(*within_limits(body, a, delta)), complex(before.acceleration, before.steering),
+            complex(after.acceleration, after.steering), complex(ACCELERATION_STD, STEERING_STD), substeps,
+            before.v, after.v, body.cg_to_rear, body.cg_to_rear / body.wheelbase, counts, forget, CUT, WORST,
         )  # fmt: skip
 
     def _best(self) -> PlantEstimate:
