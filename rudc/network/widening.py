@@ -43,6 +43,8 @@ INSIDE = 0.1
 """m of own carriageway beside each corner"""
 DRIVEN = 1.05
 """share of the tightest curvature that the car can drive without leaving its line much"""
+HOPELESS = 1.5
+"""share of the tightest curvature beyond which no weights make a line that the car can drive"""
 STATIONS = 1.0
 """m between the places that are judged"""
 ROUNDS, ENOUGH = 15, 1e-2
@@ -126,7 +128,8 @@ def widened(
             args=(over,),
         ).x.round(3)
         _, _, bend, corners = shape(found)
-        if np.abs(bend).max() <= DRIVEN * body.tightest and not missing(surface, 0.0, corners).any():
+        tightest = np.abs(bend).max() / body.tightest
+        if tightest > HOPELESS or (tightest <= DRIVEN and not missing(surface, 0.0, corners).any()):
             break
     stations = np.arange(0.0, base.length, FINE)
     x_all, y_all, psi_all = base.pose(stations)

@@ -38,7 +38,7 @@ def lateral(tangent: float, v: float, cg_to_rear: float, ratio: float) -> float:
 
 @kernel
 def within_friction(a: float, across: float, limit: float) -> float:
-    """m/s2, what the friction circle of radius `limit` leaves of an acceleration `a` beside the lateral one."""
+    """m/s2, what the friction circle of radius `limit` leaves of an acceleration `a` beside a lateral one."""
     if a * a + across * across <= limit * limit:
         return a
     left = math.sqrt(max(limit * limit - across * across, 0.0))
@@ -141,8 +141,8 @@ def weigh_bank(
         last = first + dead * lags * frictions
         of_part = weigh_part(
             cost[first:last].reshape((dead, lags, frictions)), given, delays[d : d + dead],
-            keep[k : k + lags], limit[f : f + frictions], between[f : f + frictions], now, read, std, substeps,
-            v, v_after, cg_to_rear, ratio, counts, forget, cut,
+            keep[k : k + lags], limit[f : f + frictions], between[f : f + frictions], now, read, std,
+            substeps, v, v_after, cg_to_rear, ratio, counts, forget, cut,
         )  # fmt: skip
         least, first, d, k, f = min(least, of_part), last, d + dead, k + lags, f + frictions
     for m in range(len(cost)):

@@ -17,26 +17,18 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from rudc.errors import NetworkError, SimulationError
+from rudc.errors import NetworkError
 from rudc.files import user_cache
 from rudc.network.network import shipped_networks
+from rudc.world.trial_drive import REFUSED
 
 if TYPE_CHECKING:
     from rudc.network.network import Network
 
-TRIAL_S = 40.0
-"""s of simulated time for which the cars drive"""
-STEP_S = 0.1
-"""s, one simulation step"""
 PATIENCE_S = 30.0
 """s of wall time after which SUMO is taken to hang"""
-MEMORY = 4 * 2**30
-"""bytes of address space that the child may use"""
-REFUSED = 3
-"""exit code of a child whose network SUMO refuses; it then prints why"""
-_CAR = '<additional><vType id="car" vClass="passenger" carFollowModel="IDM" speedDev="0"/></additional>'
 
 
 def refuse_untried(network: Network) -> None:
@@ -82,7 +74,7 @@ def _digest(path: Path, orders: str) -> str:
 
 def _try_out(path: Path, orders: str) -> None:
     code = f"import sys; sys.path[:] = {[os.path.abspath(p) for p in sys.path]!r}"
-    child = [sys.executable, "-c", f"{code}; from rudc.world.trial import drive; drive()", str(path)]
+    child = [sys.executable, "-c", f"{code}; from rudc.world.trial_drive import drive; drive()", str(path)]
     try:
         done = subprocess.run(child, input=orders, capture_output=True, text=True, timeout=PATIENCE_S)
     except subprocess.TimeoutExpired:
@@ -101,27 +93,3 @@ def _try_out(path: Path, orders: str) -> None:
             f"{path}: SUMO crashes over this network ({how}{said}), driving a car on each movement; "
             "build it anew with netconvert, as a file changed by hand may contradict itself"
         )
-
-
-def drive() -> None:
-    """Run the child: read its orders, let the cars drive, and exit with 0 or REFUSED."""
-    from rudc.world.sumo import Sumo
-
-    with contextlib.suppress(ImportError, OSError, ValueError):  # no such limits on Windows
-        import resource
-
-        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    cars: list[Any] = json.load(sys.stdin)
-    sumo = Sumo(Path(sys.argv[1]), STEP_S)
-    try:
-        sumo.load(0, _CAR)
-        for i, (edges, lane, front) in enumerate(cars):
-            sumo.add_route(f"route{i}", edges)
-            sumo.add(f"car{i}", f"route{i}", "car", lane, front, 0.0)
-        for _ in range(round(TRIAL_S / STEP_S)):
-            sumo.step()
-        sumo.close()
-    except SimulationError as error:
-        print(error)
-        sys.exit(REFUSED)
