@@ -31,8 +31,8 @@ The result, by `Corrected.status`:
     braking   not even that could be solved: full braking, steering as proposed
     last_resort   whichever of these came out, it would leave the ego no way to stop or to go on without
               hitting somebody (see last_resort.py): full braking instead
-    onwards   as last_resort, but somebody would hit the ego even at full braking, and by accelerating it
-              hits nobody: full acceleration along the route instead
+    onwards   the ego goes on: at full acceleration along the route if somebody would hit it even at full
+              braking; as proposed if the relaxed action would leave it in somebody's way (last_resort.py)
 """
 
 from __future__ import annotations
@@ -170,8 +170,9 @@ class SafetyFilter:
                 f"the filter was given an action or slack that is not finite: {proposed}, {slack}, {rate}"
             )
         filtered = self._corrected(scene, proposed, _Slack(slack, rate), residual)
-        if self._last_resort is not None:
-            instead = self._last_resort.instead_of(scene, filtered.u)
+        if (last := self._last_resort) is not None:
+            onwards = _onwards(scene, proposed, filtered, last) if filtered.status == "relaxed" else None
+            instead = onwards or last.instead_of(scene, filtered.u)
             if instead is not None:
                 filtered = self._replaced(scene, proposed, filtered, instead)
         return filtered
@@ -339,6 +340,16 @@ class SafetyFilter:
         if a <= a_low + 1e-6:  # as good as standing still: brake as hard as was proposed
             a = min(a, max(float(proposed[0]), body.a_min))
         return _within(body, np.array([a, math.atan(z)])), violation
+
+
+def _onwards(scene: Scene, proposed: Array, relaxed: Corrected, last_resort: LastResort) -> Instead | None:
+    """The proposed action, if the `relaxed` one would leave the ego in the way of somebody, and going on
+    would not (`LastResort.stood_before`)."""
+    u = _within(scene.vehicle, proposed)
+    if relaxed.u[0] >= u[0] or any(name.startswith("road:") for name in relaxed.active):
+        return None
+    who = last_resort.stood_before(scene, relaxed.u, u)
+    return Instead(u, True, who) if len(who) else None
 
 
 def _undecided(problem: Problem) -> tuple[Index, bool]:

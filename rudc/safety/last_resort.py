@@ -40,6 +40,9 @@ it is closer already, than it is now.
                        the same separation, however far they overlap
     u is taken         otherwise
 
+Before that, a relaxed action (filter.py) is dropped for the proposed one if with it the ego would come to
+rest in the way of somebody who comes within COMING_S, and going on, it is out of that way SPARE_S earlier.
+
 So the ego never hits what stands still, provided that it was seen in time and that the vehicle moves as in
 the model: if u was taken because a stop can follow it, a stop is possible again in the next step. Those who
 drive behind the ego on its path are left out.
@@ -96,6 +99,10 @@ SPEEDS_UP_S = 2.0
 """s, for which somebody who speeds up now is predicted to go on doing so"""
 SOON_S = 0.6
 """s, how far ahead a stop with the steering held is looked at for the road's edge"""
+COMING_S = 6.0
+"""s, how far ahead those are looked for who would come upon an ego that stops in their way"""
+SPARE_S = 0.5
+"""s, by which an ego that goes on before them must be out of their way"""
 CHANGING = 0.5
 """m/s2, whoever brakes or speeds up by more is also predicted to go on doing so"""
 
@@ -113,6 +120,10 @@ class _Others(NamedTuple):
     """(m, 2) m, half lengths and half widths"""
     still: Flags
     """(m,) whether they stand still"""
+
+    def during(self, instants: slice) -> _Others:
+        """The same predictions at some of the instants only."""
+        return self._replace(place=self.place[:, instants], facing=self.facing[:, instants])
 
 
 class Instead(NamedTuple):
@@ -170,6 +181,32 @@ class LastResort:
             return None
         hit = np.unique(others.who[kept & (np.minimum(stops.max(axis=0), going) < -CREEPING)])
         return Instead(braking, False, hit)
+
+    def stood_before(self, scene: Scene, braking: Array, going: Array) -> Index:
+        """Indices of those who move and within COMING_S would come upon an ego that stops after the action
+        `braking` (2,), m/s2 and rad, but would not meet one that takes the action `going` (2,) and goes on,
+        not even if they came SPARE_S earlier. None if it would meet any of them, or anybody else within
+        HORIZON, or if `going` would not be taken.
+        """
+        self._times = self._until(COMING_S)
+        first, v, _ = self._first(scene, float(going[0]))
+        way = self._go(scene, first, v)
+        others = self._others(scene, float(way[-1]))
+        stops = self._stops(scene, others, braking).max(axis=0)
+        kept = ~np.isin(others.who, self._behind(scene, np.unique(others.who)))
+        who = np.unique(others.who[kept & ~others.still & (stops < -CREEPING)])
+        if not len(who):
+            return who
+        place, facing = self._along(scene, going, way)
+
+        def meets(them: Flags, predicted: _Others) -> bool:
+            end = predicted.place.shape[1]
+            return bool((self._room(scene, predicted, place[:end], facing[:end])[them] < -CREEPING).any())
+
+        its, sooner = np.isin(others.who, who), others.during(slice(round(SPARE_S / self._dt), None))
+        if meets(its, others) or meets(its, sooner) or meets(kept, others.during(slice(len(self._usual)))):
+            return who[:0]
+        return who if self.instead_of(scene, going) is None else who[:0]
 
     def _until(self, end_s: float) -> Array:
         """(T,) s, instants from 0 to `end_s` or the first one after it."""

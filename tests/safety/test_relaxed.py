@@ -1,11 +1,13 @@
 """What the filter does where not all rows can hold."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
 from rudc.safety.filter import FilterConfig, SafetyFilter
+from rudc.world.scene import Scene
 from tests.safety.scenes import Other, make_scene, straight_road
 
 
@@ -20,3 +22,39 @@ def test_steering_stays_on_the_road_for_somebody_for_whom_the_ego_brakes(y: floa
     assert answer.status == "relaxed"
     assert answer.u[0] < 0.0
     assert answer.u[1] > 0.0, "away from the edge"
+
+
+def in_the_way(*more: Other, distance: float = 25.0, **changes: Any) -> Scene:
+    """An ego that creeps, half in the way of a car from the right, whose row no action satisfies."""
+    comes = Other(0.0, -distance, math.pi / 2, 10.0, row=0, s=100.0 - distance)
+    return make_scene([comes, *more], **{"x": -1.0, "v": 2.0, **changes})
+
+
+GENTLY = np.array([2.0, 0.0])
+ECBF = FilterConfig.preset("ecbf")
+
+
+def test_who_would_stop_in_somebodys_way_and_is_out_of_it_in_time_goes_on() -> None:
+    scene = in_the_way()
+    answer = SafetyFilter(ECBF).filter(scene, GENTLY)
+    assert (answer.status, answer.active, answer.onwards) == ("onwards", ("veh:sv0",), True)
+    assert (answer.u == GENTLY).all()
+    without = SafetyFilter(FilterConfig.preset("ecbf", last_resort=False)).filter(scene, GENTLY)
+    assert (without.status, without.infeasible) == ("relaxed", True)
+    assert without.u[0] < -3.0
+
+
+@pytest.mark.parametrize(
+    ("why", "scene"),
+    [
+        ("the other comes too soon", in_the_way(distance=15.0)),
+        ("it would be out of the way at the last moment", in_the_way(x=-3.0)),
+        ("it stops before the other's way", in_the_way(x=-5.0, v=2.0, distance=15.0)),
+        ("somebody stands on its way", in_the_way(Other(6.5, 0.0))),
+        ("somebody else comes", in_the_way(Other(0.0, 9.0, -math.pi / 2, 4.0))),
+    ],
+)
+def test_it_does_not_go_on_where(why: str, scene: Scene) -> None:
+    answer = SafetyFilter(ECBF).filter(scene, GENTLY)
+    assert not answer.onwards, why
+    assert answer.u[0] < GENTLY[0]
