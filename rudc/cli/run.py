@@ -48,7 +48,11 @@ def run(
         typer.Option(metavar="F.html", help="A page to look at the episode in, for any browser, offline."),
     ] = None,
     steps: Annotated[
-        Path | None, typer.Option(metavar="F.csv", help="Every decision: action, filter, gap, reward terms.")
+        Path | None,
+        typer.Option(
+            metavar="F.csv",
+            help="Every decision: action, filter, gap, reward terms; x_m and y_m as in the network's file.",
+        ),
     ] = None,
     fcd: Annotated[
         Path | None,

@@ -243,7 +243,7 @@ def _route_warnings(network: Network, route: Route) -> Iterator[str]:
     way = f"the ego's path from {route.origin} to {route.destination}"
     radius, least = _least_radius(route), 1.0 / network.vehicle.tightest
     if radius < least:
-        yield f"{way} bends with a radius of {radius:.1f} m; its turning circle needs {least:.1f} m"
+        yield f"{way} bends with a radius of {radius:.2f} m; its turning circle needs {least:.2f} m"
     if not fits(network, route.path, network.vehicle, margin=0.0):
         yield f"{way} leaves the road with a corner of the car"
     edges, last = network.arm(route.destination).out_edges, network.paths.lane_ids[route.row][-1]

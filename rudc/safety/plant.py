@@ -55,11 +55,6 @@ class Part(NamedTuple):
     frictions: Array
     """(F,) coefficients of friction; inf for a dry road"""
 
-    @property
-    def size(self) -> int:
-        """How many models it has."""
-        return len(self.delays) * len(self.lags) * len(self.frictions)
-
 
 BANK = (
     Part(
