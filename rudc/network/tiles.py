@@ -106,8 +106,8 @@ class TileMaker:
     def __init__(self, polygons: Sequence[Array], lanes: Sequence[tuple[Array, Array]], edge: Edge) -> None:
         """As for `Surface`, with the edge of the polygons' union."""
         self._polygons, self._lanes, self._edge = polygons, lanes, edge
-        self._low = np.array([polygon.min(axis=0) for polygon in polygons])
-        self._high = np.array([polygon.max(axis=0) for polygon in polygons])
+        self._extents = _extents(polygons)
+        self._lane_extents = _extents([polygon for _, polygon in lanes])
 
     def make(self, column: int, row: int) -> Tile:
         """The tile whose corner lies at (column SIDE, row SIDE) m."""
@@ -127,8 +127,7 @@ class TileMaker:
         """
         side = _ROW + 2 * HALO
         points = _raster(corner - HALO * CELL, side)
-        reach = np.all((self._low <= points[-1] + GAP) & (self._high >= points[0] - GAP), axis=1)
-        polygons = [self._polygons[k] for k in np.flatnonzero(reach).tolist()]
+        polygons = [self._polygons[k] for k in _reaching(self._extents, points)]
         drivable = in_any(polygons, points)
         grid = drivable.reshape(side, side)
         beside = np.flatnonzero(_dilated(grid).ravel() & ~drivable)
@@ -144,7 +143,8 @@ class TileMaker:
         points = _raster(corner, _ROW)
         direction, room = np.full(len(points), np.nan), np.zeros(len(points))
         both = np.zeros(len(points), dtype=np.bool_)
-        for line, polygon in self._lanes:
+        for k in _reaching(self._lane_extents, points):
+            line, polygon = self._lanes[k]
             hit = np.flatnonzero(inside(polygon, points))
             if not len(hit):
                 continue
@@ -157,6 +157,17 @@ class TileMaker:
             direction[hit], room[hit] = way, to_edge
         direction[both] = np.nan
         return direction
+
+
+def _extents(polygons: Sequence[Array]) -> Array:
+    """(2, K, 2) m, the least and the greatest coordinates of each polygon."""
+    return np.array([[p.min(axis=0) for p in polygons], [p.max(axis=0) for p in polygons]]).reshape(2, -1, 2)
+
+
+def _reaching(extents: Array, points: Array) -> list[int]:
+    """Indices of those of the `extents` (2, K, 2) m that come within GAP of a raster of points (N, 2)."""
+    low, high = extents
+    return np.flatnonzero(np.all((low <= points[-1] + GAP) & (high >= points[0] - GAP), axis=1)).tolist()
 
 
 def _dilated(grid: Flags) -> Flags:
