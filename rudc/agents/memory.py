@@ -76,7 +76,7 @@ class Memory:
     def _find(self, name: str, scene: Scene, before: float) -> None:
         """Somebody who was not in the scene before, at `before` s, is seen."""
         last = self._last.get(name)
-        if last is not None and last.time_s < before:
+        if last is not None:
             self._misses = self._misses or before - last.time_s <= KEPT_S
             if name in self._lost:
                 self._longest_s = max(self._longest_s, scene.time_s - last.time_s)

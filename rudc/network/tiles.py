@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -63,16 +62,15 @@ class Edge:
 
 
 class Tile:
-    """A square of raster points. Immutable, except that directions are made when first asked for."""
+    """A square of raster points. Immutable."""
 
-    __slots__ = ("_directions", "_distance", "_value", "_way", "_x", "_y")
+    __slots__ = ("_distance", "_value", "_way", "_x", "_y")
 
-    def __init__(self, x: float, y: float, distance: Array, directions: Callable[[], Array]) -> None:
-        """Corner (m, m); signed distance (m) of its (CELLS + 1)^2 raster points, flat, along y first;
-        `directions` makes their directions (rad), once one is asked for."""
+    def __init__(self, x: float, y: float, distance: Array, direction: Array) -> None:
+        """Corner (m, m); signed distance (m) and direction (rad) of its (CELLS + 1)^2 raster points, flat,
+        along y first."""
         self._x, self._y, self._distance = x, y, distance
-        self._value, self._directions = distance.item, directions
-        self._way: Callable[[int], float] | None = None
+        self._value, self._way = distance.item, direction.item
 
     def depths(self, xy: Array) -> Array:
         """(N,) m, signed distance of xy (N, 2)."""
@@ -95,8 +93,6 @@ class Tile:
 
     def direction(self, x: float, y: float) -> float:
         """Direction of travel (rad) at one point (m, m); nan where none is given."""
-        if self._way is None:
-            self._way = self._directions().item
         return self._way(int((x - self._x) / CELL + 0.5) * _ROW + int((y - self._y) / CELL + 0.5))
 
 
@@ -116,8 +112,9 @@ class TileMaker:
         edge = self._edge.around(corner + SIDE / 2, SIDE / np.sqrt(2))
         gap = np.hypot(*(edge.nearest(points) - points).T)
         distance = np.where(self._drivable(corner), gap, -gap)
-        distance.flags.writeable = False
-        return Tile(float(corner[0]), float(corner[1]), distance, partial(self._directions, corner))
+        direction = self._directions(points)
+        distance.flags.writeable = direction.flags.writeable = False
+        return Tile(float(corner[0]), float(corner[1]), distance, direction)
 
     def _drivable(self, corner: Array) -> Flags:
         """Whether the area holds each raster point, seams between lanes included.
@@ -138,9 +135,8 @@ class TileMaker:
         drivable[beside[held.all(axis=0).any(axis=0)]] = True
         return grid[HALO:-HALO, HALO:-HALO].ravel()
 
-    def _directions(self, corner: Array) -> Array:
-        """rad, direction of travel at each raster point; nan where lanes of opposite directions overlap."""
-        points = _raster(corner, _ROW)
+    def _directions(self, points: Array) -> Array:
+        """rad, direction of travel at the raster points; nan where lanes of opposite directions overlap."""
         direction, room = np.full(len(points), np.nan), np.zeros(len(points))
         both = np.zeros(len(points), dtype=np.bool_)
         for k in _reaching(self._lane_extents, points):

@@ -171,11 +171,21 @@ class SafetyFilter:
             )
         filtered = self._corrected(scene, proposed, _Slack(slack, rate), residual)
         if (last := self._last_resort) is not None:
-            onwards = _onwards(scene, proposed, filtered, last) if filtered.status == "relaxed" else None
-            instead = onwards or last.instead_of(scene, filtered.u)
+            instead = self._onwards(scene, proposed, filtered, last) if filtered.status == "relaxed" else None
+            instead = instead or last.instead_of(scene, filtered.u)
             if instead is not None:
                 filtered = self._replaced(scene, proposed, filtered, instead)
         return filtered
+
+    def _onwards(self, scene: Scene, proposed: Array, found: Corrected, last: LastResort) -> Instead | None:
+        """The proposed action, if the relaxed one, `found`, would leave the ego in the way of somebody, and
+        going on would not (`LastResort.would_block`)."""
+        u, mode = _within(scene.vehicle, proposed), self.constraints(scene).mode
+        road = {name for name, k in zip(found.names, mode.tolist(), strict=True) if k == 0.0}
+        if found.u[0] >= u[0] or not road.isdisjoint(found.active):
+            return None
+        who = last.would_block(scene, found.u, u)
+        return Instead(u, True, who) if len(who) else None
 
     def _replaced(self, scene: Scene, proposed: Array, filtered: Corrected, instead: Instead) -> Corrected:
         """The result with the last resort's action instead."""
@@ -340,16 +350,6 @@ class SafetyFilter:
         if a <= a_low + 1e-6:  # as good as standing still: brake as hard as was proposed
             a = min(a, max(float(proposed[0]), body.a_min))
         return _within(body, np.array([a, math.atan(z)])), violation
-
-
-def _onwards(scene: Scene, proposed: Array, relaxed: Corrected, last_resort: LastResort) -> Instead | None:
-    """The proposed action, if the `relaxed` one would leave the ego in the way of somebody, and going on
-    would not (`LastResort.stood_before`)."""
-    u = _within(scene.vehicle, proposed)
-    if relaxed.u[0] >= u[0] or any(name.startswith("road:") for name in relaxed.active):
-        return None
-    who = last_resort.stood_before(scene, relaxed.u, u)
-    return Instead(u, True, who) if len(who) else None
 
 
 def _undecided(problem: Problem) -> tuple[Index, bool]:

@@ -40,8 +40,8 @@ it is closer already, than it is now.
                        the same separation, however far they overlap
     u is taken         otherwise
 
-Before that, a relaxed action (filter.py) is dropped for the proposed one if with it the ego would come to
-rest in the way of somebody who comes within COMING_S, and going on, it is out of that way SPARE_S earlier.
+Before that, the proposed action replaces a relaxed one (filter.py) that would leave the ego in the way of
+somebody who comes within COMING_S, if an ego that goes on is out of that way SPARE_S before.
 
 So the ego never hits what stands still, provided that it was seen in time and that the vehicle moves as in
 the model: if u was taken because a stop can follow it, a stop is possible again in the next step. Those who
@@ -182,10 +182,10 @@ class LastResort:
         hit = np.unique(others.who[kept & (np.minimum(stops.max(axis=0), going) < -CREEPING)])
         return Instead(braking, False, hit)
 
-    def stood_before(self, scene: Scene, braking: Array, going: Array) -> Index:
+    def would_block(self, scene: Scene, braking: Array, going: Array) -> Index:
         """Indices of those who move and within COMING_S would come upon an ego that stops after the action
         `braking` (2,), m/s2 and rad, but would not meet one that takes the action `going` (2,) and goes on,
-        not even if they came SPARE_S earlier. None if it would meet any of them, or anybody else within
+        not even if they came SPARE_S earlier. Empty if it would meet any of them, or anybody else within
         HORIZON, or if `going` would not be taken.
         """
         self._times = self._until(COMING_S)
@@ -204,9 +204,9 @@ class LastResort:
             return bool((self._room(scene, predicted, place[:end], facing[:end])[them] < -CREEPING).any())
 
         its, sooner = np.isin(others.who, who), others.during(slice(round(SPARE_S / self._dt), None))
-        if meets(its, others) or meets(its, sooner) or meets(kept, others.during(slice(len(self._usual)))):
-            return who[:0]
-        return who if self.instead_of(scene, going) is None else who[:0]
+        soon = others.during(slice(len(self._usual)))
+        clear = not (meets(its, others) or meets(its, sooner) or meets(kept, soon))
+        return who if clear and self.instead_of(scene, going) is None else who[:0]
 
     def _until(self, end_s: float) -> Array:
         """(T,) s, instants from 0 to `end_s` or the first one after it."""

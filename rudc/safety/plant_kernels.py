@@ -85,8 +85,8 @@ def weigh_part(
     wanted[:, 0], wanted[:, 1] = (wanted[:, 0] - read.real) / std.real, (wanted[:, 1] - read.imag) / std.imag
     off, least = np.empty((2, frictions)), np.full(frictions, math.inf)
     for d in range(len(delays)):
-        bends = (between > 0.0) & (abs(given[delays[d], 1]) > widest * (1.0 - between))
-        limited = bends.any()
+        unsure = (between > 0.0) & (abs(given[delays[d], 1]) > widest * (1.0 - between))
+        limited = unsure.any()
         for k in range(lags):
             left, of_lag = keep[k], cost[d, k]
             for kind in range(2):
@@ -99,7 +99,7 @@ def weigh_part(
                         now_off[f] = row[f] + (now_off[f] - row[f]) * left
             if limited:
                 for f in range(frictions):
-                    if bends[f]:
+                    if unsure[f]:
                         off[0, f] /= 1.0 + abs(read.real / std.real + off[0, f])
                         off[1, f] /= 1.0 + between[f] * abs(read.imag / std.imag + off[1, f])
             for f in range(frictions):
