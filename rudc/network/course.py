@@ -60,6 +60,8 @@ is tried where the finished line is not clear or leaves the road"""
 STEEPEST = 0.85
 """largest slope with which such an arc may end; where the lattice has no slope so large, it starts from its
 own largest"""
+SWINGS_OUT = 0.1
+"""m, by which a corner may swing out over the road's edge on such an arc, or farther over it than it is"""
 BEHIND = 1.0
 """m of the arc that are drawn behind the car, so that the car is on it from the start"""
 
@@ -164,7 +166,8 @@ class CoursePlanner:
             line = self._joined(arc, profile, first, slope)
             here = line.project(*arc[0].tolist())[0] + BEHIND
             _, gaps = gaps_along(line, here + SPACING, here + REACH, self._body, standing)
-            if gaps.min(initial=np.inf) >= clear and self._stays_on_road(line, s, s + REACH):
+            is_free = gaps.min(initial=np.inf) >= clear and not self._swings_out(line, here)
+            if is_free and self._stays_on_road(line, s, s + REACH):
                 return self._along(line)
         return None
 
@@ -201,11 +204,23 @@ class CoursePlanner:
         where its front is past the end of the road.
         """
         last = min(last, self._route.length - self._body.length)
-        size = np.array([self._body.length, self._body.width])
         s = np.arange(self._same_place(path, first) + STEP, self._same_place(path, last), 2 * SPACING)
-        xy, psi = path.body_pose(s, self._body)
-        corners = rectangle_corners(xy, psi, np.broadcast_to(size, (len(s), 2)))
-        return bool((self._network.surface.signed_distance(corners) >= 0.0).all())
+        return bool((self._depths(*path.body_pose(s, self._body)) >= 0.0).all())
+
+    def _swings_out(self, path: ReferencePath, first: float) -> bool:
+        """Whether a car on the line, which is at `first` m of it, swings out over the road's edge before
+        `_stays_on_road` looks.
+        """
+        s = np.arange(first, first + PULL_OUT[-1] + STEP, SPACING)
+        depths = self._depths(*path.body_pose(s, self._body))
+        return bool(depths.min() < min(depths[0], 0.0) - SWINGS_OUT)
+
+    def _depths(self, xy: Array, psi: Array) -> Array:
+        """(K,) m from the road's edge to the corner of the car that is nearest to it or, negative, farthest
+        beyond it, at places (K, 2) m with headings (K,) rad.
+        """
+        size = np.broadcast_to((self._body.length, self._body.width), (len(psi), 2))
+        return self._network.surface.signed_distance(rectangle_corners(xy, psi, size)).min(axis=1)
 
     def _line(self, before: NDArray[np.floating], profile: Array) -> Array:
         """(K, 2) m, the line: the offsets `before` (first,) m, the profile, and from its end back to the

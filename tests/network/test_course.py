@@ -246,3 +246,27 @@ def test_a_car_in_a_bend_that_stands_beside_a_body_drives_on_before_it_turns():
     course = next(course for course in courses if course is not None)
     here = course.path.project(x, y)[0] + 1.0
     assert gaps_along(course.path, here, here + 40.0, BODY, standing)[1].min() >= clear
+
+
+@pytest.mark.parametrize(
+    ("origin", "turn", "start", "body"),
+    [
+        ("west", "straight", (-29.3, 0.4, 0.1), (1.2, 1.6, -0.4)),
+        ("south", "right", (-4.697, -0.24, -0.032), (1.051, -1.028, -0.412)),
+    ],
+)
+def test_a_car_that_pulls_out_stays_on_the_road_before_it_is_back_on_its_path_too(origin, turn, start, body):
+    """`start`: m from the exit, m and rad to the left of the path; `body`: m before it, then the same."""
+    network = load_network("t_junction")
+    route = network.route(origin, turn)
+    s = route.exit_s + start[0]
+    x, y, psi = beside(route, s, *start[1:])
+    standing = bodies(beside(route, s + BODY.length + body[0], *body[1:]))
+    courses = [*filter(None, CoursePlanner(network, route, BODY).pull_outs(x, y, psi, standing, 0.25))]
+    assert courses
+    for course in courses:
+        here = course.path.project(x, y)[0]
+        places, heading = course.path.body_pose(np.arange(here, here + 10.0, 0.1), BODY)
+        size = np.tile([BODY.length, BODY.width], (len(places), 1))
+        corners = rectangle_corners(places, heading, size)
+        assert network.surface.signed_distance(corners).min() >= -0.15
