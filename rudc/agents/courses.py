@@ -4,8 +4,9 @@ A course is a line round what blocks, for the same movement as the route that it
 (rudc/network/course.py). It is kept while it is clear. A new one is planned when it is not clear any more,
 when those who came the wrong way, for whom it was chosen, have passed, and when all that it leads round has
 been gone, in plain sight, for GONE_S s; at most once in AGAIN_S s. While no course is clear, the ego stops
-SHORT m before what blocks: nearer, it could not pull out. Beside bodies it drives at SLOW + PER_METRE x gap
-at most, and in the bends of a course as rudc/env/tracking.py says.
+SHORT m before what blocks: nearer, it could not pull out. After STUCK_S s a smaller gap is enough, too.
+Beside bodies it drives at SLOW + PER_METRE x gap at most, and in the bends of a course as
+rudc/env/tracking.py says.
 
 Everywhere it drives at most TOLERATED times the speed limit of the lane that it is on; in the junction, that
 of the lane before it.
@@ -53,10 +54,11 @@ from rudc.world.scene import STANDING, Scene
 LOOK = 60.0
 """m of the course ahead that are checked, or more where the ego needs more to stop"""
 CLEAR = 0.25
-"""m, a course with at least this gap to bodies is clear; less is enough if the ego is nearer to one
-already"""
+"""m, a course with at least this gap to bodies is clear; less is enough if the ego is nearer to one now"""
 ROOMY = 0.4
 """m, gap that is tried first when the ego stands"""
+TIGHT, STUCK_S = 0.12, 5.0
+"""m, s: the gap that is enough for an ego that has stood for the second and found no clear course"""
 CLOSER, LEAST = 0.03, 0.1
 """m, m: by how much an ego that is nearer than CLEAR may come nearer still, and the gap that must be left"""
 HERE = 1.0
@@ -69,8 +71,7 @@ AGAIN_S, OUTS_S = 1.0, 1.5
 """s, s: time between two plannings, and what is added to it if the ego stands and may have to pull out"""
 GONE_S, GONE = 2.0, 2.0
 """s, m: a body is gone if none has stood within the second of its place for the first: longer than those
-whom sensors miss are remembered
-"""
+whom sensors miss are remembered"""
 SLOW, PER_METRE = 2.5, 4.0
 """m/s, and m/s for each m of gap: the speed beside bodies"""
 TOLERATED = 1.2
@@ -120,6 +121,10 @@ class Courses:
         self._outs: Iterator[tuple[Route | None, float]] = iter(())
         self._blocks: Blocks | None = None
         self._stop: float = math.inf
+        self._least = CLEAR
+        """m, gap from which on a course is clear: CLEAR or TIGHT"""
+        self._free_s = scene.time_s
+        """s, when the ego moved last, or had a clear course"""
 
     def see(self, scene: Scene) -> Scene:
         """The scene as seen by an ego that follows its course; chooses a new course if one is needed."""
@@ -128,12 +133,18 @@ class Courses:
         shown = scene if self.course is None else along(scene, self.course)
         self._stop = math.inf
         over = self._gone(scene, blocks) or (bool(self._strays) and not not_passed(scene, self._strays))
+        if scene.ego.v >= STANDING or not blocks.any:
+            self._free_s = scene.time_s
         if not (blocks.any or over):
             return shown
-        wait, clear = _wait(shown, blocks), _clear(scene, blocks)
+        if scene.time_s > self._free_s + STUCK_S:
+            self._least = TIGHT
+        elif self._least < CLEAR and _first_hit(shown, blocks, CLEAR) == math.inf:
+            self._least = CLEAR
+        wait, clear = _wait(shown, blocks), _clear(scene, blocks, self._least)
         hit = _first_hit(shown, blocks, clear)
         if hit == math.inf and not over and not _astray(shown, blocks):
-            self._stop = wait
+            self._stop, self._free_s = wait, scene.time_s
             return shown
         for course, least in self._candidates(scene, blocks, clear):
             tried = scene if course is None else along(scene, course)
@@ -141,7 +152,7 @@ class Courses:
                 self.course, self._stop = course, _wait(tried, blocks)
                 self._strays = blocks.strays if course else frozenset()
                 self._round = _on_route(scene, blocks, clear) if course else np.zeros((0, 2))
-                self._there_s = scene.time_s
+                self._there_s = self._free_s = scene.time_s
                 self._outs = iter(())
                 return tried
         self._stop = min(hit - SHORT, wait)
@@ -178,7 +189,7 @@ class Courses:
             return u
         stop, delta = self._stop, float(u[1])
         speed = math.inf
-        if self.course is not None:
+        if self.course is not None or self._least < CLEAR:
             profile = _profile(scene, blocks)
             stop = min(stop, _entry(scene, self._route, profile))
             speed = _speed_now(scene, profile)
@@ -273,13 +284,11 @@ def _kept_short(scene: Scene, blocks: Blocks, u: Array) -> Array:
     return at_most(u, slowing(scene, float(s[hit[0]]) - scene.ego_s - PULL_OUT, 0.0, braking))
 
 
-def _clear(scene: Scene, blocks: Blocks) -> float:
-    """m, gap from which on a course is clear: CLEAR or, if the ego is nearer to a body now, about that
-    gap.
-    """
+def _clear(scene: Scene, blocks: Blocks, usual: float) -> float:
+    """m, gap from which on a course is clear: `usual` (m) or, if the ego is nearer to a body, about that."""
     ego, body, (place, heading, size) = scene.ego, scene.vehicle, blocks.standing
     now = rectangle_gaps(ego.x, ego.y, ego.psi, body.length, body.width, place, heading, size)
-    return min(CLEAR, max(float(now.min(initial=math.inf)) - CLOSER, LEAST))
+    return min(usual, max(float(now.min(initial=math.inf)) - CLOSER, LEAST))
 
 
 def _look(scene: Scene) -> float:

@@ -1,9 +1,12 @@
-"""Ways on which an ego that stands before a body pulls out: all of them are tried, one a decision."""
+"""Ways on which an ego that stands before a body pulls out: all of them are tried, one a decision. Who finds
+none for long passes through a gap that is smaller than usual.
+"""
 
 # ruff: noqa: F811 -- fixtures come by import
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import rudc.agents.courses as courses_module
@@ -71,3 +74,49 @@ def test_who_has_moved_since_begins_anew(make_scene, planner):
     assert planner.tried == list(range(5)), "who drives does not pull out"
     look(courses, scene, 6, first=60)
     assert planner.tried == [*range(5), *range(5)]
+
+
+def beside(make_scene, gap, front=-40.0, ahead=9.0):
+    """Somebody stands across the ego's lane, `ahead` m before it, and leaves `gap` m to the right."""
+    alone = make_scene(turn="straight", front=front, v=0.0)
+    x, y, psi = (float(value) for value in alone.route.path.pose(alone.ego_s + ahead))
+    left = 0.5 * (alone.vehicle.width + 5.0) + gap
+    place = (x - left * math.sin(psi), y + left * math.cos(psi), psi + 0.5 * math.pi)
+    return make_scene({"at": place}, turn="straight", front=front, v=0.0)
+
+
+def accelerates(courses, scene):
+    shown = courses.see(scene)
+    return courses.govern(shown, np.array([2.0, 0.0]))[0] > 0.0
+
+
+@pytest.mark.parametrize(("gap", "after_long"), [(0.3, True), (0.17, True), (0.08, False)])
+def test_who_has_found_no_way_for_long_passes_through_a_smaller_gap(make_scene, planner, gap, after_long):
+    scene, courses = beside(make_scene, gap), Courses()
+    courses.reset(scene)
+    assert accelerates(courses, scene) == (gap > 0.25)
+    look(courses, scene, 48)
+    assert accelerates(courses, scene) == (gap > 0.25)
+    look(courses, scene, 8, first=48)
+    later = replace(scene, time_s=scene.time_s + 6.0)
+    assert accelerates(courses, later) == after_long
+
+
+def test_through_a_smaller_gap_it_goes_slowly(make_scene, planner):
+    scene, courses = beside(make_scene, 0.17), Courses()
+    courses.reset(scene)
+    look(courses, scene, 60)
+    fast = replace(scene, time_s=scene.time_s + 6.0, ego=replace(scene.ego, v=6.0))
+    assert not accelerates(courses, fast)
+    slow = replace(scene, time_s=scene.time_s + 6.0, ego=replace(scene.ego, v=1.5))
+    assert accelerates(courses, slow)
+
+
+def test_once_past_the_next_gap_must_be_as_large_as_usual_again(make_scene, planner):
+    scene, courses = beside(make_scene, 0.17), Courses()
+    courses.reset(scene)
+    look(courses, scene, 60)
+    free = make_scene(turn="straight", front=-20.0, v=0.0)
+    courses.see(replace(free, time_s=scene.time_s + 7.0))
+    again = beside(make_scene, 0.17, front=-20.0)
+    assert not accelerates(courses, replace(again, time_s=scene.time_s + 8.0))
