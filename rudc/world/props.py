@@ -7,11 +7,11 @@ one, since it is meant to be a hazard. While it is itself slower than walking pa
 is before it or passes close by. A pedestrian stops only for what is there already, right before it, and walks
 past pedestrians who walk towards it. The yielding layer makes SVs see all props.
 
-A moving prop that has had to stand for long goes back and waits until its way is free. A pedestrian goes back
-a step, and later to where they came from. A driver goes back until the other has room to drive off, and then
-stops for a moving ego, too. One who drives against a lane gives up and backs out of the road if it is held up
-for long, or has gone back to where it appeared. Without this, two that wait for each other would stand for
-good.
+A moving prop that has had to stand for long goes back and waits until its way is free. A pedestrian goes
+back a step, and later to where they came from. Who has been run into gets out of the other. A driver goes
+back until the other has room to drive off, and then stops for a moving ego, too. One who drives against a
+lane gives up and backs out of the road if it is held up for long, or has gone back to where it appeared.
+Without this, two that wait for each other would stand for good.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rudc.arrays import Array, Index
 from rudc.geometry import rectangle_gaps
@@ -210,12 +211,24 @@ class Prop:
         return (*self.pose(0.5 * needed), self.length + needed, self.width)
 
     def _is_free(self, scene: Scene, reach: float) -> bool:
-        """Whether `reach` m of its way before its front are free (behind its rear if negative)."""
+        """Whether `reach` m of its way before its front are free (behind its rear if negative). What has run
+        into it does not count on the side on which its middle is not: there is the way out.
+        """
         middle = 0.5 * (math.copysign(self.length, reach) + reach)
-        return self._is_clear(scene, (*self.pose(middle), abs(reach), self.width), self.look_s)
+        x, y, heading = self.pose()
+        behind = (scene.position - (x, y)) @ (math.cos(heading), math.sin(heading)) * reach < 0.0
+        now = (x, y, heading, self.length, self.width)
+        touched = behind.copy()
+        rows = np.flatnonzero(behind)
+        touched[rows] = gaps_to_ways(scene, rows, np.zeros(len(rows)), now) <= 0.0
+        return self._is_clear(scene, (*self.pose(middle), abs(reach), self.width), self.look_s, touched)
 
-    def _is_clear(self, scene: Scene, box: tuple[float, float, float, float, float], late_s: float) -> bool:
-        """Whether a box on its way (x m, y m, heading rad, length m, width m) is free.
+    def _is_clear(
+        self, scene: Scene, box: tuple[float, float, float, float, float], late_s: float,
+        ignored: NDArray[np.bool_] | None = None,
+    ) -> bool:  # fmt: skip
+        """Whether a box on its way (x m, y m, heading rad, length m, width m) is free of all but those who
+        are `ignored` (N,).
 
         For a driver: free of things that stand, of SVs, of pedestrians who do not come towards it and of
         props that go the same way on all the way that they need to stop, after `late_s` s in which they drive
@@ -232,7 +245,9 @@ class Prop:
                 return False
         speed = scene.speed
         way = np.zeros_like(speed) if walks else stopping_way(scene, late_s, self._braking)
-        heeded = np.array([name != self.name for name in scene.ids], dtype=bool)
+        heeded = np.array([name != self.name for name in scene.ids], dtype=np.bool_)
+        if ignored is not None:
+            heeded &= ~ignored
         along, walkers = np.cos(scene.heading - box[2]), scene.kind == Kind.PEDESTRIAN
         if walks:
             heeded &= ~walkers | (speed == 0.0) | (along > -SAME_WAY)
