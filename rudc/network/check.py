@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from rudc.geometry import rectangle_gaps
+from rudc.network.conflicts import head_on
 from rudc.network.network import Network, load_network
 from rudc.network.polyline import arc_length, beside, resample
 from rudc.network.road import Arm, Lane, Movement
@@ -104,6 +105,7 @@ def check_network(source: str | Path, junction: str | None = None) -> NetworkRep
         *_movement_warnings(network),
         *(text for route in routes.values() for text in _route_warnings(network, route)),
         *waiting_warnings(list(routes.values())),
+        *_head_on_warnings(network),
     ]
     return NetworkReport(
         network=network,
@@ -261,6 +263,21 @@ def waiting_warnings(routes: list[Route]) -> Iterator[str]:
                 f"waiting inside the junction, a car from {a.origin} to {a.destination} and one "
                 f"from {b.origin} to {b.destination} overlap"
             )
+
+
+def _head_on_warnings(network: Network) -> Iterator[str]:
+    """A warning for each pair of movements whose vehicles meet head-on and have no right of way."""
+    paths = network.paths
+
+    def way(row: int) -> str:
+        origin, destination = (network.arms[k].name for k in (paths.origin[row], paths.destination[row]))
+        return f"from {origin} to {destination}"
+
+    for one, other in dict.fromkeys((way(a), way(b)) for a, b in head_on(paths)):
+        yield (
+            f"vehicles {one} and {other} meet head-on in the junction, and neither must yield: they may "
+            "stand for good; give their connections other shapes"
+        )
 
 
 def waiting_gap(a: Route, b: Route) -> float:

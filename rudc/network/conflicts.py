@@ -141,13 +141,33 @@ def silent(path: ReferencePath, paths: PathTable, row: int) -> Array:
     return table
 
 
-def _close(xy: Array, psi: Array, its_xy: Array, its_psi: Array) -> tuple[Index, Index]:
+def head_on(paths: PathTable) -> list[tuple[int, int]]:
+    """The pairs of rows from different arms on which cars meet head-on in the junction although neither must
+    yield: each stops before the other, and both stand for good.
+    """
+    cars = []
+    for row in range(paths.count):
+        s = np.arange(paths.stop_s[row], paths.exit_s[row] + CAR.length, 2 * SPACING)
+        cars.append(paths.body_pose(np.full(len(s), row), s, CAR.length))
+    found = []
+    neither = ~(paths.yields | paths.yields.T) & (paths.origin[:, None] != paths.origin)
+    for row, other in np.argwhere(np.triu(neither)).tolist():
+        (xy, psi), (its_xy, its_psi) = cars[row], cars[other]
+        ours, theirs = _close(xy, psi, its_xy, its_psi, 0.0)
+        if (np.cos(psi[ours] - its_psi[theirs]) < -COS_ALONG).any():
+            found.append((row, other))
+    return found
+
+
+def _close(
+    xy: Array, psi: Array, its_xy: Array, its_psi: Array, least: float = PASSING
+) -> tuple[Index, Index]:
     """(K,) and (K,): the pairs of cars at xy (n, 2) m, heading psi (n,) rad, and at its_xy (m, 2) m, heading
-    its_psi (m,) rad, between which less than PASSING is left."""
+    its_psi (m,) rad, between which at most `least` m are left."""
     size = np.array([CAR.length, CAR.width])
-    reach = math.hypot(*size) + PASSING
+    reach = math.hypot(*size) + least
     i, j = np.nonzero(np.hypot(*(xy[:, None] - its_xy[None]).transpose(2, 0, 1)) < reach)
-    meet = gaps_between(xy[i], psi[i], size, its_xy[j], its_psi[j], size) < PASSING
+    meet = gaps_between(xy[i], psi[i], size, its_xy[j], its_psi[j], size) <= least
     return i[meet], j[meet]
 
 

@@ -5,6 +5,7 @@ import pytest
 
 from rudc.data import data_folder
 from rudc.errors import NetworkError
+from rudc.geometry import rectangle_gaps
 from rudc.network.check import check_network, waiting_warnings
 from rudc.network.network import load_network, shipped_networks
 from tests.world.networks import in_pieces, single_track
@@ -154,3 +155,25 @@ def test_waiting_cars_that_overlap_are_named():
     assert list(waiting_warnings([one, other])) == []
     (warning,) = waiting_warnings(deep)
     assert "a car from south to west and one from west to north overlap" in warning
+
+
+def test_ways_that_meet_head_on_without_right_of_way_are_named():
+    """The right turn and the left turn between two arms at an acute angle: bodies do overlap."""
+    path = data_folder("results") / "held-out-26" / "networks" / "saddle_fork" / "saddle_fork.net.xml"
+    network = load_network(path)
+    (said,) = [text for text in check_network(path).warnings if "head-on" in text]
+    paths, row = network.paths, {}
+    for k in range(paths.count):
+        origin, destination = network.arms[paths.origin[k]].name, network.arms[paths.destination[k]].name
+        row[f"from {origin} to {destination}"] = k
+    one, other = (row[way] for way in said.removeprefix("vehicles ").split(" meet ")[0].split(" and "))
+    assert not paths.yields[one, other]
+    assert not paths.yields[other, one]
+    inside = [np.linspace(paths.stop_s[k], paths.exit_s[k], 60) for k in (one, other)]
+    its_x, its_y, its_psi = paths.pose(np.full(60, other), inside[1])
+    meets = False
+    for x, y, psi in np.column_stack(paths.pose(np.full(60, one), inside[0])).tolist():
+        against = np.cos(its_psi - psi) < -0.86
+        place, size = np.column_stack([its_x, its_y])[against], np.tile((5.0, 1.8), (against.sum(), 1))
+        meets |= bool((rectangle_gaps(x, y, psi, 5.0, 1.8, place, its_psi[against], size) == 0.0).any())
+    assert meets
