@@ -4,7 +4,8 @@ In SUMO a vehicle waits for anybody inside the junction whose lane there crosses
 one is on it. So an ego that has stopped a little beyond its line and gives way there would hold up those who
 have priority, and they the ego. The yielding layer knows better who must wait for the ego. Once the ego has
 stood for STOOD_S, the SVs that stand, need not give way to it by the right of way, and are not held by the
-layer overlook the ego at junctions in SUMO. When the ego drives again, those that stand heed it again.
+layer overlook the ego at junctions in SUMO. Once it has stood for LONG_S, so do those that should give way to
+it: they take it that the ego lets them go first. When the ego drives again, those that stand heed it again.
 One that drives goes on overlooking it: SUMO would have it brake hard, often for nothing, and the layer makes
 it brake if it must.
 """
@@ -22,8 +23,8 @@ if TYPE_CHECKING:
     from rudc.world.scene import Scene
     from rudc.world.sumo import Sumo
 
-STOOD_S = 5.0
-"""s for which the ego must have stood"""
+STOOD_S, LONG_S = 5.0, 12.0
+"""s, s for which the ego must have stood, the second for those that should give way to it"""
 
 
 class Unblocking:
@@ -34,12 +35,12 @@ class Unblocking:
         self._free: set[str] = set()
 
     def step(self, scene: Scene, held: Collection[str]) -> None:
-        """Set free the SVs that stand, owe the ego nothing and are not `held` by the yielding layer, once the
-        ego has stood long enough. While the ego drives, those that stand heed it again.
+        """Set free the SVs that stand and are not `held` by the yielding layer, once the ego has stood long
+        enough for them. While the ego drives, those that stand heed it again.
         """
         if scene.waited_s >= STOOD_S:
-            owes = scene.network.paths.yields[:, scene.route.row]
-            wanted = _standing(scene, ~owes[scene.path]) - self._free - set(held)
+            owes = scene.network.paths.yields[scene.path, scene.route.row] & (scene.waited_s < LONG_S)
+            wanted = _standing(scene, ~owes) - self._free - set(held)
             self._free |= wanted
         elif scene.waited_s == 0.0 and self._free:
             wanted = _standing(scene, scene.path >= 0) & self._free

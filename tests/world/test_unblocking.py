@@ -51,9 +51,12 @@ def test_whom_the_yielding_layer_holds_heeds_the_ego_and_who_stands_when_it_driv
 
     yields, own = four_way.paths.yields, four_way.route("south", "straight").row
     one, row = Unblocking(Asked()), int(yields[:, own].argmax())
-    one.step(scene(unblocking.STOOD_S, 0.0), ())
+    one.step(scene(unblocking.LONG_S - 0.1, 0.0), ())
     assert asked == [], "it must give way to the ego"
-    row = int((~yields[:, own]).argmax())
+    one.step(scene(unblocking.LONG_S, 0.0), ())
+    assert asked == [("other0", "ego")], "the ego has let it go first"
+    asked.clear()
+    one, row = Unblocking(Asked()), int((~yields[:, own]).argmax())
     one.step(scene(unblocking.STOOD_S - 0.1, 0.0, 0.0, 0.0), ())
     assert asked == []
     for _ in range(2):
