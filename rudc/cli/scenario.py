@@ -205,7 +205,7 @@ def validate(
     warning names each event that waits for a `simulation_time`, `traveled_distance` or `speed` that no
     episode reaches, for a quantity `below` its least value, for a time between two decisions, or whose
     `probability` is 0, a destination that no episode reaches, a kind of `traffic.mix` that may drive nowhere,
-    and what is in the ego's exit beyond its destination. With `--seeds N`, `gap-acceptance` drives N
+    and what is in the ego's exit beyond its destination. With `--seeds N`, `planner` drives N
     episodes, and the command says how they end and how often events happen.
 
     **Examples**
@@ -332,9 +332,7 @@ def preview(
     ] = None,
     animate: Annotated[
         bool,
-        typer.Option(
-            "--animate", help="A film instead, NAME.gif: the episode as `gap-acceptance` drives it."
-        ),
+        typer.Option("--animate", help="A film instead, NAME.gif: the episode as `planner` drives it."),
     ] = False,
     overrides: Overrides = None,
 ) -> None:
@@ -369,7 +367,7 @@ def _animate(scenario: Scenario, seed: int, path: Path) -> None:
     from rudc.network.network import load_network
     from rudc.world.world import World
 
-    driver = make_agent("gap-acceptance")
+    driver = make_agent("planner")
     with World(load_network(scenario.network, scenario.junction)) as world:
         episode = Episode(world)
         film = Film(episode, driver.name)

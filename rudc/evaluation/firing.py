@@ -7,28 +7,24 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
-from rudc.agents.gap_acceptance import GapAcceptance
+from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode
-from rudc.env.outcome import Outcome
 from rudc.errors import RudcError
 from rudc.evaluation.rollout import run_episode
 from rudc.network.network import load_network
 from rudc.world.events import numbered
-from rudc.world.scene import STILL, Scene
 from rudc.world.world import World
 
 if TYPE_CHECKING:
     from rudc.scenario.model import Scenario
 
 EARLY = (
-    "its trigger did not come true before the episode ended, with gap-acceptance driving, or there was "
+    "its trigger did not come true before the episode ended, with planner driving, or there was "
     "nobody for it to act on"
 )
 """why an event may not happen"""
 NO_ROOM = "there was no room for it on the road"
 """why an event does not happen whose trigger holds, and which asks for room"""
-BEFORE_M = 10.0
-"""m before the ego, within which what stands in its lane keeps it from driving on"""
 
 
 @dataclass(slots=True)
@@ -71,31 +67,24 @@ class Tried(NamedTuple):
     """how many ended how"""
     wrong: list[str]
     """what is wrong with those that cannot be set up or driven, a line each"""
-    blocked: int
-    """how many are frozen with something that stands in the ego's lane just before it"""
 
     @property
     def ends(self) -> str:
         """How the episodes ended, in words."""
         plural = "s" * (self.outcomes.total() != 1)
         ends = ", ".join(f"{count} {outcome}" for outcome, count in self.outcomes.most_common())
-        stays = self.blocked > self.outcomes.total() // 2
-        round_it = "; it does not go round what blocks its lane, as `--agent planner` of `rudc run` does"
-        return f"gap-acceptance drives {self.outcomes.total()} episode{plural}: {ends}{round_it * stays}"
+        return f"planner drives {self.outcomes.total()} episode{plural}: {ends}"
 
 
 def drive_and_count(scenario: Scenario, seeds: Iterable[int]) -> Tried:
-    """Drive the seeds' episodes with `gap-acceptance` and count how they end, and of each event how often it
-    happens.
-    """
+    """Drive the seeds' episodes with `planner`; count how they end, and how often each event happens."""
     outcomes: Counter[str] = Counter()
-    blocked = 0
     found = [Firing(number, event.kind) for number, event in enumerate(scenario.events, start=1)]
     wrong: list[str] = []
     waiting = deque(seeds)
     while waiting:  # once more with a new world after an episode that went wrong
         with World(load_network(scenario.network, scenario.junction)) as world:
-            episode, agent = Episode(world), GapAcceptance()
+            episode, agent = Episode(world), make_agent("planner")
             while waiting:
                 seed = waiting.popleft()
                 try:
@@ -104,15 +93,8 @@ def drive_and_count(scenario: Scenario, seeds: Iterable[int]) -> Tried:
                     wrong.append(f"seed {seed}: {error}")
                     break
                 outcomes[record.outcome] += 1
-                blocked += record.outcome == Outcome.FROZEN and _stands_before(agent, world.scene())
                 _count(found, world)
-    return Tried(found, outcomes, wrong, blocked)
-
-
-def _stands_before(agent: GapAcceptance, scene: Scene) -> bool:
-    """Whether the ego stands behind something that stands in its lane."""
-    gap, speed = agent.leader(scene)
-    return scene.waited_s > 0.0 and gap < BEFORE_M and speed < STILL
+    return Tried(found, outcomes, wrong)
 
 
 def _count(found: list[Firing], world: World) -> None:

@@ -23,7 +23,7 @@ WAITING = [
 @pytest.mark.parametrize("name", WAITING)
 def test_the_events_of_shipped_scenarios_happen(name):
     """In at least 95 % of the episodes that they are part of: here, with few episodes, in all of them."""
-    firings, outcomes, wrong, _ = drive_and_count(load_scenario(name), range(3))
+    firings, outcomes, wrong = drive_and_count(load_scenario(name), range(3))
     assert wrong == []
     assert outcomes.total() == 3
     for firing in firings:
@@ -73,7 +73,7 @@ def test_counts_say_what_probability_left_out():
     assert str(Firing(1, "speeding", 20, 11, 10, 9)) == (
         "event 1 (events.0) speeding: happens in 10 of 20 episodes (its probability lets it in 11), "
         "and the ego sees it in 9; in the others its trigger did not come true before the episode "
-        "ended, with gap-acceptance driving, or there was nobody for it to act on"
+        "ended, with planner driving, or there was nobody for it to act on"
     )
 
 
@@ -105,7 +105,7 @@ events:
 def test_seeds_that_cannot_be_set_up_are_said_and_the_others_driven(tmp_path):
     path = tmp_path / "overlap.yaml"
     path.write_text(OVERLAP, encoding="utf-8")
-    firings, outcomes, wrong, _ = drive_and_count(load_scenario(path), range(6))
+    firings, outcomes, wrong = drive_and_count(load_scenario(path), range(6))
     assert 0 < len(wrong) < 6
     assert all("seed " in text and "would stand in the same place" in text for text in wrong)
     assert firings[0].episodes == outcomes.total() == 6 - len(wrong)
@@ -133,17 +133,19 @@ def test_an_episode_that_goes_wrong_on_the_way_does_not_keep_the_others_from_bei
 
 
 def test_how_episodes_end_is_said():
-    driven = drive_and_count(load_scenario("blocked_left_turn", {"episode.timeout": 15}), range(2))
+    driven = drive_and_count(load_scenario("blocked_left_turn", {"episode.timeout": 0.1}), range(2))
     assert driven.outcomes == {"frozen": 2}
-    assert driven.ends.startswith("gap-acceptance drives 2 episodes: 2 frozen; it does not go round what")
+    assert driven.ends == "planner drives 2 episodes: 2 frozen"
     result = CliRunner().invoke(app, ["scenario", "validate", "random_destination", "--seeds", "1"])
-    assert "random_destination: ok (0 events)\n  gap-acceptance drives 1 episode: 1 success" in result.stdout
+    assert "random_destination: ok (0 events)\n  planner drives 1 episode: 1 success" in result.stdout
 
 
-def test_a_blocked_lane_is_blamed_only_where_something_stands_there():
-    driven = drive_and_count(load_scenario("random_destination", {"episode.timeout": 0.1}), range(2))
-    assert driven.outcomes == {"frozen": 2}
-    assert driven.ends == "gap-acceptance drives 2 episodes: 2 frozen"
+def test_an_event_beyond_what_blocks_the_way_happens():
+    """A driver who stays behind the block would never see it."""
+    stalled = load_scenario("stalled_truck").events[0].model_dump(exclude_none=True)
+    beyond = {"kind": "low_friction", "friction": 0.5, "when": {"ego_distance_to_junction": {"below": -50}}}
+    firings, *_ = drive_and_count(load_scenario("stalled_truck", {"events": [stalled, beyond]}), range(1))
+    assert [firing.fired for firing in firings] == [1, 1]
 
 
 def test_validate_says_how_often_events_happen():
@@ -151,6 +153,6 @@ def test_validate_says_how_often_events_happen():
     assert result.exit_code == 0
     assert result.stdout.splitlines() == [
         "sudden_brake: ok (1 event)",
-        "  gap-acceptance drives 3 episodes: 3 success",
+        "  planner drives 3 episodes: 3 success",
         "  event 1 (events.0) hard_brake: happens in 3 of 3 episodes",
     ]
