@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rudc.agents.base import Decision, unfiltered
-from rudc.env.tracking import acceleration_towards, speed_allowed, speeds_in_bends, steering
+from rudc.env.tracking import CALM_S, acceleration_towards, speed_allowed, speeds_in_bends, steering
 from rudc.world.config import EgoDriver
 from rudc.world.scene import Scene
 
@@ -25,4 +25,4 @@ class Follower:
     def act(self, scene: Scene) -> Decision:
         """Steer along the path and hold the speed."""
         speed = speed_allowed(scene, speeds_in_bends(scene.route.path), CRUISE)
-        return unfiltered(acceleration_towards(speed, scene, ACCELERATION), steering(scene))
+        return unfiltered(acceleration_towards(speed, scene, ACCELERATION), steering(scene, CALM_S))

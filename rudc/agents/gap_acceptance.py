@@ -25,6 +25,7 @@ import numpy as np
 from rudc.agents.base import Decision, unfiltered
 from rudc.agents.gaps import ACCELERATION, CRUISE, DECELERATION, SLOWEST, crossing, suffices
 from rudc.env.tracking import (
+    CALM_S,
     acceleration_towards,
     hardest,
     planned,
@@ -72,7 +73,7 @@ class GapAcceptance:
         if math.isfinite(room):
             speed = math.sqrt(2 * planned(scene, DECELERATION) * max(room - 0.3, 0.0))
             acceleration = min(acceleration, acceleration_towards(speed, scene, ACCELERATION))
-        return unfiltered(max(acceleration, scene.vehicle.a_min), steering(scene))
+        return unfiltered(max(acceleration, scene.vehicle.a_min), steering(scene, CALM_S))
 
     # ---- leader
 

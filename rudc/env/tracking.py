@@ -45,6 +45,10 @@ RETURN_S, ASIDE_M = 0.75, 3.4
 """s, m: L = v max(RETURN_S, sqrt(ASIDE_M / a)), where a is full braking: then an offset of ASIDE_M, a lane's
 width, asks for no more than the grip
 """
+CALM_S = 1.5
+"""s, RETURN_S of a driver who does not know how late the car responds: what responds later than about 0.6 of
+it makes the car oscillate
+"""
 WEAKEST = 0.01
 """m/s2, full braking counts as this if it is less"""
 PREVIEW_S = 0.05
@@ -60,18 +64,18 @@ PLANNED = 5.0 / 6.0
 _bends: Remembered[ReferencePath, Array] = Remembered()
 
 
-def steering(scene: Scene) -> float:
-    """rad, front-wheel angle that follows `scene.route.path`."""
+def steering(scene: Scene, return_s: float = RETURN_S) -> float:
+    """rad, front-wheel angle that follows `scene.route.path`; `return_s`: RETURN_S or CALM_S."""
     ego, path, body = scene.ego, scene.route.path, scene.vehicle
     return front_wheels(
         path.poses, path.curvature, scene.ego_s, scene.ego_offset, ego.psi, ego.v, PREVIEW_S,
-        *way_back_of(body), body.wheelbase, body.cg_to_rear, body.delta_max,
+        *way_back_of(body, return_s), body.wheelbase, body.cg_to_rear, body.delta_max,
     )  # fmt: skip
 
 
-def way_back_of(body: EgoVehicle) -> tuple[float, float]:
+def way_back_of(body: EgoVehicle, return_s: float = RETURN_S) -> tuple[float, float]:
     """s and m: L is as far as the ego drives in the first, 2 l_r at least, and at most the second."""
-    return max(RETURN_S, math.sqrt(ASIDE_M / max(-body.a_min, WEAKEST))), RETURN_M
+    return max(return_s, math.sqrt(ASIDE_M / max(-body.a_min, WEAKEST))), RETURN_M
 
 
 def slowing(scene: Scene, room: float, speed: float, deceleration: float) -> float:

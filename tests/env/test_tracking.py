@@ -6,11 +6,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rudc.env.tracking import LATERAL, acceleration_towards, speed_allowed, speeds_in_bends, steering
+from rudc.env.tracking import (
+    CALM_S,
+    LATERAL,
+    RETURN_S,
+    acceleration_towards,
+    speed_allowed,
+    speeds_in_bends,
+    steering,
+)
 from rudc.geometry import Rectangles
 from rudc.network.course import CoursePlanner
 from rudc.network.network import load_network, shipped_networks
-from rudc.vehicle import EgoVehicle
+from rudc.vehicle import Actuation, EgoVehicle
 from rudc.world.ego import EgoPlant
 
 
@@ -64,6 +72,23 @@ def test_comes_back_to_the_path_without_swinging(scene_on, offset):
         plant.step(0.0, delta, 0.05)
     assert abs(offsets[-1]) < 0.02
     assert min(np.array(offsets) * np.sign(offset)) > -0.15 * abs(offset)
+
+
+@pytest.mark.parametrize(("return_s", "swings"), [(CALM_S, False), (RETURN_S, True)])
+def test_a_calm_driver_does_not_swing_with_actuators_that_are_late(scene_on, return_s, swings):
+    """At 4 m/s, with 0.3 s of delay and a lag of 0.2 s, as in sluggish_actuators."""
+    route = load_network("four_way").route("south", "straight")
+    plant, s, offsets = EgoPlant(EgoVehicle()), 20.0, []
+    x, y, psi = (float(v) for v in route.path.pose(s))
+    plant.reset(x - 0.3, y, psi, 4.0, Actuation(0.3, 0.2))
+    for _ in range(120):
+        s, now = route.path.project(plant.state.x, plant.state.y, s)
+        offsets.append(now)
+        scene = scene_on("south", "straight", s, plant.state.v, offset=now, state=plant.state)
+        delta = steering(scene, return_s)
+        for _ in range(2):
+            plant.step(0.0, delta, 0.05)
+    assert (max(np.abs(offsets[90:])) > 0.1) == swings
 
 
 def test_speeds_in_bends_can_be_braked_to_and_respect_lateral_acceleration():
