@@ -5,8 +5,7 @@ A course is a line round what blocks, for the same movement as the route that it
 when those who came the wrong way, for whom it was chosen, have passed, and when all that it leads round has
 been gone, in plain sight, for GONE_S s; at most once in AGAIN_S s. While no course is clear, the ego stops
 SHORT m before what blocks: nearer, it could not pull out. After STUCK_S s a smaller gap is enough, too.
-Beside bodies it drives at SLOW + PER_METRE x gap at most, and in the bends of a course as
-rudc/env/tracking.py says.
+Beside bodies it drives at most SLOW + PER_METRE x gap, and in bends as rudc/env/tracking.py says.
 
 Everywhere it drives at most TOLERATED times the speed limit of the lane that it is on; in the junction, that
 of the lane before it.
@@ -133,10 +132,11 @@ class Courses:
         shown = scene if self.course is None else along(scene, self.course)
         self._stop = math.inf
         over = self._gone(scene, blocks) or (bool(self._strays) and not not_passed(scene, self._strays))
-        if scene.ego.v >= STANDING or not blocks.any:
-            self._free_s = scene.time_s
         if not (blocks.any or over):
+            self._least, self._free_s = CLEAR, scene.time_s
             return shown
+        if scene.ego.v >= STANDING:
+            self._free_s = scene.time_s
         if scene.time_s > self._free_s + STUCK_S:
             self._least = TIGHT
         elif self._least < CLEAR and _first_hit(shown, blocks, CLEAR) == math.inf:
