@@ -135,16 +135,16 @@ class Courses:
         if not (blocks.any or over):
             self._least, self._free_s = CLEAR, scene.time_s
             return shown
-        if scene.ego.v >= STANDING:
-            self._free_s = scene.time_s
         if scene.time_s > self._free_s + STUCK_S:
             self._least = TIGHT
-        elif self._least < CLEAR and _first_hit(shown, blocks, CLEAR) == math.inf:
+        elif self._least < CLEAR and _first_hit(shown, blocks, CLEAR) > LEADER:
             self._least = CLEAR
         wait, clear = _wait(shown, blocks), _clear(scene, blocks, self._least)
         hit = _first_hit(shown, blocks, clear)
+        if scene.ego.v >= STANDING or hit == math.inf:
+            self._free_s = scene.time_s
         if hit == math.inf and not over and not _astray(shown, blocks):
-            self._stop, self._free_s = wait, scene.time_s
+            self._stop = wait
             return shown
         for course, least in self._candidates(scene, blocks, clear):
             tried = scene if course is None else along(scene, course)

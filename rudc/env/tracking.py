@@ -46,8 +46,8 @@ RETURN_S, ASIDE_M = 0.75, 3.4
 width, asks for no more than the grip
 """
 CALM_S = 1.5
-"""s, RETURN_S of a driver who does not know how late the car responds: what responds later than about 0.6 of
-it makes the car oscillate
+"""s, RETURN_S of drivers by rules, which need not know how late the car responds. From RETURN_M / CALM_S on,
+4 m/s, RETURN_M bounds L
 """
 WEAKEST = 0.01
 """m/s2, full braking counts as this if it is less"""

@@ -166,7 +166,8 @@ class CoursePlanner:
             line = self._joined(arc, profile, first, slope)
             here = line.project(*arc[0].tolist())[0] + BEHIND
             _, gaps = gaps_along(line, here + SPACING, here + REACH, self._body, standing)
-            is_free = gaps.min(initial=np.inf) >= clear and not self._swings_out(line, here)
+            on_path = self._same_place(line, s) + STEP
+            is_free = gaps.min(initial=np.inf) >= clear and not self._swings_out(line, here, on_path)
             if is_free and self._stays_on_road(line, s, s + REACH):
                 return self._along(line)
         return None
@@ -207,11 +208,11 @@ class CoursePlanner:
         s = np.arange(self._same_place(path, first) + STEP, self._same_place(path, last), 2 * SPACING)
         return bool((self._depths(*path.body_pose(s, self._body)) >= 0.0).all())
 
-    def _swings_out(self, path: ReferencePath, first: float) -> bool:
-        """Whether a car on the line, which is at `first` m of it, swings out over the road's edge before
-        `_stays_on_road` looks.
+    def _swings_out(self, path: ReferencePath, first: float, last: float) -> bool:
+        """Whether a car on the line swings out over the road's edge between `first` m of it, where it is, and
+        `last` m, from where on `_stays_on_road` looks.
         """
-        s = np.arange(first, first + PULL_OUT[-1] + STEP, SPACING)
+        s = np.arange(first, last, SPACING)
         depths = self._depths(*path.body_pose(s, self._body))
         return bool(depths.min() < min(depths[0], 0.0) - SWINGS_OUT)
 

@@ -76,13 +76,15 @@ def test_who_has_moved_since_begins_anew(make_scene, planner):
     assert planner.tried == [*range(5), *range(5)]
 
 
-def beside(make_scene, gap, front=-40.0, ahead=9.0):
-    """Somebody stands across the ego's lane, `ahead` m before it, and leaves `gap` m to the right."""
+def beside(make_scene, gap, front=-40.0, ahead=(9.0,)):
+    """Across the ego's lane somebody stands `ahead` m before it, at each of these, and leaves `gap` m."""
     alone = make_scene(turn="straight", front=front, v=0.0)
-    x, y, psi = (float(value) for value in alone.route.path.pose(alone.ego_s + ahead))
     left = 0.5 * (alone.vehicle.width + 5.0) + gap
-    place = (x - left * math.sin(psi), y + left * math.cos(psi), psi + 0.5 * math.pi)
-    return make_scene({"at": place}, turn="straight", front=front, v=0.0)
+    stand = []
+    for m in ahead:
+        x, y, psi = (float(value) for value in alone.route.path.pose(alone.ego_s + m))
+        stand.append({"at": (x - left * math.sin(psi), y + left * math.cos(psi), psi + 0.5 * math.pi)})
+    return make_scene(*stand, turn="straight", front=front, v=0.0)
 
 
 def accelerates(courses, scene):
@@ -120,3 +122,15 @@ def test_once_past_the_next_gap_must_be_as_large_as_usual_again(make_scene, plan
     courses.see(replace(free, time_s=scene.time_s + 7.0))
     again = beside(make_scene, 0.17, front=-20.0)
     assert not accelerates(courses, replace(again, time_s=scene.time_s + 8.0))
+
+
+def test_the_next_gap_in_sight_must_be_as_large_as_usual_too(make_scene, planner):
+    courses = Courses()
+    scene = beside(make_scene, 0.17, ahead=(9.0, 55.0))
+    courses.reset(scene)
+    look(courses, scene, 60)
+    at_next = beside(make_scene, 0.17, front=6.0, ahead=(-37.0, 9.0))
+    past = beside(make_scene, 0.17, front=-20.0, ahead=(-11.0, 35.0))
+    assert accelerates(courses, replace(scene, time_s=scene.time_s + 6.0))
+    assert accelerates(courses, replace(past, time_s=scene.time_s + 8.0))
+    assert not accelerates(courses, replace(at_next, time_s=scene.time_s + 9.0))
