@@ -46,8 +46,8 @@ RETURN_S, ASIDE_M = 0.75, 3.4
 width, asks for no more than the grip
 """
 CALM_S = 1.5
-"""s, RETURN_S of drivers by rules, which need not know how late the car responds. From RETURN_M / CALM_S on,
-4 m/s, RETURN_M bounds L
+"""s, RETURN_S for drivers by rules: longer, so that a car that responds late swings less. From 4 m/s on L is
+RETURN_M; with RETURN_S, from 8 m/s on
 """
 WEAKEST = 0.01
 """m/s2, full braking counts as this if it is less"""

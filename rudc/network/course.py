@@ -61,7 +61,8 @@ STEEPEST = 0.85
 """largest slope with which such an arc may end; where the lattice has no slope so large, it starts from its
 own largest"""
 SWINGS_OUT = 0.1
-"""m, by which a corner may swing out over the road's edge on such an arc, or farther over it than it is"""
+"""m, by which a corner may swing out over the road's edge where a car pulls out, or farther out if it is over
+the edge already"""
 BEHIND = 1.0
 """m of the arc that are drawn behind the car, so that the car is on it from the start"""
 
@@ -212,13 +213,13 @@ class CoursePlanner:
         """Whether a car on the line swings out over the road's edge between `first` m of it, where it is, and
         `last` m, from where on `_stays_on_road` looks.
         """
-        s = np.arange(first, last, SPACING)
+        s = np.arange(first, max(first, last) + SPACING, SPACING)  # on a loop, `last` may be found before
         depths = self._depths(*path.body_pose(s, self._body))
         return bool(depths.min() < min(depths[0], 0.0) - SWINGS_OUT)
 
     def _depths(self, xy: Array, psi: Array) -> Array:
-        """(K,) m from the road's edge to the corner of the car that is nearest to it or, negative, farthest
-        beyond it, at places (K, 2) m with headings (K,) rad.
+        """(K,) m, the least distance of the car's corners from the road's edge, negative off the road, at
+        places (K, 2) m with headings (K,) rad.
         """
         size = np.broadcast_to((self._body.length, self._body.width), (len(psi), 2))
         return self._network.surface.signed_distance(rectangle_corners(xy, psi, size)).min(axis=1)

@@ -8,10 +8,10 @@ is before it or passes close by. A pedestrian stops only for what is there alrea
 past pedestrians who walk towards it. The yielding layer makes SVs see all props.
 
 A moving prop that has had to stand for long goes back and waits until its way is free. A pedestrian goes
-back a step, and later to where they came from. Who has been run into gets out of the other. A driver goes
-back until the other has room to drive off, and then stops for a moving ego, too. One who drives against a
-lane gives up and backs out of the road if it is held up for long, or has gone back to where it appeared.
-Without this, two that wait for each other would stand for good.
+back a step, and later to where they came from. One that somebody has run into may always go away from them,
+on or back. A driver goes back until the other has room to drive off, and then stops for a moving ego, too.
+One who drives against a lane gives up and backs out of the road if it is held up for long, or has gone back
+to where it appeared. Without this, two that wait for each other would stand for good.
 """
 
 from __future__ import annotations
@@ -19,9 +19,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rudc.arrays import Array, Index
+from rudc.arrays import Array, Flags, Index
 from rudc.geometry import rectangle_gaps
 from rudc.world.scene import STANDING, Kind, Scene
 
@@ -211,8 +210,8 @@ class Prop:
         return (*self.pose(0.5 * needed), self.length + needed, self.width)
 
     def _is_free(self, scene: Scene, reach: float) -> bool:
-        """Whether `reach` m of its way before its front are free (behind its rear if negative). What has run
-        into it does not count on the side on which its middle is not: there is the way out.
+        """Whether `reach` m of its way before its front are free (behind its rear if negative). Somebody who
+        has run into it is ignored if this way leads away from their middle.
         """
         middle = 0.5 * (math.copysign(self.length, reach) + reach)
         x, y, heading = self.pose()
@@ -225,7 +224,7 @@ class Prop:
 
     def _is_clear(
         self, scene: Scene, box: tuple[float, float, float, float, float], late_s: float,
-        ignored: NDArray[np.bool_] | None = None,
+        ignored: Flags | None = None,
     ) -> bool:  # fmt: skip
         """Whether a box on its way (x m, y m, heading rad, length m, width m) is free of all but those who
         are `ignored` (N,).
