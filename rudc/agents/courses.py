@@ -5,7 +5,8 @@ A course is a line round what blocks, for the same movement as the route that it
 when those who came the wrong way, for whom it was chosen, have passed, and when all that it leads round has
 been gone, in plain sight, for GONE_S s; at most once in AGAIN_S s. While no course is clear, the ego stops
 SHORT m before what blocks: nearer, it could not pull out. After STUCK_S s a smaller gap is enough, too.
-Beside bodies it drives at most SLOW + PER_METRE x gap, and in bends as rudc/env/tracking.py says.
+How fast it drives beside bodies, rudc/agents/passing.py says. A car that has missed a bend, and creeps more
+than MISSED m off its line, gets a course back to it.
 
 Everywhere it drives at most TOLERATED times the speed limit of the lane that it is on; in the junction, that
 of the lane before it.
@@ -28,6 +29,7 @@ from rudc.agents.coming import not_passed
 from rudc.agents.following import PULL_OUT
 from rudc.agents.gaps import entering, suffices
 from rudc.agents.hidden import sees
+from rudc.agents.passing import is_narrow, speed_now, speeds_beside
 from rudc.agents.patience import Patience
 from rudc.agents.standoff import Standoff
 from rudc.arrays import Array
@@ -40,7 +42,6 @@ from rudc.env.tracking import (
     planned,
     slowing,
     slowing_for_limits,
-    speeds_on_road,
     steering,
     stopping,
 )
@@ -71,18 +72,14 @@ AGAIN_S, OUTS_S = 1.0, 1.5
 GONE_S, GONE = 2.0, 2.0
 """s, m: a body is gone if none has stood within the second of its place for the first: longer than those
 whom sensors miss are remembered"""
-SLOW, PER_METRE = 2.5, 4.0
-"""m/s, and m/s for each m of gap: the speed beside bodies"""
 TOLERATED = 1.2
 """factor on the speed limit: as fast as SUMO's fastest ordinary drivers"""
-BACK = 4.0
-"""m behind the ego's centre from where on bodies slow it down"""
-NARROW, NARROW_AHEAD = 1.2, 12.0
-"""m, m: a passage is close if the gap is below the first within the second ahead"""
 LEEWAY = 0.03
 """rad, by which the front wheels may then differ from those of a driver who follows the course"""
 CREEPS, LOST = 2.0, 0.3
 """m/s, m: an ego that is slower than this and farther off its line than this may get a new course"""
+MISSED = 2.5
+"""m: an ego that creeps and is farther off its line than this gets a course back to it"""
 HARDEST = 4.0
 """m/s2, braking with which the ego can still stop for others"""
 JUST_PAST = 3.0
@@ -132,7 +129,7 @@ class Courses:
         shown = scene if self.course is None else along(scene, self.course)
         self._stop = math.inf
         over = self._gone(scene, blocks) or (bool(self._strays) and not not_passed(scene, self._strays))
-        if not (blocks.any or over):
+        if not (blocks.any or over or _missed(shown)):
             self._least, self._free_s = CLEAR, scene.time_s
             return shown
         if scene.time_s > self._free_s + STUCK_S:
@@ -143,7 +140,7 @@ class Courses:
         hit = _first_hit(shown, blocks, clear)
         if scene.ego.v >= STANDING or hit == math.inf:
             self._free_s = scene.time_s
-        if hit == math.inf and not over and not _astray(shown, blocks):
+        if hit == math.inf and not over and not _astray(shown, blocks) and not _missed(shown):
             self._stop = wait
             return shown
         for course, least in self._candidates(scene, blocks, clear):
@@ -190,10 +187,10 @@ class Courses:
         stop, delta = self._stop, float(u[1])
         speed = math.inf
         if self.course is not None or self._least < CLEAR:
-            profile = _profile(scene, blocks)
+            profile = speeds_beside(scene, blocks.standing, _look(scene))
             stop = min(stop, _entry(scene, self._route, profile))
-            speed = _speed_now(scene, profile)
-            if _narrow(scene, blocks):
+            speed = speed_now(scene, profile, _look(scene))
+            if is_narrow(scene, blocks.standing):
                 track = steering(scene)
                 delta = min(max(delta, track - LEEWAY), track + LEEWAY)
         wanted = max((speed - scene.ego.v) / RESPONSE_S, scene.vehicle.a_min)
@@ -350,36 +347,14 @@ def _wait(scene: Scene, blocks: Blocks) -> float:
     return next((room for room in rooms if room >= least), max(clear, 0.0) if creeps else math.inf)
 
 
-def _narrow(scene: Scene, blocks: Blocks) -> bool:
-    """Whether the ego passes close beside a body that stands and blocks, or is about to."""
-    here = scene.ego_s
-    _, gap = gaps_along(scene.route.path, here - BACK, here + NARROW_AHEAD, scene.vehicle, blocks.standing)
-    return bool((gap < NARROW).any())
-
-
 def _astray(scene: Scene, blocks: Blocks) -> bool:
     """Whether the ego creeps, has left its line, and passes close beside a body."""
-    return scene.ego.v < CREEPS and abs(scene.ego_offset) > LOST and _narrow(scene, blocks)
+    return scene.ego.v < CREEPS and abs(scene.ego_offset) > LOST and is_narrow(scene, blocks.standing)
 
 
-def _profile(scene: Scene, blocks: Blocks) -> Array:
-    """(M,) m/s, speed at each station of the ego's path that its bends and the gaps beside bodies allow."""
-    path = scene.route.path
-    s, gap = gaps_along(path, scene.ego_s - BACK, scene.ego_s + _look(scene), scene.vehicle, blocks.standing)
-    profile = speeds_on_road(scene).copy()
-    station = np.minimum((s / SPACING).astype(np.int64), len(path.s) - 1)
-    np.minimum.at(profile, station, SLOW + PER_METRE * gap)
-    return profile
-
-
-def _speed_now(scene: Scene, profile: Array) -> float:
-    """m/s, speed from which comfortable braking keeps to `profile` (M,) m/s on the next `_look` m."""
-    s = scene.route.path.s
-    near = (s > scene.ego_s - BACK - SPACING) & (s < scene.ego_s + _look(scene))
-    if not near.any():
-        return math.inf
-    braking = planned(scene, COMFORT)
-    return float(np.sqrt(profile[near] ** 2 + 2 * braking * np.maximum(s[near] - scene.ego_s, 0.0)).min())
+def _missed(scene: Scene) -> bool:
+    """Whether the ego creeps far off its line."""
+    return scene.ego.v < CREEPS and abs(scene.ego_offset) > MISSED
 
 
 def _entry(scene: Scene, route: Route, profile: Array) -> float:
