@@ -6,8 +6,8 @@ manoeuvres that begin with it:
 
     stop   u for one step, then full braking with the steering held until the ego stands. Where some body
            stands still, also the same with steering along the route, which can pass close to one in a bend
-    go     u for one step, then along the route at GO_ACCELERATION up to GO_SPEED, as far as the vehicle can;
-           on a poor road no faster than its bends allow
+    go     u for one step, then along the route at GO_ACCELERATION up to GO_SPEED, as far as the vehicle can,
+           no faster than its bends allow
 
 Where the brakes are known to lag (`Scene.lag_s`), the first step and all stops begin with the acceleration
 that the ego has now, which follows the commands with that lag. Going on does so in its first step only.
@@ -59,7 +59,6 @@ import numpy as np
 
 from rudc.arrays import Array, Complex, Flags, Index
 from rudc.env.tracking import PREVIEW_S, steering, way_back_of
-from rudc.network.paths import SPACING
 from rudc.safety.config import FilterConfig
 from rudc.safety.last_resort_kernels import (
     in_reach,
@@ -68,11 +67,13 @@ from rudc.safety.last_resort_kernels import (
     room_left,
     room_to_stop,
     steering_along,
+    way_of_going,
     way_of_stopping,
 )
 from rudc.safety.prediction import ALONG, GO_ACCELERATION, GO_SPEED, LANE, bodies, following, lines
 from rudc.vehicle import EgoVehicle
 from rudc.world.borders import Borders
+from rudc.world.ego import DRY, GRAVITY
 from rudc.world.kernels import slip_of
 from rudc.world.scene import STILL, Scene
 
@@ -88,9 +89,9 @@ ALIKE = 0.1
 """m of room: of manoeuvres that hit somebody, those that differ by less count as equally bad"""
 AS_GOOD = 0.01
 """m/s2, an acceleration closer than this to full braking counts as full braking"""
-BENDS = 0.8
-"""share, of the acceleration that brakes may use, that bends may use where the road is poor
-(rudc/agents/adaptation.py)"""
+BENDS, DRY_BENDS = 0.8, 0.9 * DRY * GRAVITY
+"""share, of the acceleration that brakes may use, that bends may use where the road is poor; m/s2 that they
+may use elsewhere (rudc/agents/adaptation.py)"""
 HARDEST = -9.0
 """m/s2, hardest braking that is assumed of whoever leads the ego: what a good car can on a dry road"""
 GENTLY = 0.4
@@ -366,28 +367,15 @@ class LastResort:
         )  # fmt: skip
 
     def _go(self, scene: Scene, first: float, v: float, a: float = GO_ACCELERATION) -> Array:
-        """(T,) m driven along the route: `first` m in the first step, then at `a` m/s2 from `v` m/s; on a
-        poor road no faster than its bends allow.
+        """(T,) m driven along the route: `first` m in the first step, then at `a` m/s2 from `v` m/s, no
+        faster than its bends allow.
         """
-        if scene.vehicle.a_min > scene.network.vehicle.a_min:
-            return self._go_slowly(scene, first, v, a)
-        rest = np.maximum(self._times - self._dt, 0.0)
-        a, top = min(a, scene.vehicle.a_max), min(GO_SPEED, scene.vehicle.v_max)
-        rising = np.minimum(rest, max(top - v, 0.0) / a)
-        way = first + v * rest + a * rising * (rest - 0.5 * rising)
-        return np.where(self._times > 0.0, way, 0.0)
-
-    def _go_slowly(self, scene: Scene, first: float, v: float, a: float) -> Array:
-        """As `_go`, on a road that gives less than the brakes could use."""
-        path, a_min, a = scene.route.path, scene.vehicle.a_min, min(a, scene.vehicle.a_max)
-        bends, way, top = np.abs(path.curvature), [0.0, first], min(GO_SPEED, scene.vehicle.v_max)
-        for _ in self._times[2:]:
-            station = min(int((scene.ego_s + way[-1]) / SPACING), len(bends) - 1)
-            most = min(max(top, v), math.sqrt(BENDS * -a_min / max(float(bends[station]), 1e-4)))
-            after = max(min(v + a * self._dt, most), v + a_min * self._dt, 0.0)
-            way.append(way[-1] + 0.5 * (v + after) * self._dt)
-            v = after
-        return np.array(way)
+        body, path = scene.vehicle, scene.route.path
+        poor = body.a_min > scene.network.vehicle.a_min
+        return way_of_going(
+            self._times, self._dt, first, v, min(a, body.a_max), min(GO_SPEED, body.v_max), -body.a_min,
+            path.curvature, scene.ego_s, BENDS * -body.a_min if poor else DRY_BENDS,
+        )  # fmt: skip
 
     def _first(self, scene: Scene, a: float) -> tuple[float, float, float]:
         """m driven in the first step under the command `a` m/s2, and m/s and m/s2 after it."""

@@ -29,6 +29,9 @@ from rudc.network.paths import SPACING
 from rudc.safety.kernels import creeping_past, drives_on, end_of, other_ahead
 from rudc.world.kernels import slip_of
 
+STRAIGHT = 1e-4
+"""1/m, least curvature that is reckoned with"""
+
 FINE = 0.2
 """m that others move, as seen from the ego, between two places that are looked at"""
 
@@ -200,6 +203,26 @@ def way_of_stopping(
         if times[t] > 0.0:
             held = min(max(times[t] - step, 0.0), v / braking)
             way[t] = first + v * held - 0.5 * braking * held * held
+    return way
+
+
+@kernel
+def way_of_going(
+    times: Vector, step: float, first: float, v: float, a: float, top: float, braking: float,
+    bends: Vector, s: float, lateral: float,
+) -> NewVector:  # fmt: skip
+    """(T,) m driven at `times` (T,) s, whole steps: `first` m in a step of `step` s, and then along a path of
+    curvature `bends` (M,) 1/m at its stations, from s m of it on: from v m/s at a m/s2 up to `top` m/s,
+    braking at `braking` m/s2 where that would need more than `lateral` m/s2 in a bend.
+    """
+    way = np.zeros(len(times))
+    way[1:] = first
+    for t in range(2, len(times)):
+        station = min(int((s + way[t - 1]) / SPACING), len(bends) - 1)
+        most = min(max(top, v), math.sqrt(lateral / max(abs(bends[station]), STRAIGHT)))
+        after = max(min(v + a * step, most), v - braking * step, 0.0)
+        way[t] = way[t - 1] + 0.5 * (v + after) * step
+        v = after
     return way
 
 

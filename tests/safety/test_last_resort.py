@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rudc.arrays import Array
 from rudc.geometry import gaps_between
 from rudc.network.route import ReferencePath
 from rudc.safety.filter import FilterConfig, SafetyFilter
@@ -249,7 +250,7 @@ def test_it_does_not_go_on_where(why: str, scene: Scene) -> None:
     assert answer.u[0] <= BRAKE[0]
 
 
-def test_who_goes_on_on_a_poor_road_reckons_with_its_bends() -> None:
+def test_who_goes_on_reckons_with_the_bends_of_its_road() -> None:
     s = np.linspace(0.0, 2.0, 400)
     bend = np.column_stack([8.0 * np.sin(s), 8.0 - 8.0 * np.cos(s)])
     line = np.concatenate([np.array([[-100.0, 0.0]]), bend[:310]])
@@ -261,9 +262,14 @@ def test_who_goes_on_on_a_poor_road_reckons_with_its_bends() -> None:
     way = judge._go(scene, 0.5, 5.0)
     dry = judge._go(replace(scene, vehicle=EgoVehicle()), 0.5, 5.0)
     assert dry[-1] > way[-1] + 3.0
-    speeds = np.diff(way)[1:] / 0.1
-    inside = (scene.ego_s + way[1:-1] > 101.0) & (scene.ego_s + way[1:-1] < 110.0)
-    assert speeds[inside][-1] == pytest.approx(math.sqrt(0.8 * 2.0 * 8.0), rel=0.05)
+
+    def last_speed_inside(way: Array) -> float:
+        inside = (scene.ego_s + way[1:-1] > 101.0) & (scene.ego_s + way[1:-1] < 110.0)
+        return float((np.diff(way)[1:] / 0.1)[inside][-1])
+
+    assert last_speed_inside(way) == pytest.approx(math.sqrt(0.8 * 2.0 * 8.0), rel=0.05)
+    fast = judge._go(replace(scene, vehicle=EgoVehicle()), 1.0, 10.0)
+    assert last_speed_inside(fast) == pytest.approx(math.sqrt(0.9 * 0.9 * 9.81 * 8.0), rel=0.02)
 
 
 @pytest.mark.parametrize(("v", "farthest"), [(6.0, 15.0), (2.0, 7.5)])
