@@ -314,8 +314,9 @@ def _driven(scenario: Scenario, seeds: range) -> tuple[dict[str, list[Any]], lis
 
         for swept, point in scenario.grid():
             driven = drive_and_count(point, seeds)
-            if driven.outcomes:
-                ends.append({"swept": swept, "outcomes": dict(driven.outcomes), "text": driven.ends})
+            if ended := driven.seeds:
+                outcomes = driven.outcomes
+                ends.append({"swept": swept, "outcomes": outcomes, "seeds": ended, "text": driven.ends})
             firings += [{"swept": swept, **asdict(one), "text": str(one)} for one in driven.firings]
             wrong += driven.wrong
     return {"ends": ends, "firings": firings}, wrong

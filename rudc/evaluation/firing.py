@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from rudc.agents.registry import make_agent
 from rudc.env.episode import Episode
+from rudc.env.outcome import Outcome
 from rudc.errors import RudcError
 from rudc.evaluation.rollout import run_episode
 from rudc.network.network import load_network
@@ -63,22 +64,34 @@ class Tried(NamedTuple):
 
     firings: list[Firing]
     """one for each event of its file"""
-    outcomes: Counter[str]
-    """how many ended how"""
+    seeds: dict[str, list[int]]
+    """outcome -> seeds of the episodes that ended so"""
     wrong: list[str]
     """what is wrong with those that cannot be set up or driven, a line each"""
 
     @property
+    def outcomes(self) -> dict[str, int]:
+        """How many ended how, the most frequent first."""
+        return dict(Counter({outcome: len(seeds) for outcome, seeds in self.seeds.items()}).most_common())
+
+    @property
     def ends(self) -> str:
         """How the episodes ended, in words."""
-        plural = "s" * (self.outcomes.total() != 1)
-        ends = ", ".join(f"{count} {outcome}" for outcome, count in self.outcomes.most_common())
-        return f"planner drives {self.outcomes.total()} episode{plural}: {ends}"
+        ends = [f"{count} {outcome}{self._which(outcome)}" for outcome, count in self.outcomes.items()]
+        count = sum(self.outcomes.values())
+        return f"planner drives {count} episode{'s' * (count != 1)}: {', '.join(ends)}"
+
+    def _which(self, outcome: str) -> str:
+        """The seeds of those that ended so, in words; none of successes."""
+        seeds = self.seeds[outcome]
+        if outcome == Outcome.SUCCESS:
+            return ""
+        return f" (seed{'s' * (len(seeds) != 1)} {', '.join(str(seed) for seed in sorted(seeds))})"
 
 
 def drive_and_count(scenario: Scenario, seeds: Iterable[int]) -> Tried:
     """Drive the seeds' episodes with `planner`; count how they end, and how often each event happens."""
-    outcomes: Counter[str] = Counter()
+    ended: dict[str, list[int]] = {}
     found = [Firing(number, event.kind) for number, event in enumerate(scenario.events, start=1)]
     wrong: list[str] = []
     waiting = deque(seeds)
@@ -92,9 +105,9 @@ def drive_and_count(scenario: Scenario, seeds: Iterable[int]) -> Tried:
                 except RudcError as error:
                     wrong.append(f"seed {seed}: {error}")
                     break
-                outcomes[record.outcome] += 1
+                ended.setdefault(record.outcome, []).append(seed)
                 _count(found, world)
-    return Tried(found, outcomes, wrong)
+    return Tried(found, ended, wrong)
 
 
 def _count(found: list[Firing], world: World) -> None:

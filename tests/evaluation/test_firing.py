@@ -1,5 +1,7 @@
 """Whether scripted events happen: counted over episodes, in what is shipped and where traffic is thin."""
 
+from itertools import chain
+
 import pytest
 from typer.testing import CliRunner
 
@@ -23,9 +25,9 @@ WAITING = [
 @pytest.mark.parametrize("name", WAITING)
 def test_the_events_of_shipped_scenarios_happen(name):
     """In at least 95 % of the episodes that they are part of: here, with few episodes, in all of them."""
-    firings, outcomes, wrong = drive_and_count(load_scenario(name), range(3))
+    firings, seeds, wrong = drive_and_count(load_scenario(name), range(3))
     assert wrong == []
-    assert outcomes.total() == 3
+    assert sorted(chain(*seeds.values())) == [0, 1, 2]
     for firing in firings:
         assert firing.fired == firing.seen == firing.drawn, firing
 
@@ -105,10 +107,10 @@ events:
 def test_seeds_that_cannot_be_set_up_are_said_and_the_others_driven(tmp_path):
     path = tmp_path / "overlap.yaml"
     path.write_text(OVERLAP, encoding="utf-8")
-    firings, outcomes, wrong = drive_and_count(load_scenario(path), range(6))
+    firings, seeds, wrong = drive_and_count(load_scenario(path), range(6))
     assert 0 < len(wrong) < 6
     assert all("seed " in text and "would stand in the same place" in text for text in wrong)
-    assert firings[0].episodes == outcomes.total() == 6 - len(wrong)
+    assert firings[0].episodes == len([*chain(*seeds.values())]) == 6 - len(wrong)
     brief = tmp_path / "brief.yaml"
     brief.write_text("name: brief\nextends: sudden_brake\nepisode: {timeout: 3}\n", encoding="utf-8")
     which = ["--seed", wrong[0].removeprefix("seed ").partition(":")[0], "--seeds", "1"]
@@ -129,13 +131,13 @@ def test_an_episode_that_goes_wrong_on_the_way_does_not_keep_the_others_from_bei
     monkeypatch.setattr("rudc.evaluation.firing.run_episode", failing)
     driven = drive_and_count(load_scenario("random_destination", {"episode.timeout": 1}), range(2))
     assert driven.wrong == ["seed 0: a part failed at 0.5 s"]
-    assert driven.outcomes.total() == 1
+    assert list(driven.seeds.values()) == [[1]]
 
 
 def test_how_episodes_end_is_said():
     driven = drive_and_count(load_scenario("blocked_left_turn", {"episode.timeout": 0.1}), range(2))
     assert driven.outcomes == {"frozen": 2}
-    assert driven.ends == "planner drives 2 episodes: 2 frozen"
+    assert driven.ends == "planner drives 2 episodes: 2 frozen (seeds 0, 1)"
     result = CliRunner().invoke(app, ["scenario", "validate", "random_destination", "--seeds", "1"])
     assert "random_destination: ok (0 events)\n  planner drives 1 episode: 1 success" in result.stdout
 

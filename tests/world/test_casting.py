@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ import pytest
 from rudc.geometry import rectangle_gaps
 from rudc.scenario import load_scenario
 from rudc.world.casting import selected
-from rudc.world.events.selection import pick
+from rudc.world.events.selection import comes_from, pick
 from rudc.world.spawn import safe_to_start
 from tests.plans import PlanSource, constant, event
 from tests.world.networks import bent
@@ -178,3 +179,22 @@ def gap_to_things(scene, row):
     others = scene.position[things], scene.heading[things], scene.size[things]
     (x, y), (length, width) = scene.position[row], scene.size[row]
     return rectangle_gaps(x, y, scene.heading[row], length, width, *others).min()
+
+
+@pytest.mark.parametrize(
+    ("degrees", "crossing", "oncoming"),
+    [
+        ([0, 90, 180, 270], [1, 3], [2]),
+        ([0, 40, 180, 220], [1, 3], [2, 3]),
+        ([0, 30, 180], [1], [2]),
+        ([0, 150], [], [1]),
+        ([0, 35], [1], []),
+    ],
+)
+def test_who_crosses_comes_from_the_sides_or_from_acute_arms_where_none_lies_to_a_side(
+    degrees, crossing, oncoming
+):
+    paths = SimpleNamespace(stop_heading=np.radians(degrees), origin=np.arange(len(degrees)))
+    scene = SimpleNamespace(network=SimpleNamespace(paths=paths), route=SimpleNamespace(row=0))
+    assert np.flatnonzero(comes_from(scene, oncoming=False)).tolist() == crossing
+    assert np.flatnonzero(comes_from(scene, oncoming=True)).tolist() == oncoming

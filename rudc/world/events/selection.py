@@ -65,8 +65,13 @@ def towards_junction(scene: Scene, oncoming: bool) -> Array:
 
 def comes_from(scene: Scene, oncoming: bool) -> Flags:
     """(P,) which paths come from the opposite arm (`oncoming`), or else from the arms to the sides. Only
-    their headings at the stop line count, not how arms run farther out.
+    their headings at the stop line count, not how arms run farther out. Where no arm lies to a side, as on a
+    crossing of two roads at an acute angle, all arms count but the ego's and the most opposite one.
     """
     paths, row = scene.network.paths, scene.route.row
     turned = np.cos(paths.stop_heading - paths.stop_heading[row])
-    return turned < -ALONG if oncoming else np.abs(turned) <= ALONG
+    opposite, beside = turned < -ALONG, np.abs(turned) <= ALONG
+    if oncoming or beside.any():
+        return opposite if oncoming else beside
+    facing = paths.origin[np.argmin(turned)] if opposite.any() else paths.origin[row]
+    return (paths.origin != paths.origin[row]) & (paths.origin != facing)
