@@ -6,11 +6,12 @@ that comes back. It leads the driver round what blocks, and adapts it to the car
              (courses.py)
     urge     A policy's proposal -> changed to set off if the ego has stood too long and the rules would go
              (patience.py). Corrections come after this
-    govern   The driver's command -> slow enough to give way (approach.py) -> to stop for those who do not
-             give way to it (not_yielding.py) -> to stop behind the leader (following.py) -> to stop within
-             what the ego sees, and to give way to whom it does not see (hidden.py) -> to stop for those who
-             may run out (runners.py) -> to drive along the course (courses.py) -> steered so that the wheels
-             stay on the road (kerb.py) -> slow enough for the grip (adaptation.py)
+    govern   The driver's command -> slow enough to give way (approach.py) -> to stop for those who cross on
+             no path (crossers.py) -> to stop for those who do not give way to it (not_yielding.py) -> to
+             stop behind the leader (following.py) -> to stop within what the ego sees, and to give way to
+             whom it does not see (hidden.py) -> to stop for those who may run out (runners.py) -> to drive
+             along the course (courses.py) -> steered so that the wheels stay on the road (kerb.py) -> slow
+             enough for the grip (adaptation.py)
 
 So every driver, by rules or by a policy, with a correction or without, goes round what blocks and copes with
 another car than the one that it was made for, and need not know of either.
@@ -25,6 +26,7 @@ from rudc.agents.adaptation import Adaptation, Knowledge
 from rudc.agents.approach import ready_to_wait
 from rudc.agents.base import Agent, Decision, Urged, layers
 from rudc.agents.courses import Courses
+from rudc.agents.crossers import ready_for_crossers
 from rudc.agents.following import ready_to_follow
 from rudc.agents.hidden import ready_for_unseen, ready_to_wait_for_unseen, ready_while_blind
 from rudc.agents.kerb import kept_on_road
@@ -105,7 +107,7 @@ class Outlook:
         `onwards`: only road, bends and grip bound it, since stopping would be worse (`Corrected.onwards`).
         """
         if self._approach and not onwards:
-            u = ready_for_not_yielding(scene, ready_to_wait(scene, u))
+            u = ready_for_not_yielding(scene, ready_for_crossers(scene, ready_to_wait(scene, u)))
             u = ready_to_wait_for_unseen(scene, ready_for_unseen(scene, ready_to_follow(scene, u)))
             u = ready_for_next_runners(scene, ready_for_runners(scene, u))
             u = ready_while_blind(scene, u) if self.memory.blind else u
