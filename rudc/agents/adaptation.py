@@ -14,6 +14,8 @@
                  a dry one, bends may need LATERAL mu g only. Where grip is poor, the speed on straights is at
                  most the larger of CAREFUL and the speed that this braking stops within STOPPING m, and the
                  ego can stop for anybody who may come from where it does not see (hidden.py).
+                 A dry road may become poor within the bend. So there the ego also keeps to the speed at which
+                 it would come at most WIDE m off its line on the next LOST_M m, had it only POOREST of grip.
                  Steering is limited to what braking, of up to BRAKING mu g, leaves of mu g, or of FIRM mu g
                  where the road has shown less grip than a dry one: wheels that ask for more do not turn the
                  car any further, and take all grip from the brakes
@@ -40,6 +42,7 @@ from rudc.agents.poor_roads import BRAKING, POOR, USABLE, careful
 from rudc.agents.probe import FALLEN, LONGEST_S, Probe
 from rudc.agents.slide import Slide
 from rudc.arrays import Array
+from rudc.env.remembered import Remembered
 from rudc.network.paths import SPACING
 from rudc.network.route import ReferencePath
 from rudc.safety.plant import DECISION_S, ORDINARY, PlantEstimate, PlantMonitor
@@ -56,6 +59,8 @@ LATE_S, PROMPT_S, LATE_FOR_S, WARY = 0.25, 0.1, 0.5, 0.5
 """s, dead time and lag together from which on a car is late; s, below which it is no longer; s, for how long
 it must have been late to be driven warily for good; share of mu g that bends may ask for while it is late,
 and for good after that"""
+POOREST, WIDE, LOST_M = 0.45 * GRAVITY, 1.0, 12.0
+"""m/s2, m, m: a wet, dirty road's grip; how far off its line an ego may come on it, and within which way"""
 FIRM = 0.95
 """share of a limited mu g that steering may ask for: all of it would leave nothing for the brakes if the road
 gave a little less than is known
@@ -65,8 +70,12 @@ FULL = 0.98
 brakes no less, and shows at once if the road gives more than was thought"""
 GOVERNED_S = 0.2
 """s, or a decision if that is longer: time in which an ego that is too fast for its bends is slowed down"""
-SLOWEST, HALVINGS = 1.0, 12
-"""m/s, never slower than this because of late wheels; steps in which a speed is found"""
+SLOWEST, FASTEST, HALVINGS = 1.0, 50.0, 14
+"""m/s, never slower than this because of late wheels or of what a road may become; m/s, faster than anybody
+drives; steps in which a speed is found"""
+
+_falling: Remembered[ReferencePath, Array] = Remembered()
+"""`_if_grip_falls` of each path"""
 
 
 class Adaptation:
@@ -195,7 +204,9 @@ class Adaptation:
         car = grip, share, lag_s
         profile = self._profiles.get(car)
         if profile is None:
-            profile = self._profiles[car] = _profile(path, scene.vehicle, *car, _braking(scene, grip))
+            body = scene.vehicle
+            most = np.inf if self._limited else _falling.get(path, lambda: _if_grip_falls(path))
+            profile = self._profiles[car] = _profile(path, body, *car, _braking(scene, grip), most)
         return profile
 
     def _asks(self, scene: Scene, grip: float) -> bool:
@@ -218,18 +229,36 @@ def _braking(scene: Scene, grip: float) -> float:
 
 
 def _profile(
-    path: ReferencePath, body: EgoVehicle, grip: float, share: float, lag_s: float, braking: float
-) -> Array:
+    path: ReferencePath, body: EgoVehicle, grip: float, share: float, lag_s: float, braking: float,
+    most: Array | float,
+) -> Array:  # fmt: skip
     """(M,) m/s, highest speed at each station of the path from which all bends ahead can be taken with that
-    `share` of the `grip` (m/s2) and wheels that lag by `lag_s`, braking at `braking` m/s2.
+    `share` of the `grip` (m/s2) and wheels that lag by `lag_s`, and at no more than `most` m/s, (M,) or one
+    for all, braking at `braking` m/s2.
     """
-    squared = share * grip / np.maximum(np.abs(path.curvature), 1e-4)
+    squared = np.minimum(share * grip / np.maximum(np.abs(path.curvature), 1e-4), most**2)
     if lag_s > 0.0:
         squared = np.minimum(squared, _followed(path, body, share * grip, lag_s) ** 2)
     best = squared.tolist()
     for i in range(len(best) - 2, -1, -1):
         best[i] = min(best[i], best[i + 1] + 2 * braking * SPACING)
     return np.sqrt(best)
+
+
+def _if_grip_falls(path: ReferencePath) -> Array:
+    """(M,) m/s, FASTEST or less: the highest speed at each station with which an ego that can turn with
+    POOREST only, and keeps its speed, comes at most WIDE m off its line in the next LOST_M m.
+    """
+    ahead = np.pad(path.curvature, (0, round(LOST_M / SPACING)), mode="edge")
+    bend = np.lib.stride_tricks.sliding_window_view(ahead, round(LOST_M / SPACING))[: len(path.curvature)]
+    low, high = np.full(len(bend), SLOWEST), np.full(len(bend), FASTEST)
+    for _ in range(HALVINGS):
+        v = 0.5 * (low + high)
+        can = (POOREST / v**2)[:, None]
+        turned = np.cumsum(bend - np.clip(bend, -can, can), axis=1) * SPACING
+        fits = (np.abs(np.cumsum(turned, axis=1)) * SPACING).max(axis=1) <= WIDE
+        low, high = np.where(fits, v, low), np.where(fits, high, v)
+    return low
 
 
 def _followed(path: ReferencePath, body: EgoVehicle, lateral: float, lag_s: float) -> Array:

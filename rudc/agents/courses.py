@@ -5,8 +5,8 @@ A course is a line round what blocks, for the same movement as the route that it
 when those who came the wrong way, for whom it was chosen, have passed, and when all that it leads round has
 been gone, in plain sight, for GONE_S s; at most once in AGAIN_S s. While no course is clear, the ego stops
 SHORT m before what blocks: nearer, it could not pull out. After STUCK_S s a smaller gap is enough, too.
-How fast it drives beside bodies, rudc/agents/passing.py says. A car that has missed a bend, and creeps more
-than MISSED m off its line, gets a course back to it.
+How fast it drives beside bodies, rudc/agents/passing.py says. A car that has missed a bend, and is more than
+MISSED m off its line, slows down until it creeps, and then gets a course back to it.
 
 Everywhere it drives at most TOLERATED times the speed limit of the lane that it is on; in the junction, that
 of the lane before it.
@@ -79,7 +79,7 @@ LEEWAY = 0.03
 CREEPS, LOST = 2.0, 0.3
 """m/s, m: an ego that is slower than this and farther off its line than this may get a new course"""
 MISSED = 2.5
-"""m: an ego that creeps and is farther off its line than this gets a course back to it"""
+"""m: an ego that is farther off its line than this slows down, and when it creeps gets a course back to it"""
 HARDEST = 4.0
 """m/s2, braking with which the ego can still stop for others"""
 JUST_PAST = 3.0
@@ -129,7 +129,8 @@ class Courses:
         shown = scene if self.course is None else along(scene, self.course)
         self._stop = math.inf
         over = self._gone(scene, blocks) or (bool(self._strays) and not not_passed(scene, self._strays))
-        if not (blocks.any or over or _missed(shown)):
+        missed = scene.ego.v < CREEPS and abs(shown.ego_offset) > MISSED
+        if not (blocks.any or over or missed):
             self._least, self._free_s = CLEAR, scene.time_s
             return shown
         if scene.time_s > self._free_s + STUCK_S:
@@ -140,7 +141,7 @@ class Courses:
         hit = _first_hit(shown, blocks, clear)
         if scene.ego.v >= STANDING or hit == math.inf:
             self._free_s = scene.time_s
-        if hit == math.inf and not over and not _astray(shown, blocks) and not _missed(shown):
+        if hit == math.inf and not over and not _astray(shown, blocks) and not missed:
             self._stop = wait
             return shown
         for course, least in self._candidates(scene, blocks, clear):
@@ -182,6 +183,8 @@ class Courses:
             return u
         if not onwards:
             u = _kept_short(scene, blocks, _limited(scene, u))
+            if abs(scene.ego_offset) > MISSED:
+                u = at_most(u, slowing(scene, 0.0, 0.5 * CREEPS, planned(scene, HARDEST)))
         if not (blocks.any or self.course):
             return u
         stop, delta = self._stop, float(u[1])
@@ -350,11 +353,6 @@ def _wait(scene: Scene, blocks: Blocks) -> float:
 def _astray(scene: Scene, blocks: Blocks) -> bool:
     """Whether the ego creeps, has left its line, and passes close beside a body."""
     return scene.ego.v < CREEPS and abs(scene.ego_offset) > LOST and is_narrow(scene, blocks.standing)
-
-
-def _missed(scene: Scene) -> bool:
-    """Whether the ego creeps far off its line."""
-    return scene.ego.v < CREEPS and abs(scene.ego_offset) > MISSED
 
 
 def _entry(scene: Scene, route: Route, profile: Array) -> float:

@@ -89,7 +89,7 @@ ALIKE = 0.1
 """m of room: of manoeuvres that hit somebody, those that differ by less count as equally bad"""
 AS_GOOD = 0.01
 """m/s2, an acceleration closer than this to full braking counts as full braking"""
-BENDS, DRY_BENDS = 0.8, 0.9 * DRY * GRAVITY
+BENDS, DRY_BENDS = 0.8, 0.6 * DRY * GRAVITY
 """share, of the acceleration that brakes may use, that bends may use where the road is poor; m/s2 that they
 may use elsewhere (rudc/agents/adaptation.py)"""
 HARDEST = -9.0

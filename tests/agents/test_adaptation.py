@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rudc.agents.adaptation import BRAKING, FIRM, FULL, USABLE, WARY, Adaptation
+from rudc.agents.adaptation import BRAKING, FIRM, FULL, USABLE, WARY, Adaptation, _if_grip_falls
 from rudc.env.tracking import steering
 from rudc.network.network import load_network
 from rudc.network.paths import SPACING
@@ -45,7 +45,7 @@ def most_in_bends(scene):
 def test_a_dry_bend_is_entered_no_faster_than_its_grip_allows(make_scene):
     """Uncontrolled it would ask for 1.8 times mu g."""
     most = most_in_bends(make_scene(turn="left", front=-30.0, v=13.0))
-    assert 0.8 * USABLE < most / (DRY * GRAVITY) < 1.05
+    assert 0.6 < most / (DRY * GRAVITY) < USABLE, "less than it grips, as it may grip less within the bend"
 
 
 def test_a_car_with_weak_brakes_is_slow_enough_for_its_bend(make_scene):
@@ -113,10 +113,10 @@ def test_lagging_wheels_are_where_they_were_wanted_after_a_decision(make_scene, 
 
 
 def test_a_bend_is_followed_with_late_wheels_as_with_prompt_ones(make_scene):
-    """Left at 9 m/s with a lag of 0.3 s: without haste the car gets 0.9 m off its path."""
+    """Left at 6.3 m/s with a lag of 0.3 s: without haste the car gets off its path."""
     farthest = {}
     for name, lag_s, haste in ("prompt", 0.0, True), ("late", 0.3, False), ("hastened", 0.3, True):
-        scene = make_scene(turn="left", front=-12.0, v=9.0)
+        scene = make_scene(turn="left", front=-12.0, v=6.3)
         adaptation, plant = adapted(scene, lag_s=lag_s), EgoPlant(scene.vehicle)
         plant.resume(scene.ego, Actuation(lag_s=lag_s))
         path, s, most = scene.route.path, scene.ego_s, 0.0
@@ -163,4 +163,6 @@ def test_a_car_that_was_late_for_long_is_not_trusted_in_bends_any_more(make_scen
         adaptation.see(replace(scene, time_s=0.1 * k, actuation=lag))
     tightest = float(np.abs(scene.route.path.curvature).max())
     profile = adaptation._speeds(scene, DRY * GRAVITY, 0.0)
-    assert profile.min() == pytest.approx(math.sqrt(share * DRY * GRAVITY / tightest))
+    falls = _if_grip_falls(scene.route.path).min()
+    assert profile.min() == pytest.approx(min(math.sqrt(share * DRY * GRAVITY / tightest), falls))
+    assert (profile.min() < falls - 0.1) == (share == WARY)

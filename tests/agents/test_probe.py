@@ -145,7 +145,7 @@ def test_what_a_wet_road_gives_is_known_after_the_first_braking(world_on, fricti
 
 @pytest.mark.parametrize(("probe", "outcome"), [(True, "success"), (False, "off_road")])
 def test_a_road_that_turns_wet_before_a_bend_is_found_out_in_time(world_on, probe, outcome):
-    wet = event("low_friction", friction=0.4, when={"ego_distance_to_junction": {"below": 20.0}})
+    wet = event("low_friction", friction=0.3, when={"ego_distance_to_junction": {"below": 20.0}})
     plan = PlanSource(network="roundabout", origin="south", turn="left", density=1.0, events=(wet,)).plan(0)
     agent = OutlookAgent(Hurried(), "hurried", OutlookSettings(plant="estimated", probe=probe).make())
     episode = Episode(world_on("roundabout"))

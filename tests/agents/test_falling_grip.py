@@ -1,0 +1,83 @@
+"""A dry road may become poor within a bend: how far off its line a car then comes, step by step."""
+
+# ruff: noqa: F811 -- fixtures come by import
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rudc.agents.adaptation import FASTEST, LOST_M, POOREST, WIDE, Adaptation, _if_grip_falls
+from rudc.env.tracking import steering
+from rudc.network.network import load_network
+from rudc.network.paths import SPACING
+from rudc.vehicle import Actuation
+from rudc.world.ego import EgoPlant
+from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
+
+
+def off_line(path, s, v):
+    """m that a car comes off the path within LOST_M from s on, if it turns as the path does, but with
+    POOREST at most."""
+    turned = beside = farthest = 0.0
+    for x in np.arange(0.0, LOST_M, 0.05):
+        bend = float(path.curvature_at(min(s + x, path.length)))
+        turned += 0.05 * (bend - min(max(bend, -POOREST / v**2), POOREST / v**2))
+        beside += 0.05 * turned
+        farthest = max(farthest, abs(beside))
+    return farthest
+
+
+@pytest.mark.parametrize(
+    ("network", "turn"), [("four_way", "left"), ("four_way", "right"), ("roundabout", "left")]
+)
+def test_the_speed_is_the_highest_with_which_it_stays_near_its_line(network, turn):
+    network = load_network(network)
+    path = network.route("south", turn).path
+    fastest, bound = _if_grip_falls(path), 0
+    for i in range(0, len(fastest), 6):
+        v = float(fastest[i])
+        assert off_line(path, i * SPACING, v) < WIDE * 1.15
+        if v < 0.9 * FASTEST:
+            bound += 1
+            assert off_line(path, i * SPACING, 1.1 * v) > WIDE
+    assert bound > 2
+
+
+def test_on_a_straight_road_nothing_is_lost(make_scene):
+    assert _if_grip_falls(make_scene(turn="straight").route.path).min() > 0.99 * FASTEST
+
+
+def driven(scene, knowledge):
+    """m, the farthest that a car comes off its line where the road turns to a friction of 0.45 one metre into
+    its bend, and whether it was slowed down before that."""
+    adaptation, plant = Adaptation("known", probe=False), EgoPlant(scene.vehicle)
+    adaptation.reset(scene)
+    path, s, farthest, slowest = scene.route.path, scene.ego_s, 0.0, scene.ego.v
+    begins = s + float(np.argmax(np.abs(path.curvature[int(s / SPACING) :]) > 0.05)) * SPACING + 1.0
+    plant.resume(scene.ego, Actuation())
+    for k in range(60):
+        if s > begins:
+            plant.set_actuation(Actuation(friction=0.45))
+        else:
+            slowest = min(slowest, plant.state.v)
+        s, offset = path.project(plant.state.x, plant.state.y, s)
+        now = replace(
+            scene, ego=plant.state, ego_s=s, ego_offset=offset, time_s=0.1 * k, actuation=Actuation()
+        )
+        u = np.array([1.0, steering(now)])
+        u = adaptation.govern(adaptation.see(now), u) if knowledge else u
+        farthest = max(farthest, abs(offset))
+        s += 0.1 * plant.step(float(u[0]), float(u[1]), 0.1).v
+        if s > path.length - 10.0:
+            break
+    return farthest, slowest
+
+
+def test_a_bend_whose_grip_vanishes_is_survived_by_who_expects_it(make_scene):
+    scene = make_scene(turn="left", front=-25.0, v=9.0)
+    expects, careful = driven(scene, True)
+    not_, careless = driven(scene, False)
+    assert careful < careless
+    assert expects < 2.0 < not_
+    assert math.isfinite(not_)
