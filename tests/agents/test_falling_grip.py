@@ -11,7 +11,7 @@ from rudc.agents.adaptation import FASTEST, LOST_M, POOREST, WIDE, Adaptation, _
 from rudc.env.tracking import steering
 from rudc.network.network import load_network
 from rudc.network.paths import SPACING
-from rudc.vehicle import Actuation
+from rudc.vehicle import Actuation, EgoVehicle
 from rudc.world.ego import EgoPlant
 from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
 
@@ -38,7 +38,7 @@ def test_the_speed_is_the_highest_with_which_it_stays_near_its_line(network, tur
     for i in range(0, len(fastest), 6):
         v = float(fastest[i])
         assert off_line(path, i * SPACING, v) < WIDE * 1.15
-        if v < 0.9 * FASTEST:
+        if v < EgoVehicle().v_max:
             bound += 1
             assert off_line(path, i * SPACING, 1.1 * v) > WIDE
     assert bound > 2
@@ -58,7 +58,7 @@ def driven(scene, knowledge):
     plant.resume(scene.ego, Actuation())
     for k in range(60):
         if s > begins:
-            plant.set_actuation(Actuation(friction=0.45))
+            plant.resume(plant.state, Actuation(friction=0.45))
         else:
             slowest = min(slowest, plant.state.v)
         s, offset = path.project(plant.state.x, plant.state.y, s)
