@@ -49,9 +49,9 @@ class OutlookSettings(Settings):
     """whether the driver is led round what blocks its path"""
     approach: bool = True
     """whether the ego drives so that it can still stop where it must give way while gaps are too short or
-    not seen, before vehicles that do not look like giving way to it, behind its leader, at the end of what
-    it sees, before those who may run out from behind a box, and while its sensors have failed; with `course`
-    only"""
+    not seen, before vehicles that do not look like giving way to it, before those who cross on no path,
+    behind its leader, at the end of what it sees, before those who may run out from behind a box, and while
+    its sensors have failed; with `course` only"""
     plant: Knowledge = "off"
     """what is known of dead time, lag and friction: nothing (`off`), what is estimated while driving
     (`estimated`), or the truth (`known`, for ablations)"""
