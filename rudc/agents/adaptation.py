@@ -14,8 +14,9 @@
                  a dry one, bends may need LATERAL mu g only. Where grip is poor, the speed on straights is at
                  most the larger of CAREFUL and the speed that this braking stops within STOPPING m, and the
                  ego can stop for anybody who may come from where it does not see (hidden.py).
-                 A dry road may become poor within the bend. So there the ego also keeps to the speed at which
-                 it would come at most WIDE m off its line on the next LOST_M m, had it only POOREST of grip.
+                 A road that grips well may become poor within a bend. So bends are also taken no faster than
+                 with what brings the ego at most WIDE m off its line on the next LOST_M m if the grip falls
+                 to POOREST there.
                  Steering is limited to what braking, of up to BRAKING mu g, leaves of mu g, or of FIRM mu g
                  where the road has shown less grip than a dry one: wheels that ask for more do not turn the
                  car any further, and take all grip from the brakes
@@ -205,7 +206,7 @@ class Adaptation:
         profile = self._profiles.get(car)
         if profile is None:
             body = scene.vehicle
-            most = np.inf if self._limited else _falling.get(path, lambda: _if_grip_falls(path))
+            most = _falling.get(path, lambda: _if_grip_falls(path))
             profile = self._profiles[car] = _profile(path, body, *car, _braking(scene, grip), most)
         return profile
 
@@ -229,12 +230,17 @@ def _braking(scene: Scene, grip: float) -> float:
 
 
 def _profile(
-    path: ReferencePath, body: EgoVehicle, grip: float, share: float, lag_s: float, braking: float,
-    most: Array | float,
-) -> Array:  # fmt: skip
+    path: ReferencePath,
+    body: EgoVehicle,
+    grip: float,
+    share: float,
+    lag_s: float,
+    braking: float,
+    most: Array,
+) -> Array:
     """(M,) m/s, highest speed at each station of the path from which all bends ahead can be taken with that
-    `share` of the `grip` (m/s2) and wheels that lag by `lag_s`, and at no more than `most` m/s, (M,) or one
-    for all, braking at `braking` m/s2.
+    `share` of the `grip` (m/s2) and wheels that lag by `lag_s`, and at no more than `most` (M,) m/s, braking
+    at `braking` m/s2.
     """
     squared = np.minimum(share * grip / np.maximum(np.abs(path.curvature), 1e-4), most**2)
     if lag_s > 0.0:

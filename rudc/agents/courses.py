@@ -6,7 +6,7 @@ when those who came the wrong way, for whom it was chosen, have passed, and when
 been gone, in plain sight, for GONE_S s; at most once in AGAIN_S s. While no course is clear, the ego stops
 SHORT m before what blocks: nearer, it could not pull out. After STUCK_S s a smaller gap is enough, too.
 How fast it drives beside bodies, rudc/agents/passing.py says. A car that has missed a bend, and is more than
-MISSED m off its line, slows down until it creeps, and then gets a course back to it.
+MISSED m off its line, slows down until it creeps, and then gets a course back to it, if there is one.
 
 Everywhere it drives at most TOLERATED times the speed limit of the lane that it is on; in the junction, that
 of the lane before it.
@@ -79,7 +79,7 @@ LEEWAY = 0.03
 CREEPS, LOST = 2.0, 0.3
 """m/s, m: an ego that is slower than this and farther off its line than this may get a new course"""
 MISSED = 2.5
-"""m: an ego that is farther off its line than this slows down, and when it creeps gets a course back to it"""
+"""m: an ego that is farther off its line than this slows down, and when it creeps gets a course back"""
 HARDEST = 4.0
 """m/s2, braking with which the ego can still stop for others"""
 JUST_PAST = 3.0
@@ -184,7 +184,8 @@ class Courses:
         if not onwards:
             u = _kept_short(scene, blocks, _limited(scene, u))
             if abs(scene.ego_offset) > MISSED:
-                u = at_most(u, slowing(scene, 0.0, 0.5 * CREEPS, planned(scene, HARDEST)))
+                slower = (0.5 * CREEPS - scene.ego.v) / RESPONSE_S
+                u = at_most(u, max(slower, -planned(scene, HARDEST)))
         if not (blocks.any or self.course):
             return u
         stop, delta = self._stop, float(u[1])

@@ -1,15 +1,18 @@
-"""How an ego meets those who cross its way where no path leads: pedestrians, riders from between houses.
+"""How an ego meets those who cross its way where no path leads: pedestrians, riders from between houses,
+drivers on the wrong side.
 
 They are taken to go straight on at the speed that they have. Where one of them and the ego would come to the
-place at which their ways meet at nearly the same time (rudc/agents/gaps.py, with a margin of MARGIN), the ego
-drives no faster than it can stop from before it, braking at PLANNED of its hardest. Where it cannot stop
-there any more, the command stays as it is.
+place at which their ways meet at nearly the same time (rudc/agents/gaps.py, with a margin of MARGIN), if the
+ego drives as commanded, it drives no faster than it can stop from before it, braking at PLANNED of its
+hardest. Where it cannot stop there any more, the command stays as it is.
 
 Without this rule only the filter and the last resort would slow the ego down, and only once a collision is
-near. An ego that is just ahead of somebody then stops in their way if something else makes it brake.
+near. An ego that is just ahead of somebody, and then brakes for something else, would stop in their way.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,7 +26,7 @@ MARGIN = 0.5
 """s between the ego and the other, below which they come at nearly the same time"""
 BESIDE = 0.3
 """m beside somebody's way that belong to it"""
-AHEAD, FINE = 20.0, 0.5
+AHEAD, FINE = 20.0, 0.1
 """m, m: length of the ego's way ahead that is looked at, or more where the ego needs more to stop, and
 distance between its places"""
 ACROSS = 0.5
@@ -38,11 +41,11 @@ def ready_for_crossers(scene: Scene, u: Array) -> Array:
     if not len(who):
         return u
     found = _crossing(scene, who)
-    can = found.ego_in > scene.ego.v**2 / (2 * -scene.vehicle.a_min)
+    can = (found.ego_in >= scene.ego.v**2 / (2 * -scene.vehicle.a_min)) | (scene.ego.v < STANDING)
     if not can.any():
         return u
-    going = suffices(scene, found, speeds_on_road(scene), margin=MARGIN, acceleration=max(float(u[0]), 0.0))
-    late = can & ~going
+    hurried = replace(scene, waited_s=0.0)  # nobody is taken to let the ego pass
+    late = can & ~suffices(hurried, found, speeds_on_road(scene), margin=MARGIN, acceleration=float(u[0]))
     if not late.any():
         return u
     room = float(found.ego_in[late].min()) - BEFORE
@@ -59,9 +62,10 @@ def _crossing(scene: Scene, who: Index) -> Conflicts:
     cos, sin = direction[:, :1], direction[:, 1:]
     east, north = x - scene.position[who, :1], y - scene.position[who, 1:]
     along, beside = east * cos + north * sin, np.abs(north * cos - east * sin)
-    across = np.abs(np.cos(psi) * sin - np.sin(psi) * cos)
+    across = np.minimum(np.abs(np.cos(psi) * sin - np.sin(psi) * cos), 1.0)
     length, width = scene.size[who].T
-    meets = (across > ACROSS) & (beside < 0.5 * width[:, None] + BESIDE)
+    strip = 0.5 * width[:, None] + BESIDE + 0.5 * body.width * np.sqrt(1.0 - across**2)
+    meets = (across > ACROSS) & (beside < strip)
     half = 0.5 * (body.width + length) + BESIDE
     meets &= along > -half[:, None]
     some = meets.any(axis=1)

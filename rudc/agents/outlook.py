@@ -6,10 +6,10 @@ that comes back. It leads the driver round what blocks, and adapts it to the car
              (courses.py)
     urge     A policy's proposal -> changed to set off if the ego has stood too long and the rules would go
              (patience.py). Corrections come after this
-    govern   The driver's command -> slow enough to give way (approach.py) -> to stop for those who cross on
-             no path (crossers.py) -> to stop for those who do not give way to it (not_yielding.py) -> to
-             stop behind the leader (following.py) -> to stop within what the ego sees, and to give way to
-             whom it does not see (hidden.py) -> to stop for those who may run out (runners.py) -> to drive
+    govern   The driver's command -> slow enough to give way (approach.py) -> to stop for those who do not
+             give way to it (not_yielding.py) -> to stop behind the leader (following.py) -> to stop within
+             what the ego sees, and to give way to whom it does not see (hidden.py) -> to stop for those who
+             may run out (runners.py) -> to stop for those who cross on no path (crossers.py) -> to drive
              along the course (courses.py) -> steered so that the wheels stay on the road (kerb.py) -> slow
              enough for the grip (adaptation.py)
 
@@ -107,10 +107,10 @@ class Outlook:
         `onwards`: only road, bends and grip bound it, since stopping would be worse (`Corrected.onwards`).
         """
         if self._approach and not onwards:
-            u = ready_for_not_yielding(scene, ready_for_crossers(scene, ready_to_wait(scene, u)))
+            u = ready_for_not_yielding(scene, ready_to_wait(scene, u))
             u = ready_to_wait_for_unseen(scene, ready_for_unseen(scene, ready_to_follow(scene, u)))
             u = ready_for_next_runners(scene, ready_for_runners(scene, u))
-            u = ready_while_blind(scene, u) if self.memory.blind else u
+            u = ready_for_crossers(scene, ready_while_blind(scene, u) if self.memory.blind else u)
         if self.courses is not None:
             u = kept_on_road(scene, self.courses.govern(scene, u, onwards=onwards))
         return u if self.adaptation is None else self.adaptation.govern(scene, u, onwards=onwards)

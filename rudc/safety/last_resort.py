@@ -91,7 +91,7 @@ AS_GOOD = 0.01
 """m/s2, an acceleration closer than this to full braking counts as full braking"""
 BENDS, DRY_BENDS = 0.8, 0.6 * DRY * GRAVITY
 """share, of the acceleration that brakes may use, that bends may use where the road is poor; m/s2 that they
-may use elsewhere (rudc/agents/adaptation.py)"""
+may use elsewhere, about what is left of a dry road's where it may become poor (rudc/agents/adaptation.py)"""
 HARDEST = -9.0
 """m/s2, hardest braking that is assumed of whoever leads the ego: what a good car can on a dry road"""
 GENTLY = 0.4

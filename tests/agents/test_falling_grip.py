@@ -1,7 +1,6 @@
 """A dry road may become poor within a bend: how far off its line a car then comes, step by step."""
 
 # ruff: noqa: F811 -- fixtures come by import
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +11,7 @@ from rudc.env.tracking import steering
 from rudc.network.network import load_network
 from rudc.network.paths import SPACING
 from rudc.vehicle import Actuation, EgoVehicle
-from rudc.world.ego import EgoPlant
+from rudc.world.ego import DRY, GRAVITY, EgoPlant
 from tests.world.conftest import four_way, make_scene  # noqa: F401 -- fixtures
 
 
@@ -48,9 +47,22 @@ def test_on_a_straight_road_nothing_is_lost(make_scene):
     assert _if_grip_falls(make_scene(turn="straight").route.path).min() > 0.99 * FASTEST
 
 
-def driven(scene, knowledge):
-    """m, the farthest that a car comes off its line where the road turns to a friction of 0.45 one metre into
-    its bend, and whether it was slowed down before that."""
+def test_it_is_never_faster_on_a_poorer_road(make_scene):
+    scene = make_scene(turn="left")
+    before = np.inf
+    for friction in (DRY, 0.85, 0.8, 0.75, 0.7, 0.6, 0.45, 0.3):
+        adaptation = Adaptation("known", probe=False)
+        adaptation.reset(scene)
+        adaptation.see(replace(scene, actuation=Actuation(friction=friction)))
+        least = adaptation._speeds(scene, friction * GRAVITY, 0.0).min()
+        assert least <= before, friction
+        before = least
+
+
+def driven(scene, expects):
+    """m, the farthest that a car comes off its line where the friction falls to 0.45 one metre into its bend,
+    and its least speed before that, m/s. `expects`: whether the outlook governs it.
+    """
     adaptation, plant = Adaptation("known", probe=False), EgoPlant(scene.vehicle)
     adaptation.reset(scene)
     path, s, farthest, slowest = scene.route.path, scene.ego_s, 0.0, scene.ego.v
@@ -66,7 +78,7 @@ def driven(scene, knowledge):
             scene, ego=plant.state, ego_s=s, ego_offset=offset, time_s=0.1 * k, actuation=Actuation()
         )
         u = np.array([1.0, steering(now)])
-        u = adaptation.govern(adaptation.see(now), u) if knowledge else u
+        u = adaptation.govern(adaptation.see(now), u) if expects else u
         farthest = max(farthest, abs(offset))
         s += 0.1 * plant.step(float(u[0]), float(u[1]), 0.1).v
         if s > path.length - 10.0:
@@ -76,8 +88,7 @@ def driven(scene, knowledge):
 
 def test_a_bend_whose_grip_vanishes_is_survived_by_who_expects_it(make_scene):
     scene = make_scene(turn="left", front=-25.0, v=9.0)
-    expects, careful = driven(scene, True)
-    not_, careless = driven(scene, False)
+    off_line_expected, careful = driven(scene, expects=True)
+    off_line_surprised, careless = driven(scene, expects=False)
     assert careful < careless
-    assert expects < 2.0 < not_
-    assert math.isfinite(not_)
+    assert off_line_expected < 2.0 < off_line_surprised

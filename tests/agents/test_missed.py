@@ -1,9 +1,10 @@
-"""A car that has missed a bend and creeps far off its line gets a course back to it."""
+"""A car that has missed a bend and is far off its line slows down, and gets a course back if there is one."""
 
 # ruff: noqa: F811 -- fixtures come by import
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from rudc.agents.courses import Courses
@@ -44,3 +45,21 @@ def test_on_the_course_it_is_not_planned_again(make_scene):
     for k in range(30):
         courses.see(replace(scene, time_s=scene.time_s + 0.1 * k))
     assert courses.course is first
+
+
+@pytest.mark.parametrize(
+    ("offset", "v", "most"), [(3.5, 9.0, -4.0), (3.5, 3.0, -4.0), (3.5, 0.5, 2.0), (1.0, 9.0, 2.0)]
+)
+def test_one_that_is_far_off_its_line_slows_down_until_it_creeps(make_scene, offset, v, most):
+    scene, courses = beside_its_line(make_scene, offset, v), Courses()
+    courses.reset(scene)
+    shown = courses.see(scene)
+    assert courses.govern(shown, np.array([2.0, 0.0]))[0] == pytest.approx(most)
+
+
+def test_where_there_is_no_course_back_it_goes_on_creeping(make_scene):
+    scene, courses = beside_its_line(make_scene, -7.0, v=0.2), Courses()
+    courses.reset(scene)
+    shown = courses.see(scene)
+    assert courses.course is None
+    assert 0.0 < courses.govern(shown, np.array([2.0, 0.0]))[0] <= 2.0
