@@ -14,9 +14,9 @@
                  a dry one, bends may need LATERAL mu g only. Where grip is poor, the speed on straights is at
                  most the larger of CAREFUL and the speed that this braking stops within STOPPING m, and the
                  ego can stop for anybody who may come from where it does not see (hidden.py).
-                 A road that grips well may become poor within a bend. So bends are also taken no faster than
-                 with what brings the ego at most WIDE m off its line on the next LOST_M m if the grip falls
-                 to POOREST there.
+                 A road that grips well may become poor within a bend. So the ego also drives only so fast
+                 that it would come at most WIDE m off its line on the next LOST_M m if the grip fell to
+                 POOREST.
                  Steering is limited to what braking, of up to BRAKING mu g, leaves of mu g, or of FIRM mu g
                  where the road has shown less grip than a dry one: wheels that ask for more do not turn the
                  car any further, and take all grip from the brakes

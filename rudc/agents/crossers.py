@@ -1,10 +1,10 @@
 """How an ego meets those who cross its way where no path leads: pedestrians, riders from between houses,
 drivers on the wrong side.
 
-They are taken to go straight on at the speed that they have. Where one of them and the ego would come to the
-place at which their ways meet at nearly the same time (rudc/agents/gaps.py, with a margin of MARGIN), if the
-ego drives as commanded, it drives no faster than it can stop from before it, braking at PLANNED of its
-hardest. Where it cannot stop there any more, the command stays as it is.
+They are taken to go straight on at the speed that they have, and the ego to drive as commanded. If one of
+them and the ego would then come to the place where their ways meet at nearly the same time
+(rudc/agents/gaps.py, with a margin of MARGIN), the ego drives only so fast that it can stop before that
+place, braking at PLANNED of its hardest. Where it cannot stop there any more, the command stays as it is.
 
 Without this rule only the filter and the last resort would slow the ego down, and only once a collision is
 near. An ego that is just ahead of somebody, and then brakes for something else, would stop in their way.
@@ -18,6 +18,7 @@ import numpy as np
 
 from rudc.agents.gaps import Conflicts, suffices
 from rudc.agents.hidden import BEFORE, PLANNED, look_ahead
+from rudc.agents.runners import ACROSS, AHEAD
 from rudc.arrays import Array, Index
 from rudc.env.tracking import at_most, slowing, speeds_on_road
 from rudc.world.scene import STANDING, Scene
@@ -26,11 +27,8 @@ MARGIN = 0.5
 """s between the ego and the other, below which they come at nearly the same time"""
 BESIDE = 0.3
 """m beside somebody's way that belong to it"""
-AHEAD, FINE = 20.0, 0.1
-"""m, m: length of the ego's way ahead that is looked at, or more where the ego needs more to stop, and
-distance between its places"""
-ACROSS = 0.5
-"""sine of the least angle between the ego's way and the way of one who crosses it"""
+FINE = 0.1
+"""m between the places of the ego's way at which others may cross it"""
 
 
 def ready_for_crossers(scene: Scene, u: Array) -> Array:
@@ -44,8 +42,8 @@ def ready_for_crossers(scene: Scene, u: Array) -> Array:
     can = (found.ego_in >= scene.ego.v**2 / (2 * -scene.vehicle.a_min)) | (scene.ego.v < STANDING)
     if not can.any():
         return u
-    hurried = replace(scene, waited_s=0.0)  # nobody is taken to let the ego pass
-    late = can & ~suffices(hurried, found, speeds_on_road(scene), margin=MARGIN, acceleration=float(u[0]))
+    just_come = replace(scene, waited_s=0.0)  # one that has waited is taken to be let through
+    late = can & ~suffices(just_come, found, speeds_on_road(scene), margin=MARGIN, acceleration=float(u[0]))
     if not late.any():
         return u
     room = float(found.ego_in[late].min()) - BEFORE

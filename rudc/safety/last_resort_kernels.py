@@ -31,7 +31,6 @@ from rudc.world.kernels import slip_of
 
 STRAIGHT = 1e-4
 """1/m, least curvature that is reckoned with"""
-
 FINE = 0.2
 """m that others move, as seen from the ego, between two places that are looked at"""
 
