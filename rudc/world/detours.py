@@ -14,6 +14,9 @@ row is blocked ahead of it
     otherwise, if it is before the stop line, waits there: no SV drives into a junction if the way out of it
         is blocked.
 
+An SV whose row is free stays on it for the last STAY_M m before its stop line, if another row of its movement
+is blocked: SUMO, which knows nothing of what stands inside the junction, would have it change lanes at will.
+
 An SV that leads or follows the ego for an event changes lanes only once it is on the road that is blocked,
 not already before the junction for something behind the junction, and takes another movement only where none
 of this helps, from its own lane.
@@ -51,6 +54,8 @@ WAIT = 1.0
 """m before the stop line where an SV waits if no way is free"""
 CHANGE_M = 8.0
 """m of free road behind the junction on which an SV can change lanes"""
+STAY_M = 10.0
+"""m before its stop line on which an SV keeps a row that is free"""
 COMFORT = 2.5
 """m/s2: an SV begins to brake for that place once it needs more than this, or, on a slippery road, more than
 what is comfortable there"""
@@ -99,6 +104,8 @@ class Detours:
             need = self._redirect(scene, i, self._end[c], *places)
             if need is not None:
                 waits[scene.ids[i]] = need
+        for i, c, at in zip(*(part[~ahead].tolist() for part in (rows, classes, front)), strict=True):
+            self._stay(scene, i, self._end[c], at)
         return waits
 
     def _blocks(self, standing: list[Prop]) -> tuple[Array, Array]:
@@ -187,6 +194,16 @@ class Detours:
         speed = float(np.hypot(*scene.velocity[i]))
         need = speed**2 / (2 * max(room, 0.1))
         return (speed, need) if need > self._traffic.comfortable(COMFORT) or room < 0.5 else None
+
+    def _stay(self, scene: Scene, i: int, end: Array, front: float) -> None:
+        """Keep an SV whose row is free, its front bumper at `front` m, off blocked rows beside it."""
+        network, row, name = self._network, int(scene.path[i]), scene.ids[i]
+        driver = self._traffic.drivers.get(name)
+        if driver is None or not 0.0 < network.paths.stop_s[row] - front < STAY_M:
+            return
+        movement = network.movement(driver.origin, driver.destination)
+        if not all(_is_free(end, other, front) for other in movement.rows):
+            self._sumo.ask_lane(name, network.inbound_lane(row).index, HOLD_S)
 
     def _move_over(self, name: str, row: int, other: int, front: float) -> None:
         """Have an SV take the lane of another row on the edge where it is, if that row has one there."""

@@ -5,23 +5,28 @@ one is on it. So an ego that has stopped a little beyond its line and gives way 
 have priority, and they the ego. The yielding layer knows better who must wait for the ego. Once the ego has
 stood for STOOD_S, the SVs that stand, need not give way to it by the right of way, and are not held by the
 layer overlook the ego at junctions in SUMO. Once it has stood for LONG_S, so do those that should give way to
-it: they take it that the ego lets them go first. When the ego drives again, those that stand heed it again.
-One that drives goes on overlooking it: SUMO would have it brake hard, often for nothing, and the layer makes
-it brake if it must.
+it and can pass it: they take it that the ego lets them go first. (Of those that should give way, who could
+not pass it would only come to stand before its nose, where neither can drive on.) When the ego drives again,
+those that stand heed it again. One that drives goes on overlooking it: SUMO would have it brake hard, often
+for nothing, and the layer makes it brake if it must. Who stands nose to nose with the ego goes back
+(rudc/world/backing_off.py).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 from rudc.arrays import Flags
+from rudc.world.backing_off import BackingOff, bars
 from rudc.world.scene import STANDING
 from rudc.world.vehicle_types import EGO
 
 if TYPE_CHECKING:
     from rudc.world.scene import Scene
     from rudc.world.sumo import Sumo
+    from rudc.world.traffic import Traffic
 
 STOOD_S, LONG_S = 5.0, 12.0
 """s, s for which the ego must have stood, the second for those that should give way to it"""
@@ -30,17 +35,21 @@ STOOD_S, LONG_S = 5.0, 12.0
 class Unblocking:
     """Sets SVs free in one episode."""
 
-    def __init__(self, sumo: Sumo) -> None:
+    def __init__(self, sumo: Sumo, traffic: Traffic) -> None:
         self._sumo = sumo
+        self._backing_off = BackingOff(sumo, traffic)
         self._free: set[str] = set()
 
-    def step(self, scene: Scene, held: Collection[str]) -> None:
+    def step(self, scene: Scene, held: Collection[str], decision_s: float) -> None:
         """Set free the SVs that stand and are not `held` by the yielding layer, once the ego has stood long
-        enough for them. While the ego drives, those that stand heed it again.
+        enough for them, and move those that go back. While the ego drives, those that stand heed it again.
         """
+        self._backing_off.step(scene, decision_s)
         if scene.waited_s >= STOOD_S:
             owes = scene.network.paths.yields[scene.path, scene.route.row] & (scene.waited_s < LONG_S)
             wanted = _standing(scene, ~owes) - self._free - set(held)
+            if scene.waited_s >= LONG_S:
+                wanted -= _barred(scene, wanted)
             self._free |= wanted
         elif scene.waited_s == 0.0 and self._free:
             wanted = _standing(scene, scene.path >= 0) & self._free
@@ -55,3 +64,13 @@ def _standing(scene: Scene, among: Flags) -> set[str]:
     """Names of the SVs that stand, `among` (N,) all."""
     stands = among & (scene.path >= 0) & (scene.speed < STANDING)
     return {scene.ids[i] for i in stands.nonzero()[0].tolist()}
+
+
+def _barred(scene: Scene, names: Collection[str]) -> set[str]:
+    """Of these SVs, those that should give way to the ego and could not pass it where it stands."""
+    owing = scene.network.paths.yields[:, scene.route.row]
+    return {
+        name
+        for i, name in enumerate(scene.ids)
+        if name in names and owing[scene.path[i]] and bars(scene, i, math.inf)
+    }

@@ -167,7 +167,7 @@ class World:
             self._brake(scene, every * self.config.decision_s)
         self._lane_keeping.step(scene, self.stage.props)
         if self.config.yielding and not self._driven_by_sumo:
-            self._unblocking.step(scene, self._held)
+            self._unblocking.step(scene, self._held, self.config.decision_s)
         self._decisions += 1
         self._last_u = np.array(within_limits(self.vehicle, float(u[0]), float(u[1])))
         reached = self._drive(scene, *self._last_u.tolist())
@@ -216,7 +216,7 @@ class World:
         self.traffic.begin(plan.traffic, traffic_rng)
         self._reader = Reader(self._sumo, self.network, self.traffic)
         self._held, self._for_ego = set[str](), set[str]()
-        self._lane_keeping, self._unblocking = LaneKeeping(self._sumo), Unblocking(self._sumo)
+        self._lane_keeping, self._unblocking = LaneKeeping(self._sumo), Unblocking(self._sumo, self.traffic)
         self._detours = Detours(self._sumo, self.network, self.traffic)
         self._script = Script(plan, self.stage)
         self.traffic.populate()

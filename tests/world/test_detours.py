@@ -6,6 +6,7 @@ import libsumo
 import numpy as np
 import pytest
 
+from rudc.scenario import load_scenario
 from rudc.world.brakes import Brakes
 from rudc.world.detours import Detours
 from rudc.world.sumo import Sumo
@@ -133,6 +134,14 @@ def test_a_lane_that_is_blocked_is_left_for_the_other(world):
         passed |= {scene.ids[i] for i in np.flatnonzero(arm & west & (scene.path >= 0))}
     assert len(passed) >= 3
     assert len(world.traffic.drivers) > 0
+
+
+def test_nobody_leaves_a_free_lane_for_a_blocked_one_just_before_its_line(world, monkeypatch):
+    """SUMO had one change lanes at its line, and stand before the accident for good."""
+    plan = load_scenario("blocked_left_turn").plan(1000005)
+    assert stand_in_junction(world, plan, seconds=15.0) == 0.0
+    monkeypatch.setattr(Detours, "_stay", lambda *_: None)
+    assert stand_in_junction(world, plan, seconds=15.0) > 5.0
 
 
 @pytest.mark.parametrize(("at", "goes"), [(40.0, True), (8.0, False)])

@@ -1,11 +1,13 @@
 """Traffic round an ego that stands in the junction in nobody's way."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 
 from rudc.scenario import load_scenario
 from rudc.world import unblocking
+from rudc.world.backing_off import bars
 from rudc.world.unblocking import Unblocking
 
 BEYOND = 3.0
@@ -39,31 +41,58 @@ def test_nobody_stands_for_ever_for_an_ego_that_stands_in_nobodys_way(world, mon
     assert longest_stand(world) > 45.0, "as SUMO has it"
 
 
+class Asked:
+    """In SUMO's stead: notes whom it is asked to have overlook whom."""
+
+    def __init__(self):
+        self.overlooked = []
+
+    def overlook(self, vehicle, other):
+        self.overlooked.append((vehicle, other))
+
+
+def unblocking_of(asked):
+    one = Unblocking(asked, SimpleNamespace(drivers={}))
+    return lambda scene, held=(): one.step(scene, held, 0.1)
+
+
 def test_whom_the_yielding_layer_holds_heeds_the_ego_and_who_stands_when_it_drives(make_scene, four_way):
-    asked = []
-
-    class Asked:
-        overlook = staticmethod(lambda vehicle, other: asked.append((vehicle, other)))
-
     def scene(waited_s, *speeds):
         near = [{"row": row, "s": 10.0 * (i + 1), "v": v} for i, v in enumerate(speeds)]
         return make_scene(*near, v=0.0 if waited_s else 1.0, waited_s=waited_s)
 
+    asked = Asked()
     yields, own = four_way.paths.yields, four_way.route("south", "straight").row
-    one, row = Unblocking(Asked()), int(yields[:, own].argmax())
-    one.step(scene(unblocking.LONG_S - 0.1, 0.0), ())
-    assert asked == [], "it must give way to the ego"
-    one.step(scene(unblocking.LONG_S, 0.0), ())
-    assert asked == [("other0", "ego")], "the ego has let it go first"
-    asked.clear()
-    one, row = Unblocking(Asked()), int((~yields[:, own]).argmax())
-    one.step(scene(unblocking.STOOD_S - 0.1, 0.0, 0.0, 0.0), ())
-    assert asked == []
+    step, row = unblocking_of(asked), int(yields[:, own].argmax())
+    step(scene(unblocking.LONG_S - 0.1, 0.0))
+    assert asked.overlooked == [], "it must give way to the ego"
+    step(scene(unblocking.LONG_S, 0.0))
+    assert asked.overlooked == [("other0", "ego")], "the ego has let it go first"
+    asked.overlooked.clear()
+    step, row = unblocking_of(asked), int((~yields[:, own]).argmax())
+    step(scene(unblocking.STOOD_S - 0.1, 0.0, 0.0, 0.0))
+    assert asked.overlooked == []
     for _ in range(2):
-        one.step(scene(unblocking.STOOD_S, 0.0, 0.0, 0.0), {"other1"})
-    assert asked == [("other0", "ego"), ("other2", "ego")]
-    one.step(scene(0.0, 0.0, 0.0, 2.0), ())
-    assert asked[2:] == [("other0", "")], "who drives goes on"
-    one.step(scene(0.0, 0.0, 0.0), ())
-    one.step(scene(0.0, 0.0, 0.0, 0.0), ())
-    assert len(asked) == 3, "who has left is asked nothing"
+        step(scene(unblocking.STOOD_S, 0.0, 0.0, 0.0), {"other1"})
+    assert asked.overlooked == [("other0", "ego"), ("other2", "ego")]
+    step(scene(0.0, 0.0, 0.0, 2.0))
+    assert asked.overlooked[2:] == [("other0", "")], "who drives goes on"
+    step(scene(0.0, 0.0, 0.0))
+    step(scene(0.0, 0.0, 0.0, 0.0))
+    assert len(asked.overlooked) == 3, "who has left is asked nothing"
+
+
+def test_who_should_give_way_and_cannot_pass_the_ego_waits_for_it(make_scene, four_way):
+    """Let go first, it stood before the nose of the ego, and neither could drive on."""
+    left = four_way.route("east", "left")
+    rows = np.flatnonzero(four_way.paths.yields[:, left.row])
+    at_line = [{"row": int(row), "s": float(four_way.paths.stop_s[row]) - 3.5, "v": 0.0} for row in rows]
+    asked = Asked()
+    waiting = {"origin": "east", "turn": "left", "v": 0.0, "waited_s": unblocking.LONG_S}
+    scene = make_scene(*at_line, front=left.waiting_s - left.stop_line_s, **waiting)
+    unblocking_of(asked)(scene)
+    barred = {scene.ids[i] for i in range(scene.count) if bars(scene, i, math.inf)}
+    free = {name for name, _ in asked.overlooked}
+    assert barred, "the ego at its waiting point stands in the way of some"
+    assert free == set(scene.ids) - barred
+    assert free

@@ -1,0 +1,137 @@
+"""Who stands nose to nose with the ego goes back."""
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rudc.scenario import load_scenario
+from rudc.world import backing_off
+from rudc.world.backing_off import CLEAR_M, PACE, PATIENCE_S, STOOD_S, BackingOff
+
+DECISION_S = 0.1
+BEYOND = 6.0
+"""m beyond its stop line where the ego's centre stands: in the way of those who turn left towards its arm"""
+
+
+def longest_standoff(world):
+    """s, for how long the ego and one SV stand in each other's way while the ego stands in the junction."""
+    changes = {
+        "traffic.density": 25,
+        "ego.route": {"from": "south", "turn": "left"},
+        "episode.timeout": 90,
+    }
+    world.reset(load_scenario("random_destination", changes).plan(1))
+    route = world.route
+    world.put_ego(*map(float, route.path.pose(route.stop_line_s + BEYOND)))
+    since, longest = {}, 0.0
+    for _ in range(450):
+        assert world.advance(np.array([-1.0, 0.0])).collision is None
+        scene = world.scene()
+        stand = {scene.ids[i] for i in backing_off._at_its_nose(scene).tolist() if _face_to_face(scene, i)}
+        since = {name: since.get(name, scene.time_s) for name in stand}
+        longest = max([longest, *(scene.time_s - began for began in since.values())])
+    return longest
+
+
+def _face_to_face(scene, i):
+    return backing_off._in_its_way(scene, i, 0.25) and backing_off.bars(scene, i, 8.0)
+
+
+def test_nobody_stands_for_ever_at_the_nose_of_the_ego(world, monkeypatch):
+    assert longest_standoff(world) < STOOD_S + 5.0
+    monkeypatch.setattr(backing_off, "STOOD_S", math.inf)
+    assert longest_standoff(world) > 25.0, "neither can drive on"
+
+
+@pytest.fixture
+def nose_to_nose(make_scene, four_way):
+    """A maker of scenes: an ego on its way straight on, and one who turns left before it, nose to nose."""
+    row = four_way.route("north", "left").row
+    ego = four_way.route("south", "straight")
+    mine, theirs = (np.asarray(four_way.paths.xy[k]) for k in (ego.row, row))
+    away = np.hypot(*(mine[:, None] - theirs[None]).transpose(2, 0, 1))
+    at, its = np.unravel_index(away.argmin(), away.shape)  # where the two ways cross
+    beyond = 0.5 * float(at) - ego.stop_line_s
+
+    def make(*others, waited_s=STOOD_S, back=0.0, ego_back=0.0):
+        them = {"row": row, "s": 0.5 * float(its) - 3.5 - back, "v": 0.0}
+        return make_scene(them, *others, v=0.0, front=beyond - 0.5 - ego_back, waited_s=waited_s)
+
+    return make
+
+
+class Asked:
+    """In SUMO's stead: notes what it is asked."""
+
+    def __init__(self):
+        self.places, self.let_go = [], []
+
+    def place(self, vehicle, x, y, psi, v, length):
+        assert v == 0.0
+        self.places.append((vehicle, x, y))
+
+    def slow_down(self, vehicle, speed, duration):
+        self.let_go.append(vehicle)
+
+
+def backing(overridden=0):
+    drivers = {f"other{i}": SimpleNamespace(overridden=overridden) for i in range(3)}
+    asked = Asked()
+    return BackingOff(asked, SimpleNamespace(drivers=drivers)), asked
+
+
+def test_who_stands_at_its_nose_goes_back_along_its_lane(nose_to_nose):
+    scene, (one, asked) = nose_to_nose(), backing()
+    assert _face_to_face(scene, 0)
+    one.step(nose_to_nose(waited_s=STOOD_S - 0.1), DECISION_S)
+    assert asked.places == []
+    for _ in range(10):
+        one.step(scene, DECISION_S)
+    first, last = (np.array(asked.places[k][1:]) for k in (0, -1))
+    assert np.hypot(*(last - first)) == pytest.approx(9 * PACE * DECISION_S, rel=0.1)
+    assert (last - first) @ [np.cos(scene.heading[0]), np.sin(scene.heading[0])] < 0.0
+
+
+@pytest.mark.parametrize("overridden", [0, 1])
+def test_whom_an_event_commands_stays(nose_to_nose, overridden):
+    one, asked = backing(overridden)
+    one.step(nose_to_nose(), DECISION_S)
+    assert bool(asked.places) == (not overridden)
+
+
+def test_nobody_goes_back_into_who_is_behind(nose_to_nose):
+    scene = nose_to_nose()
+    (x, y), psi, length = scene.position[0], scene.heading[0], scene.size[0, 0]
+    for gap, goes in ((CLEAR_M + 0.6, True), (0.5 * CLEAR_M, False)):
+        one, asked = backing()
+        away = length + gap
+        one.step(nose_to_nose({"at": (x - away * np.cos(psi), y - away * np.sin(psi), psi)}), DECISION_S)
+        assert bool(asked.places) == goes
+
+
+def test_it_waits_until_the_ego_is_gone_or_its_patience_ends_and_does_it_once(nose_to_nose):
+    one, asked = backing()
+    scene = nose_to_nose()
+    one.step(scene, DECISION_S)
+    one.step(replace(scene, time_s=scene.time_s + PATIENCE_S - 0.1), DECISION_S)
+    assert asked.let_go == []
+    one.step(replace(scene, time_s=scene.time_s + PATIENCE_S), DECISION_S)
+    assert asked.let_go == ["other0"]
+    before = len(asked.places)
+    one.step(replace(scene, time_s=scene.time_s + 2 * PATIENCE_S), DECISION_S)
+    assert len(asked.places) == before, "once"
+    one, asked = backing()
+    one.step(scene, DECISION_S)
+    one.step(nose_to_nose(waited_s=0.0, ego_back=15.0), DECISION_S)
+    assert asked.let_go == ["other0"], "the ego is out of its way"
+
+
+def test_who_has_room_enough_stands(nose_to_nose):
+    one, asked = backing()
+    one.step(nose_to_nose(), DECISION_S)
+    far = nose_to_nose(back=4.0)
+    one.step(far, DECISION_S)
+    assert asked.places[-1][1:] == pytest.approx(tuple(far.position[0]))
