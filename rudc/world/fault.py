@@ -8,7 +8,7 @@
    wait, or has stood for IN_SIGHT_S and has the other behind it, heading the same way: the other's fault.
 3. The two head the same way (within 45 degrees): the fault of the one behind; side by side, shared. Of two
    that came by different arms this holds only within 15 degrees, and only for one squarely behind.
-4. The other drives against its lane: the other's fault.
+4. The other drives on no path (against its lane, or across the road): the other's fault.
 5. They meet head-on (within 45 degrees) where the ego's whole body is before its stop line or beyond the
    junction: the ego's fault if it is over the left edge of its carriageway, else shared.
 6. One of the two had to yield to the other by the junction's right of way: the fault of that one. In a
