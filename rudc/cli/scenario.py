@@ -193,7 +193,7 @@ def validate(
     ] = 0,
     seed: Annotated[int | None, typer.Option(min=0, help="The first of these episodes. Default: 0.")] = None,
     watch: Annotated[
-        bool, typer.Option("--watch", help="Do it again whenever a file changes, until Ctrl-C.")
+        bool, typer.Option("--watch", help="Do it again whenever a scenario beside it changes.")
     ] = False,
     as_json: AsJson = False,
     quiet: Quiet = False,

@@ -81,7 +81,10 @@ class SweepPlan:
                 "split it by --seed and --episodes over several"
             )
         if not self.seed + self.episodes < 2**63:
-            raise SweepError(f"a seed beyond 2^63 cannot be told from others in tables, got {self.seed}")
+            raise SweepError(
+                "tables tell seeds apart up to 2^63 - 2, and the last one of this sweep is "
+                f"{self.seed + self.episodes - 1}"
+            )
         if self.seed < 0:
             raise SweepError(f"a seed cannot be negative, got {self.seed}")
 

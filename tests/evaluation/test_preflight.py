@@ -244,6 +244,8 @@ events:
   - kind: accident
     vehicles: [{lane: ego_out, at: 20, type: car}, {lane: ego_out, at: 45, type: car}]
   - {kind: lane_closure, lane: ego_out, at: 40, length: 5}
+  - {kind: stalled_vehicle, lane: ego_out, at: 90}
+  - {kind: stalled_vehicle, vehicle: leader}
 """
     told = never_happening(load_scenario(written(text)))
     assert [line.partition(": the ego never comes to ")[::2] for line in told] == [
@@ -252,5 +254,6 @@ events:
             ("2 (events.1) pedestrian_crossing", "it, 36"),
             ("4 (events.3) accident", "vehicles.1, 45"),
             ("5 (events.4) lane_closure", "it, 40"),
+            ("6 (events.5) stalled_vehicle", "it, 90"),
         )
     ]
