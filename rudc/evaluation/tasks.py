@@ -82,8 +82,8 @@ class SweepPlan:
             )
         if not self.seed + self.episodes < 2**63:
             raise SweepError(
-                "tables tell seeds apart up to 2^63 - 2, and the last one of this sweep is "
-                f"{self.seed + self.episodes - 1}"
+                "a seed beyond 2^63 - 2 cannot be told from others in tables, and the last one of this "
+                f"sweep is {self.seed + self.episodes - 1}"
             )
         if self.seed < 0:
             raise SweepError(f"a seed cannot be negative, got {self.seed}")
