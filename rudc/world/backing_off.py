@@ -1,12 +1,12 @@
 """A surrounding vehicle (SV) that stands nose to nose with the ego goes back a little.
 
-Each of two vehicles that have stopped in the other's way waits for the other to move, and neither the ego's
-plant nor SUMO has a reverse gear, so they would stand for good. A driver goes back. Once the ego has stood
-for STOOD_S, so does an SV that stands in the ego's way while the ego stands in its way, at PACE m/s along its
-lane, until ROOM m are free between it and the ego's way, as long as it comes near to nobody and not behind
-its stop line. Then it waits until the ego has left its way, or for PATIENCE_S. It does so once.
+If two vehicles have stopped in each other's way, each waits for the other. Neither the ego's plant nor SUMO
+has a reverse gear, so they would stand for good; real drivers go back. Once the ego has stood for STOOD_S,
+an SV that stands in the ego's way, and whose own way the ego bars, goes back along its lane at PACE m/s. It
+stops as soon as ROOM m are free between it and the ego's way. It does not go behind its stop line, and keeps
+CLEAR_M from everybody. Then it waits until the ego has left its way, for PATIENCE_S at most. It does so once.
 
-SUMO, and so the scene, takes it to stand in the meantime.
+SUMO has no negative speed, so in the meantime the scene says that it stands.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ if TYPE_CHECKING:
 STOOD_S = 10.0
 """s, s for which the ego must have stood"""
 NOSE_M = 3.0
-"""m of gap: who is farther from the ego does not stand at its nose"""
+"""m, gap between bodies; an SV that is farther from the ego is not at its nose"""
 AHEAD_M = 8.0
-"""m of the ego's way, and of an SV's, in which nobody may stand"""
+"""m of the ego's way, and of the SV's, on which the other must not stand"""
 PACE = 0.5
-"""m/s"""
+"""m/s, how fast it goes back"""
 ROOM = 1.0
-"""m that who goes back leaves between itself and the ego's way"""
+"""m that it leaves free between itself and the ego's way"""
 CLEAR_M = 0.4
 """m that it leaves between itself and others, unless there is less already"""
 PATIENCE_S = 20.0
@@ -43,7 +43,7 @@ PATIENCE_S = 20.0
 
 
 class BackingOff:
-    """Those that go back, in one episode."""
+    """The SVs that go back, in one episode."""
 
     def __init__(self, sumo: Sumo, traffic: Traffic) -> None:
         self._sumo, self._traffic = sumo, traffic
@@ -52,7 +52,8 @@ class BackingOff:
         self._done: set[str] = set()
 
     def step(self, scene: Scene, decision_s: float) -> None:
-        """Move those that go back by one decision, and let those go on who need not wait any more."""
+        """Move the SVs that go back by one decision of `decision_s` s, and release those that need wait no
+        longer."""
         if scene.waited_s >= STOOD_S:
             for i in _at_its_nose(scene).tolist():
                 s = float(scene.path_s[i])

@@ -15,7 +15,7 @@ row is blocked ahead of it
         is blocked.
 
 An SV whose row is free stays on it for the last STAY_M m before its stop line, if another row of its movement
-is blocked: SUMO, which knows nothing of what stands inside the junction, would have it change lanes at will.
+is blocked. SUMO knows nothing of what stands inside the junction, and might have it change to that row.
 
 An SV that leads or follows the ego for an event changes lanes only once it is on the road that is blocked,
 not already before the junction for something behind the junction, and takes another movement only where none
@@ -104,7 +104,9 @@ class Detours:
             need = self._redirect(scene, i, self._end[c], *places)
             if need is not None:
                 waits[scene.ids[i]] = need
-        for i, c, at in zip(*(part[~ahead].tolist() for part in (rows, classes, front)), strict=True):
+        to_line = self._network.paths.stop_s[scene.path[rows]] - front
+        near = ~ahead & (to_line > 0.0) & (to_line < STAY_M)
+        for i, c, at in zip(*(part[near].tolist() for part in (rows, classes, front)), strict=True):
             self._stay(scene, i, self._end[c], at)
         return waits
 
@@ -196,14 +198,15 @@ class Detours:
         return (speed, need) if need > self._traffic.comfortable(COMFORT) or room < 0.5 else None
 
     def _stay(self, scene: Scene, i: int, end: Array, front: float) -> None:
-        """Keep an SV whose row is free, its front bumper at `front` m, off blocked rows beside it."""
-        network, row, name = self._network, int(scene.path[i]), scene.ids[i]
+        """Keep an SV whose row is free, its front bumper at `front` m, off blocked rows beside it. `end` (P,)
+        m: where rows are blocked last for it."""
+        network, name = self._network, scene.ids[i]
         driver = self._traffic.drivers.get(name)
-        if driver is None or not 0.0 < network.paths.stop_s[row] - front < STAY_M:
+        if driver is None:
             return
         movement = network.movement(driver.origin, driver.destination)
         if not all(_is_free(end, other, front) for other in movement.rows):
-            self._sumo.ask_lane(name, network.inbound_lane(row).index, HOLD_S)
+            self._sumo.ask_lane(name, network.inbound_lane(int(scene.path[i])).index, HOLD_S)
 
     def _move_over(self, name: str, row: int, other: int, front: float) -> None:
         """Have an SV take the lane of another row on the edge where it is, if that row has one there."""

@@ -1,15 +1,15 @@
 """Surrounding vehicles (SVs) do not stand for ever because of an ego that stands in nobody's way.
 
-In SUMO a vehicle waits for anybody inside the junction whose lane there crosses its own, for as long as that
-one is on it. So an ego that has stopped a little beyond its line and gives way there would hold up those who
-have priority, and they the ego. The yielding layer knows better who must wait for the ego. Once the ego has
-stood for STOOD_S, the SVs that stand, need not give way to it by the right of way, and are not held by the
-layer overlook the ego at junctions in SUMO. Once it has stood for LONG_S, so do those that should give way to
-it and can pass it: they take it that the ego lets them go first. (Of those that should give way, who could
-not pass it would only come to stand before its nose, where neither can drive on.) When the ego drives again,
-those that stand heed it again. One that drives goes on overlooking it: SUMO would have it brake hard, often
-for nothing, and the layer makes it brake if it must. Who stands nose to nose with the ego goes back
-(rudc/world/backing_off.py).
+In SUMO a vehicle waits for anybody inside the junction whose lane there crosses its own, for as long as
+that one is on it. So an ego that has stopped a little beyond its line and gives way there would hold up
+those who have priority, and they the ego. The yielding layer knows better who must wait for the ego. Once
+the ego has stood for STOOD_S, the SVs that stand, need not give way to it by the right of way, and are not
+held by the layer overlook the ego at junctions in SUMO. Once it has stood for LONG_S, so do those that
+should give way to it and can pass it: they take it that the ego lets them go first. Those that cannot pass
+it keep waiting, since they would only drive up to its nose, where neither could go on. When the ego drives
+again, those that stand heed it again. One that drives goes on overlooking it: SUMO would have it brake
+hard, often for nothing, and the layer makes it brake if it must. An SV that stands nose to nose with the
+ego goes back (rudc/world/backing_off.py).
 """
 
 from __future__ import annotations

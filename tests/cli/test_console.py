@@ -210,11 +210,11 @@ def test_a_narrow_screen_breaks_no_number_and_says_what_is_missing(shown, width)
 
 def test_off_a_terminal_columns_may_be_told(rudc, tmp_path, monkeypatch):
     """Else nothing is cut off or left out."""
-    shutil.copytree(Path(__file__).parents[2] / "results" / "tasks", "tasks")
-    assert max(map(len, rudc("table", "tasks").out.splitlines())) > 120
-    monkeypatch.setenv("COLUMNS", "94")
-    answer = rudc("table", "tasks")
-    assert max(map(len, answer.out.splitlines())) <= 94
+    shutil.copytree(Path(__file__).parents[2] / "results" / "by-chance", "chance")
+    assert max(map(len, rudc("table", "chance").out.splitlines())) > 120
+    monkeypatch.setenv("COLUMNS", "100")
+    answer = rudc("table", "chance")
+    assert max(map(len, answer.out.splitlines())) <= 100
     assert "too narrow for RC, AER, decision" in answer.err
 
 

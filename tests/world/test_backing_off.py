@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rudc.scenario import load_scenario
 from rudc.world import backing_off
 from rudc.world.backing_off import CLEAR_M, PACE, PATIENCE_S, STOOD_S, BackingOff
+from tests.world.standing import scenes_of_a_standing_ego
 
 DECISION_S = 0.1
 BEYOND = 6.0
@@ -18,18 +18,8 @@ BEYOND = 6.0
 
 def longest_standoff(world):
     """s, for how long the ego and one SV stand in each other's way while the ego stands in the junction."""
-    changes = {
-        "traffic.density": 25,
-        "ego.route": {"from": "south", "turn": "left"},
-        "episode.timeout": 90,
-    }
-    world.reset(load_scenario("random_destination", changes).plan(1))
-    route = world.route
-    world.put_ego(*map(float, route.path.pose(route.stop_line_s + BEYOND)))
     since, longest = {}, 0.0
-    for _ in range(450):
-        assert world.advance(np.array([-1.0, 0.0])).collision is None
-        scene = world.scene()
+    for scene in scenes_of_a_standing_ego(world, "left", BEYOND, 45.0):
         stand = {scene.ids[i] for i in backing_off._at_its_nose(scene).tolist() if _face_to_face(scene, i)}
         since = {name: since.get(name, scene.time_s) for name in stand}
         longest = max([longest, *(scene.time_s - began for began in since.values())])

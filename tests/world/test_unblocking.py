@@ -5,10 +5,10 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from rudc.scenario import load_scenario
 from rudc.world import unblocking
 from rudc.world.backing_off import bars
 from rudc.world.unblocking import Unblocking
+from tests.world.standing import scenes_of_a_standing_ego
 
 BEYOND = 3.0
 """m beyond its stop line where the ego's front stands: its ways ahead are free for all who cross"""
@@ -16,19 +16,9 @@ BEYOND = 3.0
 
 def longest_stand(world):
     """s, how long somebody from another arm has been standing after a minute of the ego's standing there."""
-    changes = {
-        "traffic.density": 25,
-        "ego.route": {"from": "south", "turn": "straight"},
-        "episode.timeout": 90,
-    }
-    world.reset(load_scenario("random_destination", changes).plan(1))
-    route = world.route
-    world.put_ego(*map(float, route.path.pose(route.stop_line_s + BEYOND - 0.5 * world.vehicle.length)))
-    since = {}
-    for _ in range(600):
-        assert world.advance(np.array([-1.0, 0.0])).collision is None
-        scene = world.scene()
-        own = world.network.paths.origin == world.network.paths.origin[route.row]
+    since, paths = {}, world.network.paths
+    for scene in scenes_of_a_standing_ego(world, "straight", BEYOND - 0.5 * world.vehicle.length, 60.0):
+        own = paths.origin == paths.origin[world.route.row]
         stands = (np.hypot(*scene.velocity.T) < 0.1) & (scene.path >= 0) & ~own[scene.path]
         names = {name for name, there in zip(scene.ids, stands, strict=True) if there}
         since = {name: since.get(name, scene.time_s) for name in names}
