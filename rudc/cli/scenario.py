@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
-import time
-from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -25,15 +22,14 @@ from rudc.cli.console import (
     warn,
 )
 from rudc.cli.options import Overrides, parse_overrides
+from rudc.cli.validate import validate
 from rudc.errors import InputError, ScenarioError
 
 if TYPE_CHECKING:
+    from rudc.drawing.view import View
     from rudc.scenario import Scenario
 
 app = typer.Typer(no_args_is_help=True, help="Scenario files: find, write, check and draw them.")
-
-WATCH_S = 0.5
-"""s between two looks at files that are watched"""
 
 
 @app.command("list")
@@ -180,146 +176,7 @@ def _new_file(given: str, folder: Path) -> tuple[str, Path]:
     return name, folder / f"{name}{suffix or SUFFIXES[0]}"
 
 
-@app.command()
-def validate(
-    files: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="FILE...", help="Files, shipped names, or patterns.", autocompletion=complete_scenarios
-        ),
-    ],
-    seeds: Annotated[
-        int, typer.Option(min=0, metavar="N", help="Drive N episodes, to see how often its events happen.")
-    ] = 0,
-    seed: Annotated[int | None, typer.Option(min=0, help="The first of these episodes. Default: 0.")] = None,
-    watch: Annotated[
-        bool, typer.Option("--watch", help="Do it again whenever a scenario beside it changes.")
-    ] = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-) -> None:
-    """Check scenario files, that each fits its network, and that its first sixteen episodes can be set up.
-
-    Of a sweep every value is checked, and sixteen points at most are set up; the answer says how many.
-    A line for each file; every problem reads `FILE:LINE:COLUMN: key.path: what is wrong`, all at once. A
-    warning names each event that waits for a `simulation_time`, `traveled_distance` or `speed` that no
-    episode reaches, for a quantity `below` its least value, for a time between two decisions, or whose
-    `probability` is 0, a destination that no episode reaches, a kind of `traffic.mix` that may drive nowhere,
-    and what is in the ego's exit beyond its destination. With `--seeds N`, `planner` drives N
-    episodes, and the command says how they end and how often events happen.
-
-    **Examples**
-
-    `rudc scenario validate my_scenarios/*.yaml`
-
-    `rudc scenario validate sudden_brake --seeds 20 --seed 100`
-
-    `rudc scenario validate my_scenario.yaml --watch`, in a terminal beside the editor
-    """
-    if watch and as_json:
-        raise InputError("--json is written once, and --watch never ends: give one of them")
-    if seed is not None and not seeds:
-        raise InputError("--seed is the first of the episodes that --seeds N drives: give --seeds, too")
-    driven = range(seed or 0, (seed or 0) + seeds)
-    if watch:
-        _validate_again_and_again(files, driven)
-    checked: list[dict[str, Any]] = []
-    problems = _problems(files, driven, checked.append if as_json else _say)
-    if as_json:
-        print_json(checked)
-    if problems:
-        raise ScenarioError("\n".join(problems))
-
-
-def _problems(files: list[str], seeds: range, tell: Callable[[dict[str, Any]], None]) -> list[str]:
-    """What is wrong in all files; `tell` gets what was found about each file."""
-    from rudc.evaluation.preflight import TRIED, never_happening, tried_points, validated
-    from rudc.scenario.library import existing_files, shipped_scenarios, shown
-
-    shipped = {path: name for name, path in shipped_scenarios().items()}
-    paths, problems = existing_files(files)
-    for path in paths:
-        scenario, wrong = validated(path, 1 if seeds else TRIED)  # what is driven is set up anyway
-        problems += wrong
-        found: dict[str, Any] = {"scenario": shipped.get(path, shown(path)), "problems": wrong}
-        if scenario is not None and not wrong:
-            found |= {
-                "events": len(scenario.events),
-                "swept_points": len(scenario.points()) if scenario.sweep else 0,
-                "set_up": len(tried_points(scenario)),
-                "warnings": never_happening(scenario),
-            }
-            driven, unset = _driven(scenario, seeds)
-            problems += (wrong := [f"{shown(path)}: {text}" for text in unset])
-            found |= {"problems": wrong, **driven}
-        tell(found)
-    return list(dict.fromkeys(problems))
-
-
-def _say(found: dict[str, Any]) -> None:
-    """Print whether a file is fine, its warnings, and how often its events happen."""
-    from rudc.scenario.dotted import value_text
-
-    name, wrong = found["scenario"], len(found["problems"])
-    if "events" not in found:
-        typer.echo(f"{name}: {wrong} problem{'s' * (wrong != 1)}")
-        return
-    count, points, tried = found["events"], found["swept_points"], found["set_up"]
-    swept = f", {points} swept points" if points else ""
-    swept += f", of which {tried} were set up" if tried < points else ""
-    state = f"{wrong} problem{'s' * (wrong != 1)}" if wrong else "ok"
-    typer.echo(f"{name}: {state} ({count} event{'s' * (count != 1)}{swept})")
-    for warning in found["warnings"]:
-        typer.echo(f"  warning: {warning}")
-    for firing in [*found["ends"], *found["firings"]]:
-        values = "".join(f"{key}={value_text(value)}, " for key, value in firing["swept"].items())
-        typer.echo(f"  {values}{firing['text']}")
-
-
-def _validate_again_and_again(files: list[str], seeds: range) -> NoReturn:
-    """Validate whenever one of the files changes, or another scenario beside it, which it may extend."""
-    seen: dict[Path, int] | None = None
-    while True:
-        now = _states(files)
-        if now != seen:
-            seen = now
-            for problem in _problems(files, seeds, _say):
-                typer.echo(problem)
-            note("watching; Ctrl-C ends it")
-        time.sleep(WATCH_S)
-
-
-def _states(files: list[str]) -> dict[Path, int]:
-    """Each scenario file in the folders of these -> when it was written last, ns."""
-    from rudc.scenario.library import SUFFIXES, existing_files
-
-    found: dict[Path, int] = {}
-    for folder in dict.fromkeys(path.parent for path in existing_files(files)[0]):
-        for path in folder.iterdir():
-            if path.suffix in SUFFIXES:
-                with contextlib.suppress(OSError):  # editors replace files
-                    found[path] = path.stat().st_mtime_ns
-    return found
-
-
-def _driven(scenario: Scenario, seeds: range) -> tuple[dict[str, list[Any]], list[str]]:
-    """How these episodes of a scenario end and how often its events happen in them, for each swept value,
-    and what is wrong with those that cannot be set up.
-    """
-    ends: list[dict[str, Any]] = []
-    firings: list[dict[str, Any]] = []
-    wrong: list[str] = []
-    if seeds:
-        from rudc.evaluation.firing import drive_and_count
-
-        for swept, point in scenario.grid():
-            driven = drive_and_count(point, seeds)
-            if ended := driven.seeds:
-                outcomes = driven.outcomes
-                ends.append({"swept": swept, "outcomes": outcomes, "seeds": ended, "text": driven.ends})
-            firings += [{"swept": swept, **asdict(one), "text": str(one)} for one in driven.firings]
-            wrong += driven.wrong
-    return {"ends": ends, "firings": firings}, wrong
+app.command("validate")(validate)
 
 
 @app.command()
@@ -331,32 +188,69 @@ def preview(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", metavar="F.png", help="Image. Default: NAME.png.")
     ] = None,
+    at: Annotated[
+        float | None,
+        typer.Option(min=0.0, metavar="S", help="The scene S s after the start, as `planner` drives."),
+    ] = None,
     animate: Annotated[
         bool,
         typer.Option("--animate", help="A film instead, NAME.gif: the episode as `planner` drives it."),
     ] = False,
     overrides: Overrides = None,
 ) -> None:
-    """Draw a scenario's first scene for one seed: the ego (yellow) and its path, traffic (blue), events
-    (orange, numbered), and a grid in metres, as a file's `position: [x, y]` counts them.
+    """Draw a scenario's first scene for one seed, or a later one: the ego (yellow) and its path, traffic
+    (blue), events (orange, numbered), and a grid in metres, as a file's `position: [x, y]` counts them.
 
-    **Example**: `rudc scenario preview blocked_left_turn --seed 3 --out blocked.png`
+    **Examples**
+
+    `rudc scenario preview blocked_left_turn --seed 3 --out blocked.png`
+
+    `rudc scenario preview sudden_brake --at 4.5`
     """
-    from rudc.drawing.picture_file import check_film, check_picture
-    from rudc.drawing.preview import draw_preview
+    from rudc.drawing.picture_file import check_film, check_picture, save_picture
+    from rudc.drawing.preview import draw_preview, picture_of
     from rudc.scenario import load_scenario
     from rudc.world.fitting import misfits
 
+    if animate and at is not None:
+        raise InputError("--animate shows the whole episode, and --at one scene: give one of them")
     scenario = load_scenario(source, parse_overrides(overrides), misfits)
     note_sweep(scenario)
     path = out or Path(f"{scenario.name}.{'gif' if animate else 'png'}")
     if animate:
         check_film(path)
         _animate(scenario, seed, path)
-        typer.echo(path)
     else:
         check_picture(path)
-        typer.echo(draw_preview(scenario, seed, path))
+        if at is None:
+            draw_preview(scenario, seed, path)
+        else:
+            save_picture(picture_of(scenario, _driven(scenario, seed, at)), path)
+    typer.echo(path)
+
+
+def _driven(scenario: Scenario, seed: int, at_s: float) -> View:
+    """What there is to see `at_s` s after the start of an episode that `planner` drives. Raises InputError if
+    the episode ends before.
+    """
+    from rudc.agents.registry import make_agent
+    from rudc.drawing.view import view_of
+    from rudc.env.episode import Episode
+    from rudc.network.network import load_network
+    from rudc.world.world import World
+
+    driver = make_agent("planner")
+    with World(load_network(scenario.network, scenario.junction)) as world:
+        episode = Episode(world)
+        scene = episode.reset(scenario.plan(seed), ego_driver=driver.ego_driver)
+        driver.reset(scene, seed)
+        half = 0.5 * world.config.decision_s
+        while episode.truth.time_s < at_s - half:
+            if episode.outcome is not None:
+                end = f"{episode.truth.time_s:.1f} s ({episode.outcome})"
+                raise InputError(f"--at {at_s:g}: with seed {seed} the episode ends at {end}")
+            scene = episode.step(driver.act(scene).u).scene
+        return view_of(world, episode.outcome or "")
 
 
 def _animate(scenario: Scenario, seed: int, path: Path) -> None:

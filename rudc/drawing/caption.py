@@ -186,7 +186,9 @@ def probability(event: Event) -> str:
 
 
 def missing(event: ShownEvent) -> str:
-    """Why an event is not in the picture of an episode's first scene; empty if it is."""
+    """Why an event is not in the picture of a scene; empty if it is."""
+    if event.is_over:
+        return f"begun at {event.begun_s:.1f} s, and over"
     if not event.waits:
         drawn = event.bodies or event.places or event.event.kind in SENSED
         return "" if drawn else "nothing to draw"

@@ -1,7 +1,7 @@
 """A picture of what a scenario says: the road, the ego's path, what happens, and one seed's traffic.
 
-It shows the first scene of the seed's episode, drawn as its frames are; the caption lists the events by their
-numbers in the file, and says of each that is not to be seen why not.
+It shows a scene of the seed's episode, usually the first, drawn as its frames are; the caption lists the
+events by their numbers in the file, and says of each that is not to be seen why not.
 """
 
 from __future__ import annotations
@@ -42,7 +42,12 @@ def preview_picture(scenario: Scenario, seed: int) -> Image.Image:
     with World(network) as world:
         world.reset(scenario.plan(seed))
         view = view_of(world)
-    reach = _reach(view)
+    return picture_of(scenario, view)
+
+
+def picture_of(scenario: Scenario, view: View) -> Image.Image:
+    """The picture of a scene of an episode of the scenario."""
+    network, reach = view.truth.network, _reach(view)
     canvas = new_map(network, reach).copy(shaded=view.sensors_limited)
     draw_view(canvas, view, Driving())
     name_arms(canvas, network, reach)
@@ -63,9 +68,11 @@ def caption(scenario: Scenario, view: View) -> list[Line]:
     scene = view.truth
     route = f"ego (yellow) from {scene.route.origin} to {scene.route.destination}"
     before = scene.route.stop_line_s - scene.ego_s - 0.5 * scene.vehicle.length
-    start = f"at {scene.ego.v:.1f} m/s, {before:.0f} m before the stop line"
+    side = "before" if before >= 0.0 else "beyond"
+    start = f"at {scene.ego.v:.1f} m/s, {abs(before):.0f} m {side} the stop line"
+    time = f"{GAP}{scene.time_s:.1f} s after the start" if scene.time_s else ""
     lines: list[Line] = [
-        ((f"{scenario.name}{GAP}seed {view.seed}", TEXT),),
+        ((f"{scenario.name}{GAP}seed {view.seed}{time}", TEXT),),
         ((f"{route}, {start}", EGO),),
         ((others(view), TRAFFIC),),
     ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 from rudc.agents.registry import make_agent
@@ -46,6 +46,8 @@ class Firing:
     """episodes in which the ego's sensors showed it, or it has no body and is felt"""
     no_room: int = 0
     """episodes at whose end it waited for room on the road"""
+    begun_s: list[float] = field(default_factory=list)
+    """s, when it took effect, of each episode in which it did"""
 
     def __str__(self) -> str:
         rest = "" if self.drawn == self.episodes else f" (its probability lets it in {self.drawn})"
@@ -55,8 +57,16 @@ class Firing:
         if 0 < self.no_room < others:
             why = f"{EARLY}, or, in {self.no_room} of them, {NO_ROOM}"
         early = f"{'; in the others' if self.fired else ':'} {why}" if others else ""
-        happens = f"happens in {self.fired} of {self.episodes} episodes"
+        happens = f"happens in {self.fired} of {self.episodes} episodes{self._times}"
         return f"event {numbered(self.number, self.kind)}: {happens}{rest}{seen}{early}"
+
+    @property
+    def _times(self) -> str:
+        """When it takes effect, in words; nothing of one that is there from the start."""
+        if not self.begun_s or max(self.begun_s) == 0.0:
+            return ""
+        first, last = (f"{time:.1f}" for time in (min(self.begun_s), max(self.begun_s)))
+        return f", at {first} s" if first == last else f", at {first} to {last} s"
 
 
 class Tried(NamedTuple):
@@ -117,6 +127,8 @@ def _count(found: list[Firing], world: World) -> None:
     for number, happening in zip(world.plan.event_numbers, world.happenings(), strict=True):
         firing = found[number - 1]
         firing.drawn += 1
-        firing.fired += happening.begun_s is not None
+        if happening.begun_s is not None:
+            firing.fired += 1
+            firing.begun_s.append(happening.begun_s)
         firing.seen += happening.visible_s is not None
         firing.no_room += happening.no_room

@@ -13,6 +13,7 @@ from rudc.errors import RudcError, ScenarioError
 from rudc.kernels import as_written
 from rudc.network.network import load_network
 from rudc.scenario.dotted import value_text
+from rudc.scenario.events import effect_of
 from rudc.scenario.library import shown
 from rudc.scenario.loader import load_scenario
 from rudc.scenario.spread import spread
@@ -71,10 +72,10 @@ def try_out(scenario: Scenario, tried: int = TRIED) -> list[str]:
 
 def never_happening(scenario: Scenario) -> list[str]:
     """A line for each event that can never happen: it waits for a time, a way or a speed that no episode
-    reaches, for a quantity below its least value, or for a time between two decisions, or its probability is
-    0; one for a destination that no episode reaches; one for each kind of `traffic.mix` that may drive
-    nowhere; and one for what stands in or crosses the ego's exit beyond its destination. Of a sweep, at
-    the points that `tried_points` chooses."""
+    reaches, for a quantity below its least value, for a time between two decisions, or for the end of an
+    event without duration, or its probability is 0; one for a destination that no episode reaches; one for
+    each kind of `traffic.mix` that may drive nowhere; and one for what stands in or crosses the ego's exit
+    beyond its destination. Of a sweep, at the points that `tried_points` chooses."""
     found: dict[str, str] = {}
     for swept in tried_points(scenario):
         point = scenario.varied(swept) if swept else scenario
@@ -85,8 +86,24 @@ def never_happening(scenario: Scenario) -> list[str]:
 
 def _in_vain(scenario: Scenario) -> Iterator[str]:
     for number, event in enumerate(scenario.events, start=1):
-        for why in _never(event.when, scenario.episode.timeout.support[1]) if event.when else ():
+        if event.when is None:
+            continue
+        end = scenario.episode.timeout.support[1]
+        for why in (*_never(event.when, end), *_endless(scenario, event.when)):
             yield f"event {numbered(number, event.kind)} can never happen: {why}"
+
+
+def _endless(scenario: Scenario, when: Trigger) -> Iterator[str]:
+    """Why the end of an event that `when` waits for never comes."""
+    after = when.event_state
+    if after is None or after.state != "over" or after.event.support[0] != after.event.support[1]:
+        return
+    k = int(after.event.support[0])
+    awaited = scenario.events[k]
+    effect = effect_of(awaited, awaited.kind)
+    others = [event.kind for i, event in enumerate(scenario.events) if i != k]
+    if effect.is_endless and not (effect.replaceable and awaited.kind in others):
+        yield f"it waits for the end of event {numbered(k + 1, awaited.kind)}, which has no duration"
 
 
 def _never(when: Trigger, end: float) -> Iterator[str]:

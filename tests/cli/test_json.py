@@ -31,7 +31,8 @@ def test_what_is_wrong_with_files_is_in_it_and_in_the_exit_status(rudc, tmp_path
     assert answer.status == 2
     fine, wrong = json.loads(answer.out)
     assert (fine["scenario"], fine["problems"], fine["events"]) == ("sudden_brake", [], 1)
-    assert fine["firings"][0]["episodes"] == 1
+    (firing,) = fine["firings"]
+    assert firing["episodes"] == firing["fired"] == len(firing["begun_s"]) == 1
     assert wrong["scenario"] == "wrong.yaml"
     assert any(text.startswith("wrong.yaml:2:1: trafic") for text in wrong["problems"])
     assert rudc("scenario", "validate", "sudden_brake", "--watch", "--json").status == 2

@@ -6,7 +6,7 @@ import re
 import pytest
 from PIL import Image
 
-from rudc.cli import scenario as commands
+from rudc.cli import validate as commands
 from rudc.data import data_folder
 from rudc.scenario import load_scenario, shipped_scenarios
 
@@ -18,6 +18,22 @@ def test_a_preview_moves(rudc, tmp_path):
     with Image.open(tmp_path / "random_destination.gif") as film:
         assert getattr(film, "n_frames", 1) > 10
     assert rudc("scenario", "preview", "random_destination", "--animate", "-o", "x.png").status == 2
+
+
+def test_a_preview_shows_a_later_scene(rudc, tmp_path):
+    scenes = {}
+    for at in (0, 4):
+        answer = rudc("scenario", "preview", "sudden_brake", "--seed", 3, "--at", at, "-o", f"{at}.png")
+        assert answer.status == 0, answer.err
+        scenes[at] = (tmp_path / f"{at}.png").read_bytes()
+    first = rudc("scenario", "preview", "sudden_brake", "--seed", 3)
+    assert (tmp_path / first.out.strip()).read_bytes() == scenes[0] != scenes[4]
+    late = rudc("scenario", "preview", "sudden_brake", "--seed", 3, "--at", 99)
+    assert late.status == 2
+    assert re.fullmatch(r"error: --at 99: with seed 3 the episode ends at [\d.]+ s \(\w+\)\n", late.err), (
+        late.err
+    )
+    assert rudc("scenario", "preview", "sudden_brake", "--at", 1, "--animate").status == 2
 
 
 def test_a_file_is_validated_whenever_it_or_its_neighbour_changes(rudc, tmp_path, monkeypatch):

@@ -1,5 +1,6 @@
 """Whether scripted events happen: counted over episodes, in what is shipped and where traffic is thin."""
 
+import re
 from itertools import chain
 
 import pytest
@@ -79,6 +80,15 @@ def test_counts_say_what_probability_left_out():
     )
 
 
+def test_counts_say_when_it_happens():
+    def said(*begun_s):
+        return str(Firing(1, "fog", 2, 2, 2, 2, begun_s=list(begun_s))).partition("episodes")[2]
+
+    assert said(0.0, 0.0) == ""
+    assert said(3.2, 3.2) == ", at 3.2 s"
+    assert said(4.0, 0.0) == ", at 0.0 to 4.0 s"
+
+
 def test_where_it_never_happens_there_are_no_others():
     assert ": its trigger did not come true" in str(Firing(1, "speeding", 20, 20, 0, 0))
     assert "in the others" not in str(Firing(1, "speeding", 20, 20, 0, 0))
@@ -153,8 +163,7 @@ def test_an_event_beyond_what_blocks_the_way_happens():
 def test_validate_says_how_often_events_happen():
     result = CliRunner().invoke(app, ["scenario", "validate", "sudden_brake", "--seeds", "3"])
     assert result.exit_code == 0
-    assert result.stdout.splitlines() == [
-        "sudden_brake: ok (1 event)",
-        "  planner drives 3 episodes: 3 success",
-        "  event 1 (events.0) hard_brake: happens in 3 of 3 episodes",
-    ]
+    *first, last = result.stdout.splitlines()
+    assert first == ["sudden_brake: ok (1 event)", "  planner drives 3 episodes: 3 success"]
+    counted = "  event 1 (events.0) hard_brake: happens in 3 of 3 episodes"
+    assert re.fullmatch(re.escape(counted) + r", at \d\.\d to \d\.\d s", last), last

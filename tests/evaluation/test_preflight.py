@@ -185,6 +185,25 @@ events:
     ]  # fmt: skip
 
 
+def test_an_event_that_waits_for_the_end_of_one_without_end_never_happens(written):
+    text = """
+name: endless
+extends: random_destination
+events:
+  - {kind: density_surge, density: 40}
+  - {kind: low_friction, friction: 0.4}
+  - {kind: low_friction, friction: 0.5, when: {event_state: {event: 0, state: over}}}
+  - {kind: sensor_dropout, range: 20, when: {event_state: {event: 1, state: over}}}
+  - {kind: sensor_noise, position: 1, when: {event_state: {event: 3, state: over}}}
+  - {kind: speeding, vehicle: leader, factor: 1.3, when: {event_state: {event: 3, state: begun}}}
+  - {kind: density_surge, density: 40, when: {event_state: {event: 5, state: over}}}
+"""
+    assert [told.partition(": ")[2] for told in never_happening(load_scenario(written(text)))] == [
+        "it waits for the end of event 1 (events.0) density_surge, which has no duration",
+        "it waits for the end of event 4 (events.3) sensor_dropout, which has no duration",
+    ]  # the second low_friction ends the first; a vehicle that speeds may leave
+
+
 def test_a_destination_that_no_episode_comes_to_is_warned_of(written):
     text = """
 name: hasty

@@ -119,6 +119,11 @@ class Effect(ABC, Generic[E]):
         duration = _duration_of(self.event)
         return duration is not None and stage.time_s >= self.begun_s + float(duration) - ROUNDED_S
 
+    @property
+    def is_endless(self) -> bool:
+        """Whether it has no duration, and nothing else by which it would be over."""
+        return type(self).is_over is Effect.is_over and _duration_of(self.event) is None
+
     def end(self, stage: Stage) -> None:
         """Stop, once it is over."""
 
