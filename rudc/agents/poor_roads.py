@@ -18,7 +18,7 @@ POOR = 6.0
 """m/s2, grip below this is poor: it is what full braking needs on a dry road"""
 CAREFUL = 6.0
 """m/s, always allowed on straights"""
-STOPPING = 10.0
+STOPPING = 25.0
 """m, within which the ego can stop on straights where grip is poor, unless it drives at CAREFUL or less"""
 
 
