@@ -157,8 +157,8 @@ def _driven(scenario: Scenario, seeds: range) -> tuple[dict[str, list[Any]], lis
         for swept, point in scenario.grid():
             driven = drive_and_count(point, seeds)
             if ended := driven.seeds:
-                outcomes = driven.outcomes
-                ends.append({"swept": swept, "outcomes": outcomes, "seeds": ended, "text": driven.ends})
+                told = {"outcomes": driven.outcomes, "seeds": ended, "hits": driven.hits, "text": driven.ends}
+                ends.append({"swept": swept, **told})
             firings += [{"swept": swept, **asdict(one), "text": str(one)} for one in driven.firings]
             wrong += driven.wrong
     return {"ends": ends, "firings": firings}, wrong

@@ -78,6 +78,8 @@ class Tried(NamedTuple):
     """outcome -> seeds of the episodes that ended so"""
     wrong: list[str]
     """what is wrong with those that cannot be set up or driven, a line each"""
+    hits: dict[int, str]
+    """seed -> whom the ego collided with, and whose fault that was"""
 
     @property
     def outcomes(self) -> dict[str, int]:
@@ -96,7 +98,9 @@ class Tried(NamedTuple):
         seeds = self.seeds[outcome]
         if outcome == Outcome.SUCCESS:
             return ""
-        return f" (seed{'s' * (len(seeds) != 1)} {', '.join(str(seed) for seed in sorted(seeds))})"
+        named = [f"{seed}: {self.hits[seed]}" if seed in self.hits else str(seed) for seed in sorted(seeds)]
+        between = "; " if self.hits.keys() & set(seeds) else ", "
+        return f" (seed{'s' * (len(seeds) != 1)} {between.join(named)})"
 
 
 def drive_and_count(scenario: Scenario, seeds: Iterable[int]) -> Tried:
@@ -104,6 +108,7 @@ def drive_and_count(scenario: Scenario, seeds: Iterable[int]) -> Tried:
     ended: dict[str, list[int]] = {}
     found = [Firing(number, event.kind) for number, event in enumerate(scenario.events, start=1)]
     wrong: list[str] = []
+    hits: dict[int, str] = {}
     waiting = deque(seeds)
     while waiting:  # once more with a new world after an episode that went wrong
         with World(load_network(scenario.network, scenario.junction)) as world:
@@ -116,8 +121,11 @@ def drive_and_count(scenario: Scenario, seeds: Iterable[int]) -> Tried:
                     wrong.append(f"seed {seed}: {error}")
                     break
                 ended.setdefault(record.outcome, []).append(seed)
+                driven = episode.metrics()
+                if driven.hit:
+                    hits[seed] = f"{driven.hit}, fault {driven.fault}"
                 _count(found, world)
-    return Tried(found, ended, wrong)
+    return Tried(found, ended, wrong, hits)
 
 
 def _count(found: list[Firing], world: World) -> None:

@@ -26,7 +26,7 @@ WAITING = [
 @pytest.mark.parametrize("name", WAITING)
 def test_the_events_of_shipped_scenarios_happen(name):
     """In at least 95 % of the episodes that they are part of: here, with few episodes, in all of them."""
-    firings, seeds, wrong = drive_and_count(load_scenario(name), range(3))
+    firings, seeds, wrong, _ = drive_and_count(load_scenario(name), range(3))
     assert wrong == []
     assert sorted(chain(*seeds.values())) == [0, 1, 2]
     for firing in firings:
@@ -117,7 +117,7 @@ events:
 def test_seeds_that_cannot_be_set_up_are_said_and_the_others_driven(tmp_path):
     path = tmp_path / "overlap.yaml"
     path.write_text(OVERLAP, encoding="utf-8")
-    firings, seeds, wrong = drive_and_count(load_scenario(path), range(6))
+    firings, seeds, wrong, _ = drive_and_count(load_scenario(path), range(6))
     assert 0 < len(wrong) < 6
     assert all("seed " in text and "would stand in the same place" in text for text in wrong)
     assert firings[0].episodes == len([*chain(*seeds.values())]) == 6 - len(wrong)
@@ -142,6 +142,17 @@ def test_an_episode_that_goes_wrong_on_the_way_does_not_keep_the_others_from_bei
     driven = drive_and_count(load_scenario("random_destination", {"episode.timeout": 1}), range(2))
     assert driven.wrong == ["seed 0: a part failed at 0.5 s"]
     assert list(driven.seeds.values()) == [[1]]
+
+
+def test_whom_the_ego_hit_and_whose_fault_it_was_is_said():
+    riders = {"kind": "vehicle_crossing", "arm": "ego_in", "count": 3, "at": 10, "speed": 5}
+    near = {**riders, "when": {"ego_distance_to_junction": {"below": 13}}}
+    settings = {"events": [near], "traffic.density": 0, "ego.distance": 30, "ego.speed": 12}
+    driven = drive_and_count(load_scenario("random_destination", settings), range(3))
+    hit = driven.seeds["collision"]
+    assert driven.hits == dict.fromkeys(hit, "bicycle, fault other")
+    said = "; ".join(f"{seed}: bicycle, fault other" for seed in hit)
+    assert f"{len(hit)} collision (seed{'s' * (len(hit) > 1)} {said})" in driven.ends
 
 
 def test_how_episodes_end_is_said():

@@ -22,7 +22,8 @@ class WrongWay(Event, frozen=True):
     """lane it drives along; on ARM_out_INDEX it comes towards the junction, and goes straight on through it;
     from inside the junction it drives out by the arm from which the lane comes"""
     at: Metre
-    """m from the junction along the lane, where its centre appears, once traffic there can stop before it"""
+    """m from the junction along the lane, where its centre appears, once traffic there can stop before it;
+    the ego is not waited for"""
     speed: MovingSpeed = Constant(value=6.0)
     """m/s; it stops for what stands in its way and for an ego below 2 m/s, not for a faster one; once it
     stands, it waits while the ego passes"""
