@@ -1,7 +1,10 @@
-"""Where the ego starts: its route, drawn from the network, and whether the start is safe for everybody."""
+"""How the ego starts: its route, drawn from the network, its speed, and whether the start is safe for
+everybody.
+"""
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
@@ -9,8 +12,10 @@ import numpy as np
 from rudc.arrays import Array
 from rudc.errors import NetworkError, SimulationError
 from rudc.geometry import rectangle_gaps
+from rudc.network.paths import SPACING
 from rudc.vehicle import Actuation
-from rudc.world.ego import grip_of
+from rudc.world.bends import SHARE
+from rudc.world.ego import DRY, GRAVITY, grip_of
 from rudc.world.scene import Scene
 
 if TYPE_CHECKING:
@@ -23,8 +28,10 @@ MARGIN_M = 2.0
 REACTION_S = 0.5
 """s after which the vehicle behind brakes"""
 BRAKING = 4.0
-"""m/s2, with which the vehicle behind can brake, if the road lets it, and the one ahead may"""
-
+"""m/s2, with which the vehicle behind can brake, if the road lets it, and the one ahead may; and with which
+the ego can brake for a bend"""
+STRAIGHT = 1e-3
+"""1/m, curvature below which a road counts as straight"""
 ROUNDED_M = 0.1
 """m by which the length of a lane as stated in its file may differ, by rounding, from that of its centre line
 """
@@ -79,6 +86,20 @@ class Entry(NamedTuple):
     """lane on which it enters"""
     front: float
     """m along the lane at which its front bumper is"""
+    limit: float
+    """m/s, the highest limit on that road"""
+
+
+def start_speed(route: Route, s: float, wanted: float) -> float:
+    """m/s, speed of an ego that starts at `s` m on its path: what is `wanted` (m/s), or, if that is less, the
+    highest from which it can take the bends before the stop line as other drivers do on a dry road.
+    """
+    path = route.path
+    first, last = (min(round(at / SPACING), len(path.s) - 1) for at in (s, route.stop_line_s))
+    bend = np.abs(path.curvature[first : last + 1])
+    room = path.s[first : last + 1] - s
+    squared = SHARE * DRY * GRAVITY / np.maximum(bend, STRAIGHT) + 2.0 * BRAKING * np.maximum(room, 0.0)
+    return min(wanted, math.sqrt(float(squared.min())))
 
 
 def entry(network: Network, route: Route, front_s: float) -> Entry:
@@ -94,7 +115,8 @@ def entry(network: Network, route: Route, front_s: float) -> Entry:
     front, scale = front_s - start, locate(route.origin, route.destination, lane.id, 1.0)[1] - start
     if abs(scale - 1.0) * lane.length > ROUNDED_M:
         front /= scale
-    return Entry(route.edges[route.edges.index(lane.edge) :], lane, front)
+    edges_on = route.edges[route.edges.index(lane.edge) :]
+    return Entry(edges_on, lane, front, network.speed_limit(lane.edge))
 
 
 def safe_to_start(scene: Scene) -> bool:

@@ -33,7 +33,7 @@ from rudc.world.lane_keeping import LaneKeeping
 from rudc.world.perception import Sensors
 from rudc.world.reading import EgoView, Reader
 from rudc.world.scene import STANDING, EgoState, Kind, Scene
-from rudc.world.spawn import draw_route, entry, no_safe_start, safe_to_start
+from rudc.world.spawn import draw_route, entry, no_safe_start, safe_to_start, start_speed
 from rudc.world.sumo import Sumo
 from rudc.world.traffic import Traffic
 from rudc.world.trial import refuse_untried
@@ -236,7 +236,7 @@ class World:
         self._destination_s = min(route.exit_s + plan.destination_m, route.length - half - 1.0)
         x, y, psi = (float(value) for value in route.path.pose(self._ego_s))
         self._entry = entry(self.network, route, self._ego_s + half)
-        self._plant.reset(x, y, psi, min(plan.speed_mps, self.network.speed_limit(self._entry.lane.edge)))
+        self._plant.reset(x, y, psi, start_speed(route, self._ego_s, min(plan.speed_mps, self._entry.limit)))
 
     def _warm_up(self, duration_s: float) -> None:
         last = max(round(duration_s / self.config.decision_s), 1) - 1

@@ -1,15 +1,17 @@
 """Where surrounding vehicles (SVs) enter the road, and how fast."""
 
 from collections import Counter
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from rudc.errors import SimulationError
+from rudc.network.route import ReferencePath
 from rudc.vehicle import Actuation
 from rudc.world.kernels import overlapping
-from rudc.world.spawn import safe_to_start
+from rudc.world.spawn import safe_to_start, start_speed
 from tests.plans import ALL_KINDS, PlanSource, event
 from tests.world.networks import PIECES, in_pieces
 
@@ -89,3 +91,19 @@ def test_after_a_start_that_failed_there_is_no_episode(world):
         world.reset(PlanSource(distance=(1000.0, 1000.0)).plan(0))
     with pytest.raises(SimulationError, match="no episode yet"):
         world.scene()
+
+
+@pytest.mark.parametrize(
+    ("radius", "before", "fastest"), [(20.0, 0.0, 11.5), (20.0, 30.0, 19.3), (300.0, 0.0, 44.6)]
+)
+def test_an_ego_starts_so_that_it_can_take_the_bends_before_its_stop_line(
+    make_scene, radius, before, fastest
+):
+    """Straight on for 60 m, then a quarter of a circle: at 0.75 of 8.8 m/s2 across, braking at 4 m/s2 before."""
+    turned = np.linspace(0.0, 0.5 * np.pi, 500)[1:]
+    bend = np.column_stack([60.0 + radius * np.sin(turned), radius * (1.0 - np.cos(turned))])
+    path = ReferencePath(np.vstack([np.column_stack([np.linspace(0.0, 60.0, 300), np.zeros(300)]), bend]))
+    route = replace(make_scene().route, path=path, stop_line_s=path.length)
+    assert start_speed(route, 60.0 - before, 100.0) == pytest.approx(fastest, rel=0.04)
+    assert start_speed(route, 60.0 - before, 5.0) == 5.0
+    assert start_speed(replace(route, stop_line_s=59.0), 55.0, 40.0) == 40.0
