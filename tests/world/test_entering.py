@@ -99,7 +99,7 @@ def test_after_a_start_that_failed_there_is_no_episode(world):
 def test_an_ego_starts_so_that_it_can_take_the_bends_before_its_stop_line(
     make_scene, radius, before, fastest
 ):
-    """Straight on for 60 m, then a quarter of a circle: at 0.75 of 8.8 m/s2 across, braking at 4 m/s2 before."""
+    """Straight on for 60 m, then a quarter of a circle: 6.6 m/s2 across, braking at 4 m/s2 before."""
     turned = np.linspace(0.0, 0.5 * np.pi, 500)[1:]
     bend = np.column_stack([60.0 + radius * np.sin(turned), radius * (1.0 - np.cos(turned))])
     path = ReferencePath(np.vstack([np.column_stack([np.linspace(0.0, 60.0, 300), np.zeros(300)]), bend]))
