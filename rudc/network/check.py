@@ -276,7 +276,7 @@ def _head_on_warnings(network: Network) -> Iterator[str]:
     for one, other in dict.fromkeys((way(a), way(b)) for a, b in head_on(paths)):
         yield (
             f"vehicles {one} and {other} meet head-on in the junction, and neither must yield: they may "
-            "stand for good; give their connections other shapes"
+            "stand for good; give the junction's node another `radius`, or the connections other shapes"
         )
 
 
