@@ -89,19 +89,20 @@ def _in_vain(scenario: Scenario) -> Iterator[str]:
         if event.when is None:
             continue
         end = scenario.episode.timeout.support[1]
-        for why in (*_never(event.when, end), *_endless(scenario, event.when)):
+        for why in (*_never(event.when, end), *_endless(scenario, number - 1)):
             yield f"event {numbered(number, event.kind)} can never happen: {why}"
 
 
-def _endless(scenario: Scenario, when: Trigger) -> Iterator[str]:
-    """Why the end of an event that `when` waits for never comes."""
-    after = when.event_state
+def _endless(scenario: Scenario, waiting: int) -> Iterator[str]:
+    """Why the end of an event never comes for which the event number `waiting`, from 0, waits."""
+    when = scenario.events[waiting].when
+    after = when.event_state if when else None
     if after is None or after.state != "over" or after.event.support[0] != after.event.support[1]:
         return
     k = int(after.event.support[0])
     awaited = scenario.events[k]
     effect = effect_of(awaited, awaited.kind)
-    others = [event.kind for i, event in enumerate(scenario.events) if i != k]
+    others = [event.kind for i, event in enumerate(scenario.events) if i not in (k, waiting)]
     if effect.is_endless and not (effect.replaceable and awaited.kind in others):
         yield f"it waits for the end of event {numbered(k + 1, awaited.kind)}, which has no duration"
 

@@ -85,7 +85,7 @@ class Ego(FileModel, frozen=True):
     route: EgoRoute = EgoRoute()
     """random, {from: ARM, turn: TURN} or {from: EDGE, to: EDGE}"""
     speed: Speed = Uniform(uniform=(6.0, 10.0))
-    """m/s, at the start; at most the limit of its road, and what its bends before the stop line allow"""
+    """m/s, at the start; at most the limit of its road, and what the bends before its stop line allow"""
     distance: Annotated[AnyDistribution, Bounds(0, 1000, "m", above=True)] = Uniform(uniform=(35.0, 45.0))
     """m from its front to the stop line, at the start"""
     destination: Annotated[AnyDistribution, Bounds(0, 1000, "m", above=True)] = Constant(value=30.0)

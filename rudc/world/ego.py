@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from dataclasses import replace
 
 from rudc.vehicle import Actuation, EgoVehicle
 from rudc.world.kernels import on_an_arc, slip_of, widest, within_friction
@@ -75,6 +76,10 @@ class EgoPlant:
         self._pending.clear()
         self._given = (0.0, 0.0)
         self.state = EgoState(x, y, psi, min(max(v, 0.0), self.vehicle.v_max), 0.0, 0.0, 0.0, 0.0)
+
+    def slow_down(self, v: float) -> None:
+        """From now on drive at v m/s, or as fast as before if that is less."""
+        self.state = replace(self.state, v=min(self.state.v, v))
 
     def resume(self, state: EgoState, actuation: Actuation) -> None:
         """Go on from a state; commands that have not yet taken effect are dropped."""

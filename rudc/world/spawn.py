@@ -14,7 +14,7 @@ from rudc.errors import NetworkError, SimulationError
 from rudc.geometry import rectangle_gaps
 from rudc.network.paths import SPACING
 from rudc.vehicle import Actuation
-from rudc.world.bends import SHARE
+from rudc.world.bends import OVER_M, SHARE
 from rudc.world.ego import DRY, GRAVITY, grip_of
 from rudc.world.scene import Scene
 
@@ -86,20 +86,34 @@ class Entry(NamedTuple):
     """lane on which it enters"""
     front: float
     """m along the lane at which its front bumper is"""
-    limit: float
-    """m/s, the highest limit on that road"""
 
 
-def start_speed(route: Route, s: float, wanted: float) -> float:
-    """m/s, speed of an ego that starts at `s` m on its path: what is `wanted` (m/s), or, if that is less, the
-    highest from which it can take the bends before the stop line as other drivers do on a dry road.
+def start_of(route: Route, plan: EpisodePlan, length: float) -> float:
+    """m along the route's path, where the centre of an ego of `length` m starts. Raises SimulationError if
+    the arm is too short for that.
     """
-    path = route.path
-    first, last = (min(round(at / SPACING), len(path.s) - 1) for at in (s, route.stop_line_s))
-    bend = np.abs(path.curvature[first : last + 1])
-    room = path.s[first : last + 1] - s
-    squared = SHARE * DRY * GRAVITY / np.maximum(bend, STRAIGHT) + 2.0 * BRAKING * np.maximum(room, 0.0)
-    return min(wanted, math.sqrt(float(squared.min())))
+    distance, half = plan.ego.distance_m, 0.5 * length
+    s = route.stop_line_s - distance - half
+    if s < half:
+        raise SimulationError(
+            f"scenario {plan.scenario}: ego.distance {distance:.1f} m does not fit on the arm "
+            f"{route.origin}, which has {route.stop_line_s:.1f} m before its stop line"
+        )
+    return s
+
+
+def fastest_start(route: Route, s: float, grip: float) -> float:
+    """m/s, highest speed from which an ego that starts at `s` m on its path can take the bends before its
+    stop line, as other drivers do (rudc/world/bends.py), where the road gives `grip` m/s2.
+    """
+    grip = min(grip, DRY * GRAVITY)
+    half = round(0.5 * OVER_M / SPACING)
+    heading = np.pad(route.path.heading, half, mode="edge")
+    bend = np.abs(heading[2 * half :] - heading[: -2 * half]) / OVER_M
+    first, last = (min(round(at / SPACING), len(bend) - 1) for at in (s, route.stop_line_s))
+    way = np.maximum(route.path.s[first : last + 1] - s, 0.0)
+    squared = SHARE * grip / np.maximum(bend[first : last + 1], STRAIGHT) + 2.0 * min(BRAKING, grip) * way
+    return math.sqrt(float(squared.min()))
 
 
 def entry(network: Network, route: Route, front_s: float) -> Entry:
@@ -115,8 +129,7 @@ def entry(network: Network, route: Route, front_s: float) -> Entry:
     front, scale = front_s - start, locate(route.origin, route.destination, lane.id, 1.0)[1] - start
     if abs(scale - 1.0) * lane.length > ROUNDED_M:
         front /= scale
-    edges_on = route.edges[route.edges.index(lane.edge) :]
-    return Entry(edges_on, lane, front, network.speed_limit(lane.edge))
+    return Entry(route.edges[route.edges.index(lane.edge) :], lane, front)
 
 
 def safe_to_start(scene: Scene) -> bool:

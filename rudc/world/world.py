@@ -25,7 +25,7 @@ from rudc.world.casting import cast
 from rudc.world.config import EgoDriver, WorldConfig
 from rudc.world.contact import NOTHING, Nearest, nearest_of, survey
 from rudc.world.detours import Detours
-from rudc.world.ego import EgoPlant, realised, within_limits
+from rudc.world.ego import EgoPlant, grip_of, realised, within_limits
 from rudc.world.events import Happening, Script, WorldStage
 from rudc.world.fault import IN_SIGHT_S, Collision, judge
 from rudc.world.kernels import largest
@@ -33,7 +33,7 @@ from rudc.world.lane_keeping import LaneKeeping
 from rudc.world.perception import Sensors
 from rudc.world.reading import EgoView, Reader
 from rudc.world.scene import STANDING, EgoState, Kind, Scene
-from rudc.world.spawn import draw_route, entry, no_safe_start, safe_to_start, start_speed
+from rudc.world.spawn import draw_route, entry, fastest_start, no_safe_start, safe_to_start, start_of
 from rudc.world.sumo import Sumo
 from rudc.world.traffic import Traffic
 from rudc.world.trial import refuse_untried
@@ -219,6 +219,7 @@ class World:
         self._lane_keeping, self._unblocking = LaneKeeping(self._sumo), Unblocking(self._sumo, self.traffic)
         self._detours = Detours(self._sumo, self.network, self.traffic)
         self._script = Script(plan, self.stage)
+        self._plant.slow_down(fastest_start(self.route, self._ego_s, grip_of(self._plant.actuation)))
         self.traffic.populate()
         self._warm_up(plan.traffic.warm_up_s)
         return safe_to_start(self.scene()) and self._enter_ego(event_rng)
@@ -227,16 +228,11 @@ class World:
         """Draw the route and put the plant where the ego starts."""
         plan, half = self.plan.ego, 0.5 * self.vehicle.length
         route = self.route = draw_route(self.network, plan, rng)
-        self._ego_s = route.stop_line_s - plan.distance_m - half
-        if self._ego_s < half:
-            raise SimulationError(
-                f"scenario {self.plan.scenario}: ego.distance {plan.distance_m:.1f} m does not fit "
-                f"on the arm {route.origin}, which has {route.stop_line_s:.1f} m before its stop line"
-            )
+        self._ego_s = start_of(route, self.plan, self.vehicle.length)
         self._destination_s = min(route.exit_s + plan.destination_m, route.length - half - 1.0)
         x, y, psi = (float(value) for value in route.path.pose(self._ego_s))
         self._entry = entry(self.network, route, self._ego_s + half)
-        self._plant.reset(x, y, psi, start_speed(route, self._ego_s, min(plan.speed_mps, self._entry.limit)))
+        self._plant.reset(x, y, psi, min(plan.speed_mps, self.network.speed_limit(self._entry.lane.edge)))
 
     def _warm_up(self, duration_s: float) -> None:
         last = max(round(duration_s / self.config.decision_s), 1) - 1

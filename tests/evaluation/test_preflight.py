@@ -197,11 +197,25 @@ events:
   - {kind: sensor_noise, position: 1, when: {event_state: {event: 3, state: over}}}
   - {kind: speeding, vehicle: leader, factor: 1.3, when: {event_state: {event: 3, state: begun}}}
   - {kind: density_surge, density: 40, when: {event_state: {event: 5, state: over}}}
+  - {kind: stalled_vehicle, lane: south_in_0, at: 60}
+  - {kind: actuator_delay, delay: 0.1, when: {event_state: {event: 7, state: over}}}
+  - {kind: stalled_vehicle, vehicle: oncoming}
+  - {kind: speeding, vehicle: leader, factor: 1.2, when: {event_state: {event: 9, state: over}}}
 """
     assert [told.partition(": ")[2] for told in never_happening(load_scenario(written(text)))] == [
         "it waits for the end of event 1 (events.0) density_surge, which has no duration",
         "it waits for the end of event 4 (events.3) sensor_dropout, which has no duration",
-    ]  # the second low_friction ends the first; a vehicle that speeds may leave
+        "it waits for the end of event 8 (events.7) stalled_vehicle, which has no duration",
+        "it waits for the end of event 10 (events.9) stalled_vehicle, which has no duration",
+    ]  # another event of low_friction may end the first; a vehicle that speeds may leave
+    alone = """
+name: alone
+extends: random_destination
+events:
+  - {kind: low_friction, friction: 0.4}
+  - {kind: low_friction, friction: 0.5, when: {event_state: {event: 0, state: over}}}
+"""
+    assert len(never_happening(load_scenario(written(alone)))) == 1  # nobody else ends the first
 
 
 def test_a_destination_that_no_episode_comes_to_is_warned_of(written):

@@ -7,15 +7,17 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from rudc.data import data_folder
 from rudc.errors import SimulationError
 from rudc.network.route import ReferencePath
 from rudc.vehicle import Actuation
 from rudc.world.kernels import overlapping
-from rudc.world.spawn import safe_to_start, start_speed
+from rudc.world.spawn import fastest_start, safe_to_start
 from tests.plans import ALL_KINDS, PlanSource, event
 from tests.world.networks import PIECES, in_pieces
 
 STAND = np.array([-6.0, 0.0])
+VILLAGE = data_folder("results") / "held-out-35/networks/mountain_village/mountain_village.net.xml"
 
 
 @pytest.mark.parametrize(
@@ -94,16 +96,27 @@ def test_after_a_start_that_failed_there_is_no_episode(world):
 
 
 @pytest.mark.parametrize(
-    ("radius", "before", "fastest"), [(20.0, 0.0, 11.5), (20.0, 30.0, 19.3), (300.0, 0.0, 44.6)]
+    ("radius", "before", "grip", "fastest"),
+    [(20.0, 0.0, 99.0, 12.2), (20.0, 30.0, 99.0, 19.6), (300.0, 0.0, 99.0, 44.7), (20.0, 30.0, 2.0, 12.6)],
 )
-def test_an_ego_starts_so_that_it_can_take_the_bends_before_its_stop_line(
-    make_scene, radius, before, fastest
+def test_an_ego_starts_so_that_it_can_take_the_bends_before_its_line(
+    make_scene, radius, before, grip, fastest
 ):
-    """Straight on for 60 m, then a quarter of a circle: 6.6 m/s2 across, braking at 4 m/s2 before."""
+    """Straight on for 60 m, then a quarter of a circle: three quarters of the grip, 8.8 m/s2 at most, across;
+    before it as much as the grip gives, 4 m/s2 at most, for the brakes."""
     turned = np.linspace(0.0, 0.5 * np.pi, 500)[1:]
     bend = np.column_stack([60.0 + radius * np.sin(turned), radius * (1.0 - np.cos(turned))])
     path = ReferencePath(np.vstack([np.column_stack([np.linspace(0.0, 60.0, 300), np.zeros(300)]), bend]))
     route = replace(make_scene().route, path=path, stop_line_s=path.length)
-    assert start_speed(route, 60.0 - before, 100.0) == pytest.approx(fastest, rel=0.04)
-    assert start_speed(route, 60.0 - before, 5.0) == 5.0
-    assert start_speed(replace(route, stop_line_s=59.0), 55.0, 40.0) == 40.0
+    assert fastest_start(route, 60.0 - before, grip) == pytest.approx(fastest, rel=0.04)
+    assert fastest_start(replace(route, stop_line_s=50.0), 45.0, grip) > 30.0
+
+
+def test_on_ice_an_ego_starts_before_a_bend_more_slowly(world_on):
+    world, speeds = world_on(str(VILLAGE)), {}
+    for friction in (0.9, 0.4):
+        ice = event("low_friction", friction=friction)
+        source = PlanSource(density=0.0, origin="northeast", distance=(60, 60), speed=(11, 11), events=(ice,))
+        speeds[friction] = world.reset(source.plan(0)).ego.v
+    assert 8.0 < speeds[0.9] < 11.0
+    assert 5.0 < speeds[0.4] < 0.8 * speeds[0.9]

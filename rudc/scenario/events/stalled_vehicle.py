@@ -63,6 +63,11 @@ class StalledVehicleEffect(Held[StalledVehicle]):
     def from_the_start(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride] - depends on the event
         return self.event.lane is not None
 
+    @property
+    def is_endless(self) -> bool:
+        """Whether it has no duration: who stands does not leave."""
+        return self.event.duration is None
+
     def begin(self, stage: Stage) -> bool:
         if self.event.lane is None or self.event.at is None:
             return super().begin(stage)
