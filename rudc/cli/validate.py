@@ -30,7 +30,10 @@ def validate(
         ),
     ],
     seeds: Annotated[
-        int, typer.Option(min=0, metavar="N", help="Drive N episodes, to see how often its events happen.")
+        int,
+        typer.Option(
+            min=0, metavar="N", help="Drive N episodes, to see how they end and when its events happen."
+        ),
     ] = 0,
     seed: Annotated[int | None, typer.Option(min=0, help="The first of these episodes. Default: 0.")] = None,
     watch: Annotated[
@@ -47,8 +50,8 @@ def validate(
     episode reaches, for a quantity `below` its least value, for a time between two decisions, for the end of
     an event that has no duration, or whose `probability` is 0, a destination that no episode reaches, a kind
     of `traffic.mix` that may drive nowhere, and what is in the ego's exit beyond its destination. With
-    `--seeds N`, `planner` drives N episodes, and the command says how they end, and how often and when events
-    happen.
+    `--seeds N`, `planner` drives N episodes, and the command says how they end (with whom the ego collides,
+    and whose fault it is), and how often and when events happen.
 
     **Examples**
 
@@ -91,7 +94,7 @@ def _problems(files: list[str], seeds: range, tell: Callable[[dict[str, Any]], N
                 "set_up": len(tried_points(scenario)),
                 "warnings": never_happening(scenario),
             }
-            driven, unset = _driven(scenario, seeds)
+            driven, unset = _tried(scenario, seeds)
             problems += (wrong := [f"{shown(path)}: {text}" for text in unset])
             found |= {"problems": wrong, **driven}
         tell(found)
@@ -144,7 +147,7 @@ def _states(files: list[str]) -> dict[Path, int]:
     return found
 
 
-def _driven(scenario: Scenario, seeds: range) -> tuple[dict[str, list[Any]], list[str]]:
+def _tried(scenario: Scenario, seeds: range) -> tuple[dict[str, list[Any]], list[str]]:
     """How these episodes of a scenario end and how often its events happen in them, for each swept value,
     and what is wrong with those that cannot be set up.
     """
@@ -157,7 +160,8 @@ def _driven(scenario: Scenario, seeds: range) -> tuple[dict[str, list[Any]], lis
         for swept, point in scenario.grid():
             driven = drive_and_count(point, seeds)
             if ended := driven.seeds:
-                told = {"outcomes": driven.outcomes, "seeds": ended, "hits": driven.hits, "text": driven.ends}
+                hits = {seed: met._asdict() for seed, met in driven.hits.items()}
+                told = {"outcomes": driven.outcomes, "seeds": ended, "hits": hits, "text": driven.ends}
                 ends.append({"swept": swept, **told})
             firings += [{"swept": swept, **asdict(one), "text": str(one)} for one in driven.firings]
             wrong += driven.wrong

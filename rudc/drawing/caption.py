@@ -185,16 +185,23 @@ def probability(event: Event) -> str:
     return "1" if chance is None else _value(chance.model_dump(mode="json"))
 
 
-def missing(event: ShownEvent) -> str:
-    """Why an event is not in the picture of a scene; empty if it is."""
+def remark(event: ShownEvent) -> str:
+    """Since when an event is in effect, if not from the start, or why it is not, or why it is not in the
+    picture; empty where there is nothing to say.
+    """
     if event.is_over:
         return f"begun at {event.begun_s:.1f} s, and over"
     if not event.waits:
         drawn = event.bodies or event.places or event.event.kind in SENSED
-        return "" if drawn else "nothing to draw"
+        parts = [f"since {event.begun_s:.1f} s"] if event.begun_s else []
+        return ", ".join(parts if drawn else [*parts, "nothing to draw"])
+    chosen = getattr(event.event, "vehicle", None)
+    if event.no_room:
+        return "not drawn: waits for room on the road"
+    if event.refused:
+        return f"not drawn: waits for {f'a vehicle ({chosen})' if chosen else 'something'} to act on"
     until = conditions(event.event)
     parts = [f"not drawn: waits until {until}" if until else "not drawn: begins with the first decision"]
-    chosen = getattr(event.event, "vehicle", None)
     if chosen is not None:
         parts.append(f"its vehicle ({chosen}) is chosen then")
     elif event.places:

@@ -1,7 +1,8 @@
 """A picture of what a scenario says: the road, the ego's path, what happens, and one seed's traffic.
 
 It shows a scene of the seed's episode, usually the first, drawn as its frames are; the caption lists the
-events by their numbers in the file, and says of each that is not to be seen why not.
+events by their numbers in the file, and says since when each is in effect, or why it is not, or why there is
+nothing of it to be seen.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from PIL import Image
 
-from rudc.drawing.caption import GAP, describe, missing, probability
+from rudc.drawing.caption import GAP, describe, probability, remark
 from rudc.drawing.frames import draw_view
 from rudc.drawing.map import finished, name_arms, new_map
 from rudc.drawing.palette import EGO, EVENT_TEXT, FAINT_TEXT, TEXT, TRAFFIC
@@ -71,6 +72,7 @@ def caption(scenario: Scenario, view: View) -> list[Line]:
     side = "before" if before >= 0.0 else "beyond"
     start = f"at {scene.ego.v:.1f} m/s, {abs(before):.0f} m {side} the stop line"
     time = f"{GAP}{scene.time_s:.1f} s after the start" if scene.time_s else ""
+    time += f", {view.outcome.replace('_', ' ')}" if view.outcome else ""
     lines: list[Line] = [
         ((f"{scenario.name}{GAP}seed {view.seed}{time}", TEXT),),
         ((f"{route}, {start}", EGO),),
@@ -79,12 +81,13 @@ def caption(scenario: Scenario, view: View) -> list[Line]:
     shown = {event.number: event for event in view.events}
     for number, event in enumerate(scenario.events, start=1):
         if number in shown:
-            why = missing(shown[number])
-            text = describe(shown[number].event) + (f" - {why}" if why else "")
+            there, said = shown[number], remark(shown[number])
+            text = describe(there.event) + (f" - {said}" if said else "")
+            acts = not (there.waits or there.is_over)
         else:
-            why = f"does not happen with this seed (probability {probability(event)})"
-            text = f"{event.kind.replace('_', ' ')} - {why}"
-        lines.append(((f"({number}) {text}", FAINT_TEXT if why else EVENT_TEXT),))
+            never = f"does not happen with this seed (probability {probability(event)})"
+            text, acts = f"{event.kind.replace('_', ' ')} - {never}", False
+        lines.append(((f"({number}) {text}", EVENT_TEXT if acts else FAINT_TEXT),))
     return lines
 
 

@@ -45,6 +45,10 @@ class ShownEvent:
     """m, where its number goes while no body carries it"""
     way: Array | None = None
     """(K, 2) m, where somebody will move who is not there yet"""
+    refused: bool = False
+    """whether it waits though its conditions hold: there is no room for it, or nobody to act on"""
+    no_room: bool = False
+    """whether it waits for room on the road"""
 
     @property
     def waits(self) -> bool:
@@ -147,6 +151,7 @@ def view_of(world: AnyWorld, outcome: str | None = None) -> View:
                 () if happening.bodies or happening.is_over
                 else places(world.network, scene.route, happening.event),
                 way_of(world.network, scene.route, happening.event) if happening.begun_s is None else None,
+                happening.refused, happening.no_room,
             )
             for number, happening in zip(plan.event_numbers, happenings, strict=True)
         ),

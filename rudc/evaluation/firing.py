@@ -46,8 +46,8 @@ class Firing:
     """episodes in which the ego's sensors showed it, or it has no body and is felt"""
     no_room: int = 0
     """episodes at whose end it waited for room on the road"""
-    begun_s: list[float] = field(default_factory=list)
-    """s, when it took effect, of each episode in which it did"""
+    begun_s: dict[int, float] = field(default_factory=dict)
+    """seed -> s, when it took effect, of each episode in which it did"""
 
     def __str__(self) -> str:
         rest = "" if self.drawn == self.episodes else f" (its probability lets it in {self.drawn})"
@@ -63,10 +63,20 @@ class Firing:
     @property
     def _times(self) -> str:
         """When it takes effect, in words; nothing of one that is there from the start."""
-        if not self.begun_s or max(self.begun_s) == 0.0:
+        times = self.begun_s.values()
+        if not times or max(times) == 0.0:
             return ""
-        first, last = (f"{time:.1f}" for time in (min(self.begun_s), max(self.begun_s)))
+        first, last = (f"{time:.1f}" for time in (min(times), max(times)))
         return f", at {first} s" if first == last else f", at {first} to {last} s"
+
+
+class Hit(NamedTuple):
+    """A collision of the ego."""
+
+    hit: str
+    """with whom: `car`, `pedestrian`, ..."""
+    fault: str
+    """whose fault: `ego`, `other` or `shared`"""
 
 
 class Tried(NamedTuple):
@@ -78,8 +88,8 @@ class Tried(NamedTuple):
     """outcome -> seeds of the episodes that ended so"""
     wrong: list[str]
     """what is wrong with those that cannot be set up or driven, a line each"""
-    hits: dict[int, str]
-    """seed -> whom the ego collided with, and whose fault that was"""
+    hits: dict[int, Hit]
+    """seed -> the collision of the ego in that episode"""
 
     @property
     def outcomes(self) -> dict[str, int]:
@@ -98,7 +108,10 @@ class Tried(NamedTuple):
         seeds = self.seeds[outcome]
         if outcome == Outcome.SUCCESS:
             return ""
-        named = [f"{seed}: {self.hits[seed]}" if seed in self.hits else str(seed) for seed in sorted(seeds)]
+        named = [
+            f"{seed}: {met.hit}, fault {met.fault}" if (met := self.hits.get(seed)) else str(seed)
+            for seed in sorted(seeds)
+        ]
         between = "; " if self.hits.keys() & set(seeds) else ", "
         return f" (seed{'s' * (len(seeds) != 1)} {between.join(named)})"
 
@@ -108,7 +121,7 @@ def drive_and_count(scenario: Scenario, seeds: Iterable[int]) -> Tried:
     ended: dict[str, list[int]] = {}
     found = [Firing(number, event.kind) for number, event in enumerate(scenario.events, start=1)]
     wrong: list[str] = []
-    hits: dict[int, str] = {}
+    hits: dict[int, Hit] = {}
     waiting = deque(seeds)
     while waiting:  # once more with a new world after an episode that went wrong
         with World(load_network(scenario.network, scenario.junction)) as world:
@@ -123,12 +136,12 @@ def drive_and_count(scenario: Scenario, seeds: Iterable[int]) -> Tried:
                 ended.setdefault(record.outcome, []).append(seed)
                 driven = episode.metrics()
                 if driven.hit:
-                    hits[seed] = f"{driven.hit}, fault {driven.fault}"
-                _count(found, world)
+                    hits[seed] = Hit(driven.hit, driven.fault)
+                _count(found, world, seed)
     return Tried(found, ended, wrong, hits)
 
 
-def _count(found: list[Firing], world: World) -> None:
+def _count(found: list[Firing], world: World, seed: int) -> None:
     """Add an episode that has been driven."""
     for firing in found:
         firing.episodes += 1
@@ -137,6 +150,6 @@ def _count(found: list[Firing], world: World) -> None:
         firing.drawn += 1
         if happening.begun_s is not None:
             firing.fired += 1
-            firing.begun_s.append(happening.begun_s)
+            firing.begun_s[seed] = happening.begun_s
         firing.seen += happening.visible_s is not None
         firing.no_room += happening.no_room

@@ -32,10 +32,34 @@ def test_what_is_wrong_with_files_is_in_it_and_in_the_exit_status(rudc, tmp_path
     fine, wrong = json.loads(answer.out)
     assert (fine["scenario"], fine["problems"], fine["events"]) == ("sudden_brake", [], 1)
     (firing,) = fine["firings"]
-    assert firing["episodes"] == firing["fired"] == len(firing["begun_s"]) == 1
+    assert firing["episodes"] == firing["fired"] == 1
+    assert list(firing["begun_s"]) == ["0"]
     assert wrong["scenario"] == "wrong.yaml"
     assert any(text.startswith("wrong.yaml:2:1: trafic") for text in wrong["problems"])
     assert rudc("scenario", "validate", "sudden_brake", "--watch", "--json").status == 2
+
+
+RIDERS = """
+name: riders
+network: four_way
+ego: {distance: 30, speed: 12}
+traffic: {density: 0}
+events:
+  - kind: vehicle_crossing
+    arm: ego_in
+    at: 10
+    count: 3
+    speed: 5
+    when: {ego_distance_to_junction: {below: 13}}
+"""
+
+
+def test_whom_the_ego_hit_is_in_it(rudc, tmp_path):
+    (tmp_path / "riders.yaml").write_text(RIDERS)
+    (found,) = read(rudc("scenario", "validate", "riders.yaml", "--seeds", 2, "--json"))
+    (told,) = found["ends"]
+    hit = {"hit": "bicycle", "fault": "other"}
+    assert told["hits"] == {str(seed): hit for seed in told["seeds"]["collision"]} != {}
 
 
 def test_networks(rudc, tmp_path):

@@ -11,6 +11,7 @@ from rudc.drawing.caption import (
     correction_line,
     describe,
     events_lines,
+    remark,
     state_line,
     title,
 )
@@ -22,6 +23,7 @@ from rudc.scenario.triggers import Trigger
 from tests.plans import event
 
 BRAKE = event("hard_brake", when={"simulation_time": {"above": 3}})
+WET = event("low_friction", friction=0.5)
 
 
 def test_who_drives_where(make_scene):
@@ -92,6 +94,27 @@ def test_events_say_whether_they_happened():
         ["(6) hard brake: since 3.1 s, unseen", "(7) hard brake: since 3.1 s"],
     ]
     assert events_lines(()) == []
+
+
+@pytest.mark.parametrize(
+    ("shown", "words"),
+    [
+        (
+            ShownEvent(1, BRAKE),
+            "not drawn: waits until the time is above 3 s, its vehicle (leader) is chosen then",
+        ),
+        (ShownEvent(1, WET), "not drawn: begins with the first decision"),
+        (ShownEvent(1, WET, refused=True), "not drawn: waits for something to act on"),
+        (ShownEvent(1, BRAKE, refused=True), "not drawn: waits for a vehicle (leader) to act on"),
+        (ShownEvent(1, BRAKE, refused=True, no_room=True), "not drawn: waits for room on the road"),
+        (ShownEvent(1, BRAKE, begun_s=0.0, bodies=frozenset({"v0"})), ""),
+        (ShownEvent(1, BRAKE, begun_s=3.1, bodies=frozenset({"v0"})), "since 3.1 s"),
+        (ShownEvent(1, BRAKE, begun_s=3.1), "since 3.1 s, nothing to draw"),
+        (ShownEvent(1, BRAKE, begun_s=3.1, is_over=True), "begun at 3.1 s, and over"),
+    ],
+)
+def test_previews_say_what_has_become_of_an_event(shown, words):
+    assert remark(shown) == words
 
 
 def test_many_events_take_no_more_than_eight_lines_and_those_that_are_over_go_first():

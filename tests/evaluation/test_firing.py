@@ -82,7 +82,7 @@ def test_counts_say_what_probability_left_out():
 
 def test_counts_say_when_it_happens():
     def said(*begun_s):
-        return str(Firing(1, "fog", 2, 2, 2, 2, begun_s=list(begun_s))).partition("episodes")[2]
+        return str(Firing(1, "fog", 2, 2, 2, 2, begun_s=dict(enumerate(begun_s)))).partition("episodes")[2]
 
     assert said(0.0, 0.0) == ""
     assert said(3.2, 3.2) == ", at 3.2 s"
@@ -150,7 +150,7 @@ def test_whom_the_ego_hit_and_whose_fault_it_was_is_said():
     settings = {"events": [near], "traffic.density": 0, "ego.distance": 30, "ego.speed": 12}
     driven = drive_and_count(load_scenario("random_destination", settings), range(3))
     hit = driven.seeds["collision"]
-    assert driven.hits == dict.fromkeys(hit, "bicycle, fault other")
+    assert driven.hits == dict.fromkeys(hit, ("bicycle", "other"))
     said = "; ".join(f"{seed}: bicycle, fault other" for seed in hit)
     assert f"{len(hit)} collision (seed{'s' * (len(hit) > 1)} {said})" in driven.ends
 
