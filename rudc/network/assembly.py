@@ -17,8 +17,9 @@ from rudc.network.polyline import (
     without_repeats,
     wrap,
 )
-from rudc.network.reader import VEHICLE_CLASS, Junction, RawArm, Way, leads_on, place_along, shape_of
+from rudc.network.reader import VEHICLE_CLASS, Junction, Way, leads_on
 from rudc.network.road import COMPASS, ROAD_USERS, Arm, Lane, Movement, ReservedLane, Turn
+from rudc.network.sides import RawArm, place_along, shape_of
 
 STRAIGHT = np.radians(30.0)
 """rad, a change of heading smaller than this is no turn"""

@@ -20,7 +20,7 @@ import numpy as np
 from rudc.arrays import Array, Flags
 from rudc.errors import NetworkError
 from rudc.hints import did_you_mean
-from rudc.network import assembly, reader
+from rudc.network import assembly, reader, sides
 from rudc.network.conflicts import Crossings, conflict_table, crossings, departure_table, silent
 from rudc.network.net_file import read_net
 from rudc.network.paths import PathTable
@@ -91,7 +91,7 @@ class Layout:
             edges.setdefault(lane.edge, []).append(lane.id)
         self.paths = PathTable(self._sources, [arm.name for arm in self.arms], edges, yields)
         """all lane-to-lane ways"""
-        self.node_polygons: tuple[Array, ...] = tuple(reader.shape_of(node) for node in chosen.nodes)
+        self.node_polygons: tuple[Array, ...] = tuple(sides.shape_of(node) for node in chosen.nodes)
         """(K, 2) m each, shapes of the junction's nodes"""
         directed = [(lane.xy, lane.polygon) for lane in self.lanes.values() if not lane.internal]
         self.surface = Surface(assembly.drivable_polygons(chosen, raw_arms, self.lanes), directed)

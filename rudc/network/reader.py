@@ -9,37 +9,24 @@ count.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from rudc.arrays import Array, Flags
+from rudc.arrays import Flags
 from rudc.errors import JunctionError, NetworkError
 from rudc.hints import listed
 from rudc.network.paths import PathSource
-from rudc.network.polyline import arc_length, resample, without_repeats
+from rudc.network.sides import RawArm, paired, roads_to_one
 
 VEHICLE_CLASS = "passenger"
 """SUMO's class of cars: a lane that refuses them is no part of the carriageway"""
 
 TURNS_BACK = ("t", "T")
 """SUMO's directions of connections that lead back where one came from"""
-ALIKE, ALIKE_M = 0.87, 20.0
-"""two roads may be one above this cosine of the angle between them; m of them over which it is taken"""
-
-
-@dataclass(frozen=True)
-class RawArm:
-    """One road at the junction, as chains of edges."""
-
-    inbound: tuple[Any, ...]
-    """sumolib edges towards the junction, outermost first; may be empty"""
-    outbound: tuple[Any, ...]
-    """sumolib edges away from the junction, innermost first; may be empty"""
 
 
 @dataclass(frozen=True)
@@ -164,7 +151,7 @@ def find_arms(junction: Junction) -> list[RawArm]:
         after = _extend(outbound, junction, taken, back=False) if outbound is not None else ()
         arms.append(RawArm(before, after))
         taken |= {_ends(edge) for edge in (*before, *after)}
-    return _paired(arms)
+    return paired(arms)
 
 
 def _ends(edge: Any) -> frozenset[Any]:
@@ -181,63 +168,7 @@ def _roads(nodes: tuple[Any, ...]) -> list[tuple[Any, Any]]:
     for other, way, edge in towards + away:
         if other not in nodes:
             neighbours.setdefault(other, ([], []))[way].append(edge)
-    return [road for edges in neighbours.values() for road in _roads_to_one(*edges)]
-
-
-def _roads_to_one(towards: list[Any], away: list[Any]) -> list[tuple[Any, Any]]:
-    """The roads to one neighbour, as above: an edge from it and one to it are one road. Where there are
-    several, those are whose lines lie nearest to each other."""
-    if len(towards) == len(away) == 1:
-        return [(towards[0], away[0])]
-    partner: dict[Any, Any] = {}
-    for inbound, outbound in sorted(product(towards, away), key=lambda edges: _apart(*edges)):
-        if inbound not in partner and outbound not in partner.values():
-            partner[inbound] = outbound
-    alone = [edge for edge in away if edge not in partner.values()]
-    return [*((edge, partner.get(edge)) for edge in towards), *((None, edge) for edge in alone)]
-
-
-def _apart(inbound: Any, outbound: Any) -> float:
-    """m, mean distance of two edges between the same nodes, at like parts of their lengths."""
-    lines = [without_repeats(line) for line in (shape_of(inbound)[::-1], shape_of(outbound))]
-    here, there = (resample(line, np.linspace(0.0, arc_length(line)[-1], 20)) for line in lines)
-    return float(np.hypot(*(here - there).T).mean())
-
-
-def _paired(arms: list[RawArm]) -> list[RawArm]:
-    """The arms; two one-way roads that share a node and lead off in about the same direction become one.
-    Where a turn lane begins, one side of a road may have a node that the other has not."""
-    found = list(arms)
-    for arm in arms:
-        nodes = {edge.getFromNode().getID() for edge in arm.inbound}
-        for other in [] if arm.outbound else found:
-            shared = nodes.intersection(edge.getToNode().getID() for edge in other.outbound)
-            if not other.inbound and shared and _lead_off_alike(arm.inbound, other.outbound):
-                found[found.index(arm)] = RawArm(arm.inbound, other.outbound)
-                found.remove(other)
-                break
-    return found
-
-
-def _lead_off_alike(inbound: tuple[Any, ...], outbound: tuple[Any, ...]) -> bool:
-    """Whether two one-way roads lead away from the junction in about the same direction."""
-    ways = []
-    for lines in ([shape_of(edge)[::-1] for edge in reversed(inbound)], list(map(shape_of, outbound))):
-        way = place_along(lines, ALIKE_M) - lines[0][0]
-        ways.append(way / np.hypot(*way))
-    return float(ways[0] @ ways[1]) > ALIKE
-
-
-def place_along(lines: Sequence[Array], reach: float) -> Array:
-    """(2,) m, the place `reach` m along a line and those that continue it, or the end of the last, as if each
-    began where the one before ends."""
-    place: Array | None = None
-    for line in map(without_repeats, lines):
-        if len(line) > 1 and reach > 0.0:
-            on = min(reach, arc_length(line)[-1])
-            here, there = resample(line, np.array([0.0, on]))
-            place, reach = there if place is None else place + (there - here), reach - on
-    return lines[0][0] if place is None else place
+    return [road for edges in neighbours.values() for road in roads_to_one(*edges)]
 
 
 def _extend(edge: Any, junction: Junction, taken: set[frozenset[Any]], *, back: bool) -> tuple[Any, ...]:
@@ -391,8 +322,3 @@ def right_of_way(junction: Junction, ways: list[Way]) -> Flags:
                     if i != j and node == other_node and 0 <= other_link < len(response):
                         yields[i, j] |= response[-1 - other_link] == "1"
     return yields
-
-
-def shape_of(element: Any) -> Array:
-    """(K, 2) m, the shape of a sumolib lane or node."""
-    return np.array(element.getShape(), dtype=float).reshape(-1, 2)
