@@ -133,7 +133,8 @@ def test_the_first_line_of_a_new_scenario_names_its_schema_for_editors(rudc, tmp
     assert (tmp_path / "rudc-scenario.schema.json").is_file()
 
 
-def test_every_shipped_scenario_is_valid(rudc):
+def test_every_shipped_scenario_is_valid(rudc, monkeypatch):
+    monkeypatch.setattr("rudc.evaluation.preflight.TRIED", 2)  # episodes set up of each; others drive them
     answer = rudc("scenario", "validate", "*")
     assert answer.status == 0, answer.err
     assert [line.split(":")[0] for line in answer.out.splitlines()] == list(shipped_scenarios())

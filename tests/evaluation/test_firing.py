@@ -26,9 +26,9 @@ WAITING = [
 @pytest.mark.parametrize("name", WAITING)
 def test_the_events_of_shipped_scenarios_happen(name):
     """In at least 95 % of the episodes that they are part of: here, with few episodes, in all of them."""
-    firings, seeds, wrong, _ = drive_and_count(load_scenario(name), range(3))
+    firings, seeds, wrong, _ = drive_and_count(load_scenario(name), range(2))
     assert wrong == []
-    assert sorted(chain(*seeds.values())) == [0, 1, 2]
+    assert sorted(chain(*seeds.values())) == [0, 1]
     for firing in firings:
         assert firing.fired == firing.seen == firing.drawn, firing
 

@@ -306,7 +306,7 @@ def test_a_turn_lane_that_begins_on_one_side_of_a_road_makes_no_second_arm(tmp_p
 
 @needs_netconvert
 def test_turning_back_onto_the_other_carriageway_is_no_turn(tmp_path, monkeypatch):
-    """Also where its two carriageways are two arms, as they would be if their middles lay farther apart."""
+    """Also where SUMO says that a way turns back and its two carriageways are two arms."""
     monkeypatch.setattr("rudc.network.build.OPTIONS", [o for o in OPTIONS if o != "--no-turnarounds"])
     monkeypatch.setattr("rudc.network.sides.MEDIAN_M", 0.0)
     edges = [edge for arm in "nsw" for edge in both_ways("c", arm)]
