@@ -163,6 +163,9 @@ def _tried(scenario: Scenario, seeds: range) -> tuple[dict[str, list[Any]], list
                 hits = {seed: met._asdict() for seed, met in driven.hits.items()}
                 told = {"outcomes": driven.outcomes, "seeds": ended, "hits": hits, "text": driven.ends}
                 ends.append({"swept": swept, **told})
-            firings += [{"swept": swept, **asdict(one), "text": str(one)} for one in driven.firings]
+            firings += [
+                {"swept": swept, **asdict(one), "fired": one.fired, "text": str(one)}
+                for one in driven.firings
+            ]
             wrong += driven.wrong
     return {"ends": ends, "firings": firings}, wrong

@@ -94,7 +94,8 @@ def caption(scenario: Scenario, view: View) -> list[Line]:
 def others(view: View) -> str:
     """How many others there are, and how they are drawn."""
     numbered = "; orange and numbered: part of an event" if view.numbers else ""
-    parts = [f"{view.truth.count} others (blue{numbered})"]
+    count = view.truth.count
+    parts = [f"{count} other{'s' * (count != 1)} (blue{numbered})"]
     away = np.abs(view.truth.position - view.truth.network.center).max(axis=1, initial=0.0)
     if beyond := int((away > _reach(view)).sum()):
         parts.append(f"{beyond} of them beyond the picture's edges")

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter, deque
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -12,11 +13,15 @@ from rudc.env.episode import Episode
 from rudc.env.outcome import Outcome
 from rudc.errors import RudcError
 from rudc.evaluation.rollout import run_episode
+from rudc.geometry import rectangle_gaps
 from rudc.network.network import load_network
 from rudc.world.events import numbered
+from rudc.world.scene import Scene
 from rudc.world.world import World
 
 if TYPE_CHECKING:
+    from rudc.agents.base import Decision
+    from rudc.env.episode import StepResult
     from rudc.scenario.model import Scenario
 
 EARLY = (
@@ -40,14 +45,20 @@ class Firing:
     """episodes driven"""
     drawn: int = 0
     """episodes that it is part of, by its `probability`"""
-    fired: int = 0
-    """episodes in which it took effect"""
     seen: int = 0
     """episodes in which the ego's sensors showed it, or it has no body and is felt"""
     no_room: int = 0
     """episodes at whose end it waited for room on the road"""
     begun_s: dict[int, float] = field(default_factory=dict)
     """seed -> s, when it took effect, of each episode in which it did"""
+    nearest_m: dict[int, float] = field(default_factory=dict)
+    """seed -> m, least gap between the ego and those on whom it acts or whom it puts on the road, while it is
+    in effect"""
+
+    @property
+    def fired(self) -> int:
+        """Episodes in which it took effect."""
+        return len(self.begun_s)
 
     def __str__(self) -> str:
         rest = "" if self.drawn == self.episodes else f" (its probability lets it in {self.drawn})"
@@ -57,7 +68,7 @@ class Firing:
         if 0 < self.no_room < others:
             why = f"{EARLY}, or, in {self.no_room} of them, {NO_ROOM}"
         early = f"{'; in the others' if self.fired else ':'} {why}" if others else ""
-        happens = f"happens in {self.fired} of {self.episodes} episodes{self._times}"
+        happens = f"happens in {self.fired} of {self.episodes} episodes{self._times}{self._near}"
         return f"event {numbered(self.number, self.kind)}: {happens}{rest}{seen}{early}"
 
     @property
@@ -66,8 +77,19 @@ class Firing:
         times = self.begun_s.values()
         if not times or max(times) == 0.0:
             return ""
-        first, last = (f"{time:.1f}" for time in (min(times), max(times)))
-        return f", at {first} s" if first == last else f", at {first} to {last} s"
+        return f", at {_span(times, '.1f')} s"
+
+    @property
+    def _near(self) -> str:
+        """How near they come to the ego, in words."""
+        gaps = self.nearest_m.values()
+        return f", at the nearest {_span(gaps, '.0f')} m from the ego" if gaps else ""
+
+
+def _span(values: Collection[float], digits: str) -> str:
+    """`2.1 to 3.4`, or `2.1` where both are the same."""
+    first, last = (f"{value:{digits}}" for value in (min(values), max(values)))
+    return first if first == last else f"{first} to {last}"
 
 
 class Hit(NamedTuple):
@@ -129,7 +151,8 @@ def drive_and_count(scenario: Scenario, seeds: Iterable[int]) -> Tried:
             while waiting:
                 seed = waiting.popleft()
                 try:
-                    record = run_episode(episode, scenario.plan(seed), agent)
+                    nearest = _Nearest(episode)
+                    record = run_episode(episode, scenario.plan(seed), agent, watch=nearest.look)
                 except RudcError as error:
                     wrong.append(f"seed {seed}: {error}")
                     break
@@ -138,7 +161,31 @@ def drive_and_count(scenario: Scenario, seeds: Iterable[int]) -> Tried:
                 if driven.hit:
                     hits[seed] = Hit(driven.hit, driven.fault)
                 _count(found, world, seed)
+                for number, gap in nearest.gaps.items():
+                    found[number - 1].nearest_m[seed] = gap
     return Tried(found, ended, wrong, hits)
+
+
+class _Nearest:
+    """How near the ego comes, in one episode, to those on whom each event acts."""
+
+    def __init__(self, episode: Episode) -> None:
+        self._episode = episode
+        self.gaps: dict[int, float] = {}
+        """number of an event -> m, least gap so far"""
+
+    def look(self, scene: Scene, decision: Decision, result: StepResult) -> None:
+        """Look at the scene after a decision."""
+        truth, world = self._episode.truth, self._episode.world
+        ego, gaps = truth.ego, None
+        for number, happening in zip(world.plan.event_numbers, world.happenings(), strict=True):
+            rows = [i for i, name in enumerate(truth.ids) if name in happening.bodies]
+            if happening.begun_s is None or happening.is_over or not rows:
+                continue
+            if gaps is None:
+                body = ego.x, ego.y, ego.psi, truth.vehicle.length, truth.vehicle.width
+                gaps = rectangle_gaps(*body, truth.position, truth.heading, truth.size)
+            self.gaps[number] = min(float(gaps[rows].min()), self.gaps.get(number, math.inf))
 
 
 def _count(found: list[Firing], world: World, seed: int) -> None:
@@ -149,7 +196,6 @@ def _count(found: list[Firing], world: World, seed: int) -> None:
         firing = found[number - 1]
         firing.drawn += 1
         if happening.begun_s is not None:
-            firing.fired += 1
             firing.begun_s[seed] = happening.begun_s
         firing.seen += happening.visible_s is not None
         firing.no_room += happening.no_room

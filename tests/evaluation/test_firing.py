@@ -68,12 +68,17 @@ def test_a_leader_is_there_though_a_lane_beyond_the_junction_is_closed():
     assert [firing.fired for firing in firings] == [3, 3]
 
 
+def in_the_first(n):
+    """It takes effect in so many episodes, from the start."""
+    return dict.fromkeys(range(n), 0.0)
+
+
 def test_counts_say_what_probability_left_out():
     assert (
-        str(Firing(2, "hard_brake", 20, 20, 20, 20))
+        str(Firing(2, "hard_brake", 20, 20, 20, begun_s=in_the_first(20)))
         == "event 2 (events.1) hard_brake: happens in 20 of 20 episodes"
     )
-    assert str(Firing(1, "speeding", 20, 11, 10, 9)) == (
+    assert str(Firing(1, "speeding", 20, 11, 9, begun_s=in_the_first(10))) == (
         "event 1 (events.0) speeding: happens in 10 of 20 episodes (its probability lets it in 11), "
         "and the ego sees it in 9; in the others its trigger did not come true before the episode "
         "ended, with planner driving, or there was nobody for it to act on"
@@ -82,16 +87,37 @@ def test_counts_say_what_probability_left_out():
 
 def test_counts_say_when_it_happens():
     def said(*begun_s):
-        return str(Firing(1, "fog", 2, 2, 2, 2, begun_s=dict(enumerate(begun_s)))).partition("episodes")[2]
+        return str(Firing(1, "fog", 2, 2, 2, begun_s=dict(enumerate(begun_s)))).partition("episodes")[2]
 
     assert said(0.0, 0.0) == ""
     assert said(3.2, 3.2) == ", at 3.2 s"
     assert said(4.0, 0.0) == ", at 0.0 to 4.0 s"
 
 
+def test_counts_say_how_near_they_come():
+    """A truck that stands in the ego's lane for 3 s, and one that stays: by the first it never comes."""
+    truck = {"lane": "south_in_0", "type": "truck"}
+    events = [
+        {"kind": "stalled_vehicle", **truck, "at": 60, "duration": 1},
+        {"kind": "stalled_vehicle", **truck, "at": 3},
+        {"kind": "low_friction", "friction": 0.5},
+    ]
+    settings = {
+        "events": events, "traffic.density": 0, "episode.timeout": 12,
+        "ego": {"route": {"from": "south", "turn": "straight"}, "distance": 30, "speed": 5},
+    }  # fmt: skip
+    firings, *_ = drive_and_count(load_scenario("random_destination", settings), range(2))
+    behind, ahead, felt = firings
+    assert behind.nearest_m[0] == pytest.approx(60 - 30 - 8, abs=6.0)
+    assert all(gap < 8.0 for gap in ahead.nearest_m.values())
+    assert felt.nearest_m == {}
+    assert "m from the ego" in str(ahead)
+    assert "m from the ego" not in str(felt)
+
+
 def test_where_it_never_happens_there_are_no_others():
-    assert ": its trigger did not come true" in str(Firing(1, "speeding", 20, 20, 0, 0))
-    assert "in the others" not in str(Firing(1, "speeding", 20, 20, 0, 0))
+    assert ": its trigger did not come true" in str(Firing(1, "speeding", 20, 20))
+    assert "in the others" not in str(Firing(1, "speeding", 20, 20))
 
 
 def test_no_room_on_the_road_is_not_blamed_on_the_trigger(monkeypatch):
@@ -100,7 +126,7 @@ def test_no_room_on_the_road_is_not_blamed_on_the_trigger(monkeypatch):
     settings = {"events": [riders], "traffic.density": 0, "episode.timeout": 1}
     (firing,), *_ = drive_and_count(load_scenario("random_destination", settings), range(2))
     assert str(firing).endswith("happens in 0 of 2 episodes: there was no room for it on the road")
-    some = str(Firing(1, "vehicle_crossing", 9, 9, 3, 3, 2))
+    some = str(Firing(1, "vehicle_crossing", 9, 9, 3, 2, begun_s=in_the_first(3)))
     assert some.endswith("nobody for it to act on, or, in 2 of them, there was no room for it on the road")
 
 
