@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw
 from rudc.drawing.bodies import draw_badge, draw_badges, draw_ego, draw_others, draw_sensed
 from rudc.drawing.canvas import FINE, Canvas, cut
 from rudc.drawing.caption import correction_line, events_lines, state_line, title
-from rudc.drawing.overlays import draw_constraints, draw_path, draw_sensor_reach, draw_way
+from rudc.drawing.overlays import draw_constraints, draw_patch, draw_path, draw_sensor_reach, draw_way
 from rudc.drawing.palette import (
     ACTIVE,
     EVENT,
@@ -48,6 +48,8 @@ def draw_view(canvas: Canvas, view: View, driving: Driving) -> None:
     """Everything that is on the road, over a picture of it (`shaded` if the view's sensors are limited)."""
     scene, numbers = view.truth, view.numbers
     draw_sensor_reach(canvas, view)
+    for event in view.events:
+        draw_patch(canvas, event.patch, there=not event.waits)
     draw_path(canvas, scene)
     draw_others(canvas, scene, numbers, view.hidden)
     if view.perceived is not None:

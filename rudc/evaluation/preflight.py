@@ -32,8 +32,15 @@ if TYPE_CHECKING:
 COUNTED = "simulation_time", "event_state"
 """conditions on a time that goes on by DECISION_S from one decision to the next"""
 DECISION_S = WorldConfig().decision_s
-IN_THE_WAY = "accident", "stalled_vehicle", "lane_closure", "pedestrian_crossing", "vehicle_crossing"
-"""kinds of events that put somebody in the ego's way at a place in a lane or across an arm"""
+IN_THE_WAY = (
+    "accident",
+    "stalled_vehicle",
+    "lane_closure",
+    "slippery_patch",
+    "pedestrian_crossing",
+    "vehicle_crossing",
+)
+"""kinds of events that put something in the ego's way at a place in a lane or across an arm"""
 TRIED = 16
 """episodes that are set up at most: `rudc scenario validate` answers at once"""
 

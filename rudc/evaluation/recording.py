@@ -188,6 +188,7 @@ class Recording:
                     "number": event.number,
                     "kind": event.event.kind,
                     "places": [_rounded(np.array(place) - center) for place in event.places],
+                    "patch": [_flat(corners - center) for corners in event.patch],
                     "way": None if event.way is None else _flat(event.way - center),
                     "over": list[list[int | None]](),
                 },

@@ -61,6 +61,24 @@ def test_outlines_are_explained_where_there_are_some(event, outlined):
         assert ("white outlines" in others(view_of(world))) == outlined
 
 
+def test_a_slippery_patch_is_drawn_where_it_lies():
+    """Filled if it is there from the start, else only its outline, and where it lies is said."""
+    patch = {"kind": "slippery_patch", "lane": "south_in_1", "at": 10, "length": 20, "friction": 0.2}
+    later = {**patch, "when": {"simulation_time": {"above": 3}}}
+    filled = {}
+    for name, events in (("none", []), ("there", [patch]), ("later", [later])):
+        scenario = Scenario.model_validate(
+            {"name": "oil", "ego": {"route": {"from": "west", "turn": "left"}}, "traffic": {"density": 0},
+             "events": events}
+        )  # fmt: skip
+        filled[name] = np.asarray(preview_picture(scenario, 1)).astype(int)[-900:]
+    lane = (filled["there"] != filled["none"]).any(axis=2)
+    rows, columns = np.flatnonzero(lane.any(axis=1)), np.flatnonzero(lane.any(axis=0))
+    assert (np.ptp(rows) + 1) / (np.ptp(columns) + 1) == pytest.approx(20 / 3.5, rel=0.1)
+    outline = (filled["later"] != filled["none"]).any(axis=2)
+    assert 0 < outline.sum() < 0.5 * lane.sum()
+
+
 def test_events_far_out_widen_the_picture():
     scenario = Scenario.model_validate(MIXED)
     near = scenario.varied({"events.4.at": 20})

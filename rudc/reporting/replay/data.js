@@ -35,7 +35,7 @@ function decoded(run) {
   const route = {
     ...run.route, path: points(run.route.path), left: points(run.route.left), right: points(run.route.right),
   };
-  const events = run.events.map((e) => ({ ...e, way: e.way && points(e.way) }));
+  const events = run.events.map((e) => ({ ...e, way: e.way && points(e.way), patch: e.patch.map(points) }));
   const paths = {};
   for (const [row, path] of Object.entries(run.paths)) paths[row] = { ...path, xy: points(path.xy) };
   return {

@@ -48,6 +48,7 @@ class SceneView {
     c.lineCap = 'butt'; c.lineJoin = 'round';
     this.drawRoad();
     this.drawReach(k, ex, ey);
+    this.drawPatches(k);
     this.drawWay(k, ex, ey);
     this.others = present(run, k);
     for (const t of this.others) this.drawAhead(t, k, s);
@@ -106,6 +107,22 @@ class SceneView {
       c.fillStyle = this.colours.occluder;
       c.fill(path);
       this.stroke(path, this.colours.ink, 0.3);
+    }
+  }
+
+  // What is slippery; only its outline while its event waits.
+  drawPatches(k) {
+    const time = this.run.series.time_s[k], c = this.ctx;
+    for (const event of this.run.events) {
+      if (!event.patch.length || isOver(event, k)) continue;
+      const there = event.begun_s !== null && event.begun_s <= time + 1e-6;
+      for (const corners of event.patch) {
+        const path = trace(new Path2D(), corners, true);
+        c.fillStyle = this.colours.event;
+        c.globalAlpha = 0.4;
+        if (there) c.fill(path); else this.stroke(path, this.colours.event, 0.15);
+        c.globalAlpha = 1;
+      }
     }
   }
 

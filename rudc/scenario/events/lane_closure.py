@@ -36,11 +36,9 @@ class LaneClosureEffect(Effect[LaneClosure]):
     from_the_start = True
 
     def begin(self, stage: Stage) -> bool:
-        lane, at, width = self.event.lane, float(self.event.at), stage.lane_width(self.event.lane) - FREE_M
-        pieces = stage.pieces_of_lane(lane, at, at + float(self.event.length))
-        length = float(self.event.length) / pieces
-        places = [stage.pose_on_lane(lane, at + (i + 0.5) * length) for i in range(pieces)]
-        return self.put(stage, [("obstacle", place, (length, width)) for place in places])
+        event, width = self.event, stage.lane_width(self.event.lane) - FREE_M
+        pieces = stage.pieces_along_lane(event.lane, float(event.at), float(event.length))
+        return self.put(stage, [("obstacle", place, (length, width)) for place, length in pieces])
 
     def end(self, stage: Stage) -> None:
         stage.remove_things(self.name)

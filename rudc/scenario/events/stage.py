@@ -6,6 +6,7 @@ Angles are in rad counter-clockwise from east, positions in m in the network's f
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -114,8 +115,9 @@ class Stage(ABC):
         """m."""
 
     @abstractmethod
-    def pieces_of_lane(self, lane: str, begin: float, end: float) -> int:
-        """How many straight pieces follow a lane's bend from one place on it to another, in m as `at` is."""
+    def pieces_along_lane(self, lane: str, at: float, length: float) -> list[tuple[XYHeading, float]]:
+        """The straight pieces of equal length that follow the next `length` m of a lane from `at` m on: the
+        middle of each, and its length (m)."""
 
     @abstractmethod
     def against_lane(self, lane: str, at: float) -> NDArray[np.float64]:
@@ -209,6 +211,17 @@ class Stage(ABC):
     @abstractmethod
     def set_friction(self, friction: float | None) -> None:
         """The road's coefficient of friction, for the ego and surrounding vehicles; None if it is dry."""
+
+    @abstractmethod
+    def lay_patch(
+        self, event: str, patch: Sequence[tuple[XYHeading, tuple[float, float]]], friction: float
+    ) -> None:
+        """Give the ego that coefficient of friction while its centre is on one of these rectangles: where
+        their middles are, and their lengths and widths (m). The lowest of all counts."""
+
+    @abstractmethod
+    def remove_patch(self, event: str) -> None:
+        """Take away the patch that the event of that name has laid."""
 
     @abstractmethod
     def set_actuators(self, delay_s: float, lag_s: float) -> None:

@@ -60,8 +60,8 @@ class NetworkStage(Stage):
     def lane_width(self, lane: str) -> float:
         return self.network.stretch(lane, self.route).lane.width
 
-    def pieces_of_lane(self, lane: str, begin: float, end: float) -> int:
-        return self.network.stretch(lane, self.route).pieces(begin, end)
+    def pieces_along_lane(self, lane: str, at: float, length: float) -> list[tuple[XYHeading, float]]:
+        return pieces_along_lane(self.network, self.route, lane, at, length)
 
     def against_lane(self, lane: str, at: float) -> Array:
         return against_lane(self.network, self.route, lane, at)
@@ -71,6 +71,15 @@ class NetworkStage(Stage):
 
     def length_of(self, body: Body) -> float:
         return size_of(body)[0]
+
+
+def pieces_along_lane(
+    network: Network, route: Route, lane: str, at: float, length: float
+) -> list[tuple[XYHeading, float]]:
+    """As `Stage.pieces_along_lane`."""
+    number = network.stretch(lane, route).pieces(at, at + length)
+    each = length / number
+    return [(network.place_on_lane(lane, at + (i + 0.5) * each, route=route), each) for i in range(number)]
 
 
 class Standing(NamedTuple):

@@ -25,7 +25,8 @@ class Happening(NamedTuple):
     begun_s: float | None
     """s when it took effect; None while it waits"""
     visible_s: float | None
-    """s when the ego's sensors first showed it, or, if it has no body, when it took effect; None before"""
+    """s when the ego's sensors first showed it or, of a slippery patch, when it came onto it; if it has no
+    body otherwise, when it took effect; None before"""
     is_over: bool
     bodies: frozenset[str]
     """names, as in `Scene.ids`, of the vehicles that it has acted on so far and of its things on the road"""
@@ -67,6 +68,7 @@ class Script:
             return ()
         stage = self._stage
         stage.scene = scene
+        stage.feel_patches()
         if scene.ego.v < STANDING:
             stage.sudden.clear()
         for effect in list(self._active):
@@ -90,9 +92,11 @@ class Script:
         return when is None or effect.waits_since_s is not None or holds(when, scene, self._stage)
 
     def look(self, perceived: Scene) -> None:
-        """Note what the ego sees of the events in effect."""
+        """Note what the ego sees of the events in effect, and on whose slippery patches it is."""
         for effect in self._active:
-            if effect.name not in self._visible and not self._bodies(effect).isdisjoint(perceived.ids):
+            if effect.name in self._visible:
+                continue
+            if effect.name in self._stage.on_patches or not self._bodies(effect).isdisjoint(perceived.ids):
                 self._visible[effect.name] = perceived.time_s
 
     def happenings(self) -> tuple[Happening, ...]:

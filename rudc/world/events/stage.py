@@ -14,7 +14,7 @@ from rudc.errors import SimulationError
 from rudc.geometry import rectangle_corners, rectangle_gaps
 from rudc.network.polyline import arc_length, beside
 from rudc.scenario.events.stage import Body, XYHeading
-from rudc.world.ego import GRAVITY, grip_of
+from rudc.world.ego import DRY, GRAVITY, grip_of
 from rudc.world.events.places import (
     ON_THE_ROAD,
     NetworkStage,
@@ -74,6 +74,12 @@ class WorldStage(NetworkStage):
     """
     reached: dict[tuple[int, str], float] = field(default_factory=dict)
     """number of an event in keys, and `begun` or `over` -> s, when it was so first"""
+    on_patches: frozenset[str] = frozenset()
+    """names of events on whose slippery patches the ego is"""
+    _patches: dict[str, tuple[Array, float]] = field(default_factory=dict)
+    """name of an event -> its slippery patch: boxes (K, 5), and the coefficient of friction there"""
+    _friction: float | None = None
+    """coefficient of friction of the road beside the patches; None if it is dry"""
     _for_now: set[str] = field(default_factory=set)
     """names of things that stand on the road and will be taken away"""
     _asked: dict[tuple[str, str], dict[str, float]] = field(default_factory=dict)
@@ -321,13 +327,49 @@ class WorldStage(NetworkStage):
         self.sensors.miss, self.sensors.range_m = probability, range_m
 
     def set_friction(self, friction: float | None) -> None:
-        self.plant.actuation = replace(self.plant.actuation, friction=friction)
+        self._friction = friction
+        self._grip()
         self.traffic.lose_grip(math.inf if friction is None else friction * GRAVITY)
         for prop in self.props:
             prop.grip = self.traffic.grip
 
+    def lay_patch(
+        self, event: str, patch: Sequence[tuple[XYHeading, tuple[float, float]]], friction: float
+    ) -> None:
+        self._patches[event] = np.array([(*place, *size) for place, size in patch]), friction
+        self._grip()
+
+    def remove_patch(self, event: str) -> None:
+        self._patches.pop(event, None)
+        self._grip()
+
+    def feel_patches(self) -> None:
+        """Give the ego's tyres the grip of the place where it has come to."""
+        if self._patches:
+            self._grip()
+
+    def _grip(self) -> None:
+        """Give the ego's tyres the grip of the place where its centre is."""
+        ego = self.plant.state
+        self.on_patches = frozenset(
+            event for event, (boxes, _) in self._patches.items() if _is_on(boxes, ego.x, ego.y)
+        )
+        friction = self._friction
+        if self.on_patches:
+            there = min(self._patches[event][1] for event in self.on_patches)
+            friction = min(there, DRY if friction is None else friction)
+        self.plant.actuation = replace(self.plant.actuation, friction=friction)
+
     def set_actuators(self, delay_s: float, lag_s: float) -> None:
         self.plant.actuation = replace(self.plant.actuation, delay_s=delay_s, lag_s=lag_s)
+
+
+def _is_on(boxes: Array, x: float, y: float) -> bool:
+    """Whether a place (m) is on one of the boxes (K, 5)."""
+    away, psi = np.array([x, y]) - boxes[:, :2], boxes[:, 2]
+    along = away[:, 0] * np.cos(psi) + away[:, 1] * np.sin(psi)
+    beside = away[:, 1] * np.cos(psi) - away[:, 0] * np.sin(psi)
+    return bool(((np.abs(along) <= 0.5 * boxes[:, 3]) & (np.abs(beside) <= 0.5 * boxes[:, 4])).any())
 
 
 def _as_standing(prop: Prop) -> Standing:
