@@ -66,6 +66,25 @@ def _in_order(events: tuple[Event, ...]) -> tuple[Event, ...]:
     return events
 
 
+def _of_a_vehicle(events: tuple[Event, ...]) -> tuple[Event, ...]:
+    """The same events, of which each that names the `same` vehicle waits for one that takes hold of one."""
+    for k, event in enumerate(events):
+        conditions = event.when.conditions if event.when else {}
+        parts = {("vehicle",): event, **{("when", name, "vehicle"): c for name, c in conditions.items()}}
+        for key in [key for key, part in parts.items() if getattr(part, "vehicle", None) == "same"]:
+            state = event.when.event_state if event.when else None
+            if state is None:
+                refuse(
+                    "`same` is the vehicle of the event that this one waits for; add `event_state` to `when`",
+                    k, *key,
+                )  # fmt: skip
+            first, last = (int(end) for end in state.event.support)
+            for i in range(first, last + 1):
+                if getattr(events[i], "vehicle", None) is None:
+                    refuse(f"event {i}, for which this one waits, takes hold of no vehicle", k, *key)
+    return events
+
+
 def _content(network: Scalar) -> Scalar:
     """A shipped network's name, or what is in the file of any other, wherever it lies."""
     if not is_network_path(network):
@@ -92,7 +111,7 @@ class Scenario(FileModel, frozen=True):
     """the ego's task and start"""
     traffic: Traffic = Traffic()
     """surrounding vehicles"""
-    events: Annotated[tuple[AnyEvent, ...], AfterValidator(_in_order)] = ()
+    events: Annotated[tuple[AnyEvent, ...], AfterValidator(_in_order), AfterValidator(_of_a_vehicle)] = ()
     """what happens besides ordinary traffic"""
     episode: Episode = Episode()
     """when it ends by itself"""

@@ -13,8 +13,9 @@ from pydantic import model_validator
 from rudc.scenario.base import FileModel, Identifier, refuse
 from rudc.scenario.distributions import AnyDistribution, Bounds, Constant, Distribution
 
-Selector = Literal["leader", "follower", "oncoming", "crossing", "nearest", "random", "all"]
-"""Which surrounding vehicle, seen from the ego at the moment it is asked."""
+Selector = Literal["leader", "follower", "oncoming", "crossing", "nearest", "random", "all", "same"]
+"""Which surrounding vehicle, seen from the ego at the moment it is asked; `same`: the one of which the event
+has taken hold for which `event_state` waits."""
 
 Second = Annotated[AnyDistribution, Bounds(0, 600, "s")]
 Metre = Annotated[AnyDistribution, Bounds(0, 1000, "m")]
@@ -201,3 +202,8 @@ class Trigger(FileModel, frozen=True):
     def chance(self) -> Distribution:
         """Probability that the event happens at all."""
         return Constant(value=1.0) if self.probability is None else self.probability
+
+
+def awaited(trigger: Trigger | None) -> int | None:
+    """Number, in keys, of the event for which a drawn trigger waits; None if it waits for none."""
+    return None if trigger is None or trigger.event_state is None else int(float(trigger.event_state.event))

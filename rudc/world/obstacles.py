@@ -86,6 +86,9 @@ class _Site(NetworkStage):
     def choose(self, selector: Selector) -> list[str]:
         return []
 
+    def held_by(self, number: int | None) -> list[str]:
+        return []
+
     def speed(self, name: str) -> float:
         return 0.0
 

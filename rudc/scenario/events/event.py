@@ -17,7 +17,7 @@ import numpy as np
 from rudc.scenario.base import FileModel
 from rudc.scenario.distributions import AnyDistribution, Bounds, Distribution, draw
 from rudc.scenario.events.stage import Stage, Thing
-from rudc.scenario.triggers import Selector, Trigger
+from rudc.scenario.triggers import Selector, Trigger, awaited
 
 Duration = Annotated[AnyDistribution, Bounds(0, 600, "s", above=True)]
 Speed = Annotated[AnyDistribution, Bounds(0, 40, "m/s")]
@@ -155,7 +155,10 @@ class Held(Effect[V]):
     def begin(self, stage: Stage) -> bool:
         if self.event.vehicle is None:
             return False
-        self.held = stage.choose(self.event.vehicle)
+        if self.event.vehicle == "same":
+            self.held = stage.held_by(awaited(self.event.when))
+        else:
+            self.held = stage.choose(self.event.vehicle)
         self.chosen = frozenset(self.held)
         for name in self.held:
             self.hold(stage, name)

@@ -49,6 +49,11 @@ class Stage(ABC):
         """Surrounding vehicles that a selector names now; empty when there is none."""
 
     @abstractmethod
+    def held_by(self, number: int | None) -> list[str]:
+        """Surrounding vehicles that are present and of which the event of that number in keys has taken hold;
+        none for None."""
+
+    @abstractmethod
     def speed(self, name: str) -> float:
         """m/s of something that is present."""
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from rudc.arrays import Array
 from rudc.geometry import rectangle_gaps
+from rudc.scenario.triggers import awaited
 from rudc.world.events.selection import pick
 from rudc.world.scene import Scene
 
@@ -20,26 +21,28 @@ if TYPE_CHECKING:
 
 def holds(trigger: Trigger, scene: Scene, stage: WorldStage) -> bool:
     """Whether all conditions of a trigger hold in this scene."""
-    return all(_CONDITIONS[name](condition, scene, stage) for name, condition in trigger.conditions.items())
+    return all(
+        _CONDITIONS[name](condition, scene, stage, trigger) for name, condition in trigger.conditions.items()
+    )
 
 
-def _simulation_time(condition: Any, scene: Scene, stage: WorldStage) -> bool:
+def _simulation_time(condition: Any, scene: Scene, stage: WorldStage, trigger: Trigger) -> bool:
     return condition.holds(scene.time_s)
 
 
-def _traveled_distance(condition: Any, scene: Scene, stage: WorldStage) -> bool:
+def _traveled_distance(condition: Any, scene: Scene, stage: WorldStage, trigger: Trigger) -> bool:
     return condition.holds(scene.ego_s - stage.start_s)
 
 
-def _speed(condition: Any, scene: Scene, stage: WorldStage) -> bool:
+def _speed(condition: Any, scene: Scene, stage: WorldStage, trigger: Trigger) -> bool:
     return condition.holds(scene.ego.v)
 
 
-def _ego_distance_to_junction(condition: Any, scene: Scene, stage: WorldStage) -> bool:
+def _ego_distance_to_junction(condition: Any, scene: Scene, stage: WorldStage, trigger: Trigger) -> bool:
     return condition.holds(scene.route.stop_line_s - scene.ego_s - 0.5 * scene.vehicle.length)
 
 
-def _reach_position(condition: Any, scene: Scene, stage: WorldStage) -> bool:
+def _reach_position(condition: Any, scene: Scene, stage: WorldStage, trigger: Trigger) -> bool:
     if condition.lane is not None:
         x, y, _ = scene.network.place_on_lane(condition.lane, float(condition.at), route=scene.route)
     else:
@@ -47,25 +50,25 @@ def _reach_position(condition: Any, scene: Scene, stage: WorldStage) -> bool:
     return math.hypot(scene.ego.x - x, scene.ego.y - y) < float(condition.tolerance)
 
 
-def _event_state(condition: Any, scene: Scene, stage: WorldStage) -> bool:
+def _event_state(condition: Any, scene: Scene, stage: WorldStage, trigger: Trigger) -> bool:
     since_s = stage.reached.get((int(float(condition.event)), condition.state), math.inf)
     return condition.holds(stage.time_s - since_s)
 
 
-def _relative_distance(condition: Any, scene: Scene, stage: WorldStage) -> bool:
-    rows = pick(scene, condition.vehicle, stage.rng)
+def _relative_distance(condition: Any, scene: Scene, stage: WorldStage, trigger: Trigger) -> bool:
+    rows = _whom(condition, scene, stage, trigger)
     away = scene.position[rows] - (scene.ego.x, scene.ego.y)
     return any(condition.holds(float(distance)) for distance in np.hypot(away[:, 0], away[:, 1]))
 
 
-def _time_headway(condition: Any, scene: Scene, stage: WorldStage) -> bool:
-    gaps = _gaps(scene, pick(scene, condition.vehicle, stage.rng))
+def _time_headway(condition: Any, scene: Scene, stage: WorldStage, trigger: Trigger) -> bool:
+    gaps = _gaps(scene, _whom(condition, scene, stage, trigger))
     return any(condition.holds(float(gap) / max(scene.ego.v, 1e-6)) for gap in gaps)
 
 
-def _time_to_collision(condition: Any, scene: Scene, stage: WorldStage) -> bool:
+def _time_to_collision(condition: Any, scene: Scene, stage: WorldStage, trigger: Trigger) -> bool:
     """Uses the gap divided by the speed at which the centres approach; False if they do not approach."""
-    rows = pick(scene, condition.vehicle, stage.rng)
+    rows = _whom(condition, scene, stage, trigger)
     ego = scene.ego
     course = ego.psi + ego.slip
     away = scene.position[rows] - (ego.x, ego.y)
@@ -75,6 +78,13 @@ def _time_to_collision(condition: Any, scene: Scene, stage: WorldStage) -> bool:
     return any(
         condition.holds(float(gap / speed)) for gap, speed in zip(gaps, closing, strict=True) if speed > 0
     )
+
+
+def _whom(condition: Any, scene: Scene, stage: WorldStage, trigger: Trigger) -> list[int]:
+    """Rows of the SVs that a condition is about."""
+    if condition.vehicle != "same":
+        return pick(scene, condition.vehicle, stage.rng)
+    return [scene.ids.index(name) for name in stage.held_by(awaited(trigger)) if name in scene.ids]
 
 
 def _gaps(scene: Scene, rows: list[int]) -> Array:
@@ -91,7 +101,7 @@ def _gaps(scene: Scene, rows: list[int]) -> Array:
     )
 
 
-_CONDITIONS: dict[str, Callable[[Any, Scene, WorldStage], bool]] = {
+_CONDITIONS: dict[str, Callable[[Any, Scene, WorldStage, Trigger], bool]] = {
     "simulation_time": _simulation_time,
     "traveled_distance": _traveled_distance,
     "speed": _speed,

@@ -135,6 +135,7 @@ class Script:
             if effect.felt:
                 self._visible[effect.name] = effect.begun_s
             self._reach(effect, "begun")
+            stage.taken[self._numbers[effect.name]] = effect.chosen
             self._waiting.remove(effect)
             for replaced in [e for e in self._active if type(e) is type(effect) and e.replaceable]:
                 self._active.remove(replaced)

@@ -80,6 +80,8 @@ class WorldStage(NetworkStage):
     """name of an event -> its slippery patch: boxes (K, 5), and the coefficient of friction there"""
     _friction: float | None = None
     """coefficient of friction of the road beside the patches; None if it is dry"""
+    taken: dict[int, frozenset[str]] = field(default_factory=dict)
+    """number of an event in keys -> names of the vehicles of which it has taken hold"""
     _for_now: set[str] = field(default_factory=set)
     """names of things that stand on the road and will be taken away"""
     _asked: dict[tuple[str, str], dict[str, float]] = field(default_factory=dict)
@@ -108,6 +110,10 @@ class WorldStage(NetworkStage):
         if self.scene is None:
             return []
         return [self.scene.ids[i] for i in pick(self.scene, selector, self.rng)]
+
+    def held_by(self, number: int | None) -> list[str]:
+        taken = self.taken.get(number, frozenset()) if number is not None else frozenset()
+        return [name for name in self.present if name in taken]
 
     def speed(self, name: str) -> float:
         assert self.scene is not None, "nothing is present before there is traffic"
