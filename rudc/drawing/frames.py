@@ -49,7 +49,7 @@ def draw_view(canvas: Canvas, view: View, driving: Driving) -> None:
     scene, numbers = view.truth, view.numbers
     draw_sensor_reach(canvas, view)
     for event in view.events:
-        draw_patch(canvas, event.patch, there=not event.waits)
+        draw_patch(canvas, event.patch)
     draw_path(canvas, scene)
     draw_others(canvas, scene, numbers, view.hidden)
     if view.perceived is not None:

@@ -54,13 +54,10 @@ def draw_way(canvas: Canvas, way: Array) -> None:
     canvas.area(np.array([way[-1] + 1.2 * u, way[-1] + 0.7 * v, way[-1] - 0.7 * v]), faint(EVENT, 220))
 
 
-def draw_patch(canvas: Canvas, patch: tuple[Array, ...], *, there: bool) -> None:
-    """What is slippery; only its outline while it is not `there` yet."""
+def draw_patch(canvas: Canvas, patch: tuple[Array, ...]) -> None:
+    """What is slippery."""
     for corners in patch:
-        if there:
-            canvas.area(corners, faint(EVENT, 110))
-        else:
-            canvas.outline(corners, faint(EVENT, 200), 0.15)
+        canvas.area(corners, faint(EVENT, 110))
 
 
 def draw_sensor_reach(canvas: Canvas, view: View) -> None:

@@ -59,6 +59,7 @@ def _reach(view: View) -> float:
     """m to be shown each way from the junction's centre."""
     network, scene = view.truth.network, view.truth
     where = [scene.ego_position, *(np.array(place) for event in view.events for place in event.places)]
+    where += [corner for event in view.events for piece in event.patch for corner in piece]
     where += [scene.position[i] for i, name in enumerate(scene.ids) if name in view.numbers]
     farthest = max(float(np.abs(place - network.center).max()) for place in where)
     return min(max(REACH_M, farthest + AROUND_M), max(network.half_extent, REACH_M))

@@ -11,9 +11,8 @@ import numpy as np
 from rudc.arrays import Array
 from rudc.geometry import rectangle_corners
 from rudc.network.polyline import resample
-from rudc.scenario.events.slippery_patch import SlipperyPatch
 from rudc.scenario.poses import Pose
-from rudc.world.events.places import across_arm, against_lane, pieces_along_lane
+from rudc.world.events.places import across_arm, against_lane
 from rudc.world.obstacles import listed_parts
 from rudc.world.scene import Scene
 
@@ -37,7 +36,7 @@ class ShownEvent:
     begun_s: float | None = None
     """s when it took effect; None while it waits"""
     visible_s: float | None = None
-    """s when the ego's sensors first showed it, or it came onto its slippery patch; None before"""
+    """s when the ego first met it (`Happening.visible_s`); None before"""
     is_over: bool = False
     bodies: frozenset[str] = frozenset()
     """names, as in `Scene.ids`, of whom it put on the road or has taken hold of"""
@@ -46,7 +45,7 @@ class ShownEvent:
     places: tuple[tuple[float, float], ...] = ()
     """m, where its number goes while no body carries it"""
     patch: tuple[Array, ...] = ()
-    """(4, 2) m each, the corners of what is slippery, until it is over"""
+    """(4, 2) m each, the corners of what is slippery now"""
     way: Array | None = None
     """(K, 2) m, where somebody will move who is not there yet"""
     refused: bool = False
@@ -154,7 +153,7 @@ def view_of(world: AnyWorld, outcome: str | None = None) -> View:
                 happening.bodies, happening.unlawful,
                 () if happening.bodies or happening.is_over
                 else places(world.network, scene.route, happening.event),
-                () if happening.is_over else patch_of(world.network, scene.route, happening.event),
+                _corners(happening.patch),
                 way_of(world.network, scene.route, happening.event) if happening.begun_s is None else None,
                 happening.refused, happening.no_room,
             )
@@ -162,6 +161,11 @@ def view_of(world: AnyWorld, outcome: str | None = None) -> View:
         ),
         outcome=outcome or "",
     )  # fmt: skip
+
+
+def _corners(boxes: tuple[tuple[float, ...], ...]) -> tuple[Array, ...]:
+    """The corners (4, 2) m of boxes as in `Happening.patch`."""
+    return tuple(rectangle_corners(box[:2], box[2], box[3:]) for box in map(np.array, boxes))
 
 
 def places(network: Network, route: Route, event: Event) -> tuple[tuple[float, float], ...]:
@@ -182,18 +186,6 @@ def places(network: Network, route: Route, event: Event) -> tuple[tuple[float, f
             x, y = across_arm(network, route, arm_name, float(at or 0.0))[_side(part)].tolist()
             found.append((x, y))
     return tuple(found)
-
-
-def patch_of(network: Network, route: Route, event: Event) -> tuple[Array, ...]:
-    """(4, 2) m each, the corners of the straight pieces of a slippery patch."""
-    if not isinstance(event, SlipperyPatch):
-        return ()
-    width = network.stretch(event.lane, route).lane.width
-    pieces = pieces_along_lane(network, route, event.lane, float(event.at), float(event.length))
-    return tuple(
-        rectangle_corners(np.array(place[:2]), np.array(place[2]), np.array([length, width]))
-        for place, length in pieces
-    )
 
 
 def way_of(network: Network, route: Route, event: Event) -> Array | None:

@@ -269,7 +269,7 @@ _TABLE = (
     ),
     Column(
         "first_event_visible_s",
-        "when the ego's sensors first showed one of them; empty if they never did",
+        "when the ego's sensors first showed one of them, or it came onto a slippery patch; empty if never",
         lambda e: e.metrics.first_event_visible_s,
         "s",
         average="episodes",

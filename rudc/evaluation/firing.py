@@ -46,7 +46,8 @@ class Firing:
     drawn: int = 0
     """episodes that it is part of, by its `probability`"""
     seen: int = 0
-    """episodes in which the ego's sensors showed it, or it has no body and is felt"""
+    """episodes in which the ego met it: its sensors showed it, it came onto its slippery patch, or it is felt
+    everywhere"""
     no_room: int = 0
     """episodes at whose end it waited for room on the road"""
     begun_s: dict[int, float] = field(default_factory=dict)
@@ -62,7 +63,7 @@ class Firing:
 
     def __str__(self) -> str:
         rest = "" if self.drawn == self.episodes else f" (its probability lets it in {self.drawn})"
-        seen = "" if self.seen == self.fired else f", and the ego sees it in {self.seen}"
+        seen = "" if self.seen == self.fired else f", and the ego meets it in {self.seen}"
         others = self.drawn - self.fired
         why = NO_ROOM if self.no_room == others else EARLY
         if 0 < self.no_room < others:
@@ -77,18 +78,18 @@ class Firing:
         times = self.begun_s.values()
         if not times or max(times) == 0.0:
             return ""
-        return f", at {_span(times, '.1f')} s"
+        return f", at {_span(times)} s"
 
     @property
     def _near(self) -> str:
         """How near they come to the ego, in words."""
         gaps = self.nearest_m.values()
-        return f", at the nearest {_span(gaps, '.0f')} m from the ego" if gaps else ""
+        return f", at the nearest {_span(gaps)} m from the ego" if gaps else ""
 
 
-def _span(values: Collection[float], digits: str) -> str:
-    """`2.1 to 3.4`, or `2.1` where both are the same."""
-    first, last = (f"{value:{digits}}" for value in (min(values), max(values)))
+def _span(values: Collection[float]) -> str:
+    """`2.1 to 34`, or `2.1` where both are the same."""
+    first, last = (f"{value:.1f}" if value < 10.0 else f"{value:.0f}" for value in (min(values), max(values)))
     return first if first == last else f"{first} to {last}"
 
 

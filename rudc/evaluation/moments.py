@@ -70,7 +70,8 @@ def _of_events(steps: Sequence[Step], events: Sequence[Mapping[str, Any]]) -> li
         name = f"event {event['number']}, {event['kind'].replace('_', ' ')}"
         begun, seen = (_frame_at(steps, event[key]) for key in ("begun_s", "visible_s"))
         first = "begins" if event["begun_s"] else "there from the start"
-        for frame, what in ((begun, first), (seen if seen != begun else None, "first seen by the ego")):
+        met = "first reached by the ego" if event["patch"] else "first seen by the ego"
+        for frame, what in ((begun, first), (seen if seen != begun else None, met)):
             if frame is not None:
                 found.append({"frame": frame, "kind": "event", "text": f"{name}: {what}"})
     return found

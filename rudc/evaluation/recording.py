@@ -188,11 +188,13 @@ class Recording:
                     "number": event.number,
                     "kind": event.event.kind,
                     "places": [_rounded(np.array(place) - center) for place in event.places],
-                    "patch": [_flat(corners - center) for corners in event.patch],
+                    "patch": list[list[int]](),
                     "way": None if event.way is None else _flat(event.way - center),
                     "over": list[list[int | None]](),
                 },
             )
+            if event.patch:
+                noted["patch"] = [_flat(corners - center) for corners in event.patch]
             noted["begun_s"], noted["visible_s"] = event.begun_s, event.visible_s
             open_span = bool(noted["over"]) and noted["over"][-1][1] is None
             if event.is_over and not open_span:

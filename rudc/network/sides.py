@@ -2,8 +2,8 @@
 
 Between the same two nodes, those belong together whose lines lie nearest to each other. Where a turn lane
 begins, or a slip road parts, one side has a node that the other has not. Then two one-way roads are one arm
-if they lead off in about the same direction and share a node, or lie side by side, the one that leads away on
-the right.
+if they lead off in about the same direction and share a node, or lie side by side with no other road between
+them, the one that leads away on the right.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from rudc.network.polyline import arc_length, resample, without_repeats
 ALIKE, ALIKE_M = 0.87, 20.0
 """two roads may be one above this cosine of the angle between them; m of them over which it is taken"""
 MEDIAN_M, PARALLEL = 20.0, 0.95
-"""m between two one-way roads that share no node, up to which they may be one road, and what ALIKE is then"""
+"""m between the middles of two one-way roads that share no node, up to which they may be one road; the cosine
+above which they must be then"""
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ def paired(arms: list[RawArm]) -> list[RawArm]:
     one road."""
     entering = [arm for arm in arms if not arm.outbound]
     leaving = [arm for arm in arms if not arm.inbound]
-    gaps = {pair: _median(*pair) for pair in product(entering, leaving)}
+    gaps = {pair: _median(*pair, arms) for pair in product(entering, leaving)}
     partner: dict[RawArm, RawArm] = {}
     for one, other in sorted(gaps, key=lambda pair: gaps[pair]):
         if gaps[one, other] <= MEDIAN_M and one not in partner and other not in partner.values():
@@ -69,21 +70,43 @@ def paired(arms: list[RawArm]) -> list[RawArm]:
     return [arm for arm in whole if arm not in partner.values()]
 
 
-def _median(entering: RawArm, leaving: RawArm) -> float:
-    """m between a one-way road to the junction and one from it, at most, on their last and first ALIKE_M, 0
-    where they share a node; inf where they are no two sides of one road."""
-    inwards = [shape_of(edge)[::-1] for edge in reversed(entering.inbound)]
-    outwards = list(map(shape_of, leaving.outbound))
-    begins = inwards[0][0], outwards[0][0]
-    ends = place_along(inwards, ALIKE_M), place_along(outwards, ALIKE_M)
-    ways = [(end - begin) / np.hypot(*(end - begin)) for begin, end in zip(begins, ends, strict=True)]
-    alike = float(ways[0] @ ways[1])
+def _median(entering: RawArm, leaving: RawArm, arms: list[RawArm]) -> float:
+    """m between the middles of a one-way road to the junction and one from it, at most, next to the junction
+    and ALIKE_M out; 0 where they share a node, inf where they are no two sides of one road."""
+    one, other = _outwards(entering), _outwards(leaving)
+    alike = float(_direction(one) @ _direction(other))
     nodes = {edge.getFromNode() for edge in entering.inbound}
     if not nodes.isdisjoint(edge.getToNode() for edge in leaving.outbound):
         return 0.0 if alike > ALIKE else math.inf
-    beside = [ways[0][1] * d[0] - ways[0][0] * d[1] for d in (begins[1] - begins[0], ends[1] - ends[0])]
-    side_by_side = alike > PARALLEL and min(beside) >= 0.0
-    return max(math.dist(*begins), math.dist(*ends)) if side_by_side else math.inf
+    gap = _beside(one, other)
+    if alike <= PARALLEL or min(gap) < 0.0:
+        return math.inf
+    between = [_beside(one, _outwards(arm))[1] for arm in arms if arm not in (entering, leaving)]
+    return math.inf if any(0.0 < away < gap[1] for away in between) else max(gap)
+
+
+def _outwards(arm: RawArm) -> tuple[Array, Array]:
+    """(2,) m and (2,) m, the ends of the first ALIKE_M of a road, from the junction outwards."""
+    lines = list(map(shape_of, arm.outbound)) or [shape_of(edge)[::-1] for edge in reversed(arm.inbound)]
+    return lines[0][0], place_along(lines, ALIKE_M)
+
+
+def _direction(road: tuple[Array, Array]) -> Array:
+    """(2,) the direction of a road as of `_outwards`, of length 1."""
+    way = road[1] - road[0]
+    return way / np.hypot(*way)
+
+
+def _beside(road: tuple[Array, Array], other: tuple[Array, Array]) -> tuple[float, float]:
+    """m by which another road lies to the right of a road, at its beginning and at its end; inf where it is
+    farther ahead or behind there than ALIKE_M, or leads elsewhere."""
+    way = _direction(road)
+    if float(way @ _direction(other)) <= ALIKE:
+        return math.inf, math.inf
+    away = [there - here for here, there in zip(road, other, strict=True)]
+    right = [float(way[1] * d[0] - way[0] * d[1]) for d in away]
+    near = all(abs(float(way @ d)) <= ALIKE_M for d in away)
+    return (right[0], right[1]) if near else (math.inf, math.inf)
 
 
 def place_along(lines: Sequence[Array], reach: float) -> Array:

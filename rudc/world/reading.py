@@ -42,6 +42,7 @@ class EgoView(NamedTuple):
     destination_s: float
     actuation: Actuation
     may_cross_centre: bool
+    road_friction: float | None
 
 
 class Reader:
@@ -156,7 +157,7 @@ class Reader:
             path, half, start, scale, lane_pos,
         )  # fmt: skip
         return Scene(
-            *ego[:-3],
+            *ego[:-4],
             self._network,
             tuple([ids[i] for i in order.tolist()]),
             position,
@@ -170,6 +171,7 @@ class Reader:
             ego.destination_s,
             ego.actuation,
             ego.may_cross_centre,
+            ego.road_friction,
         )
 
     def locate_ego(self, route: Route, length: float) -> tuple[int, float]:

@@ -120,6 +120,10 @@ class Scene:
     """
     may_cross_centre: bool = False
     """whether the ego may drive on the lanes of oncoming traffic"""
+    road_friction: float | None = None
+    """coefficient of friction of the road beside slippery patches, None if it is dry; the others know it, the
+    ego does not
+    """
     hidden_by: Array | None = None
     """(K, 5) opaque boxes that hide what is behind them: centre x, y (m), heading (rad), length, width (m);
     None for none"""

@@ -21,7 +21,7 @@ import numpy as np
 from rudc.arrays import Array
 from rudc.network.conflicts import meeting
 from rudc.network.paths import SPACING
-from rudc.world.ego import grip_of
+from rudc.world.ego import Actuation, grip_of
 from rudc.world.scene import STANDING, Scene
 from rudc.world.vehicle_types import EGO
 from rudc.world.yielding import BRAKE_MOST, Yielding, must_yield
@@ -42,7 +42,7 @@ def who_yields(scene: Scene, heedless: Collection[str] = ()) -> dict[str, str]:
 
     `heedless`: names of those who disregard the right of way, as in `must_yield`.
     """
-    most = min(BRAKE_MOST, math.inf if scene.actuation is None else grip_of(scene.actuation))
+    most = min(BRAKE_MOST, grip_of(Actuation(friction=scene.road_friction)))
     layer = partial(must_yield, heedless=heedless, brake_most=most)
     speed = scene.speed
     found = {}

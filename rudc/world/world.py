@@ -193,6 +193,7 @@ class World:
         self._sumo.step()
         self._move_props()
         self._plant.reset(x, y, psi, v, self._plant.actuation)
+        self.stage.feel_patches()
         self._sumo.place(EGO, x, y, psi, v, length)
         self._ego_s, self._waited, self._last_u = self.route.path.project(x, y)[0], 0.0, np.zeros(2)
         return self._refresh()
@@ -293,6 +294,7 @@ class World:
         dt = self.config.substep_s
         if not self._driven_by_sumo:
             state = self._plant.step(a, delta, dt)
+            self.stage.feel_patches()
             self._sumo.place(EGO, state.x, state.y, state.psi, state.v, self.vehicle.length)
         self._sumo.step()
         self._move_props()
@@ -359,7 +361,7 @@ class World:
         ego = EgoView(
             round(self._sumo.time() - self._time0, 6), self.plan.timeout_s, state, self.vehicle, self.route,
             self._ego_s, offset, self._waited, self._last_u, self._destination_s,
-            self._plant.actuation, self.plan.ego.may_cross_centre,
+            self._plant.actuation, self.plan.ego.may_cross_centre, self.stage.road_friction,
         )  # fmt: skip
         scene = self._scene = self._reader.scene(ego, self.stage.props)
         self._perceived = None

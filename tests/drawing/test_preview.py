@@ -62,21 +62,26 @@ def test_outlines_are_explained_where_there_are_some(event, outlined):
 
 
 def test_a_slippery_patch_is_drawn_where_it_lies():
-    """Filled if it is there from the start, else only its outline, and where it lies is said."""
+    """Where it begins is marked while its event waits."""
     patch = {"kind": "slippery_patch", "lane": "south_in_1", "at": 10, "length": 20, "friction": 0.2}
     later = {**patch, "when": {"simulation_time": {"above": 3}}}
-    filled = {}
+    filled, said = {}, []
     for name, events in (("none", []), ("there", [patch]), ("later", [later])):
         scenario = Scenario.model_validate(
             {"name": "oil", "ego": {"route": {"from": "west", "turn": "left"}}, "traffic": {"density": 0},
              "events": events}
         )  # fmt: skip
+        with World(load_network("four_way")) as world:
+            world.reset(scenario.plan(1))
+            said.append("".join(text for text, _ in caption(scenario, view_of(world))[-1]))
         filled[name] = np.asarray(preview_picture(scenario, 1)).astype(int)[-900:]
     lane = (filled["there"] != filled["none"]).any(axis=2)
     rows, columns = np.flatnonzero(lane.any(axis=1)), np.flatnonzero(lane.any(axis=0))
     assert (np.ptp(rows) + 1) / (np.ptp(columns) + 1) == pytest.approx(20 / 3.5, rel=0.1)
-    outline = (filled["later"] != filled["none"]).any(axis=2)
-    assert 0 < outline.sum() < 0.5 * lane.sum()
+    badge = (filled["later"] != filled["none"]).any(axis=2)
+    assert 0 < badge.sum() < 0.5 * lane.sum()
+    assert said[1] == "(1) slippery patch, lane south_in_1, at 10 m, length 20 m, friction 0.2"
+    assert said[2].endswith("not drawn: waits until the time is above 3 s, its place is marked")
 
 
 def test_events_far_out_widen_the_picture():

@@ -80,7 +80,7 @@ def test_counts_say_what_probability_left_out():
     )
     assert str(Firing(1, "speeding", 20, 11, 9, begun_s=in_the_first(10))) == (
         "event 1 (events.0) speeding: happens in 10 of 20 episodes (its probability lets it in 11), "
-        "and the ego sees it in 9; in the others its trigger did not come true before the episode "
+        "and the ego meets it in 9; in the others its trigger did not come true before the episode "
         "ended, with planner driving, or there was nobody for it to act on"
     )
 
@@ -95,24 +95,25 @@ def test_counts_say_when_it_happens():
 
 
 def test_counts_say_how_near_they_come():
-    """A truck that stands in the ego's lane for 3 s, and one that stays: by the first it never comes."""
-    truck = {"lane": "south_in_0", "type": "truck"}
-    events = [
-        {"kind": "stalled_vehicle", **truck, "at": 60, "duration": 1},
-        {"kind": "stalled_vehicle", **truck, "at": 3},
-        {"kind": "low_friction", "friction": 0.5},
-    ]
+    """While the event is in effect: who was slow for a moment, far away, comes nearer only later."""
+    truck = {"kind": "stalled_vehicle", "lane": "south_in_0", "at": 3, "type": "truck"}
+    slow = {"kind": "slow_vehicle", "vehicle": "oncoming", "speed": 3, "duration": 0.2}
     settings = {
-        "events": events, "traffic.density": 0, "episode.timeout": 12,
-        "ego": {"route": {"from": "south", "turn": "straight"}, "distance": 30, "speed": 5},
+        "events": [slow, {**slow, "duration": 20}, truck, {"kind": "low_friction", "friction": 0.5}],
+        "traffic.density": 0, "episode.timeout": 12,
+        "ego": {"route": {"from": "south", "turn": "left"}, "distance": 30, "speed": 5},
     }  # fmt: skip
-    firings, *_ = drive_and_count(load_scenario("random_destination", settings), range(2))
-    behind, ahead, felt = firings
-    assert behind.nearest_m[0] == pytest.approx(60 - 30 - 8, abs=6.0)
-    assert all(gap < 8.0 for gap in ahead.nearest_m.values())
+    brief, lasting, ahead, felt = drive_and_count(
+        load_scenario("random_destination", settings), range(2)
+    ).firings
+    for seed in range(2):
+        assert lasting.nearest_m[seed] < brief.nearest_m[seed] - 10.0
+        assert ahead.nearest_m[seed] < 8.0
     assert felt.nearest_m == {}
     assert "m from the ego" in str(ahead)
     assert "m from the ego" not in str(felt)
+    near = Firing(1, "accident", 2, 2, 2, begun_s=in_the_first(2), nearest_m={0: 0.4, 1: 34.2})
+    assert str(near).endswith("at the nearest 0.4 to 34 m from the ego")
 
 
 def test_where_it_never_happens_there_are_no_others():
@@ -159,7 +160,7 @@ def test_seeds_that_cannot_be_set_up_are_said_and_the_others_driven(tmp_path):
 def test_an_episode_that_goes_wrong_on_the_way_does_not_keep_the_others_from_being_driven(kind, monkeypatch):
     real = run_episode
 
-    def failing(episode, plan, agent):
+    def failing(episode, plan, agent, **watched):
         if plan.seed == 0:
             raise kind("a part failed at 0.5 s")
         return real(episode, plan, agent)
@@ -203,4 +204,6 @@ def test_validate_says_how_often_events_happen():
     *first, last = result.stdout.splitlines()
     assert first == ["sudden_brake: ok (1 event)", "  planner drives 3 episodes: 3 success"]
     counted = "  event 1 (events.0) hard_brake: happens in 3 of 3 episodes"
-    assert re.fullmatch(re.escape(counted) + r", at \d\.\d to \d\.\d s", last), last
+    assert re.fullmatch(
+        re.escape(counted) + r", at \d\.\d to \d\.\d s, at the nearest \d\.\d to \d\.\d m from the ego", last
+    ), last

@@ -177,7 +177,7 @@ function standing(run, k) {
     const name = named(event);
     if (event.begun_s === null || event.begun_s > time + 1e-6) return `${name}: waits`;
     if (isOver(event, k)) return `${name}: over`;
-    if (event.visible_s === null || event.visible_s > time + 1e-6) return `${name}: not seen yet`;
+    if (event.visible_s === null || event.visible_s > time + 1e-6) return `${name}: not ${event.patch.length ? 'reached' : 'seen'} yet`;
     return name;
   }), ...absent];
 }
@@ -226,6 +226,9 @@ function drawLegend() {
     samples.push(['event that waits', (v) => v.badge(0, 0, run.events[0].number, false, true)],
       ['event that the ego has not seen', (v) => v.badge(0, 0, run.events[0].number, true, false, 0)],
       ['event', (v) => v.badge(0, 0, run.events[0].number, true, true, 0)]);
+  }
+  if (run.events.some((event) => event.patch.length)) {
+    samples.push(['slippery', (v) => v.drawPatch([[-3, -1], [3, -1], [3, 1], [-3, 1]])]);
   }
   if (run.courses.length) {
     samples.push(['course round what blocks', (v) => v.stroke(trace(new Path2D(), [[-3, 0], [3, 0]]), v.colours.paper, 0.45, [1.6, 1])]);

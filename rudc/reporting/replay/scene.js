@@ -110,20 +110,20 @@ class SceneView {
     }
   }
 
-  // What is slippery; only its outline while its event waits.
+  // What is slippery.
   drawPatches(k) {
-    const time = this.run.series.time_s[k], c = this.ctx;
+    const time = this.run.series.time_s[k];
     for (const event of this.run.events) {
-      if (!event.patch.length || isOver(event, k)) continue;
-      const there = event.begun_s !== null && event.begun_s <= time + 1e-6;
-      for (const corners of event.patch) {
-        const path = trace(new Path2D(), corners, true);
-        c.fillStyle = this.colours.event;
-        c.globalAlpha = 0.4;
-        if (there) c.fill(path); else this.stroke(path, this.colours.event, 0.15);
-        c.globalAlpha = 1;
-      }
+      if (event.begun_s === null || event.begun_s > time + 1e-6 || isOver(event, k)) continue;
+      for (const corners of event.patch) this.drawPatch(corners);
     }
+  }
+
+  drawPatch(corners) {
+    this.ctx.fillStyle = this.colours.event;
+    this.ctx.globalAlpha = 0.4;
+    this.ctx.fill(trace(new Path2D(), corners, true));
+    this.ctx.globalAlpha = 1;
   }
 
   drawWay(k, ex, ey) {

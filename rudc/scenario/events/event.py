@@ -76,6 +76,8 @@ class Effect(ABC, Generic[E]):
     """whether, if it has no trigger, it is there before the ego is, so that traffic warms up around it"""
     felt = False
     """whether it has no body, and the ego feels it as soon as it begins"""
+    underfoot = False
+    """whether it has a slippery patch for a body (`Stage.lay_patch`): the ego feels it once it is on it"""
     replaceable = False
     """whether it is over as soon as a later event of its kind begins; when that one's duration has passed, it
     begins again if it has no duration itself"""

@@ -14,35 +14,35 @@ from rudc.scenario.triggers import Metre
 
 
 class SlipperyPatch(Event, frozen=True):
-    """A stretch of a lane that is slippery."""
+    """A stretch of a lane that is slippery for the ego, which does not see it; the other vehicles, and an ego
+    that SUMO drives (`--agent sumo`), do not slip there."""
 
     kind: Literal["slippery_patch"]
-    """a stretch of a lane that is slippery for the ego, as long as its centre is on it; others drive over it
-    as over the rest of the road; the ego does not see it, and it counts as seen once the ego is on it"""
+    """a stretch of a lane that is slippery for the ego"""
     lane: Identifier
-    """lane"""
+    """lane that the patch lies on, over its whole width; the ego slips while its centre is on it"""
     at: Metre
     """m along the lane, where the patch begins"""
     length: Annotated[AnyDistribution, Bounds(0, 500, "m", above=True)]
     """m that are slippery, counted away from the junction, or inside it in driving direction"""
     friction: Annotated[AnyDistribution, Bounds(LEAST, MOST)]
-    """coefficient of friction: 0.9 dry, 0.5 wet, 0.3 snow, 0.1 ice; the lowest counts where patches overlap,
-    or the whole road is slippery"""
+    """coefficient of friction there, if that of the road and of other patches is not lower: 0.9 dry, 0.5 wet,
+    0.3 snow, 0.1 ice"""
     duration: Duration | None = None
     """s until the road grips there again; by default never"""
 
 
 class SlipperyPatchEffect(Effect[SlipperyPatch]):
-    """The ego's tyres have less grip on a stretch of one lane, over its whole width."""
+    """The ego's tyres have less grip on a stretch of one lane."""
 
     from_the_start = True
+    underfoot = True
 
     def begin(self, stage: Stage) -> bool:
         event = self.event
-        pieces = stage.pieces_along_lane(event.lane, float(event.at), float(event.length))
-        width = stage.lane_width(event.lane)
-        patch = [(place, (length, width)) for place, length in pieces]
-        stage.lay_patch(self.name, patch, float(event.friction))
+        stage.lay_patch(
+            self.name, event.lane, float(event.at), float(event.length), float(event.friction)
+        )  # fmt: skip
         return True
 
     def end(self, stage: Stage) -> None:

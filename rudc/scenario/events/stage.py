@@ -6,7 +6,6 @@ Angles are in rad counter-clockwise from east, positions in m in the network's f
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -218,11 +217,10 @@ class Stage(ABC):
         """The road's coefficient of friction, for the ego and surrounding vehicles; None if it is dry."""
 
     @abstractmethod
-    def lay_patch(
-        self, event: str, patch: Sequence[tuple[XYHeading, tuple[float, float]]], friction: float
-    ) -> None:
-        """Give the ego that coefficient of friction while its centre is on one of these rectangles: where
-        their middles are, and their lengths and widths (m). The lowest of all counts."""
+    def lay_patch(self, event: str, lane: str, at: float, length: float, friction: float) -> None:
+        """Give the ego that coefficient of friction while its centre is on a stretch of a lane, which is
+        `length` m long from `at` m on. If the road or another patch is more slippery there, theirs counts.
+        """
 
     @abstractmethod
     def remove_patch(self, event: str) -> None:

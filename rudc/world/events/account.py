@@ -31,9 +31,10 @@ def _line(number: int, happening: Happening) -> str:
         return f"{head}: not there, it waits for {_awaited(happening)}"
     since = f"began at {happening.begun_s:.1f} s" if happening.begun_s > 0 else "from the start"
     over = ", over" if happening.is_over else ""
+    met = "reached" if happening.underfoot else "seen"
     if happening.visible_s is None:
-        return f"{head}: {since}{over}, not seen by the ego"
-    seen = "" if happening.felt else f", seen by the ego at {happening.visible_s:.1f} s"
+        return f"{head}: {since}{over}, not {met} by the ego"
+    seen = "" if happening.felt else f", {met} by the ego at {happening.visible_s:.1f} s"
     return f"{head}: {since}{over}{seen}"
 
 

@@ -4,6 +4,7 @@ place.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -14,6 +15,7 @@ from rudc.geometry import rectangle_corners, rectangle_gaps
 from rudc.network.polyline import in_any
 from rudc.network.stretches import stretch_by_id
 from rudc.scenario.events.stage import ROADSIDE_M, Body, Stage, XYHeading
+from rudc.world.events.patches import Piece
 from rudc.world.vehicle_types import VEHICLE_TYPES
 
 if TYPE_CHECKING:
@@ -80,6 +82,17 @@ def pieces_along_lane(
     number = network.stretch(lane, route).pieces(at, at + length)
     each = length / number
     return [(network.place_on_lane(lane, at + (i + 0.5) * each, route=route), each) for i in range(number)]
+
+
+def patch_along_lane(network: Network, route: Route, lane: str, at: float, length: float) -> list[Piece]:
+    """The straight pieces that cover a stretch of a lane; where it bends, they overlap on its inner side."""
+    pieces, width = (
+        pieces_along_lane(network, route, lane, at, length),
+        network.stretch(lane, route).lane.width,
+    )
+    headings = np.unwrap([place[2] for place, _ in pieces])
+    more = width * math.tan(0.5 * float(np.abs(np.diff(headings)).max(initial=0.0)))
+    return [(place, (each + more, width)) for place, each in pieces]
 
 
 class Standing(NamedTuple):

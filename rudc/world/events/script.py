@@ -25,8 +25,8 @@ class Happening(NamedTuple):
     begun_s: float | None
     """s when it took effect; None while it waits"""
     visible_s: float | None
-    """s when the ego's sensors first showed it or, of a slippery patch, when it came onto it; if it has no
-    body otherwise, when it took effect; None before"""
+    """s when the ego first met it: its sensors showed a body, or it came onto a slippery patch, or, for an
+    event that has neither, when this took effect; None before"""
     is_over: bool
     bodies: frozenset[str]
     """names, as in `Scene.ids`, of the vehicles that it has acted on so far and of its things on the road"""
@@ -38,6 +38,10 @@ class Happening(NamedTuple):
     """whether its trigger held at the last decision, but there was no room for it or nobody to act on"""
     no_room: bool = False
     """whether it was refused because it asked for room on the road and there was none"""
+    underfoot: bool = False
+    """whether the ego meets it by coming onto its slippery patch"""
+    patch: tuple[tuple[float, ...], ...] = ()
+    """the boxes of that patch while it is there: centre x, y (m), heading (rad), length, width (m)"""
 
 
 class Script:
@@ -68,7 +72,6 @@ class Script:
             return ()
         stage = self._stage
         stage.scene = scene
-        stage.feel_patches()
         if scene.ego.v < STANDING:
             stage.sudden.clear()
         for effect in list(self._active):
@@ -92,11 +95,12 @@ class Script:
         return when is None or effect.waits_since_s is not None or holds(when, scene, self._stage)
 
     def look(self, perceived: Scene) -> None:
-        """Note what the ego sees of the events in effect, and on whose slippery patches it is."""
+        """Note what the ego sees of the events in effect, and on whose slippery patches it has been."""
         for effect in self._active:
             if effect.name in self._visible:
                 continue
-            if effect.name in self._stage.on_patches or not self._bodies(effect).isdisjoint(perceived.ids):
+            trodden = effect.name in self._stage.patches.trodden
+            if trodden or not self._bodies(effect).isdisjoint(perceived.ids):
                 self._visible[effect.name] = perceived.time_s
 
     def happenings(self) -> tuple[Happening, ...]:
@@ -113,17 +117,19 @@ class Script:
                 self._bodies(effect) & self._stage.unlawful,
                 effect.name in self._refused,
                 self._refused.get(effect.name, False),
+                effect.underfoot,
+                self._stage.patches.boxes(effect.name),
             )
             for effect in self._effects
         )
 
     def _begin(self, effects: list[Effect[Any]]) -> tuple[str, ...]:
-        """Begin those that can. What the ego feels comes first, since what appears on the road depends on how
-        the ego could stop there. Returns the names of those that began."""
+        """Begin those that can. What the ego feels or drives onto comes first, since what appears on the road
+        depends on how the ego could stop there. Returns the names of those that began."""
         stage = self._stage
         begun: list[Effect[Any]] = []
         self._refused = {}
-        for effect in sorted(effects, key=lambda effect: not effect.felt):
+        for effect in sorted(effects, key=lambda effect: not (effect.felt or effect.underfoot)):
             stage.no_room = False
             if ask_effect(effect, "begin", stage, stage.time_s):
                 begun.append(effect)
@@ -132,7 +138,7 @@ class Script:
         begun.sort(key=effects.index)  # in the order of the plan, as they are told
         for effect in begun:
             effect.begun_s = self._begun[effect.name] = stage.time_s
-            if effect.felt:
+            if effect.felt or effect.name in stage.patches.trodden:
                 self._visible[effect.name] = effect.begun_s
             self._reach(effect, "begun")
             stage.taken[self._numbers[effect.name]] = effect.chosen

@@ -15,11 +15,13 @@ from rudc.geometry import rectangle_corners, rectangle_gaps
 from rudc.network.polyline import arc_length, beside
 from rudc.scenario.events.stage import Body, XYHeading
 from rudc.world.ego import DRY, GRAVITY, grip_of
+from rudc.world.events.patches import Patches
 from rudc.world.events.places import (
     ON_THE_ROAD,
     NetworkStage,
     Standing,
     overlapped,
+    patch_along_lane,
     reaches_onto_road,
     said,
     size_of,
@@ -74,11 +76,8 @@ class WorldStage(NetworkStage):
     """
     reached: dict[tuple[int, str], float] = field(default_factory=dict)
     """number of an event in keys, and `begun` or `over` -> s, when it was so first"""
-    on_patches: frozenset[str] = frozenset()
-    """names of events on whose slippery patches the ego is"""
-    _patches: dict[str, tuple[Array, float]] = field(default_factory=dict)
-    """name of an event -> its slippery patch: boxes (K, 5), and the coefficient of friction there"""
-    _friction: float | None = None
+    patches: Patches = field(default_factory=Patches)
+    road_friction: float | None = None
     """coefficient of friction of the road beside the patches; None if it is dry"""
     taken: dict[int, frozenset[str]] = field(default_factory=dict)
     """number of an event in keys -> names of the vehicles of which it has taken hold"""
@@ -272,9 +271,18 @@ class WorldStage(NetworkStage):
         return False
 
     def _stopping(self, v: float) -> float:
-        """m that the ego needs to stop from v m/s."""
-        car, now = self.network.vehicle, self.plant.actuation
-        braking = min(-car.a_min, grip_of(now))
+        """m that the ego needs to stop from v m/s, with the least grip that it would have meanwhile."""
+        assert self.scene is not None
+        grip = grip_of(self.plant.actuation)
+        way = self._stopping_at(v, grip)
+        if not self.patches:
+            return way
+        x, y, _ = self.scene.route.path.pose(self.scene.ego_s + np.arange(0.0, way + LOOK_M, LOOK_M))
+        return self._stopping_at(v, min(grip, self.patches.least(np.column_stack([x, y])) * GRAVITY))
+
+    def _stopping_at(self, v: float, grip: float) -> float:
+        """m that the ego needs to stop from v m/s where the road gives `grip` m/s2."""
+        now, braking = self.plant.actuation, min(-self.network.vehicle.a_min, grip)
         late = max(v * now.lag_s - 0.5 * braking * now.lag_s**2, 0.0)  # exact unless it stops within the lag
         return v * now.delay_s + late + v * v / (2.0 * braking)
 
@@ -333,49 +341,33 @@ class WorldStage(NetworkStage):
         self.sensors.miss, self.sensors.range_m = probability, range_m
 
     def set_friction(self, friction: float | None) -> None:
-        self._friction = friction
+        self.road_friction = friction
         self._grip()
         self.traffic.lose_grip(math.inf if friction is None else friction * GRAVITY)
         for prop in self.props:
             prop.grip = self.traffic.grip
 
-    def lay_patch(
-        self, event: str, patch: Sequence[tuple[XYHeading, tuple[float, float]]], friction: float
-    ) -> None:
-        self._patches[event] = np.array([(*place, *size) for place, size in patch]), friction
+    def lay_patch(self, event: str, lane: str, at: float, length: float, friction: float) -> None:
+        self.patches.lay(event, patch_along_lane(self.network, self.route, lane, at, length), friction)
         self._grip()
 
     def remove_patch(self, event: str) -> None:
-        self._patches.pop(event, None)
+        self.patches.remove(event)
         self._grip()
 
     def feel_patches(self) -> None:
-        """Give the ego's tyres the grip of the place where it has come to."""
-        if self._patches:
+        """Give the ego's tyres the grip of the place to which it has come."""
+        if self.patches:
             self._grip()
 
     def _grip(self) -> None:
-        """Give the ego's tyres the grip of the place where its centre is."""
-        ego = self.plant.state
-        self.on_patches = frozenset(
-            event for event, (boxes, _) in self._patches.items() if _is_on(boxes, ego.x, ego.y)
-        )
-        friction = self._friction
-        if self.on_patches:
-            there = min(self._patches[event][1] for event in self.on_patches)
+        there, friction = self.patches.tread(self.plant.state.x, self.plant.state.y), self.road_friction
+        if there < math.inf:
             friction = min(there, DRY if friction is None else friction)
         self.plant.actuation = replace(self.plant.actuation, friction=friction)
 
     def set_actuators(self, delay_s: float, lag_s: float) -> None:
         self.plant.actuation = replace(self.plant.actuation, delay_s=delay_s, lag_s=lag_s)
-
-
-def _is_on(boxes: Array, x: float, y: float) -> bool:
-    """Whether a place (m) is on one of the boxes (K, 5)."""
-    away, psi = np.array([x, y]) - boxes[:, :2], boxes[:, 2]
-    along = away[:, 0] * np.cos(psi) + away[:, 1] * np.sin(psi)
-    beside = away[:, 1] * np.cos(psi) - away[:, 0] * np.sin(psi)
-    return bool(((np.abs(along) <= 0.5 * boxes[:, 3]) & (np.abs(beside) <= 0.5 * boxes[:, 4])).any())
 
 
 def _as_standing(prop: Prop) -> Standing:
