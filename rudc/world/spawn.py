@@ -167,5 +167,5 @@ def no_safe_start(plan: EpisodePlan, draws: int) -> SimulationError:
 
 def safe_gap(scene: Scene, behind: Speed, front: Speed) -> Speed:
     """m, gap that one who drives `behind` m/s needs to who drives `front` m/s before it."""
-    braking = min(BRAKING, grip_of(Actuation(friction=scene.road_friction)))
+    braking = min(BRAKING, grip_of(scene.actuation or Actuation()))
     return MARGIN_M + REACTION_S * behind + (behind**2 - front**2) / (2 * braking)
