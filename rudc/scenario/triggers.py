@@ -14,8 +14,8 @@ from rudc.scenario.base import FileModel, Identifier, refuse
 from rudc.scenario.distributions import AnyDistribution, Bounds, Constant, Distribution
 
 Selector = Literal["leader", "follower", "oncoming", "crossing", "nearest", "random", "all", "same"]
-"""Which surrounding vehicle, seen from the ego at the moment it is asked; `same`: the one of which the event
-has taken hold for which `event_state` waits."""
+"""Which surrounding vehicle, seen from the ego at the moment it is asked; `same` is the vehicle of the event
+that `event_state` names."""
 
 Second = Annotated[AnyDistribution, Bounds(0, 600, "s")]
 Metre = Annotated[AnyDistribution, Bounds(0, 1000, "m")]

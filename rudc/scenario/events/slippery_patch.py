@@ -40,9 +40,8 @@ class SlipperyPatchEffect(Effect[SlipperyPatch]):
 
     def begin(self, stage: Stage) -> bool:
         event = self.event
-        stage.lay_patch(
-            self.name, event.lane, float(event.at), float(event.length), float(event.friction)
-        )  # fmt: skip
+        at, length, friction = float(event.at), float(event.length), float(event.friction)
+        stage.lay_patch(self.name, event.lane, at, length, friction)
         return True
 
     def end(self, stage: Stage) -> None:

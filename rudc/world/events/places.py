@@ -86,10 +86,8 @@ def pieces_along_lane(
 
 def patch_along_lane(network: Network, route: Route, lane: str, at: float, length: float) -> list[Piece]:
     """The straight pieces that cover a stretch of a lane; where it bends, they overlap on its inner side."""
-    pieces, width = (
-        pieces_along_lane(network, route, lane, at, length),
-        network.stretch(lane, route).lane.width,
-    )
+    pieces = pieces_along_lane(network, route, lane, at, length)
+    width = network.stretch(lane, route).lane.width
     headings = np.unwrap([place[2] for place, _ in pieces])
     more = width * math.tan(0.5 * float(np.abs(np.diff(headings)).max(initial=0.0)))
     return [(place, (each + more, width)) for place, each in pieces]
