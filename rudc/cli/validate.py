@@ -51,7 +51,8 @@ def validate(
     an event that has no duration, or whose `probability` is 0, a destination that no episode reaches, a kind
     of `traffic.mix` that may drive nowhere, and what is in the ego's exit beyond its destination. With
     `--seeds N`, `planner` drives N episodes, and the command says how they end (with whom the ego collides,
-    and whose fault it is), how often and when events happen, and how near the ego comes to the road users that take part.
+    and whose fault it is), how often and when events happen, and how near the ego comes to the road users
+    that take part.
 
     **Examples**
 

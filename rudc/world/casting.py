@@ -25,7 +25,7 @@ from rudc.arrays import Flags
 from rudc.geometry import rectangle_gaps
 from rudc.world.events.selection import comes_from, pick, towards_junction
 from rudc.world.scene import Scene
-from rudc.world.spawn import ROUNDED_M, Entry, entry, safe_gap
+from rudc.world.spawn import ROUNDED_M, Entry, braking_of, entry, safe_gap
 from rudc.world.vehicle_types import VEHICLE_TYPES
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def _in_line(scene: Scene, stage: WorldStage, rng: np.random.Generator, ahead: b
     least = APART_M + HEADWAY_S[0] * v
     half = 0.5 * scene.vehicle.length
     if ahead:
-        stop = safe_gap(scene, v, 0.0)
+        stop = safe_gap(v, 0.0, braking_of(scene, ego=True))
         room = _room_ahead(scene)
         room = min(room, _free_way(stage, route, scene.ego_s + half, room + stop) - stop)
     else:
@@ -107,7 +107,8 @@ def _in_line(scene: Scene, stage: WorldStage, rng: np.random.Generator, ahead: b
         return []
     driver = stage.traffic.draw_driver(movement, kind)
     speed = stage.traffic.entry_speed(driver, place.lane, v)
-    needed = safe_gap(scene, v, speed) if ahead else safe_gap(scene, speed, v)
+    behind, front = (v, speed) if ahead else (speed, v)
+    needed = safe_gap(behind, front, braking_of(scene, ego=ahead))
     if needed > widest:
         return []
     if needed > gap:
@@ -185,7 +186,10 @@ def _towards_junction(scene: Scene, stage: WorldStage, rng: np.random.Generator,
         x, y, psi = (float(value) for value in route.path.pose(front - 0.5 * length))
         others = scene.position, scene.heading, scene.size
         clear = (rectangle_gaps(x, y, psi, length, width, *others) > CLEAR_M).all()
-        clear = clear and _free_way(stage, route, front, safe_gap(scene, speed, 0.0)) == np.inf
+        clear = (
+            clear
+            and _free_way(stage, route, front, safe_gap(speed, 0.0, braking_of(scene, ego=False))) == np.inf
+        )
         place = entry(network, route, front)
         if clear and stage.traffic.may_drive(kind, movement, place.lane):
             return [stage.traffic.add(stage.traffic.draw_driver(movement, kind), place, speed)]

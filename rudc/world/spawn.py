@@ -154,7 +154,8 @@ def safe_to_start(scene: Scene) -> bool:
     speed = scene.speed
     behind = np.where(ahead > 0, ego.v, speed)
     front = np.where(ahead > 0, speed, ego.v)
-    return bool(np.all(gaps[in_lane] >= safe_gap(scene, behind, front)[in_lane]))
+    braking = np.where(ahead > 0, braking_of(scene, ego=True), braking_of(scene, ego=False))
+    return bool(np.all(gaps[in_lane] >= safe_gap(behind, front, braking)[in_lane]))
 
 
 def no_safe_start(plan: EpisodePlan, draws: int) -> SimulationError:
@@ -165,7 +166,14 @@ def no_safe_start(plan: EpisodePlan, draws: int) -> SimulationError:
     )
 
 
-def safe_gap(scene: Scene, behind: Speed, front: Speed) -> Speed:
-    """m, gap that one who drives `behind` m/s needs to who drives `front` m/s before it."""
-    braking = min(BRAKING, grip_of(scene.actuation or Actuation()))
+def braking_of(scene: Scene, *, ego: bool) -> float:
+    """m/s2, with which the ego or another is reckoned to brake: BRAKING, or less where the road gives less.
+    On a slippery patch only the ego slips."""
+    now = scene.actuation if ego else Actuation(friction=scene.road_friction)
+    return min(BRAKING, grip_of(now or Actuation()))
+
+
+def safe_gap(behind: Speed, front: Speed, braking: Speed) -> Speed:
+    """m, gap that one who drives `behind` m/s and brakes with `braking` m/s2 needs to who drives `front` m/s
+    before it."""
     return MARGIN_M + REACTION_S * behind + (behind**2 - front**2) / (2 * braking)
