@@ -14,8 +14,11 @@ from rudc.scenario.triggers import Metre
 
 
 class SlipperyPatch(Event, frozen=True):
-    """A stretch of a lane that is slippery for the ego, which does not see it; the other vehicles, and an ego
-    that SUMO drives (`--agent sumo`), do not slip there."""
+    """A stretch of a lane where only the ego slips; it does not see that.
+
+    The other vehicles drive over it as over the rest of the road, and so does an ego that SUMO drives
+    (`--agent sumo`).
+    """
 
     kind: Literal["slippery_patch"]
     """a stretch of a lane that is slippery for the ego"""
