@@ -120,6 +120,9 @@ def _in_lanes() -> Iterator[tuple[str, dict[str, Any]]]:
             closed = {"kind": "lane_closure", **place, "length": 6}
             yield f"closed_{lane}_{at}", closed
             yield f"closed_late_{lane}_{at}", {**closed, "when": before_junction(45)}
+        for friction in (0.1, 0.3):
+            oil = {"kind": "slippery_patch", "lane": lane, "at": 2, "length": 12, "friction": friction}
+            yield f"oil_{lane}_{friction}", oil
         box = {"lane": lane, "at": 12, "lateral": -7.0, "size": [14, 3]}
         yield f"hidden_{lane}", {"kind": "occlusion", "boxes": [box]}
     for body, speed in (("car", 6), ("truck", 4), ("bicycle", 4), ("motorcycle", 12)):
