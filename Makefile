@@ -21,7 +21,7 @@ help:
 	@echo "make soak    20,000 episodes, SHARE=0.02 of them: are memory, speed and open files flat?"
 	@echo "make clean   remove .venv, build, dist and, in out/, docs, gallery and fuzz; sweeps and trainings stay"
 
-setup: .venv/.core
+setup: .venv/.kernels
 
 .venv/.made:
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] < (3, 14))' || \
@@ -32,11 +32,18 @@ setup: .venv/.core
 .venv/.core: .venv/.made pyproject.toml constraints.txt
 	$(PIP) --editable .
 	$(PY) -m compileall -q rudc
+	@touch $@
+
+.venv/.kernels: .venv/.core
 	$(PY) -m rudc.evaluation.compiled
 	@touch $@
 
-.venv/.dev: .venv/.core
+.venv/.tools: .venv/.core
 	$(PIP) --editable ".[dev]"
+	@touch $@
+
+.venv/.dev: .venv/.core
+	@$(MAKE) --no-print-directory --jobs=2 .venv/.kernels .venv/.tools  # pip uses one core
 	@touch $@
 
 .venv/.docs: .venv/.core
@@ -47,7 +54,7 @@ setup: .venv/.core
 	$(PIP) --editable ".[bench]"
 	@touch $@
 
-sweep: .venv/.core
+sweep: .venv/.kernels
 	$(PY) -m rudc sweep --shipped --episodes $(EPISODES) --seed 0 --workers $(WORKERS) --out "$(OUT)" --resume
 
 test: .venv/.dev
@@ -73,7 +80,7 @@ docs: .venv/.docs
 	NO_MKDOCS_2_WARNING=1 $(PY) -m mkdocs build --quiet --clean
 	@echo "out/docs/index.html written"
 
-gallery: .venv/.core
+gallery: .venv/.kernels
 	$(PY) -m rudc.reporting.gallery out/gallery results/ood results/tasks
 
 bench: .venv/.bench
